@@ -1,0 +1,61 @@
+//! Adam on a plain vector, for the few dozen coordinates of a lens.
+
+use serde::{Deserialize, Serialize};
+
+/// Decay of the first and second moments, and the floor of the denominator (Kingma and Ba 2015).
+const BETA: [f64; 2] = [0.9, 0.99];
+const EPSILON: f64 = 1e-12;
+
+/// Moments of the gradient so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Adam {
+    first: Vec<f64>,
+    second: Vec<f64>,
+    steps: i32,
+}
+
+impl Adam {
+    /// `x -= rate m / (sqrt(v) + eps)` with bias-corrected moments m of the gradient and v of its square.
+    pub fn step(&mut self, x: &mut [f64], gradient: &[f64], rate: f64) {
+        self.first.resize(x.len(), 0.0);
+        self.second.resize(x.len(), 0.0);
+        self.steps += 1;
+        let correction = BETA.map(|b| 1.0 - b.powi(self.steps));
+        for i in 0..x.len() {
+            self.first[i] = BETA[0] * self.first[i] + (1.0 - BETA[0]) * gradient[i];
+            self.second[i] = BETA[1] * self.second[i] + (1.0 - BETA[1]) * gradient[i] * gradient[i];
+            let mean = self.first[i] / correction[0];
+            let spread = (self.second[i] / correction[1]).sqrt();
+            x[i] -= rate * mean / (spread + EPSILON);
+        }
+    }
+}
+
+/// A learning rate that falls along a half cosine from `first` to `first * last_share`.
+pub fn cosine_rate(first: f64, last_share: f64, step: usize, steps: usize) -> f64 {
+    let t = if steps > 1 { step as f64 / (steps - 1) as f64 } else { 0.0 };
+    let share = last_share + (1.0 - last_share) * 0.5 * (1.0 + (std::f64::consts::PI * t.min(1.0)).cos());
+    first * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_badly_scaled_quadratic_is_minimised() {
+        let (mut x, mut adam) = (vec![3.0, -2.0], Adam::default());
+        for step in 0..400 {
+            let gradient = vec![2.0 * x[0], 2e6 * (x[1] - 1.0)];
+            adam.step(&mut x, &gradient, cosine_rate(0.1, 0.001, step, 400));
+        }
+        assert!(x[0].abs() < 1e-2 && (x[1] - 1.0).abs() < 1e-2, "{x:?}");
+    }
+
+    #[test]
+    fn the_rate_falls_from_first_to_last() {
+        assert_eq!(cosine_rate(2.0, 0.1, 0, 100), 2.0);
+        assert!((cosine_rate(2.0, 0.1, 99, 100) - 0.2).abs() < 1e-12);
+        assert_eq!(cosine_rate(2.0, 0.1, 0, 1), 2.0);
+    }
+}

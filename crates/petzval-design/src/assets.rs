@@ -1,0 +1,123 @@
+//! The built-in library of lenses, glasses, sensors, experiments, photographs and weights, and the rule by
+//! which a name on the command line or in an experiment becomes text.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use petzval_camera::sensor::SensorModel;
+use petzval_optics::format::{LensFile, parse_lens};
+use petzval_optics::glass::Catalog;
+use petzval_optics::lens::validate;
+
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+
+/// Files built into the program, by their path below `data/`.
+#[derive(Clone, Debug, Default)]
+pub struct Assets {
+    files: Vec<(String, Cow<'static, [u8]>)>,
+}
+
+/// A text with the place it came from, for messages.
+pub struct Text {
+    /// File, or path of the built-in file below `data/`.
+    pub path: PathBuf,
+    /// Its contents.
+    pub text: String,
+}
+
+impl Assets {
+    /// A library of these files.
+    pub fn new(files: Vec<(String, Cow<'static, [u8]>)>) -> Self {
+        Self { files }
+    }
+
+    /// All files below a folder on disk, for tests and for a changed library.
+    pub fn from_folder(root: &Path) -> Result<Self, DesignError> {
+        let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
+        while let Some(folder) = open.pop() {
+            for entry in std::fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
+                let path = entry.map_err(DesignError::io(&folder))?.path();
+                if path.is_dir() {
+                    open.push(path);
+                } else if let Ok(below) = path.strip_prefix(root) {
+                    let bytes = std::fs::read(&path).map_err(DesignError::io(&path))?;
+                    files.push((below.to_string_lossy().replace('\\', "/"), Cow::Owned(bytes)));
+                }
+            }
+        }
+        files.sort();
+        Ok(Self { files })
+    }
+
+    /// A built-in file.
+    pub fn bytes(&self, path: &str) -> Result<&[u8], DesignError> {
+        let found = self.files.iter().find(|(name, _)| name == path);
+        found.map(|(_, bytes)| bytes.as_ref()).ok_or_else(|| DesignError::Unknown {
+            kind: "built-in file",
+            name: path.to_owned(),
+            known: "data/".to_owned(),
+        })
+    }
+
+    /// Names (without `.toml`) of the built-in files of a folder.
+    pub fn names(&self, folder: &str) -> Vec<&str> {
+        let prefix = format!("{folder}/");
+        let below = |name| str::strip_prefix(name, &prefix).and_then(|n| n.strip_suffix(".toml"));
+        self.files.iter().filter_map(|(name, _)| below(name.as_str())).collect()
+    }
+
+    /// A text by path or by built-in name: a file that exists wins.
+    pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text, DesignError> {
+        let path = Path::new(name);
+        if path.is_file() {
+            let text = std::fs::read_to_string(path).map_err(DesignError::io(path))?;
+            return Ok(Text { path: path.to_path_buf(), text });
+        }
+        // `data/lenses/x.toml` names the built-in x also where no such folder exists.
+        let stem = name.strip_prefix(&format!("data/{folder}/")).unwrap_or(name);
+        let stem = stem.strip_suffix(".toml").unwrap_or(stem);
+        let built_in = format!("{folder}/{stem}.toml");
+        let Ok(bytes) = self.bytes(&built_in) else {
+            let known = self.names(folder).join(", ");
+            return Err(DesignError::Unknown { kind, name: name.to_owned(), known });
+        };
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        Ok(Text { path: Path::new("data").join(built_in), text })
+    }
+
+    /// The glass catalogue: every built-in file of `glasses/`.
+    pub fn catalog(&self) -> Result<Catalog, DesignError> {
+        let mut catalog = Catalog::default();
+        for name in self.names("glasses") {
+            let source = self.text("glass catalogue", "glasses", name)?;
+            let part = Catalog::parse(&source.text)
+                .map_err(|error| DesignError::Input { path: source.path.clone(), error })?;
+            catalog.merge(part);
+        }
+        Ok(catalog)
+    }
+
+    /// A lens by path or built-in name, checked to be possible.
+    pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
+        let source = self.text("lens", "lenses", name)?;
+        let input = |error| DesignError::Input { path: source.path.clone(), error };
+        let file = parse_lens(&source.text, &self.catalog()?).map_err(input)?;
+        validate(&file.lens)
+            .map_err(|defect| DesignError::ImpossibleLens { path: source.path.clone(), defect })?;
+        Ok(file)
+    }
+
+    /// A sensor by path or built-in name.
+    pub fn sensor(&self, name: &str) -> Result<SensorModel, DesignError> {
+        let source = self.text("sensor", "sensors", name)?;
+        SensorModel::from_toml(&source.text)
+            .map_err(|error| DesignError::Input { path: source.path, error })
+    }
+
+    /// An experiment by path or built-in name.
+    pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
+        let source = self.text("experiment", "experiments", name)?;
+        Experiment::parse(&source.text).map_err(|error| DesignError::Input { path: source.path, error })
+    }
+}

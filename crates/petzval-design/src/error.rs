@@ -1,0 +1,125 @@
+//! What can stop a design.
+
+use std::path::{Path, PathBuf};
+
+use petzval_optics::format::FileError;
+
+/// Why a design, a score or a report could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum DesignError {
+    /// A file says something that cannot be used.
+    #[error("{}: {error}", path.display())]
+    Input {
+        /// The file, or the name of the built-in one.
+        path: PathBuf,
+        /// What is wrong, where, and what to write instead.
+        error: FileError,
+    },
+    /// A lens that cannot be made.
+    #[error("{}: {defect}", path.display())]
+    ImpossibleLens {
+        /// The lens file.
+        path: PathBuf,
+        /// Which surface, which quantity.
+        defect: petzval_optics::lens::LensDefect,
+    },
+    /// A name that is neither built in nor a file.
+    #[error("no {kind} called `{name}`: neither a file nor one of the built-in ones ({known})")]
+    Unknown {
+        /// What was looked for: lens, sensor, experiment.
+        kind: &'static str,
+        /// The name or path given.
+        name: String,
+        /// Built-in names.
+        known: String,
+    },
+    /// A file could not be read or written.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// A lens that lets no light through to the sensor.
+    #[error("no light reaches the image at {field_deg:.2} degrees: rays miss a surface or are vignetted")]
+    NoLight {
+        /// Field angle, degrees.
+        field_deg: f64,
+    },
+    /// The lens file says nothing that may move.
+    #[error("the lens `{0}` has no variables: add [[variable]] entries with bounds to its file")]
+    NothingToMove(String),
+    /// Variables or solves that do not fit the lens.
+    #[error(transparent)]
+    Space(#[from] petzval_optics::design_space::DesignSpaceError),
+    /// A pupil that cannot be sampled.
+    #[error(transparent)]
+    Pupil(#[from] petzval_optics::pupil::QuadratureError),
+    /// Rendering failed.
+    #[error(transparent)]
+    Render(#[from] petzval_camera::render::RenderError),
+    /// Exposure failed.
+    #[error(transparent)]
+    Sensor(#[from] petzval_camera::sensor::SensorError),
+    /// A picture could not be read or written.
+    #[error(transparent)]
+    Image(#[from] petzval_camera::image::ImageError),
+    /// The pictures do not make a data set.
+    #[error(transparent)]
+    Dataset(#[from] petzval_learn::dataset::DatasetError),
+    /// The loss could not be computed.
+    #[error(transparent)]
+    Loss(#[from] petzval_learn::loss::LossError),
+    /// Weights could not be saved or loaded.
+    #[error("network weights: {0}")]
+    Weights(String),
+    /// A tensor could not be brought back from the device.
+    #[error("reading a result back from the device failed: {0}")]
+    Device(String),
+    /// A loss that is no number.
+    #[error("{camera}, {block} step {step}: the loss is {value}; hint: lower the learning rate")]
+    Diverged {
+        /// Camera.
+        camera: String,
+        /// Block.
+        block: &'static str,
+        /// Step of the run.
+        step: u64,
+        /// The loss.
+        value: f64,
+    },
+    /// A run folder that cannot be resumed or reported.
+    #[error("{}: {problem}", path.display())]
+    Run {
+        /// The folder or file in it.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+impl DesignError {
+    /// Whether the user's input is at fault, rather than the job.
+    pub fn is_input(&self) -> bool {
+        matches!(
+            self,
+            Self::Input { .. }
+                | Self::ImpossibleLens { .. }
+                | Self::Unknown { .. }
+                | Self::NothingToMove(_)
+                | Self::Space(_)
+                | Self::Pupil(_)
+                | Self::Dataset(_)
+                | Self::Image(_)
+                | Self::NoLight { .. }
+                | Self::Run { .. }
+        )
+    }
+
+    /// An I/O error about a path.
+    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::Io { path, error }
+    }
+}

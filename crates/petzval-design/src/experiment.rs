@@ -1,0 +1,307 @@
+//! An experiment: everything that a run depends on, as one TOML file.
+
+use petzval_camera::sensor::{Exposure, NoiseMode};
+use petzval_learn::loss::ImageLoss;
+use petzval_optics::constraint::Clearances;
+use petzval_optics::format::FileError;
+use serde::{Deserialize, Serialize};
+
+/// A joint design of lens and network, and the two controls it is compared with.
+///
+/// Names of lenses and sensors are those of the built-in library, or paths of files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// Title of the report.
+    pub name: String,
+    /// What the camera is for.
+    pub task: TaskKind,
+    /// The nominal lens.
+    pub lens: String,
+    /// The sensor.
+    pub sensor: String,
+    /// `built-in`, or a folder of pictures.
+    pub photos: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// How the picture is exposed, the same for every camera.
+    pub exposure: ExposureConfig,
+    /// Point-spread functions.
+    pub psf: PsfConfig,
+    /// The network.
+    pub network: NetworkConfig,
+    /// How the network is trained.
+    pub training: TrainingConfig,
+    /// What a picture's loss is made of.
+    pub loss: ImageLoss,
+    /// How the lens moves with the network.
+    pub optics: OpticsConfig,
+    /// The spot-optimised control.
+    pub spot: SpotConfig,
+    /// What the lens must keep.
+    pub constraints: ConstraintConfig,
+    /// How cameras are scored.
+    pub scoring: ScoringConfig,
+    /// How often the run can be resumed from.
+    pub checkpoint: CheckpointConfig,
+}
+
+/// What the camera is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TaskKind {
+    /// A picture for people to look at, made by a network from the developed raw frame.
+    ImageQuality,
+}
+
+/// Exposure of every camera of the experiment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExposureConfig {
+    /// Photoelectrons that white gives in a green pixel on the axis.
+    pub white_e: f32,
+    /// Exposure time, s.
+    pub time_s: f32,
+    /// Linear analogue gain.
+    pub linear_gain: f32,
+}
+
+/// How PSFs are made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PsfConfig {
+    /// Number of fields from the axis to the sensor's corner.
+    pub fields: usize,
+    /// Wavelengths of the red, green and blue channel, um.
+    pub wavelengths_um: [f64; 3],
+    /// Cells a side of a PSF.
+    pub grid: usize,
+    /// Cell size, um.
+    pub pitch_um: f64,
+    /// Patches of constant PSF on the sensor: rows, columns.
+    pub patches: [usize; 2],
+    /// Pupil cells a side while the lens moves.
+    pub pupil_cells: usize,
+    /// Pupil cells a side for fixed lenses and for scoring.
+    pub scoring_pupil_cells: usize,
+}
+
+/// The U-Net.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkConfig {
+    /// Channels of the first level.
+    pub base_channels: usize,
+    /// Levels of halved resolution.
+    pub levels: usize,
+}
+
+/// Training of the network, the same for every camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingConfig {
+    /// Network steps of each camera.
+    pub steps: usize,
+    /// Crops a step.
+    pub batch: usize,
+    /// Side of a crop, pixels.
+    pub crop: usize,
+    /// First learning rate of Adam; it falls along a half cosine.
+    pub learning_rate: f64,
+    /// Learning rate at the end over that at the start.
+    pub final_learning_rate: f64,
+    /// How noise is sampled and differentiated.
+    pub noise: NoiseMode,
+}
+
+/// The optics block of the end-to-end camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpticsConfig {
+    /// Lens steps, spread evenly over the first part of the network's training.
+    pub steps: usize,
+    /// Share of the network's training during which the lens moves, 0..1; then it rests.
+    pub moving_share: f64,
+    /// First learning rate of Adam in the bounded coordinates (rad of the bounding sine).
+    pub learning_rate: f64,
+    /// Learning rate at the end over that at the start.
+    pub final_learning_rate: f64,
+    /// Half-range of the image plane around the paraxial focus, mm.
+    pub defocus_mm: f64,
+}
+
+/// The spot-optimised control: the same bounds, RMS spot alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpotConfig {
+    /// Lens steps.
+    pub steps: usize,
+    /// First learning rate of Adam in the bounded coordinates.
+    pub learning_rate: f64,
+    /// Learning rate at the end over that at the start.
+    pub final_learning_rate: f64,
+}
+
+/// Manufacturing constraints as penalties.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstraintConfig {
+    /// Weight of the penalty in the loss, 1/mm^2.
+    pub weight: f64,
+    /// Least edge thickness of an element, mm.
+    pub element_edge_mm: f64,
+    /// Least air gap, mm.
+    pub air_gap_mm: f64,
+    /// Least distance of the last vertex from the image, mm.
+    pub back_focal_mm: f64,
+}
+
+/// Scoring on held-out pictures with exact noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScoringConfig {
+    /// Places on the sensor, from its centre to its corner, for each held-out picture.
+    pub places: usize,
+    /// Side of a scored crop, pixels.
+    pub crop: usize,
+}
+
+/// Checkpoints.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CheckpointConfig {
+    /// Steps between checkpoints.
+    pub every: usize,
+    /// Checkpoints kept.
+    pub keep: usize,
+}
+
+impl ExposureConfig {
+    /// As the sensor takes it.
+    pub fn exposure(&self) -> Exposure {
+        Exposure { white_e: self.white_e, time_s: self.time_s, linear_gain: self.linear_gain }
+    }
+}
+
+impl ConstraintConfig {
+    /// The clearances without their weight.
+    pub fn clearances(&self) -> Clearances {
+        Clearances {
+            element_edge_mm: self.element_edge_mm,
+            air_gap_mm: self.air_gap_mm,
+            back_focal_mm: self.back_focal_mm,
+        }
+    }
+}
+
+/// A number of the experiment with the range it must lie in.
+struct Range {
+    table: &'static str,
+    key: &'static str,
+    value: f64,
+    min: f64,
+    max: f64,
+    hint: &'static str,
+}
+
+impl Experiment {
+    /// Reads and checks an experiment. Errors name line, key, value and a hint.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        let experiment: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        experiment.check(text)?;
+        Ok(experiment)
+    }
+
+    /// The experiment as a file that [`Experiment::parse`] reads back to the same values.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    fn check(&self, text: &str) -> Result<(), FileError> {
+        for r in self.ranges() {
+            if !(r.value >= r.min && r.value <= r.max) {
+                let message = format!("must lie between {} and {}", r.min, r.max);
+                return Err(FileError::at_key(text, &[r.table, r.key], message).hint(r.hint));
+            }
+        }
+        for (table, key, value) in [
+            ("psf", "pupil_cells", self.psf.pupil_cells),
+            ("psf", "scoring_pupil_cells", self.psf.scoring_pupil_cells),
+            ("psf", "grid", self.psf.grid),
+        ] {
+            if value % 2 != 0 {
+                return Err(FileError::at_key(text, &[table, key], "must be even").hint(format!("take {}", value + 1)));
+            }
+        }
+        let halvings = 1 << self.network.levels;
+        for (table, key, value) in
+            [("training", "crop", self.training.crop), ("scoring", "crop", self.scoring.crop)]
+        {
+            if value % halvings != 0 {
+                let message = format!("must be a multiple of {halvings} for {} levels", self.network.levels);
+                let hint = format!("take {}", value.next_multiple_of(halvings));
+                return Err(FileError::at_key(text, &[table, key], message).hint(hint));
+            }
+        }
+        Ok(())
+    }
+
+    fn ranges(&self) -> Vec<Range> {
+        let mut all = Vec::new();
+        let mut add = |table, key, value, min, max, hint| {
+            all.push(Range { table, key, value, min, max, hint });
+        };
+        let e = &self.exposure;
+        add("exposure", "white_e", f64::from(e.white_e), 1.0, 1e7, "photoelectrons of white in green");
+        add("exposure", "time_s", f64::from(e.time_s), 1e-6, 1e4, "seconds; 5 ms is 0.005");
+        add("exposure", "linear_gain", f64::from(e.linear_gain), 0.1, 1e3, "1 is 0 dB, 31.62 is 30 dB");
+        let p = &self.psf;
+        add("psf", "fields", p.fields as f64, 2.0, 201.0, "the paper takes 13");
+        for w in p.wavelengths_um {
+            add("psf", "wavelengths_um", w, 0.2, 20.0, "wavelengths are in um: 550 nm is 0.55");
+        }
+        add("psf", "grid", p.grid as f64, 16.0, 1024.0, "the paper takes 128");
+        add("psf", "pitch_um", p.pitch_um, 0.05, 50.0, "the paper takes 1");
+        for n in p.patches {
+            add("psf", "patches", n as f64, 1.0, 101.0, "the paper takes 7 x 7");
+        }
+        for (key, cells) in
+            [("pupil_cells", p.pupil_cells), ("scoring_pupil_cells", p.scoring_pupil_cells)]
+        {
+            add("psf", key, cells as f64, 16.0, 1024.0, "32 is quick, 256 is accurate");
+        }
+        let n = &self.network;
+        add("network", "base_channels", n.base_channels as f64, 1.0, 256.0, "16 trains in minutes on a CPU");
+        add("network", "levels", n.levels as f64, 1.0, 6.0, "3 or 4");
+        let t = &self.training;
+        add("training", "steps", t.steps as f64, 1.0, 1e8, "a few hundred on a CPU");
+        add("training", "batch", t.batch as f64, 1.0, 1024.0, "2 to 8 on a CPU");
+        add("training", "crop", t.crop as f64, 32.0, 1200.0, "64 to 256 pixels");
+        add("training", "learning_rate", t.learning_rate, 1e-8, 1.0, "1e-3 is Adam's usual start");
+        add("training", "final_learning_rate", t.final_learning_rate, 0.0, 1.0, "a share of the first");
+        let o = &self.optics;
+        add("optics", "steps", o.steps as f64, 0.0, 1e8, "0 keeps the lens");
+        add("optics", "moving_share", o.moving_share, 0.0, 1.0, "0.7 leaves the network time to settle");
+        add("optics", "learning_rate", o.learning_rate, 1e-8, 1.0, "0.01 of a coordinate's range of 3.1");
+        add("optics", "final_learning_rate", o.final_learning_rate, 0.0, 1.0, "a share of the first");
+        add("optics", "defocus_mm", o.defocus_mm, 1e-3, 10.0, "half-range around the paraxial focus");
+        let s = &self.spot;
+        add("spot", "steps", s.steps as f64, 0.0, 1e8, "a few hundred");
+        add("spot", "learning_rate", s.learning_rate, 1e-8, 1.0, "0.02 of a coordinate's range of 3.1");
+        add("spot", "final_learning_rate", s.final_learning_rate, 0.0, 1.0, "a share of the first");
+        let c = &self.constraints;
+        add("constraints", "weight", c.weight, 0.0, 1e9, "1 is one unit of loss per mm^2");
+        for (key, value) in [
+            ("element_edge_mm", c.element_edge_mm),
+            ("air_gap_mm", c.air_gap_mm),
+            ("back_focal_mm", c.back_focal_mm),
+        ] {
+            add("constraints", key, value, 0.0, 1e3, "a length in mm");
+        }
+        add("scoring", "places", self.scoring.places as f64, 1.0, 25.0, "5 from centre to corner");
+        add("scoring", "crop", self.scoring.crop as f64, 64.0, 1200.0, "LPIPS needs at least 64 pixels");
+        add("checkpoint", "every", self.checkpoint.every as f64, 1.0, 1e8, "steps between checkpoints");
+        add("checkpoint", "keep", self.checkpoint.keep as f64, 1.0, 1e4, "checkpoints kept");
+        all
+    }
+}

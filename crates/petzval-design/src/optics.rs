@@ -1,0 +1,126 @@
+//! Where optics meets the picture: the PSFs that a lens gives the renderer, and the lens gradient that
+//! the renderer's wishes become. The tape of the tensor framework ends here.
+
+use petzval_camera::psf::PsfBank;
+use petzval_optics::gradient::LensGradient;
+use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::paraxial::first_order;
+use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf, psf_with_tape};
+use petzval_optics::pupil::Quadrature;
+use rayon::prelude::*;
+
+use crate::error::DesignError;
+
+/// The fields, wavelengths and grids on which a lens is turned into PSFs.
+#[derive(Clone, Debug)]
+pub struct PsfPlan {
+    /// Ideal image radii of the fields, mm, from 0 to the sensor's corner.
+    pub field_radius_mm: Vec<f64>,
+    /// Wavelengths of the red, green and blue channel, um.
+    pub wavelengths_um: [f64; 3],
+    /// The grid of each PSF.
+    pub options: PsfOptions,
+    /// The pupil's quadrature.
+    pub quadrature: Quadrature,
+}
+
+/// PSFs of every field, with what their gradient needs.
+pub struct BankWithTape {
+    /// The renderer's input.
+    pub bank: PsfBank,
+    tapes: Vec<PsfTape>,
+    surfaces: usize,
+}
+
+impl PsfPlan {
+    /// Fields evenly spaced in image radius from the axis to `corner_mm`.
+    pub fn new(
+        fields: usize,
+        corner_mm: f64,
+        wavelengths_um: [f64; 3],
+        options: PsfOptions,
+        quadrature: Quadrature,
+    ) -> Self {
+        let last = fields.saturating_sub(1).max(1) as f64;
+        let field_radius_mm = (0..fields).map(|i| corner_mm * i as f64 / last).collect();
+        Self { field_radius_mm, wavelengths_um, options, quadrature }
+    }
+
+    /// Field angles of a lens, rad: the rectilinear picture puts radius r at `tan(field) = r / EFL`.
+    pub fn field_angles(&self, lens: &Lens) -> Vec<f64> {
+        let order = first_order(&lens.at_wavelength(lens.reference_um));
+        let distance = match lens.object {
+            ObjectDistance::Infinity => order.efl_mm,
+            ObjectDistance::Finite(_) => order.image_distance_mm - order.exit_pupil_at_mm,
+        };
+        self.field_radius_mm.iter().map(|r| (r / distance).atan()).collect()
+    }
+
+    /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.
+    pub fn trace(&self, lens: &Lens) -> Result<BankWithTape, DesignError> {
+        let angles = self.field_angles(lens);
+        let traced: Vec<(FieldPsf, PsfTape)> = angles
+            .par_iter()
+            .map(|field| {
+                psf_with_tape(lens, *field, &self.wavelengths_um, &self.quadrature, &self.options)
+                    .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
+            })
+            .collect::<Result<_, _>>()?;
+        let mut bank = PsfBank {
+            field_radius_mm: self.field_radius_mm.clone(),
+            grid: self.options.grid,
+            pitch_um: self.options.pitch_um,
+            values: Vec::new(),
+            illumination: Vec::new(),
+        };
+        let mut tapes = Vec::new();
+        for (psf, tape) in traced {
+            for channel in &psf.values {
+                bank.values.extend(channel.iter().map(|v| *v as f32));
+            }
+            bank.illumination.extend(psf.illumination.iter().map(|v| *v as f32));
+            tapes.push(tape);
+        }
+        Ok(BankWithTape { bank, tapes, surfaces: lens.surfaces.len() })
+    }
+
+    /// PSFs of every field in double precision, for analysis and for files.
+    pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>, DesignError> {
+        self.field_angles(lens)
+            .par_iter()
+            .map(|field| {
+                psf(lens, *field, &self.wavelengths_um, &self.quadrature, &self.options)
+                    .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
+            })
+            .collect()
+    }
+
+    /// PSFs of every field.
+    pub fn bank(&self, lens: &Lens) -> Result<PsfBank, DesignError> {
+        Ok(self.trace(lens)?.bank)
+    }
+
+    /// The lens gradient of a loss whose derivatives by the bank's values and illumination are given,
+    /// laid out as in [`PsfBank`].
+    pub fn gradient(&self, traced: &BankWithTape, by_values: &[f32], by_illumination: &[f32]) -> LensGradient {
+        let cells = self.options.grid * self.options.grid;
+        let parts: Vec<LensGradient> = traced
+            .tapes
+            .par_iter()
+            .enumerate()
+            .map(|(field, tape)| {
+                let values = by_values[field * 3 * cells..(field + 1) * 3 * cells]
+                    .chunks_exact(cells)
+                    .map(|channel| channel.iter().map(|v| f64::from(*v)).collect())
+                    .collect();
+                let illumination =
+                    by_illumination[field * 3..field * 3 + 3].iter().map(|v| f64::from(*v)).collect();
+                tape.gradient(&self.quadrature, &PsfCotangent { values, illumination })
+            })
+            .collect();
+        // Sum in the order of the fields: the same bits for any number of threads.
+        let mut total = LensGradient::zero(traced.surfaces);
+        parts.iter().for_each(|part| total += part);
+        total
+    }
+}

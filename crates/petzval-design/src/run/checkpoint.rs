@@ -1,0 +1,63 @@
+//! Checkpoints: a folder per step, complete or not there at all.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::RunFolder;
+use crate::error::DesignError;
+
+const PREFIX: &str = "step-";
+
+/// Writes a checkpoint with `fill` into a hidden folder, then moves it to `checkpoints/step-N`; removes
+/// all but the `keep` latest.
+pub fn save_checkpoint(
+    run: &RunFolder,
+    step: u64,
+    keep: usize,
+    fill: impl FnOnce(&Path) -> Result<(), DesignError>,
+) -> Result<(), DesignError> {
+    let root = run.checkpoints();
+    let hidden = root.join(format!(".partial-{step:06}"));
+    let last = root.join(format!("{PREFIX}{step:06}"));
+    // A leftover of a killed run, or a checkpoint of the same step, gives way.
+    for stale in [&hidden, &last] {
+        if stale.exists() {
+            fs::remove_dir_all(stale).map_err(DesignError::io(stale))?;
+        }
+    }
+    fs::create_dir_all(&hidden).map_err(DesignError::io(&hidden))?;
+    fill(&hidden)?;
+    sync_files(&hidden)?;
+    fs::rename(&hidden, &last).map_err(DesignError::io(&last))?;
+    for (_, old) in all_checkpoints(&root)?.iter().rev().skip(keep) {
+        fs::remove_dir_all(old).map_err(DesignError::io(old))?;
+    }
+    Ok(())
+}
+
+/// The latest complete checkpoint and its step.
+pub fn latest_checkpoint(run: &RunFolder) -> Result<Option<(u64, PathBuf)>, DesignError> {
+    Ok(all_checkpoints(&run.checkpoints())?.pop())
+}
+
+fn all_checkpoints(root: &Path) -> Result<Vec<(u64, PathBuf)>, DesignError> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(root).map_err(DesignError::io(root))? {
+        let path = entry.map_err(DesignError::io(root))?.path();
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
+        if let Some(step) = name.strip_prefix(PREFIX).and_then(|s| s.parse().ok()) {
+            found.push((step, path));
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn sync_files(folder: &Path) -> Result<(), DesignError> {
+    for entry in fs::read_dir(folder).map_err(DesignError::io(folder))? {
+        let path = entry.map_err(DesignError::io(folder))?.path();
+        let sync = || fs::File::open(&path)?.sync_all();
+        sync().map_err(DesignError::io(&path))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,71 @@
+//! The event log: one JSON line a step.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::DesignError;
+
+/// One step of one block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// Step of the run, from 1.
+    pub step: u64,
+    /// Camera.
+    pub camera: String,
+    /// Block that stepped: `spot`, `optics`, `network`.
+    pub block: String,
+    /// Losses by name, before the step.
+    pub losses: BTreeMap<String, f64>,
+    /// Learning rate of the step.
+    pub learning_rate: f64,
+    /// Wall-clock seconds of the step.
+    pub seconds: f64,
+}
+
+/// An open event log.
+pub struct EventLog {
+    file: fs::File,
+    path: std::path::PathBuf,
+}
+
+impl EventLog {
+    /// Opens the log for appending behind the events up to `step`; later ones, of a run that went on
+    /// after its last checkpoint and was killed, are taken away.
+    pub fn resume(path: &Path, step: u64) -> Result<Self, DesignError> {
+        if path.exists() {
+            let kept: Vec<Event> = read_events(path)?.into_iter().filter(|e| e.step <= step).collect();
+            let mut text = String::new();
+            for event in &kept {
+                text.push_str(&serde_json::to_string(event).unwrap_or_default());
+                text.push('\n');
+            }
+            super::write_atomically(path, text.as_bytes())?;
+        }
+        let file = fs::OpenOptions::new().create(true).append(true).open(path);
+        Ok(Self { file: file.map_err(DesignError::io(path))?, path: path.to_path_buf() })
+    }
+
+    /// Adds an event.
+    pub fn write(&mut self, event: &Event) -> Result<(), DesignError> {
+        let line = serde_json::to_string(event).unwrap_or_default();
+        writeln!(self.file, "{line}").map_err(DesignError::io(&self.path))
+    }
+}
+
+/// Reads a log; a last line that a crash cut short is left out.
+pub fn read_events(path: &Path) -> Result<Vec<Event>, DesignError> {
+    let file = fs::File::open(path).map_err(DesignError::io(path))?;
+    let mut events = Vec::new();
+    for line in BufReader::new(file).lines() {
+        let line = line.map_err(DesignError::io(path))?;
+        match serde_json::from_str(&line) {
+            Ok(event) => events.push(event),
+            Err(_) => break,
+        }
+    }
+    Ok(events)
+}

@@ -1,0 +1,106 @@
+//! Paths of a run folder, and writing that is never seen half done.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use crate::error::DesignError;
+
+/// A run folder on disk.
+#[derive(Clone, Debug)]
+pub struct RunFolder {
+    root: PathBuf,
+}
+
+impl RunFolder {
+    /// Makes a new, empty run folder; refuses one that already holds a run.
+    pub fn create(root: &Path) -> Result<Self, DesignError> {
+        let folder = Self { root: root.to_path_buf() };
+        if folder.config().exists() {
+            let problem = format!(
+                "this folder already holds a run; resume it with `--resume {}` or choose another with --out",
+                root.display()
+            );
+            return Err(DesignError::Run { path: root.to_path_buf(), problem });
+        }
+        for part in ["checkpoints", "lens", "cameras", "pictures"] {
+            let path = root.join(part);
+            fs::create_dir_all(&path).map_err(DesignError::io(&path))?;
+        }
+        Ok(folder)
+    }
+
+    /// Opens a run folder that exists.
+    pub fn open(root: &Path) -> Result<Self, DesignError> {
+        let folder = Self { root: root.to_path_buf() };
+        if !folder.config().is_file() {
+            let problem = "not a run folder: it has no config.toml".to_owned();
+            return Err(DesignError::Run { path: root.to_path_buf(), problem });
+        }
+        Ok(folder)
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The resolved experiment.
+    pub fn config(&self) -> PathBuf {
+        self.root.join("config.toml")
+    }
+
+    /// Machine, version, command.
+    pub fn environment(&self) -> PathBuf {
+        self.root.join("environment.json")
+    }
+
+    /// One line a step.
+    pub fn events(&self) -> PathBuf {
+        self.root.join("events.jsonl")
+    }
+
+    /// Final figures.
+    pub fn metrics(&self) -> PathBuf {
+        self.root.join("metrics.json")
+    }
+
+    /// The report.
+    pub fn report(&self) -> PathBuf {
+        self.root.join("report.html")
+    }
+
+    /// Checkpoints.
+    pub fn checkpoints(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
+    /// Lens and network of a finished camera.
+    pub fn camera(&self, name: &str) -> PathBuf {
+        self.root.join("cameras").join(name)
+    }
+
+    /// The lens after a step of the run.
+    pub fn lens_at_step(&self, step: u64) -> PathBuf {
+        self.root.join("lens").join(format!("step-{step:06}.toml"))
+    }
+
+    /// A held-out picture.
+    pub fn picture(&self, file: &str) -> PathBuf {
+        self.root.join("pictures").join(file)
+    }
+}
+
+/// Writes a file beside its place and moves it there, so that no reader and no crash sees half of it.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), DesignError> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".partial");
+    let beside = PathBuf::from(beside);
+    let write = || -> std::io::Result<()> {
+        let mut file = fs::File::create(&beside)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&beside, path)
+    };
+    write().map_err(DesignError::io(path))
+}

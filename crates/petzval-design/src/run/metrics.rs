@@ -1,0 +1,62 @@
+//! The figures that a run ends with. They hold nothing that a second run would not repeat to the bit.
+
+use serde::{Deserialize, Serialize};
+
+/// Scores of every camera on held-out pictures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    /// One row a camera.
+    pub rows: Vec<CameraMetrics>,
+    /// Seeds of the run.
+    pub seeds: Vec<u64>,
+    /// Number of held-out pictures, places counted.
+    pub held_out_images: usize,
+    /// Which SSIM this is.
+    pub ssim_variant: String,
+    /// Which LPIPS this is.
+    pub lpips_variant: String,
+}
+
+/// One camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraMetrics {
+    /// `nominal`, `spot-optimised` or `end-to-end`.
+    pub camera: String,
+    /// Mean of 1 - LPIPS.
+    pub one_minus_lpips: f64,
+    /// Mean PSNR, dB.
+    pub psnr_db: f64,
+    /// Mean SSIM.
+    pub ssim: f64,
+    /// Mean over the fields of the polychromatic RMS spot radius, um.
+    pub rms_spot_um: f64,
+    /// Effective focal length, mm.
+    pub efl_mm: f64,
+    /// EFL over entrance pupil diameter.
+    pub f_number: f64,
+    /// Full field of view along the sensor's diagonal, degrees.
+    pub fov_deg: f64,
+    /// Photoelectrons of white.
+    pub white_e: f64,
+    /// Network steps that the camera got.
+    pub network_steps: usize,
+    /// Polychromatic RMS spot radius per field, um.
+    pub rms_spot_by_field_um: Vec<f64>,
+    /// Each picture.
+    pub pictures: Vec<PictureScore>,
+}
+
+/// One held-out picture at one place of the sensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PictureScore {
+    /// Photograph.
+    pub photo: String,
+    /// Distance of the crop's centre from the axis over that of the sensor's corner, 0..1.
+    pub relative_field: f64,
+    /// 1 - LPIPS.
+    pub one_minus_lpips: f64,
+    /// PSNR, dB.
+    pub psnr_db: f64,
+    /// SSIM.
+    pub ssim: f64,
+}

@@ -1,0 +1,15 @@
+//! The run folder: what a design leaves behind, and what it is resumed from.
+//!
+//! `config.toml` (resolved, re-runnable), `environment.json`, `events.jsonl` (one line a step),
+//! `checkpoints/step-N/`, `lens/step-N.toml`, `cameras/<name>/` (lens and network of each finished
+//! camera), `pictures/` (held-out pictures), `metrics.json`, `report.html`.
+
+mod checkpoint;
+mod events;
+mod folder;
+mod metrics;
+
+pub use checkpoint::{latest_checkpoint, save_checkpoint};
+pub use events::{Event, EventLog, read_events};
+pub use folder::{RunFolder, write_atomically};
+pub use metrics::{CameraMetrics, Metrics, PictureScore};

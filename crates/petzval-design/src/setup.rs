@@ -1,0 +1,137 @@
+//! An experiment made ready: names turned into values, and everything checked before hours are spent.
+
+use std::path::Path;
+
+use burn::prelude::Device;
+use petzval_camera::image::load_image;
+use petzval_camera::render::{RenderGeometry, kernel_radius};
+use petzval_camera::psf::PsfLayout;
+use petzval_camera::sensor::SensorModel;
+use petzval_learn::dataset::{CropPlan, PhotoSet, PhotoSplit, NamedPhoto};
+use petzval_optics::design_space::{DesignSpace, Focus};
+use petzval_optics::format::LensFile;
+use petzval_optics::psf::PsfOptions;
+use petzval_optics::pupil::Quadrature;
+
+use crate::assets::Assets;
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+use crate::optics::PsfPlan;
+
+/// Everything that the design loop needs and that does not change during it.
+pub struct Setup {
+    /// The experiment.
+    pub experiment: Experiment,
+    /// The nominal lens file.
+    pub lens_file: LensFile,
+    /// Where the lens may go.
+    pub space: DesignSpace,
+    /// The sensor.
+    pub sensor: SensorModel,
+    /// Sensor grid and PSF patches.
+    pub geometry: RenderGeometry,
+    /// PSFs of a lens that moves.
+    pub moving_plan: PsfPlan,
+    /// PSFs of a lens at rest.
+    pub fixed_plan: PsfPlan,
+    /// Training and held-out photographs.
+    pub photos: PhotoSet,
+    /// How training windows are cut.
+    pub training_crops: CropPlan,
+    /// How held-out windows are cut.
+    pub scoring_crops: CropPlan,
+    /// Weights of the perceptual loss.
+    pub lpips_weights: Vec<u8>,
+    /// Where tensors live, with automatic differentiation.
+    pub device: Device,
+}
+
+/// The name under which the built-in photographs go.
+pub const BUILT_IN_PHOTOS: &str = "built-in";
+
+impl Setup {
+    /// Resolves an experiment against the built-in library and the file system.
+    pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
+        let lens_file = assets.lens(&experiment.lens)?;
+        if lens_file.variables.is_empty() {
+            return Err(DesignError::NothingToMove(experiment.lens.clone()));
+        }
+        let sensor = assets.sensor(&experiment.sensor)?;
+        let space = DesignSpace::new(
+            lens_file.lens.clone(),
+            lens_file.variables.clone(),
+            lens_file.efl_solve,
+            Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
+        )?;
+        let [rows, columns] = experiment.psf.patches;
+        let geometry = RenderGeometry {
+            sensor_height: sensor.height,
+            sensor_width: sensor.width,
+            pixel_um: sensor.pixel_um,
+            patches: (rows, columns),
+        };
+        let corner_mm =
+            0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
+        let plan = |cells: usize| -> Result<PsfPlan, DesignError> {
+            let psf = &experiment.psf;
+            let options = PsfOptions { grid: psf.grid, pitch_um: psf.pitch_um };
+            let quadrature = Quadrature::grid(cells)?;
+            Ok(PsfPlan::new(psf.fields, corner_mm, psf.wavelengths_um, options, quadrature))
+        };
+        let moving_plan = plan(experiment.psf.pupil_cells)?;
+        let fixed_plan = plan(experiment.psf.scoring_pupil_cells)?;
+        let layout = PsfLayout {
+            field_radius_mm: fixed_plan.field_radius_mm.clone(),
+            grid: experiment.psf.grid,
+            pitch_um: experiment.psf.pitch_um,
+        };
+        let margin = kernel_radius(&geometry, &layout)?;
+        let crops = |crop| CropPlan {
+            crop,
+            margin,
+            sensor_rows: sensor.height,
+            sensor_columns: sensor.width,
+        };
+        let (training_crops, scoring_crops) =
+            (crops(experiment.training.crop), crops(experiment.scoring.crop));
+        let photos = load_photos(&experiment, assets, &training_crops)?;
+        training_crops.check(photos.training())?;
+        scoring_crops.check(photos.held_out())?;
+        // A lens whose light does not arrive is told now, not after the first step.
+        moving_plan.bank(&lens_file.lens)?;
+        let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
+        Ok(Self {
+            experiment,
+            lens_file,
+            space,
+            sensor,
+            geometry,
+            moving_plan,
+            fixed_plan,
+            photos,
+            training_crops,
+            scoring_crops,
+            lpips_weights,
+            device,
+        })
+    }
+
+    /// Half the sensor's diagonal, mm.
+    pub fn corner_mm(&self) -> f64 {
+        self.fixed_plan.field_radius_mm.last().copied().unwrap_or(0.0)
+    }
+}
+
+/// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
+fn load_photos(
+    experiment: &Experiment,
+    assets: &Assets,
+    crops: &CropPlan,
+) -> Result<PhotoSet, DesignError> {
+    let _ = (assets, crops);
+    if experiment.photos == BUILT_IN_PHOTOS {
+        todo_built_in(assets)
+    } else {
+        folder(Path::new(&experiment.photos))
+    }
+}

@@ -1,0 +1,69 @@
+//! What a manufacturer needs of a lens, as a penalty with a gradient.
+
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+
+/// Least distances that a lens must keep, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearances {
+    /// Edge thickness of an element, at the larger of its two clear semi-diameters.
+    pub element_edge_mm: f64,
+    /// Air between two surfaces, at their vertices and at the smaller of their semi-diameters.
+    pub air_gap_mm: f64,
+    /// From the last vertex to the image plane.
+    pub back_focal_mm: f64,
+}
+
+impl Default for Clearances {
+    fn default() -> Self {
+        Self { element_edge_mm: 0.8, air_gap_mm: 0.05, back_focal_mm: 10.0 }
+    }
+}
+
+/// `sum max(0, wanted - found)^2` over all clearances, mm^2, and its gradient.
+pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient) {
+    let mut value = 0.0;
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let mut hinge = |short: f64, spread: &mut dyn FnMut(f64, &mut LensGradient)| {
+        if short > 0.0 {
+            value += short * short;
+            spread(-2.0 * short, &mut gradient);
+        }
+    };
+    for i in 0..lens.surfaces.len() - 1 {
+        let (a, b) = (&lens.surfaces[i], &lens.surfaces[i + 1]);
+        let (least, height) = if a.glass.is_air() {
+            (wanted.air_gap_mm, a.semi_diameter_mm.min(b.semi_diameter_mm))
+        } else {
+            (wanted.element_edge_mm, a.semi_diameter_mm.max(b.semi_diameter_mm))
+        };
+        if let (Some(front), Some(rear)) = (a.shape.sag_mm(height), b.shape.sag_mm(height)) {
+            let edge = a.thickness_mm + rear - front;
+            hinge(least - edge, &mut |bar, g| {
+                g.surfaces[i].thickness += bar;
+                add_sag(lens, i, height, -bar, g);
+                add_sag(lens, i + 1, height, bar, g);
+            });
+        }
+        hinge(least - a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += bar);
+    }
+    let last = lens.surfaces.len() - 1;
+    hinge(wanted.back_focal_mm - lens.image_distance_mm(), &mut |bar, g| {
+        g.surfaces[last].thickness += bar;
+    });
+    (value, gradient)
+}
+
+/// Adds the gradient of a loss that depends on the sag of a surface at a height, `bar` per mm.
+fn add_sag(lens: &Lens, surface: usize, height: f64, bar: f64, gradient: &mut LensGradient) {
+    let u = height * height;
+    let ((by_curvature, by_conic), _) = lens.surfaces[surface].shape.conic_sensitivity(u);
+    let g = &mut gradient.surfaces[surface];
+    g.curvature += bar * by_curvature;
+    g.conic += bar * by_conic;
+    let mut power = u;
+    for a in &mut g.asphere {
+        *a += bar * power;
+        power *= u;
+    }
+}

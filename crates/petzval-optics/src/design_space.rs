@@ -1,0 +1,291 @@
+//! Which numbers of a lens may move, between which bounds, and what algebra settles exactly.
+//!
+//! A point of the space is a vector of free coordinates x. Each variable is bounded by the smooth map
+//! `value = middle + half-range sin(x)`; then a curvature is solved for the focal length, and the
+//! image plane is put at the paraxial focus plus a defocus. The gradient goes the same way back.
+
+use std::f64::consts::FRAC_PI_2;
+
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::paraxial::{
+    FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
+};
+
+/// A number of a surface that may move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parameter {
+    /// Vertex radius, mm.
+    Radius,
+    /// Conic constant.
+    Conic,
+    /// Coefficient a_n of r^n, with n = 2, 4, ..., 16.
+    Asphere(usize),
+    /// Distance to the next vertex, mm.
+    Thickness,
+}
+
+/// A bounded variable; bounds in the parameter's own unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variable {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// Which of its numbers.
+    pub parameter: Parameter,
+    /// Lower bound.
+    pub min: f64,
+    /// Upper bound.
+    pub max: f64,
+}
+
+/// Solves one surface's curvature so that the effective focal length holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EflSolve {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// The wanted effective focal length at the reference wavelength, mm.
+    pub efl_mm: f64,
+}
+
+/// Where the image plane goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Focus {
+    /// It stays where the last thickness puts it.
+    Fixed,
+    /// At the paraxial image of the reference wavelength plus a defocus, which is a variable within
+    /// plus and minus this many mm.
+    Paraxial {
+        /// Half-range of the defocus, mm.
+        range_mm: f64,
+    },
+}
+
+/// A design space that cannot be entered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DesignSpaceError {
+    /// A variable or solve names a surface that the lens does not have.
+    #[error("surface {surface} does not exist: the lens has {count} surfaces")]
+    NoSuchSurface {
+        /// Surface, from 1.
+        surface: usize,
+        /// Number of surfaces.
+        count: usize,
+    },
+    /// A starting value outside its bounds.
+    #[error("surface {surface}, {parameter:?}: the lens has {value}, outside {min} ... {max}")]
+    OutsideBounds {
+        /// Surface, from 1.
+        surface: usize,
+        /// Which number.
+        parameter: Parameter,
+        /// Its value in the lens.
+        value: f64,
+        /// Lower bound.
+        min: f64,
+        /// Upper bound.
+        max: f64,
+    },
+    /// Power behind or in front of the solved surface leaves it no say in the focal length.
+    #[error("no curvature of surface {surface} gives a focal length of {efl_mm} mm")]
+    EflUnsolvable {
+        /// Surface, from 1.
+        surface: usize,
+        /// Wanted EFL, mm.
+        efl_mm: f64,
+    },
+    /// The defocus of the lens lies outside the range.
+    #[error("the image plane is {value_mm:.4} mm from the paraxial focus, range +-{range_mm} mm")]
+    DefocusOutsideRange {
+        /// Defocus of the lens, mm.
+        value_mm: f64,
+        /// Half-range, mm.
+        range_mm: f64,
+    },
+}
+
+/// A lens, and the ways in which it may change.
+#[derive(Clone, Debug)]
+pub struct DesignSpace {
+    base: Lens,
+    variables: Vec<Variable>,
+    efl: Option<EflSolve>,
+    focus: Focus,
+    start: Vec<f64>,
+}
+
+impl Parameter {
+    /// The parameter's value in a lens.
+    pub fn value(self, lens: &Lens, surface: usize) -> f64 {
+        let s = &lens.surfaces[surface];
+        match self {
+            Self::Radius => 1.0 / s.shape.curvature,
+            Self::Conic => s.shape.conic,
+            Self::Asphere(order) => s.shape.asphere[order / 2 - 1],
+            Self::Thickness => s.thickness_mm,
+        }
+    }
+
+    fn set(self, lens: &mut Lens, surface: usize, value: f64) {
+        let s = &mut lens.surfaces[surface];
+        match self {
+            Self::Radius => s.shape.curvature = 1.0 / value,
+            Self::Conic => s.shape.conic = value,
+            Self::Asphere(order) => s.shape.asphere[order / 2 - 1] = value,
+            Self::Thickness => s.thickness_mm = value,
+        }
+    }
+
+    /// Derivative by the parameter, from that by the lens's own numbers.
+    fn derivative(self, gradient: &LensGradient, lens: &Lens, surface: usize) -> f64 {
+        let g = &gradient.surfaces[surface];
+        match self {
+            // dc/dR = -1/R^2 = -c^2
+            Self::Radius => -lens.surfaces[surface].shape.curvature.powi(2) * g.curvature,
+            Self::Conic => g.conic,
+            Self::Asphere(order) => g.asphere[order / 2 - 1],
+            Self::Thickness => g.thickness,
+        }
+    }
+}
+
+impl DesignSpace {
+    /// A space around `base`. Starting values on a bound are moved inside by a thousandth of the
+    /// range, because the map has no slope on the bound itself.
+    pub fn new(
+        base: Lens,
+        variables: Vec<Variable>,
+        efl: Option<EflSolve>,
+        focus: Focus,
+    ) -> Result<Self, DesignSpaceError> {
+        let count = base.surfaces.len();
+        let surfaces = variables.iter().map(|v| v.surface).chain(efl.iter().map(|e| e.surface));
+        for surface in surfaces {
+            if surface >= count {
+                return Err(DesignSpaceError::NoSuchSurface { surface: surface + 1, count });
+            }
+        }
+        let mut start = Vec::with_capacity(variables.len() + 1);
+        for v in &variables {
+            let value = v.parameter.value(&base, v.surface);
+            let slack = 1e-9 * (v.max - v.min);
+            if !(value >= v.min - slack && value <= v.max + slack) {
+                return Err(DesignSpaceError::OutsideBounds {
+                    surface: v.surface + 1,
+                    parameter: v.parameter,
+                    value,
+                    min: v.min,
+                    max: v.max,
+                });
+            }
+            start.push(free_coordinate(value, v.min, v.max));
+        }
+        if let Focus::Paraxial { range_mm } = focus {
+            let order = first_order(&base.at_wavelength(base.reference_um));
+            let defocus = base.image_distance_mm() - order.image_distance_mm;
+            if defocus.abs() > range_mm {
+                return Err(DesignSpaceError::DefocusOutsideRange { value_mm: defocus, range_mm });
+            }
+            start.push(free_coordinate(defocus, -range_mm, range_mm));
+        }
+        let space = Self { base, variables, efl, focus, start };
+        space.lens_at(&space.start)?;
+        Ok(space)
+    }
+
+    /// Number of free coordinates.
+    pub fn dimension(&self) -> usize {
+        self.start.len()
+    }
+
+    /// The variables, in the order of the coordinates (a defocus, if free, comes last).
+    pub fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    /// The coordinates of the lens that the space was made around.
+    pub fn start(&self) -> &[f64] {
+        &self.start
+    }
+
+    /// The lens at a point of the space.
+    pub fn lens_at(&self, x: &[f64]) -> Result<Lens, DesignSpaceError> {
+        let mut lens = self.base.clone();
+        for (v, x) in self.variables.iter().zip(x) {
+            v.parameter.set(&mut lens, v.surface, bounded_value(*x, v.min, v.max));
+        }
+        if let Some(solve) = &self.efl {
+            solve_efl(&mut lens, solve)?;
+        }
+        if let (Focus::Paraxial { range_mm }, Some(x)) = (self.focus, x.last()) {
+            let order = first_order(&lens.at_wavelength(lens.reference_um));
+            let defocus = bounded_value(*x, -range_mm, range_mm);
+            lens = lens.with_image_distance(order.image_distance_mm + defocus);
+        }
+        Ok(lens)
+    }
+
+    /// Derivatives by the free coordinates, from those by the numbers of the lens at `x`.
+    pub fn pull_back(&self, x: &[f64], lens: &Lens, gradient: &LensGradient) -> Vec<f64> {
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let mut gradient = gradient.clone();
+        let last = lens.surfaces.len() - 1;
+        let by_image_distance = gradient.surfaces[last].thickness;
+        if let Focus::Paraxial { .. } = self.focus {
+            // The image plane follows the paraxial image.
+            gradient.surfaces[last].thickness = 0.0;
+            pull_back_image_distance(&sequence, by_image_distance, &mut gradient);
+        }
+        if let Some(solve) = &self.efl {
+            // The solved curvature keeps EFL(lens) constant: add the multiple of dEFL that takes
+            // away what the loss asks of that curvature.
+            let mut efl = LensGradient::zero(lens.surfaces.len());
+            let wish = FirstOrderCotangent { efl: 1.0, ..Default::default() };
+            pull_back_first_order(&sequence, wish, &mut efl);
+            let s = solve.surface;
+            let multiple = -gradient.surfaces[s].curvature / efl.surfaces[s].curvature;
+            gradient += &efl.scaled(multiple);
+        }
+        let mut out: Vec<f64> = self
+            .variables
+            .iter()
+            .zip(x)
+            .map(|(v, x)| {
+                0.5 * (v.max - v.min)
+                    * x.cos()
+                    * v.parameter.derivative(&gradient, lens, v.surface)
+            })
+            .collect();
+        if let (Focus::Paraxial { range_mm }, Some(x)) = (self.focus, x.last()) {
+            out.push(range_mm * x.cos() * by_image_distance);
+        }
+        out
+    }
+}
+
+fn bounded_value(x: f64, min: f64, max: f64) -> f64 {
+    0.5 * (min + max) + 0.5 * (max - min) * x.sin()
+}
+
+fn free_coordinate(value: f64, min: f64, max: f64) -> f64 {
+    let s = (2.0 * value - min - max) / (max - min);
+    s.clamp(-0.998, 0.998).asin().clamp(-FRAC_PI_2, FRAC_PI_2)
+}
+
+/// The final slope of a parallel ray is linear in any one curvature: two traces give the solution.
+fn solve_efl(lens: &mut Lens, solve: &EflSolve) -> Result<(), DesignSpaceError> {
+    let reference_um = lens.reference_um;
+    let mut slope_with = |curvature: f64| {
+        lens.surfaces[solve.surface].shape.curvature = curvature;
+        -1.0 / first_order(&lens.at_wavelength(reference_um)).efl_mm
+    };
+    // Two trial curvatures on either side of the present scale keep the subtraction accurate.
+    let (a, b) = (-0.1, 0.1);
+    let (at_a, at_b) = (slope_with(a), slope_with(b));
+    let curvature = a + (b - a) * (-1.0 / solve.efl_mm - at_a) / (at_b - at_a);
+    if !curvature.is_finite() {
+        let surface = solve.surface + 1;
+        return Err(DesignSpaceError::EflUnsolvable { surface, efl_mm: solve.efl_mm });
+    }
+    lens.surfaces[solve.surface].shape.curvature = curvature;
+    Ok(())
+}

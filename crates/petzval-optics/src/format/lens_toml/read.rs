@@ -1,0 +1,408 @@
+//! Reading a lens file: every number is checked where it stands, so that errors know their line.
+
+use std::ops::{Range, RangeInclusive};
+
+use toml::Spanned;
+
+use super::text::{ExpectText, ExpectedText, LensText, Placed, SurfaceText, VariableText, WavelengthsText};
+use super::{Expect, Expected, ExpectedSpots, LensFile};
+use crate::design_space::{EflSolve, Parameter, Variable};
+use crate::format::FileError;
+use crate::format::glass_toml::read_glasses;
+use crate::glass::{Catalog, Glass};
+use crate::lens::{ASPHERE_TERMS, Lens, LensDefect, ObjectDistance, Surface, SurfaceShape, validate};
+
+/// Reference wavelength of a file that names none: the helium d line, um.
+const DEFAULT_REFERENCE_UM: f64 = 0.5876;
+
+/// Wavelengths for which lenses are made, um.
+const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
+
+/// A lens from its file. Glasses are looked up in the file's own tables first, then in `catalog`.
+pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
+    let file: LensText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let reader = Reader { text };
+
+    if file.units.get_ref() != "mm" {
+        return Err(reader
+            .error("units", file.units.span(), "lengths in a lens file are in mm")
+            .hint("convert to mm and write `units = \"mm\"`"));
+    }
+    let mut glasses = catalog.clone();
+    glasses.merge(read_glasses(text, &file.glass)?);
+
+    let pupil = &file.aperture.entrance_pupil_diameter_mm;
+    let mut surfaces = Vec::with_capacity(file.surface.len());
+    for (i, surface) in file.surface.iter().enumerate() {
+        surfaces.push(reader.surface(i + 1, surface, &glasses)?);
+    }
+    let (wavelengths_um, reference_um) = reader.wavelengths(&file.wavelengths)?;
+    let lens = Lens {
+        name: file.name.clone(),
+        source: file.source.clone(),
+        surfaces,
+        stop: reader.stop(&file.surface)?,
+        entrance_pupil_mm: reader.positive("entrance_pupil_diameter_mm", pupil)?,
+        object: reader.object(&file)?,
+        wavelengths_um,
+        reference_um,
+        fields_deg: reader.fields(&file.fields.angle_deg)?,
+    };
+    validate(&lens).map_err(|defect| reader.defect(&defect, &file))?;
+
+    let variables = reader.variables(&file.variable, &lens)?;
+    Ok(LensFile {
+        efl_solve: reader.efl_solve(&file, &lens, &variables)?,
+        expect: file.expect.as_ref().map(|e| reader.expect(e, &lens)).transpose()?,
+        variables,
+        lens,
+    })
+}
+
+/// The text that is being read, for the places of errors.
+struct Reader<'a> {
+    text: &'a str,
+}
+
+impl Reader<'_> {
+    fn error(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
+        FileError::at(self.text, span, key, message)
+    }
+
+    /// An error about something that is not there; `span` is where it belongs.
+    fn missing(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
+        self.error(key, span, message).without_value()
+    }
+
+    fn finite(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
+        let value = number.get_ref().0;
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(self.error(key, number.span(), "this must be a finite number")),
+        }
+    }
+
+    fn positive(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
+        let value = self.finite(key, number)?;
+        match value > 0.0 {
+            true => Ok(value),
+            false => Err(self.error(key, number.span(), "this must be positive")),
+        }
+    }
+
+    fn surface(
+        &self,
+        number: usize,
+        placed: &Spanned<SurfaceText>,
+        glasses: &Catalog,
+    ) -> Result<Surface, FileError> {
+        let surface = placed.get_ref();
+        let mut asphere = [0.0; ASPHERE_TERMS];
+        for (i, term) in surface.asphere.terms().into_iter().enumerate() {
+            if let Some(term) = term {
+                asphere[i] = self.finite(&format!("a{}", 2 * i + 2), term)?;
+            }
+        }
+        let conic = surface.conic.as_ref().map_or(Ok(0.0), |k| self.finite("conic", k))?;
+        let curvature = self.curvature(number, placed)?;
+        let glass = match &surface.glass {
+            None => Glass::air(),
+            Some(name) => glasses.get(name.get_ref()).map_err(|unknown| {
+                let message = format!("surface {number}: no glass is called `{}`", unknown.name);
+                self.error("glass", name.span(), message).hint(format!(
+                    "the nearest names are {}; a glass of your own goes into [glass.NAME]",
+                    unknown.nearest.join(", ")
+                ))
+            })?,
+        };
+        Ok(Surface {
+            label: surface.label.clone(),
+            shape: SurfaceShape { curvature, conic, asphere },
+            thickness_mm: self.finite("thickness_mm", &surface.thickness_mm)?,
+            glass,
+            semi_diameter_mm: self.positive("semi_diameter_mm", &surface.semi_diameter_mm)?,
+        })
+    }
+
+    /// The vertex curvature, from a radius or as it stands.
+    fn curvature(&self, number: usize, placed: &Spanned<SurfaceText>) -> Result<f64, FileError> {
+        let surface = placed.get_ref();
+        match (&surface.radius_mm, &surface.curvature_per_mm) {
+            (Some(radius), None) => {
+                let value = radius.get_ref().0;
+                if value.is_nan() {
+                    let message = format!("surface {number}: the radius is not a number");
+                    return Err(self.error("radius_mm", radius.span(), message));
+                }
+                if value == 0.0 {
+                    let message = format!("surface {number}: a surface cannot have the radius 0");
+                    return Err(self
+                        .error("radius_mm", radius.span(), message)
+                        .hint("a plane is `radius_mm = inf`"));
+                }
+                Ok(1.0 / value)
+            }
+            (None, Some(curvature)) => self.finite("curvature_per_mm", curvature),
+            (Some(_), Some(curvature)) => {
+                let message = format!("surface {number} has a radius already");
+                Err(self.error("curvature_per_mm", curvature.span(), message).hint("keep one of the two"))
+            }
+            (None, None) => {
+                let message = format!("surface {number} has no radius");
+                Err(self.missing("radius_mm", placed.span(), message).hint("a plane is `radius_mm = inf`"))
+            }
+        }
+    }
+
+    /// The one surface that says `stop = true`, from 0.
+    fn stop(&self, surfaces: &[Spanned<SurfaceText>]) -> Result<usize, FileError> {
+        let mut stops = surfaces.iter().enumerate().filter_map(|(i, surface)| {
+            surface.get_ref().stop.as_ref().filter(|stop| *stop.get_ref()).map(|stop| (i, stop.span()))
+        });
+        let Some((first, _)) = stops.next() else {
+            let start = surfaces.first().map_or(0..0, |s| s.span());
+            return Err(self
+                .missing("stop", start, "no surface is the aperture stop")
+                .hint("write `stop = true` into one [[surface]]"));
+        };
+        match stops.next() {
+            None => Ok(first),
+            Some((second, span)) => {
+                let message = format!("surfaces {} and {} both are the aperture stop", first + 1, second + 1);
+                Err(self.error("stop", span, message).hint("a lens has one stop"))
+            }
+        }
+    }
+
+    fn object(&self, file: &LensText) -> Result<ObjectDistance, FileError> {
+        let Some(object) = &file.object else { return Ok(ObjectDistance::Infinity) };
+        match object.distance_mm.get_ref().0 {
+            f64::INFINITY => Ok(ObjectDistance::Infinity),
+            _ => Ok(ObjectDistance::Finite(self.positive("distance_mm", &object.distance_mm)?)),
+        }
+    }
+
+    /// Wavelengths and the reference wavelength.
+    fn wavelengths(&self, text: &WavelengthsText) -> Result<(Vec<f64>, f64), FileError> {
+        let optical = |key: &str, number: &Placed| {
+            let value = number.get_ref().0;
+            if OPTICAL_UM.contains(&value) {
+                return Ok(value);
+            }
+            let message = format!(
+                "a wavelength of {value} um is not optical ({} to {} um)",
+                OPTICAL_UM.start(),
+                OPTICAL_UM.end()
+            );
+            let error = self.error(key, number.span(), message);
+            let from_nm = value / 1000.0;
+            Err(match OPTICAL_UM.contains(&from_nm) {
+                true => error.hint(format!("wavelengths are in um; did you mean {from_nm}?")),
+                false => error.hint("wavelengths are in um"),
+            })
+        };
+        let mut list = Vec::new();
+        for number in text.um.get_ref() {
+            list.push(optical("um", number)?);
+        }
+        self.check_ascending("um", &text.um)?;
+        let reference = text.reference_um.as_ref();
+        let reference = reference.map(|r| optical("reference_um", r)).transpose()?;
+        Ok((list, reference.unwrap_or(DEFAULT_REFERENCE_UM)))
+    }
+
+    fn fields(&self, angles: &Spanned<Vec<Placed>>) -> Result<Vec<f64>, FileError> {
+        let mut list = Vec::new();
+        for number in angles.get_ref() {
+            let value = number.get_ref().0;
+            if !(0.0..90.0).contains(&value) {
+                let message = "a field is an angle from 0 to below 90 degrees";
+                return Err(self
+                    .error("angle_deg", number.span(), message)
+                    .hint("the lens is symmetric: a negative field is the mirror image"));
+            }
+            list.push(value);
+        }
+        self.check_ascending("angle_deg", angles)?;
+        Ok(list)
+    }
+
+    fn check_ascending(&self, key: &str, list: &Spanned<Vec<Placed>>) -> Result<(), FileError> {
+        if list.get_ref().is_empty() {
+            return Err(self.error(key, list.span(), "the list is empty"));
+        }
+        for pair in list.get_ref().windows(2) {
+            if pair[0].get_ref().0 >= pair[1].get_ref().0 {
+                return Err(self
+                    .error(key, pair[1].span(), "the list does not ascend")
+                    .hint("sort it, each value once"));
+            }
+        }
+        Ok(())
+    }
+
+    /// A 1-based surface number as an index.
+    fn surface_index(&self, number: &Spanned<usize>, lens: &Lens) -> Result<usize, FileError> {
+        let count = lens.surfaces.len();
+        match *number.get_ref() {
+            n if (1..=count).contains(&n) => Ok(n - 1),
+            n => {
+                let message = format!("there is no surface {n}");
+                Err(self
+                    .error("surface", number.span(), message)
+                    .hint(format!("surfaces are counted from 1 to {count}")))
+            }
+        }
+    }
+
+    fn variables(&self, texts: &[VariableText], lens: &Lens) -> Result<Vec<Variable>, FileError> {
+        let mut variables: Vec<Variable> = Vec::with_capacity(texts.len());
+        for text in texts {
+            let surface = self.surface_index(&text.surface, lens)?;
+            let key = text.parameter.get_ref();
+            let parameter = parameter_from_key(key).ok_or_else(|| {
+                let message = format!("a surface has no parameter `{key}`");
+                let nearest = parameter_keys()
+                    .min_by_key(|known| strsim::damerau_levenshtein(key, known))
+                    .unwrap_or_default();
+                self.error("parameter", text.parameter.span(), message)
+                    .hint(format!("did you mean `{nearest}`?"))
+            })?;
+            let (min, max) = (self.finite("min", &text.min)?, self.finite("max", &text.max)?);
+            let variable = Variable { surface, parameter, min, max };
+            self.check_bounds(text, &variable, lens)?;
+            if variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter)) {
+                let message = format!("{key} of surface {} is a variable already", surface + 1);
+                return Err(self.error("parameter", text.parameter.span(), message));
+            }
+            variables.push(variable);
+        }
+        Ok(variables)
+    }
+
+    /// Bounds enclose the lens's own value, and every value between them is a possible one.
+    fn check_bounds(&self, text: &VariableText, variable: &Variable, lens: &Lens) -> Result<(), FileError> {
+        let Variable { surface, parameter, min, max } = *variable;
+        let name = format!("{} of surface {}", text.parameter.get_ref(), surface + 1);
+        if min >= max {
+            let message = format!("the bounds of {name} are reversed: {min} is not below {max}");
+            return Err(self.error("max", text.max.span(), message).hint("exchange `min` and `max`"));
+        }
+        if parameter == Parameter::Radius && min <= 0.0 && max >= 0.0 {
+            let message = format!("the bounds of {name} include a radius of 0");
+            return Err(self
+                .error("min", text.min.span(), message)
+                .hint("keep both bounds on the side of the centre of curvature"));
+        }
+        if parameter == Parameter::Thickness && min < 0.0 {
+            let message = format!("the bounds of {name} include a negative thickness");
+            return Err(self.error("min", text.min.span(), message).hint("the least is 0"));
+        }
+        // A radius comes back from its curvature with a rounding error, hence the slack.
+        let (value, slack) = (parameter.value(lens, surface), 1e-9 * (max - min));
+        let (key, number) = if value < min - slack {
+            ("min", &text.min)
+        } else if value > max + slack {
+            ("max", &text.max)
+        } else {
+            return Ok(());
+        };
+        let message = format!("{name} is {value} in this lens, outside its bounds {min} to {max}");
+        Err(self.error(key, number.span(), message).hint("widen the bounds or change the lens"))
+    }
+
+    fn efl_solve(
+        &self,
+        file: &LensText,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Option<EflSolve>, FileError> {
+        let Some(text) = file.solve.as_ref().and_then(|s| s.efl.as_ref()) else { return Ok(None) };
+        let surface = self.surface_index(&text.surface, lens)?;
+        let efl_mm = self.finite("efl_mm", &text.efl_mm)?;
+        if efl_mm == 0.0 {
+            return Err(self.error("efl_mm", text.efl_mm.span(), "no lens has a focal length of 0"));
+        }
+        if variables.iter().any(|v| (v.surface, v.parameter) == (surface, Parameter::Radius)) {
+            let message = format!("the radius of surface {} is a variable already", surface + 1);
+            return Err(self
+                .error("surface", text.surface.span(), message)
+                .hint("a radius is either solved for or varied"));
+        }
+        Ok(Some(EflSolve { surface, efl_mm }))
+    }
+
+    fn expect(&self, text: &ExpectText, lens: &Lens) -> Result<Expect, FileError> {
+        let one = |key: &str, text: &Option<ExpectedText>| {
+            let read = |text: &ExpectedText| {
+                Ok(Expected {
+                    value: self.finite(key, &text.value)?,
+                    tolerance: self.positive("tolerance", &text.tolerance)?,
+                })
+            };
+            text.as_ref().map(read).transpose()
+        };
+        let mut spots = None;
+        if let Some(text) = &text.rms_spot_um {
+            let (found, fields) = (text.values.get_ref().len(), lens.fields_deg.len());
+            if found != fields {
+                let message = format!("{found} values do not fit the lens's {fields} fields");
+                return Err(self.error("values", text.values.span(), message).hint("one per field"));
+            }
+            let values = text.values.get_ref().iter();
+            spots = Some(ExpectedSpots {
+                values_um: values.map(|v| self.positive("values", v)).collect::<Result<_, _>>()?,
+                relative_tolerance: self.positive("relative_tolerance", &text.relative_tolerance)?,
+            });
+        }
+        Ok(Expect {
+            efl_mm: one("efl_mm", &text.efl_mm)?,
+            bfl_mm: one("bfl_mm", &text.bfl_mm)?,
+            f_number: one("f_number", &text.f_number)?,
+            total_track_mm: one("total_track_mm", &text.total_track_mm)?,
+            rms_spot_um: spots,
+        })
+    }
+
+    /// Say where in the file an impossible lens went wrong.
+    fn defect(&self, defect: &LensDefect, file: &LensText) -> FileError {
+        let message = defect.to_string();
+        let surface = defect.surface().and_then(|n| file.surface.get(n - 1)).map(Spanned::get_ref);
+        let Some(surface) = surface else {
+            return self.missing("surface", 0..0, message);
+        };
+        let thickness = ("thickness_mm", surface.thickness_mm.span());
+        let semi_diameter = ("semi_diameter_mm", surface.semi_diameter_mm.span());
+        let ((key, span), hint) = match defect {
+            LensDefect::CentreThickness { .. } => (thickness, "the least thickness is 0"),
+            LensDefect::EdgeThickness { .. } | LensDefect::AirGap { .. } => {
+                (thickness, "raise the thickness, or lower the semi-diameters")
+            }
+            LensDefect::SurfaceEnds { .. } => {
+                (semi_diameter, "lower the semi-diameter, or flatten the surface")
+            }
+            LensDefect::Index { .. } => {
+                let glass = surface.glass.as_ref();
+                let glass = glass.map_or(thickness, |glass| ("glass", glass.span()));
+                (glass, "the formula does not hold at this wavelength")
+            }
+            _ => (semi_diameter, "every number of a surface is finite"),
+        };
+        self.error(key, span, message).hint(hint)
+    }
+}
+
+/// The keys that a `[[variable]]` may name.
+fn parameter_keys() -> impl Iterator<Item = String> {
+    let plain = ["radius_mm", "conic", "thickness_mm"].into_iter().map(String::from);
+    plain.chain((1..=ASPHERE_TERMS).map(|i| format!("a{}", 2 * i)))
+}
+
+fn parameter_from_key(key: &str) -> Option<Parameter> {
+    match key {
+        "radius_mm" => Some(Parameter::Radius),
+        "conic" => Some(Parameter::Conic),
+        "thickness_mm" => Some(Parameter::Thickness),
+        _ => (1..=ASPHERE_TERMS).map(|i| 2 * i).find(|n| key == format!("a{n}")).map(Parameter::Asphere),
+    }
+}

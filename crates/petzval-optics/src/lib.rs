@@ -1,0 +1,29 @@
+//! Glass, lens, exact differentiable ray tracing, point-spread functions.
+//!
+//! The modules follow the light: [`glass`] gives every medium its index, [`lens`] places surfaces on
+//! the axis, [`trace`] sends rays through them and back (the adjoint), [`paraxial`] says what the
+//! lens is to first order, [`spot`] and [`psf`] say what it does to a point, [`design_space`] says
+//! which of its numbers may move.
+//!
+//! # Conventions
+//!
+//! Right-handed axes, light travels along +z, fields lie in the y-z plane. Lengths in mm, except
+//! where a name ends in `_um`; wavelengths in um; angles in radians, except where a name ends in
+//! `_deg`. A radius is positive when its centre of curvature lies to the right of the vertex.
+//! Positions on a surface are local: z is measured from the surface's own vertex.
+//!
+//! A ray never raises: its fate is data ([`trace::Fate`]). This crate reads no file, starts no
+//! thread of its own and knows no tensor framework.
+
+pub mod constraint;
+pub mod design_space;
+pub mod format;
+pub mod glass;
+pub mod gradient;
+pub mod lens;
+pub mod paraxial;
+pub mod psf;
+pub mod pupil;
+pub mod seidel;
+pub mod spot;
+pub mod trace;

@@ -1,0 +1,193 @@
+//! First-order optics: what the lens is near its axis, and the gradient of that.
+//!
+//! A paraxial ray is a height y and an optical slope `w = n u`. Refraction `w' = w - y phi`, with
+//! `phi = (n' - n) (c + 2 a_2)`; transfer `y_next = y + t w' / n'`.
+
+use std::ops::Range;
+
+use crate::gradient::LensGradient;
+use crate::lens::ObjectDistance;
+use crate::trace::Sequence;
+
+/// A paraxial ray at every surface.
+#[derive(Clone, Debug)]
+pub struct ParaxialRay {
+    /// Height on each surface, mm.
+    pub y: Vec<f64>,
+    /// Optical slope n u in front of each surface, and behind the last.
+    pub w: Vec<f64>,
+}
+
+/// First-order properties, for an image in the medium behind the last surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FirstOrder {
+    /// Effective focal length, the reciprocal of the power, mm.
+    pub efl_mm: f64,
+    /// From the last vertex to the rear focal point, mm.
+    pub bfl_mm: f64,
+    /// From the last vertex to the paraxial image of the object, mm.
+    pub image_distance_mm: f64,
+    /// EFL over entrance pupil diameter.
+    pub f_number: f64,
+    /// Entrance pupil, from the first vertex, mm.
+    pub entrance_pupil_at_mm: f64,
+    /// Exit pupil, from the last vertex, mm.
+    pub exit_pupil_at_mm: f64,
+    /// Exit pupil diameter, mm.
+    pub exit_pupil_mm: f64,
+    /// Radius that the stop needs for the wanted entrance pupil, mm.
+    pub stop_radius_mm: f64,
+}
+
+/// What a loss asks of first-order properties: derivatives by each.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FirstOrderCotangent {
+    /// By the effective focal length, 1/mm.
+    pub efl: f64,
+    /// By the back focal length, 1/mm.
+    pub bfl: f64,
+    /// By the stop radius, 1/mm.
+    pub stop_radius: f64,
+}
+
+fn power(sequence: &Sequence, i: usize) -> f64 {
+    let s = &sequence.surfaces[i];
+    (s.n_after - s.n_before) * s.shape.paraxial_curvature()
+}
+
+/// Traces a paraxial ray through some of the surfaces from its height on the first of them.
+fn through(sequence: &Sequence, range: Range<usize>, mut y: f64, mut w: f64) -> ParaxialRay {
+    let mut ray = ParaxialRay { y: Vec::with_capacity(range.len()), w: vec![w] };
+    for i in range.clone() {
+        ray.y.push(y);
+        w -= y * power(sequence, i);
+        ray.w.push(w);
+        y += sequence.surfaces[i].thickness_mm * w / sequence.surfaces[i].n_after;
+    }
+    ray
+}
+
+/// Traces a paraxial ray from height `y_mm` and slope `u` at the first surface.
+pub fn paraxial_ray(sequence: &Sequence, y_mm: f64, u: f64) -> ParaxialRay {
+    let n = sequence.surfaces.first().map_or(1.0, |s| s.n_before);
+    through(sequence, 0..sequence.surfaces.len(), y_mm, n * u)
+}
+
+/// First-order properties at the sequence's wavelength.
+pub fn first_order(sequence: &Sequence) -> FirstOrder {
+    let last = sequence.surfaces.len() - 1;
+    let n_image = sequence.surfaces[last].n_after;
+
+    // A ray parallel to the axis gives the focal lengths and the stop's share of the pupil.
+    let parallel = paraxial_ray(sequence, 1.0, 0.0);
+    let w_end = parallel.w[last + 1];
+    let efl_mm = -1.0 / w_end;
+    let bfl_mm = -parallel.y[last] * n_image / w_end;
+    let stop_per_pupil = parallel.y[sequence.stop];
+
+    // A ray through the first vertex gives, with it, every other: the entrance pupil is where rays
+    // aimed at the centre of the stop seem to go.
+    let oblique = paraxial_ray(sequence, 0.0, 1.0);
+    let entrance_pupil_at_mm = oblique.y[sequence.stop] / stop_per_pupil;
+
+    // The exit pupil, from the stop's centre and its rim onwards.
+    let s = &sequence.surfaces[sequence.stop];
+    let first = sequence.stop + 1;
+    let (exit_pupil_at_mm, exit_magnification) = if first > last {
+        (-s.thickness_mm.min(0.0), 1.0)
+    } else {
+        let centre = through(sequence, first..last + 1, s.thickness_mm, s.n_after);
+        let at = -centre.y[last - first] * n_image / centre.w[last + 1 - first];
+        let rim = through(sequence, first..last + 1, 1.0, 0.0);
+        (at, rim.y[last - first] + at * rim.w[last + 1 - first] / n_image)
+    };
+    let stop_radius_mm = 0.5 * sequence.entrance_pupil_mm * stop_per_pupil;
+
+    let image_distance_mm = match sequence.object {
+        ObjectDistance::Infinity => bfl_mm,
+        ObjectDistance::Finite(distance) => {
+            let y = parallel.y[last] * distance + oblique.y[last];
+            let w = w_end * distance + oblique.w[last + 1];
+            -y * n_image / w
+        }
+    };
+    FirstOrder {
+        efl_mm,
+        bfl_mm,
+        image_distance_mm,
+        f_number: efl_mm / sequence.entrance_pupil_mm,
+        entrance_pupil_at_mm,
+        exit_pupil_at_mm,
+        exit_pupil_mm: 2.0 * (stop_radius_mm * exit_magnification).abs(),
+        stop_radius_mm,
+    }
+}
+
+/// Adds the gradient of a loss that depends on first-order properties.
+pub fn pull_back_first_order(
+    sequence: &Sequence,
+    cotangent: FirstOrderCotangent,
+    gradient: &mut LensGradient,
+) {
+    let ray = paraxial_ray(sequence, 1.0, 0.0);
+    let last = sequence.surfaces.len() - 1;
+    let w_end = ray.w[last + 1];
+    gradient.entrance_pupil += 0.5 * cotangent.stop_radius * ray.y[sequence.stop];
+    let stop_bar = 0.5 * sequence.entrance_pupil_mm * cotangent.stop_radius;
+    let w_bar = cotangent.efl / (w_end * w_end);
+    pull_back_ray(sequence, &ray, cotangent.bfl, w_bar, stop_bar, gradient);
+}
+
+/// Adds the gradient of a loss that depends on the paraxial image distance, `bar` per mm.
+pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) {
+    let ray = match sequence.object {
+        ObjectDistance::Infinity => paraxial_ray(sequence, 1.0, 0.0),
+        ObjectDistance::Finite(distance) => paraxial_ray(sequence, distance, 1.0),
+    };
+    pull_back_ray(sequence, &ray, bar, 0.0, 0.0, gradient);
+}
+
+/// The adjoint of a paraxial ray: cotangents of where it crosses the axis behind the lens, of its
+/// final optical slope, and of its height at the stop.
+///
+/// Backwards, `ybar -= phi wbar'`, `phibar = -y wbar'`, then `wbar += (t / n) ybar`.
+fn pull_back_ray(
+    sequence: &Sequence,
+    ray: &ParaxialRay,
+    crossing_bar: f64,
+    end_slope_bar: f64,
+    stop_bar: f64,
+    gradient: &mut LensGradient,
+) {
+    let last = sequence.surfaces.len() - 1;
+    let n_image = sequence.surfaces[last].n_after;
+    let w_end = ray.w[last + 1];
+    // The crossing is -y n' / w'.
+    gradient.surfaces[last].index -= crossing_bar * ray.y[last] / w_end;
+    let mut y_bar = -crossing_bar * n_image / w_end;
+    let mut w_bar = end_slope_bar + crossing_bar * ray.y[last] * n_image / (w_end * w_end);
+    for i in (0..=last).rev() {
+        if i == sequence.stop {
+            y_bar += stop_bar;
+        }
+        // Refraction at surface i.
+        let s = &sequence.surfaces[i];
+        let power_bar = -w_bar * ray.y[i];
+        y_bar -= w_bar * power(sequence, i);
+        let by_curvature = power_bar * (s.n_after - s.n_before);
+        gradient.surfaces[i].curvature += by_curvature;
+        gradient.surfaces[i].asphere[0] += 2.0 * by_curvature;
+        let by_index = power_bar * s.shape.paraxial_curvature();
+        gradient.surfaces[i].index += by_index;
+        if i == 0 {
+            break;
+        }
+        gradient.surfaces[i - 1].index -= by_index;
+        // Transfer from surface i - 1.
+        let before = &sequence.surfaces[i - 1];
+        let (t, n) = (before.thickness_mm, before.n_after);
+        gradient.surfaces[i - 1].thickness += y_bar * ray.w[i] / n;
+        gradient.surfaces[i - 1].index -= y_bar * t * ray.w[i] / (n * n);
+        w_bar += y_bar * t / n;
+    }
+}

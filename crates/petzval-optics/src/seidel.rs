@@ -1,0 +1,86 @@
+//! Third-order (Seidel) aberration sums, by surface.
+//!
+//! With `A = n (u + y c)` of the marginal ray, `Abar` of the chief ray, `H = n (u ybar - ubar y)`:
+//! `S_I = -A^2 y D(u/n)`, `S_II = -A Abar y D(u/n)`, `S_III = -Abar^2 y D(u/n)`,
+//! `S_IV = -H^2 c D(1/n)`, `S_V = -Abar (Abar^2 D(1/n^2) y - (Abar y - H) ybar c D(1/n))`.
+//! A departure from the paraxial sphere by `b r^4` adds `a = 8 b (n' - n) y^4` times 1, q, q^2, 0, q^3
+//! with `q = ybar / y`. Source: Welford, Aberrations of Optical Systems, chapter 8.
+
+use crate::lens::ObjectDistance;
+use crate::paraxial::{first_order, paraxial_ray};
+use crate::trace::Sequence;
+
+/// Seidel coefficients S_I ... S_V, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seidel {
+    /// Spherical aberration, coma, astigmatism, Petzval curvature, distortion.
+    pub s: [f64; 5],
+}
+
+/// The sums of a lens: one entry per surface; add them for the whole.
+pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
+    let order = first_order(sequence);
+    let (y1, u1) = match sequence.object {
+        ObjectDistance::Infinity => (0.5 * sequence.entrance_pupil_mm, 0.0),
+        ObjectDistance::Finite(distance) => {
+            let u = 0.5 * sequence.entrance_pupil_mm / (distance + order.entrance_pupil_at_mm);
+            (u * distance, u)
+        }
+    };
+    let chief_slope = match sequence.object {
+        ObjectDistance::Infinity => field_rad.tan(),
+        ObjectDistance::Finite(d) => field_rad.tan() * d / (d + order.entrance_pupil_at_mm),
+    };
+    let marginal = paraxial_ray(sequence, y1, u1);
+    let chief =
+        paraxial_ray(sequence, -chief_slope * order.entrance_pupil_at_mm, chief_slope);
+    let invariant = marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0];
+
+    sequence
+        .surfaces
+        .iter()
+        .enumerate()
+        .map(|(i, s)| {
+            let (n, n_next) = (s.n_before, s.n_after);
+            let c = s.shape.paraxial_curvature();
+            let (y, y_chief) = (marginal.y[i], chief.y[i]);
+            let a = marginal.w[i] + n * y * c;
+            let a_chief = chief.w[i] + n * y_chief * c;
+            let d_slope = marginal.w[i + 1] / (n_next * n_next) - marginal.w[i] / (n * n);
+            let d_index = 1.0 / n_next - 1.0 / n;
+            let d_index2 = 1.0 / (n_next * n_next) - 1.0 / (n * n);
+            let mut sums = [
+                -a * a * y * d_slope,
+                -a * a_chief * y * d_slope,
+                -a_chief * a_chief * y * d_slope,
+                -invariant * invariant * c * d_index,
+                -a_chief
+                    * (a_chief * a_chief * d_index2 * y
+                        - (a_chief * y - invariant) * y_chief * c * d_index),
+            ];
+            // The r^4 part that the sphere of the paraxial curvature does not have.
+            let vertex = s.shape.curvature;
+            let quartic = s.shape.asphere[1] + (1.0 + s.shape.conic) * vertex.powi(3) / 8.0
+                - c.powi(3) / 8.0;
+            let aspheric = 8.0 * quartic * (n_next - n) * y.powi(4);
+            if aspheric != 0.0 {
+                let q = y_chief / y;
+                for (sum, factor) in sums.iter_mut().zip([1.0, q, q * q, 0.0, q * q * q]) {
+                    *sum += aspheric * factor;
+                }
+            }
+            Seidel { s: sums }
+        })
+        .collect()
+}
+
+/// The sums over all surfaces.
+pub fn seidel_total(sequence: &Sequence, field_rad: f64) -> Seidel {
+    let mut total = Seidel::default();
+    for surface in seidel(sequence, field_rad) {
+        for (t, s) in total.s.iter_mut().zip(surface.s) {
+            *t += s;
+        }
+    }
+    total
+}

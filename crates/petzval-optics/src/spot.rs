@@ -1,0 +1,170 @@
+//! RMS spot radii, and the gradient of their mean square.
+
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use crate::pupil::{Beam, BeamCotangent, Quadrature, paraxial_launch, trace_beam};
+use crate::trace::{Sequence, launch, trace_ray};
+
+/// Spot radii of one field, um, about the centroid (by the light of each ray).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldSpot {
+    /// Field angle, rad.
+    pub field_rad: f64,
+    /// About each wavelength's own centroid.
+    pub rms_um: Vec<f64>,
+    /// All wavelengths together, equally weighted, about their common centroid.
+    pub rms_poly_um: f64,
+    /// Common centroid on the image plane, mm.
+    pub centroid_y_mm: f64,
+    /// Relative illumination per wavelength.
+    pub illumination: Vec<f64>,
+}
+
+struct Traced {
+    sequence: Sequence,
+    beam: Beam,
+}
+
+fn trace_field(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Vec<Traced> {
+    let stop = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+    lens.wavelengths_um
+        .iter()
+        .map(|w| {
+            let sequence = lens.at_wavelength(*w);
+            let beam = trace_beam(&sequence, field_rad, stop, quadrature);
+            Traced { sequence, beam }
+        })
+        .collect()
+}
+
+/// Centroid of a beam, mm.
+fn mean_y(beam: &Beam) -> f64 {
+    let light = beam.illumination();
+    beam.y_mm.iter().zip(&beam.weight).map(|(y, w)| y * w).sum::<f64>() / light
+}
+
+/// Mean of x^2 + (y - centre)^2 over the light of a beam, mm^2.
+fn mean_square(beam: &Beam, centre: f64) -> f64 {
+    let light = beam.illumination();
+    (0..beam.y_mm.len())
+        .map(|i| {
+            let (x, y) = (beam.x_mm[i], beam.y_mm[i] - centre);
+            beam.weight[i] * (x * x + y * y)
+        })
+        .sum::<f64>()
+        / light
+}
+
+/// Spot radii of a lens at a field; `None` if no light arrives at some wavelength.
+pub fn spot(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<FieldSpot> {
+    let traced = trace_field(lens, field_rad, quadrature);
+    let illumination: Vec<f64> = traced.iter().map(|t| t.beam.illumination()).collect();
+    if !illumination.iter().all(|i| *i > 0.0) {
+        return None;
+    }
+    let centres: Vec<f64> = traced.iter().map(|t| mean_y(&t.beam)).collect();
+    let count = traced.len() as f64;
+    let centroid_y_mm = centres.iter().sum::<f64>() / count;
+    let rms = |square_mm2: f64| 1e3 * square_mm2.max(0.0).sqrt();
+    Some(FieldSpot {
+        field_rad,
+        rms_um: traced.iter().zip(&centres).map(|(t, c)| rms(mean_square(&t.beam, *c))).collect(),
+        rms_poly_um: rms(
+            traced.iter().map(|t| mean_square(&t.beam, centroid_y_mm)).sum::<f64>() / count,
+        ),
+        centroid_y_mm,
+        illumination,
+    })
+}
+
+/// Polychromatic RMS spot radius over the evenly filled *paraxial entrance pupil*, um: what lens programs
+/// print by default (no ray aiming), and published tables with them.
+///
+/// The beam that the real stop lets through is that of [`spot`]; off axis the two differ by the aberration
+/// of the pupil. `None` if no light arrives.
+pub fn rms_spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<f64> {
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    let mut images = Vec::new();
+    for wavelength in &lens.wavelengths_um {
+        let sequence = lens.at_wavelength(*wavelength);
+        let mut light = 0.0;
+        let first = images.len();
+        for (node, weight) in quadrature.nodes.iter().zip(&quadrature.weights) {
+            let at = paraxial_launch(&order, &sequence, field_rad, *node);
+            let path = trace_ray(&sequence, launch(&sequence, field_rad, at).ray);
+            if let Some(image) = path.image {
+                images.push((image.position[0], image.position[1], weight * path.transmission));
+                light += weight * path.transmission;
+            }
+        }
+        if light <= 0.0 {
+            return None;
+        }
+        images[first..].iter_mut().for_each(|(_, _, w)| *w /= light);
+    }
+    let colours = lens.wavelengths_um.len() as f64;
+    let centre = images.iter().map(|(_, y, w)| w * y).sum::<f64>() / colours;
+    let square = images.iter().map(|(x, y, w)| w * (x * x + (y - centre).powi(2))).sum::<f64>() / colours;
+    Some(1e3 * square.sqrt())
+}
+
+/// Mean over fields and wavelengths of the squared RMS spot radius, um^2, about the polychromatic
+/// centroid, with its gradient. `None` if some field brings no light.
+pub fn mean_square_spot(
+    lens: &Lens,
+    fields_rad: &[f64],
+    quadrature: &Quadrature,
+) -> Option<(f64, LensGradient)> {
+    use rayon::prelude::*;
+    let per_field: Vec<(f64, LensGradient)> = fields_rad
+        .par_iter()
+        .map(|field| field_mean_square(lens, *field, quadrature))
+        .collect::<Option<_>>()?;
+    // Sum in the order of the fields, so that the bits do not depend on the threads.
+    let share = 1.0 / fields_rad.len() as f64;
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let mut value = 0.0;
+    for (v, g) in per_field {
+        value += share * v;
+        gradient += &g.scaled(share);
+    }
+    Some((value, gradient))
+}
+
+fn field_mean_square(
+    lens: &Lens,
+    field_rad: f64,
+    quadrature: &Quadrature,
+) -> Option<(f64, LensGradient)> {
+    const UM2_PER_MM2: f64 = 1e6;
+    let traced = trace_field(lens, field_rad, quadrature);
+    if !traced.iter().all(|t| t.beam.illumination() > 0.0) {
+        return None;
+    }
+    let count = traced.len() as f64;
+    let centre = traced.iter().map(|t| mean_y(&t.beam)).sum::<f64>() / count;
+    let mut value = 0.0;
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let mut stop_radius_bar = 0.0;
+    for t in &traced {
+        let (beam, light) = (&t.beam, t.beam.illumination());
+        let square = mean_square(beam, centre);
+        value += square / count;
+        // The common centroid c is the mean of the wavelengths' own centroids, so the sum over
+        // wavelengths of d(square)/dc vanishes and c needs no cotangent: m = <x^2 + (y-c)^2>_w.
+        let scale = UM2_PER_MM2 / (count * light);
+        let mut bar = BeamCotangent::zero(beam.y_mm.len());
+        for i in 0..beam.y_mm.len() {
+            let (x, y) = (beam.x_mm[i], beam.y_mm[i] - centre);
+            bar.x[i] = 2.0 * scale * beam.weight[i] * x;
+            bar.y[i] = 2.0 * scale * beam.weight[i] * y;
+            bar.weight[i] = scale * (x * x + y * y - square);
+        }
+        stop_radius_bar += beam.pull_back(&t.sequence, quadrature, &bar, &mut gradient);
+    }
+    let reference = lens.at_wavelength(lens.reference_um);
+    let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+    pull_back_first_order(&reference, wish, &mut gradient);
+    Some((UM2_PER_MM2 * value, gradient))
+}

@@ -1,0 +1,132 @@
+//! Real ray aiming: find the launch point from which a ray passes a wanted point of the stop.
+
+use super::launch::launch;
+use super::ray::{Ray, Vec3, along, dot};
+use super::sequence::{Sequence, SurfaceAtWavelength};
+use super::surface_step::{Passage, pass, unit_normal};
+
+/// Newton steps allowed; a well-posed ray needs three to five.
+const MAX_STEPS: usize = 30;
+
+/// Accuracy with which the point in the stop is met, mm.
+const TOLERANCE_MM: f64 = 1e-12;
+
+/// A launch point whose ray passes the wanted point of the stop.
+#[derive(Clone, Copy, Debug)]
+pub struct AimedRay {
+    /// Launch coordinates on the plane of the first vertex, mm.
+    pub launch_mm: [f64; 2],
+    /// d(stop x, stop y) / d(launch x, launch y), row by row.
+    pub stop_by_launch: [[f64; 2]; 2],
+}
+
+/// How a ray moves when its start moves: derivatives of position and direction.
+#[derive(Clone, Copy)]
+struct Tangent {
+    position: Vec3,
+    direction: Vec3,
+}
+
+/// Carries a tangent, given at the surface's entry point, to the point on the surface and behind it.
+///
+/// With N the surface gradient and t the path, `dt = -N.(dp + t dd) / (N.d)`; the normal turns with
+/// the second derivatives of the sag; Snell's law is differentiated as it stands.
+fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tangent {
+    let d = p.direction_before;
+    let gradient = [-p.slope[0], -p.slope[1], 1.0];
+    let moved = along(tangent.position, p.path_mm, tangent.direction);
+    let path = -dot(gradient, moved) / dot(gradient, d);
+    let point = along(moved, path, d);
+
+    let [x, y, _] = p.point;
+    let Some(jet) = s.shape.jet(x * x + y * y) else {
+        return Tangent { position: point, direction: tangent.direction };
+    };
+    let turn = [
+        -(2.0 * jet.first + 4.0 * x * x * jet.second) * point[0]
+            - 4.0 * x * y * jet.second * point[1],
+        -(2.0 * jet.first + 4.0 * y * y * jet.second) * point[1]
+            - 4.0 * x * y * jet.second * point[0],
+        0.0,
+    ];
+    let (normal, length) = unit_normal(p.slope);
+    let normal_turn = along(turn, -dot(normal, turn), normal).map(|v| v / length);
+
+    let mu = s.n_before / s.n_after;
+    let cos = dot(normal, d);
+    let root = (1.0 - mu * mu * (1.0 - cos * cos)).sqrt();
+    let cos_turn = dot(normal_turn, d) + dot(normal, tangent.direction);
+    let bend_turn = (mu * mu * cos / root - mu) * cos_turn;
+    let bent = tangent.direction.map(|v| mu * v);
+    let direction = along(along(bent, bend_turn, normal), root - mu * cos, normal_turn);
+    Tangent { position: point, direction }
+}
+
+/// Where the ray meets the stop, and the derivatives of that point by the launch coordinates.
+fn to_stop(sequence: &Sequence, field_rad: f64, at: [f64; 2]) -> Option<([f64; 2], [[f64; 2]; 2])> {
+    let start = launch(sequence, field_rad, at);
+    let mut ray = start.ray;
+    let mut tangents = [
+        Tangent { position: [1.0, 0.0, 0.0], direction: start.direction_by[0] },
+        Tangent { position: [0.0, 1.0, 0.0], direction: start.direction_by[1] },
+    ];
+    for (i, surface) in sequence.surfaces[..=sequence.stop].iter().enumerate() {
+        let passage = pass(surface, i, &ray).ok()?;
+        tangents = tangents.map(|t| push_forward(surface, &passage, t));
+        if i == sequence.stop {
+            let [a, b] = tangents.map(|t| t.position);
+            return Some(([passage.point[0], passage.point[1]], [[a[0], b[0]], [a[1], b[1]]]));
+        }
+        let [x, y, z] = passage.point;
+        ray = Ray {
+            position: [x, y, z - surface.thickness_mm],
+            direction: passage.direction_after,
+        };
+    }
+    None
+}
+
+/// Newton's method from `guess_mm` for the ray of a field that passes `target_mm` in the stop; a step
+/// that loses the ray or worsens the miss is halved. `None` if no such ray is found.
+pub fn aim_at_stop(
+    sequence: &Sequence,
+    field_rad: f64,
+    target_mm: [f64; 2],
+    guess_mm: [f64; 2],
+) -> Option<AimedRay> {
+    let miss = |hit: [f64; 2]| [hit[0] - target_mm[0], hit[1] - target_mm[1]];
+    let mut at = guess_mm;
+    let (mut hit, mut jacobian) = to_stop(sequence, field_rad, at)?;
+    for _ in 0..MAX_STEPS {
+        let e = miss(hit);
+        let distance = e[0].hypot(e[1]);
+        if distance < TOLERANCE_MM {
+            return Some(AimedRay { launch_mm: at, stop_by_launch: jacobian });
+        }
+        let [[a, b], [c, d]] = jacobian;
+        let det = a * d - b * c;
+        let step = [(d * e[0] - b * e[1]) / det, (a * e[1] - c * e[0]) / det];
+        if !(step[0].is_finite() && step[1].is_finite()) {
+            return None;
+        }
+        let mut share = 1.0;
+        loop {
+            let next = [at[0] - share * step[0], at[1] - share * step[1]];
+            if let Some((next_hit, next_jacobian)) = to_stop(sequence, field_rad, next) {
+                let f = miss(next_hit);
+                // Rounding ends the descent a little above zero: accept what is as near as it gets.
+                if f[0].hypot(f[1]) < distance || distance < 1e3 * TOLERANCE_MM {
+                    (at, hit, jacobian) = (next, next_hit, next_jacobian);
+                    break;
+                }
+            }
+            share *= 0.5;
+            if share < 1e-6 {
+                return None;
+            }
+        }
+    }
+    let e = miss(hit);
+    (e[0].hypot(e[1]) < 1e3 * TOLERANCE_MM)
+        .then_some(AimedRay { launch_mm: at, stop_by_launch: jacobian })
+}

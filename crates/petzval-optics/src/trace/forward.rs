@@ -1,0 +1,105 @@
+//! Forward tracing: one ray with everything that happened to it, or a bundle to the image.
+
+use super::ray::{Fate, Ray, RayBundle, along};
+use super::sequence::Sequence;
+use super::surface_step::{Passage, aperture_transmission, pass};
+
+/// The whole way of one ray.
+#[derive(Clone, Debug, Default)]
+pub struct Path {
+    /// What happened at each surface that it met.
+    pub passages: Vec<Passage>,
+    /// The ray on the image plane (z = 0 there); meaningful if the fate says so.
+    pub image: Option<Ray>,
+    /// What became of it.
+    pub fate: Fate,
+    /// Share of light that the clear apertures let through, 0..1.
+    pub transmission: f64,
+    /// Optical path from the launch point to the image plane, mm.
+    pub optical_path_mm: f64,
+}
+
+/// Moves a ray into the coordinates of the next vertex, `thickness_mm` further along z.
+#[inline]
+fn to_next_vertex(passage: &Passage, thickness_mm: f64) -> Ray {
+    let [x, y, z] = passage.point;
+    Ray { position: [x, y, z - thickness_mm], direction: passage.direction_after }
+}
+
+/// Traces one ray, given in the coordinates of the first vertex, to the image plane.
+pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
+    let mut path = Path { transmission: 1.0, ..Path::default() };
+    path.passages.reserve_exact(sequence.surfaces.len());
+    retrace(sequence, start, &mut path);
+    path
+}
+
+/// [`trace_ray`] into an existing `path`, whose memory it uses again.
+pub(crate) fn retrace(sequence: &Sequence, start: Ray, path: &mut Path) {
+    path.passages.clear();
+    path.image = None;
+    path.fate = Fate::Ok;
+    path.transmission = 1.0;
+    path.optical_path_mm = 0.0;
+    let mut ray = start;
+    for (i, surface) in sequence.surfaces.iter().enumerate() {
+        // Meet the surface and bend there.
+        let passage = match pass(surface, i, &ray) {
+            Ok(passage) => passage,
+            Err(fate) => {
+                path.fate = fate;
+                path.transmission = 0.0;
+                return;
+            }
+        };
+        path.optical_path_mm += surface.n_before * passage.path_mm;
+        // Lose light outside the clear aperture. The stop does not clip: rays are aimed inside it.
+        if i != sequence.stop {
+            let radius = passage.point[0].hypot(passage.point[1]);
+            let (transmission, _) = aperture_transmission(radius, surface.semi_diameter_mm);
+            path.transmission *= transmission;
+            if transmission == 0.0 && path.fate == Fate::Ok {
+                path.fate = Fate::Clipped(i);
+            }
+        }
+        path.passages.push(passage);
+        ray = to_next_vertex(&passage, surface.thickness_mm);
+    }
+    // Reach the image plane.
+    let to_image = -ray.position[2] / ray.direction[2];
+    let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
+    path.optical_path_mm += n_image * to_image;
+    path.image =
+        Some(Ray { position: along(ray.position, to_image, ray.direction), ..ray });
+}
+
+/// Traces a bundle, given in the coordinates of the first vertex, to the image plane, surface by
+/// surface. Rays that fail keep the position of their last meeting and say so by their fate.
+pub fn trace(sequence: &Sequence, bundle: &mut RayBundle) {
+    for (i, surface) in sequence.surfaces.iter().enumerate() {
+        for r in 0..bundle.len() {
+            let fate = bundle.fate[r];
+            if !fate.reaches_image() {
+                continue;
+            }
+            match pass(surface, i, &bundle.ray(r)) {
+                Ok(passage) => {
+                    let radius = passage.point[0].hypot(passage.point[1]);
+                    let lost = i != sequence.stop
+                        && aperture_transmission(radius, surface.semi_diameter_mm).0 == 0.0;
+                    let fate = if lost && fate == Fate::Ok { Fate::Clipped(i) } else { fate };
+                    bundle.set(r, to_next_vertex(&passage, surface.thickness_mm), fate);
+                }
+                Err(failed) => bundle.fate[r] = failed,
+            }
+        }
+    }
+    for r in 0..bundle.len() {
+        if bundle.fate[r].reaches_image() {
+            let ray = bundle.ray(r);
+            let to_image = -ray.position[2] / ray.direction[2];
+            let position = along(ray.position, to_image, ray.direction);
+            bundle.set(r, Ray { position, ..ray }, bundle.fate[r]);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! One ray through one surface: meet it, lose light at its edge, refract.
+
+use super::ray::{Fate, Ray, Vec3, along, dot};
+use super::sequence::SurfaceAtWavelength;
+
+/// Half-width of the soft edge of a clear aperture, mm: transmission falls smoothly from one to zero
+/// between `semi - SOFT_EDGE_MM` and `semi + SOFT_EDGE_MM`, so that vignetting has a gradient.
+pub const SOFT_EDGE_MM: f64 = 0.02;
+
+/// Newton steps allowed for an asphere; a well-posed ray needs three or four.
+const MAX_NEWTON: usize = 30;
+
+/// A step below this length, plus this share of the path, ends Newton's iteration, mm.
+const NEWTON_TOLERANCE: f64 = 1e-13;
+
+/// What happened at one surface, kept for the adjoint.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage {
+    /// Direction in front of the surface.
+    pub direction_before: Vec3,
+    /// Direction behind it.
+    pub direction_after: Vec3,
+    /// Point on the surface, in its own vertex coordinates, mm.
+    pub point: Vec3,
+    /// Path travelled from the entry point to `point`, mm.
+    pub path_mm: f64,
+    /// Slopes of the sag: dz/dx, dz/dy.
+    pub slope: [f64; 2],
+}
+
+/// Transmission of a clear aperture at `radius_mm`, and its derivative with respect to the radius.
+///
+/// A smooth step `T(s) = 1/2 - 3/4 s + 1/4 s^3` in `s = (radius - semi) / SOFT_EDGE_MM`, |s| <= 1.
+#[inline]
+pub fn aperture_transmission(radius_mm: f64, semi_diameter_mm: f64) -> (f64, f64) {
+    let s = (radius_mm - semi_diameter_mm) / SOFT_EDGE_MM;
+    if s <= -1.0 {
+        (1.0, 0.0)
+    } else if s >= 1.0 {
+        (0.0, 0.0)
+    } else {
+        (0.5 - 0.75 * s + 0.25 * s * s * s, 0.75 * (s * s - 1.0) / SOFT_EDGE_MM)
+    }
+}
+
+/// Path along `ray` to the conic part of the surface, starting from any point of the ray.
+///
+/// The quadratic `A t^2 - 2 B t + C = 0` with `A = c (1 + k n^2)`, `B = n - c (p.d + k z n)`,
+/// `C = c (p.p + k z^2) - 2 z` is solved in the form `t = C / (B + sqrt(B^2 - A C))`, which stays
+/// exact as the curvature goes to zero. Source: Welford, Aberrations of Optical Systems, ch. 4.
+#[inline]
+fn conic_path(s: &SurfaceAtWavelength, ray: &Ray) -> Option<f64> {
+    let (c, k) = (s.shape.curvature, s.shape.conic);
+    let (p, d) = (ray.position, ray.direction);
+    let a = c * (1.0 + k * d[2] * d[2]);
+    let b = d[2] - c * (dot(p, d) + k * p[2] * d[2]);
+    let q = c * (dot(p, p) + k * p[2] * p[2]) - 2.0 * p[2];
+    let discriminant = b * b - a * q;
+    if discriminant < 0.0 {
+        return None;
+    }
+    let denominator = b + discriminant.sqrt();
+    (denominator > 0.0).then(|| q / denominator)
+}
+
+/// Where the ray meets the surface: path from the ray's point, the point, and the sag slopes.
+#[inline]
+fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])> {
+    // Meet the conic; an asphere's polynomial may bend it where the conic has already ended, so
+    // Newton starts from the vertex plane there.
+    let start = conic_path(s, ray);
+    let slope_at = |q: Vec3| s.shape.jet(q[0] * q[0] + q[1] * q[1]);
+    if s.is_conic {
+        let path = start?;
+        let point = along(ray.position, path, ray.direction);
+        let first = slope_at(point)?.first;
+        return Some((path, point, [2.0 * point[0] * first, 2.0 * point[1] * first]));
+    }
+    // Walk along the ray until it meets the asphere: F(t) = z(t) - sag(r(t)^2), F' = N . d.
+    let mut path = start.unwrap_or(-ray.position[2] / ray.direction[2]);
+    for _ in 0..MAX_NEWTON {
+        let point = along(ray.position, path, ray.direction);
+        let jet = slope_at(point)?;
+        let slope = [2.0 * point[0] * jet.first, 2.0 * point[1] * jet.first];
+        let rate =
+            ray.direction[2] - slope[0] * ray.direction[0] - slope[1] * ray.direction[1];
+        let step = (point[2] - jet.sag) / rate;
+        if !step.is_finite() {
+            return None;
+        }
+        path -= step;
+        if step.abs() < NEWTON_TOLERANCE * (1.0 + path.abs()) {
+            let point = along(ray.position, path, ray.direction);
+            let first = slope_at(point)?.first;
+            return (rate > 0.0)
+                .then_some((path, point, [2.0 * point[0] * first, 2.0 * point[1] * first]));
+        }
+    }
+    None
+}
+
+/// Carries a ray, given in the surface's vertex coordinates, through the surface.
+///
+/// Snell's law in vector form, `d' = mu d + (sqrt(1 - mu^2 (1 - cos^2)) - mu cos) n`, with
+/// `mu = n_before / n_after`, `n` the unit normal along +z and `cos = n . d`.
+#[inline]
+pub(crate) fn pass(
+    s: &SurfaceAtWavelength,
+    index: usize,
+    ray: &Ray,
+) -> Result<Passage, Fate> {
+    let (path_mm, point, slope) = intersect(s, ray).ok_or(Fate::Missed(index))?;
+    let normal = unit_normal(slope).0;
+    let mu = s.n_before / s.n_after;
+    let cos = dot(normal, ray.direction);
+    let under = 1.0 - mu * mu * (1.0 - cos * cos);
+    if under < 0.0 {
+        return Err(Fate::TotalReflection(index));
+    }
+    let bend = under.sqrt() - mu * cos;
+    let d = ray.direction;
+    let direction_after = along([mu * d[0], mu * d[1], mu * d[2]], bend, normal);
+    Ok(Passage { direction_before: d, direction_after, point, path_mm, slope })
+}
+
+/// Unit normal along +z of a surface with these sag slopes, and the length of `(-z_x, -z_y, 1)`.
+#[inline]
+pub(crate) fn unit_normal(slope: [f64; 2]) -> (Vec3, f64) {
+    let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+    ([-slope[0] / length, -slope[1] / length, 1.0 / length], length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn soft_edge_is_smooth_and_monotonic() {
+        let semi = 3.0;
+        assert_eq!(aperture_transmission(semi - SOFT_EDGE_MM, semi).0, 1.0);
+        assert_eq!(aperture_transmission(semi + SOFT_EDGE_MM, semi).0, 0.0);
+        assert!((aperture_transmission(semi, semi).0 - 0.5).abs() < 1e-15);
+        let h = 1e-6;
+        for i in -9..=9 {
+            let r = semi + 0.1 * f64::from(i) * SOFT_EDGE_MM;
+            let numeric = (aperture_transmission(r + h, semi).0
+                - aperture_transmission(r - h, semi).0)
+                / (2.0 * h);
+            assert!((aperture_transmission(r, semi).1 - numeric).abs() < 1e-5);
+        }
+    }
+}

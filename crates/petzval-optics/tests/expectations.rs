@@ -1,0 +1,62 @@
+//! Every lens of the library measures what its file expects of it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use petzval_optics::format::{Expected, parse_lens};
+use petzval_optics::glass::Catalog;
+use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::Quadrature;
+use petzval_optics::spot::{rms_spot_paraxial_pupil, spot};
+
+fn files(folder: &str) -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
+    let mut files: Vec<PathBuf> = fs::read_dir(root)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn first_order_and_spots_are_as_published() {
+    let mut catalog = Catalog::default();
+    for path in files("glasses") {
+        catalog.merge(Catalog::parse(&fs::read_to_string(path).unwrap()).unwrap());
+    }
+    let quadrature = Quadrature::grid(64).unwrap();
+    let (mut lenses, mut spots) = (0, 0);
+    for path in files("lenses") {
+        let file = parse_lens(&fs::read_to_string(&path).unwrap(), &catalog).unwrap();
+        let (name, lens) = (path.display(), &file.lens);
+        let expect = file.expect.as_ref().unwrap_or_else(|| panic!("{name}: no [expect]"));
+        let order = first_order(&lens.at_wavelength(lens.reference_um));
+        let track = lens.total_track_mm() - lens.image_distance_mm() + order.image_distance_mm;
+        let check = |what: &str, wanted: Option<Expected>, found: f64| {
+            if let Some(wanted) = wanted {
+                assert!(wanted.agrees(found), "{name}: {what} {found}, expected {wanted:?}");
+            }
+        };
+        assert!(expect.efl_mm.is_some() && expect.bfl_mm.is_some(), "{name}");
+        check("EFL", expect.efl_mm, order.efl_mm);
+        check("BFL", expect.bfl_mm, order.bfl_mm);
+        check("f-number", expect.f_number, order.f_number);
+        check("track", expect.total_track_mm, track);
+        lenses += 1;
+        if let Some(wanted) = &expect.rms_spot_um {
+            for (field, um) in lens.fields_deg.iter().zip(&wanted.values_um) {
+                let found = rms_spot_paraxial_pupil(lens, field.to_radians(), &quadrature).unwrap();
+                let off = (found - um).abs() / um;
+                assert!(off <= wanted.relative_tolerance, "{name}: {field} deg: {found} for {um} um");
+                spots += 1;
+            }
+        }
+        // Light through the real stop arrives at every field that the file lists.
+        for field in &lens.fields_deg {
+            assert!(spot(lens, field.to_radians(), &quadrature).is_some(), "{name}: {field} deg");
+        }
+    }
+    assert!(lenses >= 8 && spots >= 4, "{lenses} lenses, {spots} spots");
+}

@@ -1,0 +1,241 @@
+//! The adjoint against central differences, for every number of the lens.
+
+mod common;
+
+use common::nominal_triplet;
+use petzval_optics::constraint::{Clearances, clearance_penalty};
+use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Variable};
+use petzval_optics::gradient::LensGradient;
+use petzval_optics::glass::{Dispersion, Glass};
+use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::paraxial::{
+    FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
+};
+use petzval_optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
+use petzval_optics::pupil::Quadrature;
+use petzval_optics::spot::{mean_square_spot, spot};
+
+/// A number of the lens: how to shift it, by how much, and where its derivative is.
+struct Knob {
+    name: String,
+    step: f64,
+    shift: Box<dyn Fn(&mut Lens, f64)>,
+    read: Box<dyn Fn(&LensGradient) -> f64>,
+}
+
+fn knobs(lens: &Lens) -> Vec<Knob> {
+    let mut all: Vec<Knob> = Vec::new();
+    for i in 0..lens.surfaces.len() {
+        let mut add = |name: &str, step: f64, shift: Box<dyn Fn(&mut Lens, f64)>, read: Box<dyn Fn(&LensGradient) -> f64>| {
+            all.push(Knob { name: format!("surface {} {name}", i + 1), step, shift, read });
+        };
+        add("thickness", 1e-5, Box::new(move |l, h| l.surfaces[i].thickness_mm += h), Box::new(move |g| g.surfaces[i].thickness));
+        if i != lens.stop {
+            add("curvature", 1e-7, Box::new(move |l, h| l.surfaces[i].shape.curvature += h), Box::new(move |g| g.surfaces[i].curvature));
+            add("conic", 1e-4, Box::new(move |l, h| l.surfaces[i].shape.conic += h), Box::new(move |g| g.surfaces[i].conic));
+            for j in 0..8 {
+                // A shift that moves the surface by 2e-5 mm at its rim.
+                let step = 2e-5 * lens.surfaces[i].semi_diameter_mm.powi(-2 * (j as i32 + 1));
+                add(&format!("a{}", 2 * (j + 1)), step, Box::new(move |l, h| l.surfaces[i].shape.asphere[j] += h), Box::new(move |g| g.surfaces[i].asphere[j]));
+            }
+            add("clear semi-diameter", 1e-5, Box::new(move |l, h| l.surfaces[i].semi_diameter_mm += h), Box::new(move |g| g.surfaces[i].semi_diameter));
+        }
+        if !lens.surfaces[i].glass.is_air() {
+            add("index", 1e-6, Box::new(move |l, h| shift_index(l, i, h)), Box::new(move |g| g.surfaces[i].index));
+        }
+    }
+    all.push(Knob {
+        name: "entrance pupil".into(),
+        step: 1e-5,
+        shift: Box::new(|l, h| l.entrance_pupil_mm += h),
+        read: Box::new(|g| g.entrance_pupil),
+    });
+    all
+}
+
+/// Shifts the index of the medium behind a surface by h at every wavelength.
+fn shift_index(lens: &mut Lens, surface: usize, h: f64) {
+    let glass = lens.surfaces[surface].glass.clone();
+    let at: Vec<f64> = [lens.wavelengths_um.clone(), vec![lens.reference_um]].concat();
+    let mut at = at;
+    at.sort_by(f64::total_cmp);
+    let index = at.iter().map(|w| glass.index(*w) + h).collect();
+    lens.surfaces[surface].glass = std::sync::Arc::new(Glass {
+        name: glass.name.clone(),
+        dispersion: Dispersion::Table { wavelength_um: at, index },
+    });
+}
+
+/// Compares with fourth-order central differences, each knob's step times `step`; `tolerance` is
+/// relative to the derivative, after what the rounding of the loss can explain.
+fn check(
+    lens: &Lens,
+    gradient: &LensGradient,
+    loss: &dyn Fn(&Lens) -> f64,
+    step: f64,
+    tolerance: f64,
+) {
+    let mut worst = (0.0, String::new());
+    for knob in knobs(lens) {
+        let at = |h: f64| {
+            let mut moved = lens.clone();
+            (knob.shift)(&mut moved, h);
+            loss(&moved)
+        };
+        let h = step * knob.step;
+        let numeric =
+            (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+        let analytic = (knob.read)(gradient);
+        // Rounding of the loss (1e-13 of it) limits what a difference can show.
+        let rounding = 1e-13 * loss(lens).abs() / h;
+        let error = (analytic - numeric).abs() - 20.0 * rounding;
+        let relative = error / analytic.abs().max(1e-12);
+        if relative > worst.0 {
+            worst = (relative, format!("{}: {analytic:e} against {numeric:e}", knob.name));
+        }
+    }
+    assert!(worst.0 < tolerance, "{:e} at {}", worst.0, worst.1);
+}
+
+fn near(mut lens: Lens) -> Lens {
+    lens.object = ObjectDistance::Finite(400.0);
+    lens.with_image_distance(26.2)
+}
+
+#[test]
+fn rms_spot() {
+    let quadrature = Quadrature::grid(12).unwrap();
+    for lens in [nominal_triplet(), near(nominal_triplet())] {
+        let fields: Vec<f64> = [0.0, 7.0, 14.0].map(f64::to_radians).to_vec();
+        let value = |l: &Lens| mean_square_spot(l, &fields, &quadrature).unwrap().0;
+        let (_, gradient) = mean_square_spot(&lens, &fields, &quadrature).unwrap();
+        check(&lens, &gradient, &value, 1.0, 1e-6);
+    }
+}
+
+#[test]
+fn rms_spot_with_vignetting() {
+    let quadrature = Quadrature::grid(40).unwrap();
+    let mut lens = nominal_triplet();
+    lens.surfaces[0].semi_diameter_mm = 6.6;
+    lens.surfaces[5].semi_diameter_mm = 3.1;
+    let fields: Vec<f64> = [14.0_f64.to_radians()].to_vec();
+    let spot = spot(&lens, fields[0], &quadrature).unwrap();
+    assert!(spot.illumination[1] < 0.8, "{:?}", spot.illumination);
+    let value = |l: &Lens| mean_square_spot(l, &fields, &quadrature).unwrap().0;
+    let (_, gradient) = mean_square_spot(&lens, &fields, &quadrature).unwrap();
+    check(&lens, &gradient, &value, 1.0, 1e-5);
+}
+
+#[test]
+fn psf_loss() {
+    let quadrature = Quadrature::grid(24).unwrap();
+    let options = PsfOptions::default();
+    for (lens, field) in [
+        (nominal_triplet(), 9.0_f64.to_radians()),
+        (near(nominal_triplet()), 9.0_f64.to_radians()),
+    ] {
+        // A smooth template makes the loss smooth too: fit the PSF to a wide Gaussian off centre.
+        let template: Vec<f64> = (0..128 * 128)
+            .map(|i| {
+                let (x, y) = (f64::from(i % 128) - 60.0, f64::from(i / 128) - 66.0);
+                (-(x * x + y * y) / 800.0).exp()
+            })
+            .collect();
+        let loss = |l: &Lens| -> f64 {
+            let p = psf(l, field, &l.wavelengths_um, &quadrature, &options).unwrap();
+            let correlation: f64 = p
+                .values
+                .iter()
+                .map(|v| v.iter().zip(&template).map(|(a, b)| a * b).sum::<f64>())
+                .sum();
+            correlation + 0.3 * p.illumination.iter().map(|i| i * i).sum::<f64>()
+        };
+        let (p, tape) =
+            psf_with_tape(&lens, field, &lens.wavelengths_um, &quadrature, &options).unwrap();
+        let cotangent = PsfCotangent {
+            values: vec![template.clone(); 3],
+            illumination: p.illumination.iter().map(|i| 0.6 * i).collect(),
+        };
+        let gradient = tape.gradient(&quadrature, &cotangent);
+        // The splat's second derivative jumps between cells, so differences need short steps.
+        check(&lens, &gradient, &loss, 0.1, 1e-6);
+    }
+}
+
+#[test]
+fn first_order_properties() {
+    let lens = nominal_triplet();
+    let loss = |l: &Lens| {
+        let order = first_order(&l.at_wavelength(l.reference_um));
+        order.efl_mm + 0.5 * order.bfl_mm + 3.0 * order.stop_radius_mm
+    };
+    let mut gradient = LensGradient::zero(7);
+    let wish = FirstOrderCotangent { efl: 1.0, bfl: 0.5, stop_radius: 3.0 };
+    pull_back_first_order(&lens.at_wavelength(lens.reference_um), wish, &mut gradient);
+    check(&lens, &gradient, &loss, 1.0, 1e-6);
+
+    let lens = near(lens);
+    let loss = |l: &Lens| first_order(&l.at_wavelength(l.reference_um)).image_distance_mm;
+    let mut gradient = LensGradient::zero(7);
+    pull_back_image_distance(&lens.at_wavelength(lens.reference_um), 1.0, &mut gradient);
+    check(&lens, &gradient, &loss, 1.0, 1e-6);
+}
+
+#[test]
+fn clearances() {
+    let lens = nominal_triplet();
+    let wanted = Clearances { element_edge_mm: 6.0, air_gap_mm: 4.0, back_focal_mm: 30.0 };
+    let (value, gradient) = clearance_penalty(&lens, &wanted);
+    assert!(value > 1.0);
+    // The semi-diameter is where the edge is measured, not a variable of the penalty.
+    let mut lens = lens;
+    lens.entrance_pupil_mm = 5.7;
+    let loss = |l: &Lens| {
+        let mut same = l.clone();
+        for (a, b) in same.surfaces.iter_mut().zip(&lens.surfaces) {
+            a.semi_diameter_mm = b.semi_diameter_mm;
+        }
+        clearance_penalty(&same, &wanted).0
+    };
+    check(&lens, &gradient, &loss, 1.0, 1e-6);
+}
+
+#[test]
+fn free_coordinates_with_solves() {
+    let lens = nominal_triplet();
+    let variable = |surface, parameter, min, max| Variable { surface, parameter, min, max };
+    let space = DesignSpace::new(
+        lens.clone(),
+        vec![
+            variable(0, Parameter::Radius, 9.85, 14.98),
+            variable(0, Parameter::Conic, -0.49, 0.29),
+            variable(1, Parameter::Thickness, 4.58, 10.11),
+            variable(5, Parameter::Asphere(2), -4.99e-3, 4.99e-3),
+            variable(5, Parameter::Asphere(10), -2.33e-8, 8.8e-10),
+        ],
+        Some(EflSolve { surface: 6, efl_mm: 25.0 }),
+        Focus::Paraxial { range_mm: 0.5 },
+    )
+    .unwrap();
+    let quadrature = Quadrature::grid(12).unwrap();
+    let fields = [0.1];
+    let x = space.start().to_vec();
+    let at = space.lens_at(&x).unwrap();
+    let order = first_order(&at.at_wavelength(at.reference_um));
+    assert!((order.efl_mm - 25.0).abs() < 1e-10);
+    let (_, gradient) = mean_square_spot(&at, &fields, &quadrature).unwrap();
+    let analytic = space.pull_back(&x, &at, &gradient);
+    assert_eq!(analytic.len(), 6);
+    for i in 0..x.len() {
+        let value = |h: f64| {
+            let mut moved = x.clone();
+            moved[i] += h;
+            mean_square_spot(&space.lens_at(&moved).unwrap(), &fields, &quadrature).unwrap().0
+        };
+        let h = 1e-5;
+        let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
+        let relative = (analytic[i] - numeric).abs() / numeric.abs();
+        assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
+    }
+}

@@ -1,0 +1,83 @@
+//! `petzval doctor`: what this machine and this build offer.
+
+use std::process::ExitCode;
+
+use petzval::built_in_assets;
+use serde_json::json;
+
+use super::{Failure, device, print_json};
+
+/// Say what this machine and this build offer.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// The widest vector unit that the CPU reports.
+pub fn simd_level() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            return "avx512";
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return "avx2";
+        }
+        "sse2"
+    }
+    #[cfg(target_arch = "aarch64")]
+    {
+        "neon"
+    }
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    {
+        "scalar"
+    }
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let assets = built_in_assets();
+    let devices = device::compiled_in();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let (lenses, sensors) = (assets.names("lenses"), assets.names("sensors"));
+    let experiments = assets.names("experiments");
+    if args.json {
+        return print_json(&json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "os": std::env::consts::OS,
+            "architecture": std::env::consts::ARCH,
+            "simd": simd_level(),
+            "cores": cores,
+            "threads": rayon::current_num_threads(),
+            "devices": devices.iter().map(|d| d.0).collect::<Vec<_>>(),
+            "lenses": lenses,
+            "sensors": sensors,
+            "experiments": experiments,
+        }));
+    }
+    println!("petzval      {}", env!("CARGO_PKG_VERSION"));
+    println!("system       {} {}", std::env::consts::OS, std::env::consts::ARCH);
+    println!("SIMD         {}", simd_level());
+    println!("threads      {} of {cores} cores", rayon::current_num_threads());
+    for (name, what) in devices {
+        println!("device       {name}: {what}");
+    }
+    println!("lenses       {}", lenses.join(", "));
+    println!("sensors      {}", sensors.join(", "));
+    println!("experiments  {}", experiments.join(", "));
+    // Every built-in file must be readable by this build.
+    for lens in &lenses {
+        assets.lens(lens)?;
+    }
+    for sensor in &sensors {
+        assets.sensor(sensor)?;
+    }
+    for experiment in &experiments {
+        assets.experiment(experiment)?;
+    }
+    println!("built-in files: all readable");
+    Ok(ExitCode::SUCCESS)
+}

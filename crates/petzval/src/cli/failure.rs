@@ -1,0 +1,82 @@
+//! Failures as a user sees them: what is wrong, where in which file, and a hint; with the exit code.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use miette::{LabeledSpan, MietteDiagnostic, NamedSource, Report};
+use petzval::design::error::DesignError;
+use petzval::optics::format::FileError;
+
+/// The job failed.
+const EXIT_JOB: u8 = 1;
+/// Bad usage or bad input.
+const EXIT_INPUT: u8 = 2;
+
+/// Why the command ends without success.
+#[derive(Debug)]
+pub struct Failure {
+    report: Report,
+    code: u8,
+}
+
+impl Failure {
+    /// The job failed, though it was asked for properly.
+    pub fn job(message: impl Into<String>) -> Self {
+        Self { report: Report::new(MietteDiagnostic::new(message)), code: EXIT_JOB }
+    }
+
+    /// What was asked for, or a file, is wrong.
+    pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
+        let diagnostic = MietteDiagnostic::new(message).with_help(hint);
+        Self { report: Report::new(diagnostic), code: EXIT_INPUT }
+    }
+
+    /// Prints the failure on stderr; returns its exit code.
+    pub fn report(self) -> ExitCode {
+        eprintln!("{:?}", self.report);
+        ExitCode::from(self.code)
+    }
+
+    fn in_file(path: &Path, error: &FileError) -> Self {
+        let place = match (error.line, error.column) {
+            (Some(line), Some(column)) => format!("{}:{line}:{column}", path.display()),
+            (Some(line), None) => format!("{}:{line}", path.display()),
+            _ => path.display().to_string(),
+        };
+        let said = match (error.key.is_empty(), error.value.is_empty()) {
+            (false, false) => format!("`{} = {}`: ", error.key, error.value),
+            (false, true) => format!("`{}`: ", error.key),
+            (true, false) => format!("`{}`: ", error.value),
+            (true, true) => String::new(),
+        };
+        let mut diagnostic = MietteDiagnostic::new(format!("{place}: {said}{}", error.message));
+        if let Some(hint) = &error.hint {
+            diagnostic = diagnostic.with_help(hint.clone());
+        }
+        // Show the line itself, if the file is still there to be read.
+        let text = std::fs::read_to_string(path).ok();
+        let report = match (text, error.line) {
+            (Some(text), Some(line)) => {
+                let start: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+                let length = text[start..].lines().next().map_or(0, str::len);
+                let label = LabeledSpan::at(start..start + length, "here");
+                Report::new(diagnostic.with_label(label))
+                    .with_source_code(NamedSource::new(path.display().to_string(), text))
+            }
+            _ => Report::new(diagnostic),
+        };
+        Self { report, code: EXIT_INPUT }
+    }
+}
+
+impl From<DesignError> for Failure {
+    fn from(error: DesignError) -> Self {
+        match &error {
+            DesignError::Input { path, error } => Self::in_file(path, error),
+            _ => {
+                let code = if error.is_input() { EXIT_INPUT } else { EXIT_JOB };
+                Self { report: Report::new(MietteDiagnostic::new(error.to_string())), code }
+            }
+        }
+    }
+}

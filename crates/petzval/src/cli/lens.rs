@@ -1,0 +1,27 @@
+//! `petzval lens`: look at a lens.
+
+mod show;
+mod trace;
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+
+use super::Failure;
+
+/// Verbs about a lens.
+#[derive(Debug, Subcommand)]
+pub enum LensVerb {
+    /// Prescription, first-order properties, Seidel sums and RMS spots
+    Show(show::Args),
+    /// One ray through every surface
+    Trace(trace::Args),
+}
+
+/// Runs a verb.
+pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
+    match verb {
+        LensVerb::Show(args) => show::run(&args),
+        LensVerb::Trace(args) => trace::run(&args),
+    }
+}

@@ -1,0 +1,172 @@
+//! `petzval lens show`: what a lens is, in numbers.
+
+use std::process::ExitCode;
+
+use petzval::built_in_assets;
+use petzval::optics::lens::{Lens, ObjectDistance};
+use petzval::optics::paraxial::{FirstOrder, first_order};
+use petzval::optics::pupil::Quadrature;
+use petzval::optics::seidel::seidel_total;
+use petzval::optics::spot::{FieldSpot, rms_spot_paraxial_pupil, spot};
+use serde_json::{Value, json};
+
+use crate::cli::{Failure, print_json};
+
+/// Pupil cells a side: spot radii are then good to 0.1 %.
+const PUPIL_CELLS: usize = 64;
+
+/// Show a lens: a file, or the name of a built-in one.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Lens file, or a built-in name such as cooke-triplet-nominal
+    lens: String,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Everything that is shown.
+struct Figures {
+    order: FirstOrder,
+    seidel: [f64; 5],
+    /// Through the real stop, weighed by the light of each ray.
+    spots: Vec<FieldSpot>,
+    /// Over the paraxial entrance pupil, as tables print it, um.
+    printed_um: Vec<f64>,
+}
+
+fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
+    let reference = lens.at_wavelength(lens.reference_um);
+    let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| Failure::job(e.to_string()))?;
+    let full_field = lens.fields_deg.last().copied().unwrap_or(0.0).to_radians();
+    let (mut spots, mut printed_um) = (Vec::new(), Vec::new());
+    for field_deg in &lens.fields_deg {
+        let field = field_deg.to_radians();
+        let (Some(real), Some(printed)) =
+            (spot(lens, field, &quadrature), rms_spot_paraxial_pupil(lens, field, &quadrature))
+        else {
+            return Err(Failure::input(
+                format!("{name}: at {field_deg} degrees no ray reaches the image"),
+                "a surface is missed, or a clear semi-diameter blocks the whole beam",
+            ));
+        };
+        spots.push(real);
+        printed_um.push(printed);
+    }
+    Ok(Figures {
+        order: first_order(&reference),
+        seidel: seidel_total(&reference, full_field).s,
+        spots,
+        printed_um,
+    })
+}
+
+/// Runs the verb.
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    let lens = built_in_assets().lens(&args.lens)?.lens;
+    let found = figures(&args.lens, &lens)?;
+    if args.json {
+        return print_json(&to_json(&lens, &found));
+    }
+    print(&lens, &found);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn to_json(lens: &Lens, found: &Figures) -> Value {
+    let o = &found.order;
+    let spots = || found.spots.iter();
+    json!({
+        "name": lens.name,
+        "source": lens.source,
+        "efl_mm": o.efl_mm,
+        "bfl_mm": o.bfl_mm,
+        "f_number": o.f_number,
+        "epd_mm": lens.entrance_pupil_mm,
+        // To the paraxial focus, as lens tables print it; the image plane may be defocused from it.
+        "total_track_mm": lens.total_track_mm() - lens.image_distance_mm() + o.image_distance_mm,
+        "image_distance_mm": lens.image_distance_mm(),
+        "defocus_mm": lens.image_distance_mm() - o.image_distance_mm,
+        "entrance_pupil_from_first_vertex_mm": o.entrance_pupil_at_mm,
+        "exit_pupil_from_last_vertex_mm": o.exit_pupil_at_mm,
+        "exit_pupil_mm": o.exit_pupil_mm,
+        "reference_um": lens.reference_um,
+        "wavelengths_um": lens.wavelengths_um,
+        "fields_deg": lens.fields_deg,
+        // Over the paraxial entrance pupil, all wavelengths together.
+        "rms_spot_poly_um": found.printed_um,
+        // Through the real stop, weighed by light: what the sensor sees.
+        "rms_spot_um": spots().map(|s| s.rms_um.clone()).collect::<Vec<_>>(),
+        "rms_spot_poly_real_stop_um": spots().map(|s| s.rms_poly_um).collect::<Vec<_>>(),
+        "relative_illumination": spots().map(|s| s.illumination.clone()).collect::<Vec<_>>(),
+        "seidel": {
+            "S1": found.seidel[0], "S2": found.seidel[1], "S3": found.seidel[2],
+            "S4": found.seidel[3], "S5": found.seidel[4],
+        },
+        "surfaces": lens.surfaces.iter().enumerate().map(|(i, s)| json!({
+            "surface": i + 1,
+            "label": s.label,
+            "radius_mm": (s.shape.curvature != 0.0).then(|| 1.0 / s.shape.curvature),
+            "conic": s.shape.conic,
+            "asphere_a2_to_a16": s.shape.asphere,
+            "thickness_mm": s.thickness_mm,
+            "glass": s.glass.name,
+            "nd": s.glass.nd(),
+            "vd": (!s.glass.is_air()).then(|| s.glass.abbe_vd()),
+            "semi_diameter_mm": s.semi_diameter_mm,
+            "stop": i == lens.stop,
+        })).collect::<Vec<_>>(),
+    })
+}
+
+fn print(lens: &Lens, found: &Figures) {
+    let o = &found.order;
+    println!("{}", lens.name);
+    println!("\n  #  radius mm    conic  thickness mm  glass       nd       Vd   semi mm");
+    for (i, s) in lens.surfaces.iter().enumerate() {
+        let radius = match s.shape.curvature {
+            0.0 => "plane".to_owned(),
+            c => format!("{:.4}", 1.0 / c),
+        };
+        let glass = if s.glass.is_air() {
+            format!("{:<10} {:>7} {:>7}", "", "", "")
+        } else {
+            format!("{:<10} {:>7.5} {:>7.2}", s.glass.name, s.glass.nd(), s.glass.abbe_vd())
+        };
+        let stop = if i == lens.stop { "  stop" } else { "" };
+        println!(
+            "{:>3} {radius:>10} {:>8.4} {:>13.4}  {glass} {:>8.3}{stop}",
+            i + 1,
+            s.shape.conic,
+            s.thickness_mm,
+            s.semi_diameter_mm
+        );
+        let terms: Vec<String> = (0..s.shape.asphere.len())
+            .filter(|j| s.shape.asphere[*j] != 0.0)
+            .map(|j| format!("a{} = {:.4e}", 2 * (j + 1), s.shape.asphere[j]))
+            .collect();
+        if !terms.is_empty() {
+            println!("{:>14} {}", "asphere:", terms.join("  "));
+        }
+    }
+    let object = match lens.object {
+        ObjectDistance::Infinity => "at infinity".to_owned(),
+        ObjectDistance::Finite(d) => format!("{d} mm before the first vertex"),
+    };
+    println!("\n  object              {object}");
+    println!("  focal length        {:>9.4} mm at {} um", o.efl_mm, lens.reference_um);
+    println!("  back focal length   {:>9.4} mm", o.bfl_mm);
+    println!("  f-number            {:>9.4}    entrance pupil {} mm", o.f_number, lens.entrance_pupil_mm);
+    let track = lens.total_track_mm() - lens.image_distance_mm() + o.image_distance_mm;
+    println!("  total track         {track:>9.4} mm to the paraxial focus");
+    let defocus = lens.image_distance_mm() - o.image_distance_mm;
+    println!("  image plane         {defocus:>+9.4} mm from the paraxial focus");
+    let [s1, s2, s3, s4, s5] = found.seidel;
+    println!("\n  Seidel sums, mm     S1 {s1:+.5}  S2 {s2:+.5}  S3 {s3:+.5}  S4 {s4:+.5}  S5 {s5:+.5}");
+    println!("\n  RMS spot radius, um, all wavelengths");
+    println!("  field deg   paraxial pupil   real stop   illumination");
+    for (s, printed) in found.spots.iter().zip(&found.printed_um) {
+        let light = s.illumination.iter().sum::<f64>() / s.illumination.len() as f64;
+        let (field, real) = (s.field_rad.to_degrees(), s.rms_poly_um);
+        println!("  {field:>9.2}   {printed:>14.2}   {real:>9.2}   {light:>12.3}");
+    }
+}

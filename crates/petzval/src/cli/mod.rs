@@ -1,0 +1,86 @@
+//! The command line: one file per verb. Data goes to stdout, everything else to stderr.
+//!
+//! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
+
+mod bench;
+mod design;
+mod device;
+mod doctor;
+mod evaluate;
+mod failure;
+mod lens;
+mod psf;
+mod report;
+mod simulate;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use failure::Failure;
+
+/// Stopped by a signal after writing a checkpoint (EX_TEMPFAIL of sysexits).
+pub const EXIT_STOPPED: u8 = 75;
+
+/// Design a camera as one thing: lens, sensor, development and network, optimised together by gradient.
+///
+/// `petzval design` runs the built-in experiment: a Cooke triplet, a Sony IMX249 and a small network,
+/// designed end to end for image quality, against two controls. Every other verb shows one stage of the
+/// same light path.
+#[derive(Debug, Parser)]
+#[command(name = "petzval", version, propagate_version = true)]
+pub struct Cli {
+    /// Threads to use; 0 means one per core. Results do not depend on it.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Design lens and network together, and compare with two controls
+    Design(design::Args),
+    /// Write the report of a run again
+    Report(report::Args),
+    /// Score the cameras of a run again, with exact optics
+    Evaluate(evaluate::Args),
+    /// Look at a lens
+    #[command(subcommand)]
+    Lens(lens::LensVerb),
+    /// Write the point-spread functions of a lens
+    Psf(psf::Args),
+    /// Take photographs through a lens: photograph, raw frame, developed picture
+    Simulate(simulate::Args),
+    /// Measure standard workloads
+    Bench(bench::Args),
+    /// Say what this machine offers
+    Doctor(doctor::Args),
+}
+
+/// Runs a parsed command line.
+pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    if cli.threads > 0 {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(cli.threads)
+            .build_global()
+            .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
+    }
+    match cli.verb {
+        Verb::Design(args) => design::run(args),
+        Verb::Report(args) => report::run(args),
+        Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Lens(verb) => lens::run(verb),
+        Verb::Psf(args) => psf::run(args),
+        Verb::Simulate(args) => simulate::run(args),
+        Verb::Bench(args) => bench::run(args),
+        Verb::Doctor(args) => doctor::run(args),
+    }
+}
+
+/// Prints a JSON value on stdout, indented.
+fn print_json(value: &serde_json::Value) -> Result<ExitCode, Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Failure::job(e.to_string()))?;
+    println!("{text}");
+    Ok(ExitCode::SUCCESS)
+}

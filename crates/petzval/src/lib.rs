@@ -1,0 +1,14 @@
+//! Petzval designs a camera as one thing: lens, sensor, development and network, by gradient.
+//!
+//! This crate is the facade over the light path, in the order that light takes it, and the `petzval`
+//! command. [`optics`] traces the lens, [`camera`] renders, exposes and develops the picture, [`learn`]
+//! holds networks and losses, [`design`] moves everything together.
+
+pub use petzval_camera as camera;
+pub use petzval_design as design;
+pub use petzval_learn as learn;
+pub use petzval_optics as optics;
+
+mod embedded;
+
+pub use embedded::built_in_assets;
