@@ -71,9 +71,9 @@ pub enum DesignError {
     /// The loss could not be computed.
     #[error(transparent)]
     Loss(#[from] petzval_learn::loss::LossError),
-    /// Weights could not be saved or loaded.
-    #[error("network weights: {0}")]
-    Weights(String),
+    /// The task could not be made, computed, kept or restored.
+    #[error(transparent)]
+    Task(#[from] petzval_learn::task::TaskError),
     /// A tensor could not be brought back from the device.
     #[error("reading a result back from the device failed: {0}")]
     Device(String),

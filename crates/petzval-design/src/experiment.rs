@@ -233,16 +233,6 @@ impl Experiment {
                 return Err(FileError::at_key(text, &[table, key], "must be even").hint(format!("take {}", value + 1)));
             }
         }
-        let halvings = 1 << self.network.levels;
-        for (table, key, value) in
-            [("training", "crop", self.training.crop), ("scoring", "crop", self.scoring.crop)]
-        {
-            if value % halvings != 0 {
-                let message = format!("must be a multiple of {halvings} for {} levels", self.network.levels);
-                let hint = format!("take {}", value.next_multiple_of(halvings));
-                return Err(FileError::at_key(text, &[table, key], message).hint(hint));
-            }
-        }
         Ok(())
     }
 

@@ -1,1 +1,22 @@
-//! placeholder
+//! The joint optimisation of lens and network.
+//!
+//! An [`experiment`] says what is designed; [`setup`] turns its names into values; the [`design_loop`] lets
+//! blocks take turns, with [`optics`] where the lens meets the picture and [`light_path`] where the picture is
+//! taken; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`report`] shows it.
+
+pub mod adam;
+pub mod assets;
+pub mod cameras;
+pub mod design_loop;
+pub mod error;
+pub mod experiment;
+pub mod light_path;
+pub mod optics;
+pub mod pictures;
+pub mod psf_sheet;
+pub mod report;
+pub mod run;
+pub mod run_report;
+pub mod scoring;
+pub mod setup;
+pub mod spot_design;

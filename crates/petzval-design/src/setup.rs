@@ -3,15 +3,16 @@
 use std::path::Path;
 
 use burn::prelude::Device;
-use petzval_camera::image::load_image;
+use petzval_camera::image::load_image_bytes;
 use petzval_camera::render::{RenderGeometry, kernel_radius};
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::sensor::SensorModel;
-use petzval_learn::dataset::{CropPlan, PhotoSet, PhotoSplit, NamedPhoto};
+use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_optics::design_space::{DesignSpace, Focus};
-use petzval_optics::format::LensFile;
+use petzval_optics::format::{FileError, LensFile};
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
+use serde::Deserialize;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
@@ -122,16 +123,58 @@ impl Setup {
     }
 }
 
+/// The list of built-in photographs, `photos/photos.toml`; provenance is for readers.
+#[derive(Deserialize)]
+struct PhotoList {
+    training: Vec<PhotoEntry>,
+    held_out: Vec<PhotoEntry>,
+}
+
+#[derive(Deserialize)]
+struct PhotoEntry {
+    file: String,
+}
+
+/// Every so many pictures of a user's folder, one is held out.
+const HELD_OUT_EVERY: usize = 4;
+
 /// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
-fn load_photos(
-    experiment: &Experiment,
-    assets: &Assets,
-    crops: &CropPlan,
-) -> Result<PhotoSet, DesignError> {
-    let _ = (assets, crops);
-    if experiment.photos == BUILT_IN_PHOTOS {
-        todo_built_in(assets)
-    } else {
-        folder(Path::new(&experiment.photos))
+fn load_photos(experiment: &Experiment, assets: &Assets, crops: &CropPlan) -> Result<PhotoSet, DesignError> {
+    if experiment.photos != BUILT_IN_PHOTOS {
+        return folder_photos(Path::new(&experiment.photos), crops);
     }
+    let list = assets.text("photograph list", "photos", "photos")?;
+    let list: PhotoList = toml::from_str(&list.text).map_err(|e| DesignError::Input {
+        path: list.path.clone(),
+        error: FileError::from_toml(&list.text, &e),
+    })?;
+    let names = |entries: &[PhotoEntry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
+    let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
+    let photos = split
+        .training
+        .iter()
+        .chain(&split.held_out)
+        .map(|name| {
+            let image = load_image_bytes(assets.bytes(&format!("photos/{name}"))?, name)?;
+            Ok(NamedPhoto { name: name.clone(), image })
+        })
+        .collect::<Result<_, DesignError>>()?;
+    Ok(PhotoSet::new(photos, &split)?)
+}
+
+fn folder_photos(folder: &Path, crops: &CropPlan) -> Result<PhotoSet, DesignError> {
+    let mut photos = load_folder(folder)?;
+    for photo in &mut photos {
+        // A camera's own picture is softer than its pixels: halve it where enough is left.
+        if photo.image.height.min(photo.image.width) >= 2 * crops.window() {
+            photo.image = photo.image.box_half();
+        }
+    }
+    let mut split = PhotoSplit::default();
+    for (i, photo) in photos.iter().enumerate() {
+        let held_out = i % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 || i + 1 == photos.len() && split.held_out.is_empty();
+        let list = if held_out { &mut split.held_out } else { &mut split.training };
+        list.push(photo.name.clone());
+    }
+    Ok(PhotoSet::new(photos, &split)?)
 }

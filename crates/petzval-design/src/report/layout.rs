@@ -153,7 +153,8 @@ fn px(value: f64) -> String {
 ///
 /// Elements are filled by dispersion and marked V1, V2, ... with their glass; the smaller of an
 /// element's two surfaces ends in a flat at the outer diameter, as its maker would grind it. Rays are
-/// those of the reference wavelength, aimed at the stop.
+/// those of the reference wavelength, aimed at the stop. The lens is one that
+/// [`validate`](petzval_optics::lens::validate) accepts.
 pub fn layout_svg(lens: &Lens, options: &LayoutOptions) -> String {
     let fans = fans(lens, options);
     let extent = extent_of(lens, options, &fans).union(options.extent);
@@ -253,7 +254,7 @@ fn labels(frame: &Frame, lens: &Lens) -> Markup {
     let mut above: Vec<Label> = Vec::new();
     let mut below: Vec<Label> = Vec::new();
     for (i, element) in elements(lens).iter().enumerate() {
-        let x = frame.x(element.middle_mm);
+        let x = frame.x(element.rim_mm);
         above.push(Label::new(format!("V{}", i + 1), x, frame.y(element.height_mm) - 7.0));
         below.push(Label::new(element.glass.name.clone(), x, frame.y(-element.height_mm) + 16.0));
     }
@@ -282,7 +283,15 @@ fn dimensions(frame: &Frame, lens: &Lens, options: &LayoutOptions) -> Markup {
     let bar_end = bar_x + bar_mm * frame.px_per_mm;
     let arrow = |x: f64, inwards: f64| {
         let tail = x + 7.0 * inwards;
-        format!("M{} {}L{} {}L{} {}Z", px(x), px(track_y), px(tail), px(track_y - 2.5), px(tail), px(track_y + 2.5))
+        format!(
+            "M{} {}L{} {}L{} {}Z",
+            px(x),
+            px(track_y),
+            px(tail),
+            px(track_y - 2.5),
+            px(tail),
+            px(track_y + 2.5)
+        )
     };
     let track = format!("total track {} mm", number::fixed(lens.total_track_mm(), 2));
     html! {

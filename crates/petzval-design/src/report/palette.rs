@@ -3,9 +3,10 @@
 
 use petzval_optics::glass::Glass;
 
+use super::CameraView;
+
 /// Lines of cameras: the baseline is grey, the rest stand out from it.
-const CAMERAS: [&str; 7] =
-    ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
+const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
 
 /// Ray fans, from the axis outwards.
 const FIELDS: [&str; 5] = ["#0072b2", "#009e73", "#d55e00", "#aa4499", "#b98200"];
@@ -19,6 +20,11 @@ const FLINT: [f64; 3] = [244.0, 222.0, 190.0];
 /// Colour of the i-th camera.
 pub(super) fn camera(i: usize) -> &'static str {
     CAMERAS[i % CAMERAS.len()]
+}
+
+/// Colour of a camera by its name; a name without a camera takes the colour after theirs.
+pub(super) fn camera_named(cameras: &[CameraView], name: &str, i: usize) -> &'static str {
+    camera(cameras.iter().position(|c| c.name == name).unwrap_or(cameras.len() + i))
 }
 
 /// Colour of the i-th field.

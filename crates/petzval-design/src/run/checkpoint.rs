@@ -19,11 +19,13 @@ pub fn save_checkpoint(
     let root = run.checkpoints();
     let hidden = root.join(format!(".partial-{step:06}"));
     let last = root.join(format!("{PREFIX}{step:06}"));
-    // A leftover of a killed run, or a checkpoint of the same step, gives way.
-    for stale in [&hidden, &last] {
-        if stale.exists() {
-            fs::remove_dir_all(stale).map_err(DesignError::io(stale))?;
-        }
+    // A run is a function of its experiment: a checkpoint of this step already holds the same.
+    if last.exists() {
+        return Ok(());
+    }
+    // A leftover of a killed run gives way.
+    if hidden.exists() {
+        fs::remove_dir_all(&hidden).map_err(DesignError::io(&hidden))?;
     }
     fs::create_dir_all(&hidden).map_err(DesignError::io(&hidden))?;
     fill(&hidden)?;

@@ -16,7 +16,7 @@ pub struct Event {
     pub step: u64,
     /// Camera.
     pub camera: String,
-    /// Block that stepped: `spot`, `optics`, `network`.
+    /// Block that stepped: `spot`, `optics`, `network`; or `score`.
     pub block: String,
     /// Losses by name, before the step.
     pub losses: BTreeMap<String, f64>,

@@ -37,6 +37,19 @@ pub fn simd_level() -> &'static str {
     }
 }
 
+/// What a run was made with: kept beside its results.
+pub fn environment() -> serde_json::Value {
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "os": std::env::consts::OS,
+        "architecture": std::env::consts::ARCH,
+        "simd": simd_level(),
+        "cores": std::thread::available_parallelism().map_or(1, usize::from),
+        "threads": rayon::current_num_threads(),
+        "command": std::env::args().collect::<Vec<_>>().join(" "),
+    })
+}
+
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let assets = built_in_assets();

@@ -57,7 +57,7 @@ impl Failure {
         let text = std::fs::read_to_string(path).ok();
         let report = match (text, error.line) {
             (Some(text), Some(line)) => {
-                let start: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+                let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();
                 let length = text[start..].lines().next().map_or(0, str::len);
                 let label = LabeledSpan::at(start..start + length, "here");
                 Report::new(diagnostic.with_label(label))

@@ -16,8 +16,8 @@ pub(super) struct Element<'a> {
     pub glass: &'a Glass,
     /// Half its outer diameter, mm.
     pub height_mm: f64,
-    /// Middle between its vertices, mm from the first vertex of the lens.
-    pub middle_mm: f64,
+    /// Middle of its rim, mm from the first vertex of the lens.
+    pub rim_mm: f64,
     /// Closed outline, (z, y) in mm.
     pub outline: Vec<[f64; 2]>,
 }
@@ -61,17 +61,20 @@ pub(super) fn elements(lens: &Lens) -> Vec<Element<'_>> {
         let walls: Vec<usize> =
             (first..=last).filter(|i| *i == first || surfaces[*i].glass != surfaces[*i - 1].glass).collect();
         let height_mm = walls.iter().map(|i| surfaces[*i].semi_diameter_mm).fold(0.0, f64::max);
-        let place = |i: usize| Placed {
-            surface: &surfaces[i],
-            at_mm: at[i],
-            is_cemented: i != first && i != last,
-        };
+        let place =
+            |i: usize| Placed { surface: &surfaces[i], at_mm: at[i], is_cemented: i != first && i != last };
         for pair in walls.windows(2) {
+            let [front, rear] = sides(place(pair[0]), place(pair[1]), height_mm);
+            let rim_mm = match (front.last(), rear.last()) {
+                (Some(f), Some(r)) => 0.5 * (f[0] + r[0]),
+                _ => at[pair[0]],
+            };
             elements.push(Element {
                 glass: surfaces[pair[0]].glass.as_ref(),
                 height_mm,
-                middle_mm: 0.5 * (at[pair[0]] + at[pair[1]]),
-                outline: outline(place(pair[0]), place(pair[1]), height_mm),
+                rim_mm,
+                // The front from bottom to top, the ground edge, the rear from top to bottom.
+                outline: front.into_iter().chain(rear.into_iter().rev()).collect(),
             });
         }
         first = last;
@@ -79,24 +82,22 @@ pub(super) fn elements(lens: &Lens) -> Vec<Element<'_>> {
     elements
 }
 
-/// The front from bottom to top, the ground edge, the rear from top to bottom.
-fn outline(front: Placed, rear: Placed, height_mm: f64) -> Vec<[f64; 2]> {
+/// Profiles of the front and the rear of an element, from the lower to the upper rim.
+fn sides(front: Placed, rear: Placed, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
     // Beyond its clear semi-diameter a free surface ends in a flat, a cemented one goes on as it is.
     let flat = [front, rear].map(|p| profile(p, height_mm, p.is_cemented));
     let has_edge = |f: &[[f64; 2]], r: &[[f64; 2]]| match (f.last(), r.last()) {
         (Some(f), Some(r)) => r[0] - f[0] > THINNEST_EDGE_MM,
         _ => false,
     };
-    let [front_line, rear_line] = if has_edge(&flat[0], &flat[1]) {
-        flat
-    } else {
-        // The flats of a strong meniscus may meet: then both surfaces go on to the edge.
-        [front, rear].map(|p| profile(p, height_mm, true))
-    };
-    front_line.into_iter().chain(rear_line.into_iter().rev()).collect()
+    if has_edge(&flat[0], &flat[1]) {
+        return flat;
+    }
+    // The flats of a strong meniscus may meet: then both surfaces go on to the rim.
+    [front, rear].map(|p| profile(p, height_mm, true))
 }
 
-/// A surface from its lower to its upper edge, (z, y) in mm.
+/// A surface from the lower to the upper rim, (z, y) in mm.
 fn profile(placed: Placed, height_mm: f64, goes_on: bool) -> Vec<[f64; 2]> {
     let Placed { surface, at_mm, .. } = placed;
     let sag = |y: f64| surface.shape.sag_mm(y);

@@ -1,0 +1,210 @@
+//! The picture as light: channel planes of linear intensity, 1.0 = white.
+//!
+//! Every stage before the display works on [`LinearImage`]; only files and image-quality scores see sRGB-encoded values
+//! ([`srgb_encode`], [`srgb_decode`]).
+
+mod file;
+mod place;
+mod srgb;
+
+pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_raw16};
+pub use srgb::{srgb_decode, srgb_encode};
+
+/// Colour planes of a camera image, in the order red, green, blue.
+pub const CHANNELS: usize = 3;
+
+/// Linear-light image, channel-major: element `(c, row, col)` is at `(c * height + row) * width + col`.
+///
+/// Values are relative intensities, 1.0 = white; they may exceed 1 (highlights) and, after filtering or noise, be
+/// slightly negative.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearImage {
+    /// Number of planes; 3 = red, green, blue.
+    pub channels: usize,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// `channels * height * width` values.
+    pub data: Vec<f32>,
+}
+
+/// A buffer whose length is not channels x height x width, or a crop that leaves the image.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ShapeError {
+    /// Buffer length and shape disagree.
+    #[error(
+        "an image of {channels}x{height}x{width} needs {} values, got {len}",
+        channels * height * width
+    )]
+    Length {
+        /// Requested planes.
+        channels: usize,
+        /// Requested rows.
+        height: usize,
+        /// Requested columns.
+        width: usize,
+        /// Values given.
+        len: usize,
+    },
+    /// The crop window does not lie inside the image.
+    #[error(
+        "crop of {height}x{width} at row {row}, column {col} leaves the {image_height}x{image_width} image"
+    )]
+    Crop {
+        /// First row of the window.
+        row: usize,
+        /// First column of the window.
+        col: usize,
+        /// Rows of the window.
+        height: usize,
+        /// Columns of the window.
+        width: usize,
+        /// Rows of the image.
+        image_height: usize,
+        /// Columns of the image.
+        image_width: usize,
+    },
+}
+
+impl LinearImage {
+    /// A black image.
+    pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
+        Self::filled(channels, height, width, 0.0)
+    }
+
+    /// An image of one value.
+    pub fn filled(channels: usize, height: usize, width: usize, value: f32) -> Self {
+        Self { channels, height, width, data: vec![value; channels * height * width] }
+    }
+
+    /// Wraps channel-major values; the length must be `channels * height * width`.
+    pub fn from_data(
+        channels: usize,
+        height: usize,
+        width: usize,
+        data: Vec<f32>,
+    ) -> Result<Self, ShapeError> {
+        if data.len() != channels * height * width {
+            return Err(ShapeError::Length { channels, height, width, len: data.len() });
+        }
+        Ok(Self { channels, height, width, data })
+    }
+
+    /// Value at `(channel, row, col)`; the indices must be inside the image.
+    pub fn get(&self, channel: usize, row: usize, col: usize) -> f32 {
+        self.data[(channel * self.height + row) * self.width + col]
+    }
+
+    /// Sets the value at `(channel, row, col)`; the indices must be inside the image.
+    pub fn set(&mut self, channel: usize, row: usize, col: usize, value: f32) {
+        self.data[(channel * self.height + row) * self.width + col] = value;
+    }
+
+    /// One colour plane, row by row.
+    pub fn plane(&self, channel: usize) -> &[f32] {
+        let n = self.height * self.width;
+        &self.data[channel * n..(channel + 1) * n]
+    }
+
+    /// One colour plane, row by row, mutable.
+    pub fn plane_mut(&mut self, channel: usize) -> &mut [f32] {
+        let n = self.height * self.width;
+        &mut self.data[channel * n..(channel + 1) * n]
+    }
+
+    /// The window of `height` x `width` pixels whose top-left pixel is `(row, col)`.
+    pub fn crop(&self, row: usize, col: usize, height: usize, width: usize) -> Result<Self, ShapeError> {
+        let fits =
+            |start: usize, len: usize, size: usize| start.checked_add(len).is_some_and(|end| end <= size);
+        if !fits(row, height, self.height) || !fits(col, width, self.width) {
+            let (image_height, image_width) = (self.height, self.width);
+            return Err(ShapeError::Crop { row, col, height, width, image_height, image_width });
+        }
+        let mut out = Self::zeros(self.channels, height, width);
+        for c in 0..self.channels {
+            let source = self.plane(c);
+            for (r, line) in out.plane_mut(c).chunks_exact_mut(width.max(1)).enumerate() {
+                let start = (row + r) * self.width + col;
+                line.copy_from_slice(&source[start..start + width]);
+            }
+        }
+        Ok(out)
+    }
+
+    /// Halves the resolution: each output pixel is the mean of a 2x2 block, as a sensor with pixels of twice the pitch
+    /// would collect it. An odd last row or column is dropped.
+    pub fn box_half(&self) -> Self {
+        let (height, width) = (self.height / 2, self.width / 2);
+        let mut out = Self::zeros(self.channels, height, width);
+        for c in 0..self.channels {
+            let source = self.plane(c);
+            for (r, line) in out.plane_mut(c).chunks_exact_mut(width.max(1)).enumerate() {
+                let (upper, lower) = source[2 * r * self.width..].split_at(self.width);
+                for (x, value) in line.iter_mut().enumerate() {
+                    *value = 0.25 * ((upper[2 * x] + upper[2 * x + 1]) + (lower[2 * x] + lower[2 * x + 1]));
+                }
+            }
+        }
+        out
+    }
+
+    /// Surrounds the image with `border` pixels that repeat its edge, the light a lens needs from outside the frame.
+    pub fn pad_replicate(&self, border: usize) -> Self {
+        let (height, width) = (self.height + 2 * border, self.width + 2 * border);
+        let mut out = Self::zeros(self.channels, height, width);
+        if self.height == 0 || self.width == 0 {
+            return out;
+        }
+        for c in 0..self.channels {
+            let source = self.plane(c);
+            for (r, line) in out.plane_mut(c).chunks_exact_mut(width).enumerate() {
+                let from = r.saturating_sub(border).min(self.height - 1);
+                let row = &source[from * self.width..(from + 1) * self.width];
+                line[..border].fill(row[0]);
+                line[border..border + self.width].copy_from_slice(row);
+                line[border + self.width..].fill(row[self.width - 1]);
+            }
+        }
+        out
+    }
+
+    /// The image as a display expects it: clipped to [0, 1] and sRGB-encoded, channel-major.
+    pub fn to_srgb(&self) -> Vec<f32> {
+        self.data.iter().map(|&v| srgb_encode(v.clamp(0.0, 1.0))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> LinearImage {
+        LinearImage::from_data(1, 3, 4, (0..12).map(|v| v as f32).collect()).unwrap()
+    }
+
+    #[test]
+    fn crop_keeps_the_window_and_refuses_to_leave_the_image() {
+        assert_eq!(ramp().crop(1, 2, 2, 2).unwrap().data, vec![6.0, 7.0, 10.0, 11.0]);
+        assert!(matches!(ramp().crop(2, 0, 2, 1), Err(ShapeError::Crop { .. })));
+        assert!(ramp().crop(usize::MAX, 0, 2, 1).is_err());
+    }
+
+    #[test]
+    fn box_half_averages_blocks_and_drops_the_odd_row() {
+        assert_eq!(ramp().box_half().data, vec![2.5, 4.5]);
+    }
+
+    #[test]
+    fn pad_replicate_repeats_the_edge() {
+        let padded = ramp().pad_replicate(1);
+        assert_eq!((padded.height, padded.width), (5, 6));
+        assert_eq!(&padded.data[..6], &[0.0, 0.0, 1.0, 2.0, 3.0, 3.0]);
+        assert_eq!(padded.get(0, 4, 5), 11.0);
+    }
+
+    #[test]
+    fn wrong_length_is_an_error() {
+        assert!(LinearImage::from_data(3, 2, 2, vec![0.0; 11]).is_err());
+    }
+}

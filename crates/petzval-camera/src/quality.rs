@@ -1,0 +1,152 @@
+//! Image quality as numbers: PSNR and SSIM of display-encoded pictures.
+//!
+//! Inputs are sRGB-encoded values in [0, 1], channel-major (see [`crate::LinearImage::to_srgb`]).
+
+use rayon::prelude::*;
+
+/// Why a score cannot be computed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum QualityError {
+    /// The two pictures have different sizes, or do not match the stated shape.
+    #[error("the pictures hold {a} and {b} values; {expected} are expected")]
+    Length {
+        /// Values of the first picture.
+        a: usize,
+        /// Values of the second picture.
+        b: usize,
+        /// Values of the stated shape.
+        expected: usize,
+    },
+    /// SSIM needs at least one whole window.
+    #[error("SSIM needs at least 11x11 pixels, the pictures have {height}x{width}")]
+    TooSmall {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+}
+
+/// Peak signal-to-noise ratio in dB over all channels jointly, `10 log10(R^2 / MSE)` with peak `R = 1`.
+///
+/// Identical pictures have no noise: the result is `f64::INFINITY`, which a report must print as "inf".
+pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, QualityError> {
+    if a.len() != b.len() || a.is_empty() {
+        return Err(QualityError::Length { a: a.len(), b: b.len(), expected: a.len().max(1) });
+    }
+    let squares: f64 = a.iter().zip(b).map(|(&x, &y)| (x as f64 - y as f64).powi(2)).sum();
+    Ok(-10.0 * (squares / a.len() as f64).log10())
+}
+
+const RADIUS: usize = 5;
+const WINDOW: usize = 2 * RADIUS + 1;
+
+/// Structural similarity, Gaussian window: mean over the channels of the mean SSIM map.
+///
+/// `SSIM = (2 mu_a mu_b + C1)(2 s_ab + C2) / ((mu_a^2 + mu_b^2 + C1)(s_a^2 + s_b^2 + C2))`, window 11x11 with
+/// sigma 1.5 pixels, population covariance, `C1 = 0.01^2`, `C2 = 0.03^2` for a data range of 1. Pixels closer than 5 to
+/// the border do not count. Same variant as scikit-image `structural_similarity(gaussian_weights=True,
+/// use_sample_covariance=False)`; torchmetrics keeps the border and differs by up to 0.02.
+/// Source: Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13(4), 2004.
+pub fn ssim_gaussian_wang(
+    a: &[f32],
+    b: &[f32],
+    channels: usize,
+    height: usize,
+    width: usize,
+) -> Result<f64, QualityError> {
+    let expected = channels * height * width;
+    if a.len() != expected || b.len() != expected || channels == 0 {
+        return Err(QualityError::Length { a: a.len(), b: b.len(), expected });
+    }
+    if height < WINDOW || width < WINDOW {
+        return Err(QualityError::TooSmall { height, width });
+    }
+    let plane = height * width;
+    let per_channel = |c: usize| {
+        let part = c * plane..(c + 1) * plane;
+        ssim_plane(&a[part.clone()], &b[part], width)
+    };
+    let scores: Vec<f64> = (0..channels).into_par_iter().map(per_channel).collect();
+    Ok(scores.iter().sum::<f64>() / channels as f64)
+}
+
+fn ssim_plane(a: &[f32], b: &[f32], width: usize) -> f64 {
+    const C1: f64 = 0.01 * 0.01;
+    const C2: f64 = 0.03 * 0.03;
+    // Blur the two pictures and their products over the window.
+    let product = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(x, y)| x * y).collect() };
+    let a: Vec<f64> = a.iter().map(|&v| v as f64).collect();
+    let b: Vec<f64> = b.iter().map(|&v| v as f64).collect();
+    let (mu_a, mu_b) = (blur_valid(&a, width), blur_valid(&b, width));
+    let (aa, bb) = (blur_valid(&product(&a, &a), width), blur_valid(&product(&b, &b), width));
+    let ab = blur_valid(&product(&a, &b), width);
+
+    // Compare luminance, contrast and structure in every window.
+    let total: f64 = (0..mu_a.len())
+        .map(|i| {
+            let (ma, mb) = (mu_a[i], mu_b[i]);
+            let (va, vb, vab) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
+            ((2.0 * ma * mb + C1) * (2.0 * vab + C2)) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
+        })
+        .sum();
+    total / mu_a.len() as f64
+}
+
+/// Normalised Gaussian weights of the window, sigma 1.5 pixels.
+fn window() -> [f64; WINDOW] {
+    let mut w = std::array::from_fn(|i| (-0.5 * ((i as f64 - RADIUS as f64) / 1.5).powi(2)).exp());
+    let sum: f64 = w.iter().sum();
+    w.iter_mut().for_each(|v| *v /= sum);
+    w
+}
+
+/// Separable blur of the pixels whose whole window lies inside the picture.
+fn blur_valid(plane: &[f64], width: usize) -> Vec<f64> {
+    let (w, inner, height) = (window(), width - 2 * RADIUS, plane.len() / width);
+    let add = |target: &mut [f64], source: &[f64], weight: f64| {
+        target.iter_mut().zip(source).for_each(|(t, s)| *t += weight * s);
+    };
+    let mut rows = vec![0.0; height * inner];
+    for (target, source) in rows.chunks_exact_mut(inner).zip(plane.chunks_exact(width)) {
+        for (k, &weight) in w.iter().enumerate() {
+            add(target, &source[k..k + inner], weight);
+        }
+    }
+    let mut out = vec![0.0; (height - 2 * RADIUS) * inner];
+    for (r, target) in out.chunks_exact_mut(inner).enumerate() {
+        for (k, &weight) in w.iter().enumerate() {
+            add(target, &rows[(r + k) * inner..(r + k + 1) * inner], weight);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identical_pictures() {
+        let a: Vec<f32> = (0..3 * 144).map(|i| (i % 17) as f32 / 17.0).collect();
+        assert_eq!(psnr(&a, &a), Ok(f64::INFINITY));
+        assert!((ssim_gaussian_wang(&a, &a, 3, 12, 12).unwrap() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn wrong_sizes_are_errors() {
+        assert!(psnr(&[0.0], &[]).is_err());
+        assert!(matches!(
+            ssim_gaussian_wang(&[0.0; 100], &[0.0; 100], 1, 10, 10),
+            Err(QualityError::TooSmall { .. })
+        ));
+        assert!(ssim_gaussian_wang(&[0.0; 121], &[0.0; 122], 1, 11, 11).is_err());
+    }
+
+    #[test]
+    fn the_window_is_scipys() {
+        // scipy.ndimage gaussian weights, sigma 1.5, radius 5.
+        let w = window();
+        assert!((w[0] - 0.00102838008447911).abs() < 1e-15 && (w[2] - 0.03600077212843083).abs() < 1e-15);
+    }
+}

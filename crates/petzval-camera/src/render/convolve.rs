@@ -1,0 +1,183 @@
+//! Fast rendering: FFT convolution tile by tile, each tile blending at most two by two patches.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use realfft::num_complex::Complex32;
+
+use super::geometry::{AxisTile, Window, output_window, tile_patches};
+use super::spectrum::{Scratch, TilePlan, TransformSize, fast_len, forward, plans};
+use super::{PatchKernels, Placement, RenderError, RenderGeometry};
+use crate::image::{CHANNELS, LinearImage};
+
+/// The tiles of an output window with their transforms and the kernel spectra that they use.
+pub(super) struct TileSet {
+    pub rows: Vec<AxisTile>,
+    pub cols: Vec<AxisTile>,
+    pub patch_cols: usize,
+    pub radius: usize,
+    pub plans: BTreeMap<TransformSize, TilePlan>,
+    /// Spectra of the kernels, per transform size and patch, one per channel.
+    pub kernels: BTreeMap<(TransformSize, usize), Vec<Vec<Complex32>>>,
+}
+
+impl TileSet {
+    /// Without `kernels` the set holds no spectra: enough for the gradient of the kernels.
+    pub fn new(
+        geometry: &RenderGeometry,
+        window: &Window,
+        radius: usize,
+        kernels: Option<&PatchKernels>,
+    ) -> Self {
+        let (rows, cols) = (geometry.row_tiles(window), geometry.col_tiles(window));
+        let patch_cols = geometry.patches.1;
+        let mut keys = Vec::new();
+        for row in &rows {
+            for col in &cols {
+                let size = transform_size(row, col, radius);
+                keys.extend(tile_patches(row, col, patch_cols).into_iter().map(|patch| (size, patch)));
+            }
+        }
+        keys.sort_unstable();
+        keys.dedup();
+        let plans = plans(keys.iter().map(|key| key.0));
+
+        // Transform each kernel once per tile size in which it acts.
+        let side = 2 * radius + 1;
+        let Some(kernels) = kernels else {
+            return Self { rows, cols, patch_cols, radius, plans, kernels: BTreeMap::new() };
+        };
+        let spectra: Vec<Vec<Complex32>> = (0..keys.len() * CHANNELS)
+            .into_par_iter()
+            .map_init(Scratch::default, |scratch, work| {
+                let (size, patch) = keys[work / CHANNELS];
+                let kernel = kernels.kernel(patch, work % CHANNELS);
+                forward(&plans[&size], side, scratch, |r, line| {
+                    line[..side].copy_from_slice(&kernel[r * side..(r + 1) * side]);
+                })
+            })
+            .collect();
+        let mut spectra = spectra.into_iter();
+        let kernels = keys.into_iter().map(|key| (key, spectra.by_ref().take(CHANNELS).collect())).collect();
+        Self { rows, cols, patch_cols, radius, plans, kernels }
+    }
+
+    /// Number of tiles.
+    pub fn len(&self) -> usize {
+        self.rows.len() * self.cols.len()
+    }
+
+    /// Row run, column run and transform size of a tile.
+    pub fn tile(&self, index: usize) -> (&AxisTile, &AxisTile, TransformSize) {
+        let (row, col) = (&self.rows[index / self.cols.len()], &self.cols[index % self.cols.len()]);
+        (row, col, transform_size(row, col, self.radius))
+    }
+
+    /// Spectrum of the scene under a tile and its border.
+    pub fn scene_spectrum(
+        &self,
+        scene: &LinearImage,
+        row: &AxisTile,
+        col: &AxisTile,
+        channel: usize,
+        scratch: &mut Scratch,
+    ) -> Vec<Complex32> {
+        let plan = &self.plans[&transform_size(row, col, self.radius)];
+        let (plane, width) = (scene.plane(channel), col.len + 2 * self.radius);
+        forward(plan, row.len + 2 * self.radius, scratch, |r, line| {
+            let start = (row.start + r) * scene.width + col.start;
+            line[..width].copy_from_slice(&plane[start..start + width]);
+        })
+    }
+}
+
+fn transform_size(row: &AxisTile, col: &AxisTile, radius: usize) -> TransformSize {
+    (fast_len(row.len + 2 * radius), fast_len(col.len + 2 * radius))
+}
+
+/// Renders with kernels that were made before (see [`super::patch_kernels`]); they must cover the patches active in the
+/// window. Otherwise as [`super::render`].
+pub fn render_kernels(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+) -> Result<LinearImage, RenderError> {
+    let window = checked_window(geometry, kernels, scene, placement)?;
+    let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
+    let tiles: Vec<Vec<f32>> = (0..set.len() * CHANNELS)
+        .into_par_iter()
+        .map_init(Scratch::default, |scratch, work| {
+            render_tile(&set, scene, work / CHANNELS, work % CHANNELS, scratch)
+        })
+        .collect();
+
+    // Every output pixel belongs to exactly one tile.
+    let mut out = LinearImage::zeros(CHANNELS, window.height, window.width);
+    for (work, tile) in tiles.iter().enumerate() {
+        let (row, col, _) = set.tile(work / CHANNELS);
+        let plane = out.plane_mut(work % CHANNELS);
+        for (r, line) in tile.chunks_exact(col.len).enumerate() {
+            let start = (row.start + r) * window.width + col.start;
+            plane[start..start + col.len].copy_from_slice(line);
+        }
+    }
+    Ok(out)
+}
+
+/// Blends the convolutions of the patches around one tile.
+///
+/// Row weights act between the column and the row pass of the inverse FFT, so two patches that share a column need one
+/// row pass only.
+fn render_tile(
+    set: &TileSet,
+    scene: &LinearImage,
+    tile: usize,
+    channel: usize,
+    scratch: &mut Scratch,
+) -> Vec<f32> {
+    let (row, col, size) = set.tile(tile);
+    let (plan, border) = (&set.plans[&size], 2 * set.radius);
+    let scene = set.scene_spectrum(scene, row, col, channel, scratch);
+    let mut out = vec![0.0f32; row.len * col.len];
+    let mut product = vec![Complex32::default(); plan.len()];
+    let mut blend = vec![Complex32::default(); plan.len()];
+    for (patch_col, col_weight) in &col.weights {
+        for (i, (patch_row, row_weight)) in row.weights.iter().enumerate() {
+            let kernel = &set.kernels[&(size, patch_row * set.patch_cols + patch_col)][channel];
+            for ((p, s), k) in product.iter_mut().zip(&scene).zip(kernel) {
+                *p = s * k;
+            }
+            plan.cols_inverse(&mut product, scratch);
+            for (b, p) in blend.chunks_exact_mut(plan.rows).zip(product.chunks_exact(plan.rows)) {
+                let (b, p) = (&mut b[border..border + row.len], &p[border..border + row.len]);
+                for r in 0..row.len {
+                    let term = p[r] * row_weight[r];
+                    b[r] = if i == 0 { term } else { b[r] + term };
+                }
+            }
+        }
+        plan.rows_inverse(border, row.len, &blend, scratch, |r, line| {
+            let start = (r - border) * col.len;
+            for ((o, v), w) in out[start..start + col.len].iter_mut().zip(&line[border..]).zip(col_weight) {
+                *o += v * w;
+            }
+        });
+    }
+    out
+}
+
+/// Checks that kernels, scene and placement fit the geometry.
+pub(super) fn checked_window(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+) -> Result<Window, RenderError> {
+    let expected = geometry.patch_count() * CHANNELS * kernels.size() * kernels.size();
+    if kernels.values.len() != expected {
+        let (expected, got) = (expected.to_string(), kernels.values.len().to_string());
+        return Err(RenderError::Mismatch { what: "number of kernel values", expected, got });
+    }
+    output_window(geometry, scene, kernels.radius, placement)
+}

@@ -1,0 +1,193 @@
+//! What one sensor patch sees of the PSF: interpolated to its radius, turned to its azimuth, collected by pixels.
+
+use rayon::prelude::*;
+
+use super::{RenderError, RenderGeometry};
+use crate::image::CHANNELS;
+use crate::psf::{PsfLayout, check_len};
+
+/// One kernel per patch and channel, `[patch][channel][row][col]` on the pixel grid; patches that were not asked for are
+/// zero. Element `(radius, radius)` is the pixel of the ideal image point; rows are y ascending, columns x ascending.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatchKernels {
+    /// Pixels from the centre to the edge; the kernel is `2 radius + 1` on a side.
+    pub radius: usize,
+    /// Kernel values.
+    pub values: Vec<f32>,
+}
+
+impl PatchKernels {
+    /// Pixels along one side.
+    pub fn size(&self) -> usize {
+        2 * self.radius + 1
+    }
+
+    /// The kernel of one patch and channel, row by row.
+    pub fn kernel(&self, patch: usize, channel: usize) -> &[f32] {
+        let n = self.size() * self.size();
+        let start = (patch * CHANNELS + channel) * n;
+        &self.values[start..start + n]
+    }
+}
+
+/// Largest reach of a kernel, pixels.
+pub const MAX_RADIUS: usize = 512;
+
+/// Pixels that the PSF grid reaches from its centre when it is turned by 45 degrees.
+pub fn kernel_radius(geometry: &RenderGeometry, layout: &PsfLayout) -> Result<usize, RenderError> {
+    geometry.validate()?;
+    layout.validate()?;
+    let corner_um = (0.5 * (layout.grid as f64 - 1.0) * std::f64::consts::SQRT_2 + 0.5) * layout.pitch_um;
+    let radius = (corner_um / geometry.pixel_um + 0.5).floor();
+    if radius > MAX_RADIUS as f64 {
+        return Err(RenderError::PsfTooLarge { radius });
+    }
+    Ok(radius as usize)
+}
+
+/// The PSF axes of a patch on the sensor: unit vectors along the PSF's columns (x) and rows (y, radially outward).
+struct PatchFrame {
+    along_x: (f64, f64),
+    along_y: (f64, f64),
+    field_lo: usize,
+    field_hi: usize,
+    w_lo: f64,
+    w_hi: f64,
+}
+
+impl PatchFrame {
+    fn new(geometry: &RenderGeometry, layout: &PsfLayout, patch: usize) -> Self {
+        let (x, y) = geometry.patch_centre_um(patch);
+        let r = x.hypot(y);
+        // On the axis the azimuth is free; keep the PSF's own.
+        let (ux, uy) = if r < 1e-6 * geometry.pixel_um { (0.0, 1.0) } else { (x / r, y / r) };
+        let (field_lo, w_lo, w_hi) = layout.bracket(r * 1e-3);
+        let field_hi = (field_lo + 1).min(layout.fields() - 1);
+        Self { along_x: (uy, -ux), along_y: (ux, uy), field_lo, field_hi, w_lo, w_hi }
+    }
+}
+
+/// Visits every share of PSF cell `(row, col)` that falls on a kernel pixel: `visit(cell, pixel, share)`.
+///
+/// The turned cell centre keeps an axis-aligned box of one cell; the box is shared among the pixels that it overlaps in
+/// proportion to the area, so the shares of a cell sum to one and energy is conserved exactly.
+fn visit_shares(
+    geometry: &RenderGeometry,
+    layout: &PsfLayout,
+    frame: &PatchFrame,
+    radius: usize,
+    mut visit: impl FnMut(usize, usize, f64),
+) {
+    let (grid, cell, pixel) = (layout.grid, layout.pitch_um, geometry.pixel_um);
+    let (size, reach) = (2 * radius + 1, radius as f64);
+    let centre = 0.5 * (grid as f64 - 1.0);
+    // First and last kernel index under the box around `u`, and the share of index k.
+    let span = |u: f64| {
+        let index = |edge: f64| ((edge / pixel + 0.5).floor() + reach).clamp(0.0, 2.0 * reach) as usize;
+        (index(u - 0.5 * cell), index(u + 0.5 * cell))
+    };
+    let share = |u: f64, k: usize, first: usize, last: usize| {
+        let middle = (k as f64 - reach) * pixel;
+        let lower = if k == first { u - 0.5 * cell } else { middle - 0.5 * pixel };
+        let upper = if k == last { u + 0.5 * cell } else { middle + 0.5 * pixel };
+        (upper - lower) / cell
+    };
+    for row in 0..grid {
+        let y_psf = (row as f64 - centre) * cell;
+        for col in 0..grid {
+            let x_psf = (col as f64 - centre) * cell;
+            let x = x_psf * frame.along_x.0 + y_psf * frame.along_y.0;
+            let y = x_psf * frame.along_x.1 + y_psf * frame.along_y.1;
+            let ((x0, x1), (y0, y1)) = (span(x), span(y));
+            for ky in y0..=y1 {
+                let share_y = share(y, ky, y0, y1);
+                for kx in x0..=x1 {
+                    visit(row * grid + col, ky * size + kx, share_y * share(x, kx, x0, x1));
+                }
+            }
+        }
+    }
+}
+
+/// Kernels of the patches marked in `active`, linear in the PSF `values` (`[field][channel][row][col]`).
+///
+/// `K_p = collect(turn(w_lo PSF_lo + w_hi PSF_hi))`, fields around the radius of the patch centre.
+pub fn patch_kernels(
+    geometry: &RenderGeometry,
+    layout: &PsfLayout,
+    values: &[f32],
+    active: &[bool],
+) -> Result<PatchKernels, RenderError> {
+    let radius = kernel_radius(geometry, layout)?;
+    check_len("PSF values", values.len(), layout.len())?;
+    check_active(geometry, active)?;
+    let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
+    let mut out = vec![0.0f32; geometry.patch_count() * CHANNELS * pixels];
+    out.par_chunks_exact_mut(CHANNELS * pixels).enumerate().filter(|(patch, _)| active[*patch]).for_each(
+        |(patch, kernel)| {
+            let frame = PatchFrame::new(geometry, layout, patch);
+            let (lo, hi) = (frame.field_lo * CHANNELS * cells, frame.field_hi * CHANNELS * cells);
+            let mut sum = vec![0.0f64; CHANNELS * pixels];
+            visit_shares(geometry, layout, &frame, radius, |cell, pixel, share| {
+                for c in 0..CHANNELS {
+                    let (a, b) = (values[lo + c * cells + cell], values[hi + c * cells + cell]);
+                    sum[c * pixels + pixel] += share * (frame.w_lo * a as f64 + frame.w_hi * b as f64);
+                }
+            });
+            for (k, s) in kernel.iter_mut().zip(sum) {
+                *k = s as f32;
+            }
+        },
+    );
+    Ok(PatchKernels { radius, values: out })
+}
+
+/// Transpose of [`patch_kernels`]: gradient of a loss with respect to the PSF values, given that with respect to the
+/// kernels.
+pub fn patch_kernels_adjoint(
+    geometry: &RenderGeometry,
+    layout: &PsfLayout,
+    d_kernels: &PatchKernels,
+    active: &[bool],
+) -> Result<Vec<f32>, RenderError> {
+    let radius = kernel_radius(geometry, layout)?;
+    check_active(geometry, active)?;
+    let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
+    check_len("kernel gradient", d_kernels.values.len(), geometry.patch_count() * CHANNELS * pixels)?;
+
+    // Each patch returns what its cells received; the sum over patches runs in a fixed order.
+    let patches: Vec<usize> = (0..geometry.patch_count()).filter(|&p| active[p]).collect();
+    let parts: Vec<(PatchFrame, Vec<f32>)> = patches
+        .par_iter()
+        .map(|&patch| {
+            let frame = PatchFrame::new(geometry, layout, patch);
+            let start = patch * CHANNELS * pixels;
+            let kernel = &d_kernels.values[start..start + CHANNELS * pixels];
+            let mut sum = vec![0.0f64; CHANNELS * cells];
+            visit_shares(geometry, layout, &frame, radius, |cell, pixel, share| {
+                for c in 0..CHANNELS {
+                    sum[c * cells + cell] += share * kernel[c * pixels + pixel] as f64;
+                }
+            });
+            (frame, sum.into_iter().map(|v| v as f32).collect())
+        })
+        .collect();
+    let mut out = vec![0.0f32; layout.len()];
+    let per_field = CHANNELS * cells;
+    for (frame, part) in &parts {
+        for (field, weight) in [(frame.field_lo, frame.w_lo as f32), (frame.field_hi, frame.w_hi as f32)] {
+            for (o, p) in out[field * per_field..(field + 1) * per_field].iter_mut().zip(part) {
+                *o += weight * p;
+            }
+        }
+    }
+    Ok(out)
+}
+
+fn check_active(geometry: &RenderGeometry, active: &[bool]) -> Result<(), RenderError> {
+    if active.len() == geometry.patch_count() {
+        return Ok(());
+    }
+    let (expected, got) = (geometry.patch_count().to_string(), active.len().to_string());
+    Err(RenderError::Mismatch { what: "flags of active patches", expected, got })
+}

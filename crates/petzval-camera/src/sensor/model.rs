@@ -1,0 +1,216 @@
+//! A sensor as its data sheet describes it, and the TOML file that holds it.
+
+use petzval_optics::format::FileError;
+use serde::{Deserialize, Serialize};
+
+use super::cfa::CfaPattern;
+use crate::image::CHANNELS;
+
+/// Where the electronics noise enters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Electronics {
+    /// Before the converter, as in a sensor with column converters.
+    BeforeAdc,
+    /// After the converter, followed by a second rounding to whole digital numbers: adds another 1/12 DN^2.
+    AfterAdc,
+}
+
+/// EMVA 1288 description of a sensor at unit gain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorModel {
+    /// Name of the sensor.
+    pub name: String,
+    /// Where the numbers come from.
+    pub source: String,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Pixel pitch, um.
+    pub pixel_um: f64,
+    /// Bits of the converter.
+    pub bits: u32,
+    /// Black level BL, DN.
+    pub black_level_dn: f64,
+    /// System gain K at linear gain 1, DN per electron.
+    pub gain_dn_per_e: f64,
+    /// Full well capacity FWC, electrons.
+    pub full_well_e: f64,
+    /// Dark current mu_I, electrons per pixel and second.
+    pub dark_current_e_per_s: f64,
+    /// Mean of the read noise mu_r, electrons.
+    pub read_noise_mean_e: f64,
+    /// Standard deviation of the read noise sigma_r, electrons.
+    pub read_noise_e: f64,
+    /// Mean of the electronics noise mu_el, DN.
+    pub electronics_mean_dn: f64,
+    /// Standard deviation of the electronics noise sigma_el, DN.
+    pub electronics_noise_dn: f64,
+    /// Quantum efficiency of red, green, blue relative to green.
+    pub relative_qe: [f64; CHANNELS],
+    /// Colour filter array.
+    pub cfa: CfaPattern,
+    /// Where the electronics noise enters.
+    pub electronics: Electronics,
+}
+
+/// A number of a sensor outside its physical range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{key} is {value}, outside {low}..{high}")]
+pub struct OutOfRange {
+    /// Which number.
+    pub key: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Least value.
+    pub low: f64,
+    /// Largest value.
+    pub high: f64,
+    /// What the number is.
+    pub meaning: &'static str,
+}
+
+impl SensorModel {
+    /// Reads and checks a sensor file.
+    pub fn from_toml(text: &str) -> Result<Self, FileError> {
+        let sensor: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        sensor.validate().map_err(|wrong| {
+            FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
+        })?;
+        Ok(sensor)
+    }
+
+    /// Largest digital number, `2^bits - 1`.
+    pub fn max_dn(&self) -> f64 {
+        (2.0f64).powi(self.bits as i32) - 1.0
+    }
+
+    /// Checks that every number is finite and in its physical range.
+    pub fn validate(&self) -> Result<(), OutOfRange> {
+        let [red, green, blue] = self.relative_qe;
+        let max = self.max_dn();
+        let checks = [
+            ("height", self.height as f64, 2.0, 65536.0, "the number of rows"),
+            ("width", self.width as f64, 2.0, 65536.0, "the number of columns"),
+            ("pixel_um", self.pixel_um, 0.1, 1000.0, "the pixel pitch in um"),
+            ("bits", self.bits as f64, 1.0, 16.0, "the bits of the converter"),
+            ("black_level_dn", self.black_level_dn, 0.0, max, "the black level in DN"),
+            ("gain_dn_per_e", self.gain_dn_per_e, 1e-6, 1e4, "the system gain K in DN per electron"),
+            ("full_well_e", self.full_well_e, 1.0, 1e9, "the full well capacity in electrons"),
+            (
+                "dark_current_e_per_s",
+                self.dark_current_e_per_s,
+                0.0,
+                1e9,
+                "the dark current in electrons per second",
+            ),
+            (
+                "read_noise_mean_e",
+                self.read_noise_mean_e,
+                -1e6,
+                1e6,
+                "the mean of the read noise in electrons",
+            ),
+            (
+                "read_noise_e",
+                self.read_noise_e,
+                0.0,
+                1e6,
+                "the standard deviation of the read noise in electrons",
+            ),
+            (
+                "electronics_mean_dn",
+                self.electronics_mean_dn,
+                -max,
+                max,
+                "the mean of the electronics noise in DN",
+            ),
+            (
+                "electronics_noise_dn",
+                self.electronics_noise_dn,
+                0.0,
+                max,
+                "the spread of the electronics noise in DN",
+            ),
+            ("relative_qe", red, 1e-3, 1e3, "the efficiency of red relative to green"),
+            ("relative_qe", green, 1e-3, 1e3, "the efficiency of green, usually 1"),
+            ("relative_qe", blue, 1e-3, 1e3, "the efficiency of blue relative to green"),
+        ];
+        for (key, value, low, high, meaning) in checks {
+            if !(low..=high).contains(&value) {
+                return Err(OutOfRange { key, value, low, high, meaning });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FITTED: &str = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    const CALIBRATED: &str = include_str!("../../../../data/sensors/imx249-calibrated.toml");
+
+    #[test]
+    fn the_shipped_sensors_read() {
+        let fitted = SensorModel::from_toml(FITTED).unwrap();
+        assert_eq!((fitted.gain_dn_per_e, fitted.max_dn(), fitted.read_noise_e), (0.14, 4095.0, 4.0));
+        let calibrated = SensorModel::from_toml(CALIBRATED).unwrap();
+        assert_eq!(calibrated.gain_dn_per_e, 0.122);
+        assert_eq!(
+            SensorModel {
+                gain_dn_per_e: 0.14,
+                name: fitted.name.clone(),
+                source: fitted.source.clone(),
+                ..calibrated
+            },
+            fitted
+        );
+    }
+
+    #[test]
+    fn a_sensor_survives_a_round_trip() {
+        let sensor = SensorModel::from_toml(FITTED).unwrap();
+        assert_eq!(SensorModel::from_toml(&toml::to_string(&sensor).unwrap()).unwrap(), sensor);
+    }
+
+    #[test]
+    fn errors_carry_line_key_value_and_hint() {
+        let error = |from: &str, to: &str| SensorModel::from_toml(&FITTED.replace(from, to)).unwrap_err();
+        let line = |key: &str| FITTED.lines().position(|l| l.starts_with(key)).map(|i| i as u32 + 1);
+
+        let range = error("bits = 12", "bits = 40");
+        assert_eq!((range.line, range.key.as_str()), (line("bits"), "bits"));
+        assert!(range.value.contains("40") && range.hint.is_some());
+
+        let unknown = error("bits = 12", "bitts = 12");
+        assert_eq!((unknown.line, unknown.key.as_str()), (line("bits"), "bitts"));
+        assert!(unknown.to_string().contains("`bits`"), "{unknown}");
+
+        let missing = error("bits = 12", "");
+        assert_eq!(missing.key, "bits");
+
+        let kind = error("bits = 12", "bits = \"twelve\"");
+        assert_eq!((kind.line, kind.key.as_str()), (line("bits"), "bits"));
+        assert!(kind.to_string().contains("twelve"), "{kind}");
+
+        let syntax = error("bits = 12", "bits = = 12");
+        assert_eq!(syntax.line, line("bits"));
+        assert!(error("0.14", "nan").to_string().contains("gain_dn_per_e"));
+        assert!(error("RGGB", "RGB").to_string().contains("RGGB"));
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_text_makes_the_reader_panic(line in 0usize..24, text in "\\PC{0,40}", newline in proptest::bool::ANY) {
+            let mut lines: Vec<&str> = FITTED.lines().collect();
+            let at = line.min(lines.len() - 1);
+            if newline { lines.insert(at, &text) } else { lines[at] = &text }
+            let _ = SensorModel::from_toml(&lines.join("\n"));
+            let _ = SensorModel::from_toml(&text);
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! The camera on the tape of the tensor framework: PSF values are leaf tensors, everything after them is differentiable.
+//!
+//! ```text
+//! psf_values [F,3,G,G] --render_op--> [B,3,H,W] --( * illumination_op )--> irradiance
+//!            --expose_op--> raw [B,1,H,W] --develop_op--> linear RGB [B,3,H,W] --> network
+//! ```
+//!
+//! The numeric work is the plain Rust of [`crate::render`], [`crate::sensor`] and [`crate::develop`]; a [`HostKernel`]
+//! carries it, with its hand-written adjoint, into the framework on any backend.
+
+mod develop_op;
+mod expose_op;
+mod host_kernel;
+mod render_op;
+
+pub use develop_op::develop_op;
+pub use expose_op::expose_op;
+pub use host_kernel::{HostKernel, apply, apply_two};
+pub use render_op::{PlacedScene, illumination_op, render_op};
+
+use crate::image::LinearImage;
+
+/// Picture `index` of a batch of three-plane pictures.
+fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: usize) -> LinearImage {
+    let n = channels * height * width;
+    LinearImage { channels, height, width, data: batch[index * n..(index + 1) * n].to_vec() }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,178 @@
+//! Rendering and illumination on the tape.
+
+use std::sync::Arc;
+
+use burn::prelude::*;
+use rayon::prelude::*;
+
+use super::host_kernel::{HostKernel, apply};
+use super::picture;
+use crate::image::{CHANNELS, LinearImage};
+use crate::psf::PsfLayout;
+use crate::render::{
+    PatchKernels, Placement, RenderError, RenderGeometry, illumination_adjoint, illumination_map,
+    kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels,
+};
+
+/// A scene (with the border that the PSF needs) and the place of its output on the sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedScene {
+    /// Linear light, 3 planes, output plus [`kernel_radius`] pixels on every side.
+    pub scene: LinearImage,
+    /// Sensor position of the output's top-left pixel.
+    pub placement: Placement,
+}
+
+/// Renders a batch of scenes: `[F,3,G,G]` PSF values to `[B,3,H,W]`, differentiable in the PSF values.
+///
+/// All scenes have one size. See [`crate::render::render`].
+pub fn render_op(
+    psf_values: Tensor<4>,
+    layout: &PsfLayout,
+    geometry: &RenderGeometry,
+    scenes: Vec<PlacedScene>,
+) -> Result<Tensor<4>, RenderError> {
+    let radius = kernel_radius(geometry, layout)?;
+    same(
+        "shape of the PSF values",
+        [layout.fields(), CHANNELS, layout.grid, layout.grid],
+        psf_values.dims(),
+    )?;
+    let Some(first) = scenes.first() else {
+        return Err(mismatch("number of scenes", "at least 1", "0"));
+    };
+    let shape = |s: &PlacedScene| [s.scene.channels, s.scene.height, s.scene.width];
+    let [_, height, width] = shape(first);
+    let mut active = vec![false; geometry.patch_count()];
+    for placed in &scenes {
+        same("shape of a scene", shape(first), shape(placed))?;
+        let window = crate::render::check_scene(geometry, &placed.scene, radius, placed.placement)?;
+        for (all, one) in active.iter_mut().zip(window) {
+            *all |= one;
+        }
+    }
+    let kernel = RenderKernel {
+        geometry: geometry.clone(),
+        layout: layout.clone(),
+        active,
+        shape: [scenes.len(), CHANNELS, height - 2 * radius, width - 2 * radius],
+        radius,
+        scenes,
+    };
+    Ok(apply(Arc::new(kernel), psf_values))
+}
+
+#[derive(Debug)]
+struct RenderKernel {
+    geometry: RenderGeometry,
+    layout: PsfLayout,
+    scenes: Vec<PlacedScene>,
+    active: Vec<bool>,
+    shape: [usize; 4],
+    radius: usize,
+}
+
+const CHECKED: &str = "sizes were checked when the operation was made";
+
+impl HostKernel for RenderKernel {
+    fn output_shape(&self) -> Vec<usize> {
+        self.shape.to_vec()
+    }
+
+    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+        let kernels = patch_kernels(&self.geometry, &self.layout, inputs[0], &self.active).expect(CHECKED);
+        let render =
+            |s: &PlacedScene| render_kernels(&self.geometry, &kernels, &s.scene, s.placement).expect(CHECKED);
+        let pictures: Vec<LinearImage> = self.scenes.par_iter().map(render).collect();
+        pictures.into_iter().flat_map(|p| p.data).collect()
+    }
+
+    fn adjoint(&self, _: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+        let [_, channels, height, width] = self.shape;
+        let parts: Vec<PatchKernels> = (0..self.scenes.len())
+            .into_par_iter()
+            .map(|i| {
+                let (s, gradient) = (&self.scenes[i], picture(d_output, i, channels, height, width));
+                render_adjoint_kernels(&self.geometry, self.radius, &s.scene, s.placement, &gradient)
+                    .expect(CHECKED)
+            })
+            .collect();
+        let mut parts = parts.into_iter();
+        let mut sum = parts.next().expect("at least one scene");
+        for part in parts {
+            sum.values.iter_mut().zip(&part.values).for_each(|(a, b)| *a += b);
+        }
+        vec![patch_kernels_adjoint(&self.geometry, &self.layout, &sum, &self.active).expect(CHECKED)]
+    }
+}
+
+/// Relative illumination of a batch of sensor windows: table `[F,3]` to `[B,3,H,W]`, differentiable in the table.
+///
+/// See [`crate::render::illumination_map`].
+pub fn illumination_op(
+    illumination: Tensor<2>,
+    layout: &PsfLayout,
+    geometry: &RenderGeometry,
+    placements: &[Placement],
+    height: usize,
+    width: usize,
+) -> Result<Tensor<4>, RenderError> {
+    layout.validate()?;
+    same("shape of the illumination table", [layout.fields(), CHANNELS], illumination.dims())?;
+    for &placement in placements {
+        crate::render::check_placement(geometry, placement, height, width)?;
+    }
+    let kernel = IlluminationKernel {
+        geometry: geometry.clone(),
+        layout: layout.clone(),
+        placements: placements.to_vec(),
+        shape: [placements.len(), CHANNELS, height, width],
+    };
+    Ok(apply(Arc::new(kernel), illumination))
+}
+
+#[derive(Debug)]
+struct IlluminationKernel {
+    geometry: RenderGeometry,
+    layout: PsfLayout,
+    placements: Vec<Placement>,
+    shape: [usize; 4],
+}
+
+impl HostKernel for IlluminationKernel {
+    fn output_shape(&self) -> Vec<usize> {
+        self.shape.to_vec()
+    }
+
+    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+        let [_, _, height, width] = self.shape;
+        let map = |p: &Placement| {
+            illumination_map(&self.geometry, &self.layout, inputs[0], *p, height, width).expect(CHECKED).data
+        };
+        self.placements.iter().flat_map(map).collect()
+    }
+
+    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+        let [_, channels, height, width] = self.shape;
+        let mut sum = vec![0.0f32; inputs[0].len()];
+        for (i, &placement) in self.placements.iter().enumerate() {
+            let gradient = picture(d_output, i, channels, height, width);
+            let part =
+                illumination_adjoint(&self.geometry, &self.layout, placement, &gradient).expect(CHECKED);
+            sum.iter_mut().zip(part).for_each(|(a, b)| *a += b);
+        }
+        vec![sum]
+    }
+}
+
+fn same<const N: usize>(
+    what: &'static str,
+    expected: [usize; N],
+    got: [usize; N],
+) -> Result<(), RenderError> {
+    if expected == got { Ok(()) } else { Err(mismatch(what, &format!("{expected:?}"), &format!("{got:?}"))) }
+}
+
+fn mismatch(what: &'static str, expected: &str, got: &str) -> RenderError {
+    RenderError::Mismatch { what, expected: expected.to_owned(), got: got.to_owned() }
+}

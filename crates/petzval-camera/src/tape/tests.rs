@@ -1,0 +1,215 @@
+use std::sync::Arc;
+
+use burn::prelude::*;
+use burn::tensor::{DType, TensorData};
+
+use super::*;
+use crate::image::CHANNELS;
+use crate::psf::{PsfBank, PsfLayout};
+use crate::render::{Placement, RenderGeometry, kernel_radius, render_adjoint};
+use crate::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel};
+
+fn uniform(seed: u64, n: usize) -> Vec<f32> {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    (0..n).map(|_| rng.random::<f32>()).collect()
+}
+
+fn device() -> Device {
+    Device::flex().autodiff()
+}
+
+fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
+    Tensor::from_data(TensorData::new(values, shape), (&device(), DType::F32))
+}
+
+fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.into_data().convert::<f32>().try_to_vec().unwrap()
+}
+
+fn geometry() -> RenderGeometry {
+    RenderGeometry { sensor_height: 40, sensor_width: 60, pixel_um: 5.0, patches: (3, 3) }
+}
+
+fn bank() -> PsfBank {
+    let grid = 8;
+    let mut values = uniform(1, 2 * CHANNELS * grid * grid);
+    for psf in values.chunks_exact_mut(grid * grid) {
+        let sum: f32 = psf.iter().sum();
+        psf.iter_mut().for_each(|v| *v /= sum);
+    }
+    let illumination = vec![1.0, 1.0, 1.0, 0.6, 0.58, 0.55];
+    PsfBank { field_radius_mm: vec![0.0, 0.2], grid, pitch_um: 2.0, values, illumination }
+}
+
+fn scenes(layout: &PsfLayout, height: usize, width: usize) -> Vec<PlacedScene> {
+    let radius = kernel_radius(&geometry(), layout).unwrap();
+    let (h, w) = (height + 2 * radius, width + 2 * radius);
+    [Placement { row: 0, col: 1 }, Placement { row: 21, col: 30 }]
+        .into_iter()
+        .enumerate()
+        .map(|(i, placement)| {
+            let data = uniform(10 + i as u64, CHANNELS * h * w).into_iter().map(|v| 0.1 + 0.6 * v).collect();
+            PlacedScene { scene: LinearImage::from_data(CHANNELS, h, w, data).unwrap(), placement }
+        })
+        .collect()
+}
+
+/// `y_i = x_i^2` for one input, `y_i = a_i b_i` for two.
+#[derive(Debug)]
+struct Product(usize);
+
+impl HostKernel for Product {
+    fn output_shape(&self) -> Vec<usize> {
+        vec![self.0]
+    }
+
+    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+        inputs[0].iter().zip(inputs[inputs.len() - 1]).map(|(a, b)| a * b).collect()
+    }
+
+    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+        let times = |x: &[f32], k: f32| d_output.iter().zip(x).map(|(g, x)| k * g * x).collect();
+        match inputs {
+            [a, b] => vec![times(b, 1.0), times(a, 1.0)],
+            _ => vec![times(inputs[0], 2.0)],
+        }
+    }
+}
+
+#[test]
+fn host_kernels_carry_gradients_to_every_tracked_input() {
+    let x = tensor(vec![1.0, 2.0, 3.0, 4.0], [2, 2]).require_grad();
+    let y: Tensor<1> = apply(Arc::new(Product(4)), x.clone() * 2.0);
+    let gradients = (y * 3.0).sum().backward();
+    assert_eq!(values(x.grad(&gradients).unwrap()), vec![24.0, 48.0, 72.0, 96.0]);
+
+    let a = tensor(vec![1.0, 2.0], [2]).require_grad();
+    let b = tensor(vec![5.0, 7.0], [1, 2]).require_grad();
+    let constant = tensor(vec![2.0, 3.0], [2]);
+    let ab: Tensor<1> = apply_two(Arc::new(Product(2)), a.clone(), b.clone());
+    let ac: Tensor<1> = apply_two(Arc::new(Product(2)), constant, a.clone());
+    let gradients = (ab + ac).sum().backward();
+    assert_eq!(values(a.grad(&gradients).unwrap()), vec![7.0, 10.0]);
+    assert_eq!(values(b.grad(&gradients).unwrap()), vec![1.0, 2.0]);
+}
+
+#[test]
+fn host_kernels_work_without_autodiff() {
+    let x = Tensor::<1>::from_data(TensorData::new(vec![3.0f32], [1]), (&Device::flex(), DType::F32));
+    assert_eq!(values(apply::<1, 1>(Arc::new(Product(1)), x)), vec![9.0]);
+}
+
+#[test]
+fn render_op_has_the_gradient_of_render_adjoint() {
+    let (bank, geometry) = (bank(), geometry());
+    let layout = bank.layout();
+    let scenes = scenes(&layout, 15, 20);
+    let weight = uniform(3, 2 * CHANNELS * 15 * 20);
+    let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]).require_grad();
+    let pictures = render_op(psf.clone(), &layout, &geometry, scenes.clone()).unwrap();
+    assert_eq!(pictures.dims(), [2, CHANNELS, 15, 20]);
+    let gradients = (pictures * tensor(weight.clone(), [2, CHANNELS, 15, 20])).sum().backward();
+    let on_tape = values(psf.grad(&gradients).unwrap());
+
+    let mut expected = vec![0.0f32; on_tape.len()];
+    for (i, s) in scenes.iter().enumerate() {
+        let gradient = picture(&weight, i, CHANNELS, 15, 20);
+        let part = render_adjoint(&geometry, &bank, &s.scene, s.placement, &gradient).unwrap();
+        expected.iter_mut().zip(&part.psf_values).for_each(|(a, b)| *a += b);
+    }
+    let scale = expected.iter().fold(0.0f32, |a, b| a.max(b.abs()));
+    for (a, b) in on_tape.iter().zip(&expected) {
+        assert!((a - b).abs() < 1e-5 * scale);
+    }
+}
+
+/// PSF and illumination to a scalar through the whole camera, without noise.
+fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor<1> {
+    let (layout, geometry) = (bank().layout(), geometry());
+    let sensor: SensorModel =
+        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+    let scenes = scenes(&layout, 15, 20);
+    let placements: Vec<Placement> = scenes.iter().map(|s| s.placement).collect();
+    let captures: Vec<Capture> = placements
+        .iter()
+        .enumerate()
+        .map(|(i, &placement)| {
+            let exposure = Exposure { white_e: 9000.0, time_s: 0.01, linear_gain: 1.0 + i as f32 };
+            Capture { exposure, placement, frame: i as u64 }
+        })
+        .collect();
+    let light = render_op(psf, &layout, &geometry, scenes).unwrap()
+        * illumination_op(illumination, &layout, &geometry, &placements, 15, 20).unwrap();
+    let raw = expose_op(light, &sensor, &captures, noise).unwrap();
+    assert_eq!(raw.dims(), [2, 1, 15, 20]);
+    develop_op(raw, &sensor, &captures).unwrap().square().sum()
+}
+
+#[test]
+fn gradients_through_the_whole_camera_match_finite_differences() {
+    let bank = bank();
+    let noise = Noise { mode: NoiseMode::Off, seed: 0 };
+    let psf_shape = [2, CHANNELS, 8, 8];
+    let psf = tensor(bank.values.clone(), psf_shape).require_grad();
+    let table = tensor(bank.illumination.clone(), [2, CHANNELS]).require_grad();
+    let gradients = camera_loss(psf.clone(), table.clone(), &noise).backward();
+    let d_psf = values(psf.grad(&gradients).unwrap());
+    let d_table = values(table.grad(&gradients).unwrap());
+
+    // The loss is quadratic, so central differences with a large step are exact but for round-off.
+    let loss = |psf: Vec<f32>, table: Vec<f32>| {
+        values(camera_loss(tensor(psf, psf_shape), tensor(table, [2, CHANNELS]), &noise))[0]
+    };
+    let check = |analytic: f32, high: f32, low: f32, step: f32| {
+        let difference = (high - low) / (2.0 * step);
+        assert!((difference - analytic).abs() < 2e-3 * analytic.abs(), "{difference} {analytic}");
+    };
+    for index in [0, 27, 64 + 36, 3 * 64 + 20, 5 * 64 + 35] {
+        let moved = |step: f32| {
+            let mut v = bank.values.clone();
+            v[index] += step;
+            loss(v, bank.illumination.clone())
+        };
+        check(d_psf[index], moved(0.1), moved(-0.1), 0.1);
+    }
+    for index in 0..6 {
+        let moved = |step: f32| {
+            let mut v = bank.illumination.clone();
+            v[index] += step;
+            loss(bank.values.clone(), v)
+        };
+        check(d_table[index], moved(0.1), moved(-0.1), 0.1);
+    }
+}
+
+#[test]
+fn noise_repeats_and_exact_noise_stops_the_gradient() {
+    let bank = bank();
+    let run = |mode: NoiseMode| {
+        let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]).require_grad();
+        let table = tensor(bank.illumination.clone(), [2, CHANNELS]);
+        let loss = camera_loss(psf.clone(), table, &Noise { mode, seed: 7 });
+        let gradients = loss.clone().backward();
+        (values(loss)[0], values(psf.grad(&gradients).unwrap()))
+    };
+    assert!(run(NoiseMode::Dequantised) == run(NoiseMode::Dequantised));
+    assert!(run(NoiseMode::Dequantised).1.iter().any(|&g| g != 0.0));
+    assert!(run(NoiseMode::Exact).1.iter().all(|&g| g == 0.0));
+    assert_eq!(run(NoiseMode::Exact).0, run(NoiseMode::StraightThrough).0);
+}
+
+#[test]
+fn wrong_shapes_are_typed_errors() {
+    let (bank, geometry) = (bank(), geometry());
+    let layout = bank.layout();
+    let psf = tensor(bank.values.clone(), [1, 2 * CHANNELS, 8, 8]);
+    assert!(render_op(psf, &layout, &geometry, scenes(&layout, 15, 20)).is_err());
+    let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]);
+    assert!(render_op(psf.clone(), &layout, &geometry, Vec::new()).is_err());
+    let mut mixed = scenes(&layout, 15, 20);
+    mixed.extend(scenes(&layout, 14, 20));
+    assert!(render_op(psf, &layout, &geometry, mixed).is_err());
+    let table = tensor(bank.illumination, [2, CHANNELS]);
+    assert!(illumination_op(table, &layout, &geometry, &[Placement { row: 39, col: 0 }], 15, 20).is_err());
+}

@@ -1,0 +1,462 @@
+//! The design loop: blocks that take turns, one camera after the other, resumable at every step.
+//!
+//! Every camera gets the same number of network steps on the same data in the same order, and the same
+//! noise. The lens of the end-to-end camera steps in between, its gradient coming through the network's loss,
+//! the development, the sensor and the renderer to the PSFs, and from there by the adjoint of ray tracing.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use petzval_camera::psf::PsfLayout;
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::Noise;
+use petzval_learn::dataset::training_crop;
+use petzval_learn::loss::Lpips;
+use petzval_learn::network::UNetConfig;
+use petzval_learn::task::{ImageQualityTask, Task, TaskLoss};
+use petzval_optics::constraint::clearance_penalty;
+use petzval_optics::format::{LensFile, write_lens};
+use petzval_optics::lens::Lens;
+use serde::{Deserialize, Serialize};
+
+use crate::adam::cosine_rate;
+use crate::cameras::CameraKind;
+use crate::error::DesignError;
+use crate::light_path::{LightPath, PsfLeaves, Shot};
+use crate::run::{
+    CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, save_checkpoint,
+    write_atomically,
+};
+use crate::scoring::{score_camera, to_host};
+use crate::setup::Setup;
+use crate::spot_design::{MovingLens, SpotMerit};
+
+/// Someone who watches a run.
+pub trait Observer {
+    /// The run starts or goes on, `done` of `total` steps behind it.
+    fn start(&mut self, done: u64, total: u64);
+    /// A step was taken.
+    fn step(&mut self, event: &Event);
+    /// A camera is finished and scored.
+    fn camera(&mut self, metrics: &CameraMetrics);
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ending {
+    /// All cameras are made and scored.
+    Finished(Box<Metrics>),
+    /// It was asked to stop, and left a checkpoint at this step.
+    Stopped(u64),
+}
+
+/// Where a run stands: what a checkpoint holds, apart from the network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Position {
+    /// Steps taken by all blocks of all cameras.
+    step: u64,
+    /// Index of the camera at work; past the last when all are made.
+    camera: usize,
+    spot_steps: usize,
+    optics_steps: usize,
+    network_steps: usize,
+    moving: MovingLens,
+}
+
+/// What comes next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Turn {
+    Spot,
+    Optics,
+    Network,
+    /// The camera is made: score it and go on to the next.
+    Score,
+}
+
+/// A block of the end-to-end camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepKind {
+    /// The network learns behind a fixed lens.
+    Network,
+    /// The lens moves in front of a held network.
+    Optics,
+}
+
+/// The PSFs of the lens at hand, made anew only when it has moved.
+struct Current {
+    lens: Lens,
+    leaves: PsfLeaves,
+}
+
+/// A run at work.
+pub struct DesignLoop<'a> {
+    setup: &'a Setup,
+    run: &'a RunFolder,
+    path: LightPath,
+    lpips: Lpips,
+    task: Box<dyn Task>,
+    position: Position,
+    current: Option<Current>,
+    log: EventLog,
+}
+
+const POSITION_FILE: &str = "position.json";
+
+impl<'a> DesignLoop<'a> {
+    /// Starts a run in an empty folder, or goes on from the latest checkpoint of one.
+    pub fn new(setup: &'a Setup, run: &'a RunFolder) -> Result<Self, DesignError> {
+        let lpips = Lpips::from_safetensors(&setup.lpips_weights, &setup.device)?;
+        let mut this = Self {
+            path: light_path(setup),
+            task: new_task(setup)?,
+            lpips,
+            position: Position {
+                step: 0,
+                camera: 0,
+                spot_steps: 0,
+                optics_steps: 0,
+                network_steps: 0,
+                moving: MovingLens::start(&setup.space),
+            },
+            current: None,
+            log: EventLog::resume(&run.events(), 0)?,
+            setup,
+            run,
+        };
+        if let Some((_, folder)) = latest_checkpoint(run)? {
+            let path = folder.join(POSITION_FILE);
+            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+            this.position = serde_json::from_str(&text)
+                .map_err(|e| DesignError::Run { path: path.clone(), problem: e.to_string() })?;
+            this.task.load(&folder)?;
+        }
+        this.log = EventLog::resume(&run.events(), this.position.step)?;
+        Ok(this)
+    }
+
+    /// Runs to the end, or until `stop` is set; then the step at hand is finished and a checkpoint written.
+    pub fn run(mut self, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Ending, DesignError> {
+        observer.start(self.position.step, self.total_steps());
+        while let Some(kind) = CameraKind::ALL.get(self.position.camera).copied() {
+            if stop.load(Ordering::Relaxed) {
+                self.checkpoint()?;
+                return Ok(Ending::Stopped(self.position.step));
+            }
+            let turn = self.turn(kind);
+            let started = Instant::now();
+            let (block, losses, learning_rate) = match turn {
+                Turn::Spot => self.spot_step()?,
+                Turn::Optics => self.optics_step(kind)?,
+                Turn::Network => self.network_step(kind)?,
+                Turn::Score => self.finish_camera(kind, observer)?,
+            };
+            self.position.step += 1;
+            let event = Event {
+                step: self.position.step,
+                camera: kind.name().to_owned(),
+                block: block.to_owned(),
+                losses,
+                learning_rate,
+                seconds: started.elapsed().as_secs_f64(),
+            };
+            self.log.write(&event)?;
+            observer.step(&event);
+            let every = self.setup.experiment.checkpoint.every as u64;
+            if turn == Turn::Score || self.position.step.is_multiple_of(every) {
+                self.checkpoint()?;
+            }
+        }
+        let metrics = self.collect_metrics()?;
+        Ok(Ending::Finished(Box::new(metrics)))
+    }
+
+    /// Takes one step of a block for the end-to-end camera, out of turn: for measuring its cost.
+    pub fn one_step(&mut self, kind: StepKind) -> Result<(), DesignError> {
+        match kind {
+            StepKind::Network => self.network_step(CameraKind::EndToEnd).map(|_| ()),
+            StepKind::Optics => self.optics_step(CameraKind::EndToEnd).map(|_| ()),
+        }
+    }
+
+    fn total_steps(&self) -> u64 {
+        let e = &self.setup.experiment;
+        // Scoring a camera is a step too.
+        (CameraKind::ALL.len() * (e.training.steps + 1) + e.spot.steps + e.optics.steps) as u64
+    }
+
+    /// Whose turn it is. Lens steps are spread evenly over the first part of the network's steps.
+    fn turn(&self, kind: CameraKind) -> Turn {
+        let (e, p) = (&self.setup.experiment, &self.position);
+        if kind == CameraKind::SpotOptimised && p.spot_steps < e.spot.steps {
+            return Turn::Spot;
+        }
+        if kind == CameraKind::EndToEnd && p.optics_steps < e.optics.steps {
+            let moving = (e.optics.moving_share * e.training.steps as f64).max(1.0);
+            let due = ((p.network_steps + 1) as f64 / moving * e.optics.steps as f64) as usize;
+            if p.optics_steps < due || p.network_steps == e.training.steps {
+                return Turn::Optics;
+            }
+        }
+        if p.network_steps < e.training.steps { Turn::Network } else { Turn::Score }
+    }
+
+    fn spot_step(&mut self) -> Result<Step, DesignError> {
+        let spot = self.setup.experiment.spot;
+        let rate =
+            cosine_rate(spot.learning_rate, spot.final_learning_rate, self.position.spot_steps, spot.steps);
+        let fields = self.setup.moving_plan.field_angles(&self.setup.lens_file.lens);
+        let merit = SpotMerit {
+            space: &self.setup.space,
+            fields_rad: &fields,
+            quadrature: &self.setup.moving_plan.quadrature,
+            clearances: self.setup.experiment.constraints.clearances(),
+        };
+        let rms_um = merit.step(&mut self.position.moving, rate)?;
+        self.position.spot_steps += 1;
+        self.current = None;
+        Ok(("spot", BTreeMap::from([("rms_spot_um".to_owned(), rms_um)]), rate))
+    }
+
+    /// One step of the lens: the network is held, its loss pulled back to the PSFs and through the lens.
+    fn optics_step(&mut self, kind: CameraKind) -> Result<Step, DesignError> {
+        let optics = self.setup.experiment.optics;
+        let constraints = self.setup.experiment.constraints;
+        let taken = self.position.optics_steps;
+        let rate = cosine_rate(optics.learning_rate, optics.final_learning_rate, taken, optics.steps);
+
+        let lens = self.setup.space.lens_at(&self.position.moving.x)?;
+        let traced = self.setup.moving_plan.trace(&lens)?;
+        let leaves = PsfLeaves::new(&traced.bank, &self.setup.device, true);
+        // Lens steps draw crops of their own, behind those of all network steps.
+        let shots = self.shots((self.setup.experiment.training.steps + taken) as u64)?;
+        let developed = self.path.take(&leaves, &shots, &self.noise())?;
+        let truth = self.path.truth(&shots, &self.setup.device)?;
+        let loss = self.task.held_loss(developed, truth)?;
+        let mut losses = named(&loss);
+        self.check_finite(kind, "optics", &losses)?;
+
+        // The tape ends at the PSFs; ray tracing takes over.
+        let gradients = loss.total.backward();
+        let missing = || DesignError::Device("the PSFs have no gradient".to_owned());
+        let by_values = to_host(leaves.values.grad(&gradients).ok_or_else(missing)?)?;
+        let by_illumination = to_host(leaves.illumination.grad(&gradients).ok_or_else(missing)?)?;
+        let mut gradient = self.setup.moving_plan.gradient(&traced, &by_values, &by_illumination);
+        let (penalty_mm2, by_clearance) = clearance_penalty(&lens, &constraints.clearances());
+        gradient += &by_clearance.scaled(constraints.weight);
+        losses.insert("clearance_mm2".to_owned(), penalty_mm2);
+
+        let moving = &mut self.position.moving;
+        let by_x = self.setup.space.pull_back(&moving.x, &lens, &gradient);
+        moving.adam.step(&mut moving.x, &by_x, rate);
+        self.position.optics_steps += 1;
+        self.current = None;
+        Ok(("optics", losses, rate))
+    }
+
+    /// One step of the network behind the lens as it stands.
+    fn network_step(&mut self, kind: CameraKind) -> Result<Step, DesignError> {
+        let training = self.setup.experiment.training;
+        let step = self.position.network_steps;
+        let rate = cosine_rate(training.learning_rate, training.final_learning_rate, step, training.steps);
+        self.make_current(kind)?;
+        let shots = self.shots(step as u64)?;
+        let Some(current) = &self.current else {
+            return Err(DesignError::Device("no lens at hand".to_owned()));
+        };
+        let developed = self.path.take(&current.leaves, &shots, &self.noise())?;
+        let truth = self.path.truth(&shots, &self.setup.device)?;
+        let loss = self.task.learning_loss(developed, truth)?;
+        let losses = named(&loss);
+        self.check_finite(kind, "network", &losses)?;
+        self.task.learn(loss, rate);
+        self.position.network_steps += 1;
+        Ok(("network", losses, rate))
+    }
+
+    /// The windows of a step: the same for every camera.
+    fn shots(&self, step: u64) -> Result<Vec<Shot>, DesignError> {
+        let (setup, batch) = (self.setup, self.setup.experiment.training.batch);
+        let (crops, photos) = (&setup.training_crops, setup.photos.training());
+        (0..batch)
+            .map(|item| {
+                let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
+                let window = crops.window();
+                let mut scene = photos[c.photo]
+                    .image
+                    .crop(c.row, c.column, window, window)
+                    .map_err(|e| DesignError::Device(e.to_string()))?;
+                if c.flip {
+                    mirror(&mut scene.data, window);
+                }
+                let placement = Placement { row: c.sensor_row, col: c.sensor_column };
+                Ok(Shot { scene, placement, frame: step * batch as u64 + item as u64 })
+            })
+            .collect()
+    }
+
+    fn noise(&self) -> Noise {
+        Noise { mode: self.setup.experiment.training.noise, seed: self.setup.experiment.seed }
+    }
+
+    /// The lens of a camera as it stands.
+    fn lens(&self, kind: CameraKind) -> Result<Lens, DesignError> {
+        match kind {
+            CameraKind::Nominal => Ok(self.setup.lens_file.lens.clone()),
+            CameraKind::SpotOptimised | CameraKind::EndToEnd => {
+                let mut lens = self.setup.space.lens_at(&self.position.moving.x)?;
+                lens.name = format!("{}, {}", self.setup.lens_file.lens.name, kind.name());
+                Ok(lens)
+            }
+        }
+    }
+
+    fn make_current(&mut self, kind: CameraKind) -> Result<(), DesignError> {
+        if self.current.is_none() {
+            let lens = self.lens(kind)?;
+            // A lens on its way is sampled as it was for its gradient; one at rest finely.
+            let still_moving = kind == CameraKind::EndToEnd
+                && self.position.optics_steps < self.setup.experiment.optics.steps;
+            let plan = if still_moving { &self.setup.moving_plan } else { &self.setup.fixed_plan };
+            let leaves = PsfLeaves::new(&plan.bank(&lens)?, &self.setup.device, false);
+            self.current = Some(Current { lens, leaves });
+        }
+        Ok(())
+    }
+
+    fn check_finite(
+        &self,
+        kind: CameraKind,
+        block: &'static str,
+        losses: &BTreeMap<String, f64>,
+    ) -> Result<(), DesignError> {
+        match losses.values().find(|v| !v.is_finite()) {
+            None => Ok(()),
+            Some(value) => Err(DesignError::Diverged {
+                camera: kind.name().to_owned(),
+                block,
+                step: self.position.step + 1,
+                value: *value,
+            }),
+        }
+    }
+
+    fn checkpoint(&self) -> Result<(), DesignError> {
+        let keep = self.setup.experiment.checkpoint.keep;
+        save_checkpoint(self.run, self.position.step, keep, |folder| {
+            let text = serde_json::to_string(&self.position).unwrap_or_default();
+            let path = folder.join(POSITION_FILE);
+            std::fs::write(&path, text).map_err(DesignError::io(&path))?;
+            self.task.save(folder).map_err(DesignError::from)
+        })?;
+        if let Some(current) = &self.current {
+            let path = self.run.lens_at_step(self.position.step);
+            write_atomically(&path, self.lens_text(&current.lens).as_bytes())?;
+        }
+        Ok(())
+    }
+
+    fn lens_text(&self, lens: &Lens) -> String {
+        let file = LensFile { lens: lens.clone(), expect: None, ..self.setup.lens_file.clone() };
+        write_lens(&file)
+    }
+
+    /// Scores a camera, keeps its lens, network and pictures, and makes room for the next.
+    fn finish_camera(&mut self, kind: CameraKind, observer: &mut dyn Observer) -> Result<Step, DesignError> {
+        let lens = self.lens(kind)?;
+        let (metrics, pictures) =
+            score_camera(self.setup, &self.path, kind.name(), &lens, self.task.as_ref(), &self.lpips)?;
+        let folder = self.run.camera(kind.name());
+        std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
+        write_atomically(&folder.join("lens.toml"), self.lens_text(&lens).as_bytes())?;
+        self.task.save(&folder)?;
+        let text = serde_json::to_string_pretty(&metrics).unwrap_or_default();
+        write_atomically(&folder.join("metrics.json"), text.as_bytes())?;
+        crate::pictures::save(self.run, kind.name(), &pictures)?;
+        observer.camera(&metrics);
+
+        // The next camera starts from the nominal lens with a new network.
+        self.position.camera += 1;
+        self.position.spot_steps = 0;
+        self.position.optics_steps = 0;
+        self.position.network_steps = 0;
+        self.position.moving = MovingLens::start(&self.setup.space);
+        self.task = new_task(self.setup)?;
+        self.current = None;
+        let scores = BTreeMap::from([
+            ("lpips".to_owned(), 1.0 - metrics.one_minus_lpips),
+            ("psnr_db".to_owned(), metrics.psnr_db),
+        ]);
+        Ok(("score", scores, 0.0))
+    }
+
+    fn collect_metrics(&self) -> Result<Metrics, DesignError> {
+        let metrics = collect_metrics(self.setup, self.run)?;
+        let text = serde_json::to_string_pretty(&metrics).unwrap_or_default();
+        write_atomically(&self.run.metrics(), text.as_bytes())?;
+        Ok(metrics)
+    }
+}
+
+/// Block, losses by name, learning rate.
+type Step = (&'static str, BTreeMap<String, f64>, f64);
+
+/// The stages of an experiment that do not change.
+pub fn light_path(setup: &Setup) -> LightPath {
+    LightPath {
+        geometry: setup.geometry.clone(),
+        layout: PsfLayout {
+            field_radius_mm: setup.fixed_plan.field_radius_mm.clone(),
+            grid: setup.experiment.psf.grid,
+            pitch_um: setup.experiment.psf.pitch_um,
+        },
+        sensor: setup.sensor.clone(),
+        exposure: setup.experiment.exposure.exposure(),
+        border: setup.training_crops.margin,
+    }
+}
+
+/// A new, untrained task: the same bits for every camera of a run.
+pub fn new_task(setup: &Setup) -> Result<Box<dyn Task>, DesignError> {
+    let e = &setup.experiment;
+    let task = ImageQualityTask::new(
+        UNetConfig {
+            base_channels: e.network.base_channels,
+            levels: e.network.levels,
+            ..Default::default()
+        },
+        e.seed,
+        e.loss,
+        Lpips::from_safetensors(&setup.lpips_weights, &setup.device)?,
+        &setup.device,
+    )?;
+    Ok(Box::new(task))
+}
+
+/// Gathers the figures of the cameras of a run.
+pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, DesignError> {
+    let rows: Vec<CameraMetrics> = CameraKind::ALL
+        .iter()
+        .map(|kind| {
+            let path = run.camera(kind.name()).join("metrics.json");
+            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+            serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Metrics {
+        held_out_images: rows.first().map_or(0, |r: &CameraMetrics| r.pictures.len()),
+        rows,
+        seeds: vec![setup.experiment.seed],
+        ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),
+        lpips_variant: "LPIPS v0.1, AlexNet".to_owned(),
+    })
+}
+
+fn named(loss: &TaskLoss) -> BTreeMap<String, f64> {
+    loss.parts.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
+}
+
+/// Mirrors every row of `width` values.
+fn mirror(data: &mut [f32], width: usize) {
+    data.chunks_exact_mut(width).for_each(<[f32]>::reverse);
+}

@@ -1,0 +1,225 @@
+//! From a run folder to its report: what was written during the run is gathered, and each lens traced again.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use petzval_optics::design_space::{Parameter, Variable};
+use petzval_optics::format::{LensFile, parse_lens};
+use petzval_optics::glass::Catalog;
+use petzval_optics::lens::Lens;
+
+use crate::cameras::CameraKind;
+use crate::error::DesignError;
+use crate::pictures::file_name;
+use crate::report::{
+    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
+};
+use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
+use crate::setup::Setup;
+
+/// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
+const SHOWN_QUARTERS: [usize; 5] = [0, 1, 2, 3, 4];
+
+/// The lens of a finished camera.
+pub fn camera_lens(run: &RunFolder, kind: CameraKind) -> Result<LensFile, DesignError> {
+    let path = run.camera(kind.name()).join("lens.toml");
+    let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    // A lens that we wrote carries its glasses with it.
+    parse_lens(&text, &Catalog::default()).map_err(|error| DesignError::Input { path, error })
+}
+
+/// The figures of a finished run.
+pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
+    let path = run.metrics();
+    if !path.is_file() {
+        let problem = format!(
+            "the run is not finished; go on with `petzval design --resume {}`",
+            run.root().display()
+        );
+        return Err(DesignError::Run { path, problem });
+    }
+    let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+}
+
+/// Gathers everything that a report shows.
+pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
+    let metrics = read_metrics(run)?;
+    let nominal = &setup.lens_file.lens;
+    let mut cameras = Vec::new();
+    for kind in CameraKind::ALL {
+        let lens = camera_lens(run, kind)?.lens;
+        let psfs = setup.fixed_plan.psfs(&lens)?;
+        let last = psfs.len() - 1;
+        let shown = SHOWN_QUARTERS.map(|q| (q * last + 2) / 4);
+        cameras.push(CameraView {
+            name: kind.name().to_owned(),
+            psfs: shown
+                .iter()
+                .filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options))
+                .collect(),
+            changes: changes(nominal, &lens, &setup.lens_file.variables),
+            lens,
+        });
+    }
+    let e = &setup.experiment;
+    Ok(Report {
+        title: e.name.clone(),
+        subtitle: format!(
+            "Three cameras with the same focal length, f-number, field of view, exposure ({} e- of white), data order and {} \
+             network steps: the nominal lens, a lens optimised for its RMS spot alone, and lens and network designed \
+             together. Scored on {} held-out pictures.",
+            e.exposure.white_e, e.training.steps, metrics.held_out_images
+        ),
+        command_line: command_line.to_owned(),
+        table: metrics.rows.iter().map(row).collect(),
+        cameras,
+        fields_rad: setup.fixed_plan.field_angles(nominal),
+        wavelengths_um: setup.fixed_plan.wavelengths_um.to_vec(),
+        half_diagonal_mm: setup.corner_mm(),
+        pictures: pictures(run, &metrics)?,
+        losses: loss_curves(&run.events())?,
+        config_toml: e.to_toml(),
+        environment: environment(&run.environment())?,
+        notes: vec![
+            format!("Image scores: {}; SSIM: {}.", metrics.lpips_variant, metrics.ssim_variant),
+            "RMS spot: mean over the fields, all wavelengths together about their common centroid, through the real \
+             stop, each ray weighed by its light."
+                .to_owned(),
+            "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. \
+             Distortion is not rendered: each place gets its PSF around the ideal image point."
+                .to_owned(),
+        ],
+    })
+}
+
+fn row(m: &CameraMetrics) -> TableRow {
+    TableRow {
+        camera: m.camera.clone(),
+        one_minus_lpips: m.one_minus_lpips,
+        psnr_db: m.psnr_db,
+        ssim: m.ssim,
+        rms_spot_um: m.rms_spot_um,
+        efl_mm: m.efl_mm,
+        f_number: m.f_number,
+        fov_deg: m.fov_deg,
+    }
+}
+
+/// The variables, before and after, and the radius that keeps the focal length.
+fn changes(before: &Lens, after: &Lens, variables: &[Variable]) -> Vec<Change> {
+    let mut all: Vec<Change> = variables
+        .iter()
+        .map(|v| Change {
+            parameter: name_of(before, v.surface, v.parameter),
+            from: v.parameter.value(before, v.surface),
+            to: v.parameter.value(after, v.surface),
+            unit: unit_of(v.parameter),
+            min: v.min,
+            max: v.max,
+        })
+        .collect();
+    for (i, (a, b)) in before.surfaces.iter().zip(&after.surfaces).enumerate() {
+        let listed = |p| variables.iter().any(|v| v.surface == i && v.parameter == p);
+        for parameter in [Parameter::Radius, Parameter::Thickness] {
+            let (from, to) = (parameter.value(before, i), parameter.value(after, i));
+            let moved = a.shape.curvature != b.shape.curvature || parameter == Parameter::Thickness;
+            if moved && from != to && !listed(parameter) {
+                all.push(Change {
+                    parameter: format!("{} (solved)", name_of(before, i, parameter)),
+                    from,
+                    to,
+                    unit: unit_of(parameter),
+                    min: f64::NEG_INFINITY,
+                    max: f64::INFINITY,
+                });
+            }
+        }
+    }
+    all
+}
+
+fn name_of(lens: &Lens, surface: usize, parameter: Parameter) -> String {
+    let label = &lens.surfaces[surface].label;
+    let label = if label.is_empty() { format!("surface {}", surface + 1) } else { label.clone() };
+    let what = match parameter {
+        Parameter::Radius => "radius".to_owned(),
+        Parameter::Conic => "conic constant".to_owned(),
+        Parameter::Asphere(order) => format!("a{order}"),
+        Parameter::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
+        Parameter::Thickness => "distance to the next surface".to_owned(),
+    };
+    format!("{label}: {what}")
+}
+
+fn unit_of(parameter: Parameter) -> String {
+    match parameter {
+        Parameter::Radius | Parameter::Thickness => "mm".to_owned(),
+        Parameter::Conic => String::new(),
+        Parameter::Asphere(order) => format!("mm^{}", 1 - order as i64),
+    }
+}
+
+fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {
+    let read = |file: String| {
+        let path = run.picture(&file);
+        fs::read(&path).map_err(DesignError::io(&path))
+    };
+    let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
+    let mut all = Vec::new();
+    for (index, picture) in first.pictures.iter().enumerate() {
+        let mut cameras = Vec::new();
+        for m in &metrics.rows {
+            let Some(score) = m.pictures.get(index) else { continue };
+            cameras.push(CameraPicture {
+                camera: m.camera.clone(),
+                developed_png: read(file_name(index, "developed", Some(&m.camera)))?,
+                output_png: read(file_name(index, "output", Some(&m.camera)))?,
+                psnr_db: score.psnr_db,
+                ssim: score.ssim,
+                one_minus_lpips: score.one_minus_lpips,
+            });
+        }
+        let title = picture.photo.split('.').next().unwrap_or(&picture.photo).to_owned();
+        let place = match picture.relative_field {
+            f if f < 0.05 => "centre of the field".to_owned(),
+            f => format!("{:.0} % of the half-diagonal", 100.0 * f),
+        };
+        all.push(PictureView { title, place, truth_png: read(file_name(index, "truth", None))?, cameras });
+    }
+    Ok(all)
+}
+
+fn loss_curves(events: &Path) -> Result<Vec<LossCurve>, DesignError> {
+    type Key = (String, String, String);
+    let mut curves: BTreeMap<Key, Vec<(u64, f64)>> = BTreeMap::new();
+    let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
+    for event in read_events(events)? {
+        if event.block == "score" {
+            continue;
+        }
+        // Each block counts its own steps, so that cameras can be laid over each other.
+        let count = counts.entry((event.camera.clone(), event.block.clone())).or_default();
+        *count += 1;
+        for (name, value) in event.losses {
+            let key = (event.camera.clone(), event.block.clone(), name);
+            curves.entry(key).or_default().push((*count, value));
+        }
+    }
+    Ok(curves
+        .into_iter()
+        .map(|((camera, block, label), points)| LossCurve { camera, block, label, points })
+        .collect())
+}
+
+fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
+    let text = fs::read_to_string(path).map_err(DesignError::io(path))?;
+    let values: BTreeMap<String, serde_json::Value> = serde_json::from_str(&text)
+        .map_err(|e| DesignError::Run { path: path.to_path_buf(), problem: e.to_string() })?;
+    let plain = |v: serde_json::Value| match v {
+        serde_json::Value::String(s) => s,
+        other => other.to_string(),
+    };
+    Ok(values.into_iter().map(|(k, v)| (k, plain(v))).collect())
+}

@@ -1,0 +1,95 @@
+//! What can be wrong with a data set.
+
+use std::path::PathBuf;
+
+use petzval_camera::image::ImageError;
+
+/// A data set that cannot be used, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// A file is no picture that this program can decode.
+    #[error("{0}; use an undamaged PNG, JPEG or TIFF, or take it out of the set")]
+    Unreadable(#[from] ImageError),
+    /// The folder or a file in it cannot be read.
+    #[error("{}: cannot be read; check that it exists and may be read", path.display())]
+    Io {
+        /// The folder or file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A folder holds no pictures.
+    #[error("{}: no .png, .jpg, .jpeg, .tif or .tiff file in this folder; name the folder that holds the pictures", path.display())]
+    EmptyFolder {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A picture cannot hold the training window.
+    #[error(
+        "{name}: {height} x {width} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures or a smaller crop"
+    )]
+    PhotoTooSmall {
+        /// The picture.
+        name: String,
+        /// Its rows.
+        height: usize,
+        /// Its columns.
+        width: usize,
+        /// Side of the window that must fit.
+        needed: usize,
+    },
+    /// The sensor cannot hold the crop.
+    #[error(
+        "sensor of {rows} x {columns} pixels cannot hold a crop of {crop} x {crop}; use a crop of 1 or more that fits"
+    )]
+    SensorTooSmall {
+        /// Sensor rows.
+        rows: usize,
+        /// Sensor columns.
+        columns: usize,
+        /// Side of the crop.
+        crop: usize,
+    },
+    /// A picture name of the split is not in the set.
+    #[error(
+        "{list} names {name:?}, which is not among the pictures ({known}); correct the name or add the file"
+    )]
+    UnknownName {
+        /// `training` or `held_out`.
+        list: &'static str,
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// Two pictures have one name.
+    #[error("{name:?} occurs twice; every picture needs its own name and may stand in one list once")]
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// A picture would be trained on and judged by.
+    #[error(
+        "{name:?} is in both training and held_out; keep it in one, or the held-out result means nothing"
+    )]
+    InBothLists {
+        /// The name.
+        name: String,
+    },
+    /// Two names hold the same picture, one on each side of the split.
+    #[error(
+        "{training:?} (training) and {held_out:?} (held_out) are the same picture; remove one, or the held-out result means nothing"
+    )]
+    SameContent {
+        /// The name in the training list.
+        training: String,
+        /// The name in the held-out list.
+        held_out: String,
+    },
+    /// One side of the split is empty.
+    #[error("{list} is empty; name at least one picture")]
+    EmptyList {
+        /// `training` or `held_out`.
+        list: &'static str,
+    },
+}

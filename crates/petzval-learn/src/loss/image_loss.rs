@@ -1,0 +1,103 @@
+//! The loss a camera for pictures is trained on.
+
+use burn::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{LossError, Lpips, LpipsTarget, l1, same_shape};
+
+/// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
+///
+/// The weights are not negative. A part of weight 0 is neither computed nor reported.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImageLoss {
+    /// Weight of the mean absolute difference.
+    pub l1_weight: f32,
+    /// Weight of the LPIPS distance.
+    pub lpips_weight: f32,
+}
+
+impl Default for ImageLoss {
+    /// Both parts with weight 1.
+    fn default() -> Self {
+        Self { l1_weight: 1.0, lpips_weight: 1.0 }
+    }
+}
+
+/// A reference picture and, where the loss uses them, its features.
+pub struct ImageTarget {
+    picture: Tensor<4>,
+    features: Option<LpipsTarget>,
+}
+
+/// The loss and what it is made of.
+pub struct ImageLossParts {
+    /// The weighted sum, one value, with its graph.
+    pub total: Tensor<1>,
+    /// The mean absolute difference, unweighted; none when its weight is 0.
+    pub l1: Option<f32>,
+    /// The mean LPIPS distance, unweighted; none when its weight is 0.
+    pub lpips: Option<f32>,
+}
+
+impl ImageLoss {
+    /// Refuses weights that are negative or not finite.
+    pub fn check(&self) -> Result<(), LossError> {
+        for (name, value) in [("l1_weight", self.l1_weight), ("lpips_weight", self.lpips_weight)] {
+            if !value.is_finite() || value < 0.0 {
+                return Err(LossError::BadLossWeight { name, value });
+            }
+        }
+        Ok(())
+    }
+
+    /// Prepares a reference picture `[batch, 3, height, width]`, sRGB-encoded, 0..1; no gradient flows to it.
+    ///
+    /// The same target serves any number of [`evaluate`](Self::evaluate) calls with this loss.
+    pub fn target(&self, lpips: &Lpips, reference: Tensor<4>) -> Result<ImageTarget, LossError> {
+        self.check()?;
+        let picture = reference.detach();
+        let features = if self.lpips_weight > 0.0 { Some(lpips.target(picture.clone())?) } else { None };
+        Ok(ImageTarget { picture, features })
+    }
+
+    /// The loss of `image` against `target`, with its parts by name.
+    pub fn evaluate(
+        &self,
+        lpips: &Lpips,
+        image: Tensor<4>,
+        target: &ImageTarget,
+    ) -> Result<ImageLossParts, LossError> {
+        self.check()?;
+        same_shape(image.dims(), target.picture.dims())?;
+        let mut total = Tensor::<1>::zeros([1], &image.device());
+        let mut parts = [None, None];
+
+        if self.l1_weight > 0.0 {
+            let part = l1(image.clone(), target.picture.clone())?;
+            parts[0] = Some(read_back(&part)?);
+            total = total + part * self.l1_weight;
+        }
+        if self.lpips_weight > 0.0 {
+            // A target prepared under another loss may lack features; compute them then.
+            let distance = match &target.features {
+                Some(features) => lpips.distance_to(image, features)?,
+                None => lpips.distance_to(image, &lpips.target(target.picture.clone())?)?,
+            };
+            let part = distance.mean();
+            parts[1] = Some(read_back(&part)?);
+            total = total + part * self.lpips_weight;
+        }
+        Ok(ImageLossParts { total, l1: parts[0], lpips: parts[1] })
+    }
+}
+
+fn read_back(value: &Tensor<1>) -> Result<f32, LossError> {
+    let values = read_values(value.clone())?;
+    values.first().copied().ok_or_else(|| LossError::ReadBack("no value".to_string()))
+}
+
+/// Reads a vector back from the device.
+pub(crate) fn read_values(values: Tensor<1>) -> Result<Vec<f32>, LossError> {
+    values.detach().into_data().try_to_vec::<f32>().map_err(|error| LossError::ReadBack(format!("{error:?}")))
+}

@@ -1,0 +1,22 @@
+//! What can be wrong with a network.
+
+/// A network that cannot be built or restored, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworkError {
+    /// A size of the network is outside its range.
+    #[error("{name} is {value}; it must be {range}")]
+    BadSize {
+        /// Name of the setting.
+        name: &'static str,
+        /// The value.
+        value: usize,
+        /// The permitted range, in words.
+        range: &'static str,
+    },
+    /// The stored weights cannot be read, or belong to another network.
+    #[error("stored weights do not fit this network ({0}); use the configuration they were trained with")]
+    BadWeights(String),
+    /// The weights could not be stored.
+    #[error("the weights could not be stored: {0}")]
+    NotStored(String),
+}

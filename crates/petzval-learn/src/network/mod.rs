@@ -1,0 +1,12 @@
+//! Networks that turn a developed picture into a better one.
+
+mod conv3x3;
+mod conv_kernel;
+mod error;
+mod leaky_conv;
+mod planes;
+mod unet;
+
+pub use conv3x3::conv3x3_leaky;
+pub use error::NetworkError;
+pub use unet::{UNet, UNetConfig};

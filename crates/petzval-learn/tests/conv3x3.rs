@@ -1,0 +1,122 @@
+//! Our convolution against the framework's, values and gradients.
+
+use burn::{
+    prelude::*,
+    tensor::{DType, activation::leaky_relu, module::conv2d, ops::ConvOptions},
+};
+use petzval_learn::network::conv3x3_leaky;
+
+/// Repeatable values in -1..1.
+fn noise(shape: &[usize], seed: u64) -> Vec<f32> {
+    (0..shape.iter().product::<usize>() as u64)
+        .map(|i| {
+            let mut z =
+                (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
+            z = (z ^ (z >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            (z >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
+        })
+        .collect()
+}
+
+fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Device) -> Tensor<D> {
+    Tensor::from_data(TensorData::new(noise(&shape, seed), shape), device)
+}
+
+fn largest_difference<const D: usize>(a: Tensor<D>, b: Tensor<D>) -> f32 {
+    let scale: f32 = b.clone().abs().max().into_scalar();
+    let difference: f32 = (a - b).abs().max().into_scalar();
+    difference / scale
+}
+
+#[test]
+fn agrees_with_the_framework() {
+    let device = Device::flex().autodiff();
+    // Batch, inputs, outputs, height, width: whole blocks, remainders of every kind, single rows and columns.
+    let cases = [
+        ([2, 16, 16, 32, 32], 0.2_f32),
+        ([1, 3, 16, 128, 128], 0.2),
+        ([2, 5, 11, 7, 19], 0.2),
+        ([1, 1, 1, 1, 1], 0.2),
+        ([3, 17, 9, 2, 33], 0.2),
+        ([1, 40, 24, 16, 16], 1.0),
+        ([1, 4, 8, 9, 1], 0.01),
+    ];
+    for ([batch, inputs, outputs, height, width], slope) in cases {
+        let x = random([batch, inputs, height, width], 1, &device).require_grad();
+        let weight = random([outputs, inputs, 3, 3], 2, &device).require_grad();
+        let bias = random([outputs], 3, &device).require_grad();
+        let probe = random([batch, outputs, height, width], 4, &device);
+
+        let ours = conv3x3_leaky(x.clone(), weight.clone(), bias.clone(), slope);
+        let options = ConvOptions::new([1, 1], [1, 1], [1, 1], 1);
+        let plain = conv2d(x.clone(), weight.clone(), Some(bias.clone()), options);
+        let theirs = leaky_relu(plain, f64::from(slope));
+        let case = format!("{batch} x {inputs} -> {outputs} x {height} x {width}");
+        assert!(largest_difference(ours.clone(), theirs.clone()) < 1e-5, "{case}: values");
+
+        let our_gradients = (ours * probe.clone()).sum().backward();
+        let their_gradients = (theirs * probe).sum().backward();
+        let d = largest_difference(x.grad(&our_gradients).unwrap(), x.grad(&their_gradients).unwrap());
+        assert!(d < 1e-5, "{case}: input gradient differs by {d}");
+        let d =
+            largest_difference(weight.grad(&our_gradients).unwrap(), weight.grad(&their_gradients).unwrap());
+        assert!(d < 3e-5, "{case}: weight gradient differs by {d}");
+        let d = largest_difference(bias.grad(&our_gradients).unwrap(), bias.grad(&their_gradients).unwrap());
+        assert!(d < 3e-5, "{case}: bias gradient differs by {d}");
+    }
+}
+
+#[test]
+fn forward_and_backward_are_adjoint() {
+    // With slope 1 the operation is linear in x: <probe, J v> must equal <J^T probe, v>.
+    let device = Device::flex().autodiff();
+    let (weight, bias) = (random([12, 7, 3, 3], 5, &device), Tensor::<1>::zeros([12], &device));
+    let x = random([2, 7, 21, 18], 6, &device).require_grad();
+    let v = random([2, 7, 21, 18], 7, &device);
+    let probe = random([2, 12, 21, 18], 8, &device);
+    let forward: f32 =
+        (conv3x3_leaky(v.clone(), weight.clone(), bias.clone(), 1.0) * probe.clone()).sum().into_scalar();
+    let gradients = (conv3x3_leaky(x.clone(), weight, bias, 1.0) * probe).sum().backward();
+    let backward: f32 = (x.grad(&gradients).unwrap() * v.inner()).sum().into_scalar();
+    assert!((forward - backward).abs() < 1e-4 * forward.abs().max(1.0), "{forward} against {backward}");
+}
+
+#[test]
+fn gradient_agrees_with_central_differences() {
+    let device = Device::flex().autodiff();
+    let (x, probe) = (random([1, 3, 6, 5], 9, &device), random([1, 4, 6, 5], 10, &device));
+    let bias = random([4], 11, &device);
+    let values = noise(&[4, 3, 3, 3], 12);
+    let loss = |values: Vec<f32>| {
+        let weight = Tensor::<4>::from_data(TensorData::new(values, [4, 3, 3, 3]), &device).require_grad();
+        let loss = (conv3x3_leaky(x.clone(), weight.clone(), bias.clone(), 0.2) * probe.clone()).sum();
+        (weight, loss)
+    };
+    let (weight, total) = loss(values.clone());
+    let gradient = weight.grad(&total.backward()).unwrap().into_data().try_to_vec::<f32>().unwrap();
+    let mut wrong = 0;
+    for i in 0..values.len() {
+        let step = 1e-3;
+        let moved = |sign: f32| {
+            let mut moved = values.clone();
+            moved[i] += sign * step;
+            f64::from(loss(moved).1.into_scalar::<f32>())
+        };
+        let difference = (moved(1.0) - moved(-1.0)) / (2.0 * f64::from(step));
+        wrong += usize::from((difference - f64::from(gradient[i])).abs() > 0.01 * difference.abs().max(1.0));
+    }
+    // A value that crosses the kink of the rectifier within the step makes its difference quotient meaningless.
+    assert!(wrong <= values.len() / 20, "{wrong} of {} weights disagree", values.len());
+}
+
+#[test]
+fn double_precision_goes_through_the_framework() {
+    let device = Device::flex().autodiff();
+    let x = random([1, 3, 6, 5], 9, &device);
+    let (weight, bias) = (random([4, 3, 3, 3], 10, &device), random([4], 11, &device));
+    let single = conv3x3_leaky(x.clone(), weight.clone(), bias.clone(), 0.2);
+    let double = DType::F64;
+    let result = conv3x3_leaky(x.cast(double), weight.cast(double), bias.cast(double), 0.2);
+    assert_eq!(result.dtype(), double);
+    assert!(largest_difference(result.cast(DType::F32), single) < 1e-5);
+}

@@ -1,0 +1,196 @@
+//! Photographs, their split, and where crops fall.
+
+use std::{collections::HashSet, fs};
+
+use petzval_camera::image::{LinearImage, srgb_decode};
+use petzval_learn::dataset::{
+    CropPlan, DatasetError, NamedPhoto, PhotoSet, PhotoSplit, held_out_placements, load_folder, training_crop,
+};
+use proptest::prelude::*;
+
+fn photo(name: &str, height: usize, width: usize, value: f32) -> NamedPhoto {
+    let image = LinearImage::filled(3, height, width, value);
+    NamedPhoto { name: name.to_string(), image }
+}
+
+fn split(training: &[&str], held_out: &[&str]) -> PhotoSplit {
+    let own = |names: &[&str]| names.iter().map(|n| n.to_string()).collect();
+    PhotoSplit { training: own(training), held_out: own(held_out) }
+}
+
+fn three() -> Vec<NamedPhoto> {
+    vec![photo("a.png", 200, 300, 0.1), photo("b.png", 256, 256, 0.2), photo("c.png", 180, 190, 0.3)]
+}
+
+#[test]
+fn a_split_keeps_pictures_apart() {
+    let set = PhotoSet::new(three(), &split(&["b.png", "a.png"], &["c.png"])).unwrap();
+    let names: Vec<&str> = set.training().iter().map(|p| p.name.as_str()).collect();
+    assert_eq!((names, set.held_out()[0].name.as_str()), (vec!["b.png", "a.png"], "c.png"));
+}
+
+#[test]
+fn leaks_and_slips_in_a_split_are_refused() {
+    let error = |photos, split: PhotoSplit| PhotoSet::new(photos, &split).err().unwrap();
+    let both = error(three(), split(&["a.png"], &["b.png", "a.png"]));
+    assert!(matches!(&both, DatasetError::InBothLists { name } if name == "a.png"), "{both}");
+
+    let mut copies = three();
+    copies.push(photo("renamed.png", 200, 300, 0.1));
+    let copied = error(copies, split(&["a.png"], &["renamed.png"]));
+    assert!(
+        matches!(&copied, DatasetError::SameContent { training, held_out }
+        if training == "a.png" && held_out == "renamed.png"),
+        "{copied}"
+    );
+
+    let unknown = error(three(), split(&["a.png"], &["x.png"])).to_string();
+    assert!(
+        unknown.contains("held_out") && unknown.contains("x.png") && unknown.contains("b.png"),
+        "{unknown}"
+    );
+    assert!(matches!(error(three(), split(&[], &["a.png"])), DatasetError::EmptyList { list: "training" }));
+    assert!(matches!(
+        error(three(), split(&["a.png", "a.png"], &["b.png"])),
+        DatasetError::DuplicateName { .. }
+    ));
+    let twice = vec![photo("a.png", 9, 9, 0.0), photo("a.png", 9, 9, 0.5)];
+    assert!(matches!(error(twice, split(&["a.png"], &["a.png"])), DatasetError::DuplicateName { .. }));
+}
+
+#[test]
+fn folders_are_read_and_bad_files_named() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(matches!(load_folder(folder.path()), Err(DatasetError::EmptyFolder { .. })));
+    assert!(matches!(load_folder(folder.path().join("none")), Err(DatasetError::Io { .. })));
+
+    let gray = image::GrayImage::from_fn(5, 4, |x, y| image::Luma([(40 * x + 10 * y) as u8]));
+    for name in ["b.png", "a.JPG", "c.tiff"] {
+        gray.save(folder.path().join(name)).unwrap();
+    }
+    fs::write(folder.path().join("notes.txt"), "not a picture").unwrap();
+    let photos = load_folder(folder.path()).unwrap();
+    let names: Vec<&str> = photos.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["a.JPG", "b.png", "c.tiff"]);
+    let png = &photos[1].image;
+    assert_eq!([png.channels, png.height, png.width], [3, 4, 5]);
+    for channel in 0..3 {
+        assert!((png.get(channel, 2, 3) - srgb_decode(140.0 / 255.0)).abs() < 1e-6);
+    }
+
+    fs::write(folder.path().join("d.png"), b"\x89PNG\r\n\x1a\nbroken").unwrap();
+    let error = load_folder(folder.path()).err().unwrap();
+    assert!(matches!(error, DatasetError::Unreadable(_)) && error.to_string().contains("d.png"), "{error}");
+}
+
+#[test]
+fn a_draw_depends_on_its_arguments_only() {
+    let (plan, photos) = (CropPlan::on_1920x1200(128, 12), three());
+    let later = training_crop(&plan, &photos, 4, 900, 2).unwrap();
+    for step in 0..50 {
+        training_crop(&plan, &photos, 4, step, 0).unwrap();
+    }
+    assert_eq!(training_crop(&plan, &photos, 4, 900, 2).unwrap(), later);
+    let draws: HashSet<_> = [(4, 900, 2), (5, 900, 2), (4, 901, 2), (4, 900, 3)]
+        .map(|(seed, step, item)| training_crop(&plan, &photos, seed, step, item).unwrap())
+        .into();
+    assert_eq!(draws.len(), 4);
+}
+
+#[test]
+fn the_whole_field_and_every_photo_are_drawn_evenly() {
+    let (plan, photos) = (CropPlan::on_1920x1200(128, 12), three());
+    let (mut field, mut chosen, mut flips) = ([0_u32; 24], [0_u32; 3], 0_u32);
+    let draws = 24_000;
+    for step in 0..draws {
+        let crop = training_crop(&plan, &photos, 1, step, 0).unwrap();
+        field[crop.sensor_row * 4 / 1073 * 6 + crop.sensor_column * 6 / 1793] += 1;
+        chosen[crop.photo] += 1;
+        flips += u32::from(crop.flip);
+    }
+    // Chi-squared tests at alpha = 1e-4: 23 degrees of freedom 58.6, 2 degrees 18.4, 1 degree 15.1.
+    let chi_squared = |counts: &[u32]| -> f64 {
+        let expected = draws as f64 / counts.len() as f64;
+        counts.iter().map(|&n| (f64::from(n) - expected).powi(2) / expected).sum()
+    };
+    // The cells of the field hold 268 or 269 rows and 298 or 299 columns; the unevenness this adds is far below 1.
+    assert!(chi_squared(&field) < 58.6, "{field:?}");
+    assert!(chi_squared(&chosen) < 18.4, "{chosen:?}");
+    assert!(chi_squared(&[flips, draws as u32 - flips]) < 15.1, "{flips}");
+}
+
+#[test]
+fn too_small_photos_and_sensors_are_refused() {
+    let photos = three();
+    let error = training_crop(&CropPlan::on_1920x1200(160, 12), &photos, 1, 0, 0).err().unwrap();
+    assert!(
+        matches!(&error, DatasetError::PhotoTooSmall { name, needed: 184, .. } if name == "c.png"),
+        "{error}"
+    );
+    let wide = CropPlan { crop: 64, margin: usize::MAX, sensor_rows: 100, sensor_columns: 100 };
+    assert!(matches!(training_crop(&wide, &photos, 1, 0, 0), Err(DatasetError::PhotoTooSmall { .. })));
+    let tall = CropPlan { crop: 128, margin: 0, sensor_rows: 100, sensor_columns: 500 };
+    assert!(matches!(training_crop(&tall, &photos, 1, 0, 0), Err(DatasetError::SensorTooSmall { .. })));
+    assert!(held_out_placements(&tall, 3).is_err());
+    assert!(training_crop(&CropPlan::on_1920x1200(128, 0), &[], 1, 0, 0).is_err());
+}
+
+#[test]
+fn held_out_places_run_from_centre_to_corner() {
+    let plan = CropPlan::on_1920x1200(128, 12);
+    let places = held_out_placements(&plan, 5).unwrap();
+    assert_eq!((places[0].sensor_row, places[0].sensor_column), (536, 896));
+    let fields: Vec<f64> = places.iter().map(|p| p.relative_field).collect();
+    assert_eq!(fields, [0.0, 0.25, 0.5, 0.75, 1.0]);
+    assert_eq!((places[4].sensor_row, places[4].sensor_column), (1072, 1792));
+    assert_eq!(held_out_placements(&plan, 1).unwrap().len(), 1);
+    assert!(held_out_placements(&plan, 0).unwrap().is_empty());
+}
+
+#[test]
+fn the_embedded_photographs_are_as_listed() {
+    #[derive(serde::Deserialize)]
+    struct Entry {
+        file: String,
+        title: String,
+        author: String,
+        licence: String,
+        source: String,
+    }
+    #[derive(serde::Deserialize)]
+    struct List {
+        training: Vec<Entry>,
+        held_out: Vec<Entry>,
+    }
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/photos");
+    let list: List = toml::from_str(&fs::read_to_string(format!("{folder}/photos.toml")).unwrap()).unwrap();
+    for entry in list.training.iter().chain(&list.held_out) {
+        assert!(![&entry.title, &entry.author, &entry.licence, &entry.source].iter().any(|s| s.is_empty()));
+    }
+    let names = |entries: &[Entry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
+    let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
+    let photos = load_folder(folder).unwrap();
+    assert_eq!(photos.len(), split.training.len() + split.held_out.len(), "every picture is in one list");
+    let set = PhotoSet::new(photos, &split).unwrap();
+
+    // All can hold the default crop with its margins, and the held-out ones are in colour.
+    let plan = CropPlan::on_1920x1200(96, 15);
+    plan.check(set.training()).unwrap();
+    plan.check(set.held_out()).unwrap();
+    for photo in set.held_out() {
+        let pixels = photo.image.height * photo.image.width;
+        let (red, rest) = photo.image.data.split_at(pixels);
+        assert!(red.iter().zip(rest).any(|(r, g)| (r - g).abs() > 0.1), "{} is gray", photo.name);
+    }
+}
+
+proptest! {
+    #[test]
+    fn draws_lie_inside(seed: u64, step: u64, item: u32, crop in 1_usize..150, margin in 0_usize..15) {
+        let (plan, photos) = (CropPlan::on_1920x1200(crop, margin), three());
+        let draw = training_crop(&plan, &photos, seed, step, item).unwrap();
+        let image = &photos[draw.photo].image;
+        prop_assert!(image.crop(draw.row, draw.column, plan.window(), plan.window()).is_ok());
+        prop_assert!(draw.sensor_row + crop <= 1200 && draw.sensor_column + crop <= 1920);
+    }
+}

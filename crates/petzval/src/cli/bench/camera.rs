@@ -1,0 +1,70 @@
+//! Workloads of the camera: a full frame rendered and exposed.
+
+use petzval::built_in_assets;
+use petzval::camera::image::LinearImage;
+use petzval::camera::render::{Placement, RenderGeometry, kernel_radius, render};
+use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+use petzval::design::error::DesignError;
+use petzval::design::optics::PsfPlan;
+use petzval::optics::psf::PsfOptions;
+use petzval::optics::pupil::Quadrature;
+
+use super::{Failure, Prepared, Workload};
+
+const FRAME: (usize, usize) = (1200, 1920);
+const ORIGIN: Placement = Placement { row: 0, col: 0 };
+
+pub(super) fn workloads() -> Vec<Workload> {
+    vec![
+        Workload { name: "render_1200x1920", prepare: rendering },
+        Workload { name: "sensor_1200x1920", prepare: sensor },
+    ]
+}
+
+/// A frame of smooth texture, three planes.
+fn texture(height: usize, width: usize) -> LinearImage {
+    let mut image = LinearImage::zeros(3, height, width);
+    for (i, v) in image.data.iter_mut().enumerate() {
+        let (x, y) = ((i % width) as f32, (i / width % height) as f32);
+        *v = 0.4 + 0.2 * (0.11 * x).sin() * (0.07 * y).cos() + 0.1 * (0.9 * x + 0.7 * y).sin();
+    }
+    image
+}
+
+fn rendering() -> Result<Prepared, Failure> {
+    let lens = built_in_assets().lens("cooke-triplet-nominal")?.lens;
+    let quadrature = Quadrature::grid(64).map_err(DesignError::from)?;
+    let plan = PsfPlan::new(13, 6.634, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
+    let bank = plan.bank(&lens)?;
+    let geometry = RenderGeometry::default();
+    let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
+    let scene = texture(FRAME.0 + 2 * border, FRAME.1 + 2 * border);
+    Ok(Prepared {
+        work: "1200 x 1920 RGB, 7 x 7 blended PSFs from 13 fields, kernels included".to_owned(),
+        units: None,
+        single_thread: false,
+        run: Box::new(move || {
+            std::hint::black_box(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?);
+            Ok(())
+        }),
+    })
+}
+
+fn sensor() -> Result<Prepared, Failure> {
+    let sensor = built_in_assets().sensor("imx249-fitted")?;
+    let light = texture(FRAME.0, FRAME.1);
+    let exposure = Exposure { white_e: 16000.0, time_s: 0.005, linear_gain: 1.0 };
+    let mut frame = 0;
+    Ok(Prepared {
+        work: "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise".to_owned(),
+        units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
+        single_thread: false,
+        run: Box::new(move || {
+            frame += 1;
+            let capture = Capture { exposure, placement: ORIGIN, frame };
+            let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
+            std::hint::black_box(expose(&light, &sensor, &capture, &noise).map_err(DesignError::from)?);
+            Ok(())
+        }),
+    })
+}

@@ -1,0 +1,44 @@
+//! Workloads of the whole: a network step and a lens step of the built-in experiment.
+
+use petzval::built_in_assets;
+use petzval::design::design_loop::{DesignLoop, StepKind};
+use petzval::design::run::RunFolder;
+use petzval::design::setup::Setup;
+
+use super::{Failure, Prepared, Workload};
+use crate::cli::device;
+
+pub(super) fn workloads() -> Vec<Workload> {
+    vec![
+        Workload { name: "unet_step", prepare: || step(StepKind::Network) },
+        Workload { name: "joint_step", prepare: || step(StepKind::Optics) },
+    ]
+}
+
+fn step(kind: StepKind) -> Result<Prepared, Failure> {
+    let assets = built_in_assets();
+    let experiment = assets.experiment("cooke-triplet-image-quality")?;
+    let training = experiment.training;
+    let network = experiment.network;
+    // The loop lives as long as the process: its settings and its scratch folder are leaked on purpose.
+    let setup: &'static Setup = Box::leak(Box::new(Setup::new(experiment, &assets, device::device("cpu")?)?));
+    let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
+    let folder: &'static RunFolder = Box::leak(Box::new(RunFolder::create(&scratch)?));
+    let mut design = DesignLoop::new(setup, folder)?;
+    let what = match kind {
+        StepKind::Network => "render, expose, develop, U-Net forward and back, LPIPS, Adam",
+        StepKind::Optics => "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam",
+    };
+    Ok(Prepared {
+        work: format!(
+            "{what}; batch {} of {}^2, {} channels, {} levels",
+            training.batch, training.crop, network.base_channels, network.levels
+        ),
+        units: None,
+        single_thread: false,
+        run: Box::new(move || {
+            design.one_step(kind)?;
+            Ok(())
+        }),
+    })
+}

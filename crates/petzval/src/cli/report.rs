@@ -1,0 +1,42 @@
+//! `petzval report`: write the report of a run again.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use petzval::built_in_assets;
+use petzval::design::report::html;
+use petzval::design::run::{RunFolder, write_atomically};
+use petzval::design::run_report::report_of_run;
+use petzval::design::setup::Setup;
+
+use super::{Failure, device};
+
+/// Write report.html of a finished run again, from what the run folder holds.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Run folder
+    run: PathBuf,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let (setup, folder) = open(&args.run, "cpu")?;
+    println!("{}", write(&setup, &folder)?.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Opens a run folder with the experiment that made it.
+pub fn open(root: &std::path::Path, device_name: &str) -> Result<(Setup, RunFolder), Failure> {
+    let folder = RunFolder::open(root)?;
+    let assets = built_in_assets();
+    let experiment = assets.experiment(&folder.config().display().to_string())?;
+    Ok((Setup::new(experiment, &assets, device::device(device_name)?)?, folder))
+}
+
+/// Writes the report of a run; returns its path.
+pub fn write(setup: &Setup, folder: &RunFolder) -> Result<PathBuf, Failure> {
+    let command = format!("petzval design {}", folder.config().display());
+    let report = report_of_run(setup, folder, &command)?;
+    write_atomically(&folder.report(), html(&report).as_bytes())?;
+    Ok(folder.report())
+}

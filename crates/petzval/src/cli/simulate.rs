@@ -1,0 +1,193 @@
+//! `petzval simulate`: photographs through a lens onto a sensor.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use petzval::built_in_assets;
+use petzval::camera::develop::{correct_shading, develop};
+use petzval::camera::image::{LinearImage, load_image, save_png, save_raw16};
+use petzval::camera::psf::PsfBank;
+use petzval::camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
+use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+use petzval::design::error::DesignError;
+use petzval::design::optics::PsfPlan;
+use petzval::optics::psf::PsfOptions;
+use petzval::optics::pupil::Quadrature;
+use serde_json::json;
+
+use super::{Failure, print_json};
+
+/// Illumination below which shading is no longer corrected.
+const SHADING_FLOOR: f32 = 0.05;
+
+/// How a photograph lands on the sensor.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Place {
+    /// Scaled to cover the sensor, the rest cut off.
+    Fill,
+    /// One photograph pixel per sensor pixel, around the axis.
+    Centre,
+}
+
+/// What becomes of the raw frame.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Isp {
+    /// Dark level, white balance, bilinear demosaic, shading correction.
+    Linear,
+}
+
+/// Take photographs through a lens: photograph, raw frame, developed picture.
+///
+/// For each image NAME two files are written: NAME-raw.tiff, 16 bit, the Bayer frame in digital numbers, and
+/// NAME-developed.png, 8 bit sRGB.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Photographs (PNG, JPEG, TIFF)
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// Lens file, or a built-in name
+    #[arg(long, default_value = "cooke-triplet-nominal")]
+    lens: String,
+    /// Sensor file, or a built-in name
+    #[arg(long, default_value = "imx249-fitted")]
+    sensor: String,
+    /// Development
+    #[arg(long, value_enum, default_value = "linear")]
+    isp: Isp,
+    /// How a photograph lands on the sensor
+    #[arg(long, value_enum, default_value = "fill")]
+    place: Place,
+    /// Photoelectrons that white gives in a green pixel on the axis
+    #[arg(long, default_value_t = 16000.0, value_name = "E")]
+    white_e: f32,
+    /// Exposure time, s
+    #[arg(long, default_value_t = 0.005, value_name = "S")]
+    time_s: f32,
+    /// Linear analogue gain
+    #[arg(long, default_value_t = 1.0)]
+    gain: f32,
+    /// Leave out all noise
+    #[arg(long)]
+    no_noise: bool,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Everything that all photographs share.
+struct Camera {
+    geometry: RenderGeometry,
+    bank: PsfBank,
+    sensor: SensorModel,
+    border: usize,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let Isp::Linear = args.isp;
+    for (name, value, max) in
+        [("--white-e", args.white_e, 1e7), ("--time-s", args.time_s, 1e4), ("--gain", args.gain, 1e3)]
+    {
+        if !(value > 0.0 && value <= max) {
+            return Err(Failure::input(format!("{name} {value}: not between 0 and {max}"), "a positive number"));
+        }
+    }
+    // Every image is read before anything is written.
+    let photos: Vec<(String, LinearImage)> = args
+        .images
+        .iter()
+        .map(|path| Ok((stem(path), load_image(path).map_err(DesignError::from)?)))
+        .collect::<Result<_, Failure>>()?;
+    let camera = camera(&args)?;
+    std::fs::create_dir_all(&args.out).map_err(DesignError::io(&args.out))?;
+    let bar = ProgressBar::new(photos.len() as u64);
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}, {eta} left") {
+        bar.set_style(style);
+    }
+    let mut written = Vec::new();
+    for (frame, (name, photo)) in photos.iter().enumerate() {
+        bar.set_message(name.clone());
+        written.push(take(&args, &camera, name, photo, frame as u64)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if args.json {
+        return print_json(&json!(written));
+    }
+    for w in &written {
+        println!("{}\n{}", w["raw"].as_str().unwrap_or(""), w["developed"].as_str().unwrap_or(""));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
+}
+
+fn camera(args: &Args) -> Result<Camera, Failure> {
+    let assets = built_in_assets();
+    let lens = assets.lens(&args.lens)?.lens;
+    let sensor = assets.sensor(&args.sensor)?;
+    let geometry = RenderGeometry {
+        sensor_height: sensor.height,
+        sensor_width: sensor.width,
+        pixel_um: sensor.pixel_um,
+        patches: (7, 7),
+    };
+    let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
+    let quadrature = Quadrature::grid(128).map_err(DesignError::from)?;
+    let plan = PsfPlan::new(13, corner_mm, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
+    let bank = plan.bank(&lens)?;
+    let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
+    Ok(Camera { geometry, bank, sensor, border })
+}
+
+/// Takes one photograph and writes its raw frame and its developed picture.
+fn take(
+    args: &Args,
+    camera: &Camera,
+    name: &str,
+    photo: &LinearImage,
+    frame: u64,
+) -> Result<serde_json::Value, Failure> {
+    let (height, width) = (camera.sensor.height, camera.sensor.width);
+    let scene = match args.place {
+        Place::Fill => photo.cover(height, width),
+        Place::Centre => photo.centred(height, width),
+    };
+    let placement = Placement { row: 0, col: 0 };
+    let mut light = render(&camera.geometry, &camera.bank, &scene.pad_replicate(camera.border), placement)
+        .map_err(DesignError::from)?;
+    let layout = camera.bank.layout();
+    let map =
+        illumination_map(&camera.geometry, &layout, &camera.bank.illumination, placement, height, width)
+            .map_err(DesignError::from)?;
+    light.data.iter_mut().zip(&map.data).for_each(|(l, m)| *l *= m);
+    let exposure = Exposure { white_e: args.white_e, time_s: args.time_s, linear_gain: args.gain };
+    let capture = Capture { exposure, placement, frame };
+    let mode = if args.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
+    let raw = expose(&light, &camera.sensor, &capture, &Noise { mode, seed: args.seed })
+        .map_err(DesignError::from)?;
+    let developed = develop(&raw, &camera.sensor).map_err(DesignError::from)?;
+    let developed = correct_shading(&developed, &map, SHADING_FLOOR).map_err(DesignError::from)?;
+
+    let raw_path = args.out.join(format!("{name}-raw.tiff"));
+    let developed_path = args.out.join(format!("{name}-developed.png"));
+    save_raw16(&raw.dn, height, width, &raw_path).map_err(DesignError::from)?;
+    save_png(&developed, &developed_path).map_err(DesignError::from)?;
+    Ok(json!({
+        "image": name,
+        "raw": raw_path.display().to_string(),
+        "developed": developed_path.display().to_string(),
+        "black_level_dn": camera.sensor.black_level_dn,
+        "cfa": "RGGB",
+    }))
+}

@@ -1,0 +1,114 @@
+//! The layering of the workspace, checked against the manifests and the sources.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Crates in the order in which light meets them: each may use only those before it.
+const ORDER: [&str; 5] =
+    ["petzval-optics", "petzval-camera", "petzval-learn", "petzval-design", "petzval"];
+
+/// Outside crates that only some of ours may use directly, with the reason.
+const RESERVED: [(&str, &[&str], &str); 8] = [
+    ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
+    ("maud", &["petzval-design"], "reports are made in one place"),
+    ("plotters", &["petzval-design"], "reports are made in one place"),
+    ("clap", &["petzval"], "only the command has a command line"),
+    ("miette", &["petzval"], "libraries return typed errors"),
+    ("indicatif", &["petzval"], "libraries do not draw"),
+    ("include_dir", &["petzval"], "data travels with the binary"),
+    ("signal-hook", &["petzval"], "only the command owns the process"),
+];
+
+/// Words that a crate's sources may not hold, with the reason.
+const FORBIDDEN_WORDS: [(&str, &[&str], &str); 4] = [
+    ("petzval-optics", &["std::fs", "File::open", "std::thread"], "optics reads no file and starts no thread"),
+    ("petzval-optics", &["println!", "eprintln!"], "libraries do not print"),
+    ("petzval-camera", &["println!", "eprintln!"], "libraries do not print"),
+    ("petzval-learn", &["println!", "eprintln!"], "libraries do not print"),
+];
+
+/// Checks everything; the report on success, all problems otherwise.
+pub fn check() -> Result<String, Vec<String>> {
+    let metadata = metadata().map_err(|e| vec![e])?;
+    let packages = metadata["packages"].as_array().cloned().unwrap_or_default();
+    let mut problems = Vec::new();
+    let mut edges = 0;
+    for package in &packages {
+        let name = package["name"].as_str().unwrap_or("");
+        let Some(rank) = ORDER.iter().position(|n| *n == name) else {
+            if name != "xtask" {
+                problems.push(format!("{name} has no place in the order; add it to xtask/src/layers.rs"));
+            }
+            continue;
+        };
+        for dependency in package["dependencies"].as_array().into_iter().flatten() {
+            let used = dependency["name"].as_str().unwrap_or("");
+            let for_tests = dependency["kind"].as_str() == Some("dev");
+            if let Some(other) = ORDER.iter().position(|n| *n == used) {
+                edges += 1;
+                if other >= rank {
+                    problems.push(format!("{name} uses {used}, which comes after it in the light path"));
+                }
+            }
+            for (reserved, allowed, reason) in RESERVED {
+                if used == reserved && !for_tests && !allowed.contains(&name) {
+                    problems.push(format!("{name} uses {used}: {reason}"));
+                }
+            }
+        }
+        let sources = Path::new(package["manifest_path"].as_str().unwrap_or("")).with_file_name("src");
+        for (owner, words, reason) in FORBIDDEN_WORDS {
+            if owner == name {
+                problems.extend(find_words(&sources, words, reason));
+            }
+        }
+    }
+    if problems.is_empty() {
+        Ok(format!("layers: {edges} edges between {} crates, all along the light path", ORDER.len()))
+    } else {
+        Err(problems)
+    }
+}
+
+fn metadata() -> Result<Value, String> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let output = Command::new(cargo)
+        .args(["metadata", "--format-version", "1", "--no-deps"])
+        .output()
+        .map_err(|e| format!("cargo metadata: {e}"))?;
+    serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))
+}
+
+/// Lines of code (not comments) below a folder that hold a word.
+fn find_words(folder: &Path, words: &[&str], reason: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for path in rust_files(folder) {
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        for (number, line) in text.lines().enumerate() {
+            let code = line.split("//").next().unwrap_or("");
+            if words.iter().any(|w| code.contains(w)) {
+                found.push(format!("{}:{}: {reason}", path.display(), number + 1));
+            }
+        }
+    }
+    found
+}
+
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let (mut files, mut open) = (Vec::new(), vec![folder.to_path_buf()]);
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
+}
