@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use petzval_camera::sensor::SensorModel;
-use petzval_optics::format::{LensFile, parse_lens};
+use petzval_optics::format::{FileError, LensFile, parse_lens};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::validate;
 
@@ -71,7 +71,7 @@ impl Assets {
     pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text, DesignError> {
         let path = Path::new(name);
         if path.is_file() {
-            let text = std::fs::read_to_string(path).map_err(DesignError::io(path))?;
+            let text = std::fs::read_to_string(path).map_err(|e| unreadable(path, kind, &e))?;
             return Ok(Text { path: path.to_path_buf(), text });
         }
         // `data/lenses/x.toml` names the built-in x also where no such folder exists.
@@ -120,4 +120,17 @@ impl Assets {
         let source = self.text("experiment", "experiments", name)?;
         Experiment::parse(&source.text).map_err(|error| DesignError::Input { path: source.path, error })
     }
+}
+
+/// A file that was named as input and is no text, or may not be read.
+fn unreadable(path: &Path, kind: &str, error: &std::io::Error) -> DesignError {
+    let error = FileError {
+        line: None,
+        column: None,
+        key: String::new(),
+        value: String::new(),
+        message: format!("cannot be read as a {kind}: {error}"),
+        hint: Some("give a TOML file".to_owned()),
+    };
+    DesignError::Input { path: path.to_path_buf(), error }
 }

@@ -160,8 +160,9 @@ pub struct ConstraintConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScoringConfig {
-    /// Places on the sensor, from its centre to its corner, for each held-out picture.
-    pub places: usize,
+    /// Each held-out picture is scored at this many places squared, on a grid over a quadrant of the sensor, from its
+    /// centre to its corner.
+    pub places_per_side: usize,
     /// Side of a scored crop, pixels.
     pub crop: usize,
 }
@@ -288,7 +289,7 @@ impl Experiment {
         ] {
             add("constraints", key, value, 0.0, 1e3, "a length in mm");
         }
-        add("scoring", "places", self.scoring.places as f64, 1.0, 25.0, "5 from centre to corner");
+        add("scoring", "places_per_side", self.scoring.places_per_side as f64, 1.0, 15.0, "3 gives 9 places");
         add("scoring", "crop", self.scoring.crop as f64, 64.0, 1200.0, "LPIPS needs at least 64 pixels");
         add("checkpoint", "every", self.checkpoint.every as f64, 1.0, 1e8, "steps between checkpoints");
         add("checkpoint", "keep", self.checkpoint.keep as f64, 1.0, 1e4, "checkpoints kept");

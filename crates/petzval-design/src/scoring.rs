@@ -35,7 +35,7 @@ pub struct ScoredPicture {
 
 /// Held-out windows: every photograph at every place.
 fn held_out_shots(setup: &Setup, path: &LightPath) -> Result<Vec<(String, f64, Shot)>, DesignError> {
-    let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places)?;
+    let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
     let window = setup.scoring_crops.window();
     let mut shots = Vec::new();
     for photo in setup.photos.held_out() {

@@ -164,6 +164,17 @@ fn load_photos(experiment: &Experiment, assets: &Assets, crops: &CropPlan) -> Re
 
 fn folder_photos(folder: &Path, crops: &CropPlan) -> Result<PhotoSet, DesignError> {
     let mut photos = load_folder(folder)?;
+    if photos.len() < 2 {
+        let error = FileError {
+            line: None,
+            column: None,
+            key: String::new(),
+            value: String::new(),
+            message: "only one picture".to_owned(),
+            hint: Some("at least two are needed: every fourth, or the last, is held out for scoring".to_owned()),
+        };
+        return Err(DesignError::Input { path: folder.to_path_buf(), error });
+    }
     for photo in &mut photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
         if photo.image.height.min(photo.image.width) >= 2 * crops.window() {

@@ -59,11 +59,12 @@ fn range(change: &Change) -> Markup {
     let is_on_bound = !(ON_BOUND..=1.0 - ON_BOUND).contains(&to);
     let (low, high) = (number::significant(change.min), number::significant(change.max));
     let place = number::fixed(100.0 * to, 0);
+    let way = format!("left:{:.1}%;width:{:.1}%", 100.0 * from.min(to), 100.0 * (to - from).abs());
     html! {
         div.bounds title=(format!("{low} … {high}")) role="img"
             aria-label=(format!("at {place} % of the range from {low} to {high}")) {
             i.was style=(format!("left:{:.1}%", 100.0 * from)) {}
-            i.way style=(format!("left:{:.1}%;width:{:.1}%", 100.0 * from.min(to), 100.0 * (to - from).abs())) {}
+            i.way style=(way) {}
             i.is.on-bound[is_on_bound] style=(format!("left:{:.1}%", 100.0 * to)) {}
         }
         @if is_on_bound { span.bound-note { "on its bound" } }

@@ -180,7 +180,9 @@ fn over_the_field(report: &Report) -> Markup {
             (chart("RMS spot radius", "RMS spot radius, µm", |p| p.rms_um))
             (chart("Relative illumination", "relative illumination, %", |p| 100.0 * p.illumination))
         }
-        p.caption { "Traced from the lenses above: means over the three wavelengths, spots about their common centroid." }
+        p.caption {
+            "Traced from the lenses above: means over the three wavelengths, spots about their common centroid."
+        }
     }
 }
 
@@ -202,7 +204,10 @@ fn over_the_run(report: &Report) -> Markup {
         div.charts {
             @for group in &groups { (figure(&loss_chart(group, report))) }
         }
-        p.caption { "Faint: every step. Thick: smoothed by local straight lines. Axes are logarithmic where values span more than a decade." }
+        p.caption {
+            "Faint: every step. Thick: smoothed by local straight lines. Axes are logarithmic where values "
+            "span more than a decade."
+        }
     }
 }
 

@@ -77,8 +77,9 @@ pub struct TrainingCrop {
 /// Draws item `item` of step `step`: a uniform photograph, window, mirror image and sensor position.
 ///
 /// A pure function of its arguments: the generator is ChaCha8 keyed by `seed`, with the step as its stream and the item
-/// as its place in the stream, so a resumed run draws what an uninterrupted one does. The sensor position is uniform
-/// over all places where the crop fits, independent of the window.
+/// as its place in the stream, so a resumed run draws what an uninterrupted one does. The crop's centre is uniform over
+/// the whole sensor, and a crop that would stick out is moved inside: were its corner uniform over the places where it
+/// fits, the sensor's own corners would hardly ever be seen.
 pub fn training_crop(
     plan: &CropPlan,
     photos: &[NamedPhoto],
@@ -101,9 +102,14 @@ pub fn training_crop(
         row: generator.random_range(0..=image.height - window),
         column: generator.random_range(0..=image.width - window),
         flip: generator.random(),
-        sensor_row: generator.random_range(0..=plan.sensor_rows - plan.crop),
-        sensor_column: generator.random_range(0..=plan.sensor_columns - plan.crop),
+        sensor_row: around(generator.random_range(0..plan.sensor_rows), plan.crop, plan.sensor_rows),
+        sensor_column: around(generator.random_range(0..plan.sensor_columns), plan.crop, plan.sensor_columns),
     })
+}
+
+/// First pixel of a crop around `centre`, moved inside the sensor.
+fn around(centre: usize, crop: usize, sensor: usize) -> usize {
+    centre.saturating_sub(crop / 2).min(sensor - crop)
 }
 
 /// A fixed place on the sensor where held-out pictures are judged.
@@ -117,11 +123,12 @@ pub struct HeldOutPlacement {
     pub relative_field: f64,
 }
 
-/// `count` places from the sensor centre (first) to its corner (last), evenly spaced along the half diagonal.
+/// Places on a grid of `per_side` x `per_side` over a quadrant of the sensor, from its centre (first) to its corner
+/// (last): their mean stands for the picture area, as training crops do, which lie anywhere.
 ///
-/// Successive places go to the four quadrants in turn (right-bottom, left-top, right-top, left-bottom), so that they
-/// also differ in direction. `count` 1 gives the centre; 0 gives none.
-pub fn held_out_placements(plan: &CropPlan, count: usize) -> Result<Vec<HeldOutPlacement>, DatasetError> {
+/// Successive places go to the four quadrants in turn, so that they also differ in direction. `per_side` 1 gives the
+/// centre; 0 gives none.
+pub fn held_out_placements(plan: &CropPlan, per_side: usize) -> Result<Vec<HeldOutPlacement>, DatasetError> {
     if plan.crop == 0 || plan.crop > plan.sensor_rows || plan.crop > plan.sensor_columns {
         return Err(DatasetError::SensorTooSmall {
             rows: plan.sensor_rows,
@@ -130,17 +137,23 @@ pub fn held_out_placements(plan: &CropPlan, count: usize) -> Result<Vec<HeldOutP
         });
     }
     let quadrants = [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)];
-    let (reach_rows, reach_columns) =
-        ((plan.sensor_rows - plan.crop) as f64 / 2.0, (plan.sensor_columns - plan.crop) as f64 / 2.0);
-    Ok((0..count)
+    let reach_rows = (plan.sensor_rows - plan.crop) as f64 / 2.0;
+    let reach_columns = (plan.sensor_columns - plan.crop) as f64 / 2.0;
+    let share = |i: usize| if per_side > 1 { i as f64 / (per_side - 1) as f64 } else { 0.0 };
+    let mut places: Vec<HeldOutPlacement> = (0..per_side * per_side)
         .map(|i| {
-            let relative_field = if count > 1 { i as f64 / (count - 1) as f64 } else { 0.0 };
-            let (down, right) = quadrants[i % 4];
+            let (down, right) = (share(i / per_side), share(i % per_side));
+            let reach = reach_rows.hypot(reach_columns);
+            let relative_field =
+                if reach > 0.0 { (down * reach_rows).hypot(right * reach_columns) / reach } else { 0.0 };
+            let (sign_down, sign_right) = quadrants[i % 4];
             HeldOutPlacement {
-                sensor_row: (reach_rows * (1.0 + down * relative_field)).round() as usize,
-                sensor_column: (reach_columns * (1.0 + right * relative_field)).round() as usize,
+                sensor_row: (reach_rows * (1.0 + sign_down * down)).round() as usize,
+                sensor_column: (reach_columns * (1.0 + sign_right * right)).round() as usize,
                 relative_field,
             }
         })
-        .collect())
+        .collect();
+    places.sort_by(|a, b| a.relative_field.total_cmp(&b.relative_field));
+    Ok(places)
 }

@@ -10,7 +10,7 @@ use petzval::built_in_assets;
 use petzval::design::design_loop::{DesignLoop, Ending};
 use petzval::design::experiment::Experiment;
 use petzval::design::run::{Metrics, RunFolder, write_atomically};
-use petzval::design::setup::Setup;
+use petzval::design::setup::{BUILT_IN_PHOTOS, Setup};
 
 use super::{EXIT_STOPPED, Failure, device, doctor, report};
 
@@ -106,6 +106,9 @@ fn changed(mut experiment: Experiment, args: &Args) -> Result<Experiment, Failur
         if Path::new(name.as_str()).is_file() {
             *name = absolute(Path::new(name.as_str()))?;
         }
+    }
+    if experiment.photos != BUILT_IN_PHOTOS && Path::new(&experiment.photos).is_dir() {
+        experiment.photos = absolute(Path::new(&experiment.photos))?;
     }
     if let Some(steps) = args.steps {
         if steps == 0 {

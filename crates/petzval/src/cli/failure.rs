@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use miette::{LabeledSpan, MietteDiagnostic, NamedSource, Report};
+use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::design::error::DesignError;
 use petzval::optics::format::FileError;
 
@@ -11,6 +11,12 @@ use petzval::optics::format::FileError;
 const EXIT_JOB: u8 = 1;
 /// Bad usage or bad input.
 const EXIT_INPUT: u8 = 2;
+
+/// Leaves wrapping to the terminal, so that a path in a message can be copied and searched for.
+pub fn keep_lines_whole() {
+    // A second call finds the hook set already, and there is nothing to do.
+    let _ = miette::set_hook(Box::new(|_| Box::new(MietteHandlerOpts::new().wrap_lines(false).build())));
+}
 
 /// Why the command ends without success.
 #[derive(Debug)]

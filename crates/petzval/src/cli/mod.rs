@@ -58,8 +58,19 @@ enum Verb {
     Doctor(doctor::Args),
 }
 
+/// More threads than any machine has; asking for them hangs it.
+const MOST_THREADS: usize = 1024;
+
 /// Runs a parsed command line.
 pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
+    end_quietly_on_broken_pipe()?;
+    failure::keep_lines_whole();
+    if cli.threads > MOST_THREADS {
+        return Err(Failure::input(
+            format!("--threads {}: more than {MOST_THREADS}", cli.threads),
+            "0 means one per core",
+        ));
+    }
     if cli.threads > 0 {
         rayon::ThreadPoolBuilder::new()
             .num_threads(cli.threads)
@@ -76,6 +87,20 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args),
     }
+}
+
+/// `petzval ... | head` ends the command when `head` has read enough, as it does any other.
+#[cfg(unix)]
+fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
+    let always = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
+    signal_hook::flag::register_conditional_default(signal_hook::consts::SIGPIPE, always)
+        .map(|_| ())
+        .map_err(|e| Failure::job(format!("signal handlers: {e}")))
+}
+
+#[cfg(not(unix))]
+fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
+    Ok(())
 }
 
 /// Prints a JSON value on stdout, indented.

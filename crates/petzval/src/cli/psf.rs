@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, default_value_t = 6.634)]
     corner_mm: f64,
     /// Wavelengths of the red, green and blue channel, um
-    #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = [0.62, 0.55, 0.486])]
+    #[arg(long, value_name = "UM,UM,UM", value_delimiter = ',', default_values_t = [0.62, 0.55, 0.486])]
     wavelengths: Vec<f64>,
     /// Cells a side
     #[arg(long, default_value_t = 128)]
@@ -58,7 +58,11 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         ("--corner-mm", args.corner_mm > 0.0 && args.corner_mm < 1e3, "a length in mm"),
         ("--grid", (16..=1024).contains(&args.grid), "16 to 1024 cells"),
         ("--pitch-um", args.pitch_um > 0.0 && args.pitch_um < 1e3, "a length in um"),
-        ("--wavelengths", args.wavelengths.iter().all(|w| (0.2..=20.0).contains(w)), "in um, 0.2 to 20"),
+        (
+            "--wavelengths",
+            args.wavelengths.iter().all(|w| (0.2..=20.0).contains(w)),
+            "in um, 0.2 to 20; 550 nm is 0.55",
+        ),
     ] {
         if !ok {
             return Err(Failure::input(format!("{name}: out of range"), hint));

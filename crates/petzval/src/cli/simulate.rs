@@ -100,6 +100,14 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             return Err(Failure::input(format!("{name} {value}: not between 0 and {max}"), "a positive number"));
         }
     }
+    // Results are named by their image: two of one name would overwrite each other.
+    let mut names = std::collections::BTreeSet::new();
+    if let Some(twice) = args.images.iter().find(|path| !names.insert(stem(path))) {
+        return Err(Failure::input(
+            format!("{}: another image is called `{}` too", twice.display(), stem(twice)),
+            "results are named by their image; simulate the two into different folders with --out",
+        ));
+    }
     // Every image is read before anything is written.
     let photos: Vec<(String, LinearImage)> = args
         .images

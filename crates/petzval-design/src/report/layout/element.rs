@@ -109,11 +109,11 @@ fn profile(placed: Placed, height_mm: f64, goes_on: bool) -> Vec<[f64; 2]> {
         .map(|i| curved_mm * (2.0 * i as f64 / STEPS as f64 - 1.0))
         .filter_map(|y| sag(y).map(|z| [at_mm + z, y]))
         .collect();
-    if height_mm > curved_mm {
-        if let (Some(low), Some(high)) = (points.first().copied(), points.last().copied()) {
-            points.insert(0, [low[0], -height_mm]);
-            points.push([high[0], height_mm]);
-        }
+    if let (Some(low), Some(high), true) =
+        (points.first().copied(), points.last().copied(), height_mm > curved_mm)
+    {
+        points.insert(0, [low[0], -height_mm]);
+        points.push([high[0], height_mm]);
     }
     points
 }

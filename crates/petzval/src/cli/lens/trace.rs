@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "UM")]
     wavelength: f64,
     /// Point of the pupil, in units of its radius
-    #[arg(long, value_name = "PX,PY", value_delimiter = ',', num_args = 1.., allow_negative_numbers = true)]
+    #[arg(long, value_name = "PX,PY", value_delimiter = ',', required = true, allow_hyphen_values = true)]
     pupil: Vec<f64>,
     /// What the pupil point lies on
     #[arg(long, value_enum, default_value = "real")]
