@@ -7,8 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Crates in the order in which light meets them: each may use only those before it.
-const ORDER: [&str; 5] =
-    ["petzval-optics", "petzval-camera", "petzval-learn", "petzval-design", "petzval"];
+const ORDER: [&str; 5] = ["petzval-optics", "petzval-camera", "petzval-learn", "petzval-design", "petzval"];
 
 /// Outside crates that only some of ours may use directly, with the reason.
 const RESERVED: [(&str, &[&str], &str); 8] = [
@@ -24,7 +23,11 @@ const RESERVED: [(&str, &[&str], &str); 8] = [
 
 /// Words that a crate's sources may not hold, with the reason.
 const FORBIDDEN_WORDS: [(&str, &[&str], &str); 4] = [
-    ("petzval-optics", &["std::fs", "File::open", "std::thread"], "optics reads no file and starts no thread"),
+    (
+        "petzval-optics",
+        &["std::fs", "File::open", "std::thread"],
+        "optics reads no file and starts no thread",
+    ),
     ("petzval-optics", &["println!", "eprintln!"], "libraries do not print"),
     ("petzval-camera", &["println!", "eprintln!"], "libraries do not print"),
     ("petzval-learn", &["println!", "eprintln!"], "libraries do not print"),

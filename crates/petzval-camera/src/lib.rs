@@ -72,6 +72,5 @@ pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
 pub use sensor::{
-    Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose,
-    expose_with_tape,
+    Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_with_tape,
 };

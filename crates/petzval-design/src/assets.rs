@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::format::{FileError, LensFile, parse_lens};
 use petzval_optics::glass::Catalog;
-use petzval_optics::lens::validate;
 
 use crate::error::DesignError;
 use crate::experiment::Experiment;
@@ -91,8 +90,7 @@ impl Assets {
         let mut catalog = Catalog::default();
         for name in self.names("glasses") {
             let source = self.text("glass catalogue", "glasses", name)?;
-            let part = Catalog::parse(&source.text)
-                .map_err(|error| DesignError::Input { path: source.path.clone(), error })?;
+            let part = Catalog::parse(&source.text).map_err(DesignError::input(&source.path))?;
             catalog.merge(part);
         }
         Ok(catalog)
@@ -101,24 +99,19 @@ impl Assets {
     /// A lens by path or built-in name, checked to be possible.
     pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
         let source = self.text("lens", "lenses", name)?;
-        let input = |error| DesignError::Input { path: source.path.clone(), error };
-        let file = parse_lens(&source.text, &self.catalog()?).map_err(input)?;
-        validate(&file.lens)
-            .map_err(|defect| DesignError::ImpossibleLens { path: source.path.clone(), defect })?;
-        Ok(file)
+        parse_lens(&source.text, &self.catalog()?).map_err(DesignError::input(&source.path))
     }
 
     /// A sensor by path or built-in name.
     pub fn sensor(&self, name: &str) -> Result<SensorModel, DesignError> {
         let source = self.text("sensor", "sensors", name)?;
-        SensorModel::from_toml(&source.text)
-            .map_err(|error| DesignError::Input { path: source.path, error })
+        SensorModel::from_toml(&source.text).map_err(DesignError::input(&source.path))
     }
 
     /// An experiment by path or built-in name.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
-        Experiment::parse(&source.text).map_err(|error| DesignError::Input { path: source.path, error })
+        Experiment::parse(&source.text).map_err(DesignError::input(&source.path))
     }
 }
 
@@ -132,5 +125,5 @@ fn unreadable(path: &Path, kind: &str, error: &std::io::Error) -> DesignError {
         message: format!("cannot be read as a {kind}: {error}"),
         hint: Some("give a TOML file".to_owned()),
     };
-    DesignError::Input { path: path.to_path_buf(), error }
+    DesignError::input(path)(error)
 }

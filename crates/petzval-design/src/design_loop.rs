@@ -14,8 +14,7 @@ use petzval_camera::sensor::Noise;
 use petzval_learn::dataset::training_crop;
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::UNetConfig;
-use petzval_learn::task::{ImageQualityTask, Task, TaskLoss};
-use petzval_optics::constraint::clearance_penalty;
+use petzval_learn::task::{ImageQualityTask, Task};
 use petzval_optics::format::{LensFile, write_lens};
 use petzval_optics::lens::Lens;
 use serde::{Deserialize, Serialize};
@@ -23,12 +22,12 @@ use serde::{Deserialize, Serialize};
 use crate::adam::cosine_rate;
 use crate::cameras::CameraKind;
 use crate::error::DesignError;
+use crate::joint::{joint_gradient, named};
 use crate::light_path::{LightPath, PsfLeaves, Shot};
 use crate::run::{
-    CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, save_checkpoint,
-    write_atomically,
+    CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, save_checkpoint, write_atomically,
 };
-use crate::scoring::{score_camera, to_host};
+use crate::scoring::score_camera;
 use crate::setup::Setup;
 use crate::spot_design::{MovingLens, SpotMerit};
 
@@ -221,37 +220,19 @@ impl<'a> DesignLoop<'a> {
     /// One step of the lens: the network is held, its loss pulled back to the PSFs and through the lens.
     fn optics_step(&mut self, kind: CameraKind) -> Result<Step, DesignError> {
         let optics = self.setup.experiment.optics;
-        let constraints = self.setup.experiment.constraints;
         let taken = self.position.optics_steps;
         let rate = cosine_rate(optics.learning_rate, optics.final_learning_rate, taken, optics.steps);
 
-        let lens = self.setup.space.lens_at(&self.position.moving.x)?;
-        let traced = self.setup.moving_plan.trace(&lens)?;
-        let leaves = PsfLeaves::new(&traced.bank, &self.setup.device, true);
         // Lens steps draw crops of their own, behind those of all network steps.
         let shots = self.shots((self.setup.experiment.training.steps + taken) as u64)?;
-        let developed = self.path.take(&leaves, &shots, &self.noise())?;
-        let truth = self.path.truth(&shots, &self.setup.device)?;
-        let loss = self.task.held_loss(developed, truth)?;
-        let mut losses = named(&loss);
-        self.check_finite(kind, "optics", &losses)?;
-
-        // The tape ends at the PSFs; ray tracing takes over.
-        let gradients = loss.total.backward();
-        let missing = || DesignError::Device("the PSFs have no gradient".to_owned());
-        let by_values = to_host(leaves.values.grad(&gradients).ok_or_else(missing)?)?;
-        let by_illumination = to_host(leaves.illumination.grad(&gradients).ok_or_else(missing)?)?;
-        let mut gradient = self.setup.moving_plan.gradient(&traced, &by_values, &by_illumination);
-        let (penalty_mm2, by_clearance) = clearance_penalty(&lens, &constraints.clearances());
-        gradient += &by_clearance.scaled(constraints.weight);
-        losses.insert("clearance_mm2".to_owned(), penalty_mm2);
-
+        let x = &self.position.moving.x;
+        let found = joint_gradient(self.setup, &self.path, self.task.as_ref(), x, &shots, &self.noise())?;
+        self.check_finite(kind, "optics", &found.losses)?;
         let moving = &mut self.position.moving;
-        let by_x = self.setup.space.pull_back(&moving.x, &lens, &gradient);
-        moving.adam.step(&mut moving.x, &by_x, rate);
+        moving.adam.step(&mut moving.x, &found.by_x, rate);
         self.position.optics_steps += 1;
         self.current = None;
-        Ok(("optics", losses, rate))
+        Ok(("optics", found.losses, rate))
     }
 
     /// One step of the network behind the lens as it stands.
@@ -420,11 +401,7 @@ pub fn light_path(setup: &Setup) -> LightPath {
 pub fn new_task(setup: &Setup) -> Result<Box<dyn Task>, DesignError> {
     let e = &setup.experiment;
     let task = ImageQualityTask::new(
-        UNetConfig {
-            base_channels: e.network.base_channels,
-            levels: e.network.levels,
-            ..Default::default()
-        },
+        UNetConfig { base_channels: e.network.base_channels, levels: e.network.levels, ..Default::default() },
         e.seed,
         e.loss,
         Lpips::from_safetensors(&setup.lpips_weights, &setup.device)?,
@@ -450,10 +427,6 @@ pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, Design
         ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),
         lpips_variant: "LPIPS v0.1, AlexNet".to_owned(),
     })
-}
-
-fn named(loss: &TaskLoss) -> BTreeMap<String, f64> {
-    loss.parts.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
 }
 
 /// Mirrors every row of `width` values.

@@ -13,15 +13,7 @@ pub enum DesignError {
         /// The file, or the name of the built-in one.
         path: PathBuf,
         /// What is wrong, where, and what to write instead.
-        error: FileError,
-    },
-    /// A lens that cannot be made.
-    #[error("{}: {defect}", path.display())]
-    ImpossibleLens {
-        /// The lens file.
-        path: PathBuf,
-        /// Which surface, which quantity.
-        defect: petzval_optics::lens::LensDefect,
+        error: Box<FileError>,
     },
     /// A name that is neither built in nor a file.
     #[error("no {kind} called `{name}`: neither a file nor one of the built-in ones ({known})")]
@@ -105,7 +97,6 @@ impl DesignError {
         matches!(
             self,
             Self::Input { .. }
-                | Self::ImpossibleLens { .. }
                 | Self::Unknown { .. }
                 | Self::NothingToMove(_)
                 | Self::Space(_)
@@ -115,6 +106,12 @@ impl DesignError {
                 | Self::NoLight { .. }
                 | Self::Run { .. }
         )
+    }
+
+    /// An error in a file.
+    pub fn input(path: &Path) -> impl FnOnce(FileError) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::Input { path, error: Box::new(error) }
     }
 
     /// An I/O error about a path.

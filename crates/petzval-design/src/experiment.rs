@@ -230,8 +230,9 @@ impl Experiment {
             ("psf", "scoring_pupil_cells", self.psf.scoring_pupil_cells),
             ("psf", "grid", self.psf.grid),
         ] {
-            if value % 2 != 0 {
-                return Err(FileError::at_key(text, &[table, key], "must be even").hint(format!("take {}", value + 1)));
+            if !value.is_multiple_of(2) {
+                return Err(FileError::at_key(text, &[table, key], "must be even")
+                    .hint(format!("take {}", value + 1)));
             }
         }
         Ok(())
@@ -256,9 +257,7 @@ impl Experiment {
         for n in p.patches {
             add("psf", "patches", n as f64, 1.0, 101.0, "the paper takes 7 x 7");
         }
-        for (key, cells) in
-            [("pupil_cells", p.pupil_cells), ("scoring_pupil_cells", p.scoring_pupil_cells)]
-        {
+        for (key, cells) in [("pupil_cells", p.pupil_cells), ("scoring_pupil_cells", p.scoring_pupil_cells)] {
             add("psf", key, cells as f64, 16.0, 1024.0, "32 is quick, 256 is accurate");
         }
         let n = &self.network;

@@ -2,7 +2,7 @@
 //!
 //! An [`experiment`] says what is designed; [`setup`] turns its names into values; the [`design_loop`] lets
 //! blocks take turns, with [`optics`] where the lens meets the picture and [`light_path`] where the picture is
-//! taken; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`report`] shows it.
+//! taken; [`joint`] brings the loss back to the lens; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`report`] shows it.
 
 pub mod adam;
 pub mod assets;
@@ -10,6 +10,7 @@ pub mod cameras;
 pub mod design_loop;
 pub mod error;
 pub mod experiment;
+pub mod joint;
 pub mod light_path;
 pub mod optics;
 pub mod pictures;

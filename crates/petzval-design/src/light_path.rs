@@ -58,10 +58,7 @@ impl PsfLeaves {
             illumination: Tensor::from_data(illumination, device),
         };
         if tracked {
-            Self {
-                values: leaves.values.require_grad(),
-                illumination: leaves.illumination.require_grad(),
-            }
+            Self { values: leaves.values.require_grad(), illumination: leaves.illumination.require_grad() }
         } else {
             leaves
         }
@@ -78,12 +75,9 @@ impl LightPath {
         let Some(first) = shots.first() else {
             return Ok(Tensor::zeros([1, 3, 1, 1], &psf.values.device()));
         };
-        let (height, width) =
-            (first.scene.height - 2 * self.border, first.scene.width - 2 * self.border);
-        let scenes = shots
-            .iter()
-            .map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement })
-            .collect();
+        let (height, width) = (first.scene.height - 2 * self.border, first.scene.width - 2 * self.border);
+        let scenes =
+            shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
         let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
         let captures: Vec<Capture> = shots
             .iter()

@@ -102,7 +102,12 @@ impl PsfPlan {
 
     /// The lens gradient of a loss whose derivatives by the bank's values and illumination are given,
     /// laid out as in [`PsfBank`].
-    pub fn gradient(&self, traced: &BankWithTape, by_values: &[f32], by_illumination: &[f32]) -> LensGradient {
+    pub fn gradient(
+        &self,
+        traced: &BankWithTape,
+        by_values: &[f32],
+        by_illumination: &[f32],
+    ) -> LensGradient {
         let cells = self.options.grid * self.options.grid;
         let parts: Vec<LensGradient> = traced
             .tapes

@@ -10,11 +10,8 @@ const GAP: usize = 4;
 /// value over the largest of its field, so that cores and tails both show.
 pub fn psf_sheet(psfs: &[FieldPsf], grid: usize) -> RgbImage {
     let step = grid + GAP;
-    let mut sheet = RgbImage::from_pixel(
-        (psfs.len() * step + GAP) as u32,
-        (4 * step + GAP) as u32,
-        Rgb([32, 32, 32]),
-    );
+    let mut sheet =
+        RgbImage::from_pixel((psfs.len() * step + GAP) as u32, (4 * step + GAP) as u32, Rgb([32, 32, 32]));
     for (column, psf) in psfs.iter().enumerate() {
         let largest = psf.values.iter().flatten().fold(0.0_f64, |a, b| a.max(*b)).max(f64::MIN_POSITIVE);
         let tone = |channel: usize, cell: usize| {

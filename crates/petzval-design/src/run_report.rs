@@ -12,9 +12,7 @@ use petzval_optics::lens::Lens;
 use crate::cameras::CameraKind;
 use crate::error::DesignError;
 use crate::pictures::file_name;
-use crate::report::{
-    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
-};
+use crate::report::{CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow};
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
 
@@ -26,17 +24,15 @@ pub fn camera_lens(run: &RunFolder, kind: CameraKind) -> Result<LensFile, Design
     let path = run.camera(kind.name()).join("lens.toml");
     let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
     // A lens that we wrote carries its glasses with it.
-    parse_lens(&text, &Catalog::default()).map_err(|error| DesignError::Input { path, error })
+    parse_lens(&text, &Catalog::default()).map_err(DesignError::input(&path))
 }
 
 /// The figures of a finished run.
 pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
     let path = run.metrics();
     if !path.is_file() {
-        let problem = format!(
-            "the run is not finished; go on with `petzval design --resume {}`",
-            run.root().display()
-        );
+        let problem =
+            format!("the run is not finished; go on with `petzval design --resume {}`", run.root().display());
         return Err(DesignError::Run { path, problem });
     }
     let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
@@ -55,10 +51,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         let shown = SHOWN_QUARTERS.map(|q| (q * last + 2) / 4);
         cameras.push(CameraView {
             name: kind.name().to_owned(),
-            psfs: shown
-                .iter()
-                .filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options))
-                .collect(),
+            psfs: shown.iter().filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options)).collect(),
             changes: changes(nominal, &lens, &setup.lens_file.variables),
             lens,
         });

@@ -92,8 +92,7 @@ pub fn score_camera(
             relative_field,
             one_minus_lpips: 1.0 - f64::from(lpips_value),
             psnr_db: psnr(&truth.data, &output.data).map_err(quality)?,
-            ssim: ssim_gaussian_wang(&truth.data, &output.data, channels, height, width)
-                .map_err(quality)?,
+            ssim: ssim_gaussian_wang(&truth.data, &output.data, channels, height, width).map_err(quality)?,
         };
         pictures.push(ScoredPicture { score, truth, developed, output });
     }
@@ -117,9 +116,7 @@ fn camera_metrics(
                 .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
         })
         .collect::<Result<_, _>>()?;
-    let mean = |f: fn(&PictureScore) -> f64| {
-        pictures.iter().map(f).sum::<f64>() / pictures.len() as f64
-    };
+    let mean = |f: fn(&PictureScore) -> f64| pictures.iter().map(f).sum::<f64>() / pictures.len() as f64;
     Ok(CameraMetrics {
         camera: name.to_owned(),
         one_minus_lpips: mean(|p| p.one_minus_lpips),

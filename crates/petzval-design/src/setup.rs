@@ -4,8 +4,8 @@ use std::path::Path;
 
 use burn::prelude::Device;
 use petzval_camera::image::load_image_bytes;
-use petzval_camera::render::{RenderGeometry, kernel_radius};
 use petzval_camera::psf::PsfLayout;
+use petzval_camera::render::{RenderGeometry, kernel_radius};
 use petzval_camera::sensor::SensorModel;
 use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_optics::design_space::{DesignSpace, Focus};
@@ -71,8 +71,7 @@ impl Setup {
             pixel_um: sensor.pixel_um,
             patches: (rows, columns),
         };
-        let corner_mm =
-            0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
+        let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
         let plan = |cells: usize| -> Result<PsfPlan, DesignError> {
             let psf = &experiment.psf;
             let options = PsfOptions { grid: psf.grid, pitch_um: psf.pitch_um };
@@ -87,12 +86,8 @@ impl Setup {
             pitch_um: experiment.psf.pitch_um,
         };
         let margin = kernel_radius(&geometry, &layout)?;
-        let crops = |crop| CropPlan {
-            crop,
-            margin,
-            sensor_rows: sensor.height,
-            sensor_columns: sensor.width,
-        };
+        let crops =
+            |crop| CropPlan { crop, margin, sensor_rows: sensor.height, sensor_columns: sensor.width };
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
         let photos = load_photos(&experiment, assets, &training_crops)?;
@@ -144,10 +139,8 @@ fn load_photos(experiment: &Experiment, assets: &Assets, crops: &CropPlan) -> Re
         return folder_photos(Path::new(&experiment.photos), crops);
     }
     let list = assets.text("photograph list", "photos", "photos")?;
-    let list: PhotoList = toml::from_str(&list.text).map_err(|e| DesignError::Input {
-        path: list.path.clone(),
-        error: FileError::from_toml(&list.text, &e),
-    })?;
+    let list: PhotoList = toml::from_str(&list.text)
+        .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;
     let names = |entries: &[PhotoEntry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
     let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
     let photos = split
@@ -171,9 +164,11 @@ fn folder_photos(folder: &Path, crops: &CropPlan) -> Result<PhotoSet, DesignErro
             key: String::new(),
             value: String::new(),
             message: "only one picture".to_owned(),
-            hint: Some("at least two are needed: every fourth, or the last, is held out for scoring".to_owned()),
+            hint: Some(
+                "at least two are needed: every fourth, or the last, is held out for scoring".to_owned(),
+            ),
         };
-        return Err(DesignError::Input { path: folder.to_path_buf(), error });
+        return Err(DesignError::input(folder)(error));
     }
     for photo in &mut photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
@@ -183,7 +178,8 @@ fn folder_photos(folder: &Path, crops: &CropPlan) -> Result<PhotoSet, DesignErro
     }
     let mut split = PhotoSplit::default();
     for (i, photo) in photos.iter().enumerate() {
-        let held_out = i % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 || i + 1 == photos.len() && split.held_out.is_empty();
+        let held_out =
+            i % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 || i + 1 == photos.len() && split.held_out.is_empty();
         let list = if held_out { &mut split.held_out } else { &mut split.training };
         list.push(photo.name.clone());
     }

@@ -46,8 +46,10 @@ impl SpotMerit<'_> {
     /// Merit and its derivatives by the free coordinates.
     pub fn evaluate(&self, x: &[f64]) -> Result<(f64, Vec<f64>, Lens), DesignError> {
         let lens = self.space.lens_at(x)?;
-        let (square_um2, mut gradient) = mean_square_spot(&lens, self.fields_rad, self.quadrature)
-            .ok_or(DesignError::NoLight { field_deg: self.fields_rad.last().copied().unwrap_or(0.0).to_degrees() })?;
+        let (square_um2, mut gradient) =
+            mean_square_spot(&lens, self.fields_rad, self.quadrature).ok_or(DesignError::NoLight {
+                field_deg: self.fields_rad.last().copied().unwrap_or(0.0).to_degrees(),
+            })?;
         let (penalty_mm2, by_clearance) = clearance_penalty(&lens, &self.clearances);
         gradient += &by_clearance.scaled(PENALTY_UM2_PER_MM2);
         let value = square_um2 + PENALTY_UM2_PER_MM2 * penalty_mm2;

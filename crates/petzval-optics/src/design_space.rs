@@ -8,9 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
-use crate::paraxial::{
-    FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
-};
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance};
 
 /// A number of a surface that may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -250,9 +248,7 @@ impl DesignSpace {
             .iter()
             .zip(x)
             .map(|(v, x)| {
-                0.5 * (v.max - v.min)
-                    * x.cos()
-                    * v.parameter.derivative(&gradient, lens, v.surface)
+                0.5 * (v.max - v.min) * x.cos() * v.parameter.derivative(&gradient, lens, v.surface)
             })
             .collect();
         if let (Focus::Paraxial { range_mm }, Some(x)) = (self.focus, x.last()) {

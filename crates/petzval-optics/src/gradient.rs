@@ -50,15 +50,9 @@ impl LensGradient {
 
 impl SurfaceGradient {
     fn numbers_mut(&mut self) -> impl Iterator<Item = &mut f64> {
-        [
-            &mut self.curvature,
-            &mut self.conic,
-            &mut self.thickness,
-            &mut self.index,
-            &mut self.semi_diameter,
-        ]
-        .into_iter()
-        .chain(&mut self.asphere)
+        [&mut self.curvature, &mut self.conic, &mut self.thickness, &mut self.index, &mut self.semi_diameter]
+            .into_iter()
+            .chain(&mut self.asphere)
     }
 }
 

@@ -32,8 +32,7 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
         ObjectDistance::Finite(d) => field_rad.tan() * d / (d + order.entrance_pupil_at_mm),
     };
     let marginal = paraxial_ray(sequence, y1, u1);
-    let chief =
-        paraxial_ray(sequence, -chief_slope * order.entrance_pupil_at_mm, chief_slope);
+    let chief = paraxial_ray(sequence, -chief_slope * order.entrance_pupil_at_mm, chief_slope);
     let invariant = marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0];
 
     sequence
@@ -55,13 +54,11 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
                 -a_chief * a_chief * y * d_slope,
                 -invariant * invariant * c * d_index,
                 -a_chief
-                    * (a_chief * a_chief * d_index2 * y
-                        - (a_chief * y - invariant) * y_chief * c * d_index),
+                    * (a_chief * a_chief * d_index2 * y - (a_chief * y - invariant) * y_chief * c * d_index),
             ];
             // The r^4 part that the sphere of the paraxial curvature does not have.
             let vertex = s.shape.curvature;
-            let quartic = s.shape.asphere[1] + (1.0 + s.shape.conic) * vertex.powi(3) / 8.0
-                - c.powi(3) / 8.0;
+            let quartic = s.shape.asphere[1] + (1.0 + s.shape.conic) * vertex.powi(3) / 8.0 - c.powi(3) / 8.0;
             let aspheric = 8.0 * quartic * (n_next - n) * y.powi(4);
             if aspheric != 0.0 {
                 let q = y_chief / y;

@@ -70,9 +70,7 @@ pub fn spot(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<Fiel
     Some(FieldSpot {
         field_rad,
         rms_um: traced.iter().zip(&centres).map(|(t, c)| rms(mean_square(&t.beam, *c))).collect(),
-        rms_poly_um: rms(
-            traced.iter().map(|t| mean_square(&t.beam, centroid_y_mm)).sum::<f64>() / count,
-        ),
+        rms_poly_um: rms(traced.iter().map(|t| mean_square(&t.beam, centroid_y_mm)).sum::<f64>() / count),
         centroid_y_mm,
         illumination,
     })
@@ -132,11 +130,7 @@ pub fn mean_square_spot(
     Some((value, gradient))
 }
 
-fn field_mean_square(
-    lens: &Lens,
-    field_rad: f64,
-    quadrature: &Quadrature,
-) -> Option<(f64, LensGradient)> {
+fn field_mean_square(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<(f64, LensGradient)> {
     const UM2_PER_MM2: f64 = 1e6;
     let traced = trace_field(lens, field_rad, quadrature);
     if !traced.iter().all(|t| t.beam.illumination() > 0.0) {

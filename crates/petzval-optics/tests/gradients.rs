@@ -5,8 +5,8 @@ mod common;
 use common::nominal_triplet;
 use petzval_optics::constraint::{Clearances, clearance_penalty};
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Variable};
-use petzval_optics::gradient::LensGradient;
 use petzval_optics::glass::{Dispersion, Glass};
+use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{
     FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
@@ -15,33 +15,66 @@ use petzval_optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::spot::{mean_square_spot, spot};
 
+type Shift = Box<dyn Fn(&mut Lens, f64)>;
+type Read = Box<dyn Fn(&LensGradient) -> f64>;
+
 /// A number of the lens: how to shift it, by how much, and where its derivative is.
 struct Knob {
     name: String,
     step: f64,
-    shift: Box<dyn Fn(&mut Lens, f64)>,
-    read: Box<dyn Fn(&LensGradient) -> f64>,
+    shift: Shift,
+    read: Read,
 }
 
 fn knobs(lens: &Lens) -> Vec<Knob> {
     let mut all: Vec<Knob> = Vec::new();
     for i in 0..lens.surfaces.len() {
-        let mut add = |name: &str, step: f64, shift: Box<dyn Fn(&mut Lens, f64)>, read: Box<dyn Fn(&LensGradient) -> f64>| {
+        let mut add = |name: &str, step: f64, shift: Shift, read: Read| {
             all.push(Knob { name: format!("surface {} {name}", i + 1), step, shift, read });
         };
-        add("thickness", 1e-5, Box::new(move |l, h| l.surfaces[i].thickness_mm += h), Box::new(move |g| g.surfaces[i].thickness));
+        add(
+            "thickness",
+            1e-5,
+            Box::new(move |l, h| l.surfaces[i].thickness_mm += h),
+            Box::new(move |g| g.surfaces[i].thickness),
+        );
         if i != lens.stop {
-            add("curvature", 1e-7, Box::new(move |l, h| l.surfaces[i].shape.curvature += h), Box::new(move |g| g.surfaces[i].curvature));
-            add("conic", 1e-4, Box::new(move |l, h| l.surfaces[i].shape.conic += h), Box::new(move |g| g.surfaces[i].conic));
+            add(
+                "curvature",
+                1e-7,
+                Box::new(move |l, h| l.surfaces[i].shape.curvature += h),
+                Box::new(move |g| g.surfaces[i].curvature),
+            );
+            add(
+                "conic",
+                1e-4,
+                Box::new(move |l, h| l.surfaces[i].shape.conic += h),
+                Box::new(move |g| g.surfaces[i].conic),
+            );
             for j in 0..8 {
                 // A shift that moves the surface by 2e-5 mm at its rim.
                 let step = 2e-5 * lens.surfaces[i].semi_diameter_mm.powi(-2 * (j as i32 + 1));
-                add(&format!("a{}", 2 * (j + 1)), step, Box::new(move |l, h| l.surfaces[i].shape.asphere[j] += h), Box::new(move |g| g.surfaces[i].asphere[j]));
+                add(
+                    &format!("a{}", 2 * (j + 1)),
+                    step,
+                    Box::new(move |l, h| l.surfaces[i].shape.asphere[j] += h),
+                    Box::new(move |g| g.surfaces[i].asphere[j]),
+                );
             }
-            add("clear semi-diameter", 1e-5, Box::new(move |l, h| l.surfaces[i].semi_diameter_mm += h), Box::new(move |g| g.surfaces[i].semi_diameter));
+            add(
+                "clear semi-diameter",
+                1e-5,
+                Box::new(move |l, h| l.surfaces[i].semi_diameter_mm += h),
+                Box::new(move |g| g.surfaces[i].semi_diameter),
+            );
         }
         if !lens.surfaces[i].glass.is_air() {
-            add("index", 1e-6, Box::new(move |l, h| shift_index(l, i, h)), Box::new(move |g| g.surfaces[i].index));
+            add(
+                "index",
+                1e-6,
+                Box::new(move |l, h| shift_index(l, i, h)),
+                Box::new(move |g| g.surfaces[i].index),
+            );
         }
     }
     all.push(Knob {
@@ -68,13 +101,7 @@ fn shift_index(lens: &mut Lens, surface: usize, h: f64) {
 
 /// Compares with fourth-order central differences, each knob's step times `step`; `tolerance` is
 /// relative to the derivative, after what the rounding of the loss can explain.
-fn check(
-    lens: &Lens,
-    gradient: &LensGradient,
-    loss: &dyn Fn(&Lens) -> f64,
-    step: f64,
-    tolerance: f64,
-) {
+fn check(lens: &Lens, gradient: &LensGradient, loss: &dyn Fn(&Lens) -> f64, step: f64, tolerance: f64) {
     let mut worst = (0.0, String::new());
     for knob in knobs(lens) {
         let at = |h: f64| {
@@ -83,8 +110,7 @@ fn check(
             loss(&moved)
         };
         let h = step * knob.step;
-        let numeric =
-            (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+        let numeric = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
         let analytic = (knob.read)(gradient);
         // Rounding of the loss (1e-13 of it) limits what a difference can show.
         let rounding = 1e-13 * loss(lens).abs() / h;
@@ -131,10 +157,9 @@ fn rms_spot_with_vignetting() {
 fn psf_loss() {
     let quadrature = Quadrature::grid(24).unwrap();
     let options = PsfOptions::default();
-    for (lens, field) in [
-        (nominal_triplet(), 9.0_f64.to_radians()),
-        (near(nominal_triplet()), 9.0_f64.to_radians()),
-    ] {
+    for (lens, field) in
+        [(nominal_triplet(), 9.0_f64.to_radians()), (near(nominal_triplet()), 9.0_f64.to_radians())]
+    {
         // A smooth template makes the loss smooth too: fit the PSF to a wide Gaussian off centre.
         let template: Vec<f64> = (0..128 * 128)
             .map(|i| {
@@ -144,15 +169,11 @@ fn psf_loss() {
             .collect();
         let loss = |l: &Lens| -> f64 {
             let p = psf(l, field, &l.wavelengths_um, &quadrature, &options).unwrap();
-            let correlation: f64 = p
-                .values
-                .iter()
-                .map(|v| v.iter().zip(&template).map(|(a, b)| a * b).sum::<f64>())
-                .sum();
+            let correlation: f64 =
+                p.values.iter().map(|v| v.iter().zip(&template).map(|(a, b)| a * b).sum::<f64>()).sum();
             correlation + 0.3 * p.illumination.iter().map(|i| i * i).sum::<f64>()
         };
-        let (p, tape) =
-            psf_with_tape(&lens, field, &lens.wavelengths_um, &quadrature, &options).unwrap();
+        let (p, tape) = psf_with_tape(&lens, field, &lens.wavelengths_um, &quadrature, &options).unwrap();
         let cotangent = PsfCotangent {
             values: vec![template.clone(); 3],
             illumination: p.illumination.iter().map(|i| 0.6 * i).collect(),

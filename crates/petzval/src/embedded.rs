@@ -12,9 +12,11 @@ pub fn built_in_assets() -> Assets {
     let (mut files, mut open) = (Vec::new(), vec![&DATA]);
     while let Some(folder) = open.pop() {
         open.extend(folder.dirs());
-        files.extend(folder.files().map(|f| {
-            (f.path().to_string_lossy().replace('\\', "/"), Cow::Borrowed(f.contents()))
-        }));
+        files.extend(
+            folder
+                .files()
+                .map(|f| (f.path().to_string_lossy().replace('\\', "/"), Cow::Borrowed(f.contents()))),
+        );
     }
     files.sort();
     Assets::new(files)

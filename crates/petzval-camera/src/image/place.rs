@@ -40,7 +40,8 @@ impl LinearImage {
             .flat_map(|i| (0..CHANNELS).map(move |c| (c, i)))
             .map(|(c, i)| self.plane(c.min(self.channels - 1))[i])
             .collect();
-        let Some(buffer) = ImageBuffer::<Rgb<f32>, _>::from_raw(self.width as u32, self.height as u32, interleaved)
+        let Some(buffer) =
+            ImageBuffer::<Rgb<f32>, _>::from_raw(self.width as u32, self.height as u32, interleaved)
         else {
             return Self::zeros(CHANNELS, height, width);
         };

@@ -26,7 +26,8 @@ impl RunFolder {
         // Checkpoints of another run would be taken for those of this one.
         let is_empty = |mut entries: fs::ReadDir| entries.next().is_none();
         if !fs::read_dir(folder.checkpoints()).map_or(true, is_empty) {
-            let problem = "this folder holds checkpoints, though no config.toml; choose another with --out".to_owned();
+            let problem =
+                "this folder holds checkpoints, though no config.toml; choose another with --out".to_owned();
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
         }
         for part in ["checkpoints", "lens", "cameras", "pictures"] {

@@ -27,9 +27,8 @@ pub struct Glass {
 impl Glass {
     /// Air, whose index is the unit in which catalogues print all others.
     pub fn air() -> Arc<Self> {
-        static AIR: LazyLock<Arc<Glass>> = LazyLock::new(|| {
-            Arc::new(Glass { name: "AIR".into(), dispersion: Dispersion::Constant(1.0) })
-        });
+        static AIR: LazyLock<Arc<Glass>> =
+            LazyLock::new(|| Arc::new(Glass { name: "AIR".into(), dispersion: Dispersion::Constant(1.0) }));
         AIR.clone()
     }
 

@@ -57,11 +57,8 @@ impl SurfaceShape {
         }
         // The conic: z = c u / (1 + w), z' = c / (2 w), z'' = (1+k) c^3 / (4 w^3).
         let w = w2.sqrt();
-        let mut jet = SagJet {
-            sag: c * u / (1.0 + w),
-            first: 0.5 * c / w,
-            second: 0.25 * k1 * c * c * c / (w2 * w),
-        };
+        let mut jet =
+            SagJet { sag: c * u / (1.0 + w), first: 0.5 * c / w, second: 0.25 * k1 * c * c * c / (w2 * w) };
         // The polynomial by Horner's rule, with its derivatives.
         let (mut p, mut d, mut dd) = (0.0, 0.0, 0.0);
         for a in self.asphere.iter().rev() {

@@ -4,9 +4,7 @@ use super::splat;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::pupil::{
-    Beam, BeamCotangent, ChiefRay, Quadrature, chief_ray, pull_back_chief, trace_beam,
-};
+use crate::pupil::{Beam, BeamCotangent, ChiefRay, Quadrature, chief_ray, pull_back_chief, trace_beam};
 use crate::trace::Sequence;
 
 /// The grid on which a PSF is given.

@@ -5,9 +5,7 @@ use super::quadrature::Quadrature;
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::paraxial::{FirstOrder, first_order};
-use crate::trace::{
-    Fate, Launch, Path, RayCotangent, Sequence, aim_at_stop, launch, pull_back, trace_ray,
-};
+use crate::trace::{Fate, Launch, Path, RayCotangent, Sequence, aim_at_stop, launch, pull_back, trace_ray};
 use crate::trace::{pull_back_from, retrace};
 
 /// A beam at the image: one entry per node of the quadrature.
@@ -80,12 +78,7 @@ fn projection(start: &Launch) -> (f64, [f64; 2]) {
 /// Aims and traces the beam of a field.
 ///
 /// `stop_radius_mm` is that of the reference wavelength: the stop is one piece of metal.
-pub fn trace_beam(
-    sequence: &Sequence,
-    field_rad: f64,
-    stop_radius_mm: f64,
-    quadrature: &Quadrature,
-) -> Beam {
+pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quadrature: &Quadrature) -> Beam {
     let order = first_order(sequence);
     let nodes = quadrature.len();
     let mut beam = Beam {
@@ -125,8 +118,7 @@ pub fn trace_beam(
     for i in 0..nodes {
         let start = launch(sequence, field_rad, beam.launch_mm[i]);
         beam.flux[i] = quadrature.weights[i] / pupil_area * jacobian[i];
-        beam.weight[i] =
-            beam.flux[i] * projection(&start).0 * beam.transmission[i];
+        beam.weight[i] = beam.flux[i] * projection(&start).0 * beam.transmission[i];
     }
     beam
 }
@@ -190,8 +182,7 @@ impl Beam {
                     at_bar[axis] += d * by;
                 }
             }
-            stop_radius_bar +=
-                re_aim(sequence, &path, self.stop_by_launch[i], at_bar, *p, gradient);
+            stop_radius_bar += re_aim(sequence, &path, self.stop_by_launch[i], at_bar, *p, gradient);
         }
         stop_radius_bar
     }
@@ -211,10 +202,7 @@ fn re_aim(
     }
     let [[a, b], [c, d]] = stop_by_launch;
     let det = a * d - b * c;
-    let l = [
-        -(d * launch_bar[0] - c * launch_bar[1]) / det,
-        -(a * launch_bar[1] - b * launch_bar[0]) / det,
-    ];
+    let l = [-(d * launch_bar[0] - c * launch_bar[1]) / det, -(a * launch_bar[1] - b * launch_bar[0]) / det];
     pull_back_from(sequence, path, sequence.stop, l, gradient);
     -(l[0] * pupil[0] + l[1] * pupil[1])
 }
@@ -238,22 +226,11 @@ pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
     let aimed = aim_at_stop(sequence, field_rad, [0.0, 0.0], guess)?;
     let path = trace_ray(sequence, launch(sequence, field_rad, aimed.launch_mm).ray);
     let y_mm = path.image?.position[1];
-    Some(ChiefRay {
-        path,
-        y_mm,
-        field_rad,
-        launch_mm: aimed.launch_mm,
-        stop_by_launch: aimed.stop_by_launch,
-    })
+    Some(ChiefRay { path, y_mm, field_rad, launch_mm: aimed.launch_mm, stop_by_launch: aimed.stop_by_launch })
 }
 
 /// Adds the gradient of a loss that depends on the chief ray's height, `y_bar` per mm.
-pub fn pull_back_chief(
-    sequence: &Sequence,
-    chief: &ChiefRay,
-    y_bar: f64,
-    gradient: &mut LensGradient,
-) {
+pub fn pull_back_chief(sequence: &Sequence, chief: &ChiefRay, y_bar: f64, gradient: &mut LensGradient) {
     let wish = RayCotangent { image_y: y_bar, ..RayCotangent::default() };
     let (mut at_bar, direction_bar) = pull_back(sequence, &chief.path, wish, gradient);
     let start = launch(sequence, chief.field_rad, chief.launch_mm);

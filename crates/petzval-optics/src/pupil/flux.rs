@@ -28,9 +28,7 @@ struct ParityFit {
 impl ParityFit {
     fn new(nodes: &[[f64; 2]], parity: usize) -> Self {
         let powers: Vec<(i32, i32)> = (0..=DEGREE)
-            .flat_map(|total| {
-                (parity..=total).step_by(2).map(move |i| (i as i32, (total - i) as i32))
-            })
+            .flat_map(|total| (parity..=total).step_by(2).map(move |i| (i as i32, (total - i) as i32)))
             .collect();
         let matrix = |term: &dyn Fn([f64; 2], (i32, i32)) -> f64| {
             DMatrix::from_fn(nodes.len(), powers.len(), |r, c| term(nodes[r], powers[c]))
@@ -75,9 +73,7 @@ impl FluxFit {
     /// Cotangents of the launch coordinates from those of the determinants.
     pub(super) fn pull_back(&self, launch: &[[f64; 2]], bar: &[f64]) -> Vec<[f64; 2]> {
         let ([xx, xy], [yx, yy]) = self.maps(launch);
-        let times = |v: &DVector<f64>, sign: f64| {
-            DVector::from_fn(bar.len(), |i, _| sign * bar[i] * v[i])
-        };
+        let times = |v: &DVector<f64>, sign: f64| DVector::from_fn(bar.len(), |i, _| sign * bar[i] * v[i]);
         let x_bar = self.odd.pull_back([times(&yy, 1.0), times(&yx, -1.0)]);
         let y_bar = self.even.pull_back([times(&xy, -1.0), times(&xx, 1.0)]);
         x_bar.iter().zip(y_bar.iter()).map(|(x, y)| [*x, *y]).collect()

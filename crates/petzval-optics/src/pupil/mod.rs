@@ -4,7 +4,5 @@ mod beam;
 mod flux;
 mod quadrature;
 
-pub use beam::{
-    Beam, BeamCotangent, ChiefRay, chief_ray, paraxial_launch, pull_back_chief, trace_beam,
-};
+pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, paraxial_launch, pull_back_chief, trace_beam};
 pub use quadrature::{Quadrature, QuadratureError};

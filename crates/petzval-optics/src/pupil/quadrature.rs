@@ -27,7 +27,7 @@ impl Quadrature {
     /// A grid of `cells` x `cells` over the disk's square: full cells by their centre, cells cut by
     /// the rim by the area and the centroid of the part inside.
     pub fn grid(cells: usize) -> Result<Self, QuadratureError> {
-        if !(8..=4096).contains(&cells) || cells % 2 != 0 {
+        if !(8..=4096).contains(&cells) || !cells.is_multiple_of(2) {
             return Err(QuadratureError(cells));
         }
         let side = 2.0 / cells as f64;
@@ -60,9 +60,7 @@ impl Quadrature {
 
 /// Centroid and area of the part of a square cell inside the unit disk.
 fn part_inside(corner: [f64; 2], side: f64) -> Option<([f64; 2], f64)> {
-    let radii = [0.0, 1.0].map(|i| [0.0, 1.0].map(|j| {
-        (corner[0] + i * side).hypot(corner[1] + j * side)
-    }));
+    let radii = [0.0, 1.0].map(|i| [0.0, 1.0].map(|j| (corner[0] + i * side).hypot(corner[1] + j * side)));
     let flat = radii.as_flattened();
     if flat.iter().all(|r| *r <= 1.0) {
         return Some(([corner[0] + 0.5 * side, corner[1] + 0.5 * side], side * side));

@@ -111,10 +111,8 @@ fn sweep(
         let (slope_x_bar, slope_y_bar) = (-turn[0], -turn[1]);
         if let Some(jet) = surface.shape.jet(u) {
             let cross = 4.0 * x * y * jet.second;
-            point_bar[0] += slope_x_bar * (2.0 * jet.first + 4.0 * x * x * jet.second)
-                + slope_y_bar * cross;
-            point_bar[1] += slope_y_bar * (2.0 * jet.first + 4.0 * y * y * jet.second)
-                + slope_x_bar * cross;
+            point_bar[0] += slope_x_bar * (2.0 * jet.first + 4.0 * x * x * jet.second) + slope_y_bar * cross;
+            point_bar[1] += slope_y_bar * (2.0 * jet.first + 4.0 * y * y * jet.second) + slope_x_bar * cross;
         }
 
         // Meeting the surface.

@@ -43,10 +43,8 @@ fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tange
         return Tangent { position: point, direction: tangent.direction };
     };
     let turn = [
-        -(2.0 * jet.first + 4.0 * x * x * jet.second) * point[0]
-            - 4.0 * x * y * jet.second * point[1],
-        -(2.0 * jet.first + 4.0 * y * y * jet.second) * point[1]
-            - 4.0 * x * y * jet.second * point[0],
+        -(2.0 * jet.first + 4.0 * x * x * jet.second) * point[0] - 4.0 * x * y * jet.second * point[1],
+        -(2.0 * jet.first + 4.0 * y * y * jet.second) * point[1] - 4.0 * x * y * jet.second * point[0],
         0.0,
     ];
     let (normal, length) = unit_normal(p.slope);
@@ -78,10 +76,7 @@ fn to_stop(sequence: &Sequence, field_rad: f64, at: [f64; 2]) -> Option<([f64; 2
             return Some(([passage.point[0], passage.point[1]], [[a[0], b[0]], [a[1], b[1]]]));
         }
         let [x, y, z] = passage.point;
-        ray = Ray {
-            position: [x, y, z - surface.thickness_mm],
-            direction: passage.direction_after,
-        };
+        ray = Ray { position: [x, y, z - surface.thickness_mm], direction: passage.direction_after };
     }
     None
 }
@@ -127,6 +122,5 @@ pub fn aim_at_stop(
         }
     }
     let e = miss(hit);
-    (e[0].hypot(e[1]) < 1e3 * TOLERANCE_MM)
-        .then_some(AimedRay { launch_mm: at, stop_by_launch: jacobian })
+    (e[0].hypot(e[1]) < 1e3 * TOLERANCE_MM).then_some(AimedRay { launch_mm: at, stop_by_launch: jacobian })
 }

@@ -69,8 +69,7 @@ pub(crate) fn retrace(sequence: &Sequence, start: Ray, path: &mut Path) {
     let to_image = -ray.position[2] / ray.direction[2];
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
     path.optical_path_mm += n_image * to_image;
-    path.image =
-        Some(Ray { position: along(ray.position, to_image, ray.direction), ..ray });
+    path.image = Some(Ray { position: along(ray.position, to_image, ray.direction), ..ray });
 }
 
 /// Traces a bundle, given in the coordinates of the first vertex, to the image plane, surface by

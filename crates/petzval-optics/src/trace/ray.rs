@@ -96,10 +96,7 @@ impl RayBundle {
 
     /// Ray i.
     pub fn ray(&self, i: usize) -> Ray {
-        Ray {
-            position: [self.x[i], self.y[i], self.z[i]],
-            direction: [self.l[i], self.m[i], self.n[i]],
-        }
+        Ray { position: [self.x[i], self.y[i], self.z[i]], direction: [self.l[i], self.m[i], self.n[i]] }
     }
 
     /// Replaces ray i.

@@ -82,8 +82,7 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
         let point = along(ray.position, path, ray.direction);
         let jet = slope_at(point)?;
         let slope = [2.0 * point[0] * jet.first, 2.0 * point[1] * jet.first];
-        let rate =
-            ray.direction[2] - slope[0] * ray.direction[0] - slope[1] * ray.direction[1];
+        let rate = ray.direction[2] - slope[0] * ray.direction[0] - slope[1] * ray.direction[1];
         let step = (point[2] - jet.sag) / rate;
         if !step.is_finite() {
             return None;
@@ -92,8 +91,7 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
         if step.abs() < NEWTON_TOLERANCE * (1.0 + path.abs()) {
             let point = along(ray.position, path, ray.direction);
             let first = slope_at(point)?.first;
-            return (rate > 0.0)
-                .then_some((path, point, [2.0 * point[0] * first, 2.0 * point[1] * first]));
+            return (rate > 0.0).then_some((path, point, [2.0 * point[0] * first, 2.0 * point[1] * first]));
         }
     }
     None
@@ -104,11 +102,7 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
 /// Snell's law in vector form, `d' = mu d + (sqrt(1 - mu^2 (1 - cos^2)) - mu cos) n`, with
 /// `mu = n_before / n_after`, `n` the unit normal along +z and `cos = n . d`.
 #[inline]
-pub(crate) fn pass(
-    s: &SurfaceAtWavelength,
-    index: usize,
-    ray: &Ray,
-) -> Result<Passage, Fate> {
+pub(crate) fn pass(s: &SurfaceAtWavelength, index: usize, ray: &Ray) -> Result<Passage, Fate> {
     let (path_mm, point, slope) = intersect(s, ray).ok_or(Fate::Missed(index))?;
     let normal = unit_normal(slope).0;
     let mu = s.n_before / s.n_after;
@@ -143,9 +137,8 @@ mod tests {
         let h = 1e-6;
         for i in -9..=9 {
             let r = semi + 0.1 * f64::from(i) * SOFT_EDGE_MM;
-            let numeric = (aperture_transmission(r + h, semi).0
-                - aperture_transmission(r - h, semi).0)
-                / (2.0 * h);
+            let numeric =
+                (aperture_transmission(r + h, semi).0 - aperture_transmission(r - h, semi).0) / (2.0 * h);
             assert!((aperture_transmission(r, semi).1 - numeric).abs() < 1e-5);
         }
     }

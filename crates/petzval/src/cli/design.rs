@@ -81,7 +81,10 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     progress.finish();
     match ending {
         Ending::Stopped(step) => {
-            eprintln!("stopped at step {step}; go on with: petzval design --resume {}", folder.root().display());
+            eprintln!(
+                "stopped at step {step}; go on with: petzval design --resume {}",
+                folder.root().display()
+            );
             Ok(ExitCode::from(EXIT_STOPPED))
         }
         Ending::Finished(metrics) => {

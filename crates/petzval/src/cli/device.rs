@@ -27,7 +27,10 @@ pub fn device(name: &str) -> Result<Device, Failure> {
             let known: Vec<&str> = compiled_in().iter().map(|(name, _)| *name).collect();
             return Err(Failure::input(
                 format!("--device {other}: not in this build"),
-                format!("this build has {}; build with `--features wgpu` or `cuda` for more", known.join(", ")),
+                format!(
+                    "this build has {}; build with `--features wgpu` or `cuda` for more",
+                    known.join(", ")
+                ),
             ));
         }
     };

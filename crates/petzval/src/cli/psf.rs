@@ -7,7 +7,7 @@ use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::design::psf_sheet::psf_sheet;
-use petzval::optics::psf::PsfOptions;
+use petzval::optics::psf::{FieldPsf, PsfOptions};
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
 
@@ -72,7 +72,14 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         .map_err(|e| Failure::input(format!("--pupil-cells: {e}"), "256 is accurate, 64 is quick"))?;
     let options = PsfOptions { grid: args.grid, pitch_um: args.pitch_um };
     let plan = PsfPlan::new(args.fields, args.corner_mm, [red, green, blue], options, quadrature);
-    let psfs = plan.psfs(&lens)?;
+    let psfs = plan.psfs(&lens).map_err(|error| match error {
+        DesignError::NoLight { .. } => Failure::input(
+            error.to_string(),
+            format!("rays may also land outside the grid of {} um: try a larger --grid", side_um(&args)),
+        ),
+        other => other.into(),
+    })?;
+    warn_of_lost_light(&args, &psfs);
 
     std::fs::create_dir_all(&args.out).map_err(DesignError::io(&args.out))?;
     let values: Vec<f64> = psfs.iter().flat_map(|p| p.values.iter().flatten().copied()).collect();
@@ -81,7 +88,9 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     write_npy(&args.out.join("psf.npy"), &[fields, 3, grid, grid], &values)?;
     write_npy(&args.out.join("illumination.npy"), &[fields, 3], &illumination)?;
     let sheet = args.out.join("psf.png");
-    psf_sheet(&psfs, args.grid).save(&sheet).map_err(|e| Failure::job(format!("{}: {e}", sheet.display())))?;
+    psf_sheet(&psfs, args.grid)
+        .save(&sheet)
+        .map_err(|e| Failure::job(format!("{}: {e}", sheet.display())))?;
     let axes = json!({
         "lens": lens.name,
         "axes": ["field", "wavelength", "row", "column"],
@@ -100,12 +109,31 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     if args.json { print_json(&axes) } else { Ok(ExitCode::SUCCESS) }
 }
 
+fn side_um(args: &Args) -> f64 {
+    args.grid as f64 * args.pitch_um
+}
+
+/// PSFs have unit sum whatever the grid holds of them; say so where it does not hold all.
+fn warn_of_lost_light(args: &Args, psfs: &[FieldPsf]) {
+    const LOST: f64 = 0.01;
+    let captured = |p: &FieldPsf| p.captured.iter().copied().fold(f64::INFINITY, f64::min);
+    if let Some(worst) = psfs.iter().min_by(|a, b| captured(a).total_cmp(&captured(b)))
+        && captured(worst) < 1.0 - LOST
+    {
+        eprintln!(
+            "warning: at {:.2} degrees the grid of {} um holds {:.0} % of the light; try a larger --grid",
+            worst.field_rad.to_degrees(),
+            side_um(args),
+            100.0 * captured(worst)
+        );
+    }
+}
+
 fn write_npy(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), Failure> {
     use npyz::WriterBuilder;
     let write = || -> std::io::Result<()> {
         let file = std::io::BufWriter::new(std::fs::File::create(path)?);
-        let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(shape).writer(file).begin_nd()?;
+        let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(file).begin_nd()?;
         writer.extend(values.iter().copied())?;
         writer.finish()
     };

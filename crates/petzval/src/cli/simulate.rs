@@ -97,7 +97,10 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         [("--white-e", args.white_e, 1e7), ("--time-s", args.time_s, 1e4), ("--gain", args.gain, 1e3)]
     {
         if !(value > 0.0 && value <= max) {
-            return Err(Failure::input(format!("{name} {value}: not between 0 and {max}"), "a positive number"));
+            return Err(Failure::input(
+                format!("{name} {value}: not between 0 and {max}"),
+                "a positive number",
+            ));
         }
     }
     // Results are named by their image: two of one name would overwrite each other.

@@ -1,7 +1,8 @@
 //! Fans: the rays of a field in the plane of the drawing, from before the lens to the image.
 
-use petzval_optics::lens::{Lens, ObjectDistance};
-use petzval_optics::paraxial::{FirstOrder, first_order};
+use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::paraxial_launch;
 use petzval_optics::trace::{Fate, Path, Sequence, aim_at_stop, launch, trace_ray};
 
 /// A ray as a line in the drawing.
@@ -26,7 +27,7 @@ pub(super) fn fan(lens: &Lens, field_rad: f64, rays: usize, lead_mm: f64) -> Vec
             let pupil = 2.0 * i as f64 / last as f64 - 1.0;
             let target = [0.0, pupil * order.stop_radius_mm];
             // Guess from first order; a strongly bent pupil is entered from the neighbouring ray.
-            let aimed = [Some(first_order_guess(&sequence, &order, field_rad, pupil)), previous]
+            let aimed = [Some(paraxial_launch(&order, &sequence, field_rad, [0.0, pupil])), previous]
                 .into_iter()
                 .flatten()
                 .find_map(|guess| aim_at_stop(&sequence, field_rad, target, guess))?;
@@ -34,21 +35,6 @@ pub(super) fn fan(lens: &Lens, field_rad: f64, rays: usize, lead_mm: f64) -> Vec
             Some(draw(&sequence, field_rad, aimed.launch_mm, lead_mm))
         })
         .collect()
-}
-
-/// Where the straight line from the object to a point of the paraxial entrance pupil crosses the plane
-/// of the first vertex, mm.
-fn first_order_guess(sequence: &Sequence, order: &FirstOrder, field_rad: f64, pupil: f64) -> [f64; 2] {
-    let pupil_y = 0.5 * sequence.entrance_pupil_mm * pupil;
-    let pupil_z = order.entrance_pupil_at_mm;
-    let y = match sequence.object {
-        ObjectDistance::Infinity => pupil_y - pupil_z * field_rad.tan(),
-        ObjectDistance::Finite(distance) => {
-            let object_y = -distance * field_rad.tan();
-            object_y + (pupil_y - object_y) * distance / (distance + pupil_z)
-        }
-    };
-    [0.0, y]
 }
 
 /// Traces a ray and joins the points where it meets the surfaces.

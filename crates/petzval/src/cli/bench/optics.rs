@@ -101,7 +101,9 @@ fn spot_gradient(cells: usize) -> Result<Prepared, Failure> {
     let fields: Vec<f64> = (0..13).map(|i| (FIELD_DEG * f64::from(i) / 12.0).to_radians()).collect();
     let rays = 2 * quadrature.len();
     Ok(Prepared {
-        work: format!("RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)"),
+        work: format!(
+            "RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)"
+        ),
         units: None,
         single_thread: false,
         run: Box::new(move || {

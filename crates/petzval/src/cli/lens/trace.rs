@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             format!("wavelengths are in um; did you mean {}?", args.wavelength * 1e-3),
         ));
     }
-    if !(args.field.abs() < 89.0) {
+    if !args.field.is_finite() || args.field.abs() >= 89.0 {
         return Err(Failure::input(format!("--field {}: not within 89 degrees", args.field), "degrees"));
     }
     let lens = built_in_assets().lens(&args.lens)?.lens;
@@ -68,7 +68,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         let f = |key: &str| v[key].as_f64().unwrap_or(f64::NAN);
         println!(
             "{name:>8} {:>14.9} {:>14.9} {:>14.9} {:>12.9} {:>12.9} {:>12.9}",
-            f("x_mm"), f("y_mm"), f("z_mm"), f("l"), f("m"), f("n")
+            f("x_mm"),
+            f("y_mm"),
+            f("z_mm"),
+            f("l"),
+            f("m"),
+            f("n")
         );
     };
     for (i, s) in traced["surfaces"].as_array().into_iter().flatten().enumerate() {
@@ -98,11 +103,8 @@ fn trace(lens: &Lens, args: &Args, pupil: [f64; 2]) -> Value {
     };
     let start = launch(&sequence, field, at).ray;
     let path = trace_ray(&sequence, start);
-    let place = |p: [f64; 3], d: [f64; 3]| {
-        json!({ "x_mm": p[0], "y_mm": p[1], "z_mm": p[2], "l": d[0], "m": d[1], "n": d[2] })
-    };
-    let surfaces: Vec<Value> =
-        path.passages.iter().map(|p| place(p.point, p.direction_after)).collect();
+    let place = |p: [f64; 3], d: [f64; 3]| json!({ "x_mm": p[0], "y_mm": p[1], "z_mm": p[2], "l": d[0], "m": d[1], "n": d[2] });
+    let surfaces: Vec<Value> = path.passages.iter().map(|p| place(p.point, p.direction_after)).collect();
     // From infinity the path counts from the plane of the first vertex; from an object, from the object.
     let before = match lens.object {
         ObjectDistance::Infinity => 0.0,

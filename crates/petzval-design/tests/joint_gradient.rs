@@ -1,0 +1,123 @@
+//! The gradient through the whole camera, against finite differences of the whole camera.
+
+use std::path::Path;
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_design::assets::Assets;
+use petzval_design::design_loop::{light_path, new_task};
+use petzval_design::joint::joint_gradient;
+use petzval_design::light_path::{LightPath, PsfLeaves, Shot};
+use petzval_design::setup::Setup;
+use petzval_learn::Device;
+use petzval_learn::task::Task;
+
+fn setup() -> Setup {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
+    experiment.psf.fields = 5;
+    experiment.psf.pupil_cells = 32;
+    experiment.psf.scoring_pupil_cells = 32;
+    experiment.training.crop = 64;
+    experiment.network.base_channels = 8;
+    experiment.network.levels = 2;
+    experiment.loss.lpips_weight = 0.2;
+    Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
+}
+
+/// A scene of smooth waves that reaches every frequency the pixels can hold.
+fn scene(side: usize, phase: f32) -> LinearImage {
+    let mut image = LinearImage::zeros(3, side, side);
+    for (i, v) in image.data.iter_mut().enumerate() {
+        let (x, y) = ((i % side) as f32, (i / side % side) as f32);
+        let wave = (0.5 * x + 0.2 * y + phase).sin() + (0.13 * x - 0.9 * y).cos();
+        *v = 0.35 + 0.15 * wave;
+    }
+    image
+}
+
+fn shots(setup: &Setup) -> Vec<Shot> {
+    let side = setup.training_crops.window();
+    [(100, 200), (568, 928), (1136, 1856)]
+        .iter()
+        .enumerate()
+        .map(|(i, (row, col))| Shot {
+            scene: scene(side, i as f32),
+            placement: Placement { row: *row, col: *col },
+            frame: i as u64,
+        })
+        .collect()
+}
+
+/// The loss without any tape.
+fn loss(setup: &Setup, path: &LightPath, task: &dyn Task, x: &[f64], shots: &[Shot]) -> f64 {
+    let lens = setup.space.lens_at(x).unwrap();
+    let bank = setup.moving_plan.bank(&lens).unwrap();
+    let leaves = PsfLeaves::new(&bank, &setup.device, false);
+    let noise = Noise { mode: NoiseMode::Off, seed: 1 };
+    let developed = path.take(&leaves, shots, &noise).unwrap();
+    let truth = path.truth(shots, &setup.device).unwrap();
+    let parts = task.held_loss(developed, truth).unwrap().parts;
+    parts.iter().find(|(name, _)| *name == "total").unwrap().1
+}
+
+#[test]
+fn task_loss_to_lens_coordinates() {
+    let setup = setup();
+    let path = light_path(&setup);
+    let task = new_task(&setup).unwrap();
+    let shots = shots(&setup);
+    let x = setup.space.start().to_vec();
+    let noise = Noise { mode: NoiseMode::Off, seed: 1 };
+    let found = joint_gradient(&setup, &path, task.as_ref(), &x, &shots, &noise).unwrap();
+    assert_eq!(found.by_x.len(), setup.space.dimension());
+    assert!((found.losses["total"] - loss(&setup, &path, task.as_ref(), &x, &shots)).abs() < 1e-6);
+
+    // The chain behind the PSFs is f32: shorter steps drown in its rounding, longer ones meet the kinks of L1 and
+    // of max-pooling. Along the gradient itself the loss changes most.
+    const STEP: f64 = 2e-4;
+    let norm = found.by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let along = |step: f64, direction: &[f64]| {
+        let moved: Vec<f64> = x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
+        loss(&setup, &path, task.as_ref(), &moved, &shots)
+    };
+    let difference = |direction: &[f64], h: f64| {
+        let near = along(h, direction) - along(-h, direction);
+        let far = along(2.0 * h, direction) - along(-2.0 * h, direction);
+        (8.0 * near - far) / (12.0 * h)
+    };
+    let steepest: Vec<f64> = found.by_x.iter().map(|g| g / norm).collect();
+    let numeric = difference(&steepest, STEP);
+    assert!((numeric - norm).abs() < 2e-3 * norm, "along the gradient: {norm} against {numeric}");
+
+    // And along the coordinates that matter most, one by one.
+    let mut order: Vec<usize> = (0..x.len()).collect();
+    order.sort_by(|a, b| found.by_x[*b].abs().total_cmp(&found.by_x[*a].abs()));
+    for i in order.into_iter().take(5) {
+        let mut direction = vec![0.0; x.len()];
+        direction[i] = 1.0;
+        let (analytic, numeric) = (found.by_x[i], difference(&direction, STEP));
+        assert!(
+            (analytic - numeric).abs() < 1e-2 * analytic.abs(),
+            "coordinate {i}: {analytic} against {numeric}"
+        );
+    }
+}
+
+#[test]
+fn the_whole_camera_gives_the_same_bits_on_any_number_of_threads() {
+    let gradient = || {
+        let setup = setup();
+        let (path, task, shots) = (light_path(&setup), new_task(&setup).unwrap(), shots(&setup));
+        let noise = Noise { mode: NoiseMode::Dequantised, seed: 7 };
+        let x = setup.space.start();
+        let found = joint_gradient(&setup, &path, task.as_ref(), x, &shots, &noise).unwrap();
+        found.by_x.iter().map(|g| g.to_bits()).collect::<Vec<_>>()
+    };
+    let on = |threads: usize| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(gradient)
+    };
+    assert_eq!(on(1), on(2));
+    assert_eq!(on(1), on(3));
+}

@@ -1,0 +1,319 @@
+//! Bad input: exit code 2, a message with file, line, key, value and hint, and nothing left behind.
+
+mod common;
+
+use std::path::Path;
+
+use common::*;
+
+/// A changed text with what must be said about it.
+struct Case {
+    from: &'static str,
+    to: &'static str,
+    needles: &'static [&'static str],
+}
+
+const fn case(from: &'static str, to: &'static str, needles: &'static [&'static str]) -> Case {
+    Case { from, to, needles }
+}
+
+/// Writes `text`, changed as the case says, to `file`; returns `FILE:LINE:` of the first change.
+fn write_changed(folder: &Path, file: &str, text: &str, case: &Case) -> String {
+    let at = text.find(case.from).unwrap_or_else(|| panic!("{:?} is not in the file", case.from));
+    // The bad line is the first that the change touches, not a line that it keeps.
+    let kept = case.from.bytes().zip(case.to.bytes()).take_while(|(a, b)| a == b).count();
+    let line = text[..at].matches('\n').count() + case.to[..kept].matches('\n').count() + 1;
+    std::fs::write(folder.join(file), text.replacen(case.from, case.to, 1)).unwrap();
+    format!("{file}:{line}:")
+}
+
+#[test]
+fn experiments() {
+    let text = tiny_experiment();
+    for case in [
+        case(
+            "batch = 1",
+            "batchsize = 1",
+            &["`batchsize = 1`", "no such key", "help: did you mean `batch`?"],
+        ),
+        case("white_e = ", "white = ", &["`white = 16000.0`", "no such key", "did you mean `white_e`?"]),
+        case("batch = 1", "batch = 0", &["`batch = 0`", "must lie between 1 and 1024", "help: 2 to 8"]),
+        case("batch = 1", "batch = -1", &["batch", "-1"]),
+        case("batch = 1", "batch = \"one\"", &["batch", "\"one\""]),
+        case(
+            "pupil_cells = 16",
+            "pupil_cells = 17",
+            &["`pupil_cells = 17`", "must be even", "help: take 18"],
+        ),
+        case("0.55", "550", &["wavelengths_um", "550", "help: wavelengths are in um: 550 nm is 0.55"]),
+        case("time_s = 0.005", "time_s = nan", &["`time_s = nan`", "must lie between", "5 ms is 0.005"]),
+        case("moving_share = ", "moving_share = 1", &["moving_share", "must lie between 0 and 1", "help:"]),
+        case("task = \"image-quality\"", "task = \"racing\"", &["racing", "image-quality"]),
+        case("noise = \"dequantised\"", "noise = \"pink\"", &["pink", "dequantised"]),
+        case("l1_weight = 1.0", "l1_weight = -1.0", &["l1_weight", "-1", "help:"]),
+        case("l1_weight = 1.0\nlpips_weight = 0.5", "l1_weight = 0.0\nlpips_weight = 0.0", &["l1_weight"]),
+        case("seed = 1", "seed = = 1", &["seed"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let place = write_changed(folder.path(), "bad.toml", &text, &case);
+        let args = ["design", "bad.toml", "--out", "run"];
+        run_fails(folder.path(), &args, 2, &[&[place.as_str()], case.needles].concat());
+    }
+}
+
+/// What an experiment names must be there, and fit.
+#[test]
+fn experiments_that_do_not_fit_together() {
+    let text = tiny_experiment();
+    for case in [
+        case(
+            "\"cooke-triplet-nominal\"",
+            "\"no-such\"",
+            &["no lens called `no-such`", "cooke-triplet-nominal"],
+        ),
+        case("\"imx249-fitted\"", "\"no-such\"", &["no sensor called `no-such`", "imx249-fitted"]),
+        case("\"built-in\"", "\"nowhere\"", &["nowhere: cannot be read"]),
+        case("\"cooke-triplet-nominal\"", "\"eight-element-achromat\"", &["no variables", "[[variable]]"]),
+        case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
+        case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
+        case("pitch_um = 1.0", "pitch_um = 50.0", &["hint: check pitch"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        write_changed(folder.path(), "bad.toml", &text, &case);
+        run_fails(folder.path(), &["design", "bad.toml", "--out", "run"], 2, case.needles);
+    }
+}
+
+#[test]
+fn lenses() {
+    let text = read(&data("lenses/cooke-triplet-nominal.toml"));
+    for case in [
+        case(
+            "radius_mm = 11.34",
+            "radius_um = 11340",
+            &["`radius_um = 11340`", "convert from um to mm", "`radius_mm`"],
+        ),
+        case(
+            "thickness_mm = 4.014",
+            "thicknes_mm = 4.014",
+            &["`thicknes_mm = 4.014`", "did you mean `thickness_mm`?"],
+        ),
+        case("units = \"mm\"", "units = \"inch\"", &["units", "\"inch\"", "help: convert to mm"]),
+        case(
+            "thickness_mm = 3.0",
+            "thickness_mm = -3.0",
+            &["`thickness_mm = -3.0`", "surface 3", "help: the least thickness is 0"],
+        ),
+        case(
+            "thickness_mm = 4.014",
+            "thickness_mm = 0.5",
+            &["`thickness_mm = 0.5`", "edge thickness of PMMA", "help: raise the thickness"],
+        ),
+        case("radius_mm = 11.34", "radius_mm = 0", &["radius_mm", "0", "help:"]),
+        case("radius_mm = 11.34", "radius_mm = nan", &["radius_mm", "nan"]),
+        case("glass = \"N-SF11\"", "glass = \"N-SF111\"", &["glass", "N-SF111", "N-SF11"]),
+        case("um = [0.486, 0.55", "um = [486, 0.55", &["486", "0.486"]),
+        case(
+            "entrance_pupil_diameter_mm = 5.7",
+            "entrance_pupil_diameter_mm = -5.7",
+            &["`entrance_pupil_diameter_mm = -5.7`", "positive"],
+        ),
+        case(
+            "semi_diameter_mm = 7.733",
+            "semi_diameter_mm = 12.0",
+            &["`semi_diameter_mm = 12.0`", "help: lower the semi-diameter"],
+        ),
+        case("semi_diameter_mm = 4.161", "semi_diameter_mm = \"4\"", &["semi_diameter_mm", "\"4\""]),
+        case("[aperture]", "[apertur]", &["apertur", "did you mean `aperture`?"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let place = write_changed(folder.path(), "bad.toml", &text, &case);
+        let needles = [&[place.as_str()], case.needles].concat();
+        run_fails(folder.path(), &["lens", "show", "bad.toml"], 2, &needles);
+        run_fails(folder.path(), &["psf", "bad.toml", "--out", "psf"], 2, &needles);
+    }
+}
+
+#[test]
+fn an_impossible_lens_stops_a_design_before_it_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let change = case("thickness_mm = 4.014", "thickness_mm = 0.5", &[]);
+    let place = write_changed(folder.path(), "bad.toml", &lens, &change);
+    let text = tiny_experiment().replace("\"cooke-triplet-nominal\"", "\"bad.toml\"");
+    std::fs::write(folder.path().join("tiny.toml"), text).unwrap();
+    let args = ["design", "tiny.toml", "--out", "run"];
+    run_fails(folder.path(), &args, 2, &[&place, "edge thickness", "help: raise the thickness"]);
+}
+
+/// A lens that can be made, and through which no ray finds its way.
+#[test]
+fn a_lens_without_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
+    // A pinhole in front of a stop that it does not shine on.
+    let dark = lens.replacen("semi_diameter_mm = 6.415", "semi_diameter_mm = 0.01", 1);
+    assert_ne!(dark, lens);
+    std::fs::write(folder.path().join("dark.toml"), dark).unwrap();
+    let needles = ["dark.toml", "no ray reaches the image", "help:"];
+    run_fails(folder.path(), &["lens", "show", "dark.toml"], 2, &needles);
+    let needles = ["no light reaches the image", "help:"];
+    run_fails(folder.path(), &["psf", "dark.toml", "--out", "psf"], 2, &needles);
+    let text = tiny_experiment().replace("\"cooke-triplet-nominal\"", "\"dark.toml\"");
+    std::fs::write(folder.path().join("tiny.toml"), text).unwrap();
+    run_fails(folder.path(), &["design", "tiny.toml", "--out", "run"], 2, &["no light reaches the image"]);
+}
+
+#[test]
+fn files_and_folders_that_are_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    write_tiny(here);
+    std::fs::create_dir(here.join("empty")).unwrap();
+    std::fs::write(here.join("noise.toml"), [0xff, 0xfe, 0x00, 0x80]).unwrap();
+    for (args, needles) in [
+        (
+            &["lens", "show", "nowhere.toml"][..],
+            &["no lens called `nowhere.toml`", "cooke-triplet-nominal"][..],
+        ),
+        (&["lens", "show", "noise.toml"], &["noise.toml: cannot be read as a lens", "help:"]),
+        (&["lens", "show", "empty"], &["no lens called `empty`"]),
+        (
+            &["design", "nowhere.toml", "--out", "run"],
+            &["no experiment called `nowhere.toml`", "cooke-triplet-image-quality"],
+        ),
+        (&["design", "noise.toml", "--out", "run"], &["noise.toml: cannot be read as a experiment", "help:"]),
+        (
+            &["design", "tiny.toml", "--photos", "nowhere", "--out", "run"],
+            &["nowhere: No such file", "help:"],
+        ),
+        (&["design", "tiny.toml", "--steps", "0", "--out", "run"], &["--steps 0: nothing to do", "help:"]),
+        (
+            &["design", "tiny.toml", "--device", "abacus", "--out", "run"],
+            &["--device abacus", "this build has cpu"],
+        ),
+        (&["design", "--resume", "nowhere"], &["nowhere: not a run folder", "config.toml"]),
+        (&["design", "--resume", "empty"], &["empty: not a run folder", "config.toml"]),
+        (&["design", "--resume", "empty", "--out", "run"], &["--resume", "cannot be used with"]),
+        (&["report", "empty"], &["empty: not a run folder"]),
+        (&["evaluate", "nowhere"], &["nowhere: not a run folder"]),
+    ] {
+        run_fails(here, args, 2, needles);
+    }
+}
+
+#[test]
+fn photographs() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    write_tiny(here);
+    let coffee = data("photos/coffee.png");
+    for name in ["empty", "one", "broken", "small", "same"] {
+        std::fs::create_dir(here.join(name)).unwrap();
+    }
+    std::fs::copy(&coffee, here.join("one/a.png")).unwrap();
+    std::fs::copy(&coffee, here.join("broken/a.png")).unwrap();
+    std::fs::write(here.join("broken/b.png"), &std::fs::read(&coffee).unwrap()[..1000]).unwrap();
+    for name in ["a.png", "b.png"] {
+        image::RgbImage::from_fn(40, 50, |x, y| image::Rgb([x as u8, y as u8, name.as_bytes()[0]]))
+            .save(here.join("small").join(name))
+            .unwrap();
+        std::fs::copy(&coffee, here.join("same").join(name)).unwrap();
+    }
+    for (photos, needles) in [
+        ("empty", &["empty: no .png", "name the folder that holds the pictures"][..]),
+        ("one", &["one: only one picture", "help: at least two are needed"]),
+        ("broken", &["broken/b.png: cannot decode", "use an undamaged PNG"]),
+        ("small", &["a.png: 50 x 40 pixels cannot hold a window", "use larger pictures or a smaller crop"]),
+        ("same", &["b.png", "a.png", "same picture"]),
+        ("tiny.toml", &["tiny.toml: cannot be read"]),
+    ] {
+        run_fails(here, &["design", "tiny.toml", "--photos", photos, "--out", "run"], 2, needles);
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_made() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiny(folder.path());
+    for out in ["tiny.toml", "tiny.toml/run"] {
+        run_fails(folder.path(), &["design", "tiny.toml", "--out", out], 1, &[out, "(os error"]);
+    }
+}
+
+/// A run that was cut short: its last checkpoint is that of step 18.
+fn interrupted(folder: &Path) {
+    let run = tiny_run(folder, "whole", &[]);
+    for gone in ["metrics.json", "report.html"] {
+        std::fs::remove_file(run.join(gone)).unwrap();
+    }
+    std::fs::remove_dir_all(run.join(format!("checkpoints/step-{ALL_STEPS:06}"))).unwrap();
+    assert!(run.join(CHECKPOINT).is_dir());
+}
+
+const CHECKPOINT: &str = "checkpoints/step-000018";
+
+/// Resumes a copy of the run in which one file was changed; it must be refused with a message that names the file.
+fn refuses(folder: &Path, file: &str, change: impl FnOnce(&[u8]) -> Option<Vec<u8>>) {
+    let run = folder.join("run");
+    let _ = std::fs::remove_dir_all(&run);
+    copy_folder(&folder.join("whole"), &run);
+    let path = run.join(file);
+    match change(&std::fs::read(&path).unwrap()) {
+        Some(contents) => std::fs::write(&path, contents).unwrap(),
+        None => std::fs::remove_file(&path).unwrap(),
+    }
+    let before = snapshot(&run);
+    let refused = common::run(folder, &["design", "--resume", "run"]);
+    assert!(matches!(refused.code, Some(1 | 2)), "{file}: {:?}\n{}", refused.code, refused.stderr);
+    let name = Path::new(file).file_name().unwrap().to_str().unwrap();
+    assert!(refused.says(name), "{file} is not named:\n{}", refused.stderr);
+    assert_same_files(&before, &snapshot(&run));
+}
+
+#[test]
+fn a_damaged_experiment_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    interrupted(folder.path());
+    let edit = |from: &'static str, to: &'static str| {
+        move |text: &[u8]| Some(String::from_utf8_lossy(text).replacen(from, to, 1).into_bytes())
+    };
+    refuses(folder.path(), "config.toml", |_| Some(b"{{{".to_vec()));
+    refuses(folder.path(), "config.toml", |_| Some(vec![0xff; 100]));
+    refuses(folder.path(), "config.toml", |text| Some(text[..text.len() / 2].to_vec()));
+    refuses(folder.path(), "config.toml", edit("batch = 1", "batch = 0"));
+    refuses(folder.path(), "config.toml", |_| None);
+}
+
+#[test]
+fn a_damaged_checkpoint_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    interrupted(folder.path());
+    for file in ["position.json", "network.bin", "optimizer.bin"] {
+        let file = format!("{CHECKPOINT}/{file}");
+        refuses(folder.path(), &file, |_| Some(b"{{{".to_vec()));
+        refuses(folder.path(), &file, |_| Some(Vec::new()));
+        refuses(folder.path(), &file, |whole| Some(whole[..whole.len() / 2].to_vec()));
+        refuses(folder.path(), &file, |_| None);
+    }
+}
+
+/// A position that is well-formed and cannot be: it must not be gone on from as if nothing were.
+#[test]
+fn an_impossible_position_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    interrupted(folder.path());
+    let file = format!("{CHECKPOINT}/position.json");
+    let edit = |change: fn(&mut serde_json::Value)| {
+        move |text: &[u8]| {
+            let mut position = serde_json::from_slice(text).unwrap();
+            change(&mut position);
+            Some(position.to_string().into_bytes())
+        }
+    };
+    refuses(folder.path(), &file, edit(|p| p["camera"] = 99.into()));
+    refuses(folder.path(), &file, edit(|p| p["network_steps"] = 99.into()));
+    refuses(folder.path(), &file, edit(|p| p["step"] = 3.into()));
+    refuses(folder.path(), &file, edit(|p| p["moving"]["x"] = serde_json::json!([0.0])));
+    refuses(folder.path(), &file, edit(|p| p["moving"]["adam"]["first"] = serde_json::json!([0.0])));
+}

@@ -1,0 +1,270 @@
+//! `petzval design`, `report` and `evaluate`, on an experiment that takes about a second.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use common::*;
+use serde_json::Value;
+
+const CAMERAS: [&str; 3] = ["nominal", "spot-optimised", "end-to-end"];
+
+/// The names in a folder, sorted.
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Whatever a browser would fetch from elsewhere.
+fn assert_stands_alone(html: &str) {
+    for piece in html.split("http").skip(1) {
+        let namespace = piece.starts_with("://www.w3.org/2000/svg");
+        assert!(namespace, "the report refers to http{}", &piece[..piece.len().min(60)]);
+    }
+    for fetching in ["<link", "<iframe", "@import", "url(", "src=\"//", "href=\"//", "file:"] {
+        assert!(!html.contains(fetching), "the report contains {fetching}");
+    }
+    let sources: Vec<&str> = html.split("src=\"").skip(1).collect();
+    assert!(sources.len() > 10, "the report shows pictures");
+    assert!(sources.iter().all(|s| s.starts_with("data:")));
+}
+
+#[test]
+fn a_run_leaves_everything_that_was_promised() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiny(folder.path());
+    let done = run_ok(folder.path(), &["design", "tiny.toml", "--out", "deep/run", "--seed", "7"]);
+    let run = folder.path().join("deep/run");
+    assert!(done.stdout.contains("spot-optimised") && done.stdout.contains("report: deep/run/report.html"));
+    assert!(done.says("run folder: deep/run") && done.says("nominal: 1-LPIPS"), "{}", done.stderr);
+    let kept = names(&run);
+    for name in [
+        "cameras",
+        "checkpoints",
+        "config.toml",
+        "environment.json",
+        "events.jsonl",
+        "lens",
+        "metrics.json",
+        "report.html",
+    ] {
+        assert!(kept.iter().any(|k| k == name), "no {name} in {kept:?}");
+    }
+    assert!(snapshot(&run).keys().all(|p| !p.display().to_string().contains("partial")));
+
+    // The resolved experiment holds what the command line changed.
+    let config: toml::Table = read(&run.join("config.toml")).parse().unwrap();
+    let mut asked: toml::Table = tiny_experiment().parse().unwrap();
+    asked.insert("seed".to_owned(), toml::Value::Integer(7));
+    assert_eq!(config["seed"], asked["seed"]);
+    assert_eq!(config["training"]["steps"], asked["training"]["steps"]);
+    assert_eq!(config.len(), asked.len());
+
+    let environment = read_json(&run.join("environment.json"));
+    for key in ["version", "os", "architecture", "simd", "cores", "threads", "command"] {
+        assert!(!environment[key].is_null(), "no {key} in {environment}");
+    }
+
+    // One line a step, steps in order, and each block of each camera as often as asked.
+    let events = events(&run);
+    let steps: Vec<u64> = events.iter().map(|e| e["step"].as_u64().unwrap()).collect();
+    assert_eq!(steps, (1..=ALL_STEPS as u64).collect::<Vec<_>>());
+    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    for event in &events {
+        *counts.entry((event["camera"].as_str().unwrap(), event["block"].as_str().unwrap())).or_default() +=
+            1;
+        let losses = event["losses"].as_object().unwrap();
+        assert!(!losses.is_empty() && losses.values().all(|v| v.as_f64().is_some_and(f64::is_finite)));
+        assert!(event["seconds"].as_f64().unwrap() > 0.0);
+        assert!(event["learning_rate"].is_number());
+    }
+    let mut expected =
+        BTreeMap::from([(("spot-optimised", "spot"), LENS_STEPS), (("end-to-end", "optics"), LENS_STEPS)]);
+    for camera in CAMERAS {
+        expected.insert((camera, "network"), NETWORK_STEPS);
+        expected.insert((camera, "score"), 1);
+    }
+    assert_eq!(counts, expected);
+
+    // The last few checkpoints, the last of them at the last step.
+    let checkpoints = names(&run.join("checkpoints"));
+    assert_eq!(checkpoints.len(), 2, "{checkpoints:?}");
+    assert_eq!(checkpoints[1], format!("step-{ALL_STEPS:06}"));
+    for camera in CAMERAS {
+        let kept = names(&run.join("cameras").join(camera));
+        for file in ["lens.toml", "metrics.json", "network.bin"] {
+            assert!(kept.iter().any(|k| k == file), "no {file} of {camera}: {kept:?}");
+        }
+    }
+    let lenses = names(&run.join("lens"));
+    assert!(!lenses.is_empty() && lenses.iter().all(|l| l.starts_with("step-") && l.ends_with(".toml")));
+
+    // Every lens that was kept is a lens file, and those that moved did move.
+    let shown = |camera: &str| {
+        let lens = run.join("cameras").join(camera).join("lens.toml").display().to_string();
+        run_ok(folder.path(), &["lens", "show", &lens, "--json"]).json()
+    };
+    let first_radius = |camera: &str| shown(camera)["surfaces"][0]["radius_mm"].as_f64().unwrap();
+    assert!((first_radius("nominal") - 11.34).abs() < 1e-12);
+    for camera in ["spot-optimised", "end-to-end"] {
+        assert!((first_radius(camera) - 11.34).abs() > 1e-6, "the {camera} lens has not moved");
+    }
+    for lens in &lenses {
+        run_ok(folder.path(), &["lens", "show", &run.join("lens").join(lens).display().to_string()]);
+    }
+}
+
+#[test]
+fn the_metrics_compare_three_cameras_of_the_same_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &["--seed", "3"]);
+    let metrics = read_json(&run.join("metrics.json"));
+    assert_eq!(metrics["seeds"], serde_json::json!([3]));
+    let rows = metrics["rows"].as_array().unwrap();
+    assert_eq!(rows.iter().map(|r| r["camera"].as_str().unwrap()).collect::<Vec<_>>(), CAMERAS);
+    let figure = |row: &Value, key: &str| row[key].as_f64().unwrap_or_else(|| panic!("no {key} in {row}"));
+    for row in rows {
+        assert!((0.0..=1.0).contains(&figure(row, "one_minus_lpips")));
+        assert!((5.0..60.0).contains(&figure(row, "psnr_db")));
+        assert!((0.0..=1.0).contains(&figure(row, "ssim")));
+        assert!((1.0..100.0).contains(&figure(row, "rms_spot_um")));
+        assert!((figure(row, "fov_deg") - 29.68).abs() < 0.05);
+        assert_eq!(row["network_steps"], NETWORK_STEPS);
+        // What is compared is the same: focal length, f-number, field of view, exposure.
+        for key in ["efl_mm", "f_number", "fov_deg", "white_e"] {
+            let off = figure(row, key) - figure(&rows[0], key);
+            assert!(off.abs() < 1e-6, "{}: {key} is off by {off}", row["camera"]);
+        }
+        // The figures are means over the held-out pictures, which are all there.
+        let pictures = row["pictures"].as_array().unwrap();
+        assert_eq!(metrics["held_out_images"], pictures.len());
+        for key in ["one_minus_lpips", "psnr_db", "ssim"] {
+            let mean = pictures.iter().map(|p| figure(p, key)).sum::<f64>() / pictures.len() as f64;
+            assert!((mean - figure(row, key)).abs() < 1e-12);
+        }
+    }
+    assert!((figure(&rows[0], "efl_mm") - 25.04).abs() < 0.001);
+    // Held-out pictures are those of the list, and none is trained on.
+    let list: toml::Table = read(&data("photos/photos.toml")).parse().unwrap();
+    let files = |key: &str| {
+        let entries = list[key].as_array().unwrap().iter();
+        entries.map(|e| e["file"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    for picture in rows[0]["pictures"].as_array().unwrap() {
+        let photo = picture["photo"].as_str().unwrap().to_owned();
+        assert!(files("held_out").contains(&photo) && !files("training").contains(&photo));
+    }
+    // Cameras differ, and so do seeds.
+    assert_ne!(rows[0]["psnr_db"], rows[1]["psnr_db"]);
+    assert_ne!(rows[1]["psnr_db"], rows[2]["psnr_db"]);
+    let other = read_json(&tiny_run(folder.path(), "other", &["--seed", "4"]).join("metrics.json"));
+    assert_ne!(metrics["rows"], other["rows"]);
+}
+
+#[test]
+fn the_resolved_experiment_runs_again_to_the_same_bits_with_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = tiny_run(folder.path(), "first", &["--threads", "1"]);
+    let elsewhere = folder.path().join("elsewhere");
+    std::fs::create_dir(&elsewhere).unwrap();
+    for threads in ["2", "5"] {
+        let args = ["design", "../first/config.toml", "--out", threads, "--threads", threads];
+        run_ok(&elsewhere, &args);
+        for file in ["metrics.json", "config.toml", "cameras/end-to-end/lens.toml"] {
+            assert_eq!(read(&elsewhere.join(threads).join(file)), read(&first.join(file)), "{file}");
+        }
+    }
+}
+
+#[test]
+fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let inside = folder.path().join("inside");
+    std::fs::create_dir_all(inside.join("my-photos")).unwrap();
+    for photo in ["astronaut.png", "chelsea.png", "coffee.png"] {
+        std::fs::copy(data("photos").join(photo), inside.join("my-photos").join(photo)).unwrap();
+    }
+    std::fs::copy(data("lenses/cooke-triplet-nominal.toml"), inside.join("my-lens.toml")).unwrap();
+    std::fs::copy(data("sensors/imx249-calibrated.toml"), inside.join("my-sensor.toml")).unwrap();
+    let text = tiny_experiment()
+        .replace("\"cooke-triplet-nominal\"", "\"my-lens.toml\"")
+        .replace("\"imx249-fitted\"", "\"my-sensor.toml\"")
+        .replace("\"built-in\"", "\"my-photos\"");
+    assert!(text.contains("my-lens.toml") && text.contains("my-sensor.toml") && text.contains("my-photos"));
+    std::fs::write(inside.join("mine.toml"), text).unwrap();
+    run_ok(&inside, &["design", "mine.toml", "--out", "run"]);
+    let metrics = read(&inside.join("run/metrics.json"));
+    // The last picture by name is held out.
+    assert!(metrics.contains("coffee.png") && !metrics.contains("chelsea.png"));
+
+    run_ok(folder.path(), &["design", "inside/run/config.toml", "--out", "again"]);
+    assert_eq!(read(&folder.path().join("again/metrics.json")), metrics);
+    run_ok(folder.path(), &["report", "inside/run"]);
+    // The same pictures named on the command line.
+    run_ok(&inside, &["design", "mine.toml", "--photos", "my-photos", "--out", "named"]);
+    assert_eq!(read(&inside.join("named/metrics.json")), metrics);
+}
+
+#[test]
+fn fewer_steps_shorten_every_block() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &["--steps", "2"]);
+    // Half of 4 network steps, and half of 3 lens steps, rounded up.
+    assert_eq!(events(&run).len(), 3 * (2 + 1) + 2 + 2);
+    assert_eq!(read_json(&run.join("metrics.json"))["rows"][0]["network_steps"], 2);
+}
+
+#[test]
+fn the_report_stands_alone_and_is_written_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    let html = read(&run.join("report.html"));
+    assert_stands_alone(&html);
+    for needle in CAMERAS.iter().chain(&["<svg", "end-to-end", "white_e", "25.040"]) {
+        assert!(html.contains(needle), "the report does not mention {needle}");
+    }
+    std::fs::remove_file(run.join("report.html")).unwrap();
+    let before = snapshot(&run);
+    let said = run_ok(folder.path(), &["report", "run"]);
+    assert_eq!(said.stdout.trim(), "run/report.html");
+    assert_eq!(read(&run.join("report.html")), html);
+    std::fs::remove_file(run.join("report.html")).unwrap();
+    assert_same_files(&before, &snapshot(&run));
+}
+
+#[test]
+fn scoring_again_gives_the_same_figures_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    let before = snapshot(&run);
+    let again = run_ok(folder.path(), &["evaluate", "run", "--json"]).json();
+    let largest = again["largest_difference_from_run"].as_f64().unwrap();
+    assert!(largest < 1e-6, "{largest}");
+    assert_eq!(again["metrics"]["rows"].as_array().unwrap().len(), 3);
+    assert_eq!(again["metrics"], read_json(&run.join("metrics.json")));
+    assert!(run_ok(folder.path(), &["evaluate", "run"]).stdout.contains("largest difference"));
+    assert_same_files(&before, &snapshot(&run));
+
+    // A figure that was tampered with is found out.
+    let mut metrics = read_json(&run.join("metrics.json"));
+    metrics["rows"][2]["psnr_db"] = serde_json::json!(99.0);
+    std::fs::write(run.join("metrics.json"), metrics.to_string()).unwrap();
+    let again = run_ok(folder.path(), &["evaluate", "run", "--json"]).json();
+    assert!(again["largest_difference_from_run"].as_f64().unwrap() > 10.0);
+}
+
+#[test]
+fn a_run_is_never_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    tiny_run(folder.path(), "run", &["--steps", "1"]);
+    let again = ["design", "tiny.toml", "--out", "run"];
+    run_fails(folder.path(), &again, 2, &["run: this folder already holds a run", "--resume run"]);
+    // Checkpoints without an experiment would be taken for those of the new run.
+    std::fs::remove_file(folder.path().join("run/config.toml")).unwrap();
+    run_fails(folder.path(), &again, 2, &["run: this folder holds checkpoints", "--out"]);
+}

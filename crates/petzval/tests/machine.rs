@@ -1,0 +1,121 @@
+//! `petzval doctor`, `petzval bench`, and how the command behaves in a shell.
+
+mod common;
+
+use std::io::Read;
+use std::process::Stdio;
+
+use common::{petzval, run_fails, run_ok};
+
+#[test]
+fn doctor_describes_the_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = run_ok(folder.path(), &["doctor", "--json", "--threads", "3"]).json();
+    assert_eq!(found["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(found["os"], std::env::consts::OS);
+    assert_eq!(found["threads"], 3);
+    assert!(found["cores"].as_u64().unwrap() >= 1);
+    let simd = found["simd"].as_str().unwrap();
+    assert!(["avx512", "avx2", "sse2", "neon", "scalar"].contains(&simd), "{simd}");
+    for (key, name) in [
+        ("devices", "cpu"),
+        ("lenses", "cooke-triplet-nominal"),
+        ("sensors", "imx249-fitted"),
+        ("experiments", "cooke-triplet-image-quality"),
+    ] {
+        let list = found[key].as_array().unwrap_or_else(|| panic!("no {key}"));
+        assert!(list.iter().any(|v| v == name), "{name} is not among the {key}: {list:?}");
+    }
+    let text = run_ok(folder.path(), &["doctor"]).stdout;
+    assert!(text.contains("built-in files: all readable"), "{text}");
+}
+
+/// Every workload name that programs may rely on; they arrive with their stages.
+const WORKLOADS: [&str; 15] = [
+    "psf_rgb",
+    "psf_rgb_gradient",
+    "psf_13_fields",
+    "trace",
+    "trace_all_aspheres",
+    "trace_adjoint",
+    "spot_gradient_same_rays",
+    "spot_gradient",
+    "lm_iteration",
+    "triplet_recovery",
+    "render_1200x1920",
+    "sensor_1200x1920",
+    "isp_1200x1920",
+    "unet_step",
+    "joint_step",
+];
+
+#[test]
+fn bench_lists_its_workloads_and_measures_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = run_ok(folder.path(), &["bench", "--list"]).stdout;
+    let names: Vec<&str> = list.lines().collect();
+    assert!(names.len() >= 12, "{names:?}");
+    assert!(names.iter().all(|name| WORKLOADS.contains(name)), "{names:?}");
+
+    let args = ["bench", "--only", "trace", "--only", "psf_rgb", "--seconds", "0.1", "--json"];
+    let results = run_ok(folder.path(), &args).json();
+    let results = results.as_array().unwrap();
+    assert_eq!(results.len(), 2);
+    for (result, name) in results.iter().zip(["trace", "psf_rgb"]) {
+        assert_eq!(result["name"], name);
+        for key in ["cpu_s", "wall_s"] {
+            let seconds = result[key].as_f64().unwrap();
+            assert!(seconds > 1e-7 && seconds < 10.0, "{name}: {key} is {seconds}");
+        }
+        assert!(result["threads"].as_u64().unwrap() >= 1);
+        assert!(result["simd"].is_string());
+        assert!(!result["work"].as_str().unwrap().is_empty());
+    }
+    assert!(results[0]["work"].as_str().unwrap().contains("M surface intersections per CPU second"));
+    // Nothing is left behind.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn usage_errors_exit_with_2() {
+    let folder = tempfile::tempdir().unwrap();
+    for (args, needles) in [
+        (&["bench", "--only", "nothing"][..], ["--only nothing: no such workload", "psf_rgb"]),
+        (&["bench", "--seconds", "0"], ["--seconds", "0"]),
+        (&["design", "--device", "abacus"], ["--device abacus: not in this build", "this build has cpu"]),
+        (&["doctor", "--threads", "100000"], ["--threads 100000", "0 means one per core"]),
+        (&["polish"], ["unrecognized subcommand", "polish"]),
+        (&["lens", "show"], ["LENS", "Usage"]),
+        (&[], ["Usage", "design"]),
+    ] {
+        run_fails(folder.path(), args, 2, &needles);
+    }
+}
+
+#[test]
+fn every_verb_explains_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = run_ok(folder.path(), &["--help"]).stdout;
+    for verb in ["design", "report", "evaluate", "lens", "psf", "simulate", "bench", "doctor"] {
+        assert!(help.contains(&format!("\n  {verb} ")), "{verb} is not in the help:\n{help}");
+        assert!(run_ok(folder.path(), &[verb, "--help"]).stdout.contains("Usage: petzval"));
+    }
+    assert!(run_ok(folder.path(), &["--version"]).stdout.contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_leaves_ends_the_command_quietly() {
+    let folder = tempfile::tempdir().unwrap();
+    for args in [&["bench", "--list"][..], &["lens", "show", "cooke-triplet-nominal"], &["doctor", "--json"]]
+    {
+        let mut command = petzval(folder.path());
+        let mut child = command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        // As `| head` does, only sooner.
+        drop(child.stdout.take());
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        child.wait().unwrap();
+        assert_eq!(said, "", "{args:?}");
+    }
+}

@@ -1,0 +1,167 @@
+//! A run that is killed or stopped and goes on is, to the bit, the run that was not.
+
+#![cfg(unix)]
+
+mod common;
+
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
+
+use common::*;
+use serde_json::Value;
+
+/// An uninterrupted run: its metrics and its events without their seconds.
+static WHOLE: LazyLock<(String, Vec<Value>)> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    (read(&run.join("metrics.json")), timeless_events(&run))
+});
+
+fn timeless_events(run: &Path) -> Vec<Value> {
+    let mut events = events(run);
+    for event in &mut events {
+        event.as_object_mut().unwrap().remove("seconds");
+    }
+    events
+}
+
+/// Starts the tiny experiment and waits until it has taken `steps` steps.
+fn started(folder: &Path, steps: usize) -> (Child, PathBuf) {
+    write_tiny(folder);
+    let mut command = petzval(folder);
+    command.args(["design", "tiny.toml", "--out", "run"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let run = folder.join("run");
+    let began = Instant::now();
+    let taken =
+        || std::fs::read(run.join("events.jsonl")).map_or(0, |t| t.iter().filter(|b| **b == b'\n').count());
+    while !run.join("config.toml").exists() || taken() < steps {
+        assert!(began.elapsed() < Duration::from_secs(60), "the run does not get to step {steps}");
+        assert!(child.try_wait().unwrap().is_none(), "the run ended before step {steps}");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    (child, run)
+}
+
+/// Starts the tiny experiment and kills it, as a power cut would, after `steps` steps.
+fn killed(folder: &Path, steps: usize) -> PathBuf {
+    let (mut child, run) = started(folder, steps);
+    child.kill().unwrap();
+    let status = child.wait().unwrap();
+    assert_eq!(status.signal(), Some(9), "killed at {steps}, but it ended by itself: {status:?}");
+    run
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_metrics() {
+    // Before the first checkpoint, in the networks, on either side of a score, in the lens steps of both
+    // kinds, and while the report is being written.
+    for steps in [0, 1, 3, 4, 5, 6, 8, 12, 13, 15, 17, 20, 21] {
+        let folder = tempfile::tempdir().unwrap();
+        let run = killed(folder.path(), steps);
+        run_ok(folder.path(), &["design", "--resume", "run"]);
+        assert_eq!(read(&run.join("metrics.json")), WHOLE.0, "killed after {steps} steps");
+        assert!(run.join("report.html").is_file());
+    }
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_events_each_once() {
+    for steps in [2, 5, 7, 14, 19] {
+        let folder = tempfile::tempdir().unwrap();
+        let run = killed(folder.path(), steps);
+        run_ok(folder.path(), &["design", "--resume", "run"]);
+        let events = timeless_events(&run);
+        let steps_of = |events: &[Value]| events.iter().map(|e| e["step"].clone()).collect::<Vec<_>>();
+        assert_eq!(steps_of(&events), steps_of(&WHOLE.1), "killed after {steps} steps");
+        assert_eq!(events, WHOLE.1);
+    }
+}
+
+#[test]
+fn a_run_that_is_killed_again_and_again_gets_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = killed(folder.path(), 2);
+    for wait_ms in [60, 120, 180, 240, 300, 360] {
+        let mut command = petzval(folder.path());
+        command.args(["design", "--resume", "run"]);
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    assert_eq!(read(&run.join("metrics.json")), WHOLE.0);
+}
+
+#[test]
+fn what_a_crash_leaves_half_written_is_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = killed(folder.path(), 7);
+    let half = run.join("checkpoints/.partial-000009");
+    std::fs::create_dir_all(&half).unwrap();
+    std::fs::write(half.join("position.json"), "{\"st").unwrap();
+    std::fs::write(run.join("metrics.json.partial"), "{").unwrap();
+    let log = run.join("events.jsonl");
+    std::fs::write(&log, read(&log) + "{\"step\":8,\"cam").unwrap();
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    assert_eq!(read(&run.join("metrics.json")), WHOLE.0);
+}
+
+#[test]
+fn a_signal_stops_after_a_checkpoint_and_the_run_goes_on() {
+    for (signal, steps) in [("TERM", 0), ("INT", 2), ("TERM", 7), ("INT", 13), ("TERM", 17)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (child, run) = started(folder.path(), steps);
+        let pid = child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &pid]).status().unwrap().success());
+        let status = { child }.wait().unwrap();
+        assert_eq!(status.code(), Some(75), "SIG{signal} after {steps} steps: {status:?}");
+
+        // The last step that was taken is the one that was kept.
+        let last = events(&run).last().map_or(0, |e| e["step"].as_u64().unwrap());
+        assert!(last >= steps as u64 && last < ALL_STEPS as u64);
+        let checkpoint = run.join(format!("checkpoints/step-{last:06}"));
+        assert!(checkpoint.join("position.json").is_file(), "no checkpoint of step {last}");
+        assert!(!run.join("metrics.json").exists());
+
+        let said = run_ok(folder.path(), &["design", "--resume", "run"]);
+        assert!(last == 0 || said.says(&format!("going on from step {last} of {ALL_STEPS}")));
+        assert_eq!(read(&run.join("metrics.json")), WHOLE.0, "SIG{signal} after {steps} steps");
+    }
+}
+
+#[test]
+fn a_stopped_run_says_how_to_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiny(folder.path());
+    let mut command = petzval(folder.path());
+    command.args(["design", "tiny.toml", "--out", "run", "--steps", "100000"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let began = Instant::now();
+    while !folder.path().join("run/events.jsonl").exists() && began.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(Command::new("kill").args(["-s", "TERM", &child.id().to_string()]).status().unwrap().success());
+    let stopped = outcome(child.wait_with_output().unwrap());
+    assert_eq!(stopped.code, Some(75), "{}", stopped.stderr);
+    assert!(stopped.says("go on with: petzval design --resume run"), "{}", stopped.stderr);
+    assert_eq!(stopped.stdout, "");
+    // What is not finished has no report and no scores yet, and says what to do.
+    for verb in ["report", "evaluate"] {
+        let needles = ["the run is not finished", "petzval design --resume run"];
+        run_fails(folder.path(), &[verb, "run"], 2, &needles);
+    }
+}
+
+#[test]
+fn a_finished_run_that_is_resumed_stays_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    let before = snapshot(&run);
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    assert_same_files(&before, &snapshot(&run));
+}
