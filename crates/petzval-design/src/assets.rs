@@ -70,7 +70,7 @@ impl Assets {
     pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text, DesignError> {
         let path = Path::new(name);
         if path.is_file() {
-            let text = std::fs::read_to_string(path).map_err(|e| unreadable(path, kind, &e))?;
+            let text = std::fs::read_to_string(path).map_err(|e| unreadable(path, &e))?;
             return Ok(Text { path: path.to_path_buf(), text });
         }
         // `data/lenses/x.toml` names the built-in x also where no such folder exists.
@@ -116,13 +116,13 @@ impl Assets {
 }
 
 /// A file that was named as input and is no text, or may not be read.
-fn unreadable(path: &Path, kind: &str, error: &std::io::Error) -> DesignError {
+fn unreadable(path: &Path, error: &std::io::Error) -> DesignError {
     let error = FileError {
         line: None,
         column: None,
         key: String::new(),
         value: String::new(),
-        message: format!("cannot be read as a {kind}: {error}"),
+        message: format!("cannot be read: {error}"),
         hint: Some("give a TOML file".to_owned()),
     };
     DesignError::input(path)(error)

@@ -82,12 +82,6 @@ pub enum StepKind {
     Optics,
 }
 
-/// The PSFs of the lens at hand, made anew only when it has moved.
-struct Current {
-    lens: Lens,
-    leaves: PsfLeaves,
-}
-
 /// A run at work.
 pub struct DesignLoop<'a> {
     setup: &'a Setup,
@@ -96,7 +90,8 @@ pub struct DesignLoop<'a> {
     lpips: Lpips,
     task: Box<dyn Task>,
     position: Position,
-    current: Option<Current>,
+    /// PSFs of the lens at hand, made anew only when it has moved.
+    current: Option<PsfLeaves>,
     log: EventLog,
 }
 
@@ -240,12 +235,13 @@ impl<'a> DesignLoop<'a> {
         let training = self.setup.experiment.training;
         let step = self.position.network_steps;
         let rate = cosine_rate(training.learning_rate, training.final_learning_rate, step, training.steps);
-        self.make_current(kind)?;
         let shots = self.shots(step as u64)?;
-        let Some(current) = &self.current else {
-            return Err(DesignError::Device("no lens at hand".to_owned()));
+        let leaves = match self.current.take() {
+            Some(leaves) => leaves,
+            None => self.leaves(kind)?,
         };
-        let developed = self.path.take(&current.leaves, &shots, &self.noise())?;
+        let developed = self.path.take(&leaves, &shots, &self.noise())?;
+        self.current = Some(leaves);
         let truth = self.path.truth(&shots, &self.setup.device)?;
         let loss = self.task.learning_loss(developed, truth)?;
         let losses = named(&loss);
@@ -292,17 +288,13 @@ impl<'a> DesignLoop<'a> {
         }
     }
 
-    fn make_current(&mut self, kind: CameraKind) -> Result<(), DesignError> {
-        if self.current.is_none() {
-            let lens = self.lens(kind)?;
-            // A lens on its way is sampled as it was for its gradient; one at rest finely.
-            let still_moving = kind == CameraKind::EndToEnd
-                && self.position.optics_steps < self.setup.experiment.optics.steps;
-            let plan = if still_moving { &self.setup.moving_plan } else { &self.setup.fixed_plan };
-            let leaves = PsfLeaves::new(&plan.bank(&lens)?, &self.setup.device, false);
-            self.current = Some(Current { lens, leaves });
-        }
-        Ok(())
+    /// The PSFs of a camera's lens as it stands. One on its way is sampled as it was for its gradient; one at
+    /// rest finely.
+    fn leaves(&self, kind: CameraKind) -> Result<PsfLeaves, DesignError> {
+        let still_moving =
+            kind == CameraKind::EndToEnd && self.position.optics_steps < self.setup.experiment.optics.steps;
+        let plan = if still_moving { &self.setup.moving_plan } else { &self.setup.fixed_plan };
+        Ok(PsfLeaves::new(&plan.bank(&self.lens(kind)?)?, &self.setup.device, false))
     }
 
     fn check_finite(
@@ -330,9 +322,9 @@ impl<'a> DesignLoop<'a> {
             std::fs::write(&path, text).map_err(DesignError::io(&path))?;
             self.task.save(folder).map_err(DesignError::from)
         })?;
-        if let Some(current) = &self.current {
+        if let Some(kind) = CameraKind::ALL.get(self.position.camera) {
             let path = self.run.lens_at_step(self.position.step);
-            write_atomically(&path, self.lens_text(&current.lens).as_bytes())?;
+            write_atomically(&path, self.lens_text(&self.lens(*kind)?).as_bytes())?;
         }
         Ok(())
     }

@@ -225,6 +225,10 @@ impl Experiment {
                 return Err(FileError::at_key(text, &[r.table, r.key], message).hint(r.hint));
             }
         }
+        if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
+            let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
+            return Err(error.hint("give at least one part a positive weight"));
+        }
         for (table, key, value) in [
             ("psf", "pupil_cells", self.psf.pupil_cells),
             ("psf", "scoring_pupil_cells", self.psf.scoring_pupil_cells),
@@ -269,6 +273,9 @@ impl Experiment {
         add("training", "crop", t.crop as f64, 32.0, 1200.0, "64 to 256 pixels");
         add("training", "learning_rate", t.learning_rate, 1e-8, 1.0, "1e-3 is Adam's usual start");
         add("training", "final_learning_rate", t.final_learning_rate, 0.0, 1.0, "a share of the first");
+        for (key, weight) in [("l1_weight", self.loss.l1_weight), ("lpips_weight", self.loss.lpips_weight)] {
+            add("loss", key, f64::from(weight), 0.0, 1e6, "a weight of 0 leaves the part out");
+        }
         let o = &self.optics;
         add("optics", "steps", o.steps as f64, 0.0, 1e8, "0 keeps the lens");
         add("optics", "moving_share", o.moving_share, 0.0, 1.0, "0.7 leaves the network time to settle");

@@ -52,7 +52,10 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         cameras.push(CameraView {
             name: kind.name().to_owned(),
             psfs: shown.iter().filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options)).collect(),
-            changes: changes(nominal, &lens, &setup.lens_file.variables),
+            changes: match kind {
+                CameraKind::Nominal => Vec::new(),
+                _ => changes(nominal, &lens, &setup.lens_file.variables),
+            },
             lens,
         });
     }
@@ -160,8 +163,19 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
         fs::read(&path).map_err(DesignError::io(&path))
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
+    // First every photograph in the corner and in the middle of the field, then the other places.
+    let mut order: Vec<usize> = (0..first.pictures.len()).collect();
+    let field = |i: &usize| first.pictures[*i].relative_field;
+    let outermost = order.iter().map(field).fold(0.0, f64::max);
+    let rank = |i: &usize| match field(i) {
+        f if f >= outermost => 0,
+        f if f < 0.05 => 1,
+        _ => 2,
+    };
+    order.sort_by_key(rank);
     let mut all = Vec::new();
-    for (index, picture) in first.pictures.iter().enumerate() {
+    for index in order {
+        let picture = &first.pictures[index];
         let mut cameras = Vec::new();
         for m in &metrics.rows {
             let Some(score) = m.pictures.get(index) else { continue };

@@ -63,7 +63,11 @@ impl Setup {
             lens_file.variables.clone(),
             lens_file.efl_solve,
             Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
-        )?;
+        )
+        .map_err(|e| {
+            let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
+            misfit(Path::new(&experiment.lens), &e, hint)
+        })?;
         let [rows, columns] = experiment.psf.patches;
         let geometry = RenderGeometry {
             sensor_height: sensor.height,
@@ -85,16 +89,23 @@ impl Setup {
             grid: experiment.psf.grid,
             pitch_um: experiment.psf.pitch_um,
         };
-        let margin = kernel_radius(&geometry, &layout)?;
+        let margin = kernel_radius(&geometry, &layout).map_err(|e| {
+            let hint = "the experiment's psf.grid and psf.pitch_um make the PSF, pixel_um the pixels it covers";
+            misfit(Path::new(&experiment.sensor), &e, hint)
+        })?;
         let crops =
             |crop| CropPlan { crop, margin, sensor_rows: sensor.height, sensor_columns: sensor.width };
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
-        let photos = load_photos(&experiment, assets, &training_crops)?;
+        let window = training_crops.window().max(scoring_crops.window());
+        let photos = load_photos(&experiment, assets, window)?;
         training_crops.check(photos.training())?;
         scoring_crops.check(photos.held_out())?;
         // A lens whose light does not arrive is told now, not after the first step.
-        moving_plan.bank(&lens_file.lens)?;
+        moving_plan.bank(&lens_file.lens).map_err(|e| {
+            let hint = "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
+            misfit(Path::new(&experiment.lens), &e, hint)
+        })?;
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
         Ok(Self {
             experiment,
@@ -134,9 +145,9 @@ struct PhotoEntry {
 const HELD_OUT_EVERY: usize = 4;
 
 /// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
-fn load_photos(experiment: &Experiment, assets: &Assets, crops: &CropPlan) -> Result<PhotoSet, DesignError> {
+fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Result<PhotoSet, DesignError> {
     if experiment.photos != BUILT_IN_PHOTOS {
-        return folder_photos(Path::new(&experiment.photos), crops);
+        return folder_photos(Path::new(&experiment.photos), window);
     }
     let list = assets.text("photograph list", "photos", "photos")?;
     let list: PhotoList = toml::from_str(&list.text)
@@ -155,24 +166,15 @@ fn load_photos(experiment: &Experiment, assets: &Assets, crops: &CropPlan) -> Re
     Ok(PhotoSet::new(photos, &split)?)
 }
 
-fn folder_photos(folder: &Path, crops: &CropPlan) -> Result<PhotoSet, DesignError> {
+fn folder_photos(folder: &Path, window: usize) -> Result<PhotoSet, DesignError> {
     let mut photos = load_folder(folder)?;
     if photos.len() < 2 {
-        let error = FileError {
-            line: None,
-            column: None,
-            key: String::new(),
-            value: String::new(),
-            message: "only one picture".to_owned(),
-            hint: Some(
-                "at least two are needed: every fourth, or the last, is held out for scoring".to_owned(),
-            ),
-        };
-        return Err(DesignError::input(folder)(error));
+        let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
+        return Err(misfit(folder, &"only one picture", hint));
     }
     for photo in &mut photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
-        if photo.image.height.min(photo.image.width) >= 2 * crops.window() {
+        if photo.image.height.min(photo.image.width) >= 2 * window {
             photo.image = photo.image.box_half();
         }
     }
@@ -184,4 +186,16 @@ fn folder_photos(folder: &Path, crops: &CropPlan) -> Result<PhotoSet, DesignErro
         list.push(photo.name.clone());
     }
     Ok(PhotoSet::new(photos, &split)?)
+}
+
+/// Input that is well-formed, and does not fit the rest.
+fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> DesignError {
+    DesignError::input(path)(FileError {
+        line: None,
+        column: None,
+        key: String::new(),
+        value: String::new(),
+        message: message.to_string(),
+        hint: Some(hint.to_owned()),
+    })
 }

@@ -9,6 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance};
+use crate::solve::{with_efl, with_paraxial_focus};
 
 /// A number of a surface that may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,7 +93,7 @@ pub enum DesignSpaceError {
         efl_mm: f64,
     },
     /// The defocus of the lens lies outside the range.
-    #[error("the image plane is {value_mm:.4} mm from the paraxial focus, range +-{range_mm} mm")]
+    #[error("the image plane is {value_mm:.4} mm from the paraxial focus, outside +-{range_mm} mm; hint: raise that range (`defocus_mm` of an experiment) or refocus the lens")]
     DefocusOutsideRange {
         /// Defocus of the lens, mm.
         value_mm: f64,
@@ -212,12 +213,13 @@ impl DesignSpace {
             v.parameter.set(&mut lens, v.surface, bounded_value(*x, v.min, v.max));
         }
         if let Some(solve) = &self.efl {
-            solve_efl(&mut lens, solve)?;
+            lens = with_efl(&lens, solve.surface, solve.efl_mm).ok_or(DesignSpaceError::EflUnsolvable {
+                surface: solve.surface + 1,
+                efl_mm: solve.efl_mm,
+            })?;
         }
         if let (Focus::Paraxial { range_mm }, Some(x)) = (self.focus, x.last()) {
-            let order = first_order(&lens.at_wavelength(lens.reference_um));
-            let defocus = bounded_value(*x, -range_mm, range_mm);
-            lens = lens.with_image_distance(order.image_distance_mm + defocus);
+            lens = with_paraxial_focus(&lens, bounded_value(*x, -range_mm, range_mm));
         }
         Ok(lens)
     }
@@ -265,23 +267,4 @@ fn bounded_value(x: f64, min: f64, max: f64) -> f64 {
 fn free_coordinate(value: f64, min: f64, max: f64) -> f64 {
     let s = (2.0 * value - min - max) / (max - min);
     s.clamp(-0.998, 0.998).asin().clamp(-FRAC_PI_2, FRAC_PI_2)
-}
-
-/// The final slope of a parallel ray is linear in any one curvature: two traces give the solution.
-fn solve_efl(lens: &mut Lens, solve: &EflSolve) -> Result<(), DesignSpaceError> {
-    let reference_um = lens.reference_um;
-    let mut slope_with = |curvature: f64| {
-        lens.surfaces[solve.surface].shape.curvature = curvature;
-        -1.0 / first_order(&lens.at_wavelength(reference_um)).efl_mm
-    };
-    // Two trial curvatures on either side of the present scale keep the subtraction accurate.
-    let (a, b) = (-0.1, 0.1);
-    let (at_a, at_b) = (slope_with(a), slope_with(b));
-    let curvature = a + (b - a) * (-1.0 / solve.efl_mm - at_a) / (at_b - at_a);
-    if !curvature.is_finite() {
-        let surface = solve.surface + 1;
-        return Err(DesignSpaceError::EflUnsolvable { surface, efl_mm: solve.efl_mm });
-    }
-    lens.surfaces[solve.surface].shape.curvature = curvature;
-    Ok(())
 }

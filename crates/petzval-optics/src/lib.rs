@@ -25,5 +25,6 @@ pub mod paraxial;
 pub mod psf;
 pub mod pupil;
 pub mod seidel;
+pub mod solve;
 pub mod spot;
 pub mod trace;

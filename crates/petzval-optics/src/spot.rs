@@ -76,35 +76,52 @@ pub fn spot(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<Fiel
     })
 }
 
-/// Polychromatic RMS spot radius over the evenly filled *paraxial entrance pupil*, um: what lens programs
-/// print by default (no ray aiming), and published tables with them.
+/// RMS spot radii over the evenly filled *paraxial entrance pupil*, um.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrintedSpot {
+    /// About each wavelength's own centroid.
+    pub rms_um: Vec<f64>,
+    /// All wavelengths together, equally weighted, about their common centroid.
+    pub rms_poly_um: f64,
+}
+
+/// RMS spot radii over the evenly filled paraxial entrance pupil: what lens programs print by default (no ray
+/// aiming), and published tables with them.
 ///
 /// The beam that the real stop lets through is that of [`spot`]; off axis the two differ by the aberration
 /// of the pupil. `None` if no light arrives.
-pub fn rms_spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<f64> {
+pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<PrintedSpot> {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
-    let mut images = Vec::new();
+    // (x, y, share of the colour's light) of every ray, colour by colour.
+    let mut colours: Vec<Vec<[f64; 3]>> = Vec::new();
     for wavelength in &lens.wavelengths_um {
         let sequence = lens.at_wavelength(*wavelength);
-        let mut light = 0.0;
-        let first = images.len();
+        let mut rays: Vec<[f64; 3]> = Vec::with_capacity(quadrature.len());
         for (node, weight) in quadrature.nodes.iter().zip(&quadrature.weights) {
             let at = paraxial_launch(&order, &sequence, field_rad, *node);
             let path = trace_ray(&sequence, launch(&sequence, field_rad, at).ray);
             if let Some(image) = path.image {
-                images.push((image.position[0], image.position[1], weight * path.transmission));
-                light += weight * path.transmission;
+                rays.push([image.position[0], image.position[1], weight * path.transmission]);
             }
         }
+        let light: f64 = rays.iter().map(|r| r[2]).sum();
         if light <= 0.0 {
             return None;
         }
-        images[first..].iter_mut().for_each(|(_, _, w)| *w /= light);
+        rays.iter_mut().for_each(|r| r[2] /= light);
+        colours.push(rays);
     }
-    let colours = lens.wavelengths_um.len() as f64;
-    let centre = images.iter().map(|(_, y, w)| w * y).sum::<f64>() / colours;
-    let square = images.iter().map(|(x, y, w)| w * (x * x + (y - centre).powi(2))).sum::<f64>() / colours;
-    Some(1e3 * square.sqrt())
+    let mean_y = |rays: &[[f64; 3]]| rays.iter().map(|r| r[2] * r[1]).sum::<f64>();
+    let square = |rays: &[[f64; 3]], centre: f64| {
+        rays.iter().map(|r| r[2] * (r[0] * r[0] + (r[1] - centre).powi(2))).sum::<f64>()
+    };
+    let count = colours.len() as f64;
+    let centre = colours.iter().map(|rays| mean_y(rays)).sum::<f64>() / count;
+    let poly = colours.iter().map(|rays| square(rays, centre)).sum::<f64>() / count;
+    Some(PrintedSpot {
+        rms_um: colours.iter().map(|rays| 1e3 * square(rays, mean_y(rays)).sqrt()).collect(),
+        rms_poly_um: 1e3 * poly.sqrt(),
+    })
 }
 
 /// Mean over fields and wavelengths of the squared RMS spot radius, um^2, about the polychromatic

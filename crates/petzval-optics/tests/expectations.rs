@@ -7,7 +7,9 @@ use petzval_optics::format::{Expected, parse_lens};
 use petzval_optics::glass::Catalog;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
-use petzval_optics::spot::{rms_spot_paraxial_pupil, spot};
+use petzval_optics::lens::Lens;
+use petzval_optics::solve::{with_best_focus, with_efl, with_paraxial_focus};
+use petzval_optics::spot::{mean_square_spot, spot, spot_paraxial_pupil};
 
 fn files(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
@@ -47,7 +49,8 @@ fn first_order_and_spots_are_as_published() {
         lenses += 1;
         if let Some(wanted) = &expect.rms_spot_um {
             for (field, um) in lens.fields_deg.iter().zip(&wanted.values_um) {
-                let found = rms_spot_paraxial_pupil(lens, field.to_radians(), &quadrature).unwrap();
+                let found =
+                    spot_paraxial_pupil(lens, field.to_radians(), &quadrature).unwrap().rms_poly_um;
                 let off = (found - um).abs() / um;
                 assert!(off <= wanted.relative_tolerance, "{name}: {field} deg: {found} for {um} um");
                 spots += 1;
@@ -59,4 +62,36 @@ fn first_order_and_spots_are_as_published() {
         }
     }
     assert!(lenses >= 8 && spots >= 4, "{lenses} lenses, {spots} spots");
+}
+
+#[test]
+fn solves_hit_what_they_solve_for() {
+    let mut catalog = Catalog::default();
+    for path in files("glasses") {
+        catalog.merge(Catalog::parse(&fs::read_to_string(path).unwrap()).unwrap());
+    }
+    let path = files("lenses").into_iter().find(|p| p.ends_with("cooke-triplet-nominal.toml")).unwrap();
+    let lens = parse_lens(&fs::read_to_string(path).unwrap(), &catalog).unwrap().lens;
+    let order = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um));
+
+    // The last radius, and one in the middle, bring the focal length to 27 mm.
+    for surface in [6, 2] {
+        let solved = with_efl(&lens, surface, 27.0).unwrap();
+        assert!((order(&solved).efl_mm - 27.0).abs() < 1e-10, "surface {surface}");
+    }
+    // The stop has no power, whatever its curvature.
+    assert!(with_efl(&lens, 4, 27.0).is_none());
+
+    let focused = with_paraxial_focus(&lens, 0.25);
+    assert!((focused.image_distance_mm() - order(&lens).bfl_mm - 0.25).abs() < 1e-12);
+
+    // Best focus: from any start the same, and worse on either side.
+    let quadrature = Quadrature::grid(24).unwrap();
+    let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
+    let best = with_best_focus(&lens, &fields, &quadrature).unwrap();
+    let far = with_best_focus(&lens.with_image_distance(26.0), &fields, &quadrature).unwrap();
+    let at = best.image_distance_mm();
+    assert!((at - far.image_distance_mm()).abs() < 1e-9);
+    let value = |d: f64| mean_square_spot(&lens.with_image_distance(d), &fields, &quadrature).unwrap().0;
+    assert!(value(at) < value(at + 1e-3) && value(at) < value(at - 1e-3));
 }

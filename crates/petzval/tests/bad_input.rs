@@ -50,9 +50,23 @@ fn experiments() {
         case("moving_share = ", "moving_share = 1", &["moving_share", "must lie between 0 and 1", "help:"]),
         case("task = \"image-quality\"", "task = \"racing\"", &["racing", "image-quality"]),
         case("noise = \"dequantised\"", "noise = \"pink\"", &["pink", "dequantised"]),
-        case("l1_weight = 1.0", "l1_weight = -1.0", &["l1_weight", "-1", "help:"]),
-        case("l1_weight = 1.0\nlpips_weight = 0.5", "l1_weight = 0.0\nlpips_weight = 0.0", &["l1_weight"]),
         case("seed = 1", "seed = = 1", &["seed"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let place = write_changed(folder.path(), "bad.toml", &text, &case);
+        let args = ["design", "bad.toml", "--out", "run"];
+        run_fails(folder.path(), &args, 2, &[&[place.as_str()], case.needles].concat());
+    }
+}
+
+/// A loss without weight has no gradient, and a negative one the wrong one.
+#[test]
+fn losses() {
+    let text = tiny_experiment();
+    for case in [
+        case("l1_weight = 1.0", "l1_weight = -1.0", &["`l1_weight = -1.0`", "help:"]),
+        case("lpips_weight = 0.5", "lpips_weight = nan", &["`lpips_weight = nan`", "help:"]),
+        case("l1_weight = 1.0\nlpips_weight = 0.5", "l1_weight = 0.0\nlpips_weight = 0.0", &["l1_weight"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let place = write_changed(folder.path(), "bad.toml", &text, &case);
@@ -76,12 +90,17 @@ fn experiments_that_do_not_fit_together() {
         case("\"cooke-triplet-nominal\"", "\"eight-element-achromat\"", &["no variables", "[[variable]]"]),
         case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
-        case("pitch_um = 1.0", "pitch_um = 50.0", &["hint: check pitch"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
         write_changed(folder.path(), "bad.toml", &text, &case);
         run_fails(folder.path(), &["design", "bad.toml", "--out", "run"], 2, case.needles);
     }
+    // A PSF wider than the renderer takes.
+    let folder = tempfile::tempdir().unwrap();
+    let wide = text.replace("pitch_um = 1.0", "pitch_um = 50.0").replace("grid = 64", "grid = 1024");
+    std::fs::write(folder.path().join("wide.toml"), wide).unwrap();
+    let needles = ["imx249-fitted: the PSF grid reaches 6176 pixels", "help: the experiment's psf.grid"];
+    run_fails(folder.path(), &["design", "wide.toml", "--out", "run"], 2, &needles);
 }
 
 #[test]
@@ -105,9 +124,9 @@ fn lenses() {
             &["`thickness_mm = -3.0`", "surface 3", "help: the least thickness is 0"],
         ),
         case(
-            "thickness_mm = 4.014",
+            "thickness_mm = 2.698",
             "thickness_mm = 0.5",
-            &["`thickness_mm = 0.5`", "edge thickness of PMMA", "help: raise the thickness"],
+            &["`thickness_mm = 0.5`", "edge thickness of PMMA is -", "help: raise the thickness"],
         ),
         case("radius_mm = 11.34", "radius_mm = 0", &["radius_mm", "0", "help:"]),
         case("radius_mm = 11.34", "radius_mm = nan", &["radius_mm", "nan"]),
@@ -138,7 +157,7 @@ fn lenses() {
 fn an_impossible_lens_stops_a_design_before_it_starts() {
     let folder = tempfile::tempdir().unwrap();
     let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
-    let change = case("thickness_mm = 4.014", "thickness_mm = 0.5", &[]);
+    let change = case("thickness_mm = 2.698", "thickness_mm = 0.5", &[]);
     let place = write_changed(folder.path(), "bad.toml", &lens, &change);
     let text = tiny_experiment().replace("\"cooke-triplet-nominal\"", "\"bad.toml\"");
     std::fs::write(folder.path().join("tiny.toml"), text).unwrap();
@@ -161,7 +180,15 @@ fn a_lens_without_light() {
     run_fails(folder.path(), &["psf", "dark.toml", "--out", "psf"], 2, &needles);
     let text = tiny_experiment().replace("\"cooke-triplet-nominal\"", "\"dark.toml\"");
     std::fs::write(folder.path().join("tiny.toml"), text).unwrap();
-    run_fails(folder.path(), &["design", "tiny.toml", "--out", "run"], 2, &["no light reaches the image"]);
+    let needles = ["dark.toml: no light reaches the image", "help: `petzval lens show`"];
+    run_fails(folder.path(), &["design", "tiny.toml", "--out", "run"], 2, &needles);
+
+    // An image plane far out of focus leaves nothing to optimise from.
+    let blurred = lens.replacen("thickness_mm = 24.525171110552694", "thickness_mm = 27.0", 1);
+    assert_ne!(blurred, lens);
+    std::fs::write(folder.path().join("dark.toml"), blurred).unwrap();
+    let needles = ["dark.toml: the image plane is", "from the paraxial focus", "help: correct the lens file"];
+    run_fails(folder.path(), &["design", "tiny.toml", "--out", "run"], 2, &needles);
 }
 
 #[test]
@@ -176,13 +203,13 @@ fn files_and_folders_that_are_not_there() {
             &["lens", "show", "nowhere.toml"][..],
             &["no lens called `nowhere.toml`", "cooke-triplet-nominal"][..],
         ),
-        (&["lens", "show", "noise.toml"], &["noise.toml: cannot be read as a lens", "help:"]),
+        (&["lens", "show", "noise.toml"], &["noise.toml: cannot be read: stream did not", "help:"]),
         (&["lens", "show", "empty"], &["no lens called `empty`"]),
         (
             &["design", "nowhere.toml", "--out", "run"],
             &["no experiment called `nowhere.toml`", "cooke-triplet-image-quality"],
         ),
-        (&["design", "noise.toml", "--out", "run"], &["noise.toml: cannot be read as a experiment", "help:"]),
+        (&["design", "noise.toml", "--out", "run"], &["noise.toml: cannot be read: stream did not", "help:"]),
         (
             &["design", "tiny.toml", "--photos", "nowhere", "--out", "run"],
             &["nowhere: No such file", "help:"],

@@ -225,7 +225,7 @@ fn the_report_stands_alone_and_is_written_again() {
     let run = tiny_run(folder.path(), "run", &[]);
     let html = read(&run.join("report.html"));
     assert_stands_alone(&html);
-    for needle in CAMERAS.iter().chain(&["<svg", "end-to-end", "white_e", "25.040"]) {
+    for needle in CAMERAS.iter().chain(&["<svg", "end-to-end", "white_e", "25.04"]) {
         assert!(html.contains(needle), "the report does not mention {needle}");
     }
     std::fs::remove_file(run.join("report.html")).unwrap();

@@ -149,7 +149,7 @@ fn a_ray_asked_for_wrongly_is_refused() {
     for (field, wavelength, pupil, needles) in [
         ("5", "550", "0,0", ["--wavelength 550", "did you mean 0.55?"]),
         ("5", "nan", "0,0", ["--wavelength", "0.2"]),
-        ("5", "-0.55", "0,0", ["wavelength", "0.55"]),
+        ("5", "0", "0,0", ["--wavelength 0", "between 0.2 and 20 um"]),
         ("95", "0.55", "0,0", ["--field 95", "89"]),
         ("5", "0.55", "0", ["--pupil needs two numbers", "0,0.7"]),
         ("5", "0.55", "0,0,0", ["--pupil needs two numbers", "0,0.7"]),

@@ -74,7 +74,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
         (&[&good, "twin/coffee.png"], ["twin/coffee.png: another image is called `coffee`", "--out"]),
         (&[&good, "--lens", "no-such"], ["no lens called `no-such`", "cooke-triplet-nominal"]),
         (&[&good, "--sensor", "no-such"], ["no sensor called `no-such`", "imx249-fitted"]),
-        (&[&good, "--white-e", "-1"], ["--white-e", "-1"]),
+        (&[&good, "--white-e=-1"], ["--white-e -1", "a positive number"]),
         (&[&good, "--gain", "nan"], ["--gain", "positive"]),
         (&[], ["IMAGE", "Usage"]),
     ] {

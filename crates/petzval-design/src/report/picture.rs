@@ -12,10 +12,20 @@ use super::{CameraPicture, PictureView, Report, number, palette};
 /// The enlarged part is this share of a side.
 const ZOOM: f64 = 0.25;
 
+/// So many pictures are shown at once, the others on demand.
+const UNFOLDED: usize = 6;
+
 /// All pictures; a click on any opens it large, where arrow keys flick through the cameras.
 pub(super) fn pictures(report: &Report) -> Markup {
     html! {
-        @for (i, picture) in report.pictures.iter().enumerate() { (comparison(report, picture, i)) }
+        @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
+        @for (i, picture) in first.iter().enumerate() { (comparison(report, picture, i)) }
+        @if !rest.is_empty() {
+            details {
+                summary { (rest.len()) " more held-out pictures" }
+                @for (i, picture) in rest.iter().enumerate() { (comparison(report, picture, UNFOLDED + i)) }
+            }
+        }
         p.caption {
             "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw "
             "frame developed but not yet processed by the network. Select a picture to see it large; the "

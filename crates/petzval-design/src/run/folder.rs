@@ -47,6 +47,20 @@ impl RunFolder {
         Ok(folder)
     }
 
+    /// Keeps other processes from working in this folder as long as the returned file lives.
+    pub fn lock(&self) -> Result<fs::File, DesignError> {
+        let path = self.root.join("run.lock");
+        let file = fs::File::create(&path).map_err(DesignError::io(&path))?;
+        match file.try_lock() {
+            Ok(()) => Ok(file),
+            Err(fs::TryLockError::WouldBlock) => {
+                let problem = "another process is working on this run; wait for it to end".to_owned();
+                Err(DesignError::Run { path: self.root.clone(), problem })
+            }
+            Err(fs::TryLockError::Error(error)) => Err(DesignError::Io { path, error }),
+        }
+    }
+
     /// The folder itself.
     pub fn root(&self) -> &Path {
         &self.root

@@ -97,11 +97,23 @@ impl FileError {
         }
         if message.starts_with("missing field") && !words.is_empty() {
             let message = format!("the key `{}` is missing", words[0]);
-            return Self::at(text, span, words[0], message).without_value();
+            let missing = Self::at(text, span, words[0], message).without_value();
+            return missing.hint(format!("add a line `{} = ...`", words[0]));
         }
         // A value of the wrong type belongs to the key before the last `=`.
-        let key = if message.starts_with("invalid") { key_before(text, span.start) } else { "" };
-        Self::at(text, span, key, message)
+        let of_value = message.starts_with("invalid") || message.starts_with("unknown variant");
+        let key = if of_value { key_before(text, span.start) } else { "" };
+        let wrong = Self::at(text, span, key, message.clone());
+        match words.split_first() {
+            Some((unknown, known)) if message.starts_with("unknown variant") => Self {
+                hint: known
+                    .iter()
+                    .min_by_key(|word| strsim::damerau_levenshtein(unknown, word))
+                    .map(|nearest| format!("did you mean \"{nearest}\"?")),
+                ..wrong
+            },
+            _ => wrong,
+        }
     }
 }
 

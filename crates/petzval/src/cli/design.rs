@@ -34,7 +34,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Go on with the run in this folder
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["out", "seed", "photos", "steps"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "steps"])]
     resume: Option<PathBuf>,
     /// Seed of everything random
     #[arg(long)]
@@ -74,6 +74,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             (setup, folder)
         }
     };
+    let _only_one = folder.lock()?;
     eprintln!("{}", setup.experiment.name);
     eprintln!("run folder: {}", folder.root().display());
     let mut progress = progress::Progress::new();

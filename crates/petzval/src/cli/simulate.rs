@@ -199,6 +199,6 @@ fn take(
         "raw": raw_path.display().to_string(),
         "developed": developed_path.display().to_string(),
         "black_level_dn": camera.sensor.black_level_dn,
-        "cfa": "RGGB",
+        "cfa": camera.sensor.cfa,
     }))
 }

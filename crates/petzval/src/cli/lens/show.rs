@@ -2,12 +2,14 @@
 
 use std::process::ExitCode;
 
+use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::optics::lens::{Lens, ObjectDistance};
 use petzval::optics::paraxial::{FirstOrder, first_order};
 use petzval::optics::pupil::Quadrature;
 use petzval::optics::seidel::seidel_total;
-use petzval::optics::spot::{FieldSpot, rms_spot_paraxial_pupil, spot};
+use petzval::optics::solve::{with_best_focus, with_paraxial_focus};
+use petzval::optics::spot::{FieldSpot, PrintedSpot, spot, spot_paraxial_pupil};
 use serde_json::{Value, json};
 
 use crate::cli::{Failure, print_json};
@@ -20,9 +22,37 @@ const PUPIL_CELLS: usize = 64;
 pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
     lens: String,
+    /// Where the image plane goes
+    #[arg(long, value_enum, default_value = "file")]
+    focus: FocusAt,
     /// Machine-readable output
     #[arg(long)]
     json: bool,
+}
+
+/// Where the image plane goes.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FocusAt {
+    /// Where the file puts it.
+    File,
+    /// At the paraxial image of the reference wavelength.
+    Paraxial,
+    /// Where the mean squared spot over the fields is least.
+    Best,
+}
+
+/// The lens with the image plane where it was asked for.
+fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, Failure> {
+    match focus {
+        FocusAt::File => Ok(lens),
+        FocusAt::Paraxial => Ok(with_paraxial_focus(&lens, 0.0)),
+        FocusAt::Best => {
+            let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| Failure::job(e.to_string()))?;
+            let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
+            with_best_focus(&lens, &fields, &quadrature)
+                .ok_or_else(|| Failure::input("no ray reaches the image at some field", "see --focus file"))
+        }
+    }
 }
 
 /// Everything that is shown.
@@ -31,39 +61,46 @@ struct Figures {
     seidel: [f64; 5],
     /// Through the real stop, weighed by the light of each ray.
     spots: Vec<FieldSpot>,
-    /// Over the paraxial entrance pupil, as tables print it, um.
-    printed_um: Vec<f64>,
+    /// Over the paraxial entrance pupil, as tables print it.
+    printed: Vec<PrintedSpot>,
 }
 
 fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
     let reference = lens.at_wavelength(lens.reference_um);
     let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| Failure::job(e.to_string()))?;
     let full_field = lens.fields_deg.last().copied().unwrap_or(0.0).to_radians();
-    let (mut spots, mut printed_um) = (Vec::new(), Vec::new());
+    let (mut spots, mut printed) = (Vec::new(), Vec::new());
     for field_deg in &lens.fields_deg {
         let field = field_deg.to_radians();
-        let (Some(real), Some(printed)) =
-            (spot(lens, field, &quadrature), rms_spot_paraxial_pupil(lens, field, &quadrature))
+        let (Some(through_stop), Some(through_pupil)) =
+            (spot(lens, field, &quadrature), spot_paraxial_pupil(lens, field, &quadrature))
         else {
             return Err(Failure::input(
                 format!("{name}: at {field_deg} degrees no ray reaches the image"),
                 "a surface is missed, or a clear semi-diameter blocks the whole beam",
             ));
         };
-        spots.push(real);
-        printed_um.push(printed);
+        spots.push(through_stop);
+        printed.push(through_pupil);
     }
     Ok(Figures {
         order: first_order(&reference),
         seidel: seidel_total(&reference, full_field).s,
         spots,
-        printed_um,
+        printed,
     })
 }
 
 /// Runs the verb.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let lens = built_in_assets().lens(&args.lens)?.lens;
+    if !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
+        return Err(Failure::input(
+            format!("{}: the lens has no power, and no focal length", args.lens),
+            "give an element a curved surface and a glass",
+        ));
+    }
+    let lens = focused(lens, args.focus)?;
     let found = figures(&args.lens, &lens)?;
     if args.json {
         return print_json(&to_json(&lens, &found));
@@ -92,10 +129,11 @@ fn to_json(lens: &Lens, found: &Figures) -> Value {
         "reference_um": lens.reference_um,
         "wavelengths_um": lens.wavelengths_um,
         "fields_deg": lens.fields_deg,
-        // Over the paraxial entrance pupil, all wavelengths together.
-        "rms_spot_poly_um": found.printed_um,
+        // Over the paraxial entrance pupil, as lens programs print it.
+        "rms_spot_um": found.printed.iter().map(|s| s.rms_um.clone()).collect::<Vec<_>>(),
+        "rms_spot_poly_um": found.printed.iter().map(|s| s.rms_poly_um).collect::<Vec<_>>(),
         // Through the real stop, weighed by light: what the sensor sees.
-        "rms_spot_um": spots().map(|s| s.rms_um.clone()).collect::<Vec<_>>(),
+        "rms_spot_real_stop_um": spots().map(|s| s.rms_um.clone()).collect::<Vec<_>>(),
         "rms_spot_poly_real_stop_um": spots().map(|s| s.rms_poly_um).collect::<Vec<_>>(),
         "relative_illumination": spots().map(|s| s.illumination.clone()).collect::<Vec<_>>(),
         "seidel": {
@@ -164,9 +202,9 @@ fn print(lens: &Lens, found: &Figures) {
     println!("\n  Seidel sums, mm     S1 {s1:+.5}  S2 {s2:+.5}  S3 {s3:+.5}  S4 {s4:+.5}  S5 {s5:+.5}");
     println!("\n  RMS spot radius, um, all wavelengths");
     println!("  field deg   paraxial pupil   real stop   illumination");
-    for (s, printed) in found.spots.iter().zip(&found.printed_um) {
+    for (s, printed) in found.spots.iter().zip(&found.printed) {
         let light = s.illumination.iter().sum::<f64>() / s.illumination.len() as f64;
         let (field, real) = (s.field_rad.to_degrees(), s.rms_poly_um);
-        println!("  {field:>9.2}   {printed:>14.2}   {real:>9.2}   {light:>12.3}");
+        println!("  {field:>9.2}   {:>14.2}   {real:>9.2}   {light:>12.3}", printed.rms_poly_um);
     }
 }

@@ -1,0 +1,46 @@
+//! Algebra before optimisation: focal length and focus are solved, not searched.
+
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use crate::pupil::Quadrature;
+use crate::spot::mean_square_spot;
+
+/// The lens with surface `surface`'s curvature solved so that the effective focal length at the reference
+/// wavelength is `efl_mm`; `None` if that surface has no say in it.
+///
+/// The final slope of a parallel ray is linear in any one curvature, so two traces give the solution.
+pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
+    let mut solved = lens.clone();
+    let mut slope_with = |curvature: f64| {
+        solved.surfaces[surface].shape.curvature = curvature;
+        -1.0 / first_order(&solved.at_wavelength(solved.reference_um)).efl_mm
+    };
+    // Two trial curvatures on either side of a lens's usual scale keep the subtraction accurate.
+    let (a, b) = (-0.1, 0.1);
+    let (at_a, at_b) = (slope_with(a), slope_with(b));
+    let curvature = a + (b - a) * (-1.0 / efl_mm - at_a) / (at_b - at_a);
+    solved.surfaces[surface].shape.curvature = curvature;
+    curvature.is_finite().then_some(solved)
+}
+
+/// The lens with its image plane at the paraxial image of the reference wavelength, `defocus_mm` further.
+pub fn with_paraxial_focus(lens: &Lens, defocus_mm: f64) -> Lens {
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    lens.with_image_distance(order.image_distance_mm + defocus_mm)
+}
+
+/// The lens with its image plane where the mean squared RMS spot over `fields_rad` and all wavelengths is
+/// least; `None` if some field brings no light.
+///
+/// Rays are straight behind the lens, so that mean is exactly quadratic in the image distance: three values
+/// give its least.
+pub fn with_best_focus(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature) -> Option<Lens> {
+    let step = 0.1;
+    let at = lens.image_distance_mm();
+    let value = |distance: f64| {
+        Some(mean_square_spot(&lens.with_image_distance(distance), fields_rad, quadrature)?.0)
+    };
+    let (below, here, above) = (value(at - step)?, value(at)?, value(at + step)?);
+    let curvature = below - 2.0 * here + above;
+    Some(lens.with_image_distance(at - 0.5 * step * (above - below) / curvature))
+}
