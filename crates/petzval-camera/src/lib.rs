@@ -4,9 +4,9 @@
 //! |---|---|---|
 //! | scene in linear light | [`image`] | [`LinearImage`] |
 //! | what the lens does to a point | [`psf`] | [`PsfBank`] |
-//! | light on the sensor | [`render`] | [`LinearImage`] (irradiance) |
+//! | light on the sensor | [`mod@render`] | [`LinearImage`] (irradiance) |
 //! | digital numbers | [`sensor`] | [`Raw`] |
-//! | linear colour picture | [`develop`] | [`LinearImage`] |
+//! | linear colour picture | [`mod@develop`] | [`LinearImage`] |
 //! | how good it is | [`quality`] | numbers |
 //! | all of it on the tape | [`tape`] | tensors |
 //!

@@ -15,6 +15,12 @@ pub struct Adam {
 }
 
 impl Adam {
+    /// Whether these are moments of so many coordinates, or none yet.
+    pub fn fits(&self, coordinates: usize) -> bool {
+        let fits = |moments: &[f64]| moments.is_empty() || moments.len() == coordinates;
+        self.steps >= 0 && fits(&self.first) && fits(&self.second)
+    }
+
     /// `x -= rate m / (sqrt(v) + eps)` with bias-corrected moments m of the gradient and v of its square.
     pub fn step(&mut self, x: &mut [f64], gradient: &[f64], rate: f64) {
         self.first.resize(x.len(), 0.0);

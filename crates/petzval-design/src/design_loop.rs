@@ -63,6 +63,29 @@ struct Position {
     moving: MovingLens,
 }
 
+impl Position {
+    /// Refuses a position that the run of this setup cannot have at this step.
+    fn check(&self, setup: &Setup, step: u64) -> Result<(), &'static str> {
+        let (e, free) = (&setup.experiment, setup.space.start().len());
+        if self.step != step {
+            return Err("the checkpoint is of another step than its folder says");
+        }
+        if self.camera > CameraKind::ALL.len() {
+            return Err("there are not as many cameras");
+        }
+        if self.spot_steps > e.spot.steps
+            || self.optics_steps > e.optics.steps
+            || self.network_steps > e.training.steps
+        {
+            return Err("more steps were taken than config.toml asks for; has it been changed?");
+        }
+        if self.moving.x.len() != free || !self.moving.adam.fits(free) {
+            return Err("the lens has other variables; has its file been changed?");
+        }
+        Ok(())
+    }
+}
+
 /// What comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
@@ -101,32 +124,26 @@ impl<'a> DesignLoop<'a> {
     /// Starts a run in an empty folder, or goes on from the latest checkpoint of one.
     pub fn new(setup: &'a Setup, run: &'a RunFolder) -> Result<Self, DesignError> {
         let lpips = Lpips::from_safetensors(&setup.lpips_weights, &setup.device)?;
-        let mut this = Self {
-            path: light_path(setup),
-            task: new_task(setup)?,
-            lpips,
-            position: Position {
-                step: 0,
-                camera: 0,
-                spot_steps: 0,
-                optics_steps: 0,
-                network_steps: 0,
-                moving: MovingLens::start(&setup.space),
-            },
-            current: None,
-            log: EventLog::resume(&run.events(), 0)?,
-            setup,
-            run,
+        let mut task = new_task(setup)?;
+        let mut position = Position {
+            step: 0,
+            camera: 0,
+            spot_steps: 0,
+            optics_steps: 0,
+            network_steps: 0,
+            moving: MovingLens::start(&setup.space),
         };
-        if let Some((_, folder)) = latest_checkpoint(run)? {
+        if let Some((step, folder)) = latest_checkpoint(run)? {
             let path = folder.join(POSITION_FILE);
             let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
-            this.position = serde_json::from_str(&text)
-                .map_err(|e| DesignError::Run { path: path.clone(), problem: e.to_string() })?;
-            this.task.load(&folder)?;
+            let damaged = |problem: String| DesignError::Run { path: path.clone(), problem };
+            position = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
+            position.check(setup, step).map_err(|problem| damaged(problem.to_owned()))?;
+            task.load(&folder)?;
         }
-        this.log = EventLog::resume(&run.events(), this.position.step)?;
-        Ok(this)
+        // Later events go only now that the checkpoint is known to be good.
+        let log = EventLog::resume(&run.events(), position.step)?;
+        Ok(Self { path: light_path(setup), task, lpips, position, current: None, log, setup, run })
     }
 
     /// Runs to the end, or until `stop` is set; then the step at hand is finished and a checkpoint written.
@@ -139,12 +156,21 @@ impl<'a> DesignLoop<'a> {
             }
             let turn = self.turn(kind);
             let started = Instant::now();
-            let (block, losses, learning_rate) = match turn {
-                Turn::Spot => self.spot_step()?,
-                Turn::Optics => self.optics_step(kind)?,
-                Turn::Network => self.network_step(kind)?,
-                Turn::Score => self.finish_camera(kind, observer)?,
+            let step = match turn {
+                Turn::Spot => self.spot_step(),
+                Turn::Optics => self.optics_step(kind),
+                Turn::Network => self.network_step(kind),
+                Turn::Score => self.finish_camera(kind, observer),
             };
+            let (block, losses, learning_rate) = step.map_err(|error| match error {
+                // The lens had light when it started: it is the job that went astray, not the input.
+                DesignError::NoLight { field_deg } => DesignError::LostLight {
+                    camera: kind.name().to_owned(),
+                    step: self.position.step + 1,
+                    field_deg,
+                },
+                other => other,
+            })?;
             self.position.step += 1;
             let event = Event {
                 step: self.position.step,

@@ -81,6 +81,18 @@ pub enum DesignError {
         /// The loss.
         value: f64,
     },
+    /// A lens that moved to where no light comes through.
+    #[error(
+        "{camera}, step {step}: the lens lost its light at {field_deg:.2} degrees; hint: lower the learning rate of the lens"
+    )]
+    LostLight {
+        /// Camera.
+        camera: String,
+        /// Step of the run.
+        step: u64,
+        /// Field angle, degrees.
+        field_deg: f64,
+    },
     /// A run folder that cannot be resumed or reported.
     #[error("{}: {problem}", path.display())]
     Run {

@@ -90,7 +90,8 @@ impl Setup {
             pitch_um: experiment.psf.pitch_um,
         };
         let margin = kernel_radius(&geometry, &layout).map_err(|e| {
-            let hint = "the experiment's psf.grid and psf.pitch_um make the PSF, pixel_um the pixels it covers";
+            let hint =
+                "the experiment's psf.grid and psf.pitch_um make the PSF, pixel_um the pixels it covers";
             misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
         let crops =
@@ -103,7 +104,8 @@ impl Setup {
         scoring_crops.check(photos.held_out())?;
         // A lens whose light does not arrive is told now, not after the first step.
         moving_plan.bank(&lens_file.lens).map_err(|e| {
-            let hint = "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
+            let hint =
+                "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
             misfit(Path::new(&experiment.lens), &e, hint)
         })?;
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();

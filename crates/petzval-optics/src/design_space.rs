@@ -93,7 +93,9 @@ pub enum DesignSpaceError {
         efl_mm: f64,
     },
     /// The defocus of the lens lies outside the range.
-    #[error("the image plane is {value_mm:.4} mm from the paraxial focus, outside +-{range_mm} mm; hint: raise that range (`defocus_mm` of an experiment) or refocus the lens")]
+    #[error(
+        "the image plane is {value_mm:.4} mm from the paraxial focus, outside +-{range_mm} mm; hint: raise that range (`defocus_mm` of an experiment) or refocus the lens"
+    )]
     DefocusOutsideRange {
         /// Defocus of the lens, mm.
         value_mm: f64,

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use petzval_optics::format::{Expected, parse_lens};
 use petzval_optics::glass::Catalog;
+use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
-use petzval_optics::lens::Lens;
 use petzval_optics::solve::{with_best_focus, with_efl, with_paraxial_focus};
 use petzval_optics::spot::{mean_square_spot, spot, spot_paraxial_pupil};
 
@@ -49,8 +49,7 @@ fn first_order_and_spots_are_as_published() {
         lenses += 1;
         if let Some(wanted) = &expect.rms_spot_um {
             for (field, um) in lens.fields_deg.iter().zip(&wanted.values_um) {
-                let found =
-                    spot_paraxial_pupil(lens, field.to_radians(), &quadrature).unwrap().rms_poly_um;
+                let found = spot_paraxial_pupil(lens, field.to_radians(), &quadrature).unwrap().rms_poly_um;
                 let off = (found - um).abs() / um;
                 assert!(off <= wanted.relative_tolerance, "{name}: {field} deg: {found} for {um} um");
                 spots += 1;

@@ -5,7 +5,7 @@
 //!            --expose_op--> raw [B,1,H,W] --develop_op--> linear RGB [B,3,H,W] --> network
 //! ```
 //!
-//! The numeric work is the plain Rust of [`crate::render`], [`crate::sensor`] and [`crate::develop`]; a [`HostKernel`]
+//! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]; a [`HostKernel`]
 //! carries it, with its hand-written adjoint, into the framework on any backend.
 
 mod develop_op;

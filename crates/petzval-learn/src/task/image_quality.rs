@@ -89,7 +89,12 @@ impl Task for ImageQualityTask {
         let read = |path: &Path| {
             std::fs::read(path).map_err(|error| TaskError::File { path: path.to_path_buf(), error })
         };
-        self.network = self.network.clone().load_bytes(read(&folder.join(NETWORK_FILE))?)?;
+        let path = folder.join(NETWORK_FILE);
+        self.network = self
+            .network
+            .clone()
+            .load_bytes(read(&path)?)
+            .map_err(|error| TaskError::Weights { path, error })?;
         let path = folder.join(OPTIMIZER_FILE);
         let bytes = Bytes::from_bytes_vec(read(&path)?);
         self.optimizer = AdamConfig::new()

@@ -38,6 +38,14 @@ pub enum TaskError {
         /// What the system says.
         error: std::io::Error,
     },
+    /// The state of the network is damaged, or that of another network.
+    #[error("{}: {error}", path.display())]
+    Weights {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: NetworkError,
+    },
     /// The state of the optimiser is damaged.
     #[error("{}: not the state of this optimiser: {problem}", path.display())]
     Optimizer {
