@@ -68,7 +68,7 @@ fn lens_of(v: &Value) -> Lens {
 }
 
 #[test]
-fn rays_agree_to_a_nanometre_of_a_micrometre() {
+fn rays_agree_to_1e_9_mm() {
     for v in reference() {
         let lens = lens_of(&v);
         let pupil_at = number(&v, "entrance_pupil_at_mm");

@@ -1,5 +1,7 @@
 //! What a run shows while it works: a bar with losses and the time left, and a line for each finished camera.
 
+use std::time::Instant;
+
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petzval::design::design_loop::Observer;
 use petzval::design::run::{CameraMetrics, Event};
@@ -12,6 +14,8 @@ pub struct Progress {
     bar: ProgressBar,
     plain: bool,
     total: u64,
+    /// When this process took the run up, and at which step.
+    began: (Instant, u64),
 }
 
 impl Progress {
@@ -23,7 +27,7 @@ impl Progress {
             bar.set_style(style);
         }
         let plain = bar.is_hidden();
-        Self { bar, plain, total: 0 }
+        Self { bar, plain, total: 0, began: (Instant::now(), 0) }
     }
 
     /// Takes the bar away.
@@ -35,6 +39,7 @@ impl Progress {
 impl Observer for Progress {
     fn start(&mut self, done: u64, total: u64) {
         self.total = total;
+        self.began = (Instant::now(), done);
         self.bar.set_length(total);
         self.bar.set_position(done);
         self.bar.reset_eta();
@@ -49,7 +54,9 @@ impl Observer for Progress {
         let text = format!("{} | {} | {}", event.camera, event.block, losses.join("  "));
         if self.plain {
             if event.step.is_multiple_of(PLAIN_EVERY) {
-                eprintln!("step {}/{}: {text}", event.step, self.total);
+                let (elapsed, taken) = (self.began.0.elapsed(), event.step - self.began.1);
+                let left = elapsed.as_secs_f64() * (self.total - event.step) as f64 / taken.max(1) as f64;
+                eprintln!("step {}/{}, about {left:.0} s left: {text}", event.step, self.total);
             }
         } else {
             self.bar.set_message(text);
