@@ -16,7 +16,7 @@ use petzval_learn::loss::Lpips;
 use petzval_learn::network::UNetConfig;
 use petzval_learn::task::{ImageQualityTask, Task};
 use petzval_optics::format::{LensFile, write_lens};
-use petzval_optics::lens::Lens;
+use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
 use crate::adam::cosine_rate;
@@ -225,14 +225,14 @@ impl<'a> DesignLoop<'a> {
         let spot = self.setup.experiment.spot;
         let rate =
             cosine_rate(spot.learning_rate, spot.final_learning_rate, self.position.spot_steps, spot.steps);
-        let fields = self.setup.moving_plan.field_angles(&self.setup.lens_file.lens);
         let merit = SpotMerit {
             space: &self.setup.space,
-            fields_rad: &fields,
+            fields_rad: &self.setup.spot_fields_rad,
             quadrature: &self.setup.moving_plan.quadrature,
-            clearances: self.setup.experiment.constraints.clearances(),
+            requirements: &self.setup.requirements,
         };
         let rms_um = merit.step(&mut self.position.moving, rate)?;
+        self.check_finite(CameraKind::SpotOptimised, "spot", &self.position.moving.x)?;
         self.position.spot_steps += 1;
         self.current = None;
         Ok(("spot", BTreeMap::from([("rms_spot_um".to_owned(), rms_um)]), rate))
@@ -248,7 +248,7 @@ impl<'a> DesignLoop<'a> {
         let shots = self.shots((self.setup.experiment.training.steps + taken) as u64)?;
         let x = &self.position.moving.x;
         let found = joint_gradient(self.setup, &self.path, self.task.as_ref(), x, &shots, &self.noise())?;
-        self.check_finite(kind, "optics", &found.losses)?;
+        self.check_finite(kind, "optics", found.losses.values().chain(&found.by_x))?;
         let moving = &mut self.position.moving;
         moving.adam.step(&mut moving.x, &found.by_x, rate);
         self.position.optics_steps += 1;
@@ -271,7 +271,7 @@ impl<'a> DesignLoop<'a> {
         let truth = self.path.truth(&shots, &self.setup.device)?;
         let loss = self.task.learning_loss(developed, truth)?;
         let losses = named(&loss);
-        self.check_finite(kind, "network", &losses)?;
+        self.check_finite(kind, "network", losses.values())?;
         self.task.learn(loss, rate);
         self.position.network_steps += 1;
         Ok(("network", losses, rate))
@@ -323,13 +323,13 @@ impl<'a> DesignLoop<'a> {
         Ok(PsfLeaves::new(&plan.bank(&self.lens(kind)?)?, &self.setup.device, false))
     }
 
-    fn check_finite(
+    fn check_finite<'v>(
         &self,
         kind: CameraKind,
         block: &'static str,
-        losses: &BTreeMap<String, f64>,
+        values: impl IntoIterator<Item = &'v f64>,
     ) -> Result<(), DesignError> {
-        match losses.values().find(|v| !v.is_finite()) {
+        match values.into_iter().find(|v| !v.is_finite()) {
             None => Ok(()),
             Some(value) => Err(DesignError::Diverged {
                 camera: kind.name().to_owned(),
@@ -363,6 +363,8 @@ impl<'a> DesignLoop<'a> {
     /// Scores a camera, keeps its lens, network and pictures, and makes room for the next.
     fn finish_camera(&mut self, kind: CameraKind, observer: &mut dyn Observer) -> Result<Step, DesignError> {
         let lens = self.lens(kind)?;
+        validate(&lens)
+            .map_err(|defect| DesignError::Unmakeable { camera: kind.name().to_owned(), defect })?;
         let (metrics, pictures) =
             score_camera(self.setup, &self.path, kind.name(), &lens, self.task.as_ref(), &self.lpips)?;
         let folder = self.run.camera(kind.name());
@@ -439,7 +441,8 @@ pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, Design
         })
         .collect::<Result<_, _>>()?;
     Ok(Metrics {
-        held_out_images: rows.first().map_or(0, |r: &CameraMetrics| r.pictures.len()),
+        held_out_images: setup.photos.held_out().len(),
+        held_out_places: setup.experiment.scoring.places_per_side.pow(2),
         rows,
         seeds: vec![setup.experiment.seed],
         ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),

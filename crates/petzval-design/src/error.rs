@@ -81,6 +81,14 @@ pub enum DesignError {
         /// The loss.
         value: f64,
     },
+    /// A lens that moved to where it cannot be made.
+    #[error("{camera}: {defect}; hint: raise the weight of the constraints")]
+    Unmakeable {
+        /// Camera.
+        camera: String,
+        /// Which surface, which quantity.
+        defect: petzval_optics::lens::LensDefect,
+    },
     /// A lens that moved to where no light comes through.
     #[error(
         "{camera}, step {step}: the lens lost its light at {field_deg:.2} degrees; hint: lower the learning rate of the lens"

@@ -154,6 +154,9 @@ pub struct ConstraintConfig {
     pub air_gap_mm: f64,
     /// Least distance of the last vertex from the image, mm.
     pub back_focal_mm: f64,
+    /// How far the image of the sensor corner's field may move from where the nominal lens has it, as a share of
+    /// its height: the field of view is held.
+    pub distortion_tolerance: f64,
 }
 
 /// Scoring on held-out pictures with exact noise.
@@ -225,6 +228,11 @@ impl Experiment {
                 return Err(FileError::at_key(text, &[r.table, r.key], message).hint(r.hint));
             }
         }
+        if self.training.noise == NoiseMode::Exact && self.optics.steps > 0 {
+            let error =
+                FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
+            return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
+        }
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
@@ -295,6 +303,7 @@ impl Experiment {
         ] {
             add("constraints", key, value, 0.0, 1e3, "a length in mm");
         }
+        add("constraints", "distortion_tolerance", c.distortion_tolerance, 0.0, 1.0, "0.003 is 0.3 %");
         add("scoring", "places_per_side", self.scoring.places_per_side as f64, 1.0, 15.0, "3 gives 9 places");
         add("scoring", "crop", self.scoring.crop as f64, 64.0, 1200.0, "LPIPS needs at least 64 pixels");
         add("checkpoint", "every", self.checkpoint.every as f64, 1.0, 1e8, "steps between checkpoints");

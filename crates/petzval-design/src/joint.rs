@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use petzval_camera::sensor::Noise;
 use petzval_learn::task::{Task, TaskLoss};
-use petzval_optics::constraint::clearance_penalty;
 
 use crate::error::DesignError;
 use crate::light_path::{LightPath, PsfLeaves, Shot};
@@ -14,7 +13,7 @@ use crate::setup::Setup;
 /// A loss at a point of the lens's design space.
 #[derive(Clone, Debug)]
 pub struct JointGradient {
-    /// Losses by name; `total` is the task's, `clearance_mm2` the unweighted penalty.
+    /// Losses by name; `total` is the task's, `penalty_mm2` the unweighted penalty of the requirements.
     pub losses: BTreeMap<String, f64>,
     /// Derivatives of the task's loss plus the weighted penalty by the free coordinates.
     pub by_x: Vec<f64>,
@@ -47,10 +46,9 @@ pub fn joint_gradient(
     let by_illumination = to_host(leaves.illumination.grad(&gradients).ok_or_else(missing)?)?;
     let mut gradient = setup.moving_plan.gradient(&traced, &by_values, &by_illumination);
 
-    let constraints = setup.experiment.constraints;
-    let (penalty_mm2, by_clearance) = clearance_penalty(&lens, &constraints.clearances());
-    gradient += &by_clearance.scaled(constraints.weight);
-    losses.insert("clearance_mm2".to_owned(), penalty_mm2);
+    let (penalty_mm2, by_penalty) = setup.requirements.penalty(&lens)?;
+    gradient += &by_penalty.scaled(setup.experiment.constraints.weight);
+    losses.insert("penalty_mm2".to_owned(), penalty_mm2);
     Ok(JointGradient { losses, by_x: setup.space.pull_back(x, &lens, &gradient) })
 }
 

@@ -16,6 +16,7 @@ pub mod optics;
 pub mod pictures;
 pub mod psf_sheet;
 pub mod report;
+pub mod requirements;
 pub mod run;
 pub mod run_report;
 pub mod scoring;

@@ -4,7 +4,7 @@
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
-use petzval_optics::paraxial::first_order;
+use petzval_optics::paraxial::{first_order, paraxial_ray};
 use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf, psf_with_tape};
 use petzval_optics::pupil::Quadrature;
 use rayon::prelude::*;
@@ -46,14 +46,23 @@ impl PsfPlan {
         Self { field_radius_mm, wavelengths_um, options, quadrature }
     }
 
-    /// Field angles of a lens, rad: the rectilinear picture puts radius r at `tan(field) = r / EFL`.
-    pub fn field_angles(&self, lens: &Lens) -> Vec<f64> {
-        let order = first_order(&lens.at_wavelength(lens.reference_um));
-        let distance = match lens.object {
-            ObjectDistance::Infinity => order.efl_mm,
-            ObjectDistance::Finite(_) => order.image_distance_mm - order.exit_pupil_at_mm,
+    /// Field angle whose ideal, rectilinear image lies `radius_mm` from the axis, rad: `tan(field) = r / f`, with f
+    /// the EFL or, for a near object at D, `D / w'` with w' the final slope of its paraxial ray of slope 1.
+    pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> f64 {
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let per_tangent = match lens.object {
+            ObjectDistance::Infinity => first_order(&sequence).efl_mm,
+            ObjectDistance::Finite(distance) => {
+                let end = paraxial_ray(&sequence, distance, 1.0).w.last().copied().unwrap_or(1.0);
+                (distance / end).abs()
+            }
         };
-        self.field_radius_mm.iter().map(|r| (r / distance).atan()).collect()
+        (radius_mm / per_tangent).atan()
+    }
+
+    /// Field angles of all fields, rad.
+    pub fn field_angles(&self, lens: &Lens) -> Vec<f64> {
+        self.field_radius_mm.iter().map(|r| self.field_angle(lens, *r)).collect()
     }
 
     /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.
@@ -127,5 +136,31 @@ impl PsfPlan {
         let mut total = LensGradient::zero(traced.surfaces);
         parts.iter().for_each(|part| total += part);
         total
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assets::Assets;
+    use petzval_optics::pupil::chief_ray;
+    use petzval_optics::solve::with_paraxial_focus;
+
+    #[test]
+    fn a_small_radius_is_where_its_field_is_imaged_from_any_distance() {
+        let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+        let assets = Assets::from_folder(&data).unwrap();
+        let nominal = assets.lens("cooke-triplet-nominal").unwrap().lens;
+        let quadrature = Quadrature::grid(16).unwrap();
+        let plan = PsfPlan::new(2, 1.0, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
+        for object in
+            [100.0, 400.0, 1e5].map(ObjectDistance::Finite).into_iter().chain([ObjectDistance::Infinity])
+        {
+            let lens = with_paraxial_focus(&Lens { object, ..nominal.clone() }, 0.0);
+            let radius = 1e-3;
+            let field = plan.field_angle(&lens, radius);
+            let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap();
+            assert!((chief.y_mm / radius - 1.0).abs() < 1e-5, "{object:?}: {}", chief.y_mm);
+        }
     }
 }

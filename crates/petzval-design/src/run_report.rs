@@ -65,8 +65,8 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         subtitle: format!(
             "Three cameras with the same focal length, f-number, field of view, exposure ({} e- of white), data order and {} \
              network steps: the nominal lens, a lens optimised for its RMS spot alone, and lens and network designed \
-             together. Scored on {} held-out pictures.",
-            e.exposure.white_e, e.training.steps, metrics.held_out_images
+             together. Scored on {} held-out photographs, each at {} places of the sensor.",
+            e.exposure.white_e, e.training.steps, metrics.held_out_images, metrics.held_out_places
         ),
         command_line: command_line.to_owned(),
         table: metrics.rows.iter().map(row).collect(),

@@ -10,6 +10,7 @@ use petzval_learn::loss::Lpips;
 use petzval_learn::task::Task;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::{chief_ray, field_imaged_at};
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
@@ -106,8 +107,16 @@ fn camera_metrics(
     lens: &Lens,
     pictures: Vec<PictureScore>,
 ) -> Result<CameraMetrics, DesignError> {
-    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    let reference = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&reference);
     let angles = setup.fixed_plan.field_angles(lens);
+    // The field of view ends where the light of the sensor's corner comes from.
+    let (corner_mm, ideal) = (setup.corner_mm(), angles.last().copied().unwrap_or(0.0));
+    let dark = || DesignError::NoLight { field_deg: ideal.to_degrees() };
+    let corner_chief = chief_ray(&reference, ideal).ok_or_else(dark)?;
+    let corner_field = field_imaged_at(&reference, corner_mm, ideal).ok_or_else(dark)?;
+    let psfs = setup.fixed_plan.psfs(lens)?;
+    let psf_captured = psfs.iter().flat_map(|p| &p.captured).fold(1.0_f64, |least, c| least.min(*c));
     let rms_spot_by_field_um: Vec<f64> = angles
         .par_iter()
         .map(|field| {
@@ -125,7 +134,9 @@ fn camera_metrics(
         rms_spot_um: rms_spot_by_field_um.iter().sum::<f64>() / rms_spot_by_field_um.len() as f64,
         efl_mm: order.efl_mm,
         f_number: order.f_number,
-        fov_deg: 2.0 * angles.last().copied().unwrap_or(0.0).to_degrees(),
+        fov_deg: 2.0 * corner_field.to_degrees(),
+        corner_distortion_percent: 100.0 * (corner_chief.y_mm / corner_mm - 1.0),
+        psf_captured,
         white_e: f64::from(setup.experiment.exposure.white_e),
         network_steps: setup.experiment.training.steps,
         rms_spot_by_field_um,

@@ -18,6 +18,8 @@ use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::optics::PsfPlan;
+use crate::requirements::Requirements;
+use crate::spot_design::area_quantile_radii_mm;
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {
@@ -27,6 +29,10 @@ pub struct Setup {
     pub lens_file: LensFile,
     /// Where the lens may go.
     pub space: DesignSpace,
+    /// What every moving lens must keep.
+    pub requirements: Requirements,
+    /// Fields of the spot-optimised control, rad: equal areas of the sensor each.
+    pub spot_fields_rad: Vec<f64>,
     /// The sensor.
     pub sensor: SensorModel,
     /// Sensor grid and PSF patches.
@@ -53,7 +59,11 @@ pub const BUILT_IN_PHOTOS: &str = "built-in";
 impl Setup {
     /// Resolves an experiment against the built-in library and the file system.
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
-        let lens_file = assets.lens(&experiment.lens)?;
+        let mut lens_file = assets.lens(&experiment.lens)?;
+        // Spots and pictures are judged in the same colours.
+        let mut colours = experiment.psf.wavelengths_um.to_vec();
+        colours.sort_by(f64::total_cmp);
+        lens_file.lens.wavelengths_um = colours;
         if lens_file.variables.is_empty() {
             return Err(DesignError::NothingToMove(experiment.lens.clone()));
         }
@@ -84,6 +94,18 @@ impl Setup {
         };
         let moving_plan = plan(experiment.psf.pupil_cells)?;
         let fixed_plan = plan(experiment.psf.scoring_pupil_cells)?;
+        let nominal = &lens_file.lens;
+        let requirements = Requirements::new(
+            &lens_file,
+            experiment.constraints.clearances(),
+            moving_plan.field_angle(nominal, corner_mm),
+            experiment.constraints.distortion_tolerance,
+        )?;
+        let spot_fields_rad =
+            area_quantile_radii_mm(sensor.height, sensor.width, sensor.pixel_um, experiment.psf.fields)
+                .iter()
+                .map(|radius| moving_plan.field_angle(nominal, *radius))
+                .collect();
         let layout = PsfLayout {
             field_radius_mm: fixed_plan.field_radius_mm.clone(),
             grid: experiment.psf.grid,
@@ -113,6 +135,8 @@ impl Setup {
             experiment,
             lens_file,
             space,
+            requirements,
+            spot_fields_rad,
             sensor,
             geometry,
             moving_plan,

@@ -2,6 +2,7 @@
 
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
+use crate::pupil::{chief_ray, pull_back_chief};
 
 /// Least distances that a lens must keep, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,4 +67,33 @@ fn add_sag(lens: &Lens, surface: usize, height: f64, bar: f64, gradient: &mut Le
         *a += bar * power;
         power *= u;
     }
+}
+
+/// `max(0, min - R)^2 + max(0, R - max)^2` of a surface's radius, mm^2, and its gradient: for a radius that is
+/// solved for and so has no bounds of its own.
+pub fn radius_penalty(lens: &Lens, surface: usize, [min, max]: [f64; 2]) -> (f64, LensGradient) {
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let curvature = lens.surfaces[surface].shape.curvature;
+    let radius = 1.0 / curvature;
+    let beyond = (radius - max).max(0.0) - (min - radius).max(0.0);
+    // dR/dc = -R^2
+    gradient.surfaces[surface].curvature = -2.0 * beyond * radius * radius;
+    (beyond * beyond, gradient)
+}
+
+/// Square of what the chief ray of a field misses its wanted height on the image by, beyond a tolerance, mm^2,
+/// and its gradient: it holds the field of view. `None` if the chief ray does not arrive.
+pub fn chief_height_penalty(
+    lens: &Lens,
+    field_rad: f64,
+    wanted_mm: f64,
+    tolerance_mm: f64,
+) -> Option<(f64, LensGradient)> {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let chief = chief_ray(&sequence, field_rad)?;
+    let miss = chief.y_mm - wanted_mm;
+    let beyond = miss.signum() * (miss.abs() - tolerance_mm).max(0.0);
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    pull_back_chief(&sequence, &chief, 2.0 * beyond, &mut gradient);
+    Some((beyond * beyond, gradient))
 }

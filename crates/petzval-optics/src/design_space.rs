@@ -44,6 +44,8 @@ pub struct EflSolve {
     pub surface: usize,
     /// The wanted effective focal length at the reference wavelength, mm.
     pub efl_mm: f64,
+    /// Bounds that the solved radius should keep, mm; a solve cannot, a penalty can.
+    pub radius_mm: Option<[f64; 2]>,
 }
 
 /// Where the image plane goes.

@@ -94,7 +94,7 @@ pub fn first_order(sequence: &Sequence) -> FirstOrder {
     let s = &sequence.surfaces[sequence.stop];
     let first = sequence.stop + 1;
     let (exit_pupil_at_mm, exit_magnification) = if first > last {
-        (-s.thickness_mm.min(0.0), 1.0)
+        (0.0, 1.0)
     } else {
         let centre = through(sequence, first..last + 1, s.thickness_mm, s.n_after);
         let at = -centre.y[last - first] * n_image / centre.w[last + 1 - first];
@@ -145,6 +145,19 @@ pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut Le
         ObjectDistance::Finite(distance) => paraxial_ray(sequence, distance, 1.0),
     };
     pull_back_ray(sequence, &ray, bar, 0.0, 0.0, gradient);
+}
+
+/// Adds the gradient of a loss that depends on where the entrance pupil is, `bar` per mm.
+///
+/// The pupil is at `b / a`, with a and b the heights at the stop of a ray parallel to the axis and of one through the
+/// first vertex.
+pub fn pull_back_entrance_pupil(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) {
+    let parallel = paraxial_ray(sequence, 1.0, 0.0);
+    let oblique = paraxial_ray(sequence, 0.0, 1.0);
+    let a = parallel.y[sequence.stop];
+    let at = oblique.y[sequence.stop] / a;
+    pull_back_ray(sequence, &oblique, 0.0, 0.0, bar / a, gradient);
+    pull_back_ray(sequence, &parallel, 0.0, 0.0, -bar * at / a, gradient);
 }
 
 /// The adjoint of a paraxial ray: cotangents of where it crosses the axis behind the lens, of its

@@ -7,7 +7,7 @@ use petzval_optics::format::{Expected, parse_lens};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
-use petzval_optics::pupil::Quadrature;
+use petzval_optics::pupil::{Quadrature, chief_ray, field_imaged_at};
 use petzval_optics::solve::{with_best_focus, with_efl, with_paraxial_focus};
 use petzval_optics::spot::{mean_square_spot, spot, spot_paraxial_pupil};
 
@@ -83,6 +83,13 @@ fn solves_hit_what_they_solve_for() {
 
     let focused = with_paraxial_focus(&lens, 0.25);
     assert!((focused.image_distance_mm() - order(&lens).bfl_mm - 0.25).abs() < 1e-12);
+
+    // The field that lands at 6 mm does land there, and is larger than the ideal one: barrel distortion.
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let ideal = (6.0 / order(&lens).efl_mm).atan();
+    let field = field_imaged_at(&sequence, 6.0, ideal).unwrap();
+    assert!((chief_ray(&sequence, field).unwrap().y_mm - 6.0).abs() < 1e-9);
+    assert!(field > 1.02 * ideal && field < 1.1 * ideal, "{field} for {ideal}");
 
     // Best focus: from any start the same, and worse on either side.
     let quadrature = Quadrature::grid(24).unwrap();

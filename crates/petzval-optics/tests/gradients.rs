@@ -3,7 +3,7 @@
 mod common;
 
 use common::nominal_triplet;
-use petzval_optics::constraint::{Clearances, clearance_penalty};
+use petzval_optics::constraint::{Clearances, chief_height_penalty, clearance_penalty, radius_penalty};
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Variable};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
@@ -12,7 +12,7 @@ use petzval_optics::paraxial::{
     FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
 };
 use petzval_optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
-use petzval_optics::pupil::Quadrature;
+use petzval_optics::pupil::{Quadrature, chief_ray};
 use petzval_optics::spot::{mean_square_spot, spot};
 
 type Shift = Box<dyn Fn(&mut Lens, f64)>;
@@ -223,6 +223,28 @@ fn clearances() {
 }
 
 #[test]
+fn radius_and_field_of_view() {
+    let lens = nominal_triplet();
+    let loss = |l: &Lens| radius_penalty(l, 6, [-12.5, -11.0]).0 + radius_penalty(l, 1, [12.0, 14.0]).0;
+    let (low, mut gradient) = radius_penalty(&lens, 6, [-12.5, -11.0]);
+    let (high, other) = radius_penalty(&lens, 1, [12.0, 14.0]);
+    gradient += &other;
+    assert!((low - 0.55_f64.powi(2)).abs() < 1e-12 && (high - 0.55_f64.powi(2)).abs() < 1e-12);
+    check(&lens, &gradient, &loss, 1.0, 1e-6);
+    assert_eq!(radius_penalty(&lens, 6, [-15.05, -11.5]).0, 0.0);
+
+    let field = 14.0_f64.to_radians();
+    let at = |l: &Lens, wanted: f64| chief_height_penalty(l, field, wanted, 0.02).unwrap();
+    for wanted in [5.0, 6.5] {
+        let (value, gradient) = at(&lens, wanted);
+        assert!(value > 0.01);
+        check(&lens, &gradient, &|l: &Lens| at(l, wanted).0, 1.0, 1e-6);
+    }
+    let held = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap().y_mm;
+    assert_eq!(at(&lens, held + 0.019).0, 0.0);
+}
+
+#[test]
 fn free_coordinates_with_solves() {
     let lens = nominal_triplet();
     let variable = |surface, parameter, min, max| Variable { surface, parameter, min, max };
@@ -235,7 +257,7 @@ fn free_coordinates_with_solves() {
             variable(5, Parameter::Asphere(2), -4.99e-3, 4.99e-3),
             variable(5, Parameter::Asphere(10), -2.33e-8, 8.8e-10),
         ],
-        Some(EflSolve { surface: 6, efl_mm: 25.0 }),
+        Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }),
         Focus::Paraxial { range_mm: 0.5 },
     )
     .unwrap();

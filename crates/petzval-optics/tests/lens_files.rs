@@ -86,7 +86,8 @@ fn the_nominal_triplet_says_what_may_move() {
     let file = parse_lens(&nominal(), &catalog()).unwrap();
     assert_eq!(file.lens.stop, 4);
     assert_eq!(file.variables.len(), 18);
-    assert_eq!(file.efl_solve, Some(EflSolve { surface: 6, efl_mm: 25.04003827951391 }));
+    let radius_mm = Some([-15.05, -11.5]);
+    assert_eq!(file.efl_solve, Some(EflSolve { surface: 6, efl_mm: 25.04003827951391, radius_mm }));
     let l_12 = Variable { surface: 1, parameter: Parameter::Thickness, min: 4.58, max: 10.11 };
     assert!(file.variables.contains(&l_12));
     assert!(file.expect.unwrap().efl_mm.unwrap().agrees(25.04));
@@ -177,7 +178,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
                 min: conic - size(any(), -4),
                 max: conic + size(any(), -4),
             }],
-            efl_solve: Some(EflSolve { surface: 0, efl_mm }),
+            efl_solve: Some(EflSolve { surface: 0, efl_mm, radius_mm: None }),
         };
         let text = write_lens(&file);
         let again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));

@@ -9,8 +9,10 @@ pub struct Metrics {
     pub rows: Vec<CameraMetrics>,
     /// Seeds of the run.
     pub seeds: Vec<u64>,
-    /// Number of held-out pictures, places counted.
+    /// Number of held-out photographs.
     pub held_out_images: usize,
+    /// Number of places on the sensor at which each of them is scored.
+    pub held_out_places: usize,
     /// Which SSIM this is.
     pub ssim_variant: String,
     /// Which LPIPS this is.
@@ -34,8 +36,12 @@ pub struct CameraMetrics {
     pub efl_mm: f64,
     /// EFL over entrance pupil diameter.
     pub f_number: f64,
-    /// Full field of view along the sensor's diagonal, degrees.
+    /// Full field of view along the sensor's diagonal, degrees: twice the field whose chief ray lands in the corner.
     pub fov_deg: f64,
+    /// Where the chief ray of the corner's ideal field lands, against the corner, %.
+    pub corner_distortion_percent: f64,
+    /// Least share of a PSF's light that its grid holds, over fields and wavelengths.
+    pub psf_captured: f64,
     /// Photoelectrons of white.
     pub white_e: f64,
     /// Network steps that the camera got.

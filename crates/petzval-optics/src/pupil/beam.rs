@@ -4,7 +4,7 @@
 use super::quadrature::Quadrature;
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
-use crate::paraxial::{FirstOrder, first_order};
+use crate::paraxial::{FirstOrder, first_order, pull_back_entrance_pupil};
 use crate::trace::{Fate, Launch, Path, RayCotangent, Sequence, aim_at_stop, launch, pull_back, trace_ray};
 use crate::trace::{pull_back_from, retrace};
 
@@ -75,6 +75,19 @@ fn projection(start: &Launch) -> (f64, [f64; 2]) {
     (nz.powi(4), start.direction_by.map(|by| slope * by[2]))
 }
 
+/// Area, over pi, in which the paraxial beam of the axis crosses the plane of the first vertex, mm^2: that of the
+/// entrance pupil or, from a near object, its shadow on that plane.
+fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
+    let radius = 0.5 * sequence.entrance_pupil_mm;
+    match sequence.object {
+        ObjectDistance::Infinity => radius * radius,
+        ObjectDistance::Finite(distance) => {
+            let shadow = radius * distance / (distance + order.entrance_pupil_at_mm);
+            shadow * shadow
+        }
+    }
+}
+
 /// Aims and traces the beam of a field.
 ///
 /// `stop_radius_mm` is that of the reference wavelength: the stop is one piece of metal.
@@ -112,8 +125,8 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
             beam.transmission[i] = path.transmission;
         }
     }
-    // Weigh each ray by the light it carries: pi (pupil units) x Jacobian over the pupil's area.
-    let pupil_area = 0.25 * sequence.entrance_pupil_mm * sequence.entrance_pupil_mm;
+    // Weigh each ray by the light it carries: its area of the launch plane over that of the paraxial beam.
+    let pupil_area = launch_area(sequence, &order);
     let jacobian = quadrature.flux.jacobian(&beam.launch_mm);
     for i in 0..nodes {
         let start = launch(sequence, field_rad, beam.launch_mm[i]);
@@ -142,7 +155,14 @@ impl Beam {
         gradient: &mut LensGradient,
     ) -> f64 {
         let nodes = quadrature.len();
-        let pupil_area = 0.25 * sequence.entrance_pupil_mm * sequence.entrance_pupil_mm;
+        let order = first_order(sequence);
+        let pupil_area = launch_area(sequence, &order);
+        let light: f64 = cotangent.weight.iter().zip(&self.weight).map(|(bar, w)| bar * w).sum();
+        gradient.entrance_pupil -= 2.0 * light / sequence.entrance_pupil_mm;
+        if let ObjectDistance::Finite(distance) = sequence.object {
+            let by_position = 2.0 * light / (distance + order.entrance_pupil_at_mm);
+            pull_back_entrance_pupil(sequence, by_position, gradient);
+        }
         // Weights depend on the launch points through the Jacobian and the projection.
         let mut jacobian_bar = vec![0.0; nodes];
         for i in 0..nodes {
@@ -150,8 +170,6 @@ impl Beam {
             jacobian_bar[i] = cotangent.weight[i] * quadrature.weights[i] / pupil_area
                 * projection(&start).0
                 * self.transmission[i];
-            gradient.entrance_pupil -=
-                2.0 * cotangent.weight[i] * self.weight[i] / sequence.entrance_pupil_mm;
         }
         let launch_bar = quadrature.flux.pull_back(&self.launch_mm, &jacobian_bar);
 
@@ -227,6 +245,24 @@ pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
     let path = trace_ray(sequence, launch(sequence, field_rad, aimed.launch_mm).ray);
     let y_mm = path.image?.position[1];
     Some(ChiefRay { path, y_mm, field_rad, launch_mm: aimed.launch_mm, stop_by_launch: aimed.stop_by_launch })
+}
+
+/// The field whose chief ray lands at `y_mm` on the image plane, rad: by the secant method from the ideal field
+/// `guess_rad`, with the distortion that the lens has. `None` if there is no such ray.
+pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option<f64> {
+    const STEPS: usize = 30;
+    let miss = |field: f64| Some(chief_ray(sequence, field)?.y_mm - y_mm);
+    let (mut before, mut at) = (0.98 * guess_rad, guess_rad);
+    let (mut miss_before, mut miss_at) = (miss(before)?, miss(at)?);
+    for _ in 0..STEPS {
+        if miss_at.abs() < 1e-10 || miss_at == miss_before {
+            return (miss_at.abs() < 1e-6).then_some(at);
+        }
+        let next = at - miss_at * (at - before) / (miss_at - miss_before);
+        (before, miss_before) = (at, miss_at);
+        (at, miss_at) = (next, miss(next)?);
+    }
+    None
 }
 
 /// Adds the gradient of a loss that depends on the chief ray's height, `y_bar` per mm.

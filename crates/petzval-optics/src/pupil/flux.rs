@@ -40,10 +40,8 @@ impl ParityFit {
         // Least squares by QR: coefficients = R^-1 Q^T values.
         let qr = value.qr();
         let q_t = qr.q().transpose();
-        let solve = qr.r().solve_upper_triangular(&q_t).unwrap_or_else(|| {
-            // Only a grid too coarse for the degree has dependent columns; grids start at 8 x 8.
-            DMatrix::zeros(powers.len(), nodes.len())
-        });
+        // Quadrature refuses grids too coarse for the degree, so the columns are independent.
+        let solve = qr.r().solve_upper_triangular(&q_t).unwrap_or_else(|| unreachable!("full column rank"));
         Self { solve, derivative: [by_x, by_y] }
     }
 

@@ -4,5 +4,7 @@ mod beam;
 mod flux;
 mod quadrature;
 
-pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, paraxial_launch, pull_back_chief, trace_beam};
+pub use beam::{
+    Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, paraxial_launch, pull_back_chief, trace_beam,
+};
 pub use quadrature::{Quadrature, QuadratureError};

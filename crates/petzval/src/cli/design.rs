@@ -151,8 +151,9 @@ pub fn print_table(metrics: &Metrics) {
         );
     }
     println!(
-        "means over {} held-out pictures; exposure {} e- of white; {} network steps each",
+        "means over {} held-out photographs at {} places each; exposure {} e- of white; {} network steps each",
         metrics.held_out_images,
+        metrics.held_out_places,
         metrics.rows.first().map_or(0.0, |r| r.white_e),
         metrics.rows.first().map_or(0, |r| r.network_steps),
     );

@@ -329,7 +329,22 @@ impl Reader<'_> {
                 .error("surface", text.surface.span(), message)
                 .hint("a radius is either solved for or varied"));
         }
-        Ok(Some(EflSolve { surface, efl_mm }))
+        let radius_mm = match &text.radius_mm {
+            None => None,
+            Some(bounds) => {
+                let [min, max] = *bounds.get_ref();
+                let radius = Parameter::Radius.value(lens, surface);
+                // A radius comes back from its curvature with a rounding error, hence the slack.
+                if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
+                    let message = format!("radius {radius} of this lens is not between {min} and {max}");
+                    return Err(self
+                        .error("radius_mm", bounds.span(), message)
+                        .hint("write [min, max] around the lens's own radius"));
+                }
+                Some([min, max])
+            }
+        };
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm }))
     }
 
     fn expect(&self, text: &ExpectText, lens: &Lens) -> Result<Expect, FileError> {

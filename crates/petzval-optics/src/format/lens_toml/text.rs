@@ -146,6 +146,7 @@ pub(super) struct SolveText {
 pub(super) struct EflSolveText {
     pub surface: Spanned<usize>,
     pub efl_mm: Placed,
+    pub radius_mm: Option<Spanned<[f64; 2]>>,
 }
 
 #[derive(Deserialize)]

@@ -56,7 +56,11 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
     }
     if let Some(solve) = &file.efl_solve {
         let (surface, efl_mm) = (solve.surface + 1, number(solve.efl_mm));
-        writeln!(out, "\n[solve]\nefl = {{ surface = {surface}, efl_mm = {efl_mm} }}")?;
+        let bounds = match solve.radius_mm {
+            Some([min, max]) => format!(", radius_mm = [{}, {}]", number(min), number(max)),
+            None => String::new(),
+        };
+        writeln!(out, "\n[solve]\nefl = {{ surface = {surface}, efl_mm = {efl_mm}{bounds} }}")?;
     }
     let Some(expect) = &file.expect else { return Ok(()) };
     writeln!(out, "\n[expect]")?;
