@@ -343,13 +343,17 @@ impl<'a> DesignLoop<'a> {
     fn checkpoint(&self) -> Result<(), DesignError> {
         let keep = self.setup.experiment.checkpoint.keep;
         save_checkpoint(self.run, self.position.step, keep, |folder| {
-            let text = serde_json::to_string(&self.position).unwrap_or_default();
+            let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
             std::fs::write(&path, text).map_err(DesignError::io(&path))?;
             self.task.save(folder).map_err(DesignError::from)
         })?;
-        if let Some(kind) = CameraKind::ALL.get(self.position.camera) {
-            let path = self.run.lens_at_step(self.position.step);
+        // A camera that has not begun adds nothing to the history of lenses.
+        let p = &self.position;
+        if let (Some(kind), true) =
+            (CameraKind::ALL.get(p.camera), p.spot_steps + p.optics_steps + p.network_steps > 0)
+        {
+            let path = self.run.lens_at_step(p.step);
             write_atomically(&path, self.lens_text(&self.lens(*kind)?).as_bytes())?;
         }
         Ok(())
@@ -369,9 +373,11 @@ impl<'a> DesignLoop<'a> {
             score_camera(self.setup, &self.path, kind.name(), &lens, self.task.as_ref(), &self.lpips)?;
         let folder = self.run.camera(kind.name());
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
-        write_atomically(&folder.join("lens.toml"), self.lens_text(&lens).as_bytes())?;
+        for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {
+            write_atomically(&path, self.lens_text(&lens).as_bytes())?;
+        }
         self.task.save(&folder)?;
-        let text = serde_json::to_string_pretty(&metrics).unwrap_or_default();
+        let text = DesignError::json("the figures of the run", &metrics)?;
         write_atomically(&folder.join("metrics.json"), text.as_bytes())?;
         crate::pictures::save(self.run, kind.name(), &pictures)?;
         observer.camera(&metrics);
@@ -393,7 +399,7 @@ impl<'a> DesignLoop<'a> {
 
     fn collect_metrics(&self) -> Result<Metrics, DesignError> {
         let metrics = collect_metrics(self.setup, self.run)?;
-        let text = serde_json::to_string_pretty(&metrics).unwrap_or_default();
+        let text = DesignError::json("the figures of the run", &metrics)?;
         write_atomically(&self.run.metrics(), text.as_bytes())?;
         Ok(metrics)
     }

@@ -101,6 +101,14 @@ pub enum DesignError {
         /// Field angle, degrees.
         field_deg: f64,
     },
+    /// A value that cannot be written as text.
+    #[error("{what} cannot be written: {problem}")]
+    Unwritable {
+        /// What was to be written.
+        what: &'static str,
+        /// Why not.
+        problem: String,
+    },
     /// A run folder that cannot be resumed or reported.
     #[error("{}: {problem}", path.display())]
     Run {
@@ -126,6 +134,11 @@ impl DesignError {
                 | Self::NoLight { .. }
                 | Self::Run { .. }
         )
+    }
+
+    /// A value as JSON text.
+    pub(crate) fn json(what: &'static str, value: &impl serde::Serialize) -> Result<String, Self> {
+        serde_json::to_string_pretty(value).map_err(|e| Self::Unwritable { what, problem: e.to_string() })
     }
 
     /// An error in a file.

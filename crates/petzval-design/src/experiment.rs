@@ -6,6 +6,8 @@ use petzval_optics::constraint::Clearances;
 use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
 
+use crate::error::DesignError;
+
 /// A joint design of lens and network, and the two controls it is compared with.
 ///
 /// Names of lenses and sensors are those of the built-in library, or paths of files.
@@ -217,8 +219,9 @@ impl Experiment {
     }
 
     /// The experiment as a file that [`Experiment::parse`] reads back to the same values.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(self).unwrap_or_default()
+    pub fn to_toml(&self) -> Result<String, DesignError> {
+        toml::to_string(self)
+            .map_err(|e| DesignError::Unwritable { what: "the experiment", problem: e.to_string() })
     }
 
     fn check(&self, text: &str) -> Result<(), FileError> {

@@ -11,7 +11,7 @@ use petzval_camera::tape::{PlacedScene, develop_op, expose_op, illumination_op, 
 use crate::error::DesignError;
 
 /// Illumination below which shading is no longer corrected: there is nothing but noise to amplify.
-const SHADING_FLOOR: f32 = 0.05;
+pub const SHADING_FLOOR: f32 = 0.05;
 
 /// One window of a photograph at a place of the sensor, taken as one frame.
 #[derive(Clone, Debug)]

@@ -76,18 +76,33 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
         losses: loss_curves(&run.events())?,
-        config_toml: e.to_toml(),
+        config_toml: e.to_toml()?,
         environment: environment(&run.environment())?,
-        notes: vec![
-            format!("Image scores: {}; SSIM: {}.", metrics.lpips_variant, metrics.ssim_variant),
-            "RMS spot: mean over the fields, all wavelengths together about their common centroid, through the real \
-             stop, each ray weighed by its light."
-                .to_owned(),
-            "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. \
-             Distortion is not rendered: each place gets its PSF around the ideal image point."
-                .to_owned(),
-        ],
+        notes: notes(&metrics),
     })
+}
+
+fn notes(metrics: &Metrics) -> Vec<String> {
+    let by_camera = |f: &dyn Fn(&CameraMetrics) -> String| {
+        metrics.rows.iter().map(|m| format!("{} {}", m.camera, f(m))).collect::<Vec<_>>().join(", ")
+    };
+    vec![
+        format!("Image scores: {}; SSIM: {}.", metrics.lpips_variant, metrics.ssim_variant),
+        "RMS spot: mean over the fields, all wavelengths together about their common centroid, through the real stop, \
+         each ray weighed by its light."
+            .to_owned(),
+        format!(
+            "Field of view: twice the field whose chief ray lands in the sensor's corner. Distortion at the corner: {}.",
+            by_camera(&|m| format!("{:+.1} %", m.corner_distortion_percent))
+        ),
+        format!(
+            "Least share of a PSF's light that its grid holds: {}.",
+            by_camera(&|m| format!("{:.1} %", 100.0 * m.psf_captured))
+        ),
+        "Lenses are traced exactly; the noise of scored pictures is exact Poisson and the same for every camera. \
+         Distortion is not rendered: each place gets the PSF of the field whose ideal image it is."
+            .to_owned(),
+    ]
 }
 
 fn row(m: &CameraMetrics) -> TableRow {
@@ -123,7 +138,7 @@ fn changes(before: &Lens, after: &Lens, variables: &[Variable]) -> Vec<Change> {
             let moved = a.shape.curvature != b.shape.curvature || parameter == Parameter::Thickness;
             if moved && from != to && !listed(parameter) {
                 all.push(Change {
-                    parameter: format!("{} (solved)", name_of(before, i, parameter)),
+                    parameter: format!("{} (follows)", name_of(before, i, parameter)),
                     from,
                     to,
                     unit: unit_of(parameter),

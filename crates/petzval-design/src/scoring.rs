@@ -7,6 +7,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_learn::dataset::held_out_placements;
 use petzval_learn::loss::Lpips;
+use petzval_learn::metric::one_minus_lpips;
 use petzval_learn::task::Task;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -80,8 +81,7 @@ pub fn score_camera(
         let developed = path.take(&leaves, &shots, &noise)?;
         let truth = path.truth(&shots, &setup.device)?;
         let output = task.picture(developed.clone()).clamp(0.0, 1.0);
-        let distance = lpips.distance(output.clone(), truth.clone())?;
-        let lpips_value = to_host(distance.reshape([1, 1, 1, 1]))?[0];
+        let similarity = one_minus_lpips(lpips, output.clone(), truth.clone())?;
         let [_, channels, height, width] = output.dims();
         let image = |t: Tensor<4>| -> Result<LinearImage, DesignError> {
             Ok(LinearImage { channels, height, width, data: to_host(t)? })
@@ -91,7 +91,7 @@ pub fn score_camera(
         let score = PictureScore {
             photo,
             relative_field,
-            one_minus_lpips: 1.0 - f64::from(lpips_value),
+            one_minus_lpips: similarity.first().copied().map_or(f64::NAN, f64::from),
             psnr_db: psnr(&truth.data, &output.data).map_err(quality)?,
             ssim: ssim_gaussian_wang(&truth.data, &output.data, channels, height, width).map_err(quality)?,
         };

@@ -7,8 +7,8 @@
 //! `out(x) = sum_p w_p(x) (K_p * scene)(x)`.
 //!
 //! [`render`] does it with FFTs tile by tile, [`render_direct`] is the readable reference, [`render_adjoint`] the exact
-//! transpose. Relative illumination is a separate factor, see [`illumination_map`]. Distortion is not applied: the scene
-//! is sampled where its light lands on the sensor.
+//! transpose. Relative illumination is a separate factor, see [`illumination_map`]. Distortion is not applied: each
+//! place shows the scene point whose ideal image it is, with the PSF of that field.
 
 mod adjoint;
 mod convolve;

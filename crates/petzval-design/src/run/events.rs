@@ -40,7 +40,7 @@ impl EventLog {
             let kept: Vec<Event> = read_events(path)?.into_iter().filter(|e| e.step <= step).collect();
             let mut text = String::new();
             for event in &kept {
-                text.push_str(&serde_json::to_string(event).unwrap_or_default());
+                text.push_str(&line_of(event)?);
                 text.push('\n');
             }
             super::write_atomically(path, text.as_bytes())?;
@@ -51,9 +51,15 @@ impl EventLog {
 
     /// Adds an event.
     pub fn write(&mut self, event: &Event) -> Result<(), DesignError> {
-        let line = serde_json::to_string(event).unwrap_or_default();
+        let line = line_of(event)?;
         writeln!(self.file, "{line}").map_err(DesignError::io(&self.path))
     }
+}
+
+/// An event as one line of JSON.
+fn line_of(event: &Event) -> Result<String, DesignError> {
+    serde_json::to_string(event)
+        .map_err(|e| DesignError::Unwritable { what: "an event", problem: e.to_string() })
 }
 
 /// Reads a log; a last line that a crash cut short is left out.

@@ -10,7 +10,7 @@ use std::time::Instant;
 use cpu_time::ProcessTime;
 use serde_json::{Value, json};
 
-use super::{Failure, doctor, print_json};
+use super::{Failure, print_json};
 
 /// Measure standard workloads; times are medians.
 #[derive(Debug, clap::Args)]
@@ -32,6 +32,8 @@ pub struct Args {
 /// A workload: its name, and how to make it ready to be run again and again.
 struct Workload {
     name: &'static str,
+    /// The widest vector unit that its hot loops use.
+    simd: fn() -> &'static str,
     prepare: fn() -> Result<Prepared, Failure>,
 }
 
@@ -44,6 +46,11 @@ struct Prepared {
     /// Whether it runs on one thread whatever the pool.
     single_thread: bool,
     run: Box<dyn FnMut() -> Result<(), Failure>>,
+}
+
+/// Hot loops that have no vector code of their own.
+fn scalar() -> &'static str {
+    "scalar"
 }
 
 fn workloads() -> Vec<Workload> {
@@ -109,7 +116,7 @@ fn measure(workload: &Workload, seconds: f64) -> Result<Value, Failure> {
         "cpu_s": cpu_s,
         "wall_s": wall_s,
         "threads": threads,
-        "simd": doctor::simd_level(),
+        "simd": (workload.simd)(),
         "work": work,
     }))
 }

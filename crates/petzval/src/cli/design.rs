@@ -70,7 +70,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             let environment = doctor::environment();
             let text = serde_json::to_string_pretty(&environment).map_err(|e| Failure::job(e.to_string()))?;
             write_atomically(&folder.environment(), text.as_bytes())?;
-            write_atomically(&folder.config(), setup.experiment.to_toml().as_bytes())?;
+            write_atomically(&folder.config(), setup.experiment.to_toml()?.as_bytes())?;
             (setup, folder)
         }
     };

@@ -12,15 +12,13 @@ use petzval::camera::psf::PsfBank;
 use petzval::camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::design::error::DesignError;
+use petzval::design::light_path::SHADING_FLOOR;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
 
 use super::{Failure, print_json};
-
-/// Illumination below which shading is no longer corrected.
-const SHADING_FLOOR: f32 = 0.05;
 
 /// How a photograph lands on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -9,15 +9,16 @@ use petzval::design::optics::PsfPlan;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 
-use super::{Failure, Prepared, Workload};
+use super::{Failure, Prepared, Workload, scalar};
+use crate::cli::doctor::simd_level;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "render_1200x1920", prepare: rendering },
-        Workload { name: "sensor_1200x1920", prepare: sensor },
+        Workload { name: "render_1200x1920", simd: simd_level, prepare: rendering },
+        Workload { name: "sensor_1200x1920", simd: scalar, prepare: sensor },
     ]
 }
 

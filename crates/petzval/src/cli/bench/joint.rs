@@ -2,16 +2,18 @@
 
 use petzval::built_in_assets;
 use petzval::design::design_loop::{DesignLoop, StepKind};
+use petzval::design::error::DesignError;
 use petzval::design::run::RunFolder;
 use petzval::design::setup::Setup;
 
 use super::{Failure, Prepared, Workload};
 use crate::cli::device;
+use crate::cli::doctor::simd_level;
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "unet_step", prepare: || step(StepKind::Network) },
-        Workload { name: "joint_step", prepare: || step(StepKind::Optics) },
+        Workload { name: "unet_step", simd: simd_level, prepare: || step(StepKind::Network) },
+        Workload { name: "joint_step", simd: simd_level, prepare: || step(StepKind::Optics) },
     ]
 }
 
@@ -25,6 +27,8 @@ fn step(kind: StepKind) -> Result<Prepared, Failure> {
     let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
     let folder: &'static RunFolder = Box::leak(Box::new(RunFolder::create(&scratch)?));
     let mut design = DesignLoop::new(setup, folder)?;
+    // Single steps write nothing.
+    std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
     let what = match kind {
         StepKind::Network => "render, expose, develop, U-Net forward and back, LPIPS, Adam",
         StepKind::Optics => "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam",

@@ -10,21 +10,21 @@ use petzval::optics::pupil::Quadrature;
 use petzval::optics::spot::mean_square_spot;
 use petzval::optics::trace::{Fate, RayBundle, RayCotangent, launch, pull_back, trace, trace_ray};
 
-use super::{Failure, Prepared, Workload};
+use super::{Failure, Prepared, Workload, scalar};
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "trace", prepare: || tracing(nominal()?) },
-        Workload { name: "trace_all_aspheres", prepare: || tracing(all_aspheres(nominal()?)) },
-        Workload { name: "trace_adjoint", prepare: adjoint },
-        Workload { name: "spot_gradient_same_rays", prepare: || spot_gradient(36) },
-        Workload { name: "spot_gradient", prepare: || spot_gradient(16) },
-        Workload { name: "psf_rgb", prepare: psf_rgb },
-        Workload { name: "psf_rgb_gradient", prepare: psf_rgb_gradient },
-        Workload { name: "psf_13_fields", prepare: psf_13_fields },
+        Workload { name: "trace", simd: scalar, prepare: || tracing(nominal()?) },
+        Workload { name: "trace_all_aspheres", simd: scalar, prepare: || tracing(all_aspheres(nominal()?)) },
+        Workload { name: "trace_adjoint", simd: scalar, prepare: adjoint },
+        Workload { name: "spot_gradient_same_rays", simd: scalar, prepare: || spot_gradient(36) },
+        Workload { name: "spot_gradient", simd: scalar, prepare: || spot_gradient(16) },
+        Workload { name: "psf_rgb", simd: scalar, prepare: psf_rgb },
+        Workload { name: "psf_rgb_gradient", simd: scalar, prepare: psf_rgb_gradient },
+        Workload { name: "psf_13_fields", simd: scalar, prepare: psf_13_fields },
     ]
 }
 
