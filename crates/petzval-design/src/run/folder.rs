@@ -76,6 +76,11 @@ impl RunFolder {
         self.root.join("environment.json")
     }
 
+    /// Fingerprint of lens, sensor and photographs.
+    pub fn inputs(&self) -> PathBuf {
+        self.root.join("inputs.sha256")
+    }
+
     /// One line a step.
     pub fn events(&self) -> PathBuf {
         self.root.join("events.jsonl")

@@ -1,6 +1,6 @@
 //! The run folder: what a design leaves behind, and what it is resumed from.
 //!
-//! `config.toml` (resolved, re-runnable), `environment.json`, `events.jsonl` (one line a step),
+//! `config.toml` (resolved, re-runnable), `environment.json`, `inputs.sha256`, `events.jsonl` (one line a step),
 //! `checkpoints/step-N/`, `lens/step-N.toml`, `cameras/<name>/` (lens and network of each finished
 //! camera), `pictures/` (held-out pictures), `metrics.json`, `report.html`.
 

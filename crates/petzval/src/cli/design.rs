@@ -9,6 +9,7 @@ use std::process::ExitCode;
 use petzval::built_in_assets;
 use petzval::design::design_loop::{DesignLoop, Ending};
 use petzval::design::experiment::Experiment;
+use petzval::design::inputs::{check_inputs, note_inputs};
 use petzval::design::run::{Metrics, RunFolder, write_atomically};
 use petzval::design::setup::{BUILT_IN_PHOTOS, Setup};
 
@@ -59,7 +60,9 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         Some(root) => {
             let folder = RunFolder::open(root)?;
             let experiment = assets.experiment(&folder.config().display().to_string())?;
-            (Setup::new(experiment, &assets, device)?, folder)
+            let setup = Setup::new(experiment, &assets, device)?;
+            check_inputs(&setup, &folder)?;
+            (setup, folder)
         }
         None => {
             let experiment = changed(assets.experiment(&args.experiment)?, &args)?;
@@ -70,6 +73,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             let environment = doctor::environment();
             let text = serde_json::to_string_pretty(&environment).map_err(|e| Failure::job(e.to_string()))?;
             write_atomically(&folder.environment(), text.as_bytes())?;
+            note_inputs(&setup, &folder)?;
             write_atomically(&folder.config(), setup.experiment.to_toml()?.as_bytes())?;
             (setup, folder)
         }

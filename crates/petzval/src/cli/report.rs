@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
+use petzval::design::inputs::check_inputs;
 use petzval::design::report::html;
 use petzval::design::run::{RunFolder, write_atomically};
 use petzval::design::run_report::report_of_run;
@@ -30,7 +31,9 @@ pub fn open(root: &std::path::Path, device_name: &str) -> Result<(Setup, RunFold
     let folder = RunFolder::open(root)?;
     let assets = built_in_assets();
     let experiment = assets.experiment(&folder.config().display().to_string())?;
-    Ok((Setup::new(experiment, &assets, device::device(device_name)?)?, folder))
+    let setup = Setup::new(experiment, &assets, device::device(device_name)?)?;
+    check_inputs(&setup, &folder)?;
+    Ok((setup, folder))
 }
 
 /// Writes the report of a run; returns its path.
