@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use petzval_optics::design_space::{Parameter, Variable};
+use petzval_optics::design_space::Parameter;
 use petzval_optics::format::{LensFile, parse_lens};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
@@ -54,7 +54,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
             psfs: shown.iter().filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options)).collect(),
             changes: match kind {
                 CameraKind::Nominal => Vec::new(),
-                _ => changes(nominal, &lens, &setup.lens_file.variables),
+                _ => changes(&setup.lens_file, &lens),
             },
             lens,
         });
@@ -119,7 +119,8 @@ fn row(m: &CameraMetrics) -> TableRow {
 }
 
 /// The variables, before and after, and the radius that keeps the focal length.
-fn changes(before: &Lens, after: &Lens, variables: &[Variable]) -> Vec<Change> {
+fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
+    let (before, variables) = (&nominal.lens, &nominal.variables);
     let mut all: Vec<Change> = variables
         .iter()
         .map(|v| Change {
@@ -137,13 +138,16 @@ fn changes(before: &Lens, after: &Lens, variables: &[Variable]) -> Vec<Change> {
             let (from, to) = (parameter.value(before, i), parameter.value(after, i));
             let moved = a.shape.curvature != b.shape.curvature || parameter == Parameter::Thickness;
             if moved && from != to && !listed(parameter) {
+                let solved = nominal.efl_solve.filter(|s| s.surface == i && parameter == Parameter::Radius);
+                let [min, max] =
+                    solved.and_then(|s| s.radius_mm).unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 all.push(Change {
                     parameter: format!("{} (follows)", name_of(before, i, parameter)),
                     from,
                     to,
                     unit: unit_of(parameter),
-                    min: f64::NEG_INFINITY,
-                    max: f64::INFINITY,
+                    min,
+                    max,
                 });
             }
         }
@@ -231,6 +235,8 @@ fn loss_curves(events: &Path) -> Result<Vec<LossCurve>, DesignError> {
     }
     Ok(curves
         .into_iter()
+        // A penalty that was never due is no curve.
+        .filter(|(_, points)| points.iter().any(|(_, value)| *value != 0.0))
         .map(|((camera, block, label), points)| LossCurve { camera, block, label, points })
         .collect())
 }
