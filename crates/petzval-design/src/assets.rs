@@ -55,6 +55,7 @@ impl Assets {
         found.map(|(_, bytes)| bytes.as_ref()).ok_or_else(|| DesignError::Unknown {
             kind: "built-in file",
             name: path.to_owned(),
+            near: None,
             known: "data/".to_owned(),
         })
     }
@@ -78,8 +79,12 @@ impl Assets {
         let stem = stem.strip_suffix(".toml").unwrap_or(stem);
         let built_in = format!("{folder}/{stem}.toml");
         let Ok(bytes) = self.bytes(&built_in) else {
-            let known = self.names(folder).join(", ");
-            return Err(DesignError::Unknown { kind, name: name.to_owned(), known });
+            let known = self.names(folder);
+            let near = known
+                .iter()
+                .max_by(|a, b| strsim::jaro_winkler(a, stem).total_cmp(&strsim::jaro_winkler(b, stem)));
+            let near = near.filter(|n| strsim::jaro_winkler(n, stem) > 0.85).map(|n| (*n).to_owned());
+            return Err(DesignError::Unknown { kind, name: name.to_owned(), near, known: known.join(", ") });
         };
         let text = String::from_utf8_lossy(bytes).into_owned();
         Ok(Text { path: Path::new("data").join(built_in), text })
@@ -108,10 +113,19 @@ impl Assets {
         SensorModel::from_toml(&source.text).map_err(DesignError::input(&source.path))
     }
 
-    /// An experiment by path or built-in name.
+    /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
+    /// looked for beside it first.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
-        Experiment::parse(&source.text).map_err(DesignError::input(&source.path))
+        let mut experiment = Experiment::parse(&source.text).map_err(DesignError::input(&source.path))?;
+        let folder = source.path.parent().unwrap_or(Path::new(""));
+        for input in [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos] {
+            let beside = folder.join(input.as_str());
+            if beside.exists() {
+                *input = beside.display().to_string();
+            }
+        }
+        Ok(experiment)
     }
 }
 

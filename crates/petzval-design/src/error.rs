@@ -16,12 +16,15 @@ pub enum DesignError {
         error: Box<FileError>,
     },
     /// A name that is neither built in nor a file.
-    #[error("no {kind} called `{name}`: neither a file nor one of the built-in ones ({known})")]
+    #[error("no {kind} called `{name}`: neither a file nor one of the built-in ones ({known}){}",
+        near.as_ref().map(|n| format!("; did you mean `{n}`?")).unwrap_or_default())]
     Unknown {
         /// What was looked for: lens, sensor, experiment.
         kind: &'static str,
         /// The name or path given.
         name: String,
+        /// The built-in name that is most like it.
+        near: Option<String>,
         /// Built-in names.
         known: String,
     },
@@ -33,8 +36,11 @@ pub enum DesignError {
         /// What the system says.
         error: std::io::Error,
     },
-    /// A lens that lets no light through to the sensor.
-    #[error("no light reaches the image at {field_deg:.2} degrees: rays miss a surface or are vignetted")]
+    /// A lens whose light does not reach the PSF's grid.
+    #[error(
+        "no light reaches the image at {field_deg:.2} degrees within the PSF's grid: rays miss a surface, are vignetted, or \
+         land further from the chief ray than the grid reaches (is the image in focus?)"
+    )]
     NoLight {
         /// Field angle, degrees.
         field_deg: f64,

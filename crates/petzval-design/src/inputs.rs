@@ -1,10 +1,12 @@
-//! What a run was made from, as a fingerprint: names in `config.toml` may come to mean something else while a run
-//! rests, and half a run on other pictures would be worth nothing.
+//! What a run was made from. Its folder keeps lens and sensor, so that it stands on its own; of photographs it keeps a
+//! fingerprint, because a run that went on with other pictures would be worth nothing.
 
 use petzval_optics::format::write_lens;
 use sha2::{Digest, Sha256};
 
+use crate::assets::Assets;
 use crate::error::DesignError;
+use crate::experiment::Experiment;
 use crate::run::{RunFolder, write_atomically};
 use crate::setup::Setup;
 
@@ -24,14 +26,25 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Notes in a new run folder what the run is made from.
-pub fn note_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
-    write_atomically(&run.inputs(), format!("{}\n", fingerprint(setup)?).as_bytes())
+/// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it.
+pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<(), DesignError> {
+    let experiment = &setup.experiment;
+    write_atomically(&run.nominal_lens(), write_lens(&assets.lens(&experiment.lens)?).as_bytes())?;
+    let sensor = assets.text("sensor", "sensors", &experiment.sensor)?;
+    write_atomically(&run.sensor(), sensor.text.as_bytes())?;
+    write_atomically(&run.fingerprint(), format!("{}\n", fingerprint(setup)?).as_bytes())?;
+    // Names in an experiment are looked for beside it.
+    let kept = Experiment {
+        lens: "inputs/lens.toml".to_owned(),
+        sensor: "inputs/sensor.toml".to_owned(),
+        ..experiment.clone()
+    };
+    write_atomically(&run.config(), kept.to_toml()?.as_bytes())
 }
 
 /// Refuses to go on with a run, or to score it again, from other inputs than it was made from.
 pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
-    let path = run.inputs();
+    let path = run.fingerprint();
     let noted = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
     if noted.trim() == fingerprint(setup)? {
         return Ok(());

@@ -76,7 +76,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
         losses: loss_curves(&run.events())?,
-        config_toml: e.to_toml()?,
+        config_toml: fs::read_to_string(run.config()).map_err(DesignError::io(&run.config()))?,
         environment: environment(&run.environment())?,
         notes: notes(&metrics),
     })

@@ -59,6 +59,20 @@ pub const BUILT_IN_PHOTOS: &str = "built-in";
 impl Setup {
     /// Resolves an experiment against the built-in library and the file system.
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
+        let mut setup = Self::without_photos(experiment, assets, device)?;
+        let window = setup.training_crops.window().max(setup.scoring_crops.window());
+        setup.photos = load_photos(&setup.experiment, assets, window)?;
+        setup.training_crops.check(setup.photos.training())?;
+        setup.scoring_crops.check(setup.photos.held_out())?;
+        Ok(setup)
+    }
+
+    /// [`Setup::new`] without photographs, for what is not done with them.
+    pub fn without_photos(
+        experiment: Experiment,
+        assets: &Assets,
+        device: Device,
+    ) -> Result<Self, DesignError> {
         let mut lens_file = assets.lens(&experiment.lens)?;
         // Spots and pictures are judged in the same colours.
         let mut colours = experiment.psf.wavelengths_um.to_vec();
@@ -120,10 +134,6 @@ impl Setup {
             |crop| CropPlan { crop, margin, sensor_rows: sensor.height, sensor_columns: sensor.width };
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
-        let window = training_crops.window().max(scoring_crops.window());
-        let photos = load_photos(&experiment, assets, window)?;
-        training_crops.check(photos.training())?;
-        scoring_crops.check(photos.held_out())?;
         // A lens whose light does not arrive is told now, not after the first step.
         moving_plan.bank(&lens_file.lens).map_err(|e| {
             let hint =
@@ -141,7 +151,7 @@ impl Setup {
             geometry,
             moving_plan,
             fixed_plan,
-            photos,
+            photos: PhotoSet::default(),
             training_crops,
             scoring_crops,
             lpips_weights,

@@ -49,7 +49,7 @@ fn a_run_leaves_everything_that_was_promised() {
         "config.toml",
         "environment.json",
         "events.jsonl",
-        "inputs.sha256",
+        "inputs",
         "lens",
         "metrics.json",
         "report.html",
@@ -215,22 +215,26 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
     run_ok(&inside, &["design", "mine.toml", "--photos", "my-photos", "--out", "named"]);
     assert_eq!(read(&inside.join("named/metrics.json")), metrics);
 
-    // What the names mean has changed: the run is neither gone on with nor scored again.
+    // Pictures have changed: the run is neither gone on with nor scored again; its report needs none.
     let photo = inside.join("my-photos/coffee.png");
     std::fs::copy(data("photos/china.png"), &photo).unwrap();
-    for verb in
-        [&["report", "inside/run"][..], &["evaluate", "inside/run"], &["design", "--resume", "inside/run"]]
-    {
-        run_fails(folder.path(), verb, 2, &["inputs.sha256", "not those that this run began with"]);
+    for verb in [&["evaluate", "inside/run"][..], &["design", "--resume", "inside/run"]] {
+        run_fails(folder.path(), verb, 2, &["inputs/sha256", "not those that this run began with"]);
     }
+    run_ok(folder.path(), &["report", "inside/run"]);
     std::fs::copy(data("photos/coffee.png"), &photo).unwrap();
-    let lens = read(&inside.join("my-lens.toml"));
+    // The lens file goes its own way; the run keeps the lens that it began with.
+    std::fs::remove_file(inside.join("my-lens.toml")).unwrap();
+    for verb in [["report", "inside/run"], ["evaluate", "inside/run"]] {
+        run_ok(folder.path(), &verb);
+    }
+    // A lens of the run that was tampered with is noticed.
+    let kept = inside.join("run/inputs/lens.toml");
+    let lens = read(&kept);
     let other = lens.replace("thickness_mm = 4.014", "thickness_mm = 4.015");
     assert_ne!(other, lens);
-    std::fs::write(inside.join("my-lens.toml"), other).unwrap();
-    run_fails(folder.path(), &["report", "inside/run"], 2, &["not those that this run began with"]);
-    std::fs::write(inside.join("my-lens.toml"), lens).unwrap();
-    run_ok(folder.path(), &["report", "inside/run"]);
+    std::fs::write(&kept, other).unwrap();
+    run_fails(folder.path(), &["evaluate", "inside/run"], 2, &["not those that this run began with"]);
 }
 
 #[test]

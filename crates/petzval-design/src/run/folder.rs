@@ -30,7 +30,7 @@ impl RunFolder {
                 "this folder holds checkpoints, though no config.toml; choose another with --out".to_owned();
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
         }
-        for part in ["checkpoints", "lens", "cameras", "pictures"] {
+        for part in ["checkpoints", "lens", "cameras", "pictures", "inputs"] {
             let path = root.join(part);
             fs::create_dir_all(&path).map_err(DesignError::io(&path))?;
         }
@@ -77,8 +77,18 @@ impl RunFolder {
     }
 
     /// Fingerprint of lens, sensor and photographs.
-    pub fn inputs(&self) -> PathBuf {
-        self.root.join("inputs.sha256")
+    pub fn fingerprint(&self) -> PathBuf {
+        self.root.join("inputs").join("sha256")
+    }
+
+    /// The lens that the run began with, glasses included.
+    pub fn nominal_lens(&self) -> PathBuf {
+        self.root.join("inputs").join("lens.toml")
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> PathBuf {
+        self.root.join("inputs").join("sensor.toml")
     }
 
     /// One line a step.

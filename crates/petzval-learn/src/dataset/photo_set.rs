@@ -26,7 +26,7 @@ pub struct PhotoSplit {
 }
 
 /// Training and held-out pictures, with no picture in both.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct PhotoSet {
     training: Vec<NamedPhoto>,
     held_out: Vec<NamedPhoto>,

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use petzval::built_in_assets;
 use petzval::design::design_loop::{DesignLoop, Ending};
 use petzval::design::experiment::Experiment;
-use petzval::design::inputs::{check_inputs, note_inputs};
+use petzval::design::inputs::{check_inputs, keep_inputs};
 use petzval::design::run::{Metrics, RunFolder, write_atomically};
 use petzval::design::setup::{BUILT_IN_PHOTOS, Setup};
 
@@ -73,8 +73,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             let environment = doctor::environment();
             let text = serde_json::to_string_pretty(&environment).map_err(|e| Failure::job(e.to_string()))?;
             write_atomically(&folder.environment(), text.as_bytes())?;
-            note_inputs(&setup, &folder)?;
-            write_atomically(&folder.config(), setup.experiment.to_toml()?.as_bytes())?;
+            keep_inputs(&setup, &assets, &folder)?;
             (setup, folder)
         }
     };
@@ -86,10 +85,10 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     progress.finish();
     match ending {
         Ending::Stopped(step) => {
-            eprintln!(
-                "stopped at step {step}; go on with: petzval design --resume {}",
-                folder.root().display()
-            );
+            // A path with spaces must survive being pasted.
+            let root = folder.root().display().to_string();
+            let root = if root.contains(char::is_whitespace) { format!("'{root}'") } else { root };
+            eprintln!("stopped at step {step}; go on with: petzval design --resume {root}");
             Ok(ExitCode::from(EXIT_STOPPED))
         }
         Ending::Finished(metrics) => {

@@ -3,16 +3,19 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use petzval::built_in_assets;
 use petzval::design::cameras::CameraKind;
 use petzval::design::design_loop::{light_path, new_task};
 use petzval::design::error::DesignError;
-use petzval::design::run::{CameraMetrics, Metrics};
+use petzval::design::inputs::check_inputs;
+use petzval::design::run::{CameraMetrics, Metrics, RunFolder};
 use petzval::design::run_report::{camera_lens, read_metrics};
 use petzval::design::scoring::score_camera;
+use petzval::design::setup::Setup;
 use petzval::learn::loss::Lpips;
 use serde_json::json;
 
-use super::{Failure, print_json, report};
+use super::{Failure, device, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
@@ -31,8 +34,12 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let (setup, folder) = report::open(&args.run, &args.device)?;
+    let folder = RunFolder::open(&args.run)?;
     let kept = read_metrics(&folder)?;
+    let assets = built_in_assets();
+    let experiment = assets.experiment(&folder.config().display().to_string())?;
+    let setup = Setup::new(experiment, &assets, device::device(&args.device)?)?;
+    check_inputs(&setup, &folder)?;
     let path = light_path(&setup);
     let lpips = Lpips::from_safetensors(&setup.lpips_weights, &setup.device).map_err(DesignError::from)?;
     let mut rows: Vec<CameraMetrics> = Vec::new();

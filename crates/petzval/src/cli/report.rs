@@ -4,10 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
-use petzval::design::inputs::check_inputs;
 use petzval::design::report::html;
 use petzval::design::run::{RunFolder, write_atomically};
-use petzval::design::run_report::report_of_run;
+use petzval::design::run_report::{read_metrics, report_of_run};
 use petzval::design::setup::Setup;
 
 use super::{Failure, device};
@@ -21,19 +20,13 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let (setup, folder) = open(&args.run, "cpu")?;
-    println!("{}", write(&setup, &folder)?.display());
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Opens a run folder with the experiment that made it.
-pub fn open(root: &std::path::Path, device_name: &str) -> Result<(Setup, RunFolder), Failure> {
-    let folder = RunFolder::open(root)?;
+    let folder = RunFolder::open(&args.run)?;
+    read_metrics(&folder)?;
     let assets = built_in_assets();
     let experiment = assets.experiment(&folder.config().display().to_string())?;
-    let setup = Setup::new(experiment, &assets, device::device(device_name)?)?;
-    check_inputs(&setup, &folder)?;
-    Ok((setup, folder))
+    let setup = Setup::without_photos(experiment, &assets, device::device("cpu")?)?;
+    println!("{}", write(&setup, &folder)?.display());
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes the report of a run; returns its path.

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::optics::lens::{Lens, ObjectDistance};
 use petzval::optics::paraxial::{FirstOrder, first_order};
-use petzval::optics::pupil::Quadrature;
+use petzval::optics::pupil::{Quadrature, trace_beam};
 use petzval::optics::seidel::seidel_total;
 use petzval::optics::solve::{with_best_focus, with_paraxial_focus};
 use petzval::optics::spot::{FieldSpot, PrintedSpot, spot, spot_paraxial_pupil};
@@ -63,6 +63,38 @@ struct Figures {
     spots: Vec<FieldSpot>,
     /// Over the paraxial entrance pupil, as tables print it.
     printed: Vec<PrintedSpot>,
+    /// What a designer should know before believing the rest.
+    warnings: Vec<String>,
+}
+
+/// What is odd about a lens that can be traced all the same.
+fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<String> {
+    let mut found = Vec::new();
+    let stop = &lens.surfaces[lens.stop];
+    if stop.semi_diameter_mm < 0.99 * order.stop_radius_mm {
+        found.push(format!(
+            "an entrance pupil of {} mm needs a stop of {:.3} mm radius, the stop's clear semi-diameter is {} mm; \
+             the entrance pupil counts",
+            lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
+        ));
+    }
+    if order.efl_mm < 0.0 {
+        found
+            .push("the focal length is negative: there is no real image of an object at infinity".to_owned());
+    }
+    let reference = lens.at_wavelength(lens.reference_um);
+    for field_deg in &lens.fields_deg {
+        let beam = trace_beam(&reference, field_deg.to_radians(), order.stop_radius_mm, quadrature);
+        let lost = beam.fate.iter().filter(|fate| !fate.reaches_image()).count();
+        if lost > 0 {
+            let share = 100.0 * lost as f64 / beam.fate.len() as f64;
+            found.push(format!(
+                "at {field_deg} degrees {share:.1} % of the rays through the stop miss a surface or are totally \
+                 reflected; spots and illumination are those of the rest"
+            ));
+        }
+    }
+    found
 }
 
 fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
@@ -83,8 +115,10 @@ fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
         spots.push(through_stop);
         printed.push(through_pupil);
     }
+    let order = first_order(&reference);
     Ok(Figures {
-        order: first_order(&reference),
+        warnings: warnings(lens, &order, &quadrature),
+        order,
         seidel: seidel_total(&reference, full_field).s,
         spots,
         printed,
@@ -140,6 +174,7 @@ fn to_json(lens: &Lens, found: &Figures) -> Value {
             "S1": found.seidel[0], "S2": found.seidel[1], "S3": found.seidel[2],
             "S4": found.seidel[3], "S5": found.seidel[4],
         },
+        "warnings": found.warnings,
         "surfaces": lens.surfaces.iter().enumerate().map(|(i, s)| json!({
             "surface": i + 1,
             "label": s.label,
@@ -206,5 +241,8 @@ fn print(lens: &Lens, found: &Figures) {
         let light = s.illumination.iter().sum::<f64>() / s.illumination.len() as f64;
         let (field, real) = (s.field_rad.to_degrees(), s.rms_poly_um);
         println!("  {field:>9.2}   {:>14.2}   {real:>9.2}   {light:>12.3}", printed.rms_poly_um);
+    }
+    for warning in &found.warnings {
+        println!("\n  warning: {warning}");
     }
 }
