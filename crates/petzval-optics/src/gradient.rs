@@ -49,6 +49,12 @@ impl LensGradient {
 }
 
 impl SurfaceGradient {
+    /// The numbers, in a fixed order.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let mut copy = *self;
+        copy.numbers_mut().map(|v| *v).collect::<Vec<_>>().into_iter()
+    }
+
     fn numbers_mut(&mut self) -> impl Iterator<Item = &mut f64> {
         [&mut self.curvature, &mut self.conic, &mut self.thickness, &mut self.index, &mut self.semi_diameter]
             .into_iter()

@@ -5,8 +5,7 @@ use super::quadrature::Quadrature;
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::paraxial::{FirstOrder, first_order, pull_back_entrance_pupil};
-use crate::trace::{Fate, Launch, Path, RayCotangent, Sequence, aim_at_stop, launch, pull_back, trace_ray};
-use crate::trace::{pull_back_from, retrace};
+use crate::trace::{AimedRays, Fate, Launch, RayBundle, Reaim, Seeds, Sequence, launch, pull_back, trace};
 
 /// A beam at the image: one entry per node of the quadrature.
 #[derive(Clone, Debug)]
@@ -25,8 +24,7 @@ pub struct Beam {
     pub weight: Vec<f64>,
     /// Fate of each ray.
     pub fate: Vec<Fate>,
-    launch_mm: Vec<[f64; 2]>,
-    stop_by_launch: Vec<[[f64; 2]; 2]>,
+    aimed: AimedRays,
     transmission: Vec<f64>,
     flux: Vec<f64>,
 }
@@ -94,46 +92,36 @@ fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
 pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quadrature: &Quadrature) -> Beam {
     let order = first_order(sequence);
     let nodes = quadrature.len();
-    let mut beam = Beam {
-        field_rad,
-        stop_radius_mm,
-        x_mm: vec![0.0; nodes],
-        y_mm: vec![0.0; nodes],
-        weight: vec![0.0; nodes],
-        fate: vec![Fate::NotAimed; nodes],
-        launch_mm: vec![[0.0; 2]; nodes],
-        stop_by_launch: vec![[[1.0, 0.0], [0.0, 1.0]]; nodes],
-        transmission: vec![0.0; nodes],
-        flux: vec![0.0; nodes],
-    };
-    let mut path = Path::default();
-    for (i, p) in quadrature.nodes.iter().enumerate() {
-        // Aim at the node of the stop.
-        let guess = paraxial_launch(&order, sequence, field_rad, *p);
-        let target = [stop_radius_mm * p[0], stop_radius_mm * p[1]];
-        beam.launch_mm[i] = guess;
-        let Some(aimed) = aim_at_stop(sequence, field_rad, target, guess) else { continue };
-        beam.launch_mm[i] = aimed.launch_mm;
-        beam.stop_by_launch[i] = aimed.stop_by_launch;
-        // Trace to the image.
-        let start = launch(sequence, field_rad, aimed.launch_mm);
-        retrace(sequence, start.ray, &mut path);
-        beam.fate[i] = path.fate;
-        if let Some(image) = path.image {
-            beam.x_mm[i] = image.position[0];
-            beam.y_mm[i] = image.position[1];
-            beam.transmission[i] = path.transmission;
-        }
-    }
+    // Aim at the nodes of the stop, and trace to the image.
+    let targets: Vec<[f64; 2]> = quadrature.nodes.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
+    let guesses: Vec<[f64; 2]> =
+        quadrature.nodes.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
+    let aimed = AimedRays::new(sequence, field_rad, &targets, &guesses);
+    let mut rays = aimed.bundle(sequence);
+    trace(sequence, &mut rays);
+    let fate: Vec<Fate> = (0..nodes).map(|i| rays.fate(i)).collect();
+    let transmission: Vec<f64> = (0..nodes).map(|i| rays.transmission(i)).collect();
+
     // Weigh each ray by the light it carries: its area of the launch plane over that of the paraxial beam.
     let pupil_area = launch_area(sequence, &order);
-    let jacobian = quadrature.flux.jacobian(&beam.launch_mm);
-    for i in 0..nodes {
-        let start = launch(sequence, field_rad, beam.launch_mm[i]);
-        beam.flux[i] = quadrature.weights[i] / pupil_area * jacobian[i];
-        beam.weight[i] = beam.flux[i] * projection(&start).0 * beam.transmission[i];
+    let launch_mm: Vec<[f64; 2]> = (0..nodes).map(|i| aimed.launch_of(i)).collect();
+    let jacobian = quadrature.flux.jacobian(&launch_mm);
+    let flux: Vec<f64> =
+        quadrature.weights.iter().zip(jacobian).map(|(weight, j)| weight / pupil_area * j).collect();
+    let weight = (0..nodes)
+        .map(|i| flux[i] * projection(&launch(sequence, field_rad, launch_mm[i])).0 * transmission[i])
+        .collect();
+    Beam {
+        field_rad,
+        stop_radius_mm,
+        x_mm: (0..nodes).map(|i| rays.ray(i).position[0]).collect(),
+        y_mm: (0..nodes).map(|i| rays.ray(i).position[1]).collect(),
+        weight,
+        fate,
+        aimed,
+        transmission,
+        flux,
     }
-    beam
 }
 
 impl Beam {
@@ -144,9 +132,7 @@ impl Beam {
 
     /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
     ///
-    /// The launch points follow the lens: they solve `stop(launch, lens) = R p`. With the launch
-    /// cotangent a, the multiplier `l = -J^-T a` at the stop makes the total vanish, so the second,
-    /// shorter sweep from the stop accounts for re-aiming, and `-l.p` is the wish for the radius.
+    /// The launch points follow the lens, so that every ray keeps its point of the stop.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
@@ -163,88 +149,54 @@ impl Beam {
             let by_position = 2.0 * light / (distance + order.entrance_pupil_at_mm);
             pull_back_entrance_pupil(sequence, by_position, gradient);
         }
-        // Weights depend on the launch points through the Jacobian and the projection.
+        // Weights depend on the launch points through the Jacobian and the projection. A ray without weight moves nothing,
+        // but its launch point still shapes the flux fit.
+        let launch_mm: Vec<[f64; 2]> = (0..nodes).map(|i| self.aimed.launch_of(i)).collect();
+        let projections: Vec<(f64, [f64; 2])> =
+            launch_mm.iter().map(|at| projection(&launch(sequence, self.field_rad, *at))).collect();
+        let mut seeds = Seeds::zero(nodes);
         let mut jacobian_bar = vec![0.0; nodes];
         for i in 0..nodes {
-            let start = launch(sequence, self.field_rad, self.launch_mm[i]);
-            jacobian_bar[i] = cotangent.weight[i] * quadrature.weights[i] / pupil_area
-                * projection(&start).0
-                * self.transmission[i];
-        }
-        let launch_bar = quadrature.flux.pull_back(&self.launch_mm, &jacobian_bar);
-
-        let mut stop_radius_bar = 0.0;
-        let mut path = Path::default();
-        for (i, p) in quadrature.nodes.iter().enumerate() {
-            if self.fate[i] == Fate::NotAimed {
-                continue;
+            let bar = cotangent.weight[i];
+            jacobian_bar[i] =
+                bar * quadrature.weights[i] / pupil_area * projections[i].0 * self.transmission[i];
+            if self.transmission[i] > 0.0 {
+                seeds.image_x[i] = cotangent.x[i];
+                seeds.image_y[i] = cotangent.y[i];
+                seeds.transmission[i] = bar * self.flux[i] * projections[i].0;
             }
-            let start = launch(sequence, self.field_rad, self.launch_mm[i]);
-            let (projection, projection_by) = projection(&start);
-            retrace(sequence, start.ray, &mut path);
-            // A ray without weight moves nothing, but its launch point still shapes the flux fit.
-            let ray = if self.transmission[i] > 0.0 {
-                RayCotangent {
-                    image_x: cotangent.x[i],
-                    image_y: cotangent.y[i],
-                    transmission: cotangent.weight[i] * self.flux[i] * projection,
-                }
-            } else {
-                RayCotangent::default()
-            };
-            let (mut at_bar, direction_bar) = pull_back(sequence, &path, ray, gradient);
+        }
+        let flux_bar = quadrature.flux.pull_back(&launch_mm, &jacobian_bar);
+        let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(nodes)]);
+        for i in (0..nodes).filter(|i| self.aimed.is_aimed(*i)) {
             let projection_bar = cotangent.weight[i] * self.flux[i] * self.transmission[i];
             for axis in 0..2 {
-                at_bar[axis] += launch_bar[i][axis] + projection_bar * projection_by[axis];
-                for (d, by) in direction_bar.iter().zip(start.direction_by[axis]) {
-                    at_bar[axis] += d * by;
-                }
+                launch_bar[axis][i] = flux_bar[i][axis] + projection_bar * projections[i].1[axis];
             }
-            stop_radius_bar += re_aim(sequence, &path, self.stop_by_launch[i], at_bar, *p, gradient);
         }
-        stop_radius_bar
+        let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
+        let reaim = Reaim { aimed: &self.aimed, launch_bar };
+        pull_back(sequence, &self.aimed.bundle(sequence), &seeds, Some(&reaim), gradient)
+            / self.stop_radius_mm
     }
-}
-
-/// Accounts for the launch point following the lens; returns the cotangent of the stop radius.
-fn re_aim(
-    sequence: &Sequence,
-    path: &Path,
-    stop_by_launch: [[f64; 2]; 2],
-    launch_bar: [f64; 2],
-    pupil: [f64; 2],
-    gradient: &mut LensGradient,
-) -> f64 {
-    if path.passages.len() <= sequence.stop {
-        return 0.0;
-    }
-    let [[a, b], [c, d]] = stop_by_launch;
-    let det = a * d - b * c;
-    let l = [-(d * launch_bar[0] - c * launch_bar[1]) / det, -(a * launch_bar[1] - b * launch_bar[0]) / det];
-    pull_back_from(sequence, path, sequence.stop, l, gradient);
-    -(l[0] * pupil[0] + l[1] * pupil[1])
 }
 
 /// The ray of a field through the centre of the stop.
 #[derive(Clone, Debug)]
 pub struct ChiefRay {
-    /// Its path.
-    pub path: Path,
     /// Height on the image plane, mm.
     pub y_mm: f64,
-    field_rad: f64,
-    launch_mm: [f64; 2],
-    stop_by_launch: [[f64; 2]; 2],
+    aimed: AimedRays,
 }
 
 /// Traces the chief ray of a field; `None` if no ray passes the centre of the stop to the image.
 pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
     let order = first_order(sequence);
     let guess = paraxial_launch(&order, sequence, field_rad, [0.0, 0.0]);
-    let aimed = aim_at_stop(sequence, field_rad, [0.0, 0.0], guess)?;
-    let path = trace_ray(sequence, launch(sequence, field_rad, aimed.launch_mm).ray);
-    let y_mm = path.image?.position[1];
-    Some(ChiefRay { path, y_mm, field_rad, launch_mm: aimed.launch_mm, stop_by_launch: aimed.stop_by_launch })
+    let aimed = AimedRays::new(sequence, field_rad, &[[0.0; 2]], &[guess]);
+    let mut ray = aimed.bundle(sequence);
+    trace(sequence, &mut ray);
+    ray.fate(0).reaches_image().then(|| ChiefRay { y_mm: ray.ray(0).position[1], aimed })
 }
 
 /// The field whose chief ray lands at `y_mm` on the image plane, rad: by the secant method from the ideal field
@@ -267,13 +219,9 @@ pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option
 
 /// Adds the gradient of a loss that depends on the chief ray's height, `y_bar` per mm.
 pub fn pull_back_chief(sequence: &Sequence, chief: &ChiefRay, y_bar: f64, gradient: &mut LensGradient) {
-    let wish = RayCotangent { image_y: y_bar, ..RayCotangent::default() };
-    let (mut at_bar, direction_bar) = pull_back(sequence, &chief.path, wish, gradient);
-    let start = launch(sequence, chief.field_rad, chief.launch_mm);
-    for axis in 0..2 {
-        for (d, by) in direction_bar.iter().zip(start.direction_by[axis]) {
-            at_bar[axis] += d * by;
-        }
-    }
-    re_aim(sequence, &chief.path, chief.stop_by_launch, at_bar, [0.0, 0.0], gradient);
+    let mut seeds = Seeds::zero(1);
+    seeds.image_y[0] = y_bar;
+    let nothing = vec![0.0; RayBundle::padded(1)];
+    let reaim = Reaim { aimed: &chief.aimed, launch_bar: [&nothing, &nothing] };
+    pull_back(sequence, &chief.aimed.bundle(sequence), &seeds, Some(&reaim), gradient);
 }

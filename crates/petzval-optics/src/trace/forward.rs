@@ -1,6 +1,6 @@
-//! Forward tracing: one ray with everything that happened to it, or a bundle to the image.
+//! The readable reference: one ray through the lens, with everything that happened to it.
 
-use super::ray::{Fate, Ray, RayBundle, along};
+use super::ray::{Fate, Ray, along};
 use super::sequence::Sequence;
 use super::surface_step::{Passage, aperture_transmission, pass};
 
@@ -30,17 +30,6 @@ fn to_next_vertex(passage: &Passage, thickness_mm: f64) -> Ray {
 pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
     let mut path = Path { transmission: 1.0, ..Path::default() };
     path.passages.reserve_exact(sequence.surfaces.len());
-    retrace(sequence, start, &mut path);
-    path
-}
-
-/// [`trace_ray`] into an existing `path`, whose memory it uses again.
-pub(crate) fn retrace(sequence: &Sequence, start: Ray, path: &mut Path) {
-    path.passages.clear();
-    path.image = None;
-    path.fate = Fate::Ok;
-    path.transmission = 1.0;
-    path.optical_path_mm = 0.0;
     let mut ray = start;
     for (i, surface) in sequence.surfaces.iter().enumerate() {
         // Meet the surface and bend there.
@@ -49,7 +38,7 @@ pub(crate) fn retrace(sequence: &Sequence, start: Ray, path: &mut Path) {
             Err(fate) => {
                 path.fate = fate;
                 path.transmission = 0.0;
-                return;
+                return path;
             }
         };
         path.optical_path_mm += surface.n_before * passage.path_mm;
@@ -70,35 +59,5 @@ pub(crate) fn retrace(sequence: &Sequence, start: Ray, path: &mut Path) {
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
     path.optical_path_mm += n_image * to_image;
     path.image = Some(Ray { position: along(ray.position, to_image, ray.direction), ..ray });
-}
-
-/// Traces a bundle, given in the coordinates of the first vertex, to the image plane, surface by
-/// surface. Rays that fail keep the position of their last meeting and say so by their fate.
-pub fn trace(sequence: &Sequence, bundle: &mut RayBundle) {
-    for (i, surface) in sequence.surfaces.iter().enumerate() {
-        for r in 0..bundle.len() {
-            let fate = bundle.fate[r];
-            if !fate.reaches_image() {
-                continue;
-            }
-            match pass(surface, i, &bundle.ray(r)) {
-                Ok(passage) => {
-                    let radius = passage.point[0].hypot(passage.point[1]);
-                    let lost = i != sequence.stop
-                        && aperture_transmission(radius, surface.semi_diameter_mm).0 == 0.0;
-                    let fate = if lost && fate == Fate::Ok { Fate::Clipped(i) } else { fate };
-                    bundle.set(r, to_next_vertex(&passage, surface.thickness_mm), fate);
-                }
-                Err(failed) => bundle.fate[r] = failed,
-            }
-        }
-    }
-    for r in 0..bundle.len() {
-        if bundle.fate[r].reaches_image() {
-            let ray = bundle.ray(r);
-            let to_image = -ray.position[2] / ray.direction[2];
-            let position = along(ray.position, to_image, ray.direction);
-            bundle.set(r, Ray { position, ..ray }, bundle.fate[r]);
-        }
-    }
+    path
 }

@@ -1,21 +1,20 @@
 //! Sequential real-ray tracing in f64: forward, and backward by the adjoint.
 //!
-//! A [`Sequence`] is a lens at one wavelength. Bundles are structures of arrays, so that the kernels
-//! can take several rays at a time. A failed ray is data ([`Fate`]), never an error.
+//! A [`Sequence`] is a lens at one wavelength. [`trace_ray`] and [`aim_at_stop`] take one ray and are the reference;
+//! [`trace`], [`push_change`], [`pull_back`] and [`AimedRays`] take bundles, several rays at a time. A failed ray is data ([`Fate`]),
+//! never an error.
 
-mod adjoint;
 mod aim;
 mod forward;
+mod kernel;
 mod launch;
 mod ray;
 mod sequence;
 mod surface_step;
 
-pub(crate) use adjoint::pull_back_from;
-pub use adjoint::{RayCotangent, pull_back};
 pub use aim::{AimedRay, aim_at_stop};
-pub(crate) use forward::retrace;
-pub use forward::{Path, trace, trace_ray};
+pub use forward::{Path, trace_ray};
+pub use kernel::{AimedRays, RayTangents, Reaim, Seeds, pull_back, push_change, trace};
 pub use launch::{Launch, launch};
 pub use ray::{Fate, Ray, RayBundle, Vec3};
 pub use sequence::{Sequence, SurfaceAtWavelength};

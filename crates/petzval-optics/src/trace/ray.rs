@@ -1,5 +1,7 @@
 //! Rays, one and many, and what becomes of them.
 
+use super::kernel::{MAX_LANES, fate};
+
 /// A point or a direction, `[x, y, z]`.
 pub type Vec3 = [f64; 3];
 
@@ -46,52 +48,54 @@ pub struct Ray {
     pub direction: Vec3,
 }
 
-/// Many rays as a structure of arrays.
-#[derive(Clone, Debug, Default)]
+/// Many rays as a structure of arrays, padded so that vectors of any width end with it.
+#[derive(Clone, Debug)]
 pub struct RayBundle {
-    /// x of the rays, mm.
-    pub x: Vec<f64>,
-    /// y of the rays, mm.
-    pub y: Vec<f64>,
-    /// z of the rays, mm.
-    pub z: Vec<f64>,
-    /// Direction cosine along x.
-    pub l: Vec<f64>,
-    /// Direction cosine along y.
-    pub m: Vec<f64>,
-    /// Direction cosine along z.
-    pub n: Vec<f64>,
-    /// What became of each ray.
-    pub fate: Vec<Fate>,
+    pub(super) x: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) z: Vec<f64>,
+    pub(super) l: Vec<f64>,
+    pub(super) m: Vec<f64>,
+    pub(super) n: Vec<f64>,
+    /// Codes of fates, see `kernel::fate`.
+    pub(super) fate: Vec<f64>,
+    pub(super) transmission: Vec<f64>,
+    pub(super) optical_path: Vec<f64>,
+    rays: usize,
 }
 
 impl RayBundle {
-    /// An empty bundle with room for so many rays.
-    pub fn with_capacity(rays: usize) -> Self {
-        let v = || Vec::with_capacity(rays);
-        Self { x: v(), y: v(), z: v(), l: v(), m: v(), n: v(), fate: Vec::with_capacity(rays) }
+    /// So many rays, all along the axis.
+    pub fn new(rays: usize) -> Self {
+        let zero = || vec![0.0; Self::padded(rays)];
+        let one = || vec![1.0; Self::padded(rays)];
+        Self {
+            x: zero(),
+            y: zero(),
+            z: zero(),
+            l: zero(),
+            m: zero(),
+            n: one(),
+            fate: zero(),
+            transmission: one(),
+            optical_path: zero(),
+            rays,
+        }
+    }
+
+    /// Length of the arrays that hold so many rays.
+    pub fn padded(rays: usize) -> usize {
+        rays.next_multiple_of(MAX_LANES)
     }
 
     /// Number of rays.
     pub fn len(&self) -> usize {
-        self.x.len()
+        self.rays
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.x.is_empty()
-    }
-
-    /// Adds a ray.
-    pub fn push(&mut self, ray: Ray, fate: Fate) {
-        let ([x, y, z], [l, m, n]) = (ray.position, ray.direction);
-        self.x.push(x);
-        self.y.push(y);
-        self.z.push(z);
-        self.l.push(l);
-        self.m.push(m);
-        self.n.push(n);
-        self.fate.push(fate);
+        self.rays == 0
     }
 
     /// Ray i.
@@ -100,9 +104,23 @@ impl RayBundle {
     }
 
     /// Replaces ray i.
-    pub fn set(&mut self, i: usize, ray: Ray, fate: Fate) {
+    pub fn set(&mut self, i: usize, ray: Ray) {
         [self.x[i], self.y[i], self.z[i]] = ray.position;
         [self.l[i], self.m[i], self.n[i]] = ray.direction;
-        self.fate[i] = fate;
+    }
+
+    /// What became of ray i.
+    pub fn fate(&self, i: usize) -> Fate {
+        fate(self.fate[i])
+    }
+
+    /// Share of ray i's light that the clear apertures let through, 0..1; 0 if it does not reach the image.
+    pub fn transmission(&self, i: usize) -> f64 {
+        self.transmission[i]
+    }
+
+    /// Optical path of ray i from its launch to the image plane, mm.
+    pub fn optical_path_mm(&self, i: usize) -> f64 {
+        self.optical_path[i]
     }
 }

@@ -9,6 +9,8 @@ pub struct SurfaceAtWavelength {
     pub shape: SurfaceShape,
     /// Whether the shape has no polynomial part (closed-form intersection).
     pub is_conic: bool,
+    /// Number of coefficients up to the last that is not zero.
+    pub(crate) terms: usize,
     /// Index in front.
     pub n_before: f64,
     /// Index behind.
@@ -34,6 +36,14 @@ pub struct Sequence {
     pub wavelength_um: f64,
 }
 
+impl SurfaceAtWavelength {
+    /// Coefficients a_2, a_4, ... up to the last that is not zero.
+    #[inline]
+    pub(crate) fn polynomial(&self) -> &[f64] {
+        &self.shape.asphere[..self.terms]
+    }
+}
+
 impl Sequence {
     /// Evaluates every index of the lens at the wavelength.
     pub fn new(lens: &Lens, wavelength_um: f64) -> Self {
@@ -46,6 +56,7 @@ impl Sequence {
                 let surface = SurfaceAtWavelength {
                     shape: s.shape,
                     is_conic: s.shape.is_conic(),
+                    terms: s.shape.asphere.iter().rposition(|a| *a != 0.0).map_or(0, |last| last + 1),
                     n_before,
                     n_after,
                     thickness_mm: s.thickness_mm,

@@ -8,23 +8,24 @@ use petzval::optics::lens::Lens;
 use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::Quadrature;
 use petzval::optics::spot::mean_square_spot;
-use petzval::optics::trace::{Fate, RayBundle, RayCotangent, launch, pull_back, trace, trace_ray};
+use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
 
-use super::{Failure, Prepared, Workload, scalar};
+use super::{Failure, Prepared, Workload};
+use crate::cli::doctor::simd_level;
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "trace", simd: scalar, prepare: || tracing(nominal()?) },
-        Workload { name: "trace_all_aspheres", simd: scalar, prepare: || tracing(all_aspheres(nominal()?)) },
-        Workload { name: "trace_adjoint", simd: scalar, prepare: adjoint },
-        Workload { name: "spot_gradient_same_rays", simd: scalar, prepare: || spot_gradient(36) },
-        Workload { name: "spot_gradient", simd: scalar, prepare: || spot_gradient(16) },
-        Workload { name: "psf_rgb", simd: scalar, prepare: psf_rgb },
-        Workload { name: "psf_rgb_gradient", simd: scalar, prepare: psf_rgb_gradient },
-        Workload { name: "psf_13_fields", simd: scalar, prepare: psf_13_fields },
+        Workload { name: "trace", simd: simd_level, prepare: || tracing(nominal()?) },
+        Workload { name: "trace_all_aspheres", simd: simd_level, prepare: || tracing(all_aspheres(nominal()?)) },
+        Workload { name: "trace_adjoint", simd: simd_level, prepare: adjoint },
+        Workload { name: "spot_gradient_same_rays", simd: simd_level, prepare: || spot_gradient(36) },
+        Workload { name: "spot_gradient", simd: simd_level, prepare: || spot_gradient(16) },
+        Workload { name: "psf_rgb", simd: simd_level, prepare: psf_rgb },
+        Workload { name: "psf_rgb_gradient", simd: simd_level, prepare: psf_rgb_gradient },
+        Workload { name: "psf_13_fields", simd: simd_level, prepare: psf_13_fields },
     ]
 }
 
@@ -50,11 +51,11 @@ fn quadrature(cells: usize) -> Result<Quadrature, Failure> {
 fn bundle(lens: &Lens) -> RayBundle {
     let sequence = lens.at_wavelength(lens.reference_um);
     let field = 10f64.to_radians();
-    let mut rays = RayBundle::with_capacity(128 * 128);
+    let mut rays = RayBundle::new(128 * 128);
     for i in 0..128 * 128 {
-        let p = [i % 128, i / 128].map(|k| (f64::from(k) + 0.5) / 64.0 - 1.0);
+        let p = [i % 128, i / 128].map(|k| (k as f64 + 0.5) / 64.0 - 1.0);
         let at = [2.0 * p[0], 2.0 * p[1] - 20.6 * field.tan()];
-        rays.push(launch(&sequence, field, at).ray, Fate::Ok);
+        rays.set(i, launch(&sequence, field, at).ray);
     }
     rays
 }
@@ -79,17 +80,16 @@ fn adjoint() -> Result<Prepared, Failure> {
     let lens = nominal()?;
     let (sequence, start) = (lens.at_wavelength(lens.reference_um), bundle(&lens));
     let units = (start.len() * sequence.surfaces.len()) as f64;
+    let mut seeds = Seeds::zero(start.len());
+    seeds.image_x.fill(1.0);
+    seeds.image_y.fill(1.0);
     Ok(Prepared {
         work: "128 x 128 rays forward and back, every number of the lens".to_owned(),
         units: Some((units, "surface intersections")),
         single_thread: true,
         run: Box::new(move || {
             let mut gradient = LensGradient::zero(sequence.surfaces.len());
-            for i in 0..start.len() {
-                let path = trace_ray(&sequence, start.ray(i));
-                let wish = RayCotangent { image_x: 1.0, image_y: 1.0, transmission: 0.0 };
-                pull_back(&sequence, &path, wish, &mut gradient);
-            }
+            pull_back(&sequence, &start, &seeds, None, &mut gradient);
             std::hint::black_box(&gradient);
             Ok(())
         }),

@@ -1,0 +1,244 @@
+//! Real ray aiming, several rays at a time: launch points from which rays pass wanted points of the stop.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::forward::NOT_AIMED;
+use super::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
+use super::surface::{Rays, Tangent, bend, meet, push_forward, slopes};
+use crate::lens::ObjectDistance;
+use crate::trace::launch::launch;
+use crate::trace::ray::RayBundle;
+use crate::trace::sequence::Sequence;
+
+/// Evaluations allowed; a well-posed ray needs four or five.
+const MAX_EVALUATIONS: usize = 60;
+
+/// Accuracy with which the point in the stop is met, mm.
+const TOLERANCE_MM: f64 = 1e-12;
+
+/// A miss that rounding may leave, mm.
+const ROUNDING_MM: f64 = 1e3 * TOLERANCE_MM;
+
+/// Rays aimed at points of the stop. Arrays are padded as a [`RayBundle`] is.
+#[derive(Clone, Debug)]
+pub struct AimedRays {
+    /// Field angle, rad.
+    pub field_rad: f64,
+    /// Launch coordinates x, y on the plane of the first vertex, mm.
+    pub launch_mm: [Vec<f64>; 2],
+    /// d(stop x, stop y) / d(launch x, launch y), row by row.
+    pub(super) stop_by_launch: [[Vec<f64>; 2]; 2],
+    /// d(direction in front of the stop) / d(launch x) and / d(launch y), 1/mm.
+    pub(super) direction_by_launch: [[Vec<f64>; 3]; 2],
+    not_aimed: Vec<f64>,
+    rays: usize,
+}
+
+impl AimedRays {
+    /// Newton's method from `guess_mm` for the rays of a field that pass `target_mm` in the stop, both (x, y) per ray; a
+    /// step that loses a ray or worsens its miss is halved. Where it finds no ray, the launch point is the guess, and the
+    /// ray's fate `NotAimed`.
+    pub fn new(sequence: &Sequence, field_rad: f64, target_mm: &[[f64; 2]], guess_mm: &[[f64; 2]]) -> Self {
+        let rays = target_mm.len();
+        let padded = RayBundle::padded(rays);
+        // Padding repeats the first ray.
+        let column = |from: &[[f64; 2]], axis: usize| -> Vec<f64> {
+            (0..padded).map(|i| from.get(i).or(from.first()).map_or(0.0, |p| p[axis])).collect()
+        };
+        let zero = || vec![0.0; padded];
+        let mut aimed = Self {
+            field_rad,
+            launch_mm: [column(guess_mm, 0), column(guess_mm, 1)],
+            stop_by_launch: [[zero(), zero()], [zero(), zero()]],
+            direction_by_launch: [[zero(), zero(), zero()], [zero(), zero(), zero()]],
+            not_aimed: zero(),
+            rays,
+        };
+        let target = [column(target_mm, 0), column(target_mm, 1)];
+        Arch::new().dispatch(Aim { sequence, target, aimed: &mut aimed });
+        aimed
+    }
+
+    /// Launch point of a ray, mm.
+    pub fn launch_of(&self, ray: usize) -> [f64; 2] {
+        [self.launch_mm[0][ray], self.launch_mm[1][ray]]
+    }
+
+    /// Whether a ray was aimed.
+    pub fn is_aimed(&self, ray: usize) -> bool {
+        self.not_aimed[ray] == 0.0
+    }
+
+    /// Area of the launch plane that a unit of stop area stands for, by the exact derivatives of a ray.
+    pub fn launch_per_stop_area(&self, ray: usize) -> f64 {
+        let [[a, b], [c, d]] = &self.stop_by_launch;
+        1.0 / (a[ray] * d[ray] - b[ray] * c[ray])
+    }
+
+    /// The rays as they are launched.
+    pub fn bundle(&self, sequence: &Sequence) -> RayBundle {
+        let mut bundle = RayBundle::new(self.rays);
+        for i in 0..self.rays {
+            bundle.set(i, launch(sequence, self.field_rad, self.launch_of(i)).ray);
+        }
+        bundle.fate[..self.rays].copy_from_slice(&self.not_aimed[..self.rays]);
+        bundle
+    }
+}
+
+/// Where rays meet the stop, and how that changes with the launch point.
+#[derive(Clone, Copy)]
+struct AtStop<S: Simd> {
+    hit: [Lanes<S>; 2],
+    /// Tangents of the point and of the direction in front, by launch x and y.
+    by: [Tangent<S>; 2],
+    ok: Mask<S>,
+}
+
+/// Rays of a field from launch points, and how their directions change with them.
+#[inline(always)]
+pub(super) fn launched_rays<S: Simd>(
+    sequence: &Sequence,
+    field_rad: f64,
+    at: [Lanes<S>; 2],
+) -> (Rays<S>, [Tangent<S>; 2]) {
+    let zero = at[0].constant(0.0);
+    let one = at[0].constant(1.0);
+    let position = [at[0], at[1], zero];
+    let axes: [V3<S>; 2] = [[one, zero, zero], [zero, one, zero]];
+    match sequence.object {
+        ObjectDistance::Infinity => {
+            let direction = [zero, zero.constant(field_rad.sin()), zero.constant(field_rad.cos())];
+            let parallel = |e: V3<S>| Tangent { position: e, direction: [zero; 3] };
+            (Rays { position, direction }, [parallel(axes[0]), parallel(axes[1])])
+        }
+        ObjectDistance::Finite(distance) => {
+            let v = [at[0], at[1] + distance * field_rad.tan(), zero.constant(distance)];
+            let per_length = one / dot(v, v).sqrt();
+            let direction = scaled(per_length, v);
+            // d(v / |v|) = (e - d (d.e)) / |v|
+            let turn = |e: V3<S>| Tangent {
+                position: e,
+                direction: scaled(per_length, along(e, -dot(direction, e), direction)),
+            };
+            (Rays { position, direction }, [turn(axes[0]), turn(axes[1])])
+        }
+    }
+}
+
+#[inline(always)]
+fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> AtStop<S> {
+    let (mut ray, mut by) = launched_rays(sequence, field_rad, at);
+    let zero = at[0].constant(0.0);
+    let mut ok = zero.lt(zero).not();
+    let mut hit = at;
+    for (i, surface) in sequence.surfaces[..=sequence.stop].iter().enumerate() {
+        let meeting = meet(surface, &ray);
+        ok = ok.and(meeting.ok);
+        let ([x, y, z], d) = (meeting.point, ray.direction);
+        let slope = slopes(surface, meeting.point);
+        let b = bend(surface, slope.normal, d);
+        let before = by;
+        by = before.map(|t| push_forward(&slope, &b, meeting.path, [x, y], d, &t, None));
+        if i == sequence.stop {
+            // The direction counts in front of the stop.
+            hit = [x, y];
+            by[0].direction = before[0].direction;
+            by[1].direction = before[1].direction;
+        }
+        // Where light is totally reflected the root is no number, and neither is what follows.
+        ray = Rays {
+            position: [x, y, z - surface.thickness_mm],
+            direction: along(scaled(zero.constant(b.mu), d), b.b, slope.normal),
+        };
+    }
+    AtStop { hit, by, ok }
+}
+
+struct Aim<'a> {
+    sequence: &'a Sequence,
+    target: [Vec<f64>; 2],
+    aimed: &'a mut AimedRays,
+}
+
+impl WithSimd for Aim<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sequence, target, aimed } = self;
+        for at in (0..aimed.not_aimed.len()).step_by(width::<S>()) {
+            let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
+            let target = [read(&target[0]), read(&target[1])];
+            let guess = [read(&aimed.launch_mm[0]), read(&aimed.launch_mm[1])];
+            let (launch, found, ok) = aim(sequence, aimed.field_rad, target, guess);
+            let zero = target[0].constant(0.0);
+            let keep = |value: Lanes<S>, other: Lanes<S>, to: &mut Vec<f64>| {
+                ok.select(value, other).store(&mut to[at..]);
+            };
+            for axis in 0..2 {
+                keep(launch[axis], guess[axis], &mut aimed.launch_mm[axis]);
+                for row in 0..2 {
+                    // Rays that were not aimed keep a map that can be inverted.
+                    let unit = zero.constant(if row == axis { 1.0 } else { 0.0 });
+                    keep(found.by[axis].position[row], unit, &mut aimed.stop_by_launch[row][axis]);
+                }
+                for k in 0..3 {
+                    keep(found.by[axis].direction[k], zero, &mut aimed.direction_by_launch[axis][k]);
+                }
+            }
+            keep(zero, zero.constant(NOT_AIMED), &mut aimed.not_aimed);
+        }
+    }
+}
+
+/// Launch points of rays through `target`, what they meet there, and for which rays that worked.
+#[inline(always)]
+fn aim<S: Simd>(
+    sequence: &Sequence,
+    field_rad: f64,
+    target: [Lanes<S>; 2],
+    guess: [Lanes<S>; 2],
+) -> ([Lanes<S>; 2], AtStop<S>, Mask<S>) {
+    let constant = |v: f64| target[0].constant(v);
+    let miss = |hit: [Lanes<S>; 2]| {
+        let e = [hit[0] - target[0], hit[1] - target[1]];
+        (e, (e[0] * e[0] + e[1] * e[1]).sqrt())
+    };
+    let mut launch = guess;
+    let mut found = to_stop(sequence, field_rad, launch);
+    let (mut error, mut distance) = miss(found.hit);
+    // A ray that is lost from the start has no miss to improve on.
+    let infinite = constant(f64::INFINITY);
+    let start_ok = found.ok.and(distance.lt(infinite));
+    let mut share = constant(1.0);
+    for _ in 0..MAX_EVALUATIONS {
+        let open = start_ok.and(distance.lt(constant(TOLERANCE_MM)).not()).and(constant(1e-6).lt(share));
+        if !open.any() {
+            break;
+        }
+        let [[a, b], [c, d]] = [0, 1].map(|row| [found.by[0].position[row], found.by[1].position[row]]);
+        let scale = share / (a * d - b * c);
+        let step = [(d * error[0] - b * error[1]) * scale, (a * error[1] - c * error[0]) * scale];
+        let next = [launch[0] - step[0], launch[1] - step[1]];
+        let tried = to_stop(sequence, field_rad, next);
+        let (next_error, next_distance) = miss(tried.hit);
+        // Rounding ends the descent a little above zero: accept what is as near as it gets.
+        let nearer = next_distance.lt(distance).or(distance.lt(constant(ROUNDING_MM)));
+        let accept = open.and(tried.ok).and(nearer).and(next_distance.lt(infinite));
+        for axis in 0..2 {
+            launch[axis] = accept.select(next[axis], launch[axis]);
+            error[axis] = accept.select(next_error[axis], error[axis]);
+            found.hit[axis] = accept.select(tried.hit[axis], found.hit[axis]);
+            for k in 0..3 {
+                let (to, from) = (&mut found.by[axis], &tried.by[axis]);
+                to.position[k] = accept.select(from.position[k], to.position[k]);
+                to.direction[k] = accept.select(from.direction[k], to.direction[k]);
+            }
+        }
+        distance = accept.select(next_distance, distance);
+        share = accept.select(constant(1.0), share * 0.5);
+    }
+    let ok = start_ok.and(distance.lt(constant(ROUNDING_MM)));
+    (launch, found, ok)
+}

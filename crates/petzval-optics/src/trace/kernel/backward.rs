@@ -1,0 +1,289 @@
+//! The adjoint of tracing: what a change of the loss at the image asks of every surface.
+//!
+//! Cotangents (names in `_bar`) travel against the light. At a surface with gradient `N = (-z_x, -z_y, 1)`, entry point
+//! p, path t and point q:
+//!
+//! - refraction `d' = mu d + b N`, differentiated as it stands ([`Bend`](super::surface::Bend));
+//! - meeting: `q = p + t d` with `N.dq = z_theta dtheta`, so `alpha = q_bar.d / N.d` gives `p_bar = q_bar - alpha N`,
+//!   `d_bar += t p_bar`, `theta_bar += alpha z_theta`.
+//!
+//! Rays that were aimed at points of the stop start elsewhere when the lens changes. With `Q = dq/ds`, `D = dd/ds` at the
+//! stop by the launch point s, holding `q = R p` there takes the multiplier `l = -Q^-T (s_bar + Q^T q_bar + D^T d_bar)`,
+//! which joins `q_bar` as the sweep passes the stop; nothing is left to ask of the launch. Only clear apertures in front of
+//! the stop ask again behind it in the sweep; what they leave at the launch is re-aimed by a second, shorter sweep.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::aim::{AimedRays, launched_rays};
+use super::forward::{Arrival, Crossing, aperture, is_dead, load, trace_rays};
+use super::lanes::{Lanes, V3, along, dot, scaled, width};
+use super::surface::{Tangent, bend, slopes};
+use crate::gradient::{LensGradient, SurfaceGradient};
+use crate::lens::ASPHERE_TERMS;
+use crate::trace::ray::RayBundle;
+use crate::trace::sequence::Sequence;
+
+/// What the loss asks of each ray of a bundle; padded as the bundle is.
+#[derive(Clone, Debug, Default)]
+pub struct Seeds {
+    /// By x on the image plane, 1/mm.
+    pub image_x: Vec<f64>,
+    /// By y on the image plane, 1/mm.
+    pub image_y: Vec<f64>,
+    /// By the transmission.
+    pub transmission: Vec<f64>,
+}
+
+impl Seeds {
+    /// No wish at all, for the rays of a bundle of `rays`.
+    pub fn zero(rays: usize) -> Self {
+        let zero = || vec![0.0; RayBundle::padded(rays)];
+        Self { image_x: zero(), image_y: zero(), transmission: zero() }
+    }
+}
+
+/// What the loss asks of launch points that follow the lens, because the rays are aimed at points of the stop.
+pub struct Reaim<'a> {
+    /// How the rays were aimed.
+    pub aimed: &'a AimedRays,
+    /// By the launch coordinates x and y, 1/mm; padded.
+    pub launch_bar: [&'a [f64]; 2],
+}
+
+/// Numbers of a surface, as indices into its sums.
+const CURVATURE: usize = 0;
+const CONIC: usize = 1;
+const THICKNESS: usize = 2;
+const INDEX: usize = 3;
+const SEMI_DIAMETER: usize = 4;
+const ASPHERE: usize = 5;
+const NUMBERS: usize = ASPHERE + ASPHERE_TERMS;
+
+/// Re-aiming of the rays of one vector.
+struct ReaimLanes<S: Simd> {
+    /// dq/ds at the stop, row by row.
+    q: [[Lanes<S>; 2]; 2],
+    /// dd/ds in front of the stop, by launch x and by launch y.
+    d: [V3<S>; 2],
+    launch_bar: [Lanes<S>; 2],
+}
+
+/// Cotangents of the point and the direction at the last surface, from those at the image.
+#[inline(always)]
+fn from_image<S: Simd>(arrival: &Arrival<S>, [x, y]: [Lanes<S>; 2]) -> (V3<S>, V3<S>, Lanes<S>) {
+    // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
+    let d = arrival.ray.direction;
+    let by_run = (x * d[0] + y * d[1]) / d[2];
+    ([x, y, -by_run], [arrival.run * x, arrival.run * y, -(by_run * arrival.run)], by_run)
+}
+
+impl<S: Simd> ReaimLanes<S> {
+    /// The multiplier `l = -Q^-T wish` that holds the point in the stop.
+    #[inline(always)]
+    fn multiplier(&self, [by_x, by_y]: [Lanes<S>; 2]) -> [Lanes<S>; 2] {
+        let [[a, b], [c, e]] = self.q;
+        let per_det = by_x.constant(-1.0) / (a * e - b * c);
+        [(e * by_x - c * by_y) * per_det, (a * by_y - b * by_x) * per_det]
+    }
+}
+
+/// What a sweep leaves.
+struct Swept<S: Simd> {
+    /// Cotangents of the launch.
+    launch: Tangent<S>,
+    /// `-l.q` of the rays: R times the wish for the stop radius.
+    stop_bar: Lanes<S>,
+    /// Whether a clear aperture in front of the stop asked for something.
+    asked_in_front: bool,
+}
+
+/// The backward sweep from the last surface of `tape`, given cotangents of the point on it and of the direction behind it;
+/// adds to `sums`.
+#[inline(always)]
+fn sweep<S: Simd>(
+    sequence: &Sequence,
+    tape: &[Crossing<S>],
+    (mut point_bar, mut direction_bar): (V3<S>, V3<S>),
+    transmission_bar: Option<Lanes<S>>,
+    reaim: Option<&ReaimLanes<S>>,
+    sums: &mut [[Lanes<S>; NUMBERS]],
+) -> Swept<S> {
+    let zero = point_bar[0].constant(0.0);
+    let (mut stop_bar, mut asked_in_front) = (zero, false);
+    for i in (0..tape.len()).rev() {
+        let (surface, crossing) = (&sequence.surfaces[i], &tape[i]);
+        let ([x, y, _], d) = (crossing.point, crossing.direction);
+        let slope = slopes(surface, crossing.point);
+        let (n, u) = (slope.normal, slope.u);
+
+        // The clear aperture: transmission falls with the radius at which the ray passes.
+        if let Some(bar) = transmission_bar
+            && i != sequence.stop
+            && let Some((share, by_radius)) = aperture(surface, u)
+        {
+            let through = zero.lt(share);
+            let g = through.select(bar / through.select(share, zero.constant(1.0)) * by_radius, zero);
+            point_bar[0] += g * x;
+            point_bar[1] += g * y;
+            sums[i][SEMI_DIAMETER] -= g * u.sqrt();
+            asked_in_front |= i < sequence.stop;
+        }
+
+        // Refraction, and the normal, which turns with the slopes z_x = 2 x z'(u), z_y = 2 y z'(u).
+        let b = bend(surface, n, d);
+        let (mu, g) = (zero.constant(b.mu), b.g);
+        let root_bar = dot(direction_bar, n) * b.per_q;
+        let by_root = root_bar * b.per_root;
+        let g_bar = by_root * g * (b.mu * b.mu) - root_bar * mu;
+        let q_bar = by_root * (0.5 * (1.0 - b.mu * b.mu)) - root_bar * b.b;
+        let mu_bar = dot(direction_bar, d) - root_bar * g + by_root * mu * (g * g - b.q);
+        let mut before_bar = along(scaled(mu, direction_bar), g_bar, n);
+        let n_bar = along(along(scaled(b.b, direction_bar), g_bar, d), q_bar + q_bar, n);
+        sums[i][INDEX] -= mu_bar * (b.mu / surface.n_after);
+        if i > 0 {
+            sums[i - 1][INDEX] += mu_bar * (1.0 / surface.n_after);
+        }
+        let (slope_x_bar, slope_y_bar) = (-n_bar[0], -n_bar[1]);
+        let first_bar = (slope_x_bar * x + slope_y_bar * y) * 2.0;
+        let by_radius = first_bar * slope.second * 2.0;
+        let twice = slope.first + slope.first;
+        point_bar[0] += twice.mul_add(slope_x_bar, by_radius * x);
+        point_bar[1] += twice.mul_add(slope_y_bar, by_radius * y);
+
+        // Launch points follow the lens, so that the point in the stop stays.
+        if i == sequence.stop
+            && let Some(reaim) = reaim
+        {
+            let wish = |j: usize| {
+                let (qx, qy) = (reaim.q[0][j], reaim.q[1][j]);
+                let qz = -(n[0] * qx + n[1] * qy);
+                reaim.launch_bar[j] + dot(point_bar, [qx, qy, qz]) + dot(before_bar, reaim.d[j])
+            };
+            let multiplier = reaim.multiplier([wish(0), wish(1)]);
+            point_bar[0] += multiplier[0];
+            point_bar[1] += multiplier[1];
+            stop_bar -= multiplier[0] * x + multiplier[1] * y;
+        }
+
+        // Meeting the surface.
+        let alpha = dot(point_bar, d) / g;
+        let entry_bar = along(point_bar, -alpha, n);
+        before_bar = along(before_bar, crossing.path, entry_bar);
+
+        // The surface's own numbers enter by its sag (alpha) and by its slope.
+        let (c, w) = (surface.shape.curvature, slope.w);
+        let per_w = slope.per_w;
+        let per_w3 = per_w * per_w * per_w;
+        let per_sum = per_w / (w + 1.0);
+        sums[i][CURVATURE] += alpha * u * per_sum + first_bar * per_w3 * 0.5;
+        if c != 0.0 {
+            // z_k = c^3 u^2 / (2 w (1 + w)^2), z'_k = c^3 u / (4 w^3).
+            let by_sag = alpha * u * per_sum * per_sum * w * 2.0;
+            sums[i][CONIC] += (by_sag + first_bar * per_w3) * u * (0.25 * c * c * c);
+        }
+        let (mut by_sag, mut by_slope) = (alpha * u, first_bar);
+        for (j, sum) in sums[i][ASPHERE..].iter_mut().enumerate() {
+            *sum += by_slope.mul_add(zero.constant((j + 1) as f64), by_sag);
+            by_sag = by_sag * u;
+            by_slope = by_slope * u;
+        }
+
+        // Back to the vertex before: p = q_previous - (0, 0, thickness).
+        if i > 0 {
+            sums[i - 1][THICKNESS] -= entry_bar[2];
+        }
+        point_bar = entry_bar;
+        direction_bar = before_bar;
+    }
+    Swept { launch: Tangent { position: point_bar, direction: direction_bar }, stop_bar, asked_in_front }
+}
+
+struct PullBack<'a> {
+    sequence: &'a Sequence,
+    launched: &'a RayBundle,
+    seeds: &'a Seeds,
+    reaim: Option<&'a Reaim<'a>>,
+    gradient: &'a mut LensGradient,
+}
+
+impl WithSimd for PullBack<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self { sequence, launched, seeds, gradient, .. } = self;
+        let zero = Lanes::splat(simd, 0.0);
+        let last = sequence.surfaces.len() - 1;
+        let mut sums = vec![[zero; NUMBERS]; last + 1];
+        let mut tape = Vec::with_capacity(last + 1);
+        let mut stop_bar = zero;
+        for at in (0..launched.len()).step_by(width::<S>()) {
+            let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
+            // Forward once more, this time with a tape.
+            let fate = read(&launched.fate);
+            let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
+            // Lost rays ask nothing.
+            let dead = is_dead(arrival.fate);
+            let alive = |bar: Lanes<S>| dead.select(zero, bar);
+            let [x, y] = [alive(read(&seeds.image_x)), alive(read(&seeds.image_y))];
+            let transmission_bar = alive(read(&seeds.transmission)) * arrival.transmission;
+            let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, [x, y]);
+            sums[last][THICKNESS] += thickness_bar;
+            let wants_light = transmission_bar.lt(zero).or(zero.lt(transmission_bar)).any();
+            let reaim = self.reaim.map(|r| ReaimLanes {
+                q: r.aimed.stop_by_launch.each_ref().map(|row| row.each_ref().map(|v| read(v))),
+                d: r.aimed.direction_by_launch.each_ref().map(|by| by.each_ref().map(|v| read(v))),
+                launch_bar: r.launch_bar.map(read),
+            });
+            let light = wants_light.then_some(transmission_bar);
+            let swept = sweep(sequence, &tape, (point_bar, direction_bar), light, reaim.as_ref(), &mut sums);
+            stop_bar += swept.stop_bar;
+            if let (Some(aim), true) = (&reaim, swept.asked_in_front) {
+                let at = [read(&launched.x), read(&launched.y)];
+                let field_rad = self.reaim.map_or(0.0, |r| r.aimed.field_rad);
+                let (_, by) = launched_rays(sequence, field_rad, at);
+                let left = [0, 1].map(|j| {
+                    dot(swept.launch.position, by[j].position)
+                        + dot(swept.launch.direction, by[j].direction)
+                        + aim.launch_bar[j]
+                });
+                let [lx, ly] = aim.multiplier(left);
+                let stop = sequence.stop;
+                let [qx, qy, _] = tape[stop].point;
+                stop_bar -= lx * qx + ly * qy;
+                let nothing = [zero; 3];
+                sweep(sequence, &tape[..=stop], ([lx, ly, zero], nothing), None, None, &mut sums);
+            }
+        }
+        for (sums, to) in sums.iter().zip(&mut gradient.surfaces) {
+            add(sums, to);
+        }
+        stop_bar.sum()
+    }
+}
+
+#[inline(always)]
+fn add<S: Simd>(sums: &[Lanes<S>; NUMBERS], to: &mut SurfaceGradient) {
+    to.curvature += sums[CURVATURE].sum();
+    to.conic += sums[CONIC].sum();
+    to.thickness += sums[THICKNESS].sum();
+    to.index += sums[INDEX].sum();
+    to.semi_diameter += sums[SEMI_DIAMETER].sum();
+    for (a, sum) in to.asphere.iter_mut().zip(&sums[ASPHERE..]) {
+        *a += sum.sum();
+    }
+}
+
+/// Pulls what a loss asks of the rays of a bundle back through the lens and adds it to `gradient`.
+///
+/// `launched` is the bundle as it was launched, in the coordinates of the first vertex. With `reaim`, launch points follow
+/// the lens; the result is the derivative by the stop radius times that radius, mm. Without, rays keep their launch.
+pub fn pull_back(
+    sequence: &Sequence,
+    launched: &RayBundle,
+    seeds: &Seeds,
+    reaim: Option<&Reaim>,
+    gradient: &mut LensGradient,
+) -> f64 {
+    Arch::new().dispatch(PullBack { sequence, launched, seeds, reaim, gradient })
+}

@@ -1,0 +1,205 @@
+//! Bundles of rays forward through a lens, to the image plane.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::lanes::{Lanes, Mask, V3, along, width};
+use super::surface::{Rays, meet, refract};
+use crate::trace::SOFT_EDGE_MM;
+use crate::trace::ray::{Fate, RayBundle};
+use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
+
+/// What becomes of rays, as a number per ray that vectors can hold: 0 is ok, `surface + 1` is clipped there, and dead rays
+/// are below zero.
+#[derive(Clone, Copy)]
+enum Loss {
+    Missed,
+    TotalReflection,
+}
+
+impl Loss {
+    fn code(self, surface: usize) -> f64 {
+        -((2 * (surface + 1) + self as usize) as f64)
+    }
+}
+
+/// The code of a ray that could not be aimed.
+pub(super) const NOT_AIMED: f64 = -1.0;
+
+fn clipped_at(surface: usize) -> f64 {
+    (surface + 1) as f64
+}
+
+/// The fate that a code stands for.
+pub(crate) fn fate(code: f64) -> Fate {
+    if code == 0.0 {
+        return Fate::Ok;
+    }
+    let number = code.abs() as usize;
+    match (code > 0.0, number) {
+        (true, surface) => Fate::Clipped(surface - 1),
+        (false, 1) => Fate::NotAimed,
+        (false, n) if n % 2 == 0 => Fate::Missed(n / 2 - 1),
+        (false, n) => Fate::TotalReflection(n / 2 - 1),
+    }
+}
+
+/// What rays met at one surface, kept for the way back.
+#[derive(Clone, Copy)]
+pub(super) struct Crossing<S: Simd> {
+    /// Direction in front of the surface.
+    pub direction: V3<S>,
+    /// Point on the surface, in its own vertex coordinates.
+    pub point: V3<S>,
+    /// Path travelled to it.
+    pub path: Lanes<S>,
+}
+
+/// Rays at the image plane.
+pub(super) struct Arrival<S: Simd> {
+    pub ray: Rays<S>,
+    /// Run from the last vertex plane of the ray to the image plane, along the ray.
+    pub run: Lanes<S>,
+    pub transmission: Lanes<S>,
+    /// Fate codes.
+    pub fate: Lanes<S>,
+    /// Optical path from the launch.
+    pub optical_path: Lanes<S>,
+}
+
+/// Transmission of a clear aperture with a soft edge at `u = r^2` (see `aperture_transmission`), and its derivative by r
+/// over r; `None` where every ray passes well inside.
+#[inline(always)]
+pub(super) fn aperture<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> Option<(Lanes<S>, Lanes<S>)> {
+    let inside = (s.semi_diameter_mm - SOFT_EDGE_MM).max(0.0);
+    if u.lt(u.constant(inside * inside)).all() {
+        return None;
+    }
+    let one = u.constant(1.0);
+    let radius = u.sqrt();
+    let at = ((radius - s.semi_diameter_mm) * (1.0 / SOFT_EDGE_MM)).max(-one).min(one);
+    let square = at * at;
+    let transmission = (square * at) * 0.25 - at * 0.75 + 0.5;
+    let by_radius = (square - one) * (0.75 / SOFT_EDGE_MM);
+    Some((transmission.max(u.constant(0.0)), by_radius / radius.max(u.constant(1e-12))))
+}
+
+/// Moves rays that fail onto the axis, where they disturb nobody, and notes why.
+#[inline(always)]
+fn lose<S: Simd>(ray: &mut Rays<S>, fate: &mut Lanes<S>, ok: Mask<S>, loss: Loss, surface: usize) {
+    if ok.all() {
+        return;
+    }
+    // A ray that was lost before stays lost to what it was lost to.
+    let zero = fate.constant(0.0);
+    let before = is_dead(*fate);
+    let newly = ok.not().and(before.not());
+    *fate = newly.select(fate.constant(loss.code(surface)), *fate);
+    for value in ray.position.iter_mut().chain(&mut ray.direction[..2]) {
+        *value = ok.select(*value, zero);
+    }
+    ray.direction[2] = ok.select(ray.direction[2], zero.constant(1.0));
+}
+
+/// Whether rays do not reach the image; clipped rays do.
+#[inline(always)]
+pub(super) fn is_dead<S: Simd>(fate: Lanes<S>) -> Mask<S> {
+    fate.lt(fate.constant(0.0))
+}
+
+/// Traces rays to the image plane; `tape`, if given, receives one crossing per surface.
+#[inline(always)]
+pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
+    sequence: &Sequence,
+    mut ray: Rays<S>,
+    mut fate: Lanes<S>,
+    tape: &mut Vec<Crossing<S>>,
+) -> Arrival<S> {
+    let zero = fate.constant(0.0);
+    let mut transmission = is_dead(fate).select(zero, zero.constant(1.0));
+    let mut optical_path = zero;
+    tape.clear();
+    for (i, surface) in sequence.surfaces.iter().enumerate() {
+        let meeting = meet(surface, &ray);
+        let (mut point, mut before) = (meeting.point, ray.direction);
+        optical_path = meeting.path.mul_add(zero.constant(surface.n_before), optical_path);
+        // Lose light outside the clear aperture. The stop does not clip: rays are aimed inside it.
+        if i != sequence.stop {
+            let u = point[0].mul_add(point[0], point[1] * point[1]);
+            if let Some((share, _)) = aperture(surface, u) {
+                transmission = transmission * share;
+                let newly = zero.lt(share).not().and(fate.abs().lt(zero.constant(0.5)));
+                fate = newly.select(zero.constant(clipped_at(i)), fate);
+            }
+        }
+        let (direction, refracted) = refract(surface, point, before);
+        let mut after = Rays { position: point, direction };
+        let ok = meeting.ok.and(refracted);
+        if !ok.all() {
+            lose(&mut after, &mut fate, meeting.ok, Loss::Missed, i);
+            lose(&mut after, &mut fate, refracted, Loss::TotalReflection, i);
+            transmission = ok.select(transmission, zero);
+            for axis in 0..3 {
+                point[axis] = ok.select(point[axis], zero);
+                before[axis] = ok.select(before[axis], after.direction[axis]);
+            }
+        }
+        if TAPE {
+            tape.push(Crossing { direction: before, point, path: ok.select(meeting.path, zero) });
+        }
+        after.position[2] = after.position[2] - surface.thickness_mm;
+        ray = after;
+    }
+    let run = -ray.position[2] / ray.direction[2];
+    let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
+    optical_path = run.mul_add(zero.constant(n_image), optical_path);
+    ray.position = along(ray.position, run, ray.direction);
+    Arrival { ray, run, transmission, fate, optical_path }
+}
+
+/// Loads rays of a bundle.
+#[inline(always)]
+pub(super) fn load<S: Simd>(simd: S, bundle: &RayBundle, at: usize) -> Rays<S> {
+    let load = |from: &[f64]| Lanes::load(simd, &from[at..]);
+    Rays {
+        position: [load(&bundle.x), load(&bundle.y), load(&bundle.z)],
+        direction: [load(&bundle.l), load(&bundle.m), load(&bundle.n)],
+    }
+}
+
+struct Trace<'a> {
+    sequence: &'a Sequence,
+    bundle: &'a mut RayBundle,
+}
+
+impl WithSimd for Trace<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sequence, bundle } = self;
+        let mut no_tape = Vec::new();
+        for at in (0..bundle.len()).step_by(width::<S>()) {
+            let fate = Lanes::load(simd, &bundle.fate[at..]);
+            let arrival = trace_rays::<S, false>(sequence, load(simd, bundle, at), fate, &mut no_tape);
+            let ([x, y, z], [l, m, n]) = (arrival.ray.position, arrival.ray.direction);
+            for (value, to) in [
+                (x, &mut bundle.x),
+                (y, &mut bundle.y),
+                (z, &mut bundle.z),
+                (l, &mut bundle.l),
+                (m, &mut bundle.m),
+                (n, &mut bundle.n),
+                (arrival.transmission, &mut bundle.transmission),
+                (arrival.fate, &mut bundle.fate),
+                (arrival.optical_path, &mut bundle.optical_path),
+            ] {
+                value.store(&mut to[at..]);
+            }
+        }
+    }
+}
+
+/// Traces a bundle, given in the coordinates of the first vertex, to the image plane.
+pub fn trace(sequence: &Sequence, bundle: &mut RayBundle) {
+    Arch::new().dispatch(Trace { sequence, bundle });
+}

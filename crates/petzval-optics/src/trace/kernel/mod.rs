@@ -1,0 +1,18 @@
+//! The fast path: several rays at a time in vector registers, with the instruction set chosen at run time.
+//!
+//! The readable reference is [`trace_ray`](super::trace_ray), one ray at a time; tests hold the two together.
+
+mod aim;
+mod backward;
+mod forward;
+mod lanes;
+mod surface;
+mod tangent;
+
+pub use aim::AimedRays;
+pub use backward::{Reaim, Seeds, pull_back};
+pub use forward::trace;
+pub(crate) use lanes::MAX_LANES;
+pub use tangent::{RayTangents, push_change};
+
+pub(crate) use forward::fate;

@@ -1,0 +1,278 @@
+//! Several rays through one surface: meet it, refract, and how both change (tangents).
+//!
+//! A surface is the level set `G = 0` of `G(x, y, z) = h - c/2 (u + (1+k) h^2)`, with `u = x^2 + y^2` and
+//! `h = z - P(u)` the height above the polynomial part: for `P = 0` the quadric of a conic, without root or
+//! quotient. On the surface `dG/dz = w = sqrt(1 - (1+k) c^2 u)`, the root of the explicit formula.
+
+use pulp::Simd;
+
+use super::lanes::{Lanes, Mask, V3, along, dot, scaled};
+use crate::trace::sequence::SurfaceAtWavelength;
+
+/// Newton steps allowed for an asphere; a well-posed ray needs two or three.
+const MAX_NEWTON: usize = 30;
+
+/// A Newton step below this length, mm, is the last: the error left is about its square times the curvature.
+const LAST_STEP_MM: f64 = 1e-8;
+
+/// Rays: points and unit directions.
+#[derive(Clone, Copy)]
+pub(super) struct Rays<S: Simd> {
+    pub position: V3<S>,
+    pub direction: V3<S>,
+}
+
+/// Where rays meet a surface.
+#[derive(Clone, Copy)]
+pub(super) struct Meeting<S: Simd> {
+    pub point: V3<S>,
+    pub path: Lanes<S>,
+    pub ok: Mask<S>,
+}
+
+/// `P(u)` and `P'(u)` of the polynomial part.
+#[inline(always)]
+fn polynomial<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
+    let (mut p, mut d) = (u.constant(0.0), u.constant(0.0));
+    for a in s.polynomial().iter().rev() {
+        d = d.mul_add(u, p);
+        p = p.mul_add(u, u.constant(*a));
+    }
+    // p is P / u: P = u p, P' = p + u p'.
+    (u * p, u.mul_add(d, p))
+}
+
+/// `P'(u)` and `P''(u)`.
+#[inline(always)]
+fn polynomial_slopes<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
+    let zero = u.constant(0.0);
+    let (mut p, mut d, mut dd) = (zero, zero, zero);
+    for a in s.polynomial().iter().rev() {
+        dd = dd.mul_add(u, d + d);
+        d = d.mul_add(u, p);
+        p = p.mul_add(u, u.constant(*a));
+    }
+    (u.mul_add(d, p), u.mul_add(dd, d + d))
+}
+
+/// Follows rays to the surface.
+#[inline(always)]
+pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
+    let (c, k) = (s.shape.curvature, s.shape.conic);
+    let (p, d) = (ray.position, ray.direction);
+    let zero = p[0].constant(0.0);
+    if c == 0.0 && s.is_conic {
+        let path = -p[2] / d[2];
+        let point = [path.mul_add(d[0], p[0]), path.mul_add(d[1], p[1]), zero];
+        return Meeting { point, path, ok: zero.lt(d[2]) };
+    }
+    // The conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)).
+    let (kn, kz) = (d[2] * k, p[2] * k);
+    let a = d[2].mul_add(kn, d[2].constant(1.0)) * c;
+    let b = d[2] - (dot(p, d) + kz * d[2]) * c;
+    let q = (dot(p, p) + kz * p[2]) * c - (p[2] + p[2]);
+    let discriminant = b * b - a * q;
+    let denominator = b + discriminant.max(zero).sqrt();
+    let meets = zero.constant(-f64::MIN_POSITIVE).lt(discriminant).and(zero.lt(denominator));
+    let path = q / denominator;
+    if s.is_conic {
+        return Meeting { point: along(p, path, d), path, ok: meets };
+    }
+    let from_vertex_plane = -p[2] / d[2];
+    follow_to_asphere(s, ray, meets.select(path, from_vertex_plane))
+}
+
+/// Newton's method along the ray on `G`, from a first guess of the path.
+#[inline(always)]
+fn follow_to_asphere<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, mut path: Lanes<S>) -> Meeting<S> {
+    let (c, k1) = (s.shape.curvature, 1.0 + s.shape.conic);
+    let (p, d) = (ray.position, ray.direction);
+    let zero = path.constant(0.0);
+    let mut ok = path.lt(path).or(zero.lt(zero));
+    for _ in 0..MAX_NEWTON {
+        let q = along(p, path, d);
+        let u = q[0].mul_add(q[0], q[1] * q[1]);
+        let outward = q[0].mul_add(d[0], q[1] * d[1]);
+        let (sag, slope) = polynomial(s, u);
+        let h = q[2] - sag;
+        let w = (h * (-c * k1)) + 1.0;
+        let g = h - (h * k1).mul_add(h, u) * (0.5 * c);
+        let rate = w * (d[2] - (slope + slope) * outward) - outward * c;
+        let step = g / rate;
+        path -= step;
+        ok = step.abs().lt(zero.constant(LAST_STEP_MM)).and(zero.lt(rate)).and(zero.lt(w));
+        if ok.all() {
+            break;
+        }
+    }
+    Meeting { point: along(p, path, d), path, ok }
+}
+
+/// The gradient of `G` at a point of the surface, `w (-z_x, -z_y, 1)`, and its squared length.
+#[inline(always)]
+fn normal<S: Simd>(s: &SurfaceAtWavelength, q: V3<S>) -> (V3<S>, Option<Lanes<S>>) {
+    let (c, k1) = (s.shape.curvature, 1.0 + s.shape.conic);
+    let one = q[0].constant(1.0);
+    if s.is_conic {
+        let n = [q[0] * -c, q[1] * -c, one - q[2] * (c * k1)];
+        // On a sphere (and a plane) this is a unit vector.
+        return (n, (s.shape.conic != 0.0 && c != 0.0).then(|| dot(n, n)));
+    }
+    let u = q[0].mul_add(q[0], q[1] * q[1]);
+    let (sag, slope) = polynomial(s, u);
+    let w = one - (q[2] - sag) * (c * k1);
+    let across = -(w * (slope + slope)) - one * c;
+    let n = [across * q[0], across * q[1], w];
+    (n, Some(dot(n, n)))
+}
+
+/// Direction behind the surface, and where light gets through (elsewhere it is totally reflected).
+///
+/// Snell's law `d' = mu d + b N` with a normal N of any length: `b = (sqrt(N.N (1 - mu^2) + mu^2 (N.d)^2) - mu N.d) / N.N`.
+#[inline(always)]
+pub(super) fn refract<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, d: V3<S>) -> (V3<S>, Mask<S>) {
+    let mu = s.n_before / s.n_after;
+    let zero = d[0].constant(0.0);
+    if mu == 1.0 {
+        return (d, d[2].lt(d[2]).not());
+    }
+    let (n, length2) = normal(s, point);
+    let g = dot(n, d);
+    let root2 = match length2 {
+        Some(q) => q.mul_add(q.constant(1.0 - mu * mu), g * g * (mu * mu)),
+        None => (g * g) * (mu * mu) + (1.0 - mu * mu),
+    };
+    let mut bend = root2.max(zero).sqrt() - g * mu;
+    if let Some(q) = length2 {
+        bend = bend / q;
+    }
+    (along(scaled(zero.constant(mu), d), bend, n), zero.constant(-f64::MIN_POSITIVE).lt(root2))
+}
+
+/// What the derivatives of meeting and refraction are made of, at the points of a surface.
+pub(super) struct Slopes<S: Simd> {
+    /// `w`, and its reciprocal.
+    pub w: Lanes<S>,
+    pub per_w: Lanes<S>,
+    /// `x^2 + y^2`.
+    pub u: Lanes<S>,
+    /// dz/du.
+    pub first: Lanes<S>,
+    /// d^2z/du^2.
+    pub second: Lanes<S>,
+    /// `(-z_x, -z_y, 1)`.
+    pub normal: V3<S>,
+}
+
+/// Slopes of the sag at points of a surface.
+#[inline(always)]
+pub(super) fn slopes<S: Simd>(s: &SurfaceAtWavelength, q: V3<S>) -> Slopes<S> {
+    let (c, k1) = (s.shape.curvature, 1.0 + s.shape.conic);
+    let one = q[0].constant(1.0);
+    let u = q[0].mul_add(q[0], q[1] * q[1]);
+    let (w, by_polynomial) = if s.is_conic {
+        (one - q[2] * (c * k1), None)
+    } else {
+        let (sag, _) = polynomial(s, u);
+        (one - (q[2] - sag) * (c * k1), Some(polynomial_slopes(s, u)))
+    };
+    // The conic: z' = c / (2 w), z'' = (1+k) c^3 / (4 w^3).
+    let per_w = one / w;
+    let mut first = per_w * (0.5 * c);
+    let mut second = per_w * per_w * per_w * (0.25 * k1 * c * c * c);
+    if let Some((d, dd)) = by_polynomial {
+        first += d;
+        second += dd;
+    }
+    let twice = first + first;
+    Slopes { w, per_w, u, first, second, normal: [-(twice * q[0]), -(twice * q[1]), one] }
+}
+
+/// How Snell's law bends with its arguments: `d' = mu d + b N`, `b = (R - mu g) / q`, with `g = N.d`, `q = N.N`,
+/// `R = sqrt(q (1 - mu^2) + mu^2 g^2)`.
+pub(super) struct Bend<S: Simd> {
+    pub mu: f64,
+    pub b: Lanes<S>,
+    pub g: Lanes<S>,
+    pub q: Lanes<S>,
+    pub per_q: Lanes<S>,
+    pub per_root: Lanes<S>,
+}
+
+/// The bend at a surface with normal `n` for rays of direction `d`.
+#[inline(always)]
+pub(super) fn bend<S: Simd>(s: &SurfaceAtWavelength, n: V3<S>, d: V3<S>) -> Bend<S> {
+    let mu = s.n_before / s.n_after;
+    let (g, q) = (dot(n, d), dot(n, n));
+    let root = q.mul_add(q.constant(1.0 - mu * mu), g * g * (mu * mu)).sqrt();
+    let one = g.constant(1.0);
+    let per_q = one / q;
+    Bend { mu, b: (root - g * mu) * per_q, g, q, per_q, per_root: one / root }
+}
+
+/// How points and directions move when something moves: a tangent of rays.
+#[derive(Clone, Copy)]
+pub(super) struct Tangent<S: Simd> {
+    pub position: V3<S>,
+    pub direction: V3<S>,
+}
+
+/// What one surface's own numbers add to a tangent there.
+#[derive(Clone, Copy)]
+pub(super) struct OwnTangent<S: Simd> {
+    /// Change of the sag at the point.
+    pub sag: Lanes<S>,
+    /// Change of dz/du at the point.
+    pub first: Lanes<S>,
+    /// Change of `mu = n_before / n_after`.
+    pub mu: Lanes<S>,
+}
+
+/// Carries a tangent, given where rays enter, to their points on the surface and behind it.
+///
+/// `dt = (z_theta - N.(dp + t dd)) / N.d`; the normal turns with the second derivatives of the sag; Snell's law is
+/// differentiated as it stands.
+#[inline(always)]
+pub(super) fn push_forward<S: Simd>(
+    slopes: &Slopes<S>,
+    bend: &Bend<S>,
+    path: Lanes<S>,
+    [x, y]: [Lanes<S>; 2],
+    d: V3<S>,
+    tangent: &Tangent<S>,
+    own: Option<OwnTangent<S>>,
+) -> Tangent<S> {
+    let n = slopes.normal;
+    let moved = along(tangent.position, path, tangent.direction);
+    let mut rise = -dot(n, moved);
+    if let Some(own) = &own {
+        rise += own.sag;
+    }
+    let point = along(moved, rise / bend.g, d);
+
+    // The normal (-2 x z', -2 y z', 1) turns.
+    let mut first_dot = (x * point[0] + y * point[1]) * (slopes.second + slopes.second);
+    if let Some(own) = &own {
+        first_dot += own.first;
+    }
+    let zero = x.constant(0.0);
+    let turned = |at: Lanes<S>, moved: Lanes<S>| -(at * first_dot + slopes.first * moved) * 2.0;
+    let n_dot = [turned(x, point[0]), turned(y, point[1]), zero];
+
+    let mu = zero.constant(bend.mu);
+    let g_dot = dot(n_dot, d) + dot(n, tangent.direction);
+    let q_dot = dot(n, n_dot) * 2.0;
+    let mut root_dot =
+        (q_dot * (0.5 * (1.0 - bend.mu * bend.mu)) + bend.g * g_dot * (bend.mu * bend.mu)) * bend.per_root;
+    let mut less = mu * g_dot;
+    if let Some(own) = &own {
+        root_dot += own.mu * mu * (bend.g * bend.g - bend.q) * bend.per_root;
+        less += own.mu * bend.g;
+    }
+    let b_dot = (root_dot - less - bend.b * q_dot) * bend.per_q;
+    let mut direction = along(along(scaled(mu, tangent.direction), b_dot, n), bend.b, n_dot);
+    if let Some(own) = &own {
+        direction = along(direction, own.mu, d);
+    }
+    Tangent { position: point, direction }
+}

@@ -1,0 +1,187 @@
+//! The vector kernels against the readable reference, ray by ray.
+
+mod common;
+
+use common::all_lenses;
+use petzval_optics::gradient::LensGradient;
+use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::trace::{
+    AimedRays, Fate, Ray, RayBundle, Reaim, Seeds, aim_at_stop, launch, pull_back, push_change, trace,
+    trace_ray,
+};
+
+/// Points of a square in a fixed, irregular order.
+fn scattered(count: usize, half_mm: f64) -> impl Iterator<Item = [f64; 2]> {
+    (0..count)
+        .map(move |i| [0.754_877_666, 0.569_840_291].map(|g| half_mm * (2.0 * (i as f64 * g).fract() - 1.0)))
+}
+
+fn assert_same(lens: &Lens, field_deg: f64, half_mm: f64) -> [usize; 3] {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let field = field_deg.to_radians();
+    let starts: Vec<Ray> = scattered(203, half_mm).map(|at| launch(&sequence, field, at).ray).collect();
+    let mut bundle = RayBundle::new(starts.len());
+    for (i, start) in starts.iter().enumerate() {
+        bundle.set(i, *start);
+    }
+    trace(&sequence, &mut bundle);
+    let mut seen = [0; 3];
+    for (i, start) in starts.iter().enumerate() {
+        let path = trace_ray(&sequence, *start);
+        assert!((bundle.transmission(i) - path.transmission).abs() < 1e-9, "{}", lens.name);
+        // Far outside the apertures a steep asphere may be met in several places, and either is right.
+        let radii = path.passages.iter().map(|p| p.point[0].hypot(p.point[1]));
+        if !radii.zip(&sequence.surfaces).all(|(r, s)| r < 1.2 * s.semi_diameter_mm) {
+            continue;
+        }
+        // Where a conic has ended, its polynomial may still be met; beyond the aperture it makes no difference.
+        if let (Fate::Clipped(a), Fate::Missed(b)) = (bundle.fate(i), path.fate)
+            && a == b
+        {
+            continue;
+        }
+        assert_eq!(bundle.fate(i), path.fate, "{} ray {i}: {start:?}", lens.name);
+        seen[match path.fate {
+            Fate::Ok => 0,
+            Fate::Clipped(_) => 1,
+            _ => 2,
+        }] += 1;
+        let Some(image) = path.image else { continue };
+        let fast = bundle.ray(i);
+        for axis in 0..3 {
+            assert!((fast.position[axis] - image.position[axis]).abs() < 1e-10, "{} ray {i}", lens.name);
+            assert!((fast.direction[axis] - image.direction[axis]).abs() < 1e-10, "{} ray {i}", lens.name);
+        }
+        assert!((bundle.optical_path_mm(i) - path.optical_path_mm).abs() < 1e-10);
+    }
+    seen
+}
+
+#[test]
+fn every_lens_traces_as_the_reference_does() {
+    let mut seen = [0; 3];
+    for file in all_lenses() {
+        let lens = file.lens;
+        let half = 0.5 * lens.entrance_pupil_mm;
+        for field_deg in [0.0, 7.0, 15.0] {
+            for wide in [0.6, 1.0, 2.5] {
+                let found = assert_same(&lens, field_deg, wide * half);
+                seen = [0, 1, 2].map(|i| seen[i] + found[i]);
+            }
+        }
+        let near = Lens { object: ObjectDistance::Finite(200.0), ..lens.clone() };
+        assert_same(&near, 4.0, half);
+    }
+    // The test has met rays of every fate.
+    assert!(seen.iter().all(|count| *count > 50), "{seen:?}");
+}
+
+#[test]
+fn conics_and_strong_aspheres_trace_as_the_reference_does() {
+    for file in all_lenses() {
+        let mut lens = file.lens;
+        let half = 0.5 * lens.entrance_pupil_mm;
+        for (i, surface) in lens.surfaces.iter_mut().enumerate() {
+            surface.shape.conic = [-1.0, -2.5, 0.7][i % 3];
+            surface.shape.asphere[0] = [1e-3, 0.0, -2e-3][i % 3];
+            surface.shape.asphere[1] = [0.0, 0.0, 1e-5][i % 3];
+        }
+        for field_deg in [0.0, 10.0] {
+            assert_same(&lens, field_deg, half);
+        }
+    }
+}
+
+#[test]
+fn rays_are_aimed_as_the_reference_aims_them() {
+    for file in all_lenses() {
+        for object in [ObjectDistance::Infinity, ObjectDistance::Finite(300.0)] {
+            let lens = Lens { object, ..file.lens.clone() };
+            let sequence = lens.at_wavelength(lens.reference_um);
+            for field_deg in [0.0, 6.0, 12.0] {
+                let field = f64::to_radians(field_deg);
+                let targets: Vec<[f64; 2]> = scattered(37, 0.35 * lens.entrance_pupil_mm).collect();
+                let guesses = vec![[0.0, -20.0 * field.tan()]; targets.len()];
+                let aimed = AimedRays::new(&sequence, field, &targets, &guesses);
+                for (i, target) in targets.iter().enumerate() {
+                    let reference = aim_at_stop(&sequence, field, *target, guesses[i]);
+                    assert_eq!(aimed.is_aimed(i), reference.is_some(), "{} {field_deg} {i}", lens.name);
+                    let Some(reference) = reference else { continue };
+                    let found = aimed.launch_of(i);
+                    for axis in 0..2 {
+                        assert!((found[axis] - reference.launch_mm[axis]).abs() < 1e-9, "{}", lens.name);
+                    }
+                    let [[a, b], [c, d]] = reference.stop_by_launch;
+                    let area = aimed.launch_per_stop_area(i) * (a * d - b * c);
+                    assert!((area - 1.0).abs() < 1e-9, "{}: {area}", lens.name);
+                }
+            }
+        }
+    }
+}
+
+/// `<seeds, J change> = <J^T seeds, change>` over the rays of a beam, with and without re-aiming.
+#[test]
+fn tangent_and_adjoint_are_transposes() {
+    for file in all_lenses() {
+        for (object, field_deg) in [(ObjectDistance::Infinity, 12.0), (ObjectDistance::Finite(300.0), 5.0)] {
+            let mut lens = Lens { object, ..file.lens.clone() };
+            let semi = 0.45 * lens.entrance_pupil_mm;
+            // Aperture edges cross the beam in front of the stop and behind it.
+            lens.surfaces[0].semi_diameter_mm = semi + 3.0;
+            lens.surfaces[lens.stop + 1].semi_diameter_mm = semi;
+            for surface in &mut lens.surfaces {
+                surface.shape.conic += 0.1;
+            }
+            let sequence = lens.at_wavelength(lens.reference_um);
+            let field = f64::to_radians(field_deg);
+            let targets: Vec<[f64; 2]> = scattered(61, 0.33 * lens.entrance_pupil_mm).collect();
+            let aimed = AimedRays::new(&sequence, field, &targets, &vec![[0.0, -20.0 * field.tan()]; 61]);
+            let launched = aimed.bundle(&sequence);
+
+            let mut noise = (0..).map(|i| 2.0 * (f64::from(i) * 0.618_033_988_7).fract() - 1.0);
+            let mut seeds = Seeds::zero(launched.len());
+            for i in 0..launched.len() {
+                seeds.image_x[i] = noise.next().unwrap();
+                seeds.image_y[i] = noise.next().unwrap();
+                seeds.transmission[i] = 1e-3 * noise.next().unwrap();
+            }
+            let mut change = LensGradient::zero(lens.surfaces.len());
+            for s in &mut change.surfaces {
+                s.curvature = 1e-2 * noise.next().unwrap();
+                s.conic = noise.next().unwrap();
+                s.thickness = noise.next().unwrap();
+                s.index = 1e-2 * noise.next().unwrap();
+                s.semi_diameter = 1e-3 * noise.next().unwrap();
+                for (j, a) in s.asphere.iter_mut().enumerate() {
+                    *a = 10f64.powi(-2 - 2 * j as i32) * noise.next().unwrap();
+                }
+            }
+            let nothing = vec![0.0; RayBundle::padded(61)];
+            for follow in [false, true] {
+                let growth = 0.37;
+                let moved = push_change(&sequence, &launched, &change, follow.then_some((&aimed, growth)));
+                let mut gradient = LensGradient::zero(lens.surfaces.len());
+                let reaim = Reaim { aimed: &aimed, launch_bar: [&nothing, &nothing] };
+                let by_stop =
+                    pull_back(&sequence, &launched, &seeds, follow.then_some(&reaim), &mut gradient);
+                let (mut left, mut scale) = (0.0, 0.0);
+                for i in 0..launched.len() {
+                    for (a, b) in [
+                        (seeds.image_x[i], moved.image_x[i]),
+                        (seeds.image_y[i], moved.image_y[i]),
+                        (seeds.transmission[i], moved.transmission[i]),
+                    ] {
+                        left += a * b;
+                        scale += (a * b).abs();
+                    }
+                }
+                let mut right = by_stop * growth;
+                for (g, c) in gradient.surfaces.iter().zip(&change.surfaces) {
+                    right += g.numbers().zip(c.numbers()).map(|(a, b)| a * b).sum::<f64>();
+                }
+                assert!((left - right).abs() < 1e-10 * scale, "{} {follow}: {left} {right}", lens.name);
+            }
+        }
+    }
+}
