@@ -228,7 +228,6 @@ impl<'a> DesignLoop<'a> {
         let merit = SpotMerit {
             space: &self.setup.space,
             fields_rad: &self.setup.spot_fields_rad,
-            quadrature: &self.setup.moving_plan.quadrature,
             requirements: &self.setup.requirements,
         };
         let rms_um = merit.step(&mut self.position.moving, rate)?;

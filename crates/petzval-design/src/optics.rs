@@ -28,7 +28,7 @@ pub struct PsfPlan {
 pub struct BankWithTape {
     /// The renderer's input.
     pub bank: PsfBank,
-    tapes: Vec<PsfTape>,
+    fields: Vec<(FieldPsf, PsfTape)>,
     surfaces: usize,
 }
 
@@ -82,15 +82,13 @@ impl PsfPlan {
             values: Vec::new(),
             illumination: Vec::new(),
         };
-        let mut tapes = Vec::new();
-        for (psf, tape) in traced {
+        for (psf, _) in &traced {
             for channel in &psf.values {
                 bank.values.extend(channel.iter().map(|v| *v as f32));
             }
             bank.illumination.extend(psf.illumination.iter().map(|v| *v as f32));
-            tapes.push(tape);
         }
-        Ok(BankWithTape { bank, tapes, surfaces: lens.surfaces.len() })
+        Ok(BankWithTape { bank, fields: traced, surfaces: lens.surfaces.len() })
     }
 
     /// PSFs of every field in double precision, for analysis and for files.
@@ -119,17 +117,17 @@ impl PsfPlan {
     ) -> LensGradient {
         let cells = self.options.grid * self.options.grid;
         let parts: Vec<LensGradient> = traced
-            .tapes
+            .fields
             .par_iter()
             .enumerate()
-            .map(|(field, tape)| {
+            .map(|(field, (psf, tape))| {
                 let values = by_values[field * 3 * cells..(field + 1) * 3 * cells]
                     .chunks_exact(cells)
                     .map(|channel| channel.iter().map(|v| f64::from(*v)).collect())
                     .collect();
                 let illumination =
                     by_illumination[field * 3..field * 3 + 3].iter().map(|v| f64::from(*v)).collect();
-                tape.gradient(&self.quadrature, &PsfCotangent { values, illumination })
+                tape.gradient(psf, &self.quadrature, &PsfCotangent { values, illumination })
             })
             .collect();
         // Sum in the order of the fields: the same bits for any number of threads.

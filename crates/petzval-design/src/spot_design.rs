@@ -2,7 +2,6 @@
 
 use petzval_optics::design_space::DesignSpace;
 use petzval_optics::lens::Lens;
-use petzval_optics::pupil::Quadrature;
 use petzval_optics::spot::mean_square_spot;
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +32,6 @@ pub struct SpotMerit<'a> {
     pub space: &'a DesignSpace,
     /// Field angles, rad.
     pub fields_rad: &'a [f64],
-    /// Pupil.
-    pub quadrature: &'a Quadrature,
     /// What the lens must keep.
     pub requirements: &'a Requirements,
 }
@@ -47,7 +44,7 @@ impl SpotMerit<'_> {
     pub fn evaluate(&self, x: &[f64]) -> Result<(f64, Vec<f64>, Lens), DesignError> {
         let lens = self.space.lens_at(x)?;
         let (square_um2, mut gradient) =
-            mean_square_spot(&lens, self.fields_rad, self.quadrature).ok_or(DesignError::NoLight {
+            mean_square_spot(&lens, self.fields_rad).ok_or(DesignError::NoLight {
                 field_deg: self.fields_rad.last().copied().unwrap_or(0.0).to_degrees(),
             })?;
         let (penalty_mm2, by_penalty) = self.requirements.penalty(&lens)?;

@@ -20,6 +20,7 @@ pub mod design_space;
 pub mod format;
 pub mod glass;
 pub mod gradient;
+mod lanes;
 pub mod lens;
 pub mod paraxial;
 pub mod psf;

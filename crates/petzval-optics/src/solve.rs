@@ -3,7 +3,7 @@
 use crate::lens::Lens;
 use crate::paraxial::first_order;
 use crate::pupil::Quadrature;
-use crate::spot::mean_square_spot;
+use crate::spot::mean_square_spot_traced;
 
 /// The lens with surface `surface`'s curvature solved so that the effective focal length at the reference
 /// wavelength is `efl_mm`; `None` if that surface has no say in it.
@@ -38,7 +38,7 @@ pub fn with_best_focus(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature)
     let step = 0.1;
     let at = lens.image_distance_mm();
     let value = |distance: f64| {
-        Some(mean_square_spot(&lens.with_image_distance(distance), fields_rad, quadrature)?.0)
+        Some(mean_square_spot_traced(&lens.with_image_distance(distance), fields_rad, quadrature)?.0)
     };
     let (below, here, above) = (value(at - step)?, value(at)?, value(at + step)?);
     let curvature = below - 2.0 * here + above;

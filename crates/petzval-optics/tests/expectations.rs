@@ -9,7 +9,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{Quadrature, chief_ray, field_imaged_at};
 use petzval_optics::solve::{with_best_focus, with_efl, with_paraxial_focus};
-use petzval_optics::spot::{mean_square_spot, spot, spot_paraxial_pupil};
+use petzval_optics::spot::{mean_square_spot_traced, spot, spot_paraxial_pupil};
 
 fn files(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
@@ -98,6 +98,7 @@ fn solves_hit_what_they_solve_for() {
     let far = with_best_focus(&lens.with_image_distance(26.0), &fields, &quadrature).unwrap();
     let at = best.image_distance_mm();
     assert!((at - far.image_distance_mm()).abs() < 1e-9);
-    let value = |d: f64| mean_square_spot(&lens.with_image_distance(d), &fields, &quadrature).unwrap().0;
+    let value =
+        |d: f64| mean_square_spot_traced(&lens.with_image_distance(d), &fields, &quadrature).unwrap().0;
     assert!(value(at) < value(at + 1e-3) && value(at) < value(at - 1e-3));
 }

@@ -1,6 +1,283 @@
 //! Point-spread functions: what the lens makes of a point of light.
+//!
+//! Rays of a filled pupil are splatted on a grid around the chief ray. [`psf`] evaluates them from polynomials over the
+//! pupil, through one to four hundred traced rays; where rays that the polynomials were not fitted to land too far from
+//! where these say, or where rays of the stop are lost, it traces a ray for every pupil cell, as the reference
+//! [`psf_traced`] always does.
 
-mod geometric;
+mod polynomial;
 mod splat;
+mod traced;
 
-pub use geometric::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf, psf_with_tape};
+use polynomial::{Blocks, PolynomialChannel};
+use traced::TracedChannel;
+
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use crate::pupil::{ChiefRay, PupilMap, Quadrature, chief_ray, pull_back_chief};
+use crate::trace::Sequence;
+
+/// The grid on which a PSF is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PsfOptions {
+    /// Cells a side.
+    pub grid: usize,
+    /// Cell size, um.
+    pub pitch_um: f64,
+}
+
+impl Default for PsfOptions {
+    /// The paper's 128 x 128 um at 1 um.
+    fn default() -> Self {
+        Self { grid: 128, pitch_um: 1.0 }
+    }
+}
+
+/// PSFs of one field, one per wavelength.
+///
+/// Rows run along y (away from the axis for a positive field's image), columns along x; the chief
+/// ray of the reference wavelength is at the centre, between the two middle cells.
+#[derive(Clone, Debug)]
+pub struct FieldPsf {
+    /// Field angle, rad.
+    pub field_rad: f64,
+    /// Height of the reference chief ray on the image plane, mm.
+    pub chief_y_mm: f64,
+    /// `[wavelength][row * grid + column]`, each of unit sum.
+    pub values: Vec<Vec<f64>>,
+    /// Relative illumination per wavelength: vignetting, pupil growth and cos^4; 1 on the axis of
+    /// a lens without them.
+    pub illumination: Vec<f64>,
+    /// Share of the light that falls inside the grid, per wavelength.
+    pub captured: Vec<f64>,
+    /// How it was made, per wavelength.
+    pub method: Vec<PsfMethod>,
+}
+
+/// How a PSF was made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PsfMethod {
+    /// From polynomials over the pupil through traced rays.
+    Polynomial {
+        /// Total degree.
+        degree: usize,
+        /// How far, at worst, rays that the polynomials were not fitted to land from where these say, um.
+        residual_um: f64,
+    },
+    /// From one traced ray per pupil cell.
+    Traced,
+}
+
+/// What a loss asks of a field's PSFs.
+#[derive(Clone, Debug)]
+pub struct PsfCotangent {
+    /// By each value, laid out as [`FieldPsf::values`].
+    pub values: Vec<Vec<f64>>,
+    /// By each relative illumination.
+    pub illumination: Vec<f64>,
+}
+
+/// What the gradient needs of the forward pass.
+pub struct PsfTape {
+    options: PsfOptions,
+    reference: Sequence,
+    chief: ChiefRay,
+    channels: Vec<Channel>,
+}
+
+struct Channel {
+    sequence: Sequence,
+    light: Light,
+    total: f64,
+}
+
+/// Where the light of a channel came from.
+enum Light {
+    Polynomial(Box<PolynomialChannel>),
+    Traced(Box<TracedChannel>),
+}
+
+/// Which way to take.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    Fast,
+    Reference,
+}
+
+/// PSFs of a field at the given wavelengths; `None` if the field's chief ray does not reach the image
+/// or no light arrives at all.
+pub fn psf(
+    lens: &Lens,
+    field_rad: f64,
+    wavelengths_um: &[f64],
+    quadrature: &Quadrature,
+    options: &PsfOptions,
+) -> Option<FieldPsf> {
+    psf_with_tape(lens, field_rad, wavelengths_um, quadrature, options).map(|(psf, _)| psf)
+}
+
+/// [`psf`] with a traced ray for every pupil cell: the reference.
+pub fn psf_traced(
+    lens: &Lens,
+    field_rad: f64,
+    wavelengths_um: &[f64],
+    quadrature: &Quadrature,
+    options: &PsfOptions,
+) -> Option<FieldPsf> {
+    make(lens, field_rad, wavelengths_um, quadrature, options, Way::Reference).map(|(psf, _)| psf)
+}
+
+/// [`psf`], with what its gradient needs.
+pub fn psf_with_tape(
+    lens: &Lens,
+    field_rad: f64,
+    wavelengths_um: &[f64],
+    quadrature: &Quadrature,
+    options: &PsfOptions,
+) -> Option<(FieldPsf, PsfTape)> {
+    make(lens, field_rad, wavelengths_um, quadrature, options, Way::Fast)
+}
+
+/// [`psf_traced`], with what its gradient needs.
+pub fn psf_traced_with_tape(
+    lens: &Lens,
+    field_rad: f64,
+    wavelengths_um: &[f64],
+    quadrature: &Quadrature,
+    options: &PsfOptions,
+) -> Option<(FieldPsf, PsfTape)> {
+    make(lens, field_rad, wavelengths_um, quadrature, options, Way::Reference)
+}
+
+fn make(
+    lens: &Lens,
+    field_rad: f64,
+    wavelengths_um: &[f64],
+    quadrature: &Quadrature,
+    options: &PsfOptions,
+    way: Way,
+) -> Option<(FieldPsf, PsfTape)> {
+    let reference = lens.at_wavelength(lens.reference_um);
+    let stop_radius_mm = first_order(&reference).stop_radius_mm;
+    let chief = chief_ray(&reference, field_rad)?;
+    let mut result = FieldPsf {
+        field_rad,
+        chief_y_mm: chief.y_mm,
+        values: Vec::new(),
+        illumination: Vec::new(),
+        captured: Vec::new(),
+        method: Vec::new(),
+    };
+    let mut channels: Vec<Channel> = Vec::new();
+    let mut room = Blocks::zero(options.grid);
+    for wavelength in wavelengths_um {
+        let sequence = lens.at_wavelength(*wavelength);
+        let fitted = (way == Way::Fast).then(|| {
+            let like = channels.last().and_then(|c| c.light.map());
+            PolynomialChannel::new(&sequence, field_rad, stop_radius_mm, like)
+        });
+        let (light, mut values, illumination) = match fitted.flatten() {
+            Some(channel) => {
+                let (values, illumination) = channel.splat(quadrature, options, chief.y_mm, &mut room);
+                (Light::Polynomial(Box::new(channel)), values, illumination)
+            }
+            None => {
+                let channel = TracedChannel::new(&sequence, field_rad, stop_radius_mm, quadrature);
+                let (values, illumination) = channel.splat(options, chief.y_mm);
+                (Light::Traced(Box::new(channel)), values, illumination)
+            }
+        };
+        let total: f64 = values.iter().sum();
+        if !(total > 0.0 && illumination > 0.0) {
+            return None;
+        }
+        let per_total = 1.0 / total;
+        values.iter_mut().for_each(|v| *v *= per_total);
+        result.values.push(values);
+        result.illumination.push(illumination);
+        result.captured.push(0.5 * total / illumination);
+        result.method.push(light.method());
+        channels.push(Channel { sequence, light, total });
+    }
+    Some((result, PsfTape { options: *options, reference, chief, channels }))
+}
+
+impl Light {
+    fn method(&self) -> PsfMethod {
+        match self {
+            Self::Polynomial(channel) => channel.method(),
+            Self::Traced(_) => PsfMethod::Traced,
+        }
+    }
+
+    fn map(&self) -> Option<&PupilMap> {
+        match self {
+            Self::Polynomial(channel) => Some(channel.map()),
+            Self::Traced(_) => None,
+        }
+    }
+}
+
+impl PsfTape {
+    /// Gradient of a loss of the PSFs, of which `psf` are the values, with respect to every number of the lens.
+    pub fn gradient(
+        &self,
+        psf: &FieldPsf,
+        quadrature: &Quadrature,
+        cotangent: &PsfCotangent,
+    ) -> LensGradient {
+        let mut gradient = LensGradient::zero(self.reference.surfaces.len());
+        let (mut chief_bar, mut stop_radius_bar) = (0.0, 0.0);
+        for (k, channel) in self.channels.iter().enumerate() {
+            // Normalisation: P = G / S, so Gbar = (Pbar - <Pbar, P>) / S; then the mirror image.
+            let wish = &cotangent.values[k];
+            let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
+            let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
+            let asked = Asked {
+                grid: with_mirror_image(&raw, self.options.grid),
+                illumination: cotangent.illumination[k],
+                options: &self.options,
+                chief_y_mm: self.chief.y_mm,
+            };
+            // Every ray moves, and weighs, as the cells around it wish.
+            let (chief, stop_radius) = match &channel.light {
+                Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &asked, &mut gradient),
+                Light::Traced(c) => c.pull_back(&channel.sequence, quadrature, &asked, &mut gradient),
+            };
+            chief_bar += chief;
+            stop_radius_bar += stop_radius;
+        }
+        pull_back_chief(&self.reference, &self.chief, chief_bar, &mut gradient);
+        let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+        pull_back_first_order(&self.reference, wish, &mut gradient);
+        gradient
+    }
+}
+
+/// What a loss asks of the splatted light of one wavelength, its mirror image included.
+struct Asked<'a> {
+    grid: Vec<f64>,
+    /// By the relative illumination.
+    illumination: f64,
+    options: &'a PsfOptions,
+    chief_y_mm: f64,
+}
+
+impl PsfOptions {
+    /// Cells per mm, and the cell coordinate of the chief ray.
+    fn scale(&self) -> (f64, f64) {
+        (1e3 / self.pitch_um, 0.5 * (self.grid as f64 - 1.0))
+    }
+}
+
+/// Adds to a grid its mirror image in x; this map is its own transpose.
+fn with_mirror_image(half: &[f64], grid: usize) -> Vec<f64> {
+    let mut both = vec![0.0; half.len()];
+    for (row, out) in half.chunks_exact(grid).zip(both.chunks_exact_mut(grid)) {
+        for i in 0..grid {
+            out[i] = row[i] + row[grid - 1 - i];
+        }
+    }
+    both
+}

@@ -1,11 +1,15 @@
 //! The beam of one field at one wavelength: aimed at the stop, traced to the image, weighted by the
 //! light that each ray carries; and the gradient of anything made from it.
 
+use super::basis::PupilBasis;
 use super::quadrature::Quadrature;
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::paraxial::{FirstOrder, first_order, pull_back_entrance_pupil};
 use crate::trace::{AimedRays, Fate, Launch, RayBundle, Reaim, Seeds, Sequence, launch, pull_back, trace};
+
+/// Degree of the polynomials through launch points: high, because this is the reference.
+const JACOBIAN_DEGREE: usize = 20;
 
 /// A beam at the image: one entry per node of the quadrature.
 #[derive(Clone, Debug)]
@@ -73,9 +77,24 @@ fn projection(start: &Launch) -> (f64, [f64; 2]) {
     (nz.powi(4), start.direction_by.map(|by| slope * by[2]))
 }
 
+/// [`projection`] of the first `count` aimed rays.
+pub(super) fn projections<'a>(
+    sequence: &'a Sequence,
+    field_rad: f64,
+    aimed: &'a AimedRays,
+    count: usize,
+) -> impl Iterator<Item = (f64, [f64; 2])> + 'a {
+    // From infinity all rays are parallel.
+    let parallel = (sequence.object == ObjectDistance::Infinity)
+        .then(|| projection(&launch(sequence, field_rad, [0.0; 2])));
+    (0..count).map(move |i| {
+        parallel.unwrap_or_else(|| projection(&launch(sequence, field_rad, aimed.launch_of(i))))
+    })
+}
+
 /// Area, over pi, in which the paraxial beam of the axis crosses the plane of the first vertex, mm^2: that of the
 /// entrance pupil or, from a near object, its shadow on that plane.
-fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
+pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
     let radius = 0.5 * sequence.entrance_pupil_mm;
     match sequence.object {
         ObjectDistance::Infinity => radius * radius,
@@ -104,12 +123,13 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
 
     // Weigh each ray by the light it carries: its area of the launch plane over that of the paraxial beam.
     let pupil_area = launch_area(sequence, &order);
-    let launch_mm: Vec<[f64; 2]> = (0..nodes).map(|i| aimed.launch_of(i)).collect();
-    let jacobian = quadrature.flux.jacobian(&launch_mm);
+    let stop_area = stop_radius_mm * stop_radius_mm;
+    let jacobian = |i: usize| stop_area * aimed.launch_per_stop_area(i);
     let flux: Vec<f64> =
-        quadrature.weights.iter().zip(jacobian).map(|(weight, j)| weight / pupil_area * j).collect();
-    let weight = (0..nodes)
-        .map(|i| flux[i] * projection(&launch(sequence, field_rad, launch_mm[i])).0 * transmission[i])
+        quadrature.weights.iter().enumerate().map(|(i, weight)| weight / pupil_area * jacobian(i)).collect();
+    let weight = projections(sequence, field_rad, &aimed, nodes)
+        .enumerate()
+        .map(|(i, (projection, _))| flux[i] * projection * transmission[i])
         .collect();
     Beam {
         field_rad,
@@ -151,9 +171,8 @@ impl Beam {
         }
         // Weights depend on the launch points through the Jacobian and the projection. A ray without weight moves nothing,
         // but its launch point still shapes the flux fit.
-        let launch_mm: Vec<[f64; 2]> = (0..nodes).map(|i| self.aimed.launch_of(i)).collect();
         let projections: Vec<(f64, [f64; 2])> =
-            launch_mm.iter().map(|at| projection(&launch(sequence, self.field_rad, *at))).collect();
+            projections(sequence, self.field_rad, &self.aimed, nodes).collect();
         let mut seeds = Seeds::zero(nodes);
         let mut jacobian_bar = vec![0.0; nodes];
         for i in 0..nodes {
@@ -166,18 +185,57 @@ impl Beam {
                 seeds.transmission[i] = bar * self.flux[i] * projections[i].0;
             }
         }
-        let flux_bar = quadrature.flux.pull_back(&launch_mm, &jacobian_bar);
         let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(nodes)]);
         for i in (0..nodes).filter(|i| self.aimed.is_aimed(*i)) {
             let projection_bar = cotangent.weight[i] * self.flux[i] * self.transmission[i];
             for axis in 0..2 {
-                launch_bar[axis][i] = flux_bar[i][axis] + projection_bar * projections[i].1[axis];
+                launch_bar[axis][i] = projection_bar * projections[i].1[axis];
             }
         }
         let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
         let reaim = Reaim { aimed: &self.aimed, launch_bar };
-        pull_back(sequence, &self.aimed.bundle(sequence), &seeds, Some(&reaim), gradient)
+        let by_rays = pull_back(sequence, &self.aimed.bundle(sequence), &seeds, Some(&reaim), gradient);
+        (by_rays + self.pull_back_jacobian(sequence, quadrature, &jacobian_bar, gradient))
             / self.stop_radius_mm
+    }
+
+    /// Adds the gradient of what is asked of the Jacobians of launch by pupil coordinates, one per node; returns the
+    /// derivative by the stop radius times that radius, mm.
+    ///
+    /// The Jacobian of a ray is exact; how it changes is that of polynomials through the launch points of some rays. If
+    /// one of those rays cannot be aimed, the share of the Jacobian in the gradient is left out.
+    fn pull_back_jacobian(
+        &self,
+        sequence: &Sequence,
+        quadrature: &Quadrature,
+        jacobian_bar: &[f64],
+        gradient: &mut LensGradient,
+    ) -> f64 {
+        let basis = PupilBasis::of_degree(JACOBIAN_DEGREE);
+        let samples = basis.samples.len();
+        let order = first_order(sequence);
+        let targets: Vec<[f64; 2]> =
+            basis.samples.iter().map(|p| p.map(|p| self.stop_radius_mm * p)).collect();
+        let guesses: Vec<[f64; 2]> =
+            basis.samples.iter().map(|p| paraxial_launch(&order, sequence, self.field_rad, *p)).collect();
+        let aimed = AimedRays::new(sequence, self.field_rad, &targets, &guesses);
+        if !(0..samples).all(|i| aimed.is_aimed(i)) {
+            return 0.0;
+        }
+        let (odd, even) = (&basis.odd, &basis.even);
+        let (x, y) = (odd.fit(&aimed.launch_mm[0]), even.fit(&aimed.launch_mm[1]));
+        let (mut x_bar, mut y_bar) = (vec![0.0; x.len()], vec![0.0; y.len()]);
+        for (p, bar) in quadrature.nodes.iter().zip(jacobian_bar).filter(|(_, bar)| **bar != 0.0) {
+            // jacobian = xx yy - xy yx
+            let ([xx, xy], [yx, yy]) = (odd.slope(&x, *p), even.slope(&y, *p));
+            odd.pull_back_slope([bar * yy, -bar * yx], *p, &mut x_bar);
+            even.pull_back_slope([-bar * xy, bar * xx], *p, &mut y_bar);
+        }
+        let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(samples)]);
+        odd.pull_back_fit(&x_bar, &mut launch_bar[0]);
+        even.pull_back_fit(&y_bar, &mut launch_bar[1]);
+        let reaim = Reaim { aimed: &aimed, launch_bar: launch_bar.each_ref().map(Vec::as_slice) };
+        pull_back(sequence, &aimed.bundle(sequence), &Seeds::zero(samples), Some(&reaim), gradient)
     }
 }
 

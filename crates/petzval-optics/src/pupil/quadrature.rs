@@ -1,7 +1,7 @@
 //! A deterministic quadrature of the unit disk, one half of it: fields lie in the y-z plane, so a
 //! ray at (-x, y) of the pupil is the mirror image of the ray at (x, y).
 
-use super::flux::FluxFit;
+use super::dense::PupilRows;
 
 /// Sub-cells per side by which a cell at the rim is measured.
 const RIM_SUBDIVISION: usize = 16;
@@ -20,7 +20,7 @@ pub struct Quadrature {
     pub weights: Vec<f64>,
     /// Cells a side of the square around the disk.
     pub cells: usize,
-    pub(super) flux: FluxFit,
+    rows: PupilRows,
 }
 
 impl Quadrature {
@@ -43,8 +43,12 @@ impl Quadrature {
         }
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
-        let flux = FluxFit::new(&nodes);
-        Ok(Self { nodes, weights, cells, flux })
+        Ok(Self { nodes, weights, cells, rows: PupilRows::new(cells) })
+    }
+
+    /// The same density for polynomials.
+    pub(crate) fn rows(&self) -> &PupilRows {
+        &self.rows
     }
 
     /// Number of rays that are traced.
@@ -101,17 +105,6 @@ mod tests {
         assert!((moment(&|p| p[1] * p[1]) - 0.25).abs() < 2e-4);
         assert!((moment(&|p| p[1].powi(4)) - 0.125).abs() < 2e-4);
         assert!(q.nodes.iter().all(|p| p[0] > 0.0 && p[0].hypot(p[1]) < 1.0));
-    }
-
-    #[test]
-    fn every_grid_that_is_allowed_determines_the_flux() {
-        for cells in (12..=34).step_by(2) {
-            let q = Quadrature::grid(cells).unwrap();
-            // A pupil stretched by 2 and 3 has the Jacobian 6 everywhere.
-            let launch: Vec<[f64; 2]> = q.nodes.iter().map(|p| [2.0 * p[0], 3.0 * p[1]]).collect();
-            let worst = q.flux.jacobian(&launch).iter().fold(0.0_f64, |w, j| w.max((j - 6.0).abs()));
-            assert!(worst < 1e-6, "{cells} cells: {worst}");
-        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Rays, one and many, and what becomes of them.
 
-use super::kernel::{MAX_LANES, fate};
+use super::kernel::fate;
+use crate::lanes::MAX_LANES;
 
 /// A point or a direction, `[x, y, z]`.
 pub type Vec3 = [f64; 3];
@@ -107,6 +108,11 @@ impl RayBundle {
     pub fn set(&mut self, i: usize, ray: Ray) {
         [self.x[i], self.y[i], self.z[i]] = ray.position;
         [self.l[i], self.m[i], self.n[i]] = ray.direction;
+    }
+
+    /// x and y of every ray, mm; padded.
+    pub fn image_xy(&self) -> [&[f64]; 2] {
+        [&self.x, &self.y]
     }
 
     /// What became of ray i.

@@ -6,6 +6,7 @@ use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{ASPHERE_TERMS, Lens, ObjectDistance, Surface, SurfaceShape};
 
 /// The triplet of `data/lenses/cooke-triplet-nominal.toml`.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
 pub fn nominal_triplet() -> Lens {
     let glass = |name: &str, dispersion| Arc::new(Glass { name: name.into(), dispersion });
     let pmma = glass(

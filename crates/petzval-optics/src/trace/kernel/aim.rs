@@ -3,8 +3,8 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::forward::NOT_AIMED;
-use super::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
 use super::surface::{Rays, Tangent, bend, meet, push_forward, slopes};
+use crate::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
 use crate::lens::ObjectDistance;
 use crate::trace::launch::launch;
 use crate::trace::ray::RayBundle;
@@ -13,11 +13,11 @@ use crate::trace::sequence::Sequence;
 /// Evaluations allowed; a well-posed ray needs four or five.
 const MAX_EVALUATIONS: usize = 60;
 
-/// Accuracy with which the point in the stop is met, mm.
-const TOLERANCE_MM: f64 = 1e-12;
+/// A miss from which one more step ends at rounding, mm: Newton's method squares it.
+const LAST_MISS_MM: f64 = 1e-7;
 
-/// A miss that rounding may leave, mm.
-const ROUNDING_MM: f64 = 1e3 * TOLERANCE_MM;
+/// A miss with which a ray counts as aimed, mm.
+const AIMED_MM: f64 = 1e-9;
 
 /// Rays aimed at points of the stop. Arrays are padded as a [`RayBundle`] is.
 #[derive(Clone, Debug)]
@@ -78,8 +78,17 @@ impl AimedRays {
     /// The rays as they are launched.
     pub fn bundle(&self, sequence: &Sequence) -> RayBundle {
         let mut bundle = RayBundle::new(self.rays);
-        for i in 0..self.rays {
-            bundle.set(i, launch(sequence, self.field_rad, self.launch_of(i)).ray);
+        if sequence.object == ObjectDistance::Infinity {
+            let [_, m, n] = launch(sequence, self.field_rad, [0.0; 2]).ray.direction;
+            let rays = self.rays;
+            bundle.x[..rays].copy_from_slice(&self.launch_mm[0][..rays]);
+            bundle.y[..rays].copy_from_slice(&self.launch_mm[1][..rays]);
+            bundle.m[..rays].fill(m);
+            bundle.n[..rays].fill(n);
+        } else {
+            for i in 0..self.rays {
+                bundle.set(i, launch(sequence, self.field_rad, self.launch_of(i)).ray);
+            }
         }
         bundle.fate[..self.rays].copy_from_slice(&self.not_aimed[..self.rays]);
         bundle
@@ -109,19 +118,27 @@ pub(super) fn launched_rays<S: Simd>(
     match sequence.object {
         ObjectDistance::Infinity => {
             let direction = [zero, zero.constant(field_rad.sin()), zero.constant(field_rad.cos())];
-            let parallel = |e: V3<S>| Tangent { position: e, direction: [zero; 3] };
-            (Rays { position, direction }, [parallel(axes[0]), parallel(axes[1])])
+            let still = [zero; 3];
+            let by = [
+                Tangent { position: axes[0], direction: still },
+                Tangent { position: axes[1], direction: still },
+            ];
+            (Rays { position, direction }, by)
         }
         ObjectDistance::Finite(distance) => {
             let v = [at[0], at[1] + distance * field_rad.tan(), zero.constant(distance)];
             let per_length = one / dot(v, v).sqrt();
             let direction = scaled(per_length, v);
             // d(v / |v|) = (e - d (d.e)) / |v|
-            let turn = |e: V3<S>| Tangent {
-                position: e,
-                direction: scaled(per_length, along(e, -dot(direction, e), direction)),
-            };
-            (Rays { position, direction }, [turn(axes[0]), turn(axes[1])])
+            let turns = [
+                scaled(per_length, along(axes[0], -direction[0], direction)),
+                scaled(per_length, along(axes[1], -direction[1], direction)),
+            ];
+            let by = [
+                Tangent { position: axes[0], direction: turns[0] },
+                Tangent { position: axes[1], direction: turns[1] },
+            ];
+            (Rays { position, direction }, by)
         }
     }
 }
@@ -139,7 +156,10 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
         let slope = slopes(surface, meeting.point);
         let b = bend(surface, slope.normal, d);
         let before = by;
-        by = before.map(|t| push_forward(&slope, &b, meeting.path, [x, y], d, &t, None));
+        by = [
+            push_forward(&slope, &b, meeting.path, [x, y], d, &before[0], None),
+            push_forward(&slope, &b, meeting.path, [x, y], d, &before[1], None),
+        ];
         if i == sequence.stop {
             // The direction counts in front of the stop.
             hit = [x, y];
@@ -168,28 +188,34 @@ impl WithSimd for Aim<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { sequence, target, aimed } = self;
         for at in (0..aimed.not_aimed.len()).step_by(width::<S>()) {
-            let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
-            let target = [read(&target[0]), read(&target[1])];
-            let guess = [read(&aimed.launch_mm[0]), read(&aimed.launch_mm[1])];
+            let target = [Lanes::load(simd, &target[0][at..]), Lanes::load(simd, &target[1][at..])];
+            let guess =
+                [Lanes::load(simd, &aimed.launch_mm[0][at..]), Lanes::load(simd, &aimed.launch_mm[1][at..])];
             let (launch, found, ok) = aim(sequence, aimed.field_rad, target, guess);
             let zero = target[0].constant(0.0);
-            let keep = |value: Lanes<S>, other: Lanes<S>, to: &mut Vec<f64>| {
-                ok.select(value, other).store(&mut to[at..]);
-            };
             for axis in 0..2 {
-                keep(launch[axis], guess[axis], &mut aimed.launch_mm[axis]);
+                ok.select(launch[axis], guess[axis]).store(&mut aimed.launch_mm[axis][at..]);
                 for row in 0..2 {
                     // Rays that were not aimed keep a map that can be inverted.
                     let unit = zero.constant(if row == axis { 1.0 } else { 0.0 });
-                    keep(found.by[axis].position[row], unit, &mut aimed.stop_by_launch[row][axis]);
+                    let to = &mut aimed.stop_by_launch[row][axis];
+                    ok.select(found.by[axis].position[row], unit).store(&mut to[at..]);
                 }
                 for k in 0..3 {
-                    keep(found.by[axis].direction[k], zero, &mut aimed.direction_by_launch[axis][k]);
+                    let to = &mut aimed.direction_by_launch[axis][k];
+                    ok.select(found.by[axis].direction[k], zero).store(&mut to[at..]);
                 }
             }
-            keep(zero, zero.constant(NOT_AIMED), &mut aimed.not_aimed);
+            ok.select(zero, zero.constant(NOT_AIMED)).store(&mut aimed.not_aimed[at..]);
         }
     }
+}
+
+/// How far rays pass from where they should.
+#[inline(always)]
+fn miss<S: Simd>(hit: [Lanes<S>; 2], target: [Lanes<S>; 2]) -> ([Lanes<S>; 2], Lanes<S>) {
+    let e = [hit[0] - target[0], hit[1] - target[1]];
+    (e, (e[0] * e[0] + e[1] * e[1]).sqrt())
 }
 
 /// Launch points of rays through `target`, what they meet there, and for which rays that worked.
@@ -200,31 +226,29 @@ fn aim<S: Simd>(
     target: [Lanes<S>; 2],
     guess: [Lanes<S>; 2],
 ) -> ([Lanes<S>; 2], AtStop<S>, Mask<S>) {
-    let constant = |v: f64| target[0].constant(v);
-    let miss = |hit: [Lanes<S>; 2]| {
-        let e = [hit[0] - target[0], hit[1] - target[1]];
-        (e, (e[0] * e[0] + e[1] * e[1]).sqrt())
-    };
+    let one = target[0].constant(1.0);
     let mut launch = guess;
     let mut found = to_stop(sequence, field_rad, launch);
-    let (mut error, mut distance) = miss(found.hit);
+    let (mut error, mut distance) = miss(found.hit, target);
     // A ray that is lost from the start has no miss to improve on.
-    let infinite = constant(f64::INFINITY);
+    let infinite = one * f64::INFINITY;
     let start_ok = found.ok.and(distance.lt(infinite));
-    let mut share = constant(1.0);
+    let mut share = one;
     for _ in 0..MAX_EVALUATIONS {
-        let open = start_ok.and(distance.lt(constant(TOLERANCE_MM)).not()).and(constant(1e-6).lt(share));
-        if !open.any() {
-            break;
-        }
-        let [[a, b], [c, d]] = [0, 1].map(|row| [found.by[0].position[row], found.by[1].position[row]]);
+        // The step from a small miss is the last.
+        let nearly = distance.lt(one * LAST_MISS_MM);
+        let lost = share.lt(one * 1e-6);
+        let last = nearly.or(lost).or(start_ok.not()).all();
+        let open = start_ok.and(lost.not());
+        let (a, c) = (found.by[0].position[0], found.by[0].position[1]);
+        let (b, d) = (found.by[1].position[0], found.by[1].position[1]);
         let scale = share / (a * d - b * c);
         let step = [(d * error[0] - b * error[1]) * scale, (a * error[1] - c * error[0]) * scale];
         let next = [launch[0] - step[0], launch[1] - step[1]];
         let tried = to_stop(sequence, field_rad, next);
-        let (next_error, next_distance) = miss(tried.hit);
+        let (next_error, next_distance) = miss(tried.hit, target);
         // Rounding ends the descent a little above zero: accept what is as near as it gets.
-        let nearer = next_distance.lt(distance).or(distance.lt(constant(ROUNDING_MM)));
+        let nearer = next_distance.lt(distance).or(distance.lt(one * AIMED_MM));
         let accept = open.and(tried.ok).and(nearer).and(next_distance.lt(infinite));
         for axis in 0..2 {
             launch[axis] = accept.select(next[axis], launch[axis]);
@@ -237,8 +261,11 @@ fn aim<S: Simd>(
             }
         }
         distance = accept.select(next_distance, distance);
-        share = accept.select(constant(1.0), share * 0.5);
+        share = accept.select(one, share * 0.5);
+        if last {
+            break;
+        }
     }
-    let ok = start_ok.and(distance.lt(constant(ROUNDING_MM)));
+    let ok = start_ok.and(distance.lt(one * AIMED_MM));
     (launch, found, ok)
 }

@@ -15,10 +15,10 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
-use super::forward::{Arrival, Crossing, aperture, is_dead, load, trace_rays};
-use super::lanes::{Lanes, V3, along, dot, scaled, width};
+use super::forward::{Arrival, Crossing, SquaredHeights, aperture, is_dead, load, trace_rays};
 use super::surface::{Tangent, bend, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
+use crate::lanes::{Lanes, V3, along, dot, scaled, width};
 use crate::lens::ASPHERE_TERMS;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
@@ -32,13 +32,15 @@ pub struct Seeds {
     pub image_y: Vec<f64>,
     /// By the transmission.
     pub transmission: Vec<f64>,
+    /// By squared heights at surfaces, 1/mm^2.
+    pub heights: Vec<SquaredHeights>,
 }
 
 impl Seeds {
     /// No wish at all, for the rays of a bundle of `rays`.
     pub fn zero(rays: usize) -> Self {
         let zero = || vec![0.0; RayBundle::padded(rays)];
-        Self { image_x: zero(), image_y: zero(), transmission: zero() }
+        Self { image_x: zero(), image_y: zero(), transmission: zero(), heights: Vec::new() }
     }
 }
 
@@ -78,6 +80,32 @@ fn from_image<S: Simd>(arrival: &Arrival<S>, [x, y]: [Lanes<S>; 2]) -> (V3<S>, V
 }
 
 impl<S: Simd> ReaimLanes<S> {
+    /// Loads the rays of one vector.
+    #[inline(always)]
+    fn load(simd: S, reaim: &Reaim, at: usize) -> Self {
+        let aimed = reaim.aimed;
+        let [[a, b], [c, d]] = &aimed.stop_by_launch;
+        let [by_x, by_y] = &aimed.direction_by_launch;
+        let [bar_x, bar_y] = reaim.launch_bar;
+        Self {
+            q: [
+                [Lanes::load(simd, &a[at..]), Lanes::load(simd, &b[at..])],
+                [Lanes::load(simd, &c[at..]), Lanes::load(simd, &d[at..])],
+            ],
+            d: [load3(simd, by_x, at), load3(simd, by_y, at)],
+            launch_bar: [Lanes::load(simd, &bar_x[at..]), Lanes::load(simd, &bar_y[at..])],
+        }
+    }
+
+    /// What is asked of launch coordinate j by cotangents of the point in the stop, whose normal is `n`, and of the
+    /// direction in front of it.
+    #[inline(always)]
+    fn wish(&self, j: usize, point_bar: V3<S>, before_bar: V3<S>, n: V3<S>) -> Lanes<S> {
+        let (qx, qy) = (self.q[0][j], self.q[1][j]);
+        let qz = -(n[0] * qx + n[1] * qy);
+        self.launch_bar[j] + dot(point_bar, [qx, qy, qz]) + dot(before_bar, self.d[j])
+    }
+
     /// The multiplier `l = -Q^-T wish` that holds the point in the stop.
     #[inline(always)]
     fn multiplier(&self, [by_x, by_y]: [Lanes<S>; 2]) -> [Lanes<S>; 2] {
@@ -85,6 +113,11 @@ impl<S: Simd> ReaimLanes<S> {
         let per_det = by_x.constant(-1.0) / (a * e - b * c);
         [(e * by_x - c * by_y) * per_det, (a * by_y - b * by_x) * per_det]
     }
+}
+
+#[inline(always)]
+fn load3<S: Simd>(simd: S, from: &[Vec<f64>; 3], at: usize) -> V3<S> {
+    [Lanes::load(simd, &from[0][at..]), Lanes::load(simd, &from[1][at..]), Lanes::load(simd, &from[2][at..])]
 }
 
 /// What a sweep leaves.
@@ -105,6 +138,7 @@ fn sweep<S: Simd>(
     tape: &[Crossing<S>],
     (mut point_bar, mut direction_bar): (V3<S>, V3<S>),
     transmission_bar: Option<Lanes<S>>,
+    heights_bar: &[(usize, Lanes<S>)],
     reaim: Option<&ReaimLanes<S>>,
     sums: &mut [[Lanes<S>; NUMBERS]],
 ) -> Swept<S> {
@@ -126,6 +160,13 @@ fn sweep<S: Simd>(
             point_bar[0] += g * x;
             point_bar[1] += g * y;
             sums[i][SEMI_DIAMETER] -= g * u.sqrt();
+            asked_in_front |= i < sequence.stop;
+        }
+
+        for (_, bar) in heights_bar.iter().filter(|(surface, _)| *surface == i) {
+            let twice = *bar + *bar;
+            point_bar[0] += twice * x;
+            point_bar[1] += twice * y;
             asked_in_front |= i < sequence.stop;
         }
 
@@ -154,12 +195,8 @@ fn sweep<S: Simd>(
         if i == sequence.stop
             && let Some(reaim) = reaim
         {
-            let wish = |j: usize| {
-                let (qx, qy) = (reaim.q[0][j], reaim.q[1][j]);
-                let qz = -(n[0] * qx + n[1] * qy);
-                reaim.launch_bar[j] + dot(point_bar, [qx, qy, qz]) + dot(before_bar, reaim.d[j])
-            };
-            let multiplier = reaim.multiplier([wish(0), wish(1)]);
+            let wish = [reaim.wish(0, point_bar, before_bar, n), reaim.wish(1, point_bar, before_bar, n)];
+            let multiplier = reaim.multiplier(wish);
             point_bar[0] += multiplier[0];
             point_bar[1] += multiplier[1];
             stop_bar -= multiplier[0] * x + multiplier[1] * y;
@@ -216,43 +253,57 @@ impl WithSimd for PullBack<'_> {
         let last = sequence.surfaces.len() - 1;
         let mut sums = vec![[zero; NUMBERS]; last + 1];
         let mut tape = Vec::with_capacity(last + 1);
+        let mut heights_bar = Vec::with_capacity(seeds.heights.len());
         let mut stop_bar = zero;
         for at in (0..launched.len()).step_by(width::<S>()) {
-            let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
             // Forward once more, this time with a tape.
-            let fate = read(&launched.fate);
+            let fate = Lanes::load(simd, &launched.fate[at..]);
             let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
             // Lost rays ask nothing.
             let dead = is_dead(arrival.fate);
-            let alive = |bar: Lanes<S>| dead.select(zero, bar);
-            let [x, y] = [alive(read(&seeds.image_x)), alive(read(&seeds.image_y))];
-            let transmission_bar = alive(read(&seeds.transmission)) * arrival.transmission;
+            let x = dead.select(zero, Lanes::load(simd, &seeds.image_x[at..]));
+            let y = dead.select(zero, Lanes::load(simd, &seeds.image_y[at..]));
+            let light_bar = dead.select(zero, Lanes::load(simd, &seeds.transmission[at..]));
+            let transmission_bar = light_bar * arrival.transmission;
             let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, [x, y]);
             sums[last][THICKNESS] += thickness_bar;
             let wants_light = transmission_bar.lt(zero).or(zero.lt(transmission_bar)).any();
-            let reaim = self.reaim.map(|r| ReaimLanes {
-                q: r.aimed.stop_by_launch.each_ref().map(|row| row.each_ref().map(|v| read(v))),
-                d: r.aimed.direction_by_launch.each_ref().map(|by| by.each_ref().map(|v| read(v))),
-                launch_bar: r.launch_bar.map(read),
-            });
+            // A closure would be compiled without the vector instructions.
+            #[expect(clippy::manual_map, reason = "closures do not inherit target features")]
+            let reaim = match self.reaim {
+                Some(reaim) => Some(ReaimLanes::load(simd, reaim, at)),
+                None => None,
+            };
+            heights_bar.clear();
+            for h in &seeds.heights {
+                heights_bar.push((h.surface, dead.select(zero, Lanes::load(simd, &h.values[at..]))));
+            }
             let light = wants_light.then_some(transmission_bar);
-            let swept = sweep(sequence, &tape, (point_bar, direction_bar), light, reaim.as_ref(), &mut sums);
+            let swept = sweep(
+                sequence,
+                &tape,
+                (point_bar, direction_bar),
+                light,
+                &heights_bar,
+                reaim.as_ref(),
+                &mut sums,
+            );
             stop_bar += swept.stop_bar;
             if let (Some(aim), true) = (&reaim, swept.asked_in_front) {
-                let at = [read(&launched.x), read(&launched.y)];
+                let at = [Lanes::load(simd, &launched.x[at..]), Lanes::load(simd, &launched.y[at..])];
                 let field_rad = self.reaim.map_or(0.0, |r| r.aimed.field_rad);
                 let (_, by) = launched_rays(sequence, field_rad, at);
-                let left = [0, 1].map(|j| {
-                    dot(swept.launch.position, by[j].position)
-                        + dot(swept.launch.direction, by[j].direction)
-                        + aim.launch_bar[j]
-                });
+                let (p, d) = (swept.launch.position, swept.launch.direction);
+                let left = [
+                    dot(p, by[0].position) + dot(d, by[0].direction) + aim.launch_bar[0],
+                    dot(p, by[1].position) + dot(d, by[1].direction) + aim.launch_bar[1],
+                ];
                 let [lx, ly] = aim.multiplier(left);
                 let stop = sequence.stop;
                 let [qx, qy, _] = tape[stop].point;
                 stop_bar -= lx * qx + ly * qy;
                 let nothing = [zero; 3];
-                sweep(sequence, &tape[..=stop], ([lx, ly, zero], nothing), None, None, &mut sums);
+                sweep(sequence, &tape[..=stop], ([lx, ly, zero], nothing), None, &[], None, &mut sums);
             }
         }
         for (sums, to) in sums.iter().zip(&mut gradient.surfaces) {

@@ -2,8 +2,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::lanes::{Lanes, Mask, V3, along, width};
 use super::surface::{Rays, meet, refract};
+use crate::lanes::{Lanes, Mask, V3, along, width};
 use crate::trace::SOFT_EDGE_MM;
 use crate::trace::ray::{Fate, RayBundle};
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
@@ -159,10 +159,11 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
 /// Loads rays of a bundle.
 #[inline(always)]
 pub(super) fn load<S: Simd>(simd: S, bundle: &RayBundle, at: usize) -> Rays<S> {
-    let load = |from: &[f64]| Lanes::load(simd, &from[at..]);
+    let [x, y, z] = [&bundle.x[at..], &bundle.y[at..], &bundle.z[at..]];
+    let [l, m, n] = [&bundle.l[at..], &bundle.m[at..], &bundle.n[at..]];
     Rays {
-        position: [load(&bundle.x), load(&bundle.y), load(&bundle.z)],
-        direction: [load(&bundle.l), load(&bundle.m), load(&bundle.n)],
+        position: [Lanes::load(simd, x), Lanes::load(simd, y), Lanes::load(simd, z)],
+        direction: [Lanes::load(simd, l), Lanes::load(simd, m), Lanes::load(simd, n)],
     }
 }
 
@@ -197,6 +198,63 @@ impl WithSimd for Trace<'_> {
             }
         }
     }
+}
+
+struct TraceHeights<'a> {
+    sequence: &'a Sequence,
+    bundle: &'a mut RayBundle,
+    heights: &'a mut [SquaredHeights],
+}
+
+impl WithSimd for TraceHeights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sequence, bundle, heights } = self;
+        let mut tape = Vec::with_capacity(sequence.surfaces.len());
+        for at in (0..bundle.len()).step_by(width::<S>()) {
+            let fate = Lanes::load(simd, &bundle.fate[at..]);
+            let arrival = trace_rays::<S, true>(sequence, load(simd, bundle, at), fate, &mut tape);
+            let ([x, y, _], [l, m, n]) = (arrival.ray.position, arrival.ray.direction);
+            for (value, to) in [
+                (x, &mut bundle.x),
+                (y, &mut bundle.y),
+                (l, &mut bundle.l),
+                (m, &mut bundle.m),
+                (n, &mut bundle.n),
+                (arrival.fate, &mut bundle.fate),
+            ] {
+                value.store(&mut to[at..]);
+            }
+            for h in heights.iter_mut() {
+                let [x, y, _] = tape[h.surface].point;
+                x.mul_add(x, y * y).store(&mut h.values[at..]);
+            }
+        }
+    }
+}
+
+/// A number per ray at one surface: the square of its height there, mm^2, or what a loss asks of it.
+#[derive(Clone, Debug)]
+pub struct SquaredHeights {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// One per ray; padded.
+    pub values: Vec<f64>,
+}
+
+impl SquaredHeights {
+    /// Zeros, for so many rays.
+    pub fn zero(surface: usize, rays: usize) -> Self {
+        Self { surface, values: vec![0.0; RayBundle::padded(rays)] }
+    }
+}
+
+/// [`trace`], which also writes down how far from the axis the rays meet some surfaces; of the rays themselves it keeps
+/// where they arrive and their fate.
+pub fn trace_with_heights(sequence: &Sequence, bundle: &mut RayBundle, heights: &mut [SquaredHeights]) {
+    Arch::new().dispatch(TraceHeights { sequence, bundle, heights });
 }
 
 /// Traces a bundle, given in the coordinates of the first vertex, to the image plane.

@@ -5,14 +5,12 @@
 mod aim;
 mod backward;
 mod forward;
-mod lanes;
 mod surface;
 mod tangent;
 
 pub use aim::AimedRays;
 pub use backward::{Reaim, Seeds, pull_back};
-pub use forward::trace;
-pub(crate) use lanes::MAX_LANES;
+pub use forward::{SquaredHeights, trace, trace_with_heights};
 pub use tangent::{RayTangents, push_change};
 
 pub(crate) use forward::fate;

@@ -6,7 +6,7 @@
 
 use pulp::Simd;
 
-use super::lanes::{Lanes, Mask, V3, along, dot, scaled};
+use crate::lanes::{Lanes, Mask, V3, along, dot, scaled};
 use crate::trace::sequence::SurfaceAtWavelength;
 
 /// Newton steps allowed for an asphere; a well-posed ray needs two or three.
@@ -256,8 +256,11 @@ pub(super) fn push_forward<S: Simd>(
         first_dot += own.first;
     }
     let zero = x.constant(0.0);
-    let turned = |at: Lanes<S>, moved: Lanes<S>| -(at * first_dot + slopes.first * moved) * 2.0;
-    let n_dot = [turned(x, point[0]), turned(y, point[1]), zero];
+    let n_dot = [
+        -(x * first_dot + slopes.first * point[0]) * 2.0,
+        -(y * first_dot + slopes.first * point[1]) * 2.0,
+        zero,
+    ];
 
     let mu = zero.constant(bend.mu);
     let g_dot = dot(n_dot, d) + dot(n, tangent.direction);

@@ -4,9 +4,9 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
 use super::forward::{Crossing, aperture, is_dead, load, trace_rays};
-use super::lanes::{Lanes, along, width};
 use super::surface::{OwnTangent, Slopes, Tangent, bend, push_forward, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
+use crate::lanes::{Lanes, along, width};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 

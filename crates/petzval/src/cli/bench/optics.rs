@@ -6,8 +6,8 @@ use petzval::design::optics::PsfPlan;
 use petzval::optics::gradient::LensGradient;
 use petzval::optics::lens::Lens;
 use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
-use petzval::optics::pupil::Quadrature;
-use petzval::optics::spot::mean_square_spot;
+use petzval::optics::pupil::{PupilSampling, Quadrature};
+use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
 
 use super::{Failure, Prepared, Workload};
@@ -19,10 +19,22 @@ const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
         Workload { name: "trace", simd: simd_level, prepare: || tracing(nominal()?) },
-        Workload { name: "trace_all_aspheres", simd: simd_level, prepare: || tracing(all_aspheres(nominal()?)) },
+        Workload {
+            name: "trace_all_aspheres",
+            simd: simd_level,
+            prepare: || tracing(all_aspheres(nominal()?)),
+        },
         Workload { name: "trace_adjoint", simd: simd_level, prepare: adjoint },
-        Workload { name: "spot_gradient_same_rays", simd: simd_level, prepare: || spot_gradient(36) },
-        Workload { name: "spot_gradient", simd: simd_level, prepare: || spot_gradient(16) },
+        Workload {
+            name: "spot_gradient_same_rays",
+            simd: simd_level,
+            prepare: || spot_gradient(PupilSampling::Fine, 1024),
+        },
+        Workload {
+            name: "spot_gradient",
+            simd: simd_level,
+            prepare: || spot_gradient(PupilSampling::Degree(4), 56),
+        },
         Workload { name: "psf_rgb", simd: simd_level, prepare: psf_rgb },
         Workload { name: "psf_rgb_gradient", simd: simd_level, prepare: psf_rgb_gradient },
         Workload { name: "psf_13_fields", simd: simd_level, prepare: psf_13_fields },
@@ -96,10 +108,9 @@ fn adjoint() -> Result<Prepared, Failure> {
     })
 }
 
-fn spot_gradient(cells: usize) -> Result<Prepared, Failure> {
-    let (lens, quadrature) = (nominal()?, quadrature(cells)?);
+fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, Failure> {
+    let lens = nominal()?;
     let fields: Vec<f64> = (0..13).map(|i| (FIELD_DEG * f64::from(i) / 12.0).to_radians()).collect();
-    let rays = 2 * quadrature.len();
     Ok(Prepared {
         work: format!(
             "RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)"
@@ -107,16 +118,16 @@ fn spot_gradient(cells: usize) -> Result<Prepared, Failure> {
         units: None,
         single_thread: false,
         run: Box::new(move || {
-            std::hint::black_box(mean_square_spot(&lens, &fields, &quadrature));
+            std::hint::black_box(mean_square_spot_sampled(&lens, &fields, sampling));
             Ok(())
         }),
     })
 }
 
 fn psf_rgb() -> Result<Prepared, Failure> {
-    let (lens, quadrature) = (nominal()?, quadrature(256)?);
+    let (lens, quadrature) = (nominal()?, quadrature(160)?);
     Ok(Prepared {
-        work: "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 256 x 256 cells".to_owned(),
+        work: "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 160 x 160 cells".to_owned(),
         units: None,
         single_thread: true,
         run: Box::new(move || {
@@ -128,7 +139,7 @@ fn psf_rgb() -> Result<Prepared, Failure> {
 }
 
 fn psf_rgb_gradient() -> Result<Prepared, Failure> {
-    let (lens, quadrature) = (nominal()?, quadrature(256)?);
+    let (lens, quadrature) = (nominal()?, quadrature(160)?);
     let template: Vec<f64> = (0..128 * 128).map(|i| f64::from(i % 7)).collect();
     Ok(Prepared {
         work: "the same with the gradient to every number of the lens".to_owned(),
@@ -137,11 +148,12 @@ fn psf_rgb_gradient() -> Result<Prepared, Failure> {
         run: Box::new(move || {
             let options = PsfOptions::default();
             let field = FIELD_DEG.to_radians();
-            let Some((_, tape)) = psf_with_tape(&lens, field, &WAVELENGTHS_UM, &quadrature, &options) else {
+            let Some((psf, tape)) = psf_with_tape(&lens, field, &WAVELENGTHS_UM, &quadrature, &options)
+            else {
                 return Err(Failure::job("no light at 15 degrees"));
             };
             let wish = PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3] };
-            std::hint::black_box(tape.gradient(&quadrature, &wish));
+            std::hint::black_box(tape.gradient(&psf, &quadrature, &wish));
             Ok(())
         }),
     })
@@ -149,9 +161,9 @@ fn psf_rgb_gradient() -> Result<Prepared, Failure> {
 
 fn psf_13_fields() -> Result<Prepared, Failure> {
     let lens = nominal()?;
-    let plan = PsfPlan::new(13, 6.634, WAVELENGTHS_UM, PsfOptions::default(), quadrature(256)?);
+    let plan = PsfPlan::new(13, 6.634, WAVELENGTHS_UM, PsfOptions::default(), quadrature(160)?);
     Ok(Prepared {
-        work: "13 fields x RGB, 128 x 128 at 1 um, pupil of 256 x 256 cells".to_owned(),
+        work: "13 fields x RGB, 128 x 128 at 1 um, pupil of 160 x 160 cells".to_owned(),
         units: None,
         single_thread: false,
         run: Box::new(move || {

@@ -1,9 +1,18 @@
 //! RMS spot radii, and the gradient of their mean square.
+//!
+//! [`mean_square_spot`] integrates over the pupil by Gaussian quadrature through a few dozen rays; where a clear aperture
+//! cuts the beam, densely over polynomials through them. [`mean_square_spot_traced`] is the reference, with a traced ray
+//! for every pupil cell.
 
-use crate::gradient::LensGradient;
+mod sampled;
+mod traced;
+
+pub use sampled::{mean_square_spot, mean_square_spot_sampled};
+pub use traced::mean_square_spot_traced;
+
 use crate::lens::Lens;
-use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::pupil::{Beam, BeamCotangent, Quadrature, paraxial_launch, trace_beam};
+use crate::paraxial::first_order;
+use crate::pupil::{Beam, Quadrature, paraxial_launch, trace_beam};
 use crate::trace::{Sequence, launch, trace_ray};
 
 /// Spot radii of one field, um, about the centroid (by the light of each ray).
@@ -122,60 +131,4 @@ pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature)
         rms_um: colours.iter().map(|rays| 1e3 * square(rays, mean_y(rays)).sqrt()).collect(),
         rms_poly_um: 1e3 * poly.sqrt(),
     })
-}
-
-/// Mean over fields and wavelengths of the squared RMS spot radius, um^2, about the polychromatic
-/// centroid, with its gradient. `None` if some field brings no light.
-pub fn mean_square_spot(
-    lens: &Lens,
-    fields_rad: &[f64],
-    quadrature: &Quadrature,
-) -> Option<(f64, LensGradient)> {
-    use rayon::prelude::*;
-    let per_field: Vec<(f64, LensGradient)> = fields_rad
-        .par_iter()
-        .map(|field| field_mean_square(lens, *field, quadrature))
-        .collect::<Option<_>>()?;
-    // Sum in the order of the fields, so that the bits do not depend on the threads.
-    let share = 1.0 / fields_rad.len() as f64;
-    let mut gradient = LensGradient::zero(lens.surfaces.len());
-    let mut value = 0.0;
-    for (v, g) in per_field {
-        value += share * v;
-        gradient += &g.scaled(share);
-    }
-    Some((value, gradient))
-}
-
-fn field_mean_square(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<(f64, LensGradient)> {
-    const UM2_PER_MM2: f64 = 1e6;
-    let traced = trace_field(lens, field_rad, quadrature);
-    if !traced.iter().all(|t| t.beam.illumination() > 0.0) {
-        return None;
-    }
-    let count = traced.len() as f64;
-    let centre = traced.iter().map(|t| mean_y(&t.beam)).sum::<f64>() / count;
-    let mut value = 0.0;
-    let mut gradient = LensGradient::zero(lens.surfaces.len());
-    let mut stop_radius_bar = 0.0;
-    for t in &traced {
-        let (beam, light) = (&t.beam, t.beam.illumination());
-        let square = mean_square(beam, centre);
-        value += square / count;
-        // The common centroid c is the mean of the wavelengths' own centroids, so the sum over
-        // wavelengths of d(square)/dc vanishes and c needs no cotangent: m = <x^2 + (y-c)^2>_w.
-        let scale = UM2_PER_MM2 / (count * light);
-        let mut bar = BeamCotangent::zero(beam.y_mm.len());
-        for i in 0..beam.y_mm.len() {
-            let (x, y) = (beam.x_mm[i], beam.y_mm[i] - centre);
-            bar.x[i] = 2.0 * scale * beam.weight[i] * x;
-            bar.y[i] = 2.0 * scale * beam.weight[i] * y;
-            bar.weight[i] = scale * (x * x + y * y - square);
-        }
-        stop_radius_bar += beam.pull_back(&t.sequence, quadrature, &bar, &mut gradient);
-    }
-    let reference = lens.at_wavelength(lens.reference_um);
-    let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
-    pull_back_first_order(&reference, wish, &mut gradient);
-    Some((UM2_PER_MM2 * value, gradient))
 }

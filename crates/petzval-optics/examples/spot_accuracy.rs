@@ -1,0 +1,49 @@
+//! How far an RMS spot by quadrature is from one of a fine grid of traced rays, and what it costs, by degree.
+//!
+//! `cargo run --release -p petzval-optics --example spot_accuracy -- data/lenses/cooke-triplet-nominal.toml`
+
+use std::path::Path;
+use std::time::Instant;
+
+use petzval_optics::format::parse_lens;
+use petzval_optics::glass::Catalog;
+use petzval_optics::pupil::{PupilSampling, Quadrature};
+use petzval_optics::spot::{mean_square_spot_sampled, mean_square_spot_traced};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args().nth(1).ok_or("a lens file")?;
+    let mut catalog = Catalog::default();
+    for entry in std::fs::read_dir(Path::new(&path).with_file_name("../glasses"))? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            catalog.merge(Catalog::parse(&std::fs::read_to_string(path)?)?);
+        }
+    }
+    let lens = parse_lens(&std::fs::read_to_string(&path)?, &catalog)?.lens;
+    let fields: Vec<f64> = (0..13).map(|i| f64::to_radians(15.0 * f64::from(i) / 12.0)).collect();
+    let (reference, slopes) =
+        mean_square_spot_traced(&lens, &fields, &Quadrature::grid(384)?).ok_or("no light")?;
+    println!("{}: RMS {:.6} um of 13 fields to 15 degrees", lens.name, reference.sqrt());
+    for degree in [4, 6, 8, 10, 12, 16, 20] {
+        let start = Instant::now();
+        let mut found = None;
+        for _ in 0..20 {
+            found = mean_square_spot_sampled(&lens, &fields, PupilSampling::Degree(degree));
+        }
+        let took = start.elapsed().as_secs_f64() / 20.0;
+        let (value, gradient) = found.ok_or("no light")?;
+        let by = |g: &petzval_optics::gradient::LensGradient| {
+            g.surfaces.iter().map(|s| s.curvature).collect::<Vec<_>>()
+        };
+        let (a, b) = (by(&gradient), by(&slopes));
+        let off: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let size: f64 = b.iter().map(|b| b * b).sum::<f64>().sqrt();
+        println!(
+            "degree {degree:2}: RMS off by {:+.1e}, gradient by {:.1e}; {:.3} ms",
+            value.sqrt() / reference.sqrt() - 1.0,
+            off / size,
+            1e3 * took
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,312 @@
+//! Pupil polynomials, evaluated densely and splatted.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{Asked, PsfMethod, PsfOptions};
+use crate::gradient::LensGradient;
+use crate::lanes::{Lanes, MAX_LANES, width};
+use crate::pupil::{
+    DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature,
+};
+use crate::trace::Sequence;
+
+/// Degrees that are tried, one after the other.
+const DEGREES: [usize; 4] = [8, 12, 16, 20];
+
+/// How far rays may land from where the polynomials say, um.
+const TOLERANCE_UM: f64 = 0.01;
+
+/// Cells around the grid, so that light at its edge needs no test per cell; the fourth cell of a row of weights is zero.
+const MARGIN: usize = 3;
+
+pub(super) struct PolynomialChannel {
+    map: PupilMap,
+    residual_um: f64,
+}
+
+/// A grid with a margin.
+struct Padded {
+    stride: usize,
+    values: Vec<f64>,
+}
+
+impl Padded {
+    fn from_grid(grid: &[f64], cells: usize) -> Self {
+        let stride = cells + 2 * MARGIN;
+        let mut padded = Self { stride, values: vec![0.0; stride * stride] };
+        for (row, from) in grid.chunks_exact(cells).enumerate() {
+            padded.values[(row + MARGIN) * padded.stride + MARGIN..][..cells].copy_from_slice(from);
+        }
+        padded
+    }
+}
+
+/// A grid with a margin, in overlapping blocks of four cells of a row that begin at every other cell.
+///
+/// Any three neighbours lie in one block, so adding light to them reads and writes whole blocks. A processor hands what it
+/// has just written to a read of the same place, but stalls on one that overlaps it.
+pub(super) struct Blocks {
+    cells: usize,
+    /// Blocks of a row.
+    stride: usize,
+    values: Vec<[f64; 4]>,
+}
+
+impl Blocks {
+    pub fn zero(cells: usize) -> Self {
+        let padded = cells + 2 * MARGIN;
+        let stride = padded / 2 + 1;
+        Self { cells, stride, values: vec![[0.0; 4]; stride * padded] }
+    }
+
+    /// The grid with its mirror image in x added.
+    fn with_mirror_image(&self) -> Vec<f64> {
+        let mut both = vec![0.0; self.cells * self.cells];
+        let mut row = vec![0.0; 2 * self.stride + 2];
+        let rows = self.values.chunks_exact(self.stride).skip(MARGIN);
+        for (blocks, out) in rows.zip(both.chunks_exact_mut(self.cells)) {
+            row.fill(0.0);
+            for (i, block) in blocks.iter().enumerate() {
+                for (to, value) in row[2 * i..2 * i + 4].iter_mut().zip(block) {
+                    *to += value;
+                }
+            }
+            let row = &row[MARGIN..MARGIN + self.cells];
+            for (out, (a, b)) in out.iter_mut().zip(row.iter().zip(row.iter().rev())) {
+                *out = a + b;
+            }
+        }
+        both
+    }
+}
+
+/// A polynomial of degree two in each of four cells, at an offset d.
+#[inline(always)]
+fn quadratic(constant: [f64; 4], linear: [f64; 4], square: [f64; 4], d: f64) -> [f64; 4] {
+    let mut out = [0.0; 4];
+    for i in 0..4 {
+        out[i] = constant[i] + d * (linear[i] + d * square[i]);
+    }
+    out
+}
+
+/// Weights of the quadratic B-spline around the nearest cell; see [`splat`](super::splat).
+#[inline(always)]
+fn weights(d: f64) -> [f64; 4] {
+    quadratic([0.125, 0.75, 0.125, 0.0], [-0.5, 0.0, 0.5, 0.0], [0.5, -1.0, 0.5, 0.0], d)
+}
+
+/// [`weights`] in a block whose first cell is that of the first weight (0) or the one before (1).
+#[inline(always)]
+fn weights_in_block(d: f64, behind: usize) -> [f64; 4] {
+    const CONSTANT: [[f64; 4]; 2] = [[0.125, 0.75, 0.125, 0.0], [0.0, 0.125, 0.75, 0.125]];
+    const LINEAR: [[f64; 4]; 2] = [[-0.5, 0.0, 0.5, 0.0], [0.0, -0.5, 0.0, 0.5]];
+    const SQUARE: [[f64; 4]; 2] = [[0.5, -1.0, 0.5, 0.0], [0.0, 0.5, -1.0, 0.5]];
+    let behind = behind & 1;
+    quadratic(CONSTANT[behind], LINEAR[behind], SQUARE[behind], d)
+}
+
+/// Their derivatives.
+#[inline(always)]
+fn slopes(d: f64) -> [f64; 4] {
+    quadratic([-0.5, 0.0, 0.5, 0.0], [1.0, -2.0, 1.0, 0.0], [0.0; 4], d)
+}
+
+/// Where points land on a padded grid.
+struct Landing<S: Simd> {
+    /// Column and row of the first of 3 x 3 cells around a point; 0 off the grid.
+    column: [usize; MAX_LANES],
+    row: [usize; MAX_LANES],
+    /// Offset from the middle of the nearest cell.
+    du: [f64; MAX_LANES],
+    dv: [f64; MAX_LANES],
+    /// 1 on the grid, 0 off it.
+    inside: Lanes<S>,
+}
+
+/// A number whose addition rounds to an integer, which then stands in the lowest bits.
+const ROUNDING: f64 = 6_755_399_441_055_744.0;
+
+#[inline(always)]
+fn land<S: Simd>(points: &Points<S>, options: &PsfOptions, chief_y_mm: f64) -> Landing<S> {
+    let (per_mm, centre) = options.scale();
+    let zero = points.x.constant(0.0);
+    // Cell coordinates on the padded grid.
+    let first = centre + MARGIN as f64;
+    let (u, v) = (points.x * per_mm + first, (points.y - chief_y_mm) * per_mm + first);
+    let (low, high) = (zero.constant(1.5), zero.constant((options.grid + 2 * MARGIN) as f64 - 2.5));
+    let inside = low.lt(u).and(u.lt(high)).and(low.lt(v)).and(v.lt(high));
+    let (u, v) = (inside.select(u, zero.constant(1.0)), inside.select(v, zero.constant(1.0)));
+    let (near_u, near_v) = ((u + ROUNDING) - ROUNDING, (v + ROUNDING) - ROUNDING);
+    let mut landing = Landing {
+        column: [0; MAX_LANES],
+        row: [0; MAX_LANES],
+        du: [0.0; MAX_LANES],
+        dv: [0.0; MAX_LANES],
+        inside: inside.select(zero.constant(1.0), zero),
+    };
+    let mut bits = [0.0; MAX_LANES];
+    for (near, to) in [(near_u, &mut landing.column), (near_v, &mut landing.row)] {
+        (near + (ROUNDING - 1.0)).store(&mut bits);
+        for (to, bits) in to.iter_mut().zip(bits) {
+            *to = bits.to_bits() as u32 as usize;
+        }
+    }
+    (u - near_u).store(&mut landing.du);
+    (v - near_v).store(&mut landing.dv);
+    landing
+}
+
+struct Splat<'a> {
+    dense: &'a DenseMap<'a>,
+    options: &'a PsfOptions,
+    chief_y_mm: f64,
+    grid: &'a mut Blocks,
+}
+
+impl WithSimd for Splat<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self { dense, options, chief_y_mm, grid } = self;
+        let mut light = Lanes::splat(simd, 0.0);
+        for row in 0..dense.rows() {
+            for turn in 0..dense.turns::<S>(row) {
+                let points = dense.points(simd, row, turn);
+                light += points.weight;
+                let landing = land(&points, options, chief_y_mm);
+                let mut weight = [0.0; MAX_LANES];
+                (points.weight * landing.inside).store(&mut weight);
+                for k in 0..width::<S>() {
+                    let (column, row) = (landing.column[k], landing.row[k]);
+                    let a = weights_in_block(landing.du[k], column);
+                    let b = weights(landing.dv[k]);
+                    for j in 0..3 {
+                        let block = &mut grid.values[(row + j) * grid.stride + column / 2];
+                        let share = weight[k] * b[j];
+                        for i in 0..4 {
+                            block[i] += share * a[i];
+                        }
+                    }
+                }
+            }
+        }
+        light.sum()
+    }
+}
+
+struct Gather<'a> {
+    dense: &'a DenseMap<'a>,
+    asked: &'a Asked<'a>,
+    grid: &'a Padded,
+    sums: &'a mut DenseCotangent,
+}
+
+impl WithSimd for Gather<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self { dense, asked, grid, sums } = self;
+        let (per_mm, _) = asked.options.scale();
+        let mut chief_bar = Lanes::splat(simd, 0.0);
+        for row in 0..dense.rows() {
+            for turn in 0..dense.turns::<S>(row) {
+                let points = dense.points(simd, row, turn);
+                let landing = land(&points, asked.options, asked.chief_y_mm);
+                let [mut by_u, mut by_v, mut by_light] = [[0.0; MAX_LANES]; 3];
+                for k in 0..width::<S>() {
+                    let (du, dv) = (landing.du[k], landing.dv[k]);
+                    let ((a, b), (da, db)) = ((weights(du), weights(dv)), (slopes(du), slopes(dv)));
+                    let (mut along, mut turned) = ([0.0; 4], [0.0; 4]);
+                    for j in 0..3 {
+                        let at = (landing.row[k] + j) * grid.stride + landing.column[k];
+                        let cells = &grid.values[at..][..4];
+                        for i in 0..4 {
+                            along[i] += b[j] * cells[i];
+                            turned[i] += db[j] * cells[i];
+                        }
+                    }
+                    for i in 0..4 {
+                        by_u[k] += da[i] * along[i];
+                        by_v[k] += a[i] * turned[i];
+                        by_light[k] += a[i] * along[i];
+                    }
+                }
+                let weight = points.weight * landing.inside * per_mm;
+                let bar = PointsCotangent {
+                    x: weight * Lanes::load(simd, &by_u),
+                    y: weight * Lanes::load(simd, &by_v),
+                    weight: Lanes::load(simd, &by_light) * landing.inside + asked.illumination,
+                };
+                chief_bar -= bar.y;
+                dense.pull_back_points(row, &points, bar, sums);
+            }
+        }
+        chief_bar.sum()
+    }
+}
+
+impl PolynomialChannel {
+    /// Polynomials of the least degree that is good enough; `None` if none is.
+    pub fn new(
+        sequence: &Sequence,
+        field_rad: f64,
+        stop_radius_mm: f64,
+        like: Option<&PupilMap>,
+    ) -> Option<Self> {
+        // What another wavelength needed is the first to try.
+        let least = like.map_or(0, |map| map.basis().degree);
+        for degree in DEGREES.into_iter().filter(|d| *d >= least) {
+            let like = like.map(|map| &map.samples);
+            let samples =
+                PupilSamples::new(sequence, field_rad, stop_radius_mm, PupilBasis::of_degree(degree), like)?;
+            let map = PupilMap::new(sequence, samples);
+            let residual = map.residual(sequence)?;
+            if residual.within(1e-3 * TOLERANCE_UM) {
+                return Some(Self { map, residual_um: 1e3 * residual.image_mm });
+            }
+        }
+        None
+    }
+
+    pub fn map(&self) -> &PupilMap {
+        &self.map
+    }
+
+    pub fn method(&self) -> PsfMethod {
+        PsfMethod::Polynomial { degree: self.map.basis().degree, residual_um: self.residual_um }
+    }
+
+    /// The light on the grid, twice that of the half pupil, and the relative illumination.
+    ///
+    /// `grid` is room for the splat; what it holds is lost.
+    pub fn splat(
+        &self,
+        quadrature: &Quadrature,
+        options: &PsfOptions,
+        chief_y_mm: f64,
+        grid: &mut Blocks,
+    ) -> (Vec<f64>, f64) {
+        grid.values.fill([0.0; 4]);
+        let dense = DenseMap::new(&self.map, quadrature.rows());
+        let light = Arch::new().dispatch(Splat { dense: &dense, options, chief_y_mm, grid });
+        (grid.with_mirror_image(), light)
+    }
+
+    /// Adds the gradient; returns the derivatives by the chief ray's height and by the stop radius.
+    pub fn pull_back(
+        &self,
+        sequence: &Sequence,
+        quadrature: &Quadrature,
+        asked: &Asked,
+        gradient: &mut LensGradient,
+    ) -> (f64, f64) {
+        let dense = DenseMap::new(&self.map, quadrature.rows());
+        let grid = Padded::from_grid(&asked.grid, asked.options.grid);
+        let mut sums = dense.zero_cotangent();
+        let chief_bar = Arch::new().dispatch(Gather { dense: &dense, asked, grid: &grid, sums: &mut sums });
+        (chief_bar, self.map.pull_back(sequence, &dense.pull_back(&sums), gradient))
+    }
+}

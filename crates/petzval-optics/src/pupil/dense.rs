@@ -1,0 +1,287 @@
+//! Pupil polynomials evaluated densely: row by row of the pupil, several points at a time.
+
+use pulp::Simd;
+
+use super::map::{MapCotangent, PupilMap};
+use crate::lanes::{Lanes, MAX_LANES, width};
+use crate::trace::SOFT_EDGE_MM;
+
+/// Rows of the half disk `p_x > 0`: strips of equal height, with points of equal area.
+#[derive(Clone, Debug)]
+pub(crate) struct PupilRows {
+    pub rows: Vec<Row>,
+    /// `p_y^j` of every row, `[j][row]`.
+    powers: Vec<Vec<f64>>,
+}
+
+/// Points `((k + 1/2) step, p_y)`, k = 0..count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub p_y: f64,
+    pub count: usize,
+    pub step: f64,
+    /// Share of the disk's area that a point and its mirror image stand for.
+    pub weight: f64,
+}
+
+/// Highest power of p_y that rows know.
+const MAX_POWER: usize = 20;
+
+impl PupilRows {
+    /// So many rows over the diameter; points along them as far apart as the rows.
+    pub fn new(rows: usize) -> Self {
+        let height = 2.0 / rows as f64;
+        let rows: Vec<Row> = (0..rows)
+            .map(|r| {
+                // Area and centroid of the half strip between two heights: integrals of sqrt(1 - y^2) and y sqrt(1 - y^2).
+                let (low, high) = (-1.0 + height * r as f64, -1.0 + height * (r + 1) as f64);
+                let chord = |y: f64| (1.0 - y * y).max(0.0).sqrt();
+                let primitive = |y: f64| 0.5 * (y * chord(y) + y.clamp(-1.0, 1.0).asin());
+                let area = primitive(high) - primitive(low);
+                let moment = (chord(low).powi(3) - chord(high).powi(3)) / 3.0;
+                let reach = area / height;
+                let count = (reach / height).ceil().max(1.0) as usize;
+                Row {
+                    p_y: moment / area,
+                    count,
+                    step: reach / count as f64,
+                    weight: 2.0 * area / std::f64::consts::PI / count as f64,
+                }
+            })
+            .collect();
+        let powers = (0..=MAX_POWER).map(|j| rows.iter().map(|r| r.p_y.powi(j as i32)).collect()).collect();
+        Self { rows, powers }
+    }
+
+    /// Coefficients along each row of a polynomial with these powers.
+    fn along_rows(&self, coefficients: &[f64], powers: &[(usize, usize)]) -> RowTable {
+        let terms = powers.last().map_or(0, |(i, _)| i / 2 + 1);
+        let mut values = vec![0.0; terms * self.rows.len()];
+        for (c, (i, j)) in coefficients.iter().zip(powers) {
+            let along = &mut values[i / 2 * self.rows.len()..][..self.rows.len()];
+            for (value, power) in along.iter_mut().zip(&self.powers[*j]) {
+                *value += c * power;
+            }
+        }
+        RowTable { terms, rows: self.rows.len(), values }
+    }
+
+    /// The transpose of [`PupilRows::along_rows`]: adds what a table's cotangents ask of the coefficients.
+    fn pull_back(&self, table: &RowTable, powers: &[(usize, usize)], coefficients_bar: &mut [f64]) {
+        for (c, (i, j)) in coefficients_bar.iter_mut().zip(powers) {
+            let along = &table.values[i / 2 * table.rows..][..table.rows];
+            *c += along.iter().zip(&self.powers[*j]).map(|(value, power)| value * power).sum::<f64>();
+        }
+    }
+}
+
+/// Coefficients of `p_x^(2k)` (or `p_x^(2k+1)`) along each row.
+#[derive(Clone, Debug)]
+struct RowTable {
+    terms: usize,
+    rows: usize,
+    /// `[k][row]`
+    values: Vec<f64>,
+}
+
+impl RowTable {
+    /// The polynomial along a row at squares of p_x.
+    #[inline(always)]
+    fn at<S: Simd>(&self, row: usize, square: Lanes<S>) -> Lanes<S> {
+        let mut sum = square.constant(0.0);
+        for k in (0..self.terms).rev() {
+            sum = sum.mul_add(square, square.constant(self.values[k * self.rows + row]));
+        }
+        sum
+    }
+
+    /// Adds `bar square^k` to coefficient k of a row.
+    #[inline(always)]
+    fn add_moments<S: Simd>(&mut self, row: usize, bar: Lanes<S>, square: Lanes<S>) {
+        let mut term = bar;
+        for k in 0..self.terms {
+            self.values[k * self.rows + row] += term.sum();
+            term = term * square;
+        }
+    }
+
+    fn zero_like(other: &Self) -> Self {
+        Self { terms: other.terms, rows: other.rows, values: vec![0.0; other.values.len()] }
+    }
+}
+
+/// A map made ready to be evaluated row by row.
+pub(crate) struct DenseMap<'a> {
+    map: &'a PupilMap,
+    rows: &'a PupilRows,
+    x: RowTable,
+    y: RowTable,
+    light: RowTable,
+    heights: Vec<RowTable>,
+}
+
+/// Points of a row: where they land and the light they bring, per point of the row (0 beyond its last).
+#[derive(Clone, Copy)]
+pub(crate) struct Points<S: Simd> {
+    p_x: Lanes<S>,
+    square: Lanes<S>,
+    /// On the image plane, mm.
+    pub x: Lanes<S>,
+    /// On the image plane, mm.
+    pub y: Lanes<S>,
+    /// Light through the clear apertures.
+    pub weight: Lanes<S>,
+    /// Share of it that the apertures let through.
+    transmission: Lanes<S>,
+    /// Weight of the points themselves, without light.
+    share: Lanes<S>,
+}
+
+/// What a loss asks of points: by x, y (1/mm) and weight.
+#[derive(Clone, Copy)]
+pub(crate) struct PointsCotangent<S: Simd> {
+    pub x: Lanes<S>,
+    pub y: Lanes<S>,
+    pub weight: Lanes<S>,
+}
+
+/// Cotangents gathered while rows pass.
+pub(crate) struct DenseCotangent {
+    x: RowTable,
+    y: RowTable,
+    light: RowTable,
+    heights: Vec<RowTable>,
+    semi_diameters: Vec<f64>,
+}
+
+const COUNTING: [f64; MAX_LANES] = {
+    let mut all = [0.0; MAX_LANES];
+    let mut i = 0;
+    while i < MAX_LANES {
+        all[i] = i as f64;
+        i += 1;
+    }
+    all
+};
+
+/// Transmission of a soft edge at squared radius u, and its derivatives by u and by the semi-diameter.
+#[inline(always)]
+fn soft_edge<S: Simd>(u: Lanes<S>, semi_diameter_mm: f64) -> Option<[Lanes<S>; 3]> {
+    let inside = (semi_diameter_mm - SOFT_EDGE_MM).max(0.0);
+    if u.lt(u.constant(inside * inside)).all() {
+        return None;
+    }
+    let one = u.constant(1.0);
+    let radius = u.max(u.constant(1e-24)).sqrt();
+    let at = ((radius - semi_diameter_mm) * (1.0 / SOFT_EDGE_MM)).max(-one).min(one);
+    let square = at * at;
+    let transmission = ((square * at) * 0.25 - at * 0.75 + 0.5).max(u.constant(0.0));
+    let by_radius = (square - one) * (0.75 / SOFT_EDGE_MM);
+    Some([transmission, by_radius * 0.5 / radius, -by_radius])
+}
+
+impl<'a> DenseMap<'a> {
+    pub fn new(map: &'a PupilMap, rows: &'a PupilRows) -> Self {
+        let (odd, even) = (&map.basis().odd.powers, &map.basis().even.powers);
+        Self {
+            map,
+            rows,
+            x: rows.along_rows(&map.image[0], odd),
+            y: rows.along_rows(&map.image[1], even),
+            light: rows.along_rows(&map.light, even),
+            heights: map.heights.iter().map(|h| rows.along_rows(&h.coefficients, even)).collect(),
+        }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows.rows.len()
+    }
+
+    /// How often [`DenseMap::points`] has to be asked for all points of a row.
+    #[inline(always)]
+    pub fn turns<S: Simd>(&self, row: usize) -> usize {
+        self.rows.rows[row].count.div_ceil(width::<S>())
+    }
+
+    /// Some points of a row, far from each other, so that they do not land in the same cells.
+    #[inline(always)]
+    pub fn points<S: Simd>(&self, simd: S, row: usize, turn: usize) -> Points<S> {
+        let r = self.rows.rows[row];
+        let counting = Lanes::load(simd, &COUNTING) * self.turns::<S>(row) as f64 + (turn as f64 + 0.5);
+        let p_x = counting * r.step;
+        let square = p_x * p_x;
+        let zero = p_x.constant(0.0);
+        let share = counting.lt(zero.constant(r.count as f64)).select(zero.constant(r.weight), zero);
+        let mut transmission = zero.constant(1.0);
+        for (h, table) in self.map.heights.iter().zip(&self.heights) {
+            if let Some([through, ..]) = soft_edge(table.at(row, square), h.semi_diameter_mm) {
+                transmission = transmission * through;
+            }
+        }
+        Points {
+            p_x,
+            square,
+            x: p_x * self.x.at(row, square),
+            y: self.y.at(row, square),
+            weight: share * transmission * self.light.at(row, square),
+            transmission,
+            share,
+        }
+    }
+
+    pub fn zero_cotangent(&self) -> DenseCotangent {
+        DenseCotangent {
+            x: RowTable::zero_like(&self.x),
+            y: RowTable::zero_like(&self.y),
+            light: RowTable::zero_like(&self.light),
+            heights: self.heights.iter().map(RowTable::zero_like).collect(),
+            semi_diameters: vec![0.0; self.heights.len()],
+        }
+    }
+
+    /// Takes note of what a loss asks of points of a row.
+    #[inline(always)]
+    pub fn pull_back_points<S: Simd>(
+        &self,
+        row: usize,
+        points: &Points<S>,
+        bar: PointsCotangent<S>,
+        sums: &mut DenseCotangent,
+    ) {
+        let at = points.square;
+        sums.x.add_moments(row, bar.x * points.p_x, at);
+        sums.y.add_moments(row, bar.y, at);
+        sums.light.add_moments(row, bar.weight * points.share * points.transmission, at);
+        if self.heights.is_empty() {
+            return;
+        }
+        let light = self.light.at(row, at);
+        let zero = at.constant(0.0);
+        for (k, (h, table)) in self.map.heights.iter().zip(&self.heights).enumerate() {
+            let Some([through, by_u, by_semi]) = soft_edge(table.at(row, at), h.semi_diameter_mm) else {
+                continue;
+            };
+            // The other apertures' share: transmission / through, 0 where this one lets nothing through.
+            let open = zero.lt(through);
+            let others = open.select(points.transmission / open.select(through, zero.constant(1.0)), zero);
+            let through_bar = bar.weight * points.share * light * others;
+            sums.heights[k].add_moments(row, through_bar * by_u, at);
+            sums.semi_diameters[k] += (through_bar * by_semi).sum();
+        }
+    }
+
+    /// Cotangents of the map's coefficients.
+    pub fn pull_back(&self, sums: &DenseCotangent) -> MapCotangent {
+        let (odd, even) = (&self.map.basis().odd.powers, &self.map.basis().even.powers);
+        let mut wish = MapCotangent::zero(self.map);
+        self.rows.pull_back(&sums.x, odd, &mut wish.image[0]);
+        self.rows.pull_back(&sums.y, even, &mut wish.image[1]);
+        self.rows.pull_back(&sums.light, even, &mut wish.light);
+        for (table, to) in sums.heights.iter().zip(&mut wish.heights) {
+            self.rows.pull_back(table, even, to);
+        }
+        wish.semi_diameters.copy_from_slice(&sums.semi_diameters);
+        wish
+    }
+}

@@ -1,0 +1,152 @@
+//! The pupil polynomial: one to four hundred traced rays, and everything that a beam does as polynomials through them.
+//!
+//! Transverse aberration is a smooth function of the pupil. For one field and one wavelength a [`PupilMap`] holds, as
+//! polynomials in the stop coordinates: where the ray through that point of the stop lands, how much light the point
+//! stands for, and how far from the axis the ray passes the clear apertures that may cut it. How far the polynomials are
+//! from traced rays is measured at points that they were not fitted to.
+
+use super::basis::{PupilBasis, check_points};
+use super::beam::{launch_area, projections};
+use super::samples::{PupilSamples, SamplesCotangent, trace_points};
+use crate::gradient::LensGradient;
+use crate::paraxial::first_order;
+use crate::trace::{SOFT_EDGE_MM, Sequence, SquaredHeights};
+
+/// A quantity over the pupil at a clear aperture: the squared height of rays there.
+#[derive(Debug)]
+pub(crate) struct Height {
+    pub surface: usize,
+    pub semi_diameter_mm: f64,
+    /// Coefficients, even, mm^2.
+    pub coefficients: Vec<f64>,
+}
+
+/// Polynomials of one field at one wavelength.
+#[derive(Debug)]
+pub(crate) struct PupilMap {
+    pub samples: PupilSamples,
+    /// Coefficients of x (odd) and y (even) on the image plane, mm.
+    pub image: [Vec<f64>; 2],
+    /// Coefficients of the light per share of the stop's area (even).
+    pub light: Vec<f64>,
+    /// Clear apertures that may cut the beam.
+    pub heights: Vec<Height>,
+}
+
+/// How far polynomials are from traced rays, at worst.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Residual {
+    /// On the image plane, mm.
+    pub image_mm: f64,
+    /// Of the light, relative.
+    pub light: f64,
+    /// Of the radius at clear apertures, mm.
+    pub aperture_mm: f64,
+}
+
+impl Residual {
+    /// Whether rays land within `image_mm` of where the polynomials say, light is right to a thousandth, and apertures to
+    /// a tenth of their soft edge.
+    pub fn within(&self, image_mm: f64) -> bool {
+        self.image_mm < image_mm && self.light < 1e-3 && self.aperture_mm < 0.1 * SOFT_EDGE_MM
+    }
+}
+
+/// What a loss asks of a map: cotangents of its coefficients.
+#[derive(Clone, Debug)]
+pub(crate) struct MapCotangent {
+    pub image: [Vec<f64>; 2],
+    pub light: Vec<f64>,
+    pub heights: Vec<Vec<f64>>,
+    /// By the clear semi-diameters of the heights, 1/mm.
+    pub semi_diameters: Vec<f64>,
+}
+
+impl MapCotangent {
+    pub fn zero(map: &PupilMap) -> Self {
+        let basis = map.samples.basis;
+        let (odd, even) = (basis.odd.powers.len(), basis.even.powers.len());
+        Self {
+            image: [vec![0.0; odd], vec![0.0; even]],
+            light: vec![0.0; even],
+            heights: vec![vec![0.0; even]; map.heights.len()],
+            semi_diameters: vec![0.0; map.heights.len()],
+        }
+    }
+}
+
+impl PupilMap {
+    /// The polynomials through the samples of a beam.
+    pub fn new(sequence: &Sequence, samples: PupilSamples) -> Self {
+        let (odd, even) = (&samples.basis.odd, &samples.basis.even);
+        let height = |h: &SquaredHeights| Height {
+            surface: h.surface,
+            semi_diameter_mm: sequence.surfaces[h.surface].semi_diameter_mm,
+            coefficients: even.fit(&h.values),
+        };
+        Self {
+            image: [odd.fit(&samples.x), even.fit(&samples.y)],
+            light: even.fit(&samples.light),
+            heights: samples.heights.iter().map(height).collect(),
+            samples,
+        }
+    }
+
+    /// The basis of the polynomials.
+    pub fn basis(&self) -> &'static PupilBasis {
+        self.samples.basis
+    }
+
+    /// How far the polynomials are from rays through other points of the stop; `None` if one of those is lost.
+    pub fn residual(&self, sequence: &Sequence) -> Option<Residual> {
+        let points = check_points();
+        let samples = &self.samples;
+        let (odd, even) = (&samples.basis.odd, &samples.basis.even);
+        let [launch_x, launch_y] = &samples.aimed.launch_mm;
+        let guesses_x = odd.at_checks(&odd.fit(launch_x));
+        let guesses_y = even.at_checks(&even.fit(launch_y));
+        let guesses: Vec<[f64; 2]> = guesses_x.iter().zip(&guesses_y).map(|(x, y)| [*x, *y]).collect();
+        let surfaces = self.heights.iter().map(|h| h.surface);
+        let (field, radius) = (samples.field_rad, samples.stop_radius_mm);
+        let traced = trace_points(sequence, field, radius, &points, &guesses, surfaces)?;
+        let [x, y] = traced.rays.image_xy();
+        let (fit_x, fit_y) = (odd.at_checks(&self.image[0]), even.at_checks(&self.image[1]));
+        let fit_light = even.at_checks(&self.light);
+        let area = launch_area(sequence, &first_order(sequence));
+        let mut worst = Residual::default();
+        for (i, (projection, _)) in projections(sequence, field, &traced.aimed, points.len()).enumerate() {
+            worst.image_mm = worst.image_mm.max((x[i] - fit_x[i]).hypot(y[i] - fit_y[i]));
+            // The light of a ray by its exact derivatives.
+            let light = radius * radius * traced.aimed.launch_per_stop_area(i) / area * projection;
+            worst.light = worst.light.max((fit_light[i] / light - 1.0).abs());
+        }
+        for (h, traced) in self.heights.iter().zip(&traced.heights) {
+            for (fit, traced) in even.at_checks(&h.coefficients).iter().zip(&traced.values) {
+                let (r, traced) = (fit.max(0.0).sqrt(), traced.sqrt());
+                // Far from its edge an aperture does nothing.
+                let near = (traced - h.semi_diameter_mm).abs() < 0.1 * h.semi_diameter_mm;
+                let off = (r - traced).abs();
+                worst.aperture_mm = worst.aperture_mm.max(if near { off } else { 0.1 * off });
+            }
+        }
+        Some(worst)
+    }
+
+    /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
+    pub fn pull_back(&self, sequence: &Sequence, wish: &MapCotangent, gradient: &mut LensGradient) -> f64 {
+        let (odd, even) = (&self.basis().odd, &self.basis().even);
+        let mut at_samples = SamplesCotangent::zero(&self.samples);
+        odd.pull_back_fit(&wish.image[0], &mut at_samples.seeds.image_x);
+        even.pull_back_fit(&wish.image[1], &mut at_samples.seeds.image_y);
+        even.pull_back_fit(&wish.light, &mut at_samples.light);
+        for ((h, bar), semi_bar) in self.heights.iter().zip(&wish.heights).zip(&wish.semi_diameters) {
+            gradient.surfaces[h.surface].semi_diameter += semi_bar;
+            if bar.iter().any(|b| *b != 0.0) {
+                let mut height = SquaredHeights::zero(h.surface, self.basis().samples.len());
+                even.pull_back_fit(bar, &mut height.values);
+                at_samples.seeds.heights.push(height);
+            }
+        }
+        self.samples.pull_back(sequence, &at_samples, gradient)
+    }
+}

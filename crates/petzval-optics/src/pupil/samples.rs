@@ -1,0 +1,170 @@
+//! The beam of one field at one wavelength, traced at the samples of a pupil basis.
+
+use super::basis::{Parity, PupilBasis};
+use super::beam::{launch_area, paraxial_launch, projections};
+use crate::gradient::LensGradient;
+use crate::lens::ObjectDistance;
+use crate::paraxial::{first_order, pull_back_entrance_pupil};
+use crate::trace::{
+    AimedRays, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, pull_back, trace_with_heights,
+};
+
+/// Clear apertures within this share of the beam's reach may cut it.
+const APERTURE_MARGIN: f64 = 0.97;
+
+/// Rays through points of the stop, aimed and traced; arrays are padded.
+pub(super) struct TracedPoints {
+    pub aimed: AimedRays,
+    pub rays: RayBundle,
+    pub heights: Vec<SquaredHeights>,
+}
+
+/// Aims and traces rays through points of the pupil; `None` if one of them does not reach the image.
+pub(super) fn trace_points(
+    sequence: &Sequence,
+    field_rad: f64,
+    stop_radius_mm: f64,
+    points: &[[f64; 2]],
+    guesses: &[[f64; 2]],
+    surfaces: impl Iterator<Item = usize>,
+) -> Option<TracedPoints> {
+    let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
+    let aimed = AimedRays::new(sequence, field_rad, &targets, guesses);
+    let mut rays = aimed.bundle(sequence);
+    let mut heights: Vec<SquaredHeights> = surfaces.map(|s| SquaredHeights::zero(s, points.len())).collect();
+    trace_with_heights(sequence, &mut rays, &mut heights);
+    (0..points.len()).all(|i| rays.fate(i).reaches_image()).then_some(TracedPoints { aimed, rays, heights })
+}
+
+/// A beam at the samples of a basis.
+#[derive(Debug)]
+pub(crate) struct PupilSamples {
+    pub basis: &'static PupilBasis,
+    /// Where the rays land on the image plane, mm, one per sample.
+    pub x: Vec<f64>,
+    pub y: Vec<f64>,
+    /// Light per share of the stop's area, one per sample: 1 on the axis of a lens without pupil aberration.
+    pub light: Vec<f64>,
+    /// Squared heights at the clear apertures that may cut the beam.
+    pub heights: Vec<SquaredHeights>,
+    pub(super) aimed: AimedRays,
+    pub(super) field_rad: f64,
+    pub(super) stop_radius_mm: f64,
+}
+
+/// What a loss asks of a beam at its samples.
+#[derive(Clone, Debug)]
+pub(crate) struct SamplesCotangent {
+    /// By x, y and squared heights.
+    pub seeds: Seeds,
+    /// By the light.
+    pub light: Vec<f64>,
+}
+
+impl SamplesCotangent {
+    pub fn zero(samples: &PupilSamples) -> Self {
+        let count = samples.basis.samples.len();
+        Self { seeds: Seeds::zero(count), light: vec![0.0; count] }
+    }
+}
+
+impl PupilSamples {
+    /// Traces the beam; `like`, the same field at another wavelength, makes aiming quicker. `None` if a ray of the stop
+    /// does not reach the image.
+    ///
+    /// `stop_radius_mm` is that of the reference wavelength: the stop is one piece of metal.
+    pub fn new(
+        sequence: &Sequence,
+        field_rad: f64,
+        stop_radius_mm: f64,
+        basis: &'static PupilBasis,
+        like: Option<&Self>,
+    ) -> Option<Self> {
+        let order = first_order(sequence);
+        let count = basis.samples.len();
+        let guesses: Vec<[f64; 2]> = match like {
+            Some(like) if like.basis.degree == basis.degree => {
+                (0..count).map(|i| like.aimed.launch_of(i)).collect()
+            }
+            _ => basis.samples.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect(),
+        };
+        let others = (0..sequence.surfaces.len()).filter(|i| *i != sequence.stop);
+        let traced = trace_points(sequence, field_rad, stop_radius_mm, &basis.samples, &guesses, others)?;
+        let may_cut = |h: &SquaredHeights| {
+            let reach = h.values[..count].iter().fold(0.0_f64, |m, u| m.max(*u)).sqrt();
+            reach > APERTURE_MARGIN * (sequence.surfaces[h.surface].semi_diameter_mm - SOFT_EDGE_MM)
+        };
+        let [x, y] = traced.rays.image_xy().map(|v| v[..count].to_vec());
+        let heights = traced.heights.into_iter().filter(may_cut).collect();
+        let aimed = traced.aimed;
+        let mut samples = Self { basis, x, y, light: Vec::new(), heights, aimed, field_rad, stop_radius_mm };
+        // Light by the Jacobian of the polynomials through the launch points, so that its gradient is of one piece with it.
+        let area = launch_area(sequence, &order);
+        let [[xx, xy], [yx, yy]] = samples.launch_slopes();
+        samples.light = projections(sequence, field_rad, &samples.aimed, count)
+            .enumerate()
+            .map(|(i, (projection, _))| (xx[i] * yy[i] - xy[i] * yx[i]) / area * projection)
+            .collect();
+        Some(samples)
+    }
+
+    /// Derivatives of launch x and launch y by p_x and p_y, at the samples, mm.
+    fn launch_slopes(&self) -> [[Vec<f64>; 2]; 2] {
+        let (odd, even) = (&self.basis.odd, &self.basis.even);
+        let [x, y] = &self.aimed.launch_mm;
+        [odd.slopes(&odd.fit(x)), even.slopes(&even.fit(y))]
+    }
+
+    /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
+    pub fn pull_back(
+        &self,
+        sequence: &Sequence,
+        wish: &SamplesCotangent,
+        gradient: &mut LensGradient,
+    ) -> f64 {
+        let launch_bar = self.pull_back_light(sequence, &wish.light, gradient);
+        let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
+        let reaim = Reaim { aimed: &self.aimed, launch_bar };
+        pull_back(sequence, &self.aimed.bundle(sequence), &wish.seeds, Some(&reaim), gradient)
+            / self.stop_radius_mm
+    }
+
+    /// What cotangents of the light ask of the launch points.
+    fn pull_back_light(
+        &self,
+        sequence: &Sequence,
+        light_bar: &[f64],
+        gradient: &mut LensGradient,
+    ) -> [Vec<f64>; 2] {
+        let (odd, even) = (&self.basis.odd, &self.basis.even);
+        let order = first_order(sequence);
+        let area = launch_area(sequence, &order);
+        let total: f64 = light_bar.iter().zip(&self.light).map(|(bar, l)| bar * l).sum();
+        gradient.entrance_pupil -= 2.0 * total / sequence.entrance_pupil_mm;
+        if let ObjectDistance::Finite(distance) = sequence.object {
+            let by_position = 2.0 * total / (distance + order.entrance_pupil_at_mm);
+            pull_back_entrance_pupil(sequence, by_position, gradient);
+        }
+        let count = self.basis.samples.len();
+        let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(count)]);
+        let [[xx, xy], [yx, yy]] = self.launch_slopes();
+        let mut jacobian_bar = vec![0.0; count];
+        let projections = projections(sequence, self.field_rad, &self.aimed, count);
+        for (i, (projection, by)) in projections.enumerate() {
+            jacobian_bar[i] = light_bar[i] * projection / area;
+            for axis in 0..2 {
+                launch_bar[axis][i] += light_bar[i] * self.light[i] / projection * by[axis];
+            }
+        }
+        // jacobian = xx yy - xy yx
+        let times = |v: &[f64], sign: f64| -> Vec<f64> {
+            v.iter().zip(&jacobian_bar).map(|(v, bar)| sign * v * bar).collect()
+        };
+        let pull = |parity: &Parity, by_x: &[f64], by_y: &[f64], to: &mut [f64]| {
+            parity.pull_back_fit(&parity.pull_back_slopes([by_x, by_y]), to);
+        };
+        pull(odd, &times(&yy, 1.0), &times(&yx, -1.0), &mut launch_bar[0]);
+        pull(even, &times(&xy, -1.0), &times(&xx, 1.0), &mut launch_bar[1]);
+        launch_bar
+    }
+}

@@ -1,0 +1,68 @@
+//! Mean squared spots from a traced ray for every pupil cell.
+
+use rayon::prelude::*;
+
+use super::{mean_square, mean_y, trace_field};
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::paraxial::{FirstOrderCotangent, pull_back_first_order};
+use crate::pupil::{BeamCotangent, Quadrature};
+
+/// Mean over fields and wavelengths of the squared RMS spot radius, um^2, about the polychromatic
+/// centroid, with its gradient. `None` if some field brings no light.
+pub fn mean_square_spot_traced(
+    lens: &Lens,
+    fields_rad: &[f64],
+    quadrature: &Quadrature,
+) -> Option<(f64, LensGradient)> {
+    let per_field: Vec<(f64, LensGradient)> = fields_rad
+        .par_iter()
+        .map(|field| field_mean_square(lens, *field, quadrature))
+        .collect::<Option<_>>()?;
+    // Sum in the order of the fields, so that the bits do not depend on the threads.
+    let share = 1.0 / fields_rad.len() as f64;
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let mut value = 0.0;
+    for (v, g) in per_field {
+        value += share * v;
+        gradient += &g.scaled(share);
+    }
+    Some((value, gradient))
+}
+
+pub(super) fn field_mean_square(
+    lens: &Lens,
+    field_rad: f64,
+    quadrature: &Quadrature,
+) -> Option<(f64, LensGradient)> {
+    const UM2_PER_MM2: f64 = 1e6;
+    let traced = trace_field(lens, field_rad, quadrature);
+    if !traced.iter().all(|t| t.beam.illumination() > 0.0) {
+        return None;
+    }
+    let count = traced.len() as f64;
+    let centre = traced.iter().map(|t| mean_y(&t.beam)).sum::<f64>() / count;
+    let mut value = 0.0;
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let mut stop_radius_bar = 0.0;
+    for t in &traced {
+        let (beam, light) = (&t.beam, t.beam.illumination());
+        let square = mean_square(beam, centre);
+        value += square / count;
+        // The common centroid c is the mean of the wavelengths' own centroids, so the sum over
+        // wavelengths of d(square)/dc vanishes and c needs no cotangent: m = <x^2 + (y-c)^2>_w.
+        let scale = UM2_PER_MM2 / (count * light);
+        let mut bar = BeamCotangent::zero(beam.y_mm.len());
+        for i in 0..beam.y_mm.len() {
+            let (x, y) = (beam.x_mm[i], beam.y_mm[i] - centre);
+            bar.x[i] = 2.0 * scale * beam.weight[i] * x;
+            bar.y[i] = 2.0 * scale * beam.weight[i] * y;
+            bar.weight[i] = scale * (x * x + y * y - square);
+        }
+        stop_radius_bar += beam.pull_back(&t.sequence, quadrature, &bar, &mut gradient);
+    }
+    let reference = lens.at_wavelength(lens.reference_um);
+    let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+    pull_back_first_order(&reference, wish, &mut gradient);
+    Some((UM2_PER_MM2 * value, gradient))
+}

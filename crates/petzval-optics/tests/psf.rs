@@ -1,0 +1,87 @@
+//! PSFs from pupil polynomials against PSFs from a traced ray for every pupil cell.
+
+mod common;
+
+use common::{all_lenses, nominal_triplet};
+use petzval_optics::lens::Lens;
+use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions, psf, psf_traced};
+use petzval_optics::pupil::Quadrature;
+
+const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
+
+/// Mean over the wavelengths of the sum of absolute differences; every PSF sums to one.
+fn distance(a: &FieldPsf, b: &FieldPsf) -> f64 {
+    let l1 = |a: &Vec<f64>, b: &Vec<f64>| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+    a.values.iter().zip(&b.values).map(|(a, b)| l1(a, b)).sum::<f64>() / a.values.len() as f64
+}
+
+fn both(lens: &Lens, field_deg: f64, cells: [usize; 2]) -> (FieldPsf, FieldPsf) {
+    let options = PsfOptions::default();
+    let [fast, reference] = cells.map(|c| Quadrature::grid(c).unwrap());
+    let field = field_deg.to_radians();
+    let polynomial = psf(lens, field, &WAVELENGTHS_UM, &fast, &options).unwrap();
+    let traced = psf_traced(lens, field, &WAVELENGTHS_UM, &reference, &options).unwrap();
+    (polynomial, traced)
+}
+
+fn is_polynomial(method: &PsfMethod) -> bool {
+    matches!(method, PsfMethod::Polynomial { residual_um, .. } if *residual_um < 0.01)
+}
+
+#[test]
+fn the_nominal_triplet_at_15_degrees_is_right_to_0_3_percent() {
+    let (fast, reference) = both(&nominal_triplet(), 15.0, [160, 1024]);
+    assert!(fast.method.iter().all(is_polynomial), "{:?}", fast.method);
+    assert!(reference.method.iter().all(|m| *m == PsfMethod::Traced));
+    let off = distance(&fast, &reference);
+    assert!(off < 3e-3, "{off}");
+    let (fine, _) = both(&nominal_triplet(), 15.0, [256, 12]);
+    assert!(distance(&fine, &reference) < 1e-3);
+}
+
+#[test]
+fn every_lens_gives_what_traced_rays_give() {
+    let (mut polynomial, mut compared) = (0, 0);
+    for file in all_lenses() {
+        for field_deg in [0.0, 7.0, 14.0] {
+            let (fast, reference) = both(&file.lens, field_deg, [768, 768]);
+            compared += 1;
+            polynomial += usize::from(fast.method.iter().all(is_polynomial));
+            let off = distance(&fast, &reference);
+            assert!(off < 5e-3, "{} {field_deg}: {off} {:?}", file.lens.name, fast.method);
+            for (a, b) in fast.illumination.iter().zip(&reference.illumination) {
+                assert!((a / b - 1.0).abs() < 5e-4, "{} {field_deg}: {a} {b}", file.lens.name);
+            }
+            for (a, b) in fast.captured.iter().zip(&reference.captured) {
+                assert!((a - b).abs() < 5e-4, "{} {field_deg}: {a} {b}", file.lens.name);
+            }
+        }
+    }
+    // The fall-back is for the exception.
+    assert!(polynomial * 4 > compared * 3, "{polynomial} of {compared}");
+}
+
+#[test]
+fn apertures_cut_polynomials_as_they_cut_rays() {
+    let mut lens = nominal_triplet();
+    lens.surfaces[0].semi_diameter_mm = 6.6;
+    lens.surfaces[5].semi_diameter_mm = 3.1;
+    let (fast, reference) = both(&lens, 14.0, [256, 512]);
+    assert!(fast.method.iter().all(is_polynomial), "{:?}", fast.method);
+    assert!(reference.illumination[0] < 0.8);
+    assert!(distance(&fast, &reference) < 1e-2, "{}", distance(&fast, &reference));
+    for (a, b) in fast.illumination.iter().zip(&reference.illumination) {
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
+}
+
+#[test]
+fn where_rays_of_the_stop_are_lost_every_cell_is_traced() {
+    let mut lens = nominal_triplet();
+    // So strong a first surface that some rays of the stop have no launch.
+    lens.surfaces[0].shape.curvature = 1.0 / 8.0;
+    lens.surfaces.iter_mut().for_each(|s| s.semi_diameter_mm = 9.0);
+    let (fast, reference) = both(&lens, 5.73, [64, 64]);
+    assert!(fast.method.contains(&PsfMethod::Traced), "{:?}", fast.method);
+    assert!(distance(&fast, &reference) < 1e-12);
+}
