@@ -38,12 +38,11 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
         } else {
             (wanted.element_edge_mm, a.semi_diameter_mm.max(b.semi_diameter_mm))
         };
-        if let (Some(front), Some(rear)) = (a.shape.sag_mm(height), b.shape.sag_mm(height)) {
-            let edge = a.thickness_mm + rear - front;
+        if let Some(edge) = edge_clearance(lens, i, height) {
             hinge(least - edge, &mut |bar, g| {
                 g.surfaces[i].thickness += bar;
-                add_sag(lens, i, height, -bar, g);
-                add_sag(lens, i + 1, height, bar, g);
+                sag_gradient(lens, i, height, -bar, g);
+                sag_gradient(lens, i + 1, height, bar, g);
             });
         }
         hinge(least - a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += bar);
@@ -55,8 +54,15 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
     (value, gradient)
 }
 
+/// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there. `None` where
+/// one of them does not reach that far.
+pub(crate) fn edge_clearance(lens: &Lens, surface: usize, height_mm: f64) -> Option<f64> {
+    let (a, b) = (&lens.surfaces[surface], &lens.surfaces[surface + 1]);
+    Some(a.thickness_mm + b.shape.sag_mm(height_mm)? - a.shape.sag_mm(height_mm)?)
+}
+
 /// Adds the gradient of a loss that depends on the sag of a surface at a height, `bar` per mm.
-fn add_sag(lens: &Lens, surface: usize, height: f64, bar: f64, gradient: &mut LensGradient) {
+pub(crate) fn sag_gradient(lens: &Lens, surface: usize, height: f64, bar: f64, gradient: &mut LensGradient) {
     let u = height * height;
     let ((by_curvature, by_conic), _) = lens.surfaces[surface].shape.conic_sensitivity(u);
     let g = &mut gradient.surfaces[surface];

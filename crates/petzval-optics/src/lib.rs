@@ -15,6 +15,10 @@
 //! A ray never raises: its fate is data ([`trace::Fate`]). This crate reads no file, starts no
 //! thread of its own and knows no tensor framework.
 
+// Tests inside the crate share lenses with those outside.
+#[cfg(test)]
+extern crate self as petzval_optics;
+
 pub mod constraint;
 pub mod design_space;
 pub mod format;
@@ -22,6 +26,7 @@ pub mod glass;
 pub mod gradient;
 mod lanes;
 pub mod lens;
+pub mod optimize;
 pub mod paraxial;
 pub mod psf;
 pub mod pupil;

@@ -1,7 +1,6 @@
 //! `petzval design`: the main job.
 
 mod progress;
-mod signals;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -13,7 +12,7 @@ use petzval::design::inputs::{check_inputs, keep_inputs};
 use petzval::design::run::{Metrics, RunFolder, write_atomically};
 use petzval::design::setup::{BUILT_IN_PHOTOS, Setup};
 
-use super::{EXIT_STOPPED, Failure, device, doctor, report};
+use super::{EXIT_STOPPED, Failure, device, doctor, report, signals};
 
 /// The experiment that runs when none is named.
 const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";

@@ -1,5 +1,6 @@
-//! `petzval lens`: look at a lens.
+//! `petzval lens`: look at a lens, or make it better.
 
+mod optimize;
 mod show;
 mod trace;
 
@@ -16,6 +17,8 @@ pub enum LensVerb {
     Show(show::Args),
     /// One ray through every surface
     Trace(trace::Args),
+    /// Smaller spots within bounds, by descent or by a global search
+    Optimize(Box<optimize::Args>),
 }
 
 /// Runs a verb.
@@ -23,5 +26,6 @@ pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
     match verb {
         LensVerb::Show(args) => show::run(&args),
         LensVerb::Trace(args) => trace::run(&args),
+        LensVerb::Optimize(args) => optimize::run(&args),
     }
 }

@@ -11,6 +11,7 @@ mod failure;
 mod lens;
 mod psf;
 mod report;
+mod signals;
 mod simulate;
 
 use std::process::ExitCode;
@@ -45,7 +46,7 @@ enum Verb {
     Report(report::Args),
     /// Score the cameras of a run again, with exact optics
     Evaluate(evaluate::Args),
-    /// Look at a lens
+    /// Look at a lens, or make it better
     #[command(subcommand)]
     Lens(lens::LensVerb),
     /// Write the point-spread functions of a lens

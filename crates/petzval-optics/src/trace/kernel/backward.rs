@@ -53,16 +53,16 @@ pub struct Reaim<'a> {
 }
 
 /// Numbers of a surface, as indices into its sums.
-const CURVATURE: usize = 0;
-const CONIC: usize = 1;
-const THICKNESS: usize = 2;
-const INDEX: usize = 3;
+pub(super) const CURVATURE: usize = 0;
+pub(super) const CONIC: usize = 1;
+pub(super) const THICKNESS: usize = 2;
+pub(super) const INDEX: usize = 3;
 const SEMI_DIAMETER: usize = 4;
-const ASPHERE: usize = 5;
-const NUMBERS: usize = ASPHERE + ASPHERE_TERMS;
+pub(super) const ASPHERE: usize = 5;
+pub(super) const NUMBERS: usize = ASPHERE + ASPHERE_TERMS;
 
 /// Re-aiming of the rays of one vector.
-struct ReaimLanes<S: Simd> {
+pub(super) struct ReaimLanes<S: Simd> {
     /// dq/ds at the stop, row by row.
     q: [[Lanes<S>; 2]; 2],
     /// dd/ds in front of the stop, by launch x and by launch y.
@@ -72,7 +72,7 @@ struct ReaimLanes<S: Simd> {
 
 /// Cotangents of the point and the direction at the last surface, from those at the image.
 #[inline(always)]
-fn from_image<S: Simd>(arrival: &Arrival<S>, [x, y]: [Lanes<S>; 2]) -> (V3<S>, V3<S>, Lanes<S>) {
+pub(super) fn from_image<S: Simd>(arrival: &Arrival<S>, [x, y]: [Lanes<S>; 2]) -> (V3<S>, V3<S>, Lanes<S>) {
     // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
     let d = arrival.ray.direction;
     let by_run = (x * d[0] + y * d[1]) / d[2];
@@ -82,7 +82,7 @@ fn from_image<S: Simd>(arrival: &Arrival<S>, [x, y]: [Lanes<S>; 2]) -> (V3<S>, V
 impl<S: Simd> ReaimLanes<S> {
     /// Loads the rays of one vector.
     #[inline(always)]
-    fn load(simd: S, reaim: &Reaim, at: usize) -> Self {
+    pub fn load(simd: S, reaim: &Reaim, at: usize) -> Self {
         let aimed = reaim.aimed;
         let [[a, b], [c, d]] = &aimed.stop_by_launch;
         let [by_x, by_y] = &aimed.direction_by_launch;
@@ -121,11 +121,11 @@ fn load3<S: Simd>(simd: S, from: &[Vec<f64>; 3], at: usize) -> V3<S> {
 }
 
 /// What a sweep leaves.
-struct Swept<S: Simd> {
+pub(super) struct Swept<S: Simd> {
     /// Cotangents of the launch.
     launch: Tangent<S>,
     /// `-l.q` of the rays: R times the wish for the stop radius.
-    stop_bar: Lanes<S>,
+    pub stop_bar: Lanes<S>,
     /// Whether a clear aperture in front of the stop asked for something.
     asked_in_front: bool,
 }
@@ -133,7 +133,7 @@ struct Swept<S: Simd> {
 /// The backward sweep from the last surface of `tape`, given cotangents of the point on it and of the direction behind it;
 /// adds to `sums`.
 #[inline(always)]
-fn sweep<S: Simd>(
+pub(super) fn sweep<S: Simd>(
     sequence: &Sequence,
     tape: &[Crossing<S>],
     (mut point_bar, mut direction_bar): (V3<S>, V3<S>),

@@ -1,0 +1,72 @@
+//! The six-week job: a search from random starts inside the bounds of a lens file, for two seconds a seed.
+//!
+//! `cargo run --release -p petzval-optics --example global_search -- data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
+
+use std::path::Path;
+use std::time::Instant;
+
+use petzval_optics::format::parse_lens;
+use petzval_optics::glass::Catalog;
+use petzval_optics::optimize::{LevenbergOptions, Limits, Problem, Search, SearchOptions, Solves, descend};
+use petzval_optics::pupil::PupilSampling;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args().nth(1).ok_or("a lens file")?;
+    let how = std::env::args().nth(2).unwrap_or_default();
+    let seconds: f64 = std::env::args().nth(3).map_or(Ok(2.0), |a| a.parse())?;
+    let mut catalog = Catalog::default();
+    for entry in std::fs::read_dir(Path::new(&path).with_file_name("../glasses"))? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            catalog.merge(Catalog::parse(&std::fs::read_to_string(path)?)?);
+        }
+    }
+    let file = parse_lens(&std::fs::read_to_string(&path)?, &catalog)?;
+    let mut problem = Problem::new(file.lens);
+    problem.variables = file.variables;
+    problem.wavelengths_um = vec![0.5875618];
+    problem.sampling = PupilSampling::Degree(4);
+    if how != "efl-free" {
+        problem.solves = Solves {
+            efl: file.efl_solve.map(|s| petzval_optics::design_space::EflSolve { efl_mm: 25.0, ..s }),
+            length: None,
+        };
+    }
+    if how == "bfl-held" {
+        problem.limits = Limits { back_focal_mm: Some([24.395, 24.405]), ..Limits::default() };
+    }
+    for seed in 1..=6 {
+        let start = Instant::now();
+        let mut search = Search::new(&problem, SearchOptions { seed, ..SearchOptions::default() })?;
+        let mut log = String::new();
+        while start.elapsed().as_secs_f64() < seconds {
+            let before = search.best().map_or(f64::INFINITY, |f| f.analysis.merit);
+            search.advance();
+            if let Some(best) = search.best()
+                && best.analysis.merit < 0.999 * before
+            {
+                log += &format!(" {:.2}s {:.3}", start.elapsed().as_secs_f64(), best.analysis.merit.sqrt());
+            }
+        }
+        let (rounds, descents) = search.progress();
+        if let Some(best) = search.best() {
+            // The same lens with ten times the rays, refocused.
+            let fine = Problem {
+                base: best.analysis.lens.clone(),
+                variables: Vec::new(),
+                solves: Solves::default(),
+                sampling: PupilSampling::Degree(20),
+                ..problem.clone()
+            };
+            let fine = descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true)?;
+            print!("{:.3} um by 736 rays; ", fine.best.mean_rms_um());
+            println!(
+                "seed {seed}: {:.3} um {:?} {rounds} rounds {descents} descents {:?};{log}",
+                best.analysis.mean_rms_um(),
+                best.analysis.rms_um.iter().map(|r| (r * 100.0).round() / 100.0).collect::<Vec<_>>(),
+                best.analysis.violations
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,175 @@
+//! Levenberg and Marquardt's method with bounds.
+//!
+//! Each Jacobian serves several trial steps: damping values around the last good one are tried, the best is taken, and if
+//! none improves the merit, stronger damping is tried on the same Jacobian. Coordinates on a bound that the gradient pushes
+//! against are held; a step that leaves the bounds is cut at them.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::chart::{Chart, ChartError};
+use super::merit::{Analysis, Linearised, analyse, linearise};
+use super::problem::Problem;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevenbergOptions {
+    /// Iterations, each with a new Jacobian.
+    pub iterations: usize,
+    /// An iteration that improves the RMS (the root of the merit) by less than this share is the last.
+    pub tolerance: f64,
+}
+
+impl Default for LevenbergOptions {
+    fn default() -> Self {
+        Self { iterations: 200, tolerance: 1e-7 }
+    }
+}
+
+/// Why a descent ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// An iteration brought less than the tolerance.
+    Converged,
+    /// No step improves the merit.
+    Stuck,
+    /// All iterations are done.
+    Exhausted,
+    /// The caller asked.
+    Asked,
+}
+
+/// The way down.
+#[derive(Clone, Debug)]
+pub struct Descent {
+    /// The best lens.
+    pub best: Analysis,
+    /// Its coordinates: one per variable (a curvature for a radius), then the image distance if it is free.
+    pub at: Vec<f64>,
+    /// Iterations done.
+    pub iterations: usize,
+    /// Why it ended.
+    pub stop: Stop,
+}
+
+/// Damping that is tried beside the last good one, as factors.
+const AROUND: [f64; 3] = [0.1, 1.0, 10.0];
+
+/// Stronger damping, when all of these fail.
+const STRONGER: [f64; 4] = [1e2, 1e4, 1e6, 1e9];
+
+/// The step of the damped model with these coordinates free; the others do not move.
+fn damped_step(model: &Linearised, free: &[usize], damping: f64) -> Option<DVector<f64>> {
+    let count = free.len();
+    let hessian = DMatrix::from_fn(count, count, |r, c| {
+        let value = model.hessian[(free[r], free[c])];
+        if r == c { value * (1.0 + damping) + 1e-300 } else { value }
+    });
+    let gradient = DVector::from_fn(count, |r, _| -model.gradient[free[r]]);
+    let step = hessian.cholesky()?.solve(&gradient);
+    let mut all = DVector::zeros(model.gradient.len());
+    for (i, value) in free.iter().zip(step.iter()) {
+        all[*i] = *value;
+    }
+    all.iter().all(|v| v.is_finite()).then_some(all)
+}
+
+/// Where a damped step leads within the bounds. Coordinates that it would push through a bound stop there, and the others
+/// are solved for again.
+fn bounded_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f64) -> Option<Vec<f64>> {
+    let pushes_out = |i: usize| {
+        (at[i] <= bounds[i][0] && model.gradient[i] > 0.0)
+            || (at[i] >= bounds[i][1] && model.gradient[i] < 0.0)
+    };
+    let mut free: Vec<usize> = (0..at.len()).filter(|i| !pushes_out(*i)).collect();
+    let mut next = at.to_vec();
+    for _ in 0..4 {
+        let step = damped_step(model, &free, damping)?;
+        let mut crossed = Vec::new();
+        for &i in &free {
+            let wanted = at[i] + step[i];
+            next[i] = wanted.clamp(bounds[i][0], bounds[i][1]);
+            if next[i] != wanted && (at[i] == bounds[i][0] || at[i] == bounds[i][1]) {
+                crossed.push(i);
+            }
+        }
+        if crossed.is_empty() {
+            return Some(next);
+        }
+        // Held where they are; the rest must make do without them.
+        free.retain(|i| !crossed.contains(i));
+        for i in crossed {
+            next[i] = at[i];
+        }
+    }
+    Some(next)
+}
+
+/// Goes down from coordinates `start`; `watch` sees every accepted lens and says whether to go on.
+pub(super) fn descend_from(
+    problem: &Problem,
+    chart: &Chart,
+    start: Vec<f64>,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Option<Descent> {
+    let mut at = start;
+    let mut best = analyse(problem, chart.lens(&at)?, None)?;
+    let mut damping = 1e-3;
+    for iteration in 0..options.iterations {
+        if !watch(iteration, &best, &at) {
+            return Some(Descent { best, at, iterations: iteration, stop: Stop::Asked });
+        }
+        let mapped = chart.map(&at)?;
+        let Some(model) = linearise(problem, chart, &mapped, &best) else {
+            return Some(Descent { best, at, iterations: iteration, stop: Stop::Stuck });
+        };
+        let mut found: Option<(Analysis, Vec<f64>, f64)> = None;
+        let attempt = |factor: f64, found: &mut Option<(Analysis, Vec<f64>, f64)>| {
+            let tried = (damping * factor).clamp(1e-12, 1e12);
+            let Some(next) = bounded_step(&at, &chart.bounds, &model, tried) else { return };
+            let Some(lens) = chart.lens(&next) else { return };
+            let Some(analysis) = analyse(problem, lens, Some(&best)) else { return };
+            let to_beat = found.as_ref().map_or(best.merit, |(a, ..)| a.merit);
+            if analysis.merit < to_beat {
+                *found = Some((analysis, next, tried));
+            }
+        };
+        for factor in AROUND {
+            attempt(factor, &mut found);
+        }
+        for factor in STRONGER {
+            if found.is_some() {
+                break;
+            }
+            attempt(factor, &mut found);
+        }
+        let Some((analysis, next, tried)) = found else {
+            return Some(Descent { best, at, iterations: iteration, stop: Stop::Stuck });
+        };
+        let gain = 1.0 - (analysis.merit / best.merit).sqrt();
+        (best, at, damping) = (analysis, next, tried);
+        if gain < options.tolerance {
+            watch(iteration + 1, &best, &at);
+            return Some(Descent { best, at, iterations: iteration + 1, stop: Stop::Converged });
+        }
+    }
+    watch(options.iterations, &best, &at);
+    Some(Descent { best, at, iterations: options.iterations, stop: Stop::Exhausted })
+}
+
+/// Goes down from the problem's own lens, its numbers moved inside their bounds; `watch` sees the lens before every iteration
+/// and at the end, with the iteration and the coordinates, and says whether to go on.
+pub fn descend(
+    problem: &Problem,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Result<Descent, ChartError> {
+    let chart = Chart::new(problem)?;
+    let start = chart.start();
+    if let Some(solve) = &problem.solves.efl
+        && chart.lens(&start).is_none()
+    {
+        return Err(ChartError::EflUnsolvable { surface: solve.surface + 1, efl_mm: solve.efl_mm });
+    }
+    descend_from(problem, &chart, start, options, watch).ok_or(ChartError::NoRays)
+}

@@ -1,0 +1,458 @@
+//! The merit of a lens, and its linearisation.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::chart::{Chart, Mapped, by_number};
+use super::problem::Problem;
+use crate::constraint::{edge_clearance, sag_gradient};
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use crate::pupil::{PupilBasis, chief_ray, paraxial_launch, pull_back_chief};
+use crate::trace::{
+    AimedRays, LandingJacobian, RayBundle, Reaim, Seeds, Sequence, SquaredHeights, landing_jacobian,
+    pull_back, trace_with_heights,
+};
+
+const UM_PER_MM: f64 = 1e3;
+
+/// A mount needs this much more than the beam, mm.
+const MOUNT_MM: f64 = 0.1;
+
+/// A lens with its figures.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    /// The lens.
+    pub lens: Lens,
+    /// What is made small: the square of the p-mean of the fields' RMS spots, um^2, plus squared violations.
+    pub merit: f64,
+    /// RMS spot of each field about its centroid, all wavelengths together, um.
+    pub rms_um: Vec<f64>,
+    /// What is violated, and by how much, mm (distortion: mm on the image).
+    pub violations: Vec<(Violation, f64)>,
+    /// Launch points of the rays, by field and wavelength: where the next aiming starts.
+    pub(super) launches: Vec<Vec<[f64; 2]>>,
+    /// How far the beams reach: by rays on the rim of the stop if a limit asks, else by those that are traced anyway.
+    apertures: Apertures,
+}
+
+/// How far beams reach on the surfaces.
+#[derive(Clone, Debug)]
+struct Apertures {
+    /// Radius at which a surface must be clear, mm.
+    clear_mm: Vec<f64>,
+    /// The field, wavelength and point of the pupil whose ray needs that radius.
+    widest: Vec<(usize, usize, [f64; 2])>,
+}
+
+impl Apertures {
+    fn none(lens: &Lens) -> Self {
+        let surfaces = lens.surfaces.len();
+        Self { clear_mm: vec![0.0; surfaces], widest: vec![(0, 0, [0.0; 2]); surfaces] }
+    }
+
+    fn widen(&mut self, heights: &[SquaredHeights], points: &[[f64; 2]], [field, colour]: [usize; 2]) {
+        for h in heights {
+            for (u, p) in h.values.iter().zip(points) {
+                if u.sqrt() > self.clear_mm[h.surface] {
+                    self.clear_mm[h.surface] = u.sqrt();
+                    self.widest[h.surface] = (field, colour, *p);
+                }
+            }
+        }
+    }
+}
+
+/// Points on half of the rim of the stop.
+const RIM: [[f64; 2]; 7] = [
+    [0.0, -1.0],
+    [0.5, -0.866_025_403_784_438_6],
+    [0.866_025_403_784_438_6, -0.5],
+    [1.0, 0.0],
+    [0.866_025_403_784_438_6, 0.5],
+    [0.5, 0.866_025_403_784_438_6],
+    [0.0, 1.0],
+];
+
+/// How far rays on the rim of the stop reach; `None` if one of them is lost.
+fn rim(problem: &Problem, lens: &Lens, stop_radius_mm: f64) -> Option<Apertures> {
+    let mut apertures = Apertures::none(lens);
+    for field in 0..problem.fields_rad.len() {
+        for colour in 0..problem.wavelengths_um.len() {
+            let beam = beam(lens, problem, &RIM, [field, colour], stop_radius_mm, None)?;
+            let mut rays = beam.aimed.bundle(&beam.sequence);
+            let mut heights: Vec<SquaredHeights> =
+                (0..lens.surfaces.len()).map(|s| SquaredHeights::zero(s, RIM.len())).collect();
+            trace_with_heights(&beam.sequence, &mut rays, &mut heights);
+            if !(0..RIM.len()).all(|i| rays.fate(i).reaches_image()) {
+                return None;
+            }
+            apertures.widen(&heights, &RIM, [field, colour]);
+        }
+    }
+    Some(apertures)
+}
+
+impl Analysis {
+    /// Mean RMS spot over the fields, um.
+    pub fn mean_rms_um(&self) -> f64 {
+        self.rms_um.iter().sum::<f64>() / self.rms_um.len() as f64
+    }
+
+    /// The lens with clear semi-diameters as its beams need them, and a margin for the mount; the stop has none.
+    pub fn fitted_lens(&self, problem: &Problem) -> Lens {
+        let mut lens = self.lens.clone();
+        let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+        let apertures = rim(problem, &lens, stop_radius_mm).unwrap_or_else(|| Apertures::none(&lens));
+        for (i, s) in lens.surfaces.iter_mut().enumerate() {
+            let needed = apertures.clear_mm[i].max(self.apertures.clear_mm[i]) + MOUNT_MM;
+            s.semi_diameter_mm = if i == lens.stop { stop_radius_mm } else { needed };
+        }
+        lens
+    }
+}
+
+/// A limit that may be violated; surfaces from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Violation {
+    /// Edge thickness of the element behind a surface.
+    Edge(usize),
+    /// Centre thickness of the element behind a surface.
+    Centre(usize),
+    /// Air behind a surface, on the axis.
+    Air(usize),
+    /// Air behind a surface, at the edge.
+    AirEdge(usize),
+    /// The curvature that holds the focal length.
+    SolvedRadius,
+    /// The back focal length.
+    BackFocal,
+    /// The track.
+    Track,
+    /// The clear diameter of a surface.
+    ClearDiameter(usize),
+    /// The distortion.
+    Distortion,
+}
+
+/// The merit's quadratic model: `merit + 2 gradient . step + step . hessian step`.
+#[derive(Clone, Debug)]
+pub struct Linearised {
+    /// Half the gradient by the coordinates.
+    pub gradient: DVector<f64>,
+    /// Half the Hessian of Gauss and Newton.
+    pub hessian: DMatrix<f64>,
+}
+
+/// A beam of one field at one wavelength.
+struct Beam {
+    sequence: Sequence,
+    aimed: AimedRays,
+}
+
+fn beam(
+    lens: &Lens,
+    problem: &Problem,
+    points: &[[f64; 2]],
+    [field, colour]: [usize; 2],
+    stop_radius_mm: f64,
+    guesses: Option<&[[f64; 2]]>,
+) -> Option<Beam> {
+    let sequence = lens.at_wavelength(problem.wavelengths_um[colour]);
+    let field_rad = problem.fields_rad[field];
+    let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
+    let aim = |guesses: &[[f64; 2]]| {
+        let aimed = AimedRays::new(&sequence, field_rad, &targets, guesses);
+        (0..targets.len()).all(|i| aimed.is_aimed(i)).then_some(aimed)
+    };
+    let aimed = guesses.and_then(aim).or_else(|| {
+        let order = first_order(&sequence);
+        let guesses: Vec<[f64; 2]> =
+            points.iter().map(|p| paraxial_launch(&order, &sequence, field_rad, *p)).collect();
+        aim(&guesses)
+    })?;
+    Some(Beam { sequence, aimed })
+}
+
+/// The merit of a lens; `None` if a ray of the stop is lost. `near`, a lens like it, makes aiming quicker.
+pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) -> Option<Analysis> {
+    let basis = PupilBasis::of(problem.sampling);
+    let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+    let surfaces = lens.surfaces.len();
+    let colours = problem.wavelengths_um.len();
+    let mut launches = Vec::with_capacity(problem.fields_rad.len() * colours);
+    let mut rms_um = Vec::with_capacity(problem.fields_rad.len());
+    let limits = &problem.limits;
+    let by_rim =
+        limits.element_edge_mm.is_some() || limits.air_gap_mm.is_some() || limits.clear_diameter_mm.is_some();
+    let mut apertures = if by_rim { rim(problem, &lens, stop_radius_mm)? } else { Apertures::none(&lens) };
+    for field in 0..problem.fields_rad.len() {
+        // Heights are taken about the first ray, so that their squares can be subtracted.
+        let (mut origin, mut sums) = (None, [0.0; 3]);
+        for colour in 0..colours {
+            let guesses = near.and_then(|n| n.launches.get(field * colours + colour)).or(if colour > 0 {
+                launches.last()
+            } else {
+                None
+            });
+            let beam = beam(
+                &lens,
+                problem,
+                &basis.samples,
+                [field, colour],
+                stop_radius_mm,
+                guesses.map(Vec::as_slice),
+            )?;
+            let mut rays = beam.aimed.bundle(&beam.sequence);
+            let mut heights: Vec<SquaredHeights> =
+                (0..surfaces).map(|s| SquaredHeights::zero(s, basis.samples.len())).collect();
+            trace_with_heights(&beam.sequence, &mut rays, &mut heights);
+            let [x, y] = rays.image_xy();
+            for (i, weight) in basis.weights.iter().enumerate() {
+                if !rays.fate(i).reaches_image() {
+                    return None;
+                }
+                let y = y[i] - *origin.get_or_insert(y[i]);
+                sums[0] += weight;
+                sums[1] += weight * y;
+                sums[2] += weight * (x[i] * x[i] + y * y);
+            }
+            if !by_rim {
+                apertures.widen(&heights, &basis.samples, [field, colour]);
+            }
+            launches.push((0..basis.samples.len()).map(|i| beam.aimed.launch_of(i)).collect());
+        }
+        let square = (sums[2] - sums[1] * sums[1] / sums[0]) / sums[0];
+        rms_um.push(UM_PER_MM * square.max(0.0).sqrt());
+    }
+    let mut analysis = Analysis { lens, merit: 0.0, rms_um, violations: Vec::new(), launches, apertures };
+    analysis.violations = violations(problem, &analysis)?;
+    let total: f64 = problem.field_weights.iter().sum();
+    let mean: f64 = analysis
+        .rms_um
+        .iter()
+        .zip(&problem.field_weights)
+        .map(|(rms, w)| w / total * rms.powf(problem.power))
+        .sum();
+    let stiff = |v: f64| (problem.stiffness_um_per_mm * v).powi(2);
+    analysis.merit =
+        mean.powf(2.0 / problem.power) + analysis.violations.iter().map(|(_, v)| stiff(*v)).sum::<f64>();
+    analysis.merit.is_finite().then_some(analysis)
+}
+
+/// What is violated; positive amounts.
+fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, f64)>> {
+    let (lens, limits) = (&analysis.lens, &problem.limits);
+    let mut found = Vec::new();
+    let mut ask = |what: Violation, short: f64| {
+        if short > 0.0 {
+            found.push((what, short));
+        }
+    };
+    let last = lens.surfaces.len() - 1;
+    for i in 0..last {
+        let surface = &lens.surfaces[i];
+        let [a, b] =
+            [analysis.apertures.clear_mm[i], analysis.apertures.clear_mm[i + 1]].map(|r| r + MOUNT_MM);
+        if surface.glass.is_air() {
+            if let Some(least) = limits.air_gap_mm {
+                ask(Violation::Air(i), least - surface.thickness_mm);
+                ask(Violation::AirEdge(i), least - edge_clearance(lens, i, a.min(b))?);
+            }
+        } else {
+            if let Some(least) = limits.element_centre_mm {
+                ask(Violation::Centre(i), least - surface.thickness_mm);
+            }
+            if let Some(least) = limits.element_edge_mm {
+                ask(Violation::Edge(i), least - edge_clearance(lens, i, a.max(b))?);
+            }
+        }
+    }
+    if let Some(solve) = &problem.solves.efl
+        && let Some([min, max]) = solve.radius_mm
+    {
+        let [low, high] = curvature_bounds(min, max);
+        let c = lens.surfaces[solve.surface].shape.curvature;
+        // As a sag at the edge of the clear aperture, so that it is a length.
+        let scale = 0.5 * analysis.apertures.clear_mm[solve.surface].powi(2);
+        ask(Violation::SolvedRadius, scale * (c - high).max(low - c));
+    }
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    if let Some([min, max]) = limits.back_focal_mm {
+        ask(Violation::BackFocal, (order.bfl_mm - max).max(min - order.bfl_mm));
+    }
+    if let Some(track) = limits.track_mm {
+        ask(Violation::Track, lens.total_track_mm() - track);
+    }
+    if let Some(diameter) = limits.clear_diameter_mm {
+        for i in (0..=last).filter(|i| *i != lens.stop) {
+            ask(Violation::ClearDiameter(i), analysis.apertures.clear_mm[i] - 0.5 * diameter);
+        }
+    }
+    if let Some(share) = limits.distortion {
+        let (ideal, real) = distorted(problem, lens, order.efl_mm)?;
+        ask(Violation::Distortion, (real - ideal).abs() - share * ideal.abs());
+    }
+    Some(found)
+}
+
+pub(super) fn curvature_bounds(min_mm: f64, max_mm: f64) -> [f64; 2] {
+    let (a, b) = (1.0 / min_mm, 1.0 / max_mm);
+    [a.min(b), a.max(b)]
+}
+
+/// Ideal and real image height of the outermost field, mm.
+fn distorted(problem: &Problem, lens: &Lens, efl_mm: f64) -> Option<(f64, f64)> {
+    let field = outermost(problem);
+    let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field)?;
+    Some((efl_mm * field.tan(), chief.y_mm))
+}
+
+fn outermost(problem: &Problem) -> f64 {
+    problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a })
+}
+
+/// The gradient of a violation by the numbers of the lens.
+fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -> Option<LensGradient> {
+    let lens = &analysis.lens;
+    let mut g = LensGradient::zero(lens.surfaces.len());
+    let sequence = || lens.at_wavelength(lens.reference_um);
+    let last = lens.surfaces.len() - 1;
+    let edge = |i: usize, height: f64, g: &mut LensGradient| {
+        g.surfaces[i].thickness -= 1.0;
+        sag_gradient(lens, i, height, 1.0, g);
+        sag_gradient(lens, i + 1, height, -1.0, g);
+    };
+    let clear = |i: usize| analysis.apertures.clear_mm[i] + MOUNT_MM;
+    match what {
+        Violation::Edge(i) => edge(i, clear(i).max(clear(i + 1)), &mut g),
+        Violation::AirEdge(i) => edge(i, clear(i).min(clear(i + 1)), &mut g),
+        Violation::Centre(i) | Violation::Air(i) => g.surfaces[i].thickness = -1.0,
+        Violation::SolvedRadius => {
+            let solve = problem.solves.efl.as_ref()?;
+            let [min, max] = solve.radius_mm?;
+            let c = lens.surfaces[solve.surface].shape.curvature;
+            let scale = 0.5 * analysis.apertures.clear_mm[solve.surface].powi(2);
+            let sign = if c > curvature_bounds(min, max)[1] { 1.0 } else { -1.0 };
+            g.surfaces[solve.surface].curvature = sign * scale;
+        }
+        Violation::BackFocal => {
+            let [_, max] = problem.limits.back_focal_mm?;
+            let sequence = sequence();
+            let sign = if first_order(&sequence).bfl_mm > max { 1.0 } else { -1.0 };
+            let wish = FirstOrderCotangent { bfl: sign, ..Default::default() };
+            pull_back_first_order(&sequence, wish, &mut g);
+        }
+        Violation::Track => (0..=last).for_each(|i| g.surfaces[i].thickness = 1.0),
+        Violation::ClearDiameter(i) => {
+            let (field, colour, point) = analysis.apertures.widest[i];
+            let stop_radius_mm = first_order(&sequence()).stop_radius_mm;
+            let beam = beam(lens, problem, &[point], [field, colour], stop_radius_mm, None)?;
+            let mut seeds = Seeds::zero(1);
+            let mut height = SquaredHeights::zero(i, 1);
+            height.values[0] = 0.5 / analysis.apertures.clear_mm[i];
+            seeds.heights.push(height);
+            let nothing = vec![0.0; RayBundle::padded(1)];
+            let reaim = Reaim { aimed: &beam.aimed, launch_bar: [&nothing, &nothing] };
+            let launched = beam.aimed.bundle(&beam.sequence);
+            let by_stop = pull_back(&beam.sequence, &launched, &seeds, Some(&reaim), &mut g);
+            let wish = FirstOrderCotangent { stop_radius: by_stop / stop_radius_mm, ..Default::default() };
+            pull_back_first_order(&sequence(), wish, &mut g);
+        }
+        Violation::Distortion => {
+            let sequence = sequence();
+            let efl_mm = first_order(&sequence).efl_mm;
+            let (ideal, real) = distorted(problem, lens, efl_mm)?;
+            let share = problem.limits.distortion?;
+            let sign = (real - ideal).signum();
+            let field = outermost(problem);
+            pull_back_chief(&sequence, &chief_ray(&sequence, field)?, sign, &mut g);
+            let by_ideal = -sign - share * ideal.signum();
+            let wish = FirstOrderCotangent { efl: by_ideal * field.tan(), ..Default::default() };
+            pull_back_first_order(&sequence, wish, &mut g);
+        }
+    }
+    Some(g)
+}
+
+/// The linearised problem at a lens of the chart.
+pub(super) fn linearise(
+    problem: &Problem,
+    chart: &Chart,
+    mapped: &Mapped,
+    analysis: &Analysis,
+) -> Option<Linearised> {
+    let basis = PupilBasis::of(problem.sampling);
+    let stop_radius_mm = first_order(&mapped.lens.at_wavelength(mapped.lens.reference_um)).stop_radius_mm;
+    let colours = problem.wavelengths_um.len();
+    // One column per number, the stop's growth, and the residual itself.
+    let columns = chart.numbers.len() + 2;
+    let mut gram = DMatrix::<f64>::zeros(columns, columns);
+    let total: f64 = problem.field_weights.iter().sum();
+    let p = problem.power;
+    let mean: f64 =
+        analysis.rms_um.iter().zip(&problem.field_weights).map(|(rms, w)| w / total * rms.powf(p)).sum();
+    for field in 0..problem.fields_rad.len() {
+        let mut of_field = DMatrix::<f64>::zeros(columns, columns);
+        let mut means = DVector::<f64>::zeros(columns);
+        let mut origin = None;
+        for colour in 0..colours {
+            let guesses = analysis.launches.get(field * colours + colour).map(Vec::as_slice);
+            let beam = beam(&mapped.lens, problem, &basis.samples, [field, colour], stop_radius_mm, guesses)?;
+            let landing = landing_jacobian(&beam.sequence, &beam.aimed, &chart.numbers);
+            if !landing.complete {
+                return None;
+            }
+            let origin = *origin.get_or_insert(landing.landing[1][0]);
+            add_gram(&landing, &basis.weights, origin, colours as f64, &mut of_field, &mut means);
+        }
+        of_field -= &means * means.transpose();
+        // d(mean^(2/p)) / d(S_f), S_f in um^2.
+        let rms = analysis.rms_um[field].max(1e-6);
+        let weight = mean.powf(2.0 / p - 1.0) * problem.field_weights[field] / total * rms.powf(p - 2.0);
+        gram += of_field * (weight * UM_PER_MM * UM_PER_MM);
+    }
+    let residual = columns - 1;
+    let slopes = &mapped.slopes;
+    let inner = gram.view((0, 0), (residual, residual));
+    let mut hessian = slopes.transpose() * inner * slopes;
+    let mut gradient = slopes.transpose() * gram.view((0, residual), (residual, 1)).column(0);
+    for (what, amount) in &analysis.violations {
+        let g = violation_gradient(problem, analysis, *what)?;
+        let row = DVector::from_fn(chart.numbers.len() + 1, |n, _| {
+            chart.numbers.get(n).map_or(0.0, |number| by_number(&g, *number))
+        });
+        let row = slopes.transpose() * row;
+        let stiffness = problem.stiffness_um_per_mm * problem.stiffness_um_per_mm;
+        gradient += &row * (stiffness * amount);
+        hessian += &row * row.transpose() * stiffness;
+    }
+    Some(Linearised { gradient, hessian })
+}
+
+/// Adds the products of the columns of a beam, weighted, and their means; y about an origin.
+fn add_gram(
+    landing: &LandingJacobian,
+    weights: &[f64],
+    origin: f64,
+    colours: f64,
+    gram: &mut DMatrix<f64>,
+    means: &mut DVector<f64>,
+) {
+    let count = weights.len();
+    // Columns scaled by the roots of the weights: x and then y of every ray.
+    let roots: Vec<f64> = weights.iter().map(|w| (w / colours).sqrt()).collect();
+    let columns = landing.by.len() + 1;
+    let block = DMatrix::from_fn(2 * count, columns, |r, c| {
+        let (axis, ray) = (r / count, r % count);
+        let value = match landing.by.get(c) {
+            Some(by) => by[axis][ray],
+            None => landing.landing[axis][ray] - if axis == 1 { origin } else { 0.0 },
+        };
+        roots[ray] * value
+    });
+    gram.gemm_tr(1.0, &block, &block, 1.0);
+    for c in 0..columns {
+        means[c] += (0..count).map(|ray| roots[ray] * block[(count + ray, c)]).sum::<f64>();
+    }
+}

@@ -1,0 +1,105 @@
+//! What may move, what is solved for, and what is asked.
+
+use crate::design_space::{EflSolve, Variable};
+use crate::lens::Lens;
+use crate::pupil::PupilSampling;
+
+/// Numbers that algebra settles, whatever the variables are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Solves {
+    /// A curvature holds the focal length.
+    pub efl: Option<EflSolve>,
+    /// The thickness of this surface holds the distance from the first vertex to the last, mm.
+    pub length: Option<(usize, f64)>,
+}
+
+/// A number that follows another: `value = scale * other + offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pickup {
+    /// The surface whose number follows.
+    pub surface: usize,
+    /// Index of the variable that it follows; the number is of the same kind.
+    pub variable: usize,
+    /// Factor. Radii follow as curvatures.
+    pub scale: f64,
+    /// Offset.
+    pub offset: f64,
+}
+
+/// Where the image plane goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImagePlane {
+    /// It stays.
+    Fixed,
+    /// Where the spots are smallest: the distance from the last vertex is a variable without bounds.
+    Best,
+}
+
+/// Requirements on the lens as a piece of glass, mm; what is `None` is not asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// Least edge thickness of an element, at the larger of its clear semi-diameters.
+    pub element_edge_mm: Option<f64>,
+    /// Least thickness of an element on the axis.
+    pub element_centre_mm: Option<f64>,
+    /// Least air between two surfaces, on the axis and at the smaller of their semi-diameters.
+    pub air_gap_mm: Option<f64>,
+    /// Least and greatest back focal length (paraxial).
+    pub back_focal_mm: Option<[f64; 2]>,
+    /// Greatest distance from the first vertex to the image plane.
+    pub track_mm: Option<f64>,
+    /// Greatest clear diameter: no ray of any field may need more.
+    pub clear_diameter_mm: Option<f64>,
+    /// Greatest distortion of the outermost field, a share of its ideal image height.
+    pub distortion: Option<f64>,
+}
+
+/// An optimisation problem.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The lens as far as it does not move.
+    pub base: Lens,
+    /// What may move, within bounds.
+    pub variables: Vec<Variable>,
+    /// Numbers that follow variables.
+    pub pickups: Vec<Pickup>,
+    /// Numbers that are solved for.
+    pub solves: Solves,
+    /// Where the image plane goes.
+    pub image: ImagePlane,
+    /// Field angles, rad.
+    pub fields_rad: Vec<f64>,
+    /// Weight of each field.
+    pub field_weights: Vec<f64>,
+    /// Wavelengths, um, all of the same weight.
+    pub wavelengths_um: Vec<f64>,
+    /// Rays.
+    pub sampling: PupilSampling,
+    /// The mean over the fields of RMS^p is made small: 1 for the mean RMS spot, 2 for the mean square.
+    pub power: f64,
+    /// What the glass must be.
+    pub limits: Limits,
+    /// Residual of a violation, um per mm.
+    pub stiffness_um_per_mm: f64,
+}
+
+impl Problem {
+    /// The mean RMS spot over the lens's own fields and wavelengths, with nothing to move yet.
+    pub fn new(base: Lens) -> Self {
+        let fields_rad: Vec<f64> = base.fields_deg.iter().map(|f| f.to_radians()).collect();
+        Self {
+            variables: Vec::new(),
+            pickups: Vec::new(),
+            solves: Solves::default(),
+            image: ImagePlane::Best,
+            field_weights: vec![1.0; fields_rad.len()],
+            fields_rad,
+            wavelengths_um: base.wavelengths_um.clone(),
+            sampling: PupilSampling::Degree(6),
+            power: 1.0,
+            limits: Limits::default(),
+            stiffness_um_per_mm: 1e4,
+            base,
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Derivatives of the merit against differences, and descents.
+
+use super::chart::Chart;
+use super::merit::{analyse, linearise};
+use super::*;
+use crate::design_space::{EflSolve, Parameter, Variable};
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+use common::nominal_triplet;
+
+fn variable(surface: usize, parameter: Parameter, min: f64, max: f64) -> Variable {
+    Variable { surface, parameter, min, max }
+}
+
+/// Curvatures, two aspheric terms and two thicknesses; the last curvature holds the focal length.
+fn problem() -> Problem {
+    Problem {
+        variables: vec![
+            variable(0, Parameter::Radius, 9.0, 15.0),
+            variable(0, Parameter::Asphere(4), -1e-4, 1e-4),
+            variable(1, Parameter::Radius, 9.0, 15.0),
+            variable(1, Parameter::Thickness, 6.0, 10.0),
+            variable(2, Parameter::Radius, -60.0, -20.0),
+            variable(5, Parameter::Radius, 12.0, 20.0),
+            variable(5, Parameter::Conic, -2.0, 2.0),
+            variable(5, Parameter::Asphere(6), -1e-5, 1e-5),
+            variable(5, Parameter::Thickness, 2.0, 4.0),
+        ],
+        solves: Solves {
+            efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: Some([-14.0, -13.0]) }),
+            length: None,
+        },
+        ..Problem::new(nominal_triplet())
+    }
+}
+
+/// Everything is asked for, and everything is violated.
+fn strict(mut problem: Problem) -> Problem {
+    problem.pickups = vec![Pickup { surface: 3, variable: 4, scale: -1.0, offset: 0.0 }];
+    problem.solves.length = Some((3, 22.1));
+    problem.limits = Limits {
+        element_edge_mm: Some(3.2),
+        element_centre_mm: Some(3.5),
+        air_gap_mm: Some(1.2),
+        back_focal_mm: Some([25.0, 26.0]),
+        track_mm: Some(45.0),
+        clear_diameter_mm: Some(12.0),
+        distortion: Some(0.01),
+    };
+    problem.stiffness_um_per_mm = 30.0;
+    problem
+}
+
+fn check_gradient(problem: &Problem) -> usize {
+    let chart = Chart::new(problem).unwrap();
+    let at = chart.start();
+    let mapped = chart.map(&at).unwrap();
+    let analysis = analyse(problem, mapped.lens.clone(), None).unwrap();
+    let model = linearise(problem, &chart, &mapped, &analysis).unwrap();
+    for (i, bounds) in chart.bounds.iter().enumerate() {
+        let range = bounds[1] - bounds[0];
+        let h = 1e-5 * if range.is_finite() { range } else { 1.0 };
+        let merit = |steps: f64| {
+            let mut moved = at.clone();
+            moved[i] += steps * h;
+            analyse(problem, chart.lens(&moved).unwrap(), None).unwrap().merit
+        };
+        let numeric = (8.0 * (merit(1.0) - merit(-1.0)) - (merit(2.0) - merit(-2.0))) / (12.0 * h);
+        let analytic = 2.0 * model.gradient[i];
+        let rounding = 1e-12 * analysis.merit / h;
+        assert!(
+            (analytic - numeric).abs() < 1e-6 * analytic.abs() + rounding,
+            "coordinate {i}: {analytic:e} against {numeric:e}"
+        );
+    }
+    analysis.violations.len()
+}
+
+#[test]
+fn the_gradient_is_that_of_the_merit() {
+    assert_eq!(check_gradient(&problem()), 0);
+    assert_eq!(check_gradient(&Problem { power: 2.0, ..problem() }), 0);
+    let fixed = Problem { image: ImagePlane::Fixed, power: 4.0, ..problem() };
+    assert_eq!(check_gradient(&fixed), 0);
+    // Edges follow clear apertures, which the derivative takes as they are; they are checked by themselves.
+    let mut asked = strict(problem());
+    asked.limits.element_edge_mm = None;
+    asked.limits.air_gap_mm = None;
+    assert!(check_gradient(&asked) >= 6, "{}", check_gradient(&asked));
+}
+
+#[test]
+fn a_disturbed_triplet_comes_back() {
+    let mut lens = nominal_triplet();
+    let before = {
+        let problem = Problem { power: 2.0, ..problem() };
+        let chart = Chart::new(&problem).unwrap();
+        analyse(&problem, chart.lens(&chart.start()).unwrap(), None).unwrap().mean_rms_um()
+    };
+    for (i, s) in lens.surfaces.iter_mut().enumerate() {
+        s.shape.curvature *= if i % 2 == 0 { 1.05 } else { 0.95 };
+    }
+    let disturbed = Problem {
+        variables: [0, 1, 2, 3, 5]
+            .map(|s| {
+                let r = 1.0 / lens.surfaces[s].shape.curvature;
+                variable(s, Parameter::Radius, (0.5 * r).min(2.0 * r), (0.5 * r).max(2.0 * r))
+            })
+            .to_vec(),
+        solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },
+        ..Problem::new(lens)
+    };
+    let mut seen = 0;
+    let descent = descend(&disturbed, &LevenbergOptions::default(), &mut |_, analysis, _| {
+        seen += 1;
+        let efl = first_order(&analysis.lens.at_wavelength(analysis.lens.reference_um)).efl_mm;
+        assert!((efl - 25.04).abs() < 1e-9);
+        true
+    })
+    .unwrap();
+    assert!(seen > descent.iterations);
+    assert!(descent.best.mean_rms_um() <= before * 1.001, "{} against {before}", descent.best.mean_rms_um());
+}
+
+#[test]
+fn bounds_and_limits_are_kept() {
+    let asked = strict(problem());
+    let limits = Limits {
+        element_edge_mm: Some(0.9),
+        element_centre_mm: Some(2.6),
+        air_gap_mm: Some(0.5),
+        back_focal_mm: Some([24.0, 24.3]),
+        track_mm: Some(47.0),
+        clear_diameter_mm: Some(14.6),
+        distortion: Some(0.05),
+    };
+    let asked = Problem { stiffness_um_per_mm: 1e4, limits, ..asked };
+    let descent = descend(&asked, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap();
+    let chart = Chart::new(&asked).unwrap();
+    for (x, [low, high]) in descent.at.iter().zip(&chart.bounds) {
+        assert!(x >= low && x <= high);
+    }
+    for (what, amount) in &descent.best.violations {
+        assert!(*amount < 0.02, "{what:?} {amount}");
+    }
+    let lens: &Lens = &descent.best.lens;
+    let vertices = lens.total_track_mm() - lens.image_distance_mm();
+    assert!((vertices - 22.1).abs() < 1e-12);
+    assert_eq!(lens.surfaces[3].shape.curvature, -lens.surfaces[2].shape.curvature);
+}
+
+#[test]
+fn impossible_problems_say_why() {
+    let base = problem();
+    let wrong = |change: &dyn Fn(&mut Problem)| {
+        let mut p = base.clone();
+        change(&mut p);
+        descend(&p, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap_err()
+    };
+    let error = wrong(&|p| p.variables[0].surface = 9);
+    assert_eq!(error, ChartError::NoSuchSurface { surface: 10, count: 7 });
+    let error = wrong(&|p| p.pickups.push(Pickup { surface: 1, variable: 77, scale: 1.0, offset: 0.0 }));
+    assert_eq!(error, ChartError::NoSuchVariable { variable: 78, count: 9 });
+    let error = wrong(&|p| p.variables[3].max = p.variables[3].min);
+    assert!(matches!(error, ChartError::Bounds { surface: 2, .. }));
+    let error = wrong(&|p| p.solves.efl = Some(EflSolve { surface: 4, efl_mm: 25.0, radius_mm: None }));
+    assert!(matches!(error, ChartError::EflUnsolvable { surface: 5, .. }));
+    let error = wrong(&|p| p.base.entrance_pupil_mm = 40.0);
+    assert_eq!(error, ChartError::NoRays);
+}

@@ -1,0 +1,118 @@
+//! How every ray of a bundle lands when each number of the lens moves: the rows of a Jacobian, by two sweeps of the adjoint
+//! a ray.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::aim::AimedRays;
+use super::backward::{
+    ASPHERE, CONIC, CURVATURE, INDEX, NUMBERS, Reaim, ReaimLanes, THICKNESS, from_image, sweep,
+};
+use super::forward::{is_dead, load, trace_rays};
+use crate::lanes::{Lanes, width};
+use crate::trace::ray::RayBundle;
+use crate::trace::sequence::Sequence;
+
+/// A number of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Number {
+    /// Vertex curvature, 1/mm.
+    Curvature,
+    /// Conic constant.
+    Conic,
+    /// Coefficient of r^(2 + 2 j).
+    Asphere(usize),
+    /// Distance to the next vertex, mm.
+    Thickness,
+    /// Index of the medium behind.
+    Index,
+}
+
+impl Number {
+    fn slot(self) -> usize {
+        match self {
+            Self::Curvature => CURVATURE,
+            Self::Conic => CONIC,
+            Self::Asphere(j) => ASPHERE + j,
+            Self::Thickness => THICKNESS,
+            Self::Index => INDEX,
+        }
+    }
+}
+
+/// Where rays that are aimed at points of the stop land, and how that changes; arrays are padded.
+#[derive(Clone, Debug)]
+pub struct LandingJacobian {
+    /// x and y on the image plane, mm.
+    pub landing: [Vec<f64>; 2],
+    /// d(x, y) by each of the numbers, and last by the relative growth of the stop, mm: `[number][x or y][ray]`.
+    pub by: Vec<[Vec<f64>; 2]>,
+    /// Whether every ray reaches the image.
+    pub complete: bool,
+}
+
+struct Jacobian<'a> {
+    sequence: &'a Sequence,
+    launched: &'a RayBundle,
+    aimed: &'a AimedRays,
+    numbers: &'a [(usize, Number)],
+    out: &'a mut LandingJacobian,
+}
+
+impl WithSimd for Jacobian<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sequence, launched, aimed, numbers, out } = self;
+        let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
+        let last = sequence.surfaces.len() - 1;
+        let mut sums = vec![[zero; NUMBERS]; last + 1];
+        let mut tape = Vec::with_capacity(last + 1);
+        let nothing = vec![0.0; RayBundle::padded(launched.len())];
+        let reaim = Reaim { aimed, launch_bar: [&nothing, &nothing] };
+        for at in (0..launched.len()).step_by(width::<S>()) {
+            let fate = Lanes::load(simd, &launched.fate[at..]);
+            let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
+            out.complete &= !is_dead(arrival.fate).any();
+            let reaim = ReaimLanes::load(simd, &reaim, at);
+            for axis in 0..2 {
+                arrival.ray.position[axis].store(&mut out.landing[axis][at..]);
+                for sum in &mut sums {
+                    *sum = [zero; NUMBERS];
+                }
+                let seed = if axis == 0 { [one, zero] } else { [zero, one] };
+                let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, seed);
+                sums[last][THICKNESS] += thickness_bar;
+                let bars = (point_bar, direction_bar);
+                let swept = sweep(sequence, &tape, bars, None, &[], Some(&reaim), &mut sums);
+                for (by, (surface, number)) in out.by.iter_mut().zip(numbers) {
+                    sums[*surface][number.slot()].store(&mut by[axis][at..]);
+                }
+                if let Some(by_stop) = out.by.last_mut() {
+                    swept.stop_bar.store(&mut by_stop[axis][at..]);
+                }
+            }
+        }
+    }
+}
+
+/// The Jacobian of where aimed rays land by some numbers of the lens, the rays keeping their points of the stop.
+pub fn landing_jacobian(
+    sequence: &Sequence,
+    aimed: &AimedRays,
+    numbers: &[(usize, Number)],
+) -> LandingJacobian {
+    let launched = aimed.bundle(sequence);
+    let zero = || vec![0.0; RayBundle::padded(launched.len())];
+    let mut out = LandingJacobian {
+        landing: [zero(), zero()],
+        by: (0..=numbers.len()).map(|_| [zero(), zero()]).collect(),
+        complete: true,
+    };
+    Arch::new().dispatch(Jacobian { sequence, launched: &launched, aimed, numbers, out: &mut out });
+    // Padding is no ray.
+    for column in out.landing.iter_mut().chain(out.by.iter_mut().flatten()) {
+        column[launched.len()..].fill(0.0);
+    }
+    out
+}

@@ -1,0 +1,171 @@
+//! What is asked of a lens, from the command line to an optimisation problem.
+
+use petzval::optics::design_space::{EflSolve, Parameter, Variable};
+use petzval::optics::format::LensFile;
+use petzval::optics::lens::Lens;
+use petzval::optics::optimize::{ImagePlane, Limits, Problem, Solves};
+use petzval::optics::paraxial::first_order;
+use petzval::optics::pupil::PupilSampling;
+use serde::{Deserialize, Serialize};
+
+use crate::cli::Failure;
+
+/// What is asked for; kept in the folder of a search, so that it can go on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
+pub struct Goal {
+    /// Wavelengths, um, all of the same weight [default: those of the lens]
+    #[arg(long, value_delimiter = ',', value_name = "UM,...")]
+    pub wavelengths: Vec<f64>,
+    /// Field angles, degrees [default: those of the lens]
+    #[arg(long, value_delimiter = ',', value_name = "DEG,...", allow_negative_numbers = true)]
+    pub fields: Vec<f64>,
+    /// The mean over the fields of RMS^P is made small: 1 the mean spot, 2 the mean square, 8 nearly the worst
+    #[arg(long, default_value_t = 1.0, value_name = "P")]
+    pub power: f64,
+    /// Focal length to hold, mm, or `free` [default: what the lens file solves for]
+    #[arg(long, value_name = "MM|free")]
+    pub efl: Option<String>,
+    /// F-number: sets the entrance pupil by the focal length of the start, or the one held
+    #[arg(long, value_name = "N")]
+    pub f_number: Option<f64>,
+    /// Least and greatest back focal length, mm
+    #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MIN,MAX")]
+    pub bfl: Vec<f64>,
+    /// Least edge thickness of every element, mm
+    #[arg(long, value_name = "MM")]
+    pub edge: Option<f64>,
+    /// Least centre thickness of every element, mm
+    #[arg(long, value_name = "MM")]
+    pub centre: Option<f64>,
+    /// Least air between elements, on the axis and at the edge, mm
+    #[arg(long, value_name = "MM")]
+    pub air: Option<f64>,
+    /// Greatest track, first vertex to image, mm
+    #[arg(long, value_name = "MM")]
+    pub track: Option<f64>,
+    /// Greatest clear diameter of any surface, mm
+    #[arg(long, value_name = "MM")]
+    pub clear_diameter: Option<f64>,
+    /// Greatest distortion at the outermost field, percent
+    #[arg(long, value_name = "PERCENT")]
+    pub distortion: Option<f64>,
+}
+
+impl Goal {
+    /// The problem of bringing a lens there.
+    pub fn problem(&self, file: &LensFile) -> Result<Problem, Failure> {
+        let mut problem = Problem::new(file.lens.clone());
+        problem.variables =
+            if file.variables.is_empty() { usual_variables(&file.lens) } else { file.variables.clone() };
+        if !self.wavelengths.is_empty() {
+            check(
+                "--wavelengths",
+                self.wavelengths.iter().all(|w| (0.2..20.0).contains(w)),
+                "um: 550 nm is 0.55",
+            )?;
+            problem.wavelengths_um.clone_from(&self.wavelengths);
+        }
+        if !self.fields.is_empty() {
+            check("--fields", self.fields.iter().all(|f| f.abs() < 89.0), "degrees from the axis")?;
+            problem.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
+            problem.field_weights = vec![1.0; self.fields.len()];
+        }
+        check("--power", (0.5..=64.0).contains(&self.power), "0.5 to 64; 1 is the mean spot")?;
+        problem.power = self.power;
+        problem.solves = Solves { efl: self.efl_solve(file)?, length: None };
+        if let Some(solve) = &problem.solves.efl {
+            // A curvature that is solved for is no variable.
+            problem.variables.retain(|v| (v.surface, v.parameter) != (solve.surface, Parameter::Radius));
+        }
+        if let Some(n) = self.f_number {
+            check("--f-number", (0.4..200.0).contains(&n), "2.8 is f/2.8")?;
+            let found = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
+            let efl_mm = problem.solves.efl.map_or(found, |s| s.efl_mm);
+            problem.base.entrance_pupil_mm = efl_mm / n;
+        }
+        problem.image = ImagePlane::Best;
+        problem.sampling = PupilSampling::Degree(6);
+        problem.limits = self.limits()?;
+        Ok(problem)
+    }
+
+    fn limits(&self) -> Result<Limits, Failure> {
+        let back_focal_mm = match self.bfl[..] {
+            [] => None,
+            [min, max] if min <= max => Some([min, max]),
+            _ => {
+                return Err(Failure::input(
+                    "--bfl needs two numbers, the smaller first",
+                    "for example 24,25",
+                ));
+            }
+        };
+        for (name, value) in [
+            ("--edge", self.edge),
+            ("--centre", self.centre),
+            ("--air", self.air),
+            ("--track", self.track),
+            ("--clear-diameter", self.clear_diameter),
+        ] {
+            check(name, value.is_none_or(|v| (0.0..1e4).contains(&v)), "a length in mm")?;
+        }
+        check("--distortion", self.distortion.is_none_or(|d| (0.0..100.0).contains(&d)), "percent")?;
+        Ok(Limits {
+            element_edge_mm: self.edge,
+            element_centre_mm: self.centre,
+            air_gap_mm: self.air,
+            back_focal_mm,
+            track_mm: self.track,
+            clear_diameter_mm: self.clear_diameter,
+            distortion: self.distortion.map(|percent| 0.01 * percent),
+        })
+    }
+
+    fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>, Failure> {
+        let Some(wanted) = self.efl.as_deref() else { return Ok(file.efl_solve) };
+        if wanted == "free" {
+            return Ok(None);
+        }
+        let efl_mm: f64 =
+            wanted.parse().ok().filter(|f: &f64| f.is_finite() && *f != 0.0).ok_or_else(|| {
+                Failure::input(format!("--efl {wanted}: neither a length nor `free`"), "in mm")
+            })?;
+        if let Some(solve) = file.efl_solve {
+            return Ok(Some(EflSolve { efl_mm, ..solve }));
+        }
+        let surface = powered(&file.lens).last().ok_or_else(|| {
+            Failure::input("the lens has no powered surface to hold the focal length", "give it a glass")
+        })?;
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm: None }))
+    }
+}
+
+fn check(name: &str, holds: bool, hint: &str) -> Result<(), Failure> {
+    if holds { Ok(()) } else { Err(Failure::input(format!("{name}: out of range"), hint)) }
+}
+
+/// Surfaces between two media.
+fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let bends = move |i: &usize| sequence.surfaces[*i].n_before != sequence.surfaces[*i].n_after;
+    (0..lens.surfaces.len()).filter(bends).collect::<Vec<_>>().into_iter()
+}
+
+/// What moves in a lens whose file does not say: every curvature between two media, up to one and a half times the
+/// strongest, and every gap of air but the last, from a tenth to twice what it is.
+fn usual_variables(lens: &Lens) -> Vec<Variable> {
+    let curvature = |i: usize| lens.surfaces[i].shape.curvature.abs();
+    let strongest = powered(lens).map(curvature).fold(0.0, f64::max);
+    let radius = 1.0 / (1.5 * strongest);
+    let radii = powered(lens).map(|surface| Variable {
+        surface,
+        parameter: Parameter::Radius,
+        min: -radius,
+        max: radius,
+    });
+    let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
+        let gap = lens.surfaces[surface].thickness_mm;
+        Variable { surface, parameter: Parameter::Thickness, min: 0.1 * gap, max: 2.0 * gap + 0.1 }
+    });
+    radii.chain(gaps).collect()
+}

@@ -1,0 +1,201 @@
+//! The folder of an optimisation: where it began, every step that made the lens better, the best lens, and what a search
+//! needs to go on.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use petzval::design::run::write_atomically;
+use petzval::optics::format::{LensFile, write_lens};
+use petzval::optics::optimize::{Analysis, Problem, SearchState};
+use serde::{Deserialize, Serialize};
+
+use super::goal::Goal;
+use crate::cli::Failure;
+
+/// The folder.
+pub struct History {
+    root: PathBuf,
+    steps: Vec<Step>,
+    file: LensFile,
+}
+
+/// How the optimisation was asked for.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Config {
+    /// What is asked of the lens.
+    pub goal: Goal,
+    /// Whether the search is global.
+    pub global: bool,
+    /// Its seed.
+    pub seed: u64,
+}
+
+/// A step that made the lens better: a line of history.jsonl.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Step {
+    /// From 0, the start.
+    pub step: usize,
+    /// Seconds of work until then.
+    pub seconds: f64,
+    /// Root of the merit, um.
+    pub merit_um: f64,
+    /// Mean RMS spot over the fields, um.
+    pub mean_rms_um: f64,
+    /// RMS spot of each field, um.
+    pub rms_um: Vec<f64>,
+    /// What is violated, and by how much, mm.
+    pub violations: Vec<(String, f64)>,
+    /// Coordinates of the lens.
+    pub at: Vec<f64>,
+}
+
+impl History {
+    /// Begins a new folder.
+    pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self, Failure> {
+        if root.join("history.jsonl").exists() {
+            let hint = format!("go on with --resume {}, or choose another folder with --out", root.display());
+            return Err(Failure::input(format!("{}: holds an optimisation already", root.display()), hint));
+        }
+        fs::create_dir_all(root.join("lens")).map_err(|e| {
+            Failure::input(format!("{}: {e}", root.display()), "--out takes a folder that can be made")
+        })?;
+        let history = Self { root: root.to_path_buf(), steps: Vec::new(), file: file.clone() };
+        history.write("start.toml", &write_lens(file))?;
+        history.write("config.json", &json(config)?)?;
+        Ok(history)
+    }
+
+    /// Opens a folder, back to step `rewind` if given: later steps are forgotten.
+    pub fn open(
+        root: &Path,
+        rewind: Option<usize>,
+        parse: impl Fn(&str) -> Result<LensFile, Failure>,
+    ) -> Result<(Self, Config), Failure> {
+        let read = |name: &str| {
+            fs::read_to_string(root.join(name)).map_err(|e| {
+                let what = format!("{}: {e}", root.join(name).display());
+                Failure::input(what, "give the folder of an optimisation, as --out named it")
+            })
+        };
+        let bad = |name: &str, e: serde_json::Error| {
+            Failure::input(
+                format!("{}: {e}", root.join(name).display()),
+                "it was changed since it was written",
+            )
+        };
+        let config: Config =
+            serde_json::from_str(&read("config.json")?).map_err(|e| bad("config.json", e))?;
+        read("start.toml")?;
+        let file = parse(&root.join("start.toml").display().to_string())?;
+        let mut steps: Vec<Step> = read("history.jsonl")?
+            .lines()
+            .map(|line| serde_json::from_str(line).map_err(|e| bad("history.jsonl", e)))
+            .collect::<Result<_, _>>()?;
+        if let Some(step) = rewind {
+            if step >= steps.len() {
+                let hint = format!("the last is {}", steps.len().saturating_sub(1));
+                return Err(Failure::input(format!("--rewind {step}: there is no such step"), hint));
+            }
+            for gone in &steps[step + 1..] {
+                // A lens that is gone already needs no removal.
+                let _ = fs::remove_file(root.join(lens_name(gone.step)));
+            }
+            steps.truncate(step + 1);
+        }
+        let history = Self { root: root.to_path_buf(), steps, file };
+        if rewind.is_some() {
+            history.write_steps()?;
+            if let Some(last) = history.steps.last() {
+                let lens = fs::read_to_string(root.join(lens_name(last.step))).map_err(|e| {
+                    Failure::job(format!("{}: {e}", root.join(lens_name(last.step)).display()))
+                })?;
+                history.write("best.toml", &lens)?;
+                let state = SearchState { round: 0, kept: vec![(last.at.clone(), 0)] };
+                history.write("search.json", &json(&state)?)?;
+            }
+        }
+        Ok((history, config))
+    }
+
+    /// The lens that the optimisation began with.
+    pub fn start(&self) -> &LensFile {
+        &self.file
+    }
+
+    /// Steps so far.
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// What a search needs to go on, if one was kept.
+    pub fn state(&self) -> Result<Option<SearchState>, Failure> {
+        let path = self.root.join("search.json");
+        let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
+        let state = serde_json::from_str(&text)
+            .map_err(|e| Failure::input(format!("{}: {e}", path.display()), "it was changed"))?;
+        Ok(Some(state))
+    }
+
+    /// Keeps what a search needs to go on.
+    pub fn keep_state(&self, state: &SearchState) -> Result<(), Failure> {
+        self.write("search.json", &json(state)?)
+    }
+
+    /// Adds a step with its lens.
+    pub fn add(
+        &mut self,
+        problem: &Problem,
+        seconds: f64,
+        analysis: &Analysis,
+        at: &[f64],
+    ) -> Result<(), Failure> {
+        let step = self.steps.len();
+        let lens = write_lens(&self.found(problem, analysis));
+        self.write(&lens_name(step), &lens)?;
+        self.write("best.toml", &lens)?;
+        self.steps.push(Step {
+            step,
+            seconds,
+            merit_um: analysis.merit.sqrt(),
+            mean_rms_um: analysis.mean_rms_um(),
+            rms_um: analysis.rms_um.clone(),
+            violations: analysis.violations.iter().map(|(what, v)| (format!("{what:?}"), *v)).collect(),
+            at: at.to_vec(),
+        });
+        self.write_steps()
+    }
+
+    /// A found lens as a file of its own: variables as before, clear semi-diameters as its beams need them, and nothing
+    /// expected of it any more.
+    fn found(&self, problem: &Problem, analysis: &Analysis) -> LensFile {
+        let mut lens = analysis.fitted_lens(problem);
+        lens.source = format!("petzval lens optimize, from {}", self.file.lens.name);
+        LensFile { lens, expect: None, ..self.file.clone() }
+    }
+
+    fn write_steps(&self) -> Result<(), Failure> {
+        let mut text = String::new();
+        for step in &self.steps {
+            text += &serde_json::to_string(step).map_err(|e| Failure::job(e.to_string()))?;
+            text.push('\n');
+        }
+        self.write("history.jsonl", &text)
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
+        Ok(write_atomically(&self.root.join(name), text.as_bytes())?)
+    }
+}
+
+fn lens_name(step: usize) -> String {
+    format!("lens/step-{step:05}.toml")
+}
+
+fn json(value: &impl Serialize) -> Result<String, Failure> {
+    serde_json::to_string_pretty(value).map_err(|e| Failure::job(e.to_string()))
+}

@@ -1,0 +1,382 @@
+//! `petzval lens optimize`: a better lens, by descent or by search.
+
+mod goal;
+mod history;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use clap::ValueEnum;
+use petzval::built_in_assets;
+use petzval::optics::format::LensFile;
+use petzval::optics::lens::Lens;
+use petzval::optics::optimize::{
+    Analysis, ChartError, LevenbergOptions, Problem, Search, SearchOptions, Solves, Stop, descend,
+};
+use petzval::optics::paraxial::first_order;
+use petzval::optics::pupil::{PupilSampling, chief_ray};
+use serde_json::json;
+
+use self::goal::Goal;
+use self::history::{Config, History};
+use crate::cli::{EXIT_STOPPED, Failure, print_json, signals};
+
+/// Make the spots of a lens smaller, within its bounds and whatever else is asked.
+///
+/// Without --global: Levenberg and Marquardt's method from the lens as it is. With --global: a search from random starts
+/// within the bounds that goes on for --seconds, and can be gone on with at any time. The variables are those of the lens
+/// file; a lens that names none gets its curvatures and gaps. The image plane goes where the spots are smallest.
+///
+/// The folder holds the best lens (best.toml), every better lens on the way (lens/step-N.toml, history.jsonl) and what a
+/// search needs to go on.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Lens file, or a built-in name
+    #[arg(required_unless_present = "resume")]
+    lens: Option<String>,
+    /// What to make small
+    #[arg(long, value_enum, default_value = "spot")]
+    goal: Kind,
+    #[command(flatten)]
+    asked: Goal,
+    /// Search the whole of the bounds, not only downhill from the lens
+    #[arg(long)]
+    global: bool,
+    /// Seed of the search
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Seconds of a search
+    #[arg(long, default_value_t = 2.0)]
+    seconds: f64,
+    /// Iterations of a descent
+    #[arg(long, default_value_t = 200)]
+    iterations: usize,
+    /// Folder for the lenses and the history
+    #[arg(long, value_name = "DIR", required_unless_present = "resume")]
+    out: Option<PathBuf>,
+    /// Go on with the optimisation in this folder, with what was asked then
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["lens", "out", "global", "seed"])]
+    resume: Option<PathBuf>,
+    /// Before going on, forget every step after this one
+    #[arg(long, value_name = "STEP", requires = "resume")]
+    rewind: Option<usize>,
+    /// Spend the same time again with polychromatic spots, edges of 1 mm, clear diameters of 12.7 mm and a distortion of
+    /// 1 %, each alone and all together, and say what each costs
+    #[arg(long, requires = "global")]
+    trade: bool,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// What to make small.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// RMS spot radii.
+    Spot,
+}
+
+/// An improvement below this share is no step of the history.
+const STEP_SHARE: f64 = 1e-3;
+
+/// Runs the verb.
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    let Kind::Spot = args.goal;
+    if !(args.seconds > 0.0 && args.seconds < 1e7) {
+        return Err(Failure::input("--seconds: out of range", "2 is usual; a week is 604800"));
+    }
+    let assets = built_in_assets();
+    let (mut history, config) = match (&args.resume, &args.lens, &args.out) {
+        (Some(root), ..) => History::open(root, args.rewind, |path| Ok(assets.lens(path)?))?,
+        (None, Some(lens), Some(out)) => {
+            let config = Config { goal: args.asked.clone(), global: args.global, seed: args.seed };
+            let file = assets.lens(lens)?;
+            // Everything is checked before the folder is made.
+            let problem = config.goal.problem(&file)?;
+            at(&problem, None)?;
+            (History::create(out, &file, &config)?, config)
+        }
+        _ => return Err(Failure::input("a lens and --out are needed", "or --resume and a folder")),
+    };
+    let problem = config.goal.problem(history.start())?;
+    let stop = signals::stop_on_signal()?;
+    let start = at(&problem, None)?;
+    if history.steps().is_empty() {
+        history.add(&problem, 0.0, &start, &[])?;
+    }
+    let found = if config.global {
+        search(&problem, &mut history, config.seed, args.seconds, &stop)?
+    } else {
+        descent(&problem, &mut history, args.iterations, &stop)?
+    };
+    let Some(best) = found else {
+        return Err(Failure::job(
+            "no lens was found whose rays reach the image; widen the bounds, or search longer",
+        ));
+    };
+    let trades = if args.trade && !stop.load(Ordering::Relaxed) {
+        trade(&config.goal, history.start(), config.seed, args.seconds, &stop)?
+    } else {
+        Vec::new()
+    };
+    let path = history.root().join("best.toml");
+    if args.json {
+        print_json(&json!({
+            "start": figures(&problem, &start),
+            "best": figures(&problem, &best),
+            "steps": history.steps().len() - 1,
+            "trades": trades.iter().map(|t| json!({
+                "asked": t.asked, "mean_rms_um": t.mean_rms_um, "violations": t.violations,
+            })).collect::<Vec<_>>(),
+            "lens": path,
+        }))?;
+    } else {
+        print(&problem, &start, &best);
+        print_trades(&trades);
+        println!("\nlens: {}", path.display());
+    }
+    Ok(if stop.load(Ordering::Relaxed) { ExitCode::from(EXIT_STOPPED) } else { ExitCode::SUCCESS })
+}
+
+fn wrong(error: &ChartError) -> Failure {
+    Failure::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
+}
+
+/// The problem's own lens, or another, refocused and analysed.
+fn at(problem: &Problem, lens: Option<Lens>) -> Result<Analysis, Failure> {
+    let still = Problem {
+        base: lens.unwrap_or_else(|| problem.base.clone()),
+        variables: Vec::new(),
+        pickups: Vec::new(),
+        solves: Solves::default(),
+        ..problem.clone()
+    };
+    let descent =
+        descend(&still, &LevenbergOptions::default(), &mut |_, _, _| true).map_err(|e| match e {
+            ChartError::NoRays => Failure::input(
+                "rays through the stop of this lens do not reach the image at some field",
+                "`petzval lens show` says where; lower the field or the aperture",
+            ),
+            other => wrong(&other),
+        })?;
+    Ok(descent.best)
+}
+
+/// Levenberg and Marquardt from the last step, or from the lens itself.
+fn descent(
+    problem: &Problem,
+    history: &mut History,
+    iterations: usize,
+    stop: &AtomicBool,
+) -> Result<Option<Analysis>, Failure> {
+    let began = Instant::now();
+    let before = history.steps().last().map_or(0.0, |s| s.seconds);
+    let mut failure = None;
+    let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+    // The variables of a kept lens are read back from its file.
+    let base = match history.steps().len() {
+        1 => problem.base.clone(),
+        _ => built_in_assets().lens(&history.root().join("best.toml").display().to_string())?.lens,
+    };
+    let base = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..base };
+    let problem = &Problem { base, ..problem.clone() };
+    let result = descend(problem, &options, &mut |iteration, analysis, at| {
+        let known = history.steps().last().map_or(f64::INFINITY, |s| s.merit_um);
+        if analysis.merit.sqrt() < known * (1.0 - STEP_SHARE)
+            || (iteration == 0 && history.steps().len() == 1)
+        {
+            let seconds = before + began.elapsed().as_secs_f64();
+            line(&format!("iteration {iteration}"), seconds, analysis);
+            if let Err(e) = history.add(problem, seconds, analysis, at) {
+                failure = Some(e);
+                return false;
+            }
+        }
+        !stop.load(Ordering::Relaxed)
+    });
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    let descent = result.map_err(|e| wrong(&e))?;
+    let why = match descent.stop {
+        Stop::Converged => "converged",
+        Stop::Stuck => "no step makes it better",
+        Stop::Exhausted => "all iterations are done; --resume goes on",
+        Stop::Asked => "stopped; --resume goes on",
+    };
+    eprintln!("{} iterations: {why}", descent.iterations);
+    Ok(Some(descent.best))
+}
+
+/// A global search for some seconds.
+fn search(
+    problem: &Problem,
+    history: &mut History,
+    seed: u64,
+    seconds: f64,
+    stop: &AtomicBool,
+) -> Result<Option<Analysis>, Failure> {
+    // The search itself is content with fewer rays; its best is looked at with more.
+    let coarse = Problem { sampling: PupilSampling::Degree(4), ..problem.clone() };
+    let options = SearchOptions { seed, ..SearchOptions::default() };
+    let mut search = match history.state()? {
+        Some(state) => Search::resume(&coarse, options, &state),
+        None => Search::new(&coarse, options),
+    }
+    .map_err(|e| wrong(&e))?;
+    let before = history.steps().last().map_or(0.0, |s| s.seconds);
+    let began = Instant::now();
+    while began.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
+        search.advance();
+        let Some(best) = search.best() else { continue };
+        let known = history.steps()[1..].last().map_or(f64::INFINITY, |s| s.merit_um);
+        if best.analysis.merit.sqrt() < known * (1.0 - STEP_SHARE) {
+            let seconds = before + began.elapsed().as_secs_f64();
+            line(&format!("round {}", search.progress().0), seconds, &best.analysis);
+            history.add(problem, seconds, &best.analysis, &best.at)?;
+        }
+    }
+    history.keep_state(&search.state())?;
+    let (rounds, descents) = search.progress();
+    eprintln!("{rounds} rounds, {descents} descents");
+    // The last word is that of more rays: a descent from the best with them.
+    let Some(best) = search.best() else { return Ok(None) };
+    let fine = Problem { base: best.analysis.lens.clone(), ..problem.clone() };
+    let descent = descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true).map_err(|e| wrong(&e))?;
+    history.add(problem, before + began.elapsed().as_secs_f64(), &descent.best, &descent.at)?;
+    Ok(Some(descent.best))
+}
+
+fn line(what: &str, seconds: f64, analysis: &Analysis) {
+    let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
+    let violated = match analysis.violations.iter().filter(|(_, v)| *v > 1e-3).count() {
+        0 => String::new(),
+        n => format!("; {n} limits violated"),
+    };
+    eprintln!(
+        "{seconds:8.2} s  {what:<14} merit {:8.3} um  spots {:.3} um ({}){violated}",
+        analysis.merit.sqrt(),
+        analysis.mean_rms_um(),
+        fields.join(" ")
+    );
+}
+
+/// What one more requirement costs.
+struct Trade {
+    asked: &'static str,
+    mean_rms_um: f64,
+    violations: usize,
+}
+
+/// Searches again, for as long, with each further requirement.
+fn trade(
+    goal: &Goal,
+    file: &LensFile,
+    seed: u64,
+    seconds: f64,
+    stop: &AtomicBool,
+) -> Result<Vec<Trade>, Failure> {
+    let colours = |g: &mut Goal| g.wavelengths = file.lens.wavelengths_um.clone();
+    let edges = |g: &mut Goal| g.edge = Some(1.0);
+    let diameters = |g: &mut Goal| g.clear_diameter = Some(12.7);
+    let distortion = |g: &mut Goal| g.distortion = Some(1.0);
+    let all = |g: &mut Goal| {
+        colours(g);
+        edges(g);
+        diameters(g);
+        distortion(g);
+    };
+    let wishes: [(&'static str, &dyn Fn(&mut Goal)); 6] = [
+        ("as asked", &|_| {}),
+        ("polychromatic spots", &colours),
+        ("edges of 1 mm", &edges),
+        ("clear diameters of 12.7 mm", &diameters),
+        ("distortion of 1 %", &distortion),
+        ("all of these", &all),
+    ];
+    let mut trades = Vec::new();
+    for (asked, change) in wishes {
+        let mut goal = goal.clone();
+        change(&mut goal);
+        let problem = goal.problem(file)?;
+        let coarse = Problem { sampling: PupilSampling::Degree(4), ..problem.clone() };
+        let options = SearchOptions { seed, ..SearchOptions::default() };
+        let mut search = Search::new(&coarse, options).map_err(|e| wrong(&e))?;
+        let began = Instant::now();
+        while began.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
+            search.advance();
+        }
+        let Some(best) = search.best() else { continue };
+        let best = at(&problem, Some(best.analysis.lens.clone()))?;
+        let violations = best.violations.iter().filter(|(_, v)| *v > 1e-3).count();
+        line(asked, began.elapsed().as_secs_f64(), &best);
+        trades.push(Trade { asked, mean_rms_um: best.mean_rms_um(), violations });
+    }
+    Ok(trades)
+}
+
+/// Figures of a lens: name, value, unit.
+fn rows(problem: &Problem, analysis: &Analysis) -> Vec<(String, f64, &'static str)> {
+    let lens = &analysis.lens;
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&sequence);
+    let mut rows = vec![("mean RMS spot".to_owned(), analysis.mean_rms_um(), "um")];
+    for (field, rms) in problem.fields_rad.iter().zip(&analysis.rms_um) {
+        rows.push((format!("RMS spot at {:.1} deg", field.to_degrees()), *rms, "um"));
+    }
+    rows.push(("focal length".to_owned(), order.efl_mm, "mm"));
+    rows.push(("back focal length".to_owned(), order.bfl_mm, "mm"));
+    rows.push(("f-number".to_owned(), order.f_number, ""));
+    rows.push(("track to the image".to_owned(), lens.total_track_mm(), "mm"));
+    let clear = analysis.fitted_lens(problem);
+    let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
+    rows.push(("largest clear diameter".to_owned(), widest, "mm"));
+    let outermost = problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
+    if outermost != 0.0
+        && let Some(chief) = chief_ray(&sequence, outermost)
+    {
+        let share = chief.y_mm / (order.efl_mm * outermost.tan()) - 1.0;
+        rows.push(("distortion".to_owned(), 100.0 * share, "%"));
+    }
+    rows
+}
+
+fn figures(problem: &Problem, analysis: &Analysis) -> serde_json::Value {
+    let mut all = serde_json::Map::new();
+    for (name, value, unit) in rows(problem, analysis) {
+        let unit = if unit == "%" { "percent" } else { unit };
+        let key = format!("{name} {unit}").trim().replace([' ', '-', '.'], "_").to_lowercase();
+        all.insert(key, json!(value));
+    }
+    all.insert("rms_spot_um".to_owned(), json!(analysis.rms_um));
+    let violations: Vec<_> =
+        analysis.violations.iter().map(|(what, v)| json!([format!("{what:?}"), v])).collect();
+    all.insert("violations_mm".to_owned(), json!(violations));
+    all.into()
+}
+
+fn print(problem: &Problem, start: &Analysis, best: &Analysis) {
+    println!("\n{:<26} {:>12} {:>12}", "", "start", "best");
+    for ((name, before, unit), (_, after, _)) in rows(problem, start).into_iter().zip(rows(problem, best)) {
+        println!("{name:<26} {before:>12.4} {after:>12.4} {unit}");
+    }
+    for (what, amount) in best.violations.iter().filter(|(_, v)| *v > 1e-4) {
+        println!("violated: {what:?} by {amount:.4} mm");
+    }
+}
+
+fn print_trades(trades: &[Trade]) {
+    let Some(first) = trades.first() else { return };
+    println!("\n{:<28} {:>10} {:>10}", "what it costs to ask for", "spot um", "more um");
+    for t in trades {
+        let note = if t.violations > 0 { "  (limits not met)" } else { "" };
+        println!(
+            "{:<28} {:>10.3} {:>+10.3}{note}",
+            t.asked,
+            t.mean_rms_um,
+            t.mean_rms_um - first.mean_rms_um
+        );
+    }
+}
