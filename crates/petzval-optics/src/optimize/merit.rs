@@ -296,9 +296,12 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
     Some(found)
 }
 
-pub(super) fn curvature_bounds(min_mm: f64, max_mm: f64) -> [f64; 2] {
+/// Bounds of a curvature from those of its radius, a ten-thousandth of their distance inside: a penalty ends a little beyond
+/// what it asks, and that must not be beyond the bounds.
+fn curvature_bounds(min_mm: f64, max_mm: f64) -> [f64; 2] {
     let (a, b) = (1.0 / min_mm, 1.0 / max_mm);
-    [a.min(b), a.max(b)]
+    let inside = 1e-4 * (a - b).abs();
+    [a.min(b) + inside, a.max(b) - inside]
 }
 
 /// Ideal and real image height of the outermost field, mm.

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use petzval::design::run::write_atomically;
+use petzval::optics::design_space::EflSolve;
 use petzval::optics::format::{LensFile, write_lens};
 use petzval::optics::optimize::{Analysis, Problem, SearchState};
 use serde::{Deserialize, Serialize};
@@ -170,12 +171,21 @@ impl History {
         self.write_steps()
     }
 
-    /// A found lens as a file of its own: variables as before, clear semi-diameters as its beams need them, and nothing
+    /// A found lens as a file of its own: variables and solve of the problem, clear semi-diameters as its beams need them, and nothing
     /// expected of it any more.
     fn found(&self, problem: &Problem, analysis: &Analysis) -> LensFile {
         let mut lens = analysis.fitted_lens(problem);
         lens.source = format!("petzval lens optimize, from {}", self.file.lens.name);
-        LensFile { lens, expect: None, ..self.file.clone() }
+        // What was solved for, and where it ended: a file must hold its own lens, also while a limit is still violated.
+        let efl_solve = problem.solves.efl.map(|solve| {
+            let radius = 1.0 / lens.surfaces[solve.surface].shape.curvature;
+            let around = |[min, max]: [f64; 2]| [min.min(radius), max.max(radius)];
+            EflSolve { radius_mm: solve.radius_mm.map(around), ..solve }
+        });
+        // Variables that the file did not name were a guess for this search.
+        let variables =
+            if self.file.variables.is_empty() { Vec::new() } else { problem.variables.clone() };
+        LensFile { lens, expect: None, variables, efl_solve }
     }
 
     fn write_steps(&self) -> Result<(), Failure> {
