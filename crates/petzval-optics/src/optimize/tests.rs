@@ -172,3 +172,41 @@ fn impossible_problems_say_why() {
     let error = wrong(&|p| p.base.entrance_pupil_mm = 40.0);
     assert_eq!(error, ChartError::NoRays);
 }
+
+#[test]
+fn a_search_gives_the_same_on_any_number_of_threads_and_after_a_break() {
+    let problem = Problem {
+        wavelengths_um: vec![0.5876],
+        sampling: crate::pupil::PupilSampling::Degree(4),
+        ..problem()
+    };
+    let options = SearchOptions { seed: 7, round: 8, ..SearchOptions::default() };
+    let search = |threads: usize, rounds: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut search = Search::new(&problem, options).unwrap();
+            (0..rounds).for_each(|_| {
+                search.advance();
+            });
+            search.state()
+        })
+    };
+    let whole = search(1, 6);
+    assert_eq!(search(3, 6), whole);
+    let mut resumed = Search::resume(&problem, options, &search(2, 4)).unwrap();
+    resumed.advance();
+    resumed.advance();
+    assert_eq!(resumed.state(), whole);
+
+    // It only gets better, and better than the lens that it could have begun with.
+    let start = descend(&problem, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap().best.merit;
+    let mut search = Search::new(&problem, options).unwrap();
+    let mut before = f64::INFINITY;
+    for _ in 0..8 {
+        let improved = search.advance();
+        let merit = search.best().unwrap().analysis.merit;
+        assert!(merit <= before && improved == (merit < before));
+        before = merit;
+    }
+    assert!(before <= 1.01 * start, "{before} {start}");
+}

@@ -183,8 +183,7 @@ impl History {
             EflSolve { radius_mm: solve.radius_mm.map(around), ..solve }
         });
         // Variables that the file did not name were a guess for this search.
-        let variables =
-            if self.file.variables.is_empty() { Vec::new() } else { problem.variables.clone() };
+        let variables = if self.file.variables.is_empty() { Vec::new() } else { problem.variables.clone() };
         LensFile { lens, expect: None, variables, efl_solve }
     }
 

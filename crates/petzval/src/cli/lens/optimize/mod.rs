@@ -60,7 +60,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["lens", "out", "global", "seed"])]
     resume: Option<PathBuf>,
     /// Before going on, forget every step after this one
-    #[arg(long, value_name = "STEP", requires = "resume")]
+    #[arg(long, value_name = "STEP")]
     rewind: Option<usize>,
     /// Spend the same time again with polychromatic spots, edges of 1 mm, clear diameters of 12.7 mm and a distortion of
     /// 1 %, each alone and all together, and say what each costs
@@ -86,6 +86,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let Kind::Spot = args.goal;
     if !(args.seconds > 0.0 && args.seconds < 1e7) {
         return Err(Failure::input("--seconds: out of range", "2 is usual; a week is 604800"));
+    }
+    if args.rewind.is_some() && args.resume.is_none() {
+        return Err(Failure::input("--rewind needs --resume and a folder", "it goes back in what is there"));
     }
     let assets = built_in_assets();
     let (mut history, config) = match (&args.resume, &args.lens, &args.out) {
@@ -184,9 +187,7 @@ fn descent(
     let problem = &Problem { base, ..problem.clone() };
     let result = descend(problem, &options, &mut |iteration, analysis, at| {
         let known = history.steps().last().map_or(f64::INFINITY, |s| s.merit_um);
-        if analysis.merit.sqrt() < known * (1.0 - STEP_SHARE)
-            || (iteration == 0 && history.steps().len() == 1)
-        {
+        if analysis.merit.sqrt() < known * (1.0 - STEP_SHARE) {
             let seconds = before + began.elapsed().as_secs_f64();
             line(&format!("iteration {iteration}"), seconds, analysis);
             if let Err(e) = history.add(problem, seconds, analysis, at) {
