@@ -7,7 +7,7 @@ use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::design::psf_sheet::psf_sheet;
-use petzval::optics::psf::{FieldPsf, PsfOptions};
+use petzval::optics::psf::{FieldPsf, PsfMethod, PsfOptions};
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
 
@@ -101,6 +101,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         "pitch_um": args.pitch_um,
         "row_axis": "y, away from the axis",
         "captured": psfs.iter().map(|p| p.captured.clone()).collect::<Vec<_>>(),
+        "method": psfs.iter().map(|p| p.method.iter().map(method).collect::<Vec<_>>()).collect::<Vec<_>>(),
     });
     let path = args.out.join("psf.json");
     let text = serde_json::to_string_pretty(&axes).map_err(|e| Failure::job(e.to_string()))?;
@@ -138,4 +139,13 @@ fn write_npy(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), Failure> 
         writer.finish()
     };
     write().map_err(DesignError::io(path)).map_err(Failure::from)
+}
+
+fn method(method: &PsfMethod) -> serde_json::Value {
+    match method {
+        PsfMethod::Polynomial { degree, residual_um } => {
+            json!({ "kind": "polynomial", "degree": degree, "residual_um": residual_um })
+        }
+        PsfMethod::Traced => json!({ "kind": "traced" }),
+    }
 }

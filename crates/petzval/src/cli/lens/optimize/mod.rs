@@ -346,7 +346,10 @@ fn rows(problem: &Problem, analysis: &Analysis) -> Vec<(String, f64, &'static st
 
 fn figures(problem: &Problem, analysis: &Analysis) -> serde_json::Value {
     let mut all = serde_json::Map::new();
-    for (name, value, unit) in rows(problem, analysis) {
+    // The spots of the fields are a list of their own.
+    for (name, value, unit) in
+        rows(problem, analysis).into_iter().filter(|(name, ..)| !name.starts_with("RMS"))
+    {
         let unit = if unit == "%" { "percent" } else { unit };
         let key = format!("{name} {unit}").trim().replace([' ', '-', '.'], "_").to_lowercase();
         all.insert(key, json!(value));
