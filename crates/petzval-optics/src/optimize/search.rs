@@ -168,7 +168,7 @@ impl<'a> Search<'a> {
 
     /// Where a candidate starts: in a quarter of the places anywhere within the bounds, else near what is known.
     fn start(&self, place: usize, random: &mut ChaCha8Rng) -> Option<Vec<f64>> {
-        if self.kept.len() < 2 || place % 4 == 0 {
+        if self.kept.len() < 2 || place.is_multiple_of(4) {
             for _ in 0..START_ATTEMPTS {
                 let at = self.anywhere(random);
                 if self.traces(&at) {

@@ -77,9 +77,7 @@ impl WithSimd for Jacobian<'_> {
             let reaim = ReaimLanes::load(simd, &reaim, at);
             for axis in 0..2 {
                 arrival.ray.position[axis].store(&mut out.landing[axis][at..]);
-                for sum in &mut sums {
-                    *sum = [zero; NUMBERS];
-                }
+                sums.fill([zero; NUMBERS]);
                 let seed = if axis == 0 { [one, zero] } else { [zero, one] };
                 let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, seed);
                 sums[last][THICKNESS] += thickness_bar;

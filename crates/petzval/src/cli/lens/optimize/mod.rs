@@ -289,7 +289,8 @@ fn trade(
         diameters(g);
         distortion(g);
     };
-    let wishes: [(&'static str, &dyn Fn(&mut Goal)); 6] = [
+    type Wish<'a> = (&'static str, &'a dyn Fn(&mut Goal));
+    let wishes: [Wish; 6] = [
         ("as asked", &|_| {}),
         ("polychromatic spots", &colours),
         ("edges of 1 mm", &edges),
