@@ -28,7 +28,8 @@ pub struct Analysis {
     pub merit: f64,
     /// RMS spot of each field about its centroid, all wavelengths together, um.
     pub rms_um: Vec<f64>,
-    /// What is violated, and by how much, mm (distortion: mm on the image).
+    /// What is violated, and by how much, mm (distortion: on the image; slopes and angles: as tangents, the former times the
+    /// radius of the clear aperture, the latter times the back focal length).
     pub violations: Vec<(Violation, f64)>,
     /// Launch points of the rays, by field and wavelength: where the next aiming starts.
     pub(super) launches: Vec<Vec<[f64; 2]>>,
@@ -133,6 +134,10 @@ pub enum Violation {
     ClearDiameter(usize),
     /// The distortion.
     Distortion,
+    /// The slope of a surface at the edge of its clear aperture.
+    Slope(usize),
+    /// The angle of the outermost field's chief ray at the image.
+    ChiefRayAngle,
 }
 
 /// The merit's quadratic model: `merit + 2 gradient . step + step . hessian step`.
@@ -183,8 +188,10 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
     let mut launches = Vec::with_capacity(problem.fields_rad.len() * colours);
     let mut rms_um = Vec::with_capacity(problem.fields_rad.len());
     let limits = &problem.limits;
-    let by_rim =
-        limits.element_edge_mm.is_some() || limits.air_gap_mm.is_some() || limits.clear_diameter_mm.is_some();
+    let by_rim = limits.element_edge_mm.is_some()
+        || limits.air_gap_mm.is_some()
+        || limits.clear_diameter_mm.is_some()
+        || limits.slope_rad.is_some();
     let mut apertures = if by_rim { rim(problem, &lens, stop_radius_mm)? } else { Apertures::none(&lens) };
     for field in 0..problem.fields_rad.len() {
         // Heights are taken about the first ray, so that their squares can be subtracted.
@@ -293,6 +300,19 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
         let (ideal, real) = distorted(problem, lens, order.efl_mm)?;
         ask(Violation::Distortion, (real - ideal).abs() - share * ideal.abs());
     }
+    if let Some(steepest) = limits.slope_rad {
+        for i in 0..=last {
+            let radius = analysis.apertures.clear_mm[i];
+            let slope = 2.0 * radius * lens.surfaces[i].shape.jet(radius * radius)?.first;
+            ask(Violation::Slope(i), (slope.abs() - steepest.tan()) * radius);
+        }
+    }
+    if let Some(greatest) = limits.chief_ray_angle_rad {
+        ask(
+            Violation::ChiefRayAngle,
+            (chief_slope(problem, lens)?.abs() - greatest.tan()) * order.bfl_mm.abs(),
+        );
+    }
     Some(found)
 }
 
@@ -311,8 +331,66 @@ fn distorted(problem: &Problem, lens: &Lens, efl_mm: f64) -> Option<(f64, f64)> 
     Some((efl_mm * field.tan(), chief.y_mm))
 }
 
+/// Tangent of the outermost field's chief ray to the axis at the image: what its height gains over a millimetre.
+fn chief_slope(problem: &Problem, lens: &Lens) -> Option<f64> {
+    let height =
+        |lens: &Lens| Some(chief_ray(&lens.at_wavelength(lens.reference_um), outermost(problem))?.y_mm);
+    Some(height(&a_millimetre_behind(lens))? - height(lens)?)
+}
+
+fn a_millimetre_behind(lens: &Lens) -> Lens {
+    lens.with_image_distance(lens.image_distance_mm() + 1.0)
+}
+
 fn outermost(problem: &Problem) -> f64 {
     problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a })
+}
+
+/// Adds the gradient of a loss that depends on the radius at which a surface must be clear, `bar` per mm: that of the ray
+/// which needs it.
+fn add_clear(
+    problem: &Problem,
+    analysis: &Analysis,
+    surface: usize,
+    bar: f64,
+    gradient: &mut LensGradient,
+) -> Option<()> {
+    let lens = &analysis.lens;
+    let (field, colour, point) = analysis.apertures.widest[surface];
+    let reference = lens.at_wavelength(lens.reference_um);
+    let stop_radius_mm = first_order(&reference).stop_radius_mm;
+    let beam = beam(lens, problem, &[point], [field, colour], stop_radius_mm, None)?;
+    let mut seeds = Seeds::zero(1);
+    let mut height = SquaredHeights::zero(surface, 1);
+    height.values[0] = 0.5 * bar / analysis.apertures.clear_mm[surface];
+    seeds.heights.push(height);
+    let nothing = vec![0.0; RayBundle::padded(1)];
+    let reaim = Reaim { aimed: &beam.aimed, launch_bar: [&nothing, &nothing] };
+    let launched = beam.aimed.bundle(&beam.sequence);
+    let by_stop = pull_back(&beam.sequence, &launched, &seeds, Some(&reaim), gradient);
+    let wish = FirstOrderCotangent { stop_radius: by_stop / stop_radius_mm, ..Default::default() };
+    pull_back_first_order(&reference, wish, gradient);
+    Some(())
+}
+
+/// The gradient of how much the edge behind a surface is too thin, by its larger or its smaller clear aperture.
+fn edge_gradient(
+    problem: &Problem,
+    analysis: &Analysis,
+    i: usize,
+    larger: bool,
+    g: &mut LensGradient,
+) -> Option<()> {
+    let lens = &analysis.lens;
+    let [a, b] = [analysis.apertures.clear_mm[i], analysis.apertures.clear_mm[i + 1]];
+    let decisive = if (a > b) == larger { i } else { i + 1 };
+    let height = analysis.apertures.clear_mm[decisive] + MOUNT_MM;
+    g.surfaces[i].thickness -= 1.0;
+    sag_gradient(lens, i, height, 1.0, g);
+    sag_gradient(lens, i + 1, height, -1.0, g);
+    // The edge moves outwards with the beam: dz/dr = 2 r dz/du.
+    let slope = |s: usize| Some(2.0 * height * lens.surfaces[s].shape.jet(height * height)?.first);
+    add_clear(problem, analysis, decisive, slope(i)? - slope(i + 1)?, g)
 }
 
 /// The gradient of a violation by the numbers of the lens.
@@ -321,23 +399,20 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
     let mut g = LensGradient::zero(lens.surfaces.len());
     let sequence = || lens.at_wavelength(lens.reference_um);
     let last = lens.surfaces.len() - 1;
-    let edge = |i: usize, height: f64, g: &mut LensGradient| {
-        g.surfaces[i].thickness -= 1.0;
-        sag_gradient(lens, i, height, 1.0, g);
-        sag_gradient(lens, i + 1, height, -1.0, g);
-    };
-    let clear = |i: usize| analysis.apertures.clear_mm[i] + MOUNT_MM;
     match what {
-        Violation::Edge(i) => edge(i, clear(i).max(clear(i + 1)), &mut g),
-        Violation::AirEdge(i) => edge(i, clear(i).min(clear(i + 1)), &mut g),
+        Violation::Edge(i) => edge_gradient(problem, analysis, i, true, &mut g)?,
+        Violation::AirEdge(i) => edge_gradient(problem, analysis, i, false, &mut g)?,
         Violation::Centre(i) | Violation::Air(i) => g.surfaces[i].thickness = -1.0,
         Violation::SolvedRadius => {
             let solve = problem.solves.efl.as_ref()?;
             let [min, max] = solve.radius_mm?;
             let c = lens.surfaces[solve.surface].shape.curvature;
             let scale = 0.5 * analysis.apertures.clear_mm[solve.surface].powi(2);
-            let sign = if c > curvature_bounds(min, max)[1] { 1.0 } else { -1.0 };
+            let [low, high] = curvature_bounds(min, max);
+            let sign = if c > high { 1.0 } else { -1.0 };
             g.surfaces[solve.surface].curvature = sign * scale;
+            let beyond = (c - high).max(low - c) * analysis.apertures.clear_mm[solve.surface];
+            add_clear(problem, analysis, solve.surface, beyond, &mut g)?;
         }
         Violation::BackFocal => {
             let [_, max] = problem.limits.back_focal_mm?;
@@ -347,21 +422,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             pull_back_first_order(&sequence, wish, &mut g);
         }
         Violation::Track => (0..=last).for_each(|i| g.surfaces[i].thickness = 1.0),
-        Violation::ClearDiameter(i) => {
-            let (field, colour, point) = analysis.apertures.widest[i];
-            let stop_radius_mm = first_order(&sequence()).stop_radius_mm;
-            let beam = beam(lens, problem, &[point], [field, colour], stop_radius_mm, None)?;
-            let mut seeds = Seeds::zero(1);
-            let mut height = SquaredHeights::zero(i, 1);
-            height.values[0] = 0.5 / analysis.apertures.clear_mm[i];
-            seeds.heights.push(height);
-            let nothing = vec![0.0; RayBundle::padded(1)];
-            let reaim = Reaim { aimed: &beam.aimed, launch_bar: [&nothing, &nothing] };
-            let launched = beam.aimed.bundle(&beam.sequence);
-            let by_stop = pull_back(&beam.sequence, &launched, &seeds, Some(&reaim), &mut g);
-            let wish = FirstOrderCotangent { stop_radius: by_stop / stop_radius_mm, ..Default::default() };
-            pull_back_first_order(&sequence(), wish, &mut g);
-        }
+        Violation::ClearDiameter(i) => add_clear(problem, analysis, i, 1.0, &mut g)?,
         Violation::Distortion => {
             let sequence = sequence();
             let efl_mm = first_order(&sequence).efl_mm;
@@ -373,6 +434,39 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             let by_ideal = -sign - share * ideal.signum();
             let wish = FirstOrderCotangent { efl: by_ideal * field.tan(), ..Default::default() };
             pull_back_first_order(&sequence, wish, &mut g);
+        }
+        Violation::Slope(i) => {
+            let radius = analysis.apertures.clear_mm[i];
+            let u = radius * radius;
+            let shape = &lens.surfaces[i].shape;
+            let jet = shape.jet(u)?;
+            let sign = jet.first.signum();
+            // z_r = 2 r z'(u), and the amount is (|z_r| - tan) r.
+            let bar = sign * 2.0 * u;
+            let by_radius =
+                4.0 * radius * (jet.first + u * jet.second) * sign - problem.limits.slope_rad?.tan();
+            add_clear(problem, analysis, i, by_radius, &mut g)?;
+            let (_, (by_curvature, by_conic)) = shape.conic_sensitivity(u);
+            g.surfaces[i].curvature += bar * by_curvature;
+            g.surfaces[i].conic += bar * by_conic;
+            let mut power = 1.0;
+            for (j, a) in g.surfaces[i].asphere.iter_mut().enumerate() {
+                *a += bar * (j + 1) as f64 * power;
+                power *= u;
+            }
+        }
+        Violation::ChiefRayAngle => {
+            let field = outermost(problem);
+            let slope = chief_slope(problem, lens)?;
+            let bfl_mm = first_order(&sequence()).bfl_mm;
+            let bar = slope.signum() * bfl_mm.abs();
+            for (lens, sign) in [(a_millimetre_behind(lens), 1.0), (lens.clone(), -1.0)] {
+                let sequence = lens.at_wavelength(lens.reference_um);
+                pull_back_chief(&sequence, &chief_ray(&sequence, field)?, sign * bar, &mut g);
+            }
+            let over = slope.abs() - problem.limits.chief_ray_angle_rad?.tan();
+            let wish = FirstOrderCotangent { bfl: over * bfl_mm.signum(), ..Default::default() };
+            pull_back_first_order(&sequence(), wish, &mut g);
         }
     }
     Some(g)

@@ -52,6 +52,10 @@ pub struct Limits {
     pub clear_diameter_mm: Option<f64>,
     /// Greatest distortion of the outermost field, a share of its ideal image height.
     pub distortion: Option<f64>,
+    /// Steepest surface within its clear aperture, rad from the plane of its vertex.
+    pub slope_rad: Option<f64>,
+    /// Greatest angle of a chief ray to the axis at the image, rad.
+    pub chief_ray_angle_rad: Option<f64>,
 }
 
 /// An optimisation problem.

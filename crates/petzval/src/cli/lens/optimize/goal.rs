@@ -49,6 +49,12 @@ pub struct Goal {
     /// Greatest distortion at the outermost field, percent
     #[arg(long, value_name = "PERCENT")]
     pub distortion: Option<f64>,
+    /// Steepest surface within its clear aperture, degrees
+    #[arg(long, value_name = "DEG")]
+    pub slope: Option<f64>,
+    /// Greatest angle of the outermost chief ray to the axis at the image, degrees
+    #[arg(long, value_name = "DEG")]
+    pub chief_ray_angle: Option<f64>,
 }
 
 impl Goal {
@@ -109,6 +115,9 @@ impl Goal {
         ] {
             check(name, value.is_none_or(|v| (0.0..1e4).contains(&v)), "a length in mm")?;
         }
+        for (name, value) in [("--slope", self.slope), ("--chief-ray-angle", self.chief_ray_angle)] {
+            check(name, value.is_none_or(|v| (0.0..90.0).contains(&v)), "degrees, below 90")?;
+        }
         check("--distortion", self.distortion.is_none_or(|d| (0.0..100.0).contains(&d)), "percent")?;
         Ok(Limits {
             element_edge_mm: self.edge,
@@ -118,6 +127,8 @@ impl Goal {
             track_mm: self.track,
             clear_diameter_mm: self.clear_diameter,
             distortion: self.distortion.map(|percent| 0.01 * percent),
+            slope_rad: self.slope.map(f64::to_radians),
+            chief_ray_angle_rad: self.chief_ray_angle.map(f64::to_radians),
         })
     }
 
