@@ -29,6 +29,12 @@ pub enum ChartError {
         /// Number of variables.
         count: usize,
     },
+    /// A glass may be exchanged for none.
+    #[error("the glass behind surface {surface} has no candidates")]
+    NoGlass {
+        /// Surface, from 1.
+        surface: usize,
+    },
     /// Bounds that leave nothing between them.
     #[error("surface {surface}, {parameter:?}: the bounds {min} and {max} leave nothing between them")]
     Bounds {
@@ -134,9 +140,13 @@ impl<'a> Chart<'a> {
         let solves = &problem.solves;
         let named = problem.variables.iter().map(|v| v.surface);
         let named = named.chain(problem.pickups.iter().map(|p| p.surface));
+        let named = named.chain(problem.glasses.iter().map(|g| g.surface));
         let named = named.chain(solves.efl.map(|s| s.surface)).chain(solves.length.map(|(s, _)| s));
         if let Some(surface) = named.into_iter().find(|s| *s >= count) {
             return Err(ChartError::NoSuchSurface { surface: surface + 1, count });
+        }
+        if let Some(g) = problem.glasses.iter().find(|g| g.candidates.is_empty()) {
+            return Err(ChartError::NoGlass { surface: g.surface + 1 });
         }
         let variables = problem.variables.len();
         if let Some(p) = problem.pickups.iter().find(|p| p.variable >= variables) {

@@ -1,6 +1,9 @@
 //! What may move, what is solved for, and what is asked.
 
+use std::sync::Arc;
+
 use crate::design_space::{EflSolve, Variable};
+use crate::glass::Glass;
 use crate::lens::Lens;
 use crate::pupil::PupilSampling;
 
@@ -24,6 +27,15 @@ pub struct Pickup {
     pub scale: f64,
     /// Offset.
     pub offset: f64,
+}
+
+/// A glass that a search may exchange for others; a descent leaves it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GlassChoice {
+    /// The surface in front of it.
+    pub surface: usize,
+    /// What it may be.
+    pub candidates: Vec<Arc<Glass>>,
 }
 
 /// Where the image plane goes.
@@ -67,6 +79,8 @@ pub struct Problem {
     pub variables: Vec<Variable>,
     /// Numbers that follow variables.
     pub pickups: Vec<Pickup>,
+    /// Glasses that a search may exchange.
+    pub glasses: Vec<GlassChoice>,
     /// Numbers that are solved for.
     pub solves: Solves,
     /// Where the image plane goes.
@@ -94,6 +108,7 @@ impl Problem {
         Self {
             variables: Vec::new(),
             pickups: Vec::new(),
+            glasses: Vec::new(),
             solves: Solves::default(),
             image: ImagePlane::Best,
             field_weights: vec![1.0; fields_rad.len()],
@@ -105,5 +120,14 @@ impl Problem {
             stiffness_um_per_mm: 1e4,
             base,
         }
+    }
+
+    /// The problem with other glasses: an index into the candidates of each choice.
+    pub(super) fn with_glasses(&self, chosen: &[usize]) -> Self {
+        let mut problem = self.clone();
+        for (choice, index) in self.glasses.iter().zip(chosen) {
+            problem.base.surfaces[choice.surface].glass = choice.candidates[*index].clone();
+        }
+        problem
     }
 }

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::chart::{Chart, ChartError};
-use super::levenberg::{LevenbergOptions, descend_from};
-use super::merit::Analysis;
-use super::problem::Problem;
+use super::levenberg::{Descent, LevenbergOptions, descend_from};
+use super::merit::{Analysis, analyse};
+use super::problem::{GlassChoice, Problem};
 
 /// How to search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +43,19 @@ pub struct Found {
     pub analysis: Analysis,
     /// Its coordinates, as in [`Descent`](super::Descent).
     pub at: Vec<f64>,
+    /// Its glasses: an index into the candidates of each choice.
+    pub glasses: Vec<usize>,
+    /// The round that found it.
+    pub round: u64,
+}
+
+/// A kept lens of a [`SearchState`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Kept {
+    /// Its coordinates.
+    pub at: Vec<f64>,
+    /// Its glasses.
+    pub glasses: Vec<usize>,
     /// The round that found it.
     pub round: u64,
 }
@@ -52,8 +65,8 @@ pub struct Found {
 pub struct SearchState {
     /// Rounds done.
     pub round: u64,
-    /// Coordinates of the kept lenses and the round that found each, best first.
-    pub kept: Vec<(Vec<f64>, u64)>,
+    /// The kept lenses, best first.
+    pub kept: Vec<Kept>,
 }
 
 /// A search under way.
@@ -73,6 +86,16 @@ const PROMISING: f64 = 4.0;
 /// Random points that are tried for a start whose rays reach the image.
 const START_ATTEMPTS: usize = 40;
 
+/// Share of the glasses that a disturbed lens exchanges.
+const EXCHANGE: f64 = 0.3;
+
+/// Glasses that count as neighbours.
+const NEIGHBOURS: usize = 10;
+
+/// Distances on the glass map that count as one.
+const ND_SCALE: f64 = 0.05;
+const VD_SCALE: f64 = 5.0;
+
 /// Two lenses whose merits differ by less than this share are taken for the same.
 const ALIKE: f64 = 1e-4;
 
@@ -91,11 +114,18 @@ impl<'a> Search<'a> {
     ) -> Result<Self, ChartError> {
         let mut search = Self::new(problem, options)?;
         search.round = state.round;
-        for (at, round) in &state.kept {
-            if let Some(analysis) =
-                search.chart.lens(at).and_then(|l| super::merit::analyse(problem, l, None))
+        for kept in &state.kept {
+            let known = |(g, i): (&GlassChoice, &usize)| *i < g.candidates.len();
+            if kept.glasses.len() != problem.glasses.len()
+                || !problem.glasses.iter().zip(&kept.glasses).all(known)
             {
-                search.kept.push(Found { analysis, at: at.clone(), round: *round });
+                continue;
+            }
+            let with = problem.with_glasses(&kept.glasses);
+            let chart = Chart::new(&with)?;
+            if let Some(analysis) = chart.lens(&kept.at).and_then(|lens| analyse(&with, lens, None)) {
+                let Kept { at, glasses, round } = kept.clone();
+                search.kept.push(Found { analysis, at, glasses, round });
             }
         }
         Ok(search)
@@ -103,8 +133,8 @@ impl<'a> Search<'a> {
 
     /// What is needed to go on later.
     pub fn state(&self) -> SearchState {
-        let kept = self.kept.iter().map(|f| (f.at.clone(), f.round)).collect();
-        SearchState { round: self.round, kept }
+        let kept = |f: &Found| Kept { at: f.at.clone(), glasses: f.glasses.clone(), round: f.round };
+        SearchState { round: self.round, kept: self.kept.iter().map(kept).collect() }
     }
 
     /// The best lens so far.
@@ -152,27 +182,36 @@ impl<'a> Search<'a> {
         // A stream of its own for every candidate.
         let mut random = ChaCha8Rng::seed_from_u64(self.options.seed);
         random.set_stream(self.round * self.options.round as u64 + place as u64);
-        let start = self.start(place, &mut random)?;
+        let (start, glasses) = self.start(place, &mut random)?;
+        let with = self.problem.with_glasses(&glasses);
+        let (problem, chart) = (&with, &Chart::new(&with).ok()?);
         let options = |iterations, tolerance| LevenbergOptions { iterations, tolerance };
         let go_on = &mut |_: usize, _: &Analysis, _: &[f64]| true;
-        let (problem, chart) = (self.problem, &self.chart);
         let trial =
             descend_from(problem, chart, start, &options(self.options.trial_iterations, 1e-3), go_on)?;
         let best = self.best().map_or(f64::INFINITY, |f| f.analysis.merit);
+        // Analysed afresh, as it will be when the search goes on from its state.
+        let found = |d: Descent| {
+            let analysis = analyse(problem, d.best.lens, None)?;
+            Some(Found { analysis, at: d.at, glasses, round: self.round })
+        };
         if trial.best.merit > PROMISING * PROMISING * best {
-            return Some(Found { analysis: trial.best, at: trial.at, round: self.round });
+            return found(trial);
         }
-        let descent = descend_from(problem, chart, trial.at, &options(self.options.iterations, 1e-5), go_on)?;
-        Some(Found { analysis: descent.best, at: descent.at, round: self.round })
+        let more = options(self.options.iterations, 1e-5);
+        found(descend_from(problem, chart, trial.at, &more, go_on)?)
     }
 
     /// Where a candidate starts: in a quarter of the places anywhere within the bounds, else near what is known.
-    fn start(&self, place: usize, random: &mut ChaCha8Rng) -> Option<Vec<f64>> {
+    fn start(&self, place: usize, random: &mut ChaCha8Rng) -> Option<(Vec<f64>, Vec<usize>)> {
         if self.kept.len() < 2 || place.is_multiple_of(4) {
             for _ in 0..START_ATTEMPTS {
-                let at = self.anywhere(random);
-                if self.traces(&at) {
-                    return Some(at);
+                let glasses: Vec<usize> =
+                    self.problem.glasses.iter().map(|g| random.random_range(0..g.candidates.len())).collect();
+                let with = self.problem.with_glasses(&glasses);
+                let at = self.anywhere(&with, random)?;
+                if traces(&with, &at) {
+                    return Some((at, glasses));
                 }
             }
             return None;
@@ -182,13 +221,18 @@ impl<'a> Search<'a> {
             let share: f64 = random.random::<f64>() * random.random::<f64>();
             (share * self.kept.len() as f64) as usize
         };
-        let (first, second) = (&self.kept[pick()].at, &self.kept[pick()].at);
-        let mut at = first.clone();
+        let (first, second) = (&self.kept[pick()], &self.kept[pick()]);
+        let (mut at, mut glasses) = (first.at.clone(), first.glasses.clone());
         if place % 4 == 1 {
             // A blend, a little beyond either end too.
             let share = random.random_range(-0.3..1.3);
-            for (x, other) in at.iter_mut().zip(second) {
+            for (x, other) in at.iter_mut().zip(&second.at) {
                 *x += share * (other - *x);
+            }
+            for (glass, other) in glasses.iter_mut().zip(&second.glasses) {
+                if random.random::<bool>() {
+                    *glass = *other;
+                }
             }
         } else {
             let size = 10f64.powf(random.random_range(-2.5..-0.3));
@@ -198,25 +242,46 @@ impl<'a> Search<'a> {
                     *x += size * (high - low) * random.random_range(-1.0..1.0);
                 }
             }
+            for (glass, choice) in glasses.iter_mut().zip(&self.problem.glasses) {
+                if random.random::<f64>() < EXCHANGE {
+                    *glass = a_neighbour(choice, *glass, random);
+                }
+            }
         }
         for (x, [low, high]) in at.iter_mut().zip(&self.chart.bounds) {
             *x = x.clamp(*low, *high);
         }
-        self.traces(&at).then_some(at)
+        traces(&self.problem.with_glasses(&glasses), &at).then_some((at, glasses))
     }
 
-    fn anywhere(&self, random: &mut ChaCha8Rng) -> Vec<f64> {
-        let mut at = self.chart.start();
-        for (x, [low, high]) in at.iter_mut().zip(&self.chart.bounds) {
+    fn anywhere(&self, problem: &Problem, random: &mut ChaCha8Rng) -> Option<Vec<f64>> {
+        let chart = Chart::new(problem).ok()?;
+        let mut at = chart.start();
+        for (x, [low, high]) in at.iter_mut().zip(&chart.bounds) {
             if (high - low).is_finite() {
                 *x = low + (high - low) * random.random::<f64>();
             }
         }
-        self.chart.refocus(&mut at);
-        at
+        chart.refocus(&mut at);
+        Some(at)
     }
+}
 
-    fn traces(&self, at: &[f64]) -> bool {
-        self.chart.lens(at).is_some_and(|lens| super::merit::analyse(self.problem, lens, None).is_some())
-    }
+fn traces(problem: &Problem, at: &[f64]) -> bool {
+    let lens = Chart::new(problem).ok().and_then(|chart| chart.lens(at));
+    lens.is_some_and(|lens| analyse(problem, lens, None).is_some())
+}
+
+/// One of the glasses nearest to a glass on the map of n_d and V_d.
+fn a_neighbour(choice: &GlassChoice, glass: usize, random: &mut ChaCha8Rng) -> usize {
+    let place = |i: usize| (choice.candidates[i].nd(), choice.candidates[i].abbe_vd());
+    let (nd, vd) = place(glass);
+    let distance = |i: usize| {
+        let (other_nd, other_vd) = place(i);
+        ((other_nd - nd) / ND_SCALE).hypot((other_vd - vd) / VD_SCALE)
+    };
+    let mut others: Vec<usize> = (0..choice.candidates.len()).filter(|i| *i != glass).collect();
+    others.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+    others.truncate(NEIGHBOURS);
+    if others.is_empty() { glass } else { others[random.random_range(0..others.len())] }
 }

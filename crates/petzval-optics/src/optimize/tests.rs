@@ -210,3 +210,37 @@ fn a_search_gives_the_same_on_any_number_of_threads_and_after_a_break() {
     }
     assert!(before <= 1.01 * start, "{before} {start}");
 }
+
+#[test]
+fn a_search_exchanges_glasses() {
+    // The flint of the triplet may become a crown that makes colour worse; the search must find its way back.
+    let lens = nominal_triplet();
+    let flint = lens.surfaces[2].glass.clone();
+    let plastic = lens.surfaces[0].glass.clone();
+    let mut base = problem();
+    base.base.surfaces[2].glass = plastic.clone();
+    let asked = Problem {
+        glasses: vec![GlassChoice { surface: 2, candidates: vec![plastic, flint.clone()] }],
+        ..base.clone()
+    };
+    let options = SearchOptions { seed: 3, round: 8, ..SearchOptions::default() };
+    let mut search = Search::new(&asked, options).unwrap();
+    (0..6).for_each(|_| {
+        search.advance();
+    });
+    let best = search.best().unwrap();
+    assert_eq!(best.analysis.lens.surfaces[2].glass, flint);
+    assert_eq!(best.glasses, [1]);
+    let mut stuck = Search::new(&base, options).unwrap();
+    (0..6).for_each(|_| {
+        stuck.advance();
+    });
+    let without = stuck.best().map_or(f64::INFINITY, |f| f.analysis.merit);
+    assert!(best.analysis.merit < 0.8 * without, "{} {without}", best.analysis.merit);
+    // It goes on with the glasses that it had.
+    let resumed = Search::resume(&asked, options, &search.state()).unwrap();
+    assert_eq!(resumed.best().unwrap().analysis.merit, best.analysis.merit);
+
+    let none = Problem { glasses: vec![GlassChoice { surface: 2, candidates: Vec::new() }], ..base };
+    assert_eq!(Search::new(&none, options).err(), Some(ChartError::NoGlass { surface: 3 }));
+}

@@ -1,9 +1,12 @@
 //! What is asked of a lens, from the command line to an optimisation problem.
 
+use std::sync::Arc;
+
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::format::LensFile;
+use petzval::optics::glass::{Catalog, Glass};
 use petzval::optics::lens::Lens;
-use petzval::optics::optimize::{ImagePlane, Limits, Problem, Solves};
+use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
@@ -25,6 +28,9 @@ pub struct Goal {
     /// Focal length to hold, mm, or `free` [default: what the lens file solves for]
     #[arg(long, value_name = "MM|free")]
     pub efl: Option<String>,
+    /// A glass that a search may exchange: the surface in front of it, and what it may be [default: the whole catalogue]
+    #[arg(long, value_name = "SURFACE[=NAME,...]")]
+    pub glass: Vec<String>,
     /// F-number: sets the entrance pupil by the focal length of the start, or the one held
     #[arg(long, value_name = "N")]
     pub f_number: Option<f64>,
@@ -59,7 +65,7 @@ pub struct Goal {
 
 impl Goal {
     /// The problem of bringing a lens there.
-    pub fn problem(&self, file: &LensFile) -> Result<Problem, Failure> {
+    pub fn problem(&self, file: &LensFile, catalog: &Catalog) -> Result<Problem, Failure> {
         let mut problem = Problem::new(file.lens.clone());
         problem.variables =
             if file.variables.is_empty() { usual_variables(&file.lens) } else { file.variables.clone() };
@@ -92,7 +98,36 @@ impl Goal {
         problem.image = ImagePlane::Best;
         problem.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
+        problem.glasses = self.glass_choices(&file.lens, catalog)?;
         Ok(problem)
+    }
+
+    fn glass_choices(&self, lens: &Lens, catalog: &Catalog) -> Result<Vec<GlassChoice>, Failure> {
+        let mut choices: Vec<GlassChoice> = Vec::new();
+        for asked in &self.glass {
+            let (surface, names) = asked.split_once('=').unwrap_or((asked, "all"));
+            let hint = "for example --glass 1=N-BK7,N-SK16 or --glass 1 for the whole catalogue";
+            let wrong = |what: String| Failure::input(format!("--glass {asked}: {what}"), hint);
+            let index = surface.trim().parse::<usize>().ok().and_then(|s| s.checked_sub(1));
+            let surface = index
+                .filter(|s| lens.surfaces.get(*s).is_some_and(|s| !s.glass.is_air()))
+                .ok_or_else(|| wrong(format!("there is no glass behind surface `{surface}`")))?;
+            if choices.iter().any(|c| c.surface == surface) {
+                return Err(wrong("the surface was named already".to_owned()));
+            }
+            let mut candidates: Vec<Arc<Glass>> = match names.trim() {
+                "all" => catalog.iter().map(|(_, glass)| glass.clone()).filter(|g| !g.is_air()).collect(),
+                names => names
+                    .split(',')
+                    .map(|name| catalog.get(name.trim()).map_err(|e| wrong(e.to_string())))
+                    .collect::<Result<_, _>>()?,
+            };
+            // Aliases name a glass twice.
+            candidates.sort_by(|a, b| a.name.cmp(&b.name));
+            candidates.dedup_by(|a, b| a.name == b.name);
+            choices.push(GlassChoice { surface, candidates });
+        }
+        Ok(choices)
     }
 
     fn limits(&self) -> Result<Limits, Failure> {

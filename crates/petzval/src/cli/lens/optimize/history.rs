@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use petzval::design::run::write_atomically;
 use petzval::optics::design_space::EflSolve;
 use petzval::optics::format::{LensFile, write_lens};
-use petzval::optics::optimize::{Analysis, Problem, SearchState};
+use petzval::optics::optimize::{Analysis, Kept, Problem, SearchState};
 use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
@@ -48,6 +48,8 @@ pub struct Step {
     pub violations: Vec<(String, f64)>,
     /// Coordinates of the lens.
     pub at: Vec<f64>,
+    /// Its glasses, as indices into what each may be.
+    pub glasses: Vec<usize>,
 }
 
 impl History {
@@ -111,7 +113,8 @@ impl History {
                     Failure::job(format!("{}: {e}", root.join(lens_name(last.step)).display()))
                 })?;
                 history.write("best.toml", &lens)?;
-                let state = SearchState { round: 0, kept: vec![(last.at.clone(), 0)] };
+                let (at, glasses) = (last.at.clone(), last.glasses.clone());
+                let state = SearchState { round: 0, kept: vec![Kept { at, glasses, round: 0 }] };
                 history.write("search.json", &json(&state)?)?;
             }
         }
@@ -154,6 +157,7 @@ impl History {
         seconds: f64,
         analysis: &Analysis,
         at: &[f64],
+        glasses: &[usize],
     ) -> Result<(), Failure> {
         let step = self.steps.len();
         let lens = write_lens(&self.found(problem, analysis));
@@ -167,6 +171,7 @@ impl History {
             rms_um: analysis.rms_um.clone(),
             violations: analysis.violations.iter().map(|(what, v)| (format!("{what:?}"), *v)).collect(),
             at: at.to_vec(),
+            glasses: glasses.to_vec(),
         });
         self.write_steps()
     }

@@ -11,6 +11,7 @@ use std::time::Instant;
 use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::optics::format::LensFile;
+use petzval::optics::glass::Catalog;
 use petzval::optics::lens::Lens;
 use petzval::optics::optimize::{
     Analysis, ChartError, LevenbergOptions, Problem, Search, SearchOptions, Solves, Stop, descend,
@@ -97,17 +98,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             let config = Config { goal: args.asked.clone(), global: args.global, seed: args.seed };
             let file = assets.lens(lens)?;
             // Everything is checked before the folder is made.
-            let problem = config.goal.problem(&file)?;
+            let problem = config.goal.problem(&file, &assets.catalog()?)?;
             at(&problem, None)?;
             (History::create(out, &file, &config)?, config)
         }
         _ => return Err(Failure::input("a lens and --out are needed", "or --resume and a folder")),
     };
-    let problem = config.goal.problem(history.start())?;
+    let problem = config.goal.problem(history.start(), &assets.catalog()?)?;
     let stop = signals::stop_on_signal()?;
     let start = at(&problem, None)?;
     if history.steps().is_empty() {
-        history.add(&problem, 0.0, &start, &[])?;
+        history.add(&problem, 0.0, &start, &[], &[])?;
     }
     let found = if config.global {
         search(&problem, &mut history, config.seed, args.seconds, &stop)?
@@ -120,7 +121,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         ));
     };
     let trades = if args.trade && !stop.load(Ordering::Relaxed) {
-        trade(&config.goal, history.start(), config.seed, args.seconds, &stop)?
+        trade(&config.goal, history.start(), &assets.catalog()?, config.seed, args.seconds, &stop)?
     } else {
         Vec::new()
     };
@@ -153,6 +154,7 @@ fn at(problem: &Problem, lens: Option<Lens>) -> Result<Analysis, Failure> {
         base: lens.unwrap_or_else(|| problem.base.clone()),
         variables: Vec::new(),
         pickups: Vec::new(),
+        glasses: Vec::new(),
         solves: Solves::default(),
         ..problem.clone()
     };
@@ -190,7 +192,7 @@ fn descent(
         if analysis.merit.sqrt() < known * (1.0 - STEP_SHARE) {
             let seconds = before + began.elapsed().as_secs_f64();
             line(&format!("iteration {iteration}"), seconds, analysis);
-            if let Err(e) = history.add(problem, seconds, analysis, at) {
+            if let Err(e) = history.add(problem, seconds, analysis, at, &[]) {
                 failure = Some(e);
                 return false;
             }
@@ -236,7 +238,7 @@ fn search(
         if best.analysis.merit.sqrt() < known * (1.0 - STEP_SHARE) {
             let seconds = before + began.elapsed().as_secs_f64();
             line(&format!("round {}", search.progress().0), seconds, &best.analysis);
-            history.add(problem, seconds, &best.analysis, &best.at)?;
+            history.add(problem, seconds, &best.analysis, &best.at, &best.glasses)?;
         }
     }
     history.keep_state(&search.state())?;
@@ -246,7 +248,13 @@ fn search(
     let Some(best) = search.best() else { return Ok(None) };
     let fine = Problem { base: best.analysis.lens.clone(), ..problem.clone() };
     let descent = descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true).map_err(|e| wrong(&e))?;
-    history.add(problem, before + began.elapsed().as_secs_f64(), &descent.best, &descent.at)?;
+    history.add(
+        problem,
+        before + began.elapsed().as_secs_f64(),
+        &descent.best,
+        &descent.at,
+        &best.glasses,
+    )?;
     Ok(Some(descent.best))
 }
 
@@ -275,6 +283,7 @@ struct Trade {
 fn trade(
     goal: &Goal,
     file: &LensFile,
+    catalog: &Catalog,
     seed: u64,
     seconds: f64,
     stop: &AtomicBool,
@@ -302,7 +311,7 @@ fn trade(
     for (asked, change) in wishes {
         let mut goal = goal.clone();
         change(&mut goal);
-        let problem = goal.problem(file)?;
+        let problem = goal.problem(file, catalog)?;
         let coarse = Problem { sampling: PupilSampling::Degree(4), ..problem.clone() };
         let options = SearchOptions { seed, ..SearchOptions::default() };
         let mut search = Search::new(&coarse, options).map_err(|e| wrong(&e))?;
