@@ -185,3 +185,37 @@ fn tangent_and_adjoint_are_transposes() {
         }
     }
 }
+
+/// A ray that comes from far beyond the centre of curvature meets the near side of the sphere, not the far one.
+#[test]
+fn a_far_stop_is_no_reason_to_miss_a_surface() {
+    let mut lens = all_lenses().remove(0).lens;
+    let glass = lens.surfaces[0].glass.clone();
+    lens.surfaces.truncate(2);
+    lens.stop = 0;
+    for radius in [-20.0, -25.0, -30.0, 20.0] {
+        for (i, s) in lens.surfaces.iter_mut().enumerate() {
+            s.shape = petzval_optics::lens::SurfaceShape::PLANE;
+            s.semi_diameter_mm = 15.0;
+            s.thickness_mm = 50.0;
+            s.glass = petzval_optics::glass::Glass::air();
+            if i == 1 {
+                s.shape.curvature = 1.0 / radius;
+                s.glass = glass.clone();
+            }
+        }
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let mut bundle = RayBundle::new(1);
+        let start = launch(&sequence, 0.0, [0.0, 6.0]).ray;
+        bundle.set(0, start);
+        let path = trace_ray(&sequence, start);
+        trace(&sequence, &mut bundle);
+        assert_eq!((path.fate, bundle.fate(0)), (Fate::Ok, Fate::Ok), "radius {radius}");
+        // By hand: the sag of a sphere at a height of 6 mm.
+        let sag = radius - f64::signum(radius) * (radius * radius - 36.0_f64).sqrt();
+        let [_, y, z] = path.passages[1].point;
+        assert!((y - 6.0).abs() < 1e-12 && (z - sag).abs() < 1e-12, "{y} {z} {sag}");
+        let image = path.image.unwrap();
+        assert!((bundle.ray(0).position[1] - image.position[1]).abs() < 1e-12);
+    }
+}

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::problem::{ImagePlane, Problem};
 use crate::design_space::{Parameter, Variable};
 use crate::gradient::LensGradient;
-use crate::lens::Lens;
+use crate::lens::{ASPHERE_TERMS, Lens};
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::solve::with_efl;
 use crate::trace::Number;
@@ -28,6 +28,24 @@ pub enum ChartError {
         variable: usize,
         /// Number of variables.
         count: usize,
+    },
+    /// A problem without fields or wavelengths, or with another number of weights than fields.
+    #[error("there are {fields} fields, {weights} weights for them and {wavelengths} wavelengths")]
+    NothingToSee {
+        /// Number of fields.
+        fields: usize,
+        /// Number of weights.
+        weights: usize,
+        /// Number of wavelengths.
+        wavelengths: usize,
+    },
+    /// An asphere has terms of even order from 2 to 16.
+    #[error("surface {surface} has no aspheric term of order {order}")]
+    NoSuchOrder {
+        /// Surface, from 1.
+        surface: usize,
+        /// Order.
+        order: usize,
     },
     /// A glass may be exchanged for none.
     #[error("the glass behind surface {surface} has no candidates")]
@@ -55,8 +73,8 @@ pub enum ChartError {
         /// Wanted EFL, mm.
         efl_mm: f64,
     },
-    /// Rays of the starting lens do not reach the image.
-    #[error("rays through the stop of the starting lens do not reach the image")]
+    /// Rays of the lens, as its solves and bounds make it, do not reach the image.
+    #[error("rays through the stop do not reach the image, with the lens as its solves and bounds make it")]
     NoRays,
 }
 
@@ -144,6 +162,18 @@ impl<'a> Chart<'a> {
         let named = named.chain(solves.efl.map(|s| s.surface)).chain(solves.length.map(|(s, _)| s));
         if let Some(surface) = named.into_iter().find(|s| *s >= count) {
             return Err(ChartError::NoSuchSurface { surface: surface + 1, count });
+        }
+        let (fields, weights) = (problem.fields_rad.len(), problem.field_weights.len());
+        let wavelengths = problem.wavelengths_um.len();
+        if fields == 0 || weights != fields || wavelengths == 0 {
+            return Err(ChartError::NothingToSee { fields, weights, wavelengths });
+        }
+        for v in &problem.variables {
+            if let Parameter::Asphere(order) = v.parameter
+                && !(order.is_multiple_of(2) && (2..=2 * ASPHERE_TERMS).contains(&order))
+            {
+                return Err(ChartError::NoSuchOrder { surface: v.surface + 1, order });
+            }
         }
         if let Some(g) = problem.glasses.iter().find(|g| g.candidates.is_empty()) {
             return Err(ChartError::NoGlass { surface: g.surface + 1 });

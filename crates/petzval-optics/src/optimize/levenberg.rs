@@ -73,8 +73,8 @@ fn damped_step(model: &Linearised, free: &[usize], damping: f64) -> Option<DVect
     all.iter().all(|v| v.is_finite()).then_some(all)
 }
 
-/// Where a damped step leads within the bounds. Coordinates that it would push through a bound stop there, and the others
-/// are solved for again.
+/// Where a damped step leads within the bounds: it is cut at them. Coordinates that stand on a bound already and would be
+/// pushed through it are held, and the others solved for again.
 fn bounded_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f64) -> Option<Vec<f64>> {
     let pushes_out = |i: usize| {
         (at[i] <= bounds[i][0] && model.gradient[i] > 0.0)

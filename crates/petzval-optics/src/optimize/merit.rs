@@ -140,6 +140,25 @@ pub enum Violation {
     ChiefRayAngle,
 }
 
+impl std::fmt::Display for Violation {
+    /// As a person names it; surfaces from 1.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Edge(i) => write!(f, "edge thickness behind surface {}", i + 1),
+            Self::Centre(i) => write!(f, "centre thickness behind surface {}", i + 1),
+            Self::Air(i) => write!(f, "air behind surface {}", i + 1),
+            Self::AirEdge(i) => write!(f, "air at the edge behind surface {}", i + 1),
+            Self::SolvedRadius => write!(f, "bounds of the radius that holds the focal length, as a sag"),
+            Self::BackFocal => write!(f, "back focal length"),
+            Self::Track => write!(f, "track"),
+            Self::ClearDiameter(i) => write!(f, "clear radius of surface {}", i + 1),
+            Self::Distortion => write!(f, "distortion, on the image"),
+            Self::Slope(i) => write!(f, "slope of surface {}, times its clear radius", i + 1),
+            Self::ChiefRayAngle => write!(f, "chief-ray angle, times the back focal length"),
+        }
+    }
+}
+
 /// The merit's quadratic model: `merit + 2 gradient . step + step . hessian step`.
 #[derive(Clone, Debug)]
 pub struct Linearised {

@@ -28,11 +28,13 @@ pub struct SearchOptions {
     pub iterations: usize,
     /// Good lenses that are kept to start from again.
     pub keep: usize,
+    /// Whether the first candidate is the problem's own lens, or a random one as all others.
+    pub own_lens: bool,
 }
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { seed: 1, round: 16, trial_iterations: 12, iterations: 150, keep: 12 }
+        Self { seed: 1, round: 16, trial_iterations: 12, iterations: 150, keep: 12, own_lens: true }
     }
 }
 
@@ -54,8 +56,8 @@ pub struct Found {
 pub struct Kept {
     /// Its coordinates.
     pub at: Vec<f64>,
-    /// Its glasses.
-    pub glasses: Vec<usize>,
+    /// Names of its glasses.
+    pub glasses: Vec<String>,
     /// The round that found it.
     pub round: u64,
 }
@@ -115,17 +117,19 @@ impl<'a> Search<'a> {
         let mut search = Self::new(problem, options)?;
         search.round = state.round;
         for kept in &state.kept {
-            let known = |(g, i): (&GlassChoice, &usize)| *i < g.candidates.len();
-            if kept.glasses.len() != problem.glasses.len()
-                || !problem.glasses.iter().zip(&kept.glasses).all(known)
-            {
+            // A state may come from a file that was changed: what does not fit is left out.
+            let index = |(choice, name): (&GlassChoice, &String)| {
+                choice.candidates.iter().position(|glass| glass.name == *name)
+            };
+            let glasses: Option<Vec<usize>> = problem.glasses.iter().zip(&kept.glasses).map(index).collect();
+            let Some(glasses) = glasses.filter(|g| g.len() == problem.glasses.len()) else { continue };
+            let with = problem.with_glasses(&glasses);
+            let chart = Chart::new(&with)?;
+            if kept.at.len() != chart.dimension() || !kept.at.iter().all(|x| x.is_finite()) {
                 continue;
             }
-            let with = problem.with_glasses(&kept.glasses);
-            let chart = Chart::new(&with)?;
             if let Some(analysis) = chart.lens(&kept.at).and_then(|lens| analyse(&with, lens, None)) {
-                let Kept { at, glasses, round } = kept.clone();
-                search.kept.push(Found { analysis, at, glasses, round });
+                search.keep(Found { analysis, at: kept.at.clone(), glasses, round: kept.round });
             }
         }
         Ok(search)
@@ -133,7 +137,11 @@ impl<'a> Search<'a> {
 
     /// What is needed to go on later.
     pub fn state(&self) -> SearchState {
-        let kept = |f: &Found| Kept { at: f.at.clone(), glasses: f.glasses.clone(), round: f.round };
+        let names = |f: &Found| {
+            let named = self.problem.glasses.iter().zip(&f.glasses);
+            named.map(|(choice, i)| choice.candidates[*i].name.clone()).collect()
+        };
+        let kept = |f: &Found| Kept { at: f.at.clone(), glasses: names(f), round: f.round };
         SearchState { round: self.round, kept: self.kept.iter().map(kept).collect() }
     }
 
@@ -168,11 +176,13 @@ impl<'a> Search<'a> {
     fn keep(&mut self, candidate: Found) {
         let merit = candidate.analysis.merit;
         let at = self.kept.partition_point(|f| f.analysis.merit < merit);
-        let alike =
-            |other: Option<&Found>| other.is_some_and(|f| (f.analysis.merit - merit).abs() < ALIKE * merit);
-        if alike(self.kept.get(at)) {
+        let alike = |f: &Found| (f.analysis.merit - merit).abs() < ALIKE * merit;
+        if at > 0 && self.kept.get(at - 1).is_some_and(alike) {
+            return;
+        }
+        if self.kept.get(at).is_some_and(alike) {
             self.kept[at] = candidate;
-        } else if !(at > 0 && alike(self.kept.get(at - 1))) {
+        } else {
             self.kept.insert(at, candidate);
             self.kept.truncate(self.options.keep);
         }
@@ -204,6 +214,11 @@ impl<'a> Search<'a> {
 
     /// Where a candidate starts: in a quarter of the places anywhere within the bounds, else near what is known.
     fn start(&self, place: usize, random: &mut ChaCha8Rng) -> Option<(Vec<f64>, Vec<usize>)> {
+        if self.options.own_lens && self.round == 0 && place == 0 {
+            let glasses = vec![0; self.problem.glasses.len()];
+            let at = self.chart.start();
+            return traces(&self.problem.with_glasses(&glasses), &at).then_some((at, glasses));
+        }
         if self.kept.len() < 2 || place.is_multiple_of(4) {
             for _ in 0..START_ATTEMPTS {
                 let glasses: Vec<usize> =

@@ -129,6 +129,9 @@ pub fn psf_traced(
 }
 
 /// [`psf`], with what its gradient needs.
+///
+/// Where every cell is traced because rays of the stop are lost, the gradient leaves out how the light of a ray changes with
+/// the pupil's aberrations; how rays move, and how apertures cut them, is always in it.
 pub fn psf_with_tape(
     lens: &Lens,
     field_rad: f64,

@@ -113,6 +113,10 @@ impl PupilMap {
         let (fit_x, fit_y) = (odd.at_checks(&self.image[0]), even.at_checks(&self.image[1]));
         let fit_light = even.at_checks(&self.light);
         let area = launch_area(sequence, &first_order(sequence));
+        // A fit through what is no number is no fit: the largest of two would forget it.
+        if !fit_x.iter().chain(&fit_y).chain(&fit_light).all(|v| v.is_finite()) {
+            return None;
+        }
         let mut worst = Residual::default();
         for (i, (projection, _)) in projections(sequence, field, &traced.aimed, points.len()).enumerate() {
             worst.image_mm = worst.image_mm.max((x[i] - fit_x[i]).hypot(y[i] - fit_y[i]));

@@ -47,7 +47,9 @@ pub fn aperture_transmission(radius_mm: f64, semi_diameter_mm: f64) -> (f64, f64
 ///
 /// The quadratic `A t^2 - 2 B t + C = 0` with `A = c (1 + k n^2)`, `B = n - c (p.d + k z n)`,
 /// `C = c (p.p + k z^2) - 2 z` is solved in the form `t = C / (B + sqrt(B^2 - A C))`, which stays
-/// exact as the curvature goes to zero. Source: Welford, Aberrations of Optical Systems, ch. 4.
+/// exact as the curvature goes to zero; where B is negative, as for a ray that comes from beyond the centre of curvature,
+/// in the form `(B - sqrt(B^2 - A C)) / A`, the same root. There the ray crosses from in front of the quadric to behind it.
+/// Source: Welford, Aberrations of Optical Systems, ch. 4.
 #[inline]
 fn conic_path(s: &SurfaceAtWavelength, ray: &Ray) -> Option<f64> {
     let (c, k) = (s.shape.curvature, s.shape.conic);
@@ -59,8 +61,9 @@ fn conic_path(s: &SurfaceAtWavelength, ray: &Ray) -> Option<f64> {
     if discriminant < 0.0 {
         return None;
     }
-    let denominator = b + discriminant.sqrt();
-    (denominator > 0.0).then(|| q / denominator)
+    let root = discriminant.sqrt();
+    let path = if b < 0.0 { (b - root) / a } else { q / (b + root) };
+    path.is_finite().then_some(path)
 }
 
 /// Where the ray meets the surface: path from the ray's point, the point, and the sag slopes.
@@ -73,6 +76,10 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
     if s.is_conic {
         let path = start?;
         let point = along(ray.position, path, ray.direction);
+        // Only the half of a conic that holds the vertex is the surface.
+        if s.shape.curvature * (1.0 + s.shape.conic) * point[2] >= 1.0 {
+            return None;
+        }
         let first = slope_at(point)?.first;
         return Some((path, point, [2.0 * point[0] * first, 2.0 * point[1] * first]));
     }

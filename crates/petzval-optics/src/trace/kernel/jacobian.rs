@@ -7,7 +7,7 @@ use super::aim::AimedRays;
 use super::backward::{
     ASPHERE, CONIC, CURVATURE, INDEX, NUMBERS, Reaim, ReaimLanes, THICKNESS, from_image, sweep,
 };
-use super::forward::{is_dead, load, trace_rays};
+use super::forward::{fate, load, trace_rays};
 use crate::lanes::{Lanes, width};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
@@ -69,11 +69,12 @@ impl WithSimd for Jacobian<'_> {
         let mut sums = vec![[zero; NUMBERS]; last + 1];
         let mut tape = Vec::with_capacity(last + 1);
         let nothing = vec![0.0; RayBundle::padded(launched.len())];
+        let mut fates = nothing.clone();
         let reaim = Reaim { aimed, launch_bar: [&nothing, &nothing] };
         for at in (0..launched.len()).step_by(width::<S>()) {
             let fate = Lanes::load(simd, &launched.fate[at..]);
             let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
-            out.complete &= !is_dead(arrival.fate).any();
+            arrival.fate.store(&mut fates[at..]);
             let reaim = ReaimLanes::load(simd, &reaim, at);
             for axis in 0..2 {
                 arrival.ray.position[axis].store(&mut out.landing[axis][at..]);
@@ -91,6 +92,7 @@ impl WithSimd for Jacobian<'_> {
                 }
             }
         }
+        out.complete = fates[..launched.len()].iter().all(|code| fate(*code).reaches_image());
     }
 }
 

@@ -66,17 +66,24 @@ pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S
         let point = [path.mul_add(d[0], p[0]), path.mul_add(d[1], p[1]), zero];
         return Meeting { point, path, ok: zero.lt(d[2]) };
     }
-    // The conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)).
+    // The conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)), and (B - sqrt(B^2 - A C)) / A where B < 0.
     let (kn, kz) = (d[2] * k, p[2] * k);
     let a = d[2].mul_add(kn, d[2].constant(1.0)) * c;
     let b = d[2] - (dot(p, d) + kz * d[2]) * c;
     let q = (dot(p, p) + kz * p[2]) * c - (p[2] + p[2]);
     let discriminant = b * b - a * q;
-    let denominator = b + discriminant.max(zero).sqrt();
-    let meets = zero.constant(-f64::MIN_POSITIVE).lt(discriminant).and(zero.lt(denominator));
-    let path = q / denominator;
+    let root = discriminant.max(zero).sqrt();
+    let mut path = q / (b + root);
+    let from_beyond = b.lt(zero);
+    if from_beyond.any() {
+        path = from_beyond.select((b - root) / a, path);
+    }
+    let point = along(p, path, d);
+    // Only the half of a conic that holds the vertex is the surface; no number is no path.
+    let front = (point[2] * (c * (1.0 + k))).lt(zero.constant(1.0));
+    let meets = zero.constant(-f64::MIN_POSITIVE).lt(discriminant).and(front);
     if s.is_conic {
-        return Meeting { point: along(p, path, d), path, ok: meets };
+        return Meeting { point, path, ok: meets };
     }
     let from_vertex_plane = -p[2] / d[2];
     follow_to_asphere(s, ray, meets.select(path, from_vertex_plane))

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::format::LensFile;
 use petzval::optics::glass::{Catalog, Glass};
-use petzval::optics::lens::Lens;
+use petzval::optics::lens::{Lens, ObjectDistance};
 use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::pupil::PupilSampling;
@@ -20,13 +20,13 @@ pub struct Goal {
     #[arg(long, value_delimiter = ',', value_name = "UM,...")]
     pub wavelengths: Vec<f64>,
     /// Field angles, degrees [default: those of the lens]
-    #[arg(long, value_delimiter = ',', value_name = "DEG,...", allow_negative_numbers = true)]
+    #[arg(long, value_delimiter = ',', value_name = "DEG,...", allow_hyphen_values = true)]
     pub fields: Vec<f64>,
     /// The mean over the fields of RMS^P is made small: 1 the mean spot, 2 the mean square, 8 nearly the worst
     #[arg(long, default_value_t = 1.0, value_name = "P")]
     pub power: f64,
     /// Focal length to hold, mm, or `free` [default: what the lens file solves for]
-    #[arg(long, value_name = "MM|free")]
+    #[arg(long, value_name = "MM|free", allow_hyphen_values = true)]
     pub efl: Option<String>,
     /// A glass that a search may exchange: the surface in front of it, and what it may be [default: the whole catalogue]
     #[arg(long, value_name = "SURFACE[=NAME,...]")]
@@ -63,12 +63,35 @@ pub struct Goal {
     pub chief_ray_angle: Option<f64>,
 }
 
+impl Default for Goal {
+    /// What a command line without any of these asks.
+    fn default() -> Self {
+        Self {
+            wavelengths: Vec::new(),
+            fields: Vec::new(),
+            power: 1.0,
+            efl: None,
+            glass: Vec::new(),
+            f_number: None,
+            bfl: Vec::new(),
+            edge: None,
+            centre: None,
+            air: None,
+            track: None,
+            clear_diameter: None,
+            distortion: None,
+            slope: None,
+            chief_ray_angle: None,
+        }
+    }
+}
+
 impl Goal {
     /// The problem of bringing a lens there.
     pub fn problem(&self, file: &LensFile, catalog: &Catalog) -> Result<Problem, Failure> {
         let mut problem = Problem::new(file.lens.clone());
         problem.variables =
-            if file.variables.is_empty() { usual_variables(&file.lens) } else { file.variables.clone() };
+            if file.variables.is_empty() { usual_variables(&file.lens)? } else { file.variables.clone() };
         if !self.wavelengths.is_empty() {
             check(
                 "--wavelengths",
@@ -93,11 +116,15 @@ impl Goal {
             check("--f-number", (0.4..200.0).contains(&n), "2.8 is f/2.8")?;
             let found = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
             let efl_mm = problem.solves.efl.map_or(found, |s| s.efl_mm);
-            problem.base.entrance_pupil_mm = efl_mm / n;
+            check("--f-number", efl_mm.is_finite(), "the lens has no focal length to take it of")?;
+            problem.base.entrance_pupil_mm = efl_mm.abs() / n;
         }
         problem.image = ImagePlane::Best;
         problem.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
+        if self.distortion.is_some() && file.lens.object != ObjectDistance::Infinity {
+            return Err(Failure::input("--distortion: only for objects at infinity", "leave it out"));
+        }
         problem.glasses = self.glass_choices(&file.lens, catalog)?;
         Ok(problem)
     }
@@ -155,9 +182,9 @@ impl Goal {
         }
         check("--distortion", self.distortion.is_none_or(|d| (0.0..100.0).contains(&d)), "percent")?;
         Ok(Limits {
-            element_edge_mm: self.edge,
+            element_edge_mm: Some(self.edge.unwrap_or(LEAST_MM)),
             element_centre_mm: self.centre,
-            air_gap_mm: self.air,
+            air_gap_mm: Some(self.air.unwrap_or(LEAST_MM)),
             back_focal_mm,
             track_mm: self.track,
             clear_diameter_mm: self.clear_diameter,
@@ -186,6 +213,9 @@ impl Goal {
     }
 }
 
+/// Edges and gaps that are not asked for must still be there, mm.
+const LEAST_MM: f64 = 0.01;
+
 fn check(name: &str, holds: bool, hint: &str) -> Result<(), Failure> {
     if holds { Ok(()) } else { Err(Failure::input(format!("{name}: out of range"), hint)) }
 }
@@ -199,9 +229,15 @@ fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
 
 /// What moves in a lens whose file does not say: every curvature between two media, up to one and a half times the
 /// strongest, and every gap of air but the last, from a tenth to twice what it is.
-fn usual_variables(lens: &Lens) -> Vec<Variable> {
+fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, Failure> {
     let curvature = |i: usize| lens.surfaces[i].shape.curvature.abs();
     let strongest = powered(lens).map(curvature).fold(0.0, f64::max);
+    if strongest == 0.0 {
+        return Err(Failure::input(
+            "the lens has no curved surface between two media",
+            "give it [[variable]] entries",
+        ));
+    }
     let radius = 1.0 / (1.5 * strongest);
     let radii = powered(lens).map(|surface| Variable {
         surface,
@@ -213,5 +249,5 @@ fn usual_variables(lens: &Lens) -> Vec<Variable> {
         let gap = lens.surfaces[surface].thickness_mm;
         Variable { surface, parameter: Parameter::Thickness, min: 0.1 * gap, max: 2.0 * gap + 0.1 }
     });
-    radii.chain(gaps).collect()
+    Ok(radii.chain(gaps).collect())
 }

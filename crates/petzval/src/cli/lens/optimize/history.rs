@@ -34,7 +34,7 @@ pub struct Config {
 /// A step that made the lens better: a line of history.jsonl.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Step {
-    /// From 0, the start.
+    /// From 0.
     pub step: usize,
     /// Seconds of work until then.
     pub seconds: f64,
@@ -48,14 +48,17 @@ pub struct Step {
     pub violations: Vec<(String, f64)>,
     /// Coordinates of the lens.
     pub at: Vec<f64>,
-    /// Its glasses, as indices into what each may be.
-    pub glasses: Vec<usize>,
+    /// Names of the glasses that may be exchanged.
+    pub glasses: Vec<String>,
+    /// The round of the search that found it.
+    pub round: u64,
 }
 
 impl History {
     /// Begins a new folder.
     pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self, Failure> {
-        if root.join("history.jsonl").exists() {
+        let ours = ["history.jsonl", "best.toml", "start.toml", "config.json", "search.json"];
+        if ours.iter().any(|name| root.join(name).exists()) {
             let hint = format!("go on with --resume {}, or choose another folder with --out", root.display());
             return Err(Failure::input(format!("{}: holds an optimisation already", root.display()), hint));
         }
@@ -94,28 +97,25 @@ impl History {
             .lines()
             .map(|line| serde_json::from_str(line).map_err(|e| bad("history.jsonl", e)))
             .collect::<Result<_, _>>()?;
-        if let Some(step) = rewind {
-            if step >= steps.len() {
-                let hint = format!("the last is {}", steps.len().saturating_sub(1));
-                return Err(Failure::input(format!("--rewind {step}: there is no such step"), hint));
-            }
-            for gone in &steps[step + 1..] {
-                // A lens that is gone already needs no removal.
-                let _ = fs::remove_file(root.join(lens_name(gone.step)));
-            }
-            steps.truncate(step + 1);
+        if let Some(step) = rewind
+            && step >= steps.len()
+        {
+            let hint = format!("the last is {}", steps.len().saturating_sub(1));
+            return Err(Failure::input(format!("--rewind {step}: there is no such step"), hint));
         }
+        let gone = rewind.map_or_else(Vec::new, |step| steps.split_off(step + 1));
         let history = Self { root: root.to_path_buf(), steps, file };
-        if rewind.is_some() {
+        if let (Some(_), Some(last)) = (rewind, history.steps.last()) {
+            let path = root.join(lens_name(last.step));
+            let lens = fs::read_to_string(&path)
+                .map_err(|e| Failure::input(format!("{}: {e}", path.display()), "rewind to another step"))?;
+            let kept = Kept { at: last.at.clone(), glasses: last.glasses.clone(), round: last.round };
+            history.keep_state(&SearchState { round: last.round, kept: vec![kept] })?;
+            history.write("best.toml", &lens)?;
             history.write_steps()?;
-            if let Some(last) = history.steps.last() {
-                let lens = fs::read_to_string(root.join(lens_name(last.step))).map_err(|e| {
-                    Failure::job(format!("{}: {e}", root.join(lens_name(last.step)).display()))
-                })?;
-                history.write("best.toml", &lens)?;
-                let (at, glasses) = (last.at.clone(), last.glasses.clone());
-                let state = SearchState { round: 0, kept: vec![Kept { at, glasses, round: 0 }] };
-                history.write("search.json", &json(&state)?)?;
+            for step in gone {
+                // A lens that is gone already needs no removal.
+                let _ = fs::remove_file(root.join(lens_name(step.step)));
             }
         }
         Ok((history, config))
@@ -129,6 +129,11 @@ impl History {
     /// Steps so far.
     pub fn steps(&self) -> &[Step] {
         &self.steps
+    }
+
+    /// The last step, which is the best.
+    pub fn best(&self) -> Option<&Step> {
+        self.steps.last()
     }
 
     /// The folder.
@@ -154,12 +159,15 @@ impl History {
     pub fn add(
         &mut self,
         problem: &Problem,
+        round: u64,
         seconds: f64,
         analysis: &Analysis,
         at: &[f64],
         glasses: &[usize],
     ) -> Result<(), Failure> {
         let step = self.steps.len();
+        let named = problem.glasses.iter().zip(glasses);
+        let names = named.map(|(choice, i)| choice.candidates[*i].name.clone());
         let lens = write_lens(&self.found(problem, analysis));
         self.write(&lens_name(step), &lens)?;
         self.write("best.toml", &lens)?;
@@ -169,9 +177,10 @@ impl History {
             merit_um: analysis.merit.sqrt(),
             mean_rms_um: analysis.mean_rms_um(),
             rms_um: analysis.rms_um.clone(),
-            violations: analysis.violations.iter().map(|(what, v)| (format!("{what:?}"), *v)).collect(),
+            violations: analysis.violations.iter().map(|(what, v)| (what.to_string(), *v)).collect(),
             at: at.to_vec(),
-            glasses: glasses.to_vec(),
+            glasses: names.collect(),
+            round,
         });
         self.write_steps()
     }

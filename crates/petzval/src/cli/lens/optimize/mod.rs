@@ -6,13 +6,13 @@ mod history;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::optics::format::LensFile;
 use petzval::optics::glass::Catalog;
-use petzval::optics::lens::Lens;
+use petzval::optics::lens::{Lens, ObjectDistance};
 use petzval::optics::optimize::{
     Analysis, ChartError, LevenbergOptions, Problem, Search, SearchOptions, Solves, Stop, descend,
 };
@@ -63,9 +63,9 @@ pub struct Args {
     /// Before going on, forget every step after this one
     #[arg(long, value_name = "STEP")]
     rewind: Option<usize>,
-    /// Spend the same time again with polychromatic spots, edges of 1 mm, clear diameters of 12.7 mm and a distortion of
-    /// 1 %, each alone and all together, and say what each costs
-    #[arg(long, requires = "global")]
+    /// Spend as much time again for each of: polychromatic spots, edges of 1 mm, clear diameters of 12.7 mm, a
+    /// distortion of 1 %, and all together; say what each costs
+    #[arg(long)]
     trade: bool,
     /// Machine-readable output
     #[arg(long)]
@@ -88,28 +88,46 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if !(args.seconds > 0.0 && args.seconds < 1e7) {
         return Err(Failure::input("--seconds: out of range", "2 is usual; a week is 604800"));
     }
-    if args.rewind.is_some() && args.resume.is_none() {
+    if args.resume.is_some() {
+        if args.asked != Goal::default() {
+            let hint = "what is asked stays as it was; begin another with --out";
+            return Err(Failure::input("--resume goes on with what was asked then", hint));
+        }
+    } else if args.rewind.is_some() {
         return Err(Failure::input("--rewind needs --resume and a folder", "it goes back in what is there"));
     }
     let assets = built_in_assets();
+    let catalog = assets.catalog()?;
     let (mut history, config) = match (&args.resume, &args.lens, &args.out) {
         (Some(root), ..) => History::open(root, args.rewind, |path| Ok(assets.lens(path)?))?,
         (None, Some(lens), Some(out)) => {
             let config = Config { goal: args.asked.clone(), global: args.global, seed: args.seed };
             let file = assets.lens(lens)?;
+            if !config.global && !config.goal.glass.is_empty() {
+                return Err(Failure::input("--glass: a descent leaves glasses as they are", "add --global"));
+            }
             // Everything is checked before the folder is made.
-            let problem = config.goal.problem(&file, &assets.catalog()?)?;
-            at(&problem, None)?;
+            let problem = config.goal.problem(&file, &catalog)?;
+            if config.global {
+                Search::new(&problem, SearchOptions::default()).map_err(|e| wrong(&e))?;
+            } else {
+                let once = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+                descend(&problem, &once, &mut |_, _, _| true).map_err(|e| wrong(&e))?;
+            }
             (History::create(out, &file, &config)?, config)
         }
         _ => return Err(Failure::input("a lens and --out are needed", "or --resume and a folder")),
     };
-    let problem = config.goal.problem(history.start(), &assets.catalog()?)?;
-    let stop = signals::stop_on_signal()?;
-    let start = at(&problem, None)?;
-    if history.steps().is_empty() {
-        history.add(&problem, 0.0, &start, &[], &[])?;
+    if args.trade && !config.global {
+        return Err(Failure::input(
+            "--trade compares searches; this folder holds a descent",
+            "begin a search with --global",
+        ));
     }
+    let problem = config.goal.problem(history.start(), &catalog)?;
+    let stop = signals::stop_on_signal()?;
+    // The lens as it is, if its rays reach the image at all.
+    let start = with_more_rays(&problem, &problem.base);
     let found = if config.global {
         search(&problem, &mut history, config.seed, args.seconds, &stop)?
     } else {
@@ -121,23 +139,23 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         ));
     };
     let trades = if args.trade && !stop.load(Ordering::Relaxed) {
-        trade(&config.goal, history.start(), &assets.catalog()?, config.seed, args.seconds, &stop)?
+        trade(&config.goal, history.start(), &catalog, config.seed, args.seconds, &stop)?
     } else {
         Vec::new()
     };
     let path = history.root().join("best.toml");
     if args.json {
         print_json(&json!({
-            "start": figures(&problem, &start),
+            "start": start.as_ref().map(|s| figures(&problem, s)),
             "best": figures(&problem, &best),
-            "steps": history.steps().len() - 1,
+            "steps": history.steps().len(),
             "trades": trades.iter().map(|t| json!({
                 "asked": t.asked, "mean_rms_um": t.mean_rms_um, "violations": t.violations,
             })).collect::<Vec<_>>(),
             "lens": path,
         }))?;
     } else {
-        print(&problem, &start, &best);
+        print(&problem, start.as_ref(), &best);
         print_trades(&trades);
         println!("\nlens: {}", path.display());
     }
@@ -148,28 +166,7 @@ fn wrong(error: &ChartError) -> Failure {
     Failure::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
 }
 
-/// The problem's own lens, or another, refocused and analysed.
-fn at(problem: &Problem, lens: Option<Lens>) -> Result<Analysis, Failure> {
-    let still = Problem {
-        base: lens.unwrap_or_else(|| problem.base.clone()),
-        variables: Vec::new(),
-        pickups: Vec::new(),
-        glasses: Vec::new(),
-        solves: Solves::default(),
-        ..problem.clone()
-    };
-    let descent =
-        descend(&still, &LevenbergOptions::default(), &mut |_, _, _| true).map_err(|e| match e {
-            ChartError::NoRays => Failure::input(
-                "rays through the stop of this lens do not reach the image at some field",
-                "`petzval lens show` says where; lower the field or the aperture",
-            ),
-            other => wrong(&other),
-        })?;
-    Ok(descent.best)
-}
-
-/// Levenberg and Marquardt from the last step, or from the lens itself.
+/// Levenberg and Marquardt from the best lens so far, or from the lens itself.
 fn descent(
     problem: &Problem,
     history: &mut History,
@@ -178,31 +175,35 @@ fn descent(
 ) -> Result<Option<Analysis>, Failure> {
     let began = Instant::now();
     let before = history.steps().last().map_or(0.0, |s| s.seconds);
-    let mut failure = None;
     let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
-    // The variables of a kept lens are read back from its file.
-    let base = match history.steps().len() {
-        1 => problem.base.clone(),
-        _ => built_in_assets().lens(&history.root().join("best.toml").display().to_string())?.lens,
-    };
-    let base = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..base };
-    let problem = &Problem { base, ..problem.clone() };
-    let result = descend(problem, &options, &mut |iteration, analysis, at| {
-        let known = history.steps().last().map_or(f64::INFINITY, |s| s.merit_um);
-        if analysis.merit.sqrt() < known * (1.0 - STEP_SHARE) {
-            let seconds = before + began.elapsed().as_secs_f64();
-            line(&format!("iteration {iteration}"), seconds, analysis);
-            if let Err(e) = history.add(problem, seconds, analysis, at, &[]) {
-                failure = Some(e);
-                return false;
-            }
+    let base = match history.best() {
+        None => problem.base.clone(),
+        Some(_) => {
+            let best = built_in_assets().lens(&history.root().join("best.toml").display().to_string())?.lens;
+            Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best }
         }
-        !stop.load(Ordering::Relaxed)
-    });
+    };
+    let problem = &Problem { base, ..problem.clone() };
+    let mut failure = None;
+    let mut note = |history: &mut History, what: String, share: f64, analysis: &Analysis, at: &[f64]| {
+        let known = history.best().map_or(f64::INFINITY, |s| s.merit_um);
+        if analysis.merit.sqrt() >= known * (1.0 - share) {
+            return true;
+        }
+        let seconds = before + began.elapsed().as_secs_f64();
+        line(&what, seconds, analysis);
+        history.add(problem, 0, seconds, analysis, at, &[]).map_err(|e| failure = Some(e)).is_ok()
+    };
+    let descent = descend(problem, &options, &mut |iteration, analysis, at| {
+        note(history, format!("iteration {iteration}"), STEP_SHARE, analysis, at)
+            && !stop.load(Ordering::Relaxed)
+    })
+    .map_err(|e| wrong(&e))?;
+    // The last lens counts, however little it gained.
+    note(history, format!("iteration {}", descent.iterations), 0.0, &descent.best, &descent.at);
     if let Some(failure) = failure {
         return Err(failure);
     }
-    let descent = result.map_err(|e| wrong(&e))?;
     let why = match descent.stop {
         Stop::Converged => "converged",
         Stop::Stuck => "no step makes it better",
@@ -221,41 +222,66 @@ fn search(
     seconds: f64,
     stop: &AtomicBool,
 ) -> Result<Option<Analysis>, Failure> {
-    // The search itself is content with fewer rays; its best is looked at with more.
-    let coarse = Problem { sampling: PupilSampling::Degree(4), ..problem.clone() };
     let options = SearchOptions { seed, ..SearchOptions::default() };
     let mut search = match history.state()? {
-        Some(state) => Search::resume(&coarse, options, &state),
-        None => Search::new(&coarse, options),
+        Some(state) => Search::resume(problem, options, &state),
+        None => Search::new(problem, options),
     }
     .map_err(|e| wrong(&e))?;
     let before = history.steps().last().map_or(0.0, |s| s.seconds);
     let began = Instant::now();
+    let (mut best, mut looked_at) = (None, f64::INFINITY);
+    let mut kept_at = Instant::now();
     while began.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
         search.advance();
-        let Some(best) = search.best() else { continue };
-        let known = history.steps()[1..].last().map_or(f64::INFINITY, |s| s.merit_um);
-        if best.analysis.merit.sqrt() < known * (1.0 - STEP_SHARE) {
+        let round = search.progress().0;
+        // Whatever ends this process, the search goes on from here.
+        if kept_at.elapsed() > KEEP_EVERY {
+            history.keep_state(&search.state())?;
+            kept_at = Instant::now();
+        }
+        let Some(found) = search.best() else { continue };
+        if found.analysis.merit >= looked_at {
+            continue;
+        }
+        looked_at = found.analysis.merit;
+        // What counts is what more rays say than the search traces.
+        let Some(fine) = with_more_rays(problem, &found.analysis.lens) else { continue };
+        let known = history.best().map_or(f64::INFINITY, |s| s.merit_um);
+        if fine.merit.sqrt() < known * (1.0 - STEP_SHARE) {
             let seconds = before + began.elapsed().as_secs_f64();
-            line(&format!("round {}", search.progress().0), seconds, &best.analysis);
-            history.add(problem, seconds, &best.analysis, &best.at, &best.glasses)?;
+            line(&format!("round {round}"), seconds, &fine);
+            history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
+            history.keep_state(&search.state())?;
+        }
+        if best.as_ref().is_none_or(|b: &Analysis| fine.merit < b.merit) {
+            best = Some(fine);
         }
     }
     history.keep_state(&search.state())?;
     let (rounds, descents) = search.progress();
     eprintln!("{rounds} rounds, {descents} descents");
-    // The last word is that of more rays: a descent from the best with them.
-    let Some(best) = search.best() else { return Ok(None) };
-    let fine = Problem { base: best.analysis.lens.clone(), ..problem.clone() };
-    let descent = descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true).map_err(|e| wrong(&e))?;
-    history.add(
-        problem,
-        before + began.elapsed().as_secs_f64(),
-        &descent.best,
-        &descent.at,
-        &best.glasses,
-    )?;
-    Ok(Some(descent.best))
+    Ok(best)
+}
+
+/// How often a search writes down where it is.
+const KEEP_EVERY: Duration = Duration::from_secs(1);
+
+/// A lens of a search as more rays see it, its image plane where they are best.
+fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
+    let fine = Problem { base: lens.clone(), sampling: PupilSampling::Degree(10), ..still(problem) };
+    descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+}
+
+/// A problem in which nothing moves but the image plane.
+fn still(problem: &Problem) -> Problem {
+    Problem {
+        variables: Vec::new(),
+        pickups: Vec::new(),
+        glasses: Vec::new(),
+        solves: Solves { efl: None, length: None },
+        ..problem.clone()
+    }
 }
 
 fn line(what: &str, seconds: f64, analysis: &Analysis) {
@@ -289,9 +315,12 @@ fn trade(
     stop: &AtomicBool,
 ) -> Result<Vec<Trade>, Failure> {
     let colours = |g: &mut Goal| g.wavelengths = file.lens.wavelengths_um.clone();
-    let edges = |g: &mut Goal| g.edge = Some(1.0);
-    let diameters = |g: &mut Goal| g.clear_diameter = Some(12.7);
-    let distortion = |g: &mut Goal| g.distortion = Some(1.0);
+    // What was asked more strictly stays.
+    let least = |asked: Option<f64>, value: f64| Some(asked.map_or(value, |a| a.max(value)));
+    let most = |asked: Option<f64>, value: f64| Some(asked.map_or(value, |a| a.min(value)));
+    let edges = |g: &mut Goal| g.edge = least(g.edge, 1.0);
+    let diameters = |g: &mut Goal| g.clear_diameter = most(g.clear_diameter, 12.7);
+    let distortion = |g: &mut Goal| g.distortion = most(g.distortion, 1.0);
     let all = |g: &mut Goal| {
         colours(g);
         edges(g);
@@ -312,15 +341,14 @@ fn trade(
         let mut goal = goal.clone();
         change(&mut goal);
         let problem = goal.problem(file, catalog)?;
-        let coarse = Problem { sampling: PupilSampling::Degree(4), ..problem.clone() };
         let options = SearchOptions { seed, ..SearchOptions::default() };
-        let mut search = Search::new(&coarse, options).map_err(|e| wrong(&e))?;
+        let mut search = Search::new(&problem, options).map_err(|e| wrong(&e))?;
         let began = Instant::now();
         while began.elapsed().as_secs_f64() < seconds && !stop.load(Ordering::Relaxed) {
             search.advance();
         }
         let Some(best) = search.best() else { continue };
-        let best = at(&problem, Some(best.analysis.lens.clone()))?;
+        let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
         let violations = best.violations.iter().filter(|(_, v)| *v > 1e-3).count();
         line(asked, began.elapsed().as_secs_f64(), &best);
         trades.push(Trade { asked, mean_rms_um: best.mean_rms_um(), violations });
@@ -345,7 +373,9 @@ fn rows(problem: &Problem, analysis: &Analysis) -> Vec<(String, f64, &'static st
     let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
     rows.push(("largest clear diameter".to_owned(), widest, "mm"));
     let outermost = problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
+    // Of a near object the ideal image is another.
     if outermost != 0.0
+        && lens.object == ObjectDistance::Infinity
         && let Some(chief) = chief_ray(&sequence, outermost)
     {
         let share = chief.y_mm / (order.efl_mm * outermost.tan()) - 1.0;
@@ -366,18 +396,20 @@ fn figures(problem: &Problem, analysis: &Analysis) -> serde_json::Value {
     }
     all.insert("rms_spot_um".to_owned(), json!(analysis.rms_um));
     let violations: Vec<_> =
-        analysis.violations.iter().map(|(what, v)| json!([format!("{what:?}"), v])).collect();
+        analysis.violations.iter().map(|(what, v)| json!([what.to_string(), v])).collect();
     all.insert("violations_mm".to_owned(), json!(violations));
     all.into()
 }
 
-fn print(problem: &Problem, start: &Analysis, best: &Analysis) {
-    println!("\n{:<26} {:>12} {:>12}", "", "start", "best");
-    for ((name, before, unit), (_, after, _)) in rows(problem, start).into_iter().zip(rows(problem, best)) {
-        println!("{name:<26} {before:>12.4} {after:>12.4} {unit}");
+fn print(problem: &Problem, start: Option<&Analysis>, best: &Analysis) {
+    let before = start.map(|start| rows(problem, start));
+    println!("\n{:<26} {:>12} {:>12}", "", if before.is_some() { "start" } else { "" }, "best");
+    for (i, (name, after, unit)) in rows(problem, best).into_iter().enumerate() {
+        let before = before.as_ref().map_or(String::new(), |rows| format!("{:.4}", rows[i].1));
+        println!("{name:<26} {before:>12} {after:>12.4} {unit}");
     }
     for (what, amount) in best.violations.iter().filter(|(_, v)| *v > 1e-4) {
-        println!("violated: {what:?} by {amount:.4} mm");
+        println!("not met: {what}, by {amount:.4} mm");
     }
 }
 
