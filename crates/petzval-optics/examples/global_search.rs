@@ -25,7 +25,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut problem = Problem::new(file.lens);
     problem.variables = file.variables;
     problem.wavelengths_um = vec![0.5875618];
-    problem.sampling = PupilSampling::Degree(4);
     if how != "efl-free" {
         problem.solves = Solves {
             efl: file.efl_solve.map(|s| petzval_optics::design_space::EflSolve { efl_mm: 25.0, ..s }),
@@ -37,7 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     for seed in 1..=6 {
         let start = Instant::now();
-        let mut search = Search::new(&problem, SearchOptions { seed, ..SearchOptions::default() })?;
+        let mut search =
+            Search::new(&problem, SearchOptions { seed, own_lens: false, ..SearchOptions::default() })?;
         let mut log = String::new();
         while start.elapsed().as_secs_f64() < seconds {
             let before = search.best().map_or(f64::INFINITY, |f| f.analysis.merit);

@@ -183,6 +183,16 @@ impl<'a> Chart<'a> {
             return Err(ChartError::NoSuchVariable { variable: p.variable + 1, count: variables });
         }
         let mut bounds: Vec<[f64; 2]> = problem.variables.iter().map(coordinate_bounds).collect();
+        for (v, [low, high]) in problem.variables.iter().zip(&mut bounds) {
+            // A least thickness of a variable is a bound, which costs nothing to keep.
+            let least = match (v.parameter, problem.base.surfaces[v.surface].glass.is_air()) {
+                (Parameter::Thickness, _) if v.surface + 1 == count => None,
+                (Parameter::Thickness, true) => problem.limits.air_gap_mm,
+                (Parameter::Thickness, false) => problem.limits.element_centre_mm,
+                _ => None,
+            };
+            *low = least.map_or(*low, |least| low.max(least).min(*high - 1e-9 * high.abs()));
+        }
         for (v, [low, high]) in problem.variables.iter().zip(&bounds) {
             if !(low < high && low.is_finite() && high.is_finite()) {
                 let (surface, parameter) = (v.surface + 1, v.parameter);

@@ -15,7 +15,7 @@ use super::problem::Problem;
 pub struct LevenbergOptions {
     /// Iterations, each with a new Jacobian.
     pub iterations: usize,
-    /// An iteration that improves the RMS (the root of the merit) by less than this share is the last.
+    /// Three iterations in a row that improve the RMS (the root of the merit) by less than this share are the last.
     pub tolerance: f64,
 }
 
@@ -50,6 +50,9 @@ pub struct Descent {
     /// Why it ended.
     pub stop: Stop,
 }
+
+/// Iterations of little gain after which a descent ends.
+const CALM_ITERATIONS: usize = 3;
 
 /// Damping that is tried beside the last good one, as factors.
 const AROUND: [f64; 3] = [0.1, 1.0, 10.0];
@@ -115,6 +118,7 @@ pub(super) fn descend_from(
     let mut at = start;
     let mut best = analyse(problem, chart.lens(&at)?, None)?;
     let mut damping = 1e-3;
+    let mut calm = 0;
     for iteration in 0..options.iterations {
         if !watch(iteration, &best, &at) {
             return Some(Descent { best, at, iterations: iteration, stop: Stop::Asked });
@@ -148,7 +152,8 @@ pub(super) fn descend_from(
         };
         let gain = 1.0 - (analysis.merit / best.merit).sqrt();
         (best, at, damping) = (analysis, next, tried);
-        if gain < options.tolerance {
+        calm = if gain < options.tolerance { calm + 1 } else { 0 };
+        if calm == CALM_ITERATIONS {
             watch(iteration + 1, &best, &at);
             return Some(Descent { best, at, iterations: iteration + 1, stop: Stop::Converged });
         }
