@@ -9,8 +9,9 @@ use crate::trace::{
     AimedRays, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, pull_back, trace_with_heights,
 };
 
-/// Clear apertures within this share of the beam's reach may cut it.
-const APERTURE_MARGIN: f64 = 0.97;
+/// Samples stay inside the rim of the stop, by less than this share on every surface; apertures that they reach to it are
+/// looked at more closely.
+const SAMPLED_SHARE: f64 = 0.9;
 
 /// Rays through points of the stop, aimed and traced; arrays are padded.
 pub(super) struct TracedPoints {
@@ -91,8 +92,12 @@ impl PupilSamples {
         let others = (0..sequence.surfaces.len()).filter(|i| *i != sequence.stop);
         let traced = trace_points(sequence, field_rad, stop_radius_mm, &basis.samples, &guesses, others)?;
         let may_cut = |h: &SquaredHeights| {
-            let reach = h.values[..count].iter().fold(0.0_f64, |m, u| m.max(*u)).sqrt();
-            reach > APERTURE_MARGIN * (sequence.surfaces[h.surface].semi_diameter_mm - SOFT_EDGE_MM)
+            let clear = sequence.surfaces[h.surface].semi_diameter_mm - SOFT_EDGE_MM;
+            let radius = |u: &[f64]| u.iter().fold(0.0_f64, |m, u| m.max(*u)).sqrt();
+            let reach = radius(&h.values[..count]);
+            // Where the rim lands is what the polynomial says.
+            reach > SAMPLED_SHARE * clear
+                && (reach > clear || radius(&basis.even.at_checks(&basis.even.fit(&h.values))) > clear)
         };
         let [x, y] = traced.rays.image_xy().map(|v| v[..count].to_vec());
         let heights = traced.heights.into_iter().filter(may_cut).collect();

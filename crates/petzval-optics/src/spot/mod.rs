@@ -10,6 +10,9 @@ mod traced;
 pub use sampled::{mean_square_spot, mean_square_spot_sampled};
 pub use traced::mean_square_spot_traced;
 
+use rayon::prelude::*;
+
+use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
 use crate::pupil::{Beam, Quadrature, paraxial_launch, trace_beam};
@@ -131,4 +134,23 @@ pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature)
         rms_um: colours.iter().map(|rays| 1e3 * square(rays, mean_y(rays)).sqrt()).collect(),
         rms_poly_um: 1e3 * poly.sqrt(),
     })
+}
+
+/// Mean of a value and its gradient over fields, in parallel; `None` if one of them has none.
+fn mean_over_fields(
+    lens: &Lens,
+    fields_rad: &[f64],
+    of_field: impl Fn(f64) -> Option<(f64, LensGradient)> + Sync,
+) -> Option<(f64, LensGradient)> {
+    let per_field: Vec<(f64, LensGradient)> =
+        fields_rad.par_iter().map(|field| of_field(*field)).collect::<Option<_>>()?;
+    // Sum in the order of the fields, so that the bits do not depend on the threads.
+    let share = 1.0 / fields_rad.len() as f64;
+    let mut gradient = LensGradient::zero(lens.surfaces.len());
+    let mut value = 0.0;
+    for (v, g) in per_field {
+        value += share * v;
+        gradient += &g.scaled(share);
+    }
+    Some((value, gradient))
 }

@@ -1,8 +1,6 @@
 //! Mean squared spots from a traced ray for every pupil cell.
 
-use rayon::prelude::*;
-
-use super::{mean_square, mean_y, trace_field};
+use super::{mean_over_fields, mean_square, mean_y, trace_field};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, pull_back_first_order};
@@ -15,19 +13,7 @@ pub fn mean_square_spot_traced(
     fields_rad: &[f64],
     quadrature: &Quadrature,
 ) -> Option<(f64, LensGradient)> {
-    let per_field: Vec<(f64, LensGradient)> = fields_rad
-        .par_iter()
-        .map(|field| field_mean_square(lens, *field, quadrature))
-        .collect::<Option<_>>()?;
-    // Sum in the order of the fields, so that the bits do not depend on the threads.
-    let share = 1.0 / fields_rad.len() as f64;
-    let mut gradient = LensGradient::zero(lens.surfaces.len());
-    let mut value = 0.0;
-    for (v, g) in per_field {
-        value += share * v;
-        gradient += &g.scaled(share);
-    }
-    Some((value, gradient))
+    mean_over_fields(lens, fields_rad, |field| field_mean_square(lens, field, quadrature))
 }
 
 pub(super) fn field_mean_square(
