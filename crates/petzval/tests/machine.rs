@@ -119,3 +119,35 @@ fn a_reader_that_leaves_ends_the_command_quietly() {
         assert_eq!(said, "", "{args:?}");
     }
 }
+
+/// Every number of a JSON value, in order.
+fn numbers(value: &serde_json::Value, found: &mut Vec<f64>) {
+    match value {
+        serde_json::Value::Number(n) => found.extend(n.as_f64()),
+        serde_json::Value::Array(list) => list.iter().for_each(|v| numbers(v, found)),
+        serde_json::Value::Object(map) => map.values().for_each(|v| numbers(v, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_lens_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let figures = |level: &str, lens: &str| {
+        let mut command = petzval(folder.path());
+        command.args(["lens", "show", lens, "--json"]).env("PETZVAL_SIMD", level);
+        let output = command.output().unwrap();
+        assert!(output.status.success());
+        let mut found = Vec::new();
+        numbers(&serde_json::from_slice(&output.stdout).unwrap(), &mut found);
+        found
+    };
+    for lens in ["cooke-triplet-nominal", "eight-element-achromat"] {
+        let widest = figures("", lens);
+        for level in ["avx2", "scalar"] {
+            for (a, b) in widest.iter().zip(figures(level, lens)) {
+                assert!((a - b).abs() <= 1e-9 * (1.0 + a.abs()), "{lens} {level}: {a} {b}");
+            }
+        }
+    }
+}

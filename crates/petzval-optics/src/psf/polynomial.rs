@@ -1,10 +1,10 @@
 //! Pupil polynomials, evaluated densely and splatted.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::{Asked, PsfMethod, PsfOptions};
 use crate::gradient::LensGradient;
-use crate::lanes::{Lanes, MAX_LANES, width};
+use crate::lanes::{Lanes, MAX_LANES, dispatch, width};
 use crate::pupil::{
     DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature,
 };
@@ -291,7 +291,7 @@ impl PolynomialChannel {
     ) -> (Vec<f64>, f64) {
         grid.values.fill([0.0; 4]);
         let dense = DenseMap::new(&self.map, quadrature.rows());
-        let light = Arch::new().dispatch(Splat { dense: &dense, options, chief_y_mm, grid });
+        let light = dispatch(Splat { dense: &dense, options, chief_y_mm, grid });
         (grid.with_mirror_image(), light)
     }
 
@@ -306,7 +306,7 @@ impl PolynomialChannel {
         let dense = DenseMap::new(&self.map, quadrature.rows());
         let grid = Padded::from_grid(&asked.grid, asked.options.grid);
         let mut sums = dense.zero_cotangent();
-        let chief_bar = Arch::new().dispatch(Gather { dense: &dense, asked, grid: &grid, sums: &mut sums });
+        let chief_bar = dispatch(Gather { dense: &dense, asked, grid: &grid, sums: &mut sums });
         (chief_bar, self.map.pull_back(sequence, &dense.pull_back(&sums), gradient))
     }
 }

@@ -1,6 +1,8 @@
 //! Small fixed matrices that are applied often.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
+
+use crate::lanes::dispatch;
 
 /// Columns are padded with zeros to a multiple of this, the widest vector.
 const WIDEST: usize = 8;
@@ -100,7 +102,7 @@ impl Matrix {
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
         debug_assert!(x.len() >= self.columns);
         let mut y = vec![0.0; self.stride];
-        Arch::new().dispatch(Apply { matrix: self, x: &x[..self.columns], y: &mut y });
+        dispatch(Apply { matrix: self, x: &x[..self.columns], y: &mut y });
         y.truncate(self.rows);
         y
     }
@@ -110,7 +112,7 @@ impl Matrix {
         debug_assert!(y.len() == self.rows && x.len() >= self.columns);
         let mut padded = y.to_vec();
         padded.resize(self.stride, 0.0);
-        Arch::new().dispatch(ApplyTransposed { matrix: self, y: &padded, x: &mut x[..self.columns] });
+        dispatch(ApplyTransposed { matrix: self, y: &padded, x: &mut x[..self.columns] });
     }
 }
 

@@ -2,12 +2,12 @@
 
 use std::sync::OnceLock;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::mean_over_fields;
 use super::traced::field_mean_square;
 use crate::gradient::LensGradient;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, dispatch};
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::pupil::{
@@ -168,7 +168,7 @@ impl Cloud {
             }
             Self::Cut(map) => {
                 let dense = DenseMap::new(map, rows());
-                Arch::new().dispatch(DenseMoments { dense: &dense, origin })
+                dispatch(DenseMoments { dense: &dense, origin })
             }
         }
     }
@@ -190,7 +190,7 @@ impl Cloud {
             Self::Cut(map) => {
                 let dense = DenseMap::new(map, rows());
                 let mut sums = dense.zero_cotangent();
-                Arch::new().dispatch(DensePullBack { dense: &dense, origin, wish, sums: &mut sums });
+                dispatch(DensePullBack { dense: &dense, origin, wish, sums: &mut sums });
                 map.pull_back(sequence, &dense.pull_back(&sums), gradient)
             }
         }

@@ -1,10 +1,10 @@
 //! Real ray aiming, several rays at a time: launch points from which rays pass wanted points of the stop.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::forward::NOT_AIMED;
 use super::surface::{Rays, Tangent, bend, meet, push_forward, slopes};
-use crate::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
+use crate::lanes::{Lanes, Mask, V3, along, dispatch, dot, scaled, width};
 use crate::lens::ObjectDistance;
 use crate::trace::launch::launch;
 use crate::trace::ray::RayBundle;
@@ -55,7 +55,7 @@ impl AimedRays {
             rays,
         };
         let target = [column(target_mm, 0), column(target_mm, 1)];
-        Arch::new().dispatch(Aim { sequence, target, aimed: &mut aimed });
+        dispatch(Aim { sequence, target, aimed: &mut aimed });
         aimed
     }
 

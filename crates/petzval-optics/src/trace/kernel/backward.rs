@@ -12,13 +12,13 @@
 //! which joins `q_bar` as the sweep passes the stop; nothing is left to ask of the launch. Only clear apertures in front of
 //! the stop ask again behind it in the sweep; what they leave at the launch is re-aimed by a second, shorter sweep.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
 use super::forward::{Arrival, Crossing, SquaredHeights, aperture, is_dead, load, trace_rays};
 use super::surface::{Tangent, bend, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
-use crate::lanes::{Lanes, V3, along, dot, scaled, width};
+use crate::lanes::{Lanes, V3, along, dispatch, dot, scaled, width};
 use crate::lens::ASPHERE_TERMS;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
@@ -336,5 +336,5 @@ pub fn pull_back(
     reaim: Option<&Reaim>,
     gradient: &mut LensGradient,
 ) -> f64 {
-    Arch::new().dispatch(PullBack { sequence, launched, seeds, reaim, gradient })
+    dispatch(PullBack { sequence, launched, seeds, reaim, gradient })
 }

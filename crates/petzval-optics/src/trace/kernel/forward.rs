@@ -1,9 +1,9 @@
 //! Bundles of rays forward through a lens, to the image plane.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::surface::{Rays, meet, refract};
-use crate::lanes::{Lanes, Mask, V3, along, width};
+use crate::lanes::{Lanes, Mask, V3, along, dispatch, width};
 use crate::trace::SOFT_EDGE_MM;
 use crate::trace::ray::{Fate, RayBundle};
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
@@ -254,10 +254,10 @@ impl SquaredHeights {
 /// [`trace`], which also writes down how far from the axis the rays meet some surfaces; of the rays themselves it keeps
 /// where they arrive and their fate.
 pub fn trace_with_heights(sequence: &Sequence, bundle: &mut RayBundle, heights: &mut [SquaredHeights]) {
-    Arch::new().dispatch(TraceHeights { sequence, bundle, heights });
+    dispatch(TraceHeights { sequence, bundle, heights });
 }
 
 /// Traces a bundle, given in the coordinates of the first vertex, to the image plane.
 pub fn trace(sequence: &Sequence, bundle: &mut RayBundle) {
-    Arch::new().dispatch(Trace { sequence, bundle });
+    dispatch(Trace { sequence, bundle });
 }

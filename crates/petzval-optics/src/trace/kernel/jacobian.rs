@@ -1,14 +1,14 @@
 //! How every ray of a bundle lands when each number of the lens moves: the rows of a Jacobian, by two sweeps of the adjoint
 //! a ray.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::aim::AimedRays;
 use super::backward::{
     ASPHERE, CONIC, CURVATURE, INDEX, NUMBERS, Reaim, ReaimLanes, THICKNESS, from_image, sweep,
 };
 use super::forward::{fate, load, trace_rays};
-use crate::lanes::{Lanes, width};
+use crate::lanes::{Lanes, dispatch, width};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 
@@ -109,7 +109,7 @@ pub fn landing_jacobian(
         by: (0..=numbers.len()).map(|_| [zero(), zero()]).collect(),
         complete: true,
     };
-    Arch::new().dispatch(Jacobian { sequence, launched: &launched, aimed, numbers, out: &mut out });
+    dispatch(Jacobian { sequence, launched: &launched, aimed, numbers, out: &mut out });
     // Padding is no ray.
     for column in out.landing.iter_mut().chain(out.by.iter_mut().flatten()) {
         column[launched.len()..].fill(0.0);

@@ -1,12 +1,12 @@
 //! Forward mode: how rays move at the image when the numbers of the lens move in one given direction.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
 use super::forward::{Crossing, aperture, is_dead, load, trace_rays};
 use super::surface::{OwnTangent, Slopes, Tangent, bend, push_forward, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
-use crate::lanes::{Lanes, along, width};
+use crate::lanes::{Lanes, along, dispatch, width};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 
@@ -151,6 +151,6 @@ pub fn push_change(
 ) -> RayTangents {
     let zero = || vec![0.0; RayBundle::padded(launched.len())];
     let mut out = RayTangents { image_x: zero(), image_y: zero(), transmission: zero() };
-    Arch::new().dispatch(PushForward { sequence, launched, change, aimed, out: &mut out });
+    dispatch(PushForward { sequence, launched, change, aimed, out: &mut out });
     out
 }
