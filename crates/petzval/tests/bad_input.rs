@@ -263,9 +263,12 @@ fn photographs() {
 fn a_folder_that_cannot_be_made() {
     let folder = tempfile::tempdir().unwrap();
     write_tiny(folder.path());
-    for out in ["tiny.toml", "tiny.toml/run"] {
-        run_fails(folder.path(), &["design", "tiny.toml", "--out", out], 1, &[out, "(os error"]);
-    }
+    // A file that was named for a folder is bad usage; that the system refuses a folder is not.
+    let design = |out, code, needle| {
+        run_fails(folder.path(), &["design", "tiny.toml", "--out", out], code, &[out, needle]);
+    };
+    design("tiny.toml", 2, "takes a folder");
+    design("tiny.toml/run", 1, "(os error");
 }
 
 /// A run that was cut short: its last checkpoint is that of step 18.
@@ -343,4 +346,20 @@ fn an_impossible_position_of_a_run() {
     refuses(folder.path(), &file, edit(|p| p["step"] = 3.into()));
     refuses(folder.path(), &file, edit(|p| p["moving"]["x"] = serde_json::json!([0.0])));
     refuses(folder.path(), &file, edit(|p| p["moving"]["adam"]["first"] = serde_json::json!([0.0])));
+}
+
+#[test]
+fn results_need_a_folder_and_pictures_must_exist() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("taken"), "a file").unwrap();
+    let lens = "cooke-triplet-nominal";
+    run_fails(folder.path(), &["psf", lens, "--out", "taken"], 2, &["taken", "help:", "folder"]);
+    run_fails(folder.path(), &["design", "--steps", "1", "--out", "taken"], 2, &["taken", "folder"]);
+    run_fails(folder.path(), &["lens", "optimize", lens, "--out", "taken"], 2, &["taken", "help:", "folder"]);
+    run_fails(
+        folder.path(),
+        &["simulate", "missing.png", "--out", "sim"],
+        2,
+        &["missing.png", "help:", "PNG"],
+    );
 }

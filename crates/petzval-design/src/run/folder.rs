@@ -16,6 +16,10 @@ impl RunFolder {
     /// Makes a new, empty run folder; refuses one that already holds a run.
     pub fn create(root: &Path) -> Result<Self, DesignError> {
         let folder = Self { root: root.to_path_buf() };
+        if root.exists() && !root.is_dir() {
+            let problem = "this is a file; --out takes a folder, which is made if need be".to_owned();
+            return Err(DesignError::Run { path: root.to_path_buf(), problem });
+        }
         if folder.config().exists() {
             let problem = format!(
                 "this folder already holds a run; resume it with `--resume {}` or choose another with --out",

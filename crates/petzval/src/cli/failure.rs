@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
+use petzval::camera::image::ImageError;
 use petzval::design::error::DesignError;
 use petzval::optics::format::FileError;
 
@@ -35,6 +36,13 @@ impl Failure {
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
         let diagnostic = MietteDiagnostic::new(message).with_help(hint);
         Self { report: Report::new(diagnostic), code: EXIT_INPUT }
+    }
+
+    /// Makes the folder for results; that it cannot be made is a mistake of the request.
+    pub fn folder(path: &Path) -> Result<(), Self> {
+        std::fs::create_dir_all(path).map_err(|e| {
+            Self::input(format!("{}: {e}", path.display()), "--out takes a folder, which is made if need be")
+        })
     }
 
     /// Prints the failure on stderr; returns its exit code.
@@ -79,6 +87,9 @@ impl From<DesignError> for Failure {
     fn from(error: DesignError) -> Self {
         match &error {
             DesignError::Input { path, error } => Self::in_file(path, error),
+            DesignError::Image(ImageError::Io { .. }) => {
+                Self::input(error.to_string(), "give a PNG, JPEG or TIFF file that exists")
+            }
             _ => {
                 let code = if error.is_input() { EXIT_INPUT } else { EXIT_JOB };
                 Self { report: Report::new(MietteDiagnostic::new(error.to_string())), code }

@@ -81,7 +81,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     })?;
     warn_of_lost_light(&args, &psfs);
 
-    std::fs::create_dir_all(&args.out).map_err(DesignError::io(&args.out))?;
+    Failure::folder(&args.out)?;
     let values: Vec<f64> = psfs.iter().flat_map(|p| p.values.iter().flatten().copied()).collect();
     let illumination: Vec<f64> = psfs.iter().flat_map(|p| p.illumination.iter().copied()).collect();
     let (fields, grid) = (args.fields as u64, args.grid as u64);

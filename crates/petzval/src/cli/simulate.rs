@@ -116,7 +116,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         .map(|path| Ok((stem(path), load_image(path).map_err(DesignError::from)?)))
         .collect::<Result<_, Failure>>()?;
     let camera = camera(&args)?;
-    std::fs::create_dir_all(&args.out).map_err(DesignError::io(&args.out))?;
+    Failure::folder(&args.out)?;
     let bar = ProgressBar::new(photos.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}, {eta} left") {
         bar.set_style(style);
