@@ -2,11 +2,11 @@
 //!
 //! `cargo run --release -p petzval-optics --example global_search -- data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
 
-use std::path::Path;
+mod common;
+
 use std::time::Instant;
 
-use petzval_optics::format::parse_lens;
-use petzval_optics::glass::Catalog;
+use common::read_lens;
 use petzval_optics::optimize::{LevenbergOptions, Limits, Problem, Search, SearchOptions, Solves, descend};
 use petzval_optics::pupil::PupilSampling;
 
@@ -14,14 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("a lens file")?;
     let how = std::env::args().nth(2).unwrap_or_default();
     let seconds: f64 = std::env::args().nth(3).map_or(Ok(2.0), |a| a.parse())?;
-    let mut catalog = Catalog::default();
-    for entry in std::fs::read_dir(Path::new(&path).with_file_name("../glasses"))? {
-        let path = entry?.path();
-        if path.extension().is_some_and(|e| e == "toml") {
-            catalog.merge(Catalog::parse(&std::fs::read_to_string(path)?)?);
-        }
-    }
-    let file = parse_lens(&std::fs::read_to_string(&path)?, &catalog)?;
+    let file = read_lens(&path)?;
     let mut problem = Problem::new(file.lens);
     problem.variables = file.variables;
     problem.wavelengths_um = vec![0.5875618];

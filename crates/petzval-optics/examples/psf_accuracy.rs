@@ -2,10 +2,9 @@
 //!
 //! `cargo run --release -p petzval-optics --example psf_accuracy -- data/lenses/cooke-triplet-nominal.toml 15`
 
-use std::path::Path;
+mod common;
 
-use petzval_optics::format::parse_lens;
-use petzval_optics::glass::Catalog;
+use common::read_lens;
 use petzval_optics::psf::{PsfOptions, psf, psf_traced};
 use petzval_optics::pupil::Quadrature;
 
@@ -14,14 +13,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = arguments.next().ok_or("a lens file")?;
     let field: f64 = arguments.next().map_or(Ok(15.0), |a| a.parse())?;
     let cells: usize = arguments.next().map_or(Ok(3568), |a| a.parse())?;
-    let mut catalog = Catalog::default();
-    for entry in std::fs::read_dir(Path::new(&path).with_file_name("../glasses"))? {
-        let path = entry?.path();
-        if path.extension().is_some_and(|e| e == "toml") {
-            catalog.merge(Catalog::parse(&std::fs::read_to_string(path)?)?);
-        }
-    }
-    let lens = parse_lens(&std::fs::read_to_string(&path)?, &catalog)?.lens;
+    let lens = read_lens(&path)?.lens;
     let options = PsfOptions::default();
     let wavelengths = [0.62, 0.55, 0.486];
     let dense = Quadrature::grid(cells)?;

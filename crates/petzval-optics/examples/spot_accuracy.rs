@@ -2,24 +2,17 @@
 //!
 //! `cargo run --release -p petzval-optics --example spot_accuracy -- data/lenses/cooke-triplet-nominal.toml`
 
-use std::path::Path;
+mod common;
+
 use std::time::Instant;
 
-use petzval_optics::format::parse_lens;
-use petzval_optics::glass::Catalog;
+use common::read_lens;
 use petzval_optics::pupil::{PupilSampling, Quadrature};
 use petzval_optics::spot::{mean_square_spot_sampled, mean_square_spot_traced};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("a lens file")?;
-    let mut catalog = Catalog::default();
-    for entry in std::fs::read_dir(Path::new(&path).with_file_name("../glasses"))? {
-        let path = entry?.path();
-        if path.extension().is_some_and(|e| e == "toml") {
-            catalog.merge(Catalog::parse(&std::fs::read_to_string(path)?)?);
-        }
-    }
-    let lens = parse_lens(&std::fs::read_to_string(&path)?, &catalog)?.lens;
+    let lens = read_lens(&path)?.lens;
     let fields: Vec<f64> = (0..13).map(|i| f64::to_radians(15.0 * f64::from(i) / 12.0)).collect();
     let (reference, slopes) =
         mean_square_spot_traced(&lens, &fields, &Quadrature::grid(384)?).ok_or("no light")?;

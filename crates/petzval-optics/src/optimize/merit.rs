@@ -161,7 +161,7 @@ impl std::fmt::Display for Violation {
 
 /// The merit's quadratic model: `merit + 2 gradient . step + step . hessian step`.
 #[derive(Clone, Debug)]
-pub struct Linearised {
+pub(super) struct Linearised {
     /// Half the gradient by the coordinates.
     pub gradient: DVector<f64>,
     /// Half the Hessian of Gauss and Newton.
@@ -230,8 +230,12 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
                 guesses.map(Vec::as_slice),
             )?;
             let mut rays = beam.aimed.bundle(&beam.sequence);
-            let mut heights: Vec<SquaredHeights> =
-                (0..surfaces).map(|s| SquaredHeights::zero(s, basis.samples.len())).collect();
+            // Rays on the rim have told already, if a limit asks.
+            let mut heights: Vec<SquaredHeights> = if by_rim {
+                Vec::new()
+            } else {
+                (0..surfaces).map(|s| SquaredHeights::zero(s, basis.samples.len())).collect()
+            };
             trace_with_heights(&beam.sequence, &mut rays, &mut heights);
             let [x, y] = rays.image_xy();
             for (i, weight) in basis.weights.iter().enumerate() {
@@ -243,9 +247,7 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
                 sums[1] += weight * y;
                 sums[2] += weight * (x[i] * x[i] + y * y);
             }
-            if !by_rim {
-                apertures.widen(&heights, &basis.samples, [field, colour]);
-            }
+            apertures.widen(&heights, &basis.samples, [field, colour]);
             launches.push((0..basis.samples.len()).map(|i| beam.aimed.launch_of(i)).collect());
         }
         let square = (sums[2] - sums[1] * sums[1] / sums[0]) / sums[0];

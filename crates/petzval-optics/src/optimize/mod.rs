@@ -15,6 +15,6 @@ mod tests;
 
 pub use chart::ChartError;
 pub use levenberg::{Descent, LevenbergOptions, Stop, descend};
-pub use merit::{Analysis, Linearised, Violation};
+pub use merit::{Analysis, Violation};
 pub use problem::{GlassChoice, ImagePlane, Limits, Pickup, Problem, Solves};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

@@ -170,6 +170,7 @@ pub(super) fn load<S: Simd>(simd: S, bundle: &RayBundle, at: usize) -> Rays<S> {
 struct Trace<'a> {
     sequence: &'a Sequence,
     bundle: &'a mut RayBundle,
+    heights: &'a mut [SquaredHeights],
 }
 
 impl WithSimd for Trace<'_> {
@@ -177,11 +178,16 @@ impl WithSimd for Trace<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { sequence, bundle } = self;
-        let mut no_tape = Vec::new();
+        let Self { sequence, bundle, heights } = self;
+        let mut tape = Vec::new();
         for at in (0..bundle.len()).step_by(width::<S>()) {
             let fate = Lanes::load(simd, &bundle.fate[at..]);
-            let arrival = trace_rays::<S, false>(sequence, load(simd, bundle, at), fate, &mut no_tape);
+            let ray = load(simd, bundle, at);
+            let arrival = if heights.is_empty() {
+                trace_rays::<S, false>(sequence, ray, fate, &mut tape)
+            } else {
+                trace_rays::<S, true>(sequence, ray, fate, &mut tape)
+            };
             let ([x, y, z], [l, m, n]) = (arrival.ray.position, arrival.ray.direction);
             for (value, to) in [
                 (x, &mut bundle.x),
@@ -193,37 +199,6 @@ impl WithSimd for Trace<'_> {
                 (arrival.transmission, &mut bundle.transmission),
                 (arrival.fate, &mut bundle.fate),
                 (arrival.optical_path, &mut bundle.optical_path),
-            ] {
-                value.store(&mut to[at..]);
-            }
-        }
-    }
-}
-
-struct TraceHeights<'a> {
-    sequence: &'a Sequence,
-    bundle: &'a mut RayBundle,
-    heights: &'a mut [SquaredHeights],
-}
-
-impl WithSimd for TraceHeights<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { sequence, bundle, heights } = self;
-        let mut tape = Vec::with_capacity(sequence.surfaces.len());
-        for at in (0..bundle.len()).step_by(width::<S>()) {
-            let fate = Lanes::load(simd, &bundle.fate[at..]);
-            let arrival = trace_rays::<S, true>(sequence, load(simd, bundle, at), fate, &mut tape);
-            let ([x, y, _], [l, m, n]) = (arrival.ray.position, arrival.ray.direction);
-            for (value, to) in [
-                (x, &mut bundle.x),
-                (y, &mut bundle.y),
-                (l, &mut bundle.l),
-                (m, &mut bundle.m),
-                (n, &mut bundle.n),
-                (arrival.fate, &mut bundle.fate),
             ] {
                 value.store(&mut to[at..]);
             }
@@ -251,13 +226,12 @@ impl SquaredHeights {
     }
 }
 
-/// [`trace`], which also writes down how far from the axis the rays meet some surfaces; of the rays themselves it keeps
-/// where they arrive and their fate.
+/// [`trace`], which also writes down how far from the axis the rays meet some surfaces.
 pub fn trace_with_heights(sequence: &Sequence, bundle: &mut RayBundle, heights: &mut [SquaredHeights]) {
-    dispatch(TraceHeights { sequence, bundle, heights });
+    dispatch(Trace { sequence, bundle, heights });
 }
 
 /// Traces a bundle, given in the coordinates of the first vertex, to the image plane.
 pub fn trace(sequence: &Sequence, bundle: &mut RayBundle) {
-    dispatch(Trace { sequence, bundle });
+    trace_with_heights(sequence, bundle, &mut []);
 }
