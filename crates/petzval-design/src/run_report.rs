@@ -164,6 +164,9 @@ fn name_of(lens: &Lens, surface: usize, parameter: Parameter) -> String {
         Parameter::Asphere(order) => format!("a{order}"),
         Parameter::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
         Parameter::Thickness => "distance to the next surface".to_owned(),
+        Parameter::Departure(k) => format!("number {} of the departure", k + 1),
+        Parameter::Phase(k) => format!("number {} of the diffractive structure", k + 1),
+        Parameter::Power => "power".to_owned(),
     };
     format!("{label}: {what}")
 }
@@ -171,7 +174,8 @@ fn name_of(lens: &Lens, surface: usize, parameter: Parameter) -> String {
 fn unit_of(parameter: Parameter) -> String {
     match parameter {
         Parameter::Radius | Parameter::Thickness => "mm".to_owned(),
-        Parameter::Conic => String::new(),
+        Parameter::Conic | Parameter::Departure(_) | Parameter::Phase(_) => String::new(),
+        Parameter::Power => "1/mm".to_owned(),
         Parameter::Asphere(order) => format!("mm^{}", 1 - order as i64),
     }
 }

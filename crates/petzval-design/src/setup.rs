@@ -88,6 +88,7 @@ impl Setup {
             lens_file.efl_solve,
             Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
         )
+        .and_then(|space| space.with_solves(lens_file.pickups.clone(), lens_file.length_solve))
         .map_err(|e| {
             let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
             misfit(Path::new(&experiment.lens), &e, hint)

@@ -9,7 +9,8 @@ use std::f64::consts::FRAC_PI_2;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance};
-use crate::solve::{with_efl, with_paraxial_focus};
+use crate::solve::{with_efl, with_length, with_paraxial_focus};
+use crate::number::Number;
 
 /// A number of a surface that may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +23,12 @@ pub enum Parameter {
     Asphere(usize),
     /// Distance to the next vertex, mm.
     Thickness,
+    /// A number of the departure, see [`Departure::numbers`](crate::lens::Departure::numbers).
+    Departure(usize),
+    /// A number of the diffractive structure: lines per mm, or a coefficient.
+    Phase(usize),
+    /// Power of a thin lens, 1/mm.
+    Power,
 }
 
 /// A bounded variable; bounds in the parameter's own unit.
@@ -35,6 +42,19 @@ pub struct Variable {
     pub min: f64,
     /// Upper bound.
     pub max: f64,
+}
+
+/// A number that follows another: `value = scale * other + offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pickup {
+    /// The surface whose number follows.
+    pub surface: usize,
+    /// Index of the variable that it follows; the number is of the same kind.
+    pub variable: usize,
+    /// Factor. Radii follow as curvatures.
+    pub scale: f64,
+    /// Offset.
+    pub offset: f64,
 }
 
 /// Solves one surface's curvature so that the effective focal length holds.
@@ -111,42 +131,46 @@ pub enum DesignSpaceError {
 pub struct DesignSpace {
     base: Lens,
     variables: Vec<Variable>,
+    pickups: Vec<Pickup>,
+    /// The surface whose thickness keeps the distance from the first vertex to the last, and that distance, mm.
+    length: Option<(usize, f64)>,
     efl: Option<EflSolve>,
     focus: Focus,
     start: Vec<f64>,
 }
 
 impl Parameter {
-    /// The parameter's value in a lens.
+    /// The parameter's value in a lens; no number if its surface has no such parameter.
     pub fn value(self, lens: &Lens, surface: usize) -> f64 {
-        let s = &lens.surfaces[surface];
+        let value = self.number().read(lens, surface);
+        if self == Self::Radius { 1.0 / value } else { value }
+    }
+
+    /// The number of the lens that it is, or for a radius, is the reciprocal of.
+    pub(crate) fn number(self) -> Number {
         match self {
-            Self::Radius => 1.0 / s.shape.curvature,
-            Self::Conic => s.shape.conic,
-            Self::Asphere(order) => s.shape.asphere[order / 2 - 1],
-            Self::Thickness => s.thickness_mm,
+            Self::Radius => Number::Curvature,
+            Self::Conic => Number::Conic,
+            Self::Asphere(order) => Number::Asphere(order / 2 - 1),
+            Self::Thickness => Number::Thickness,
+            Self::Departure(k) => Number::Departure(k),
+            Self::Phase(k) => Number::Phase(k),
+            Self::Power => Number::Power,
         }
     }
 
     fn set(self, lens: &mut Lens, surface: usize, value: f64) {
-        let s = &mut lens.surfaces[surface];
-        match self {
-            Self::Radius => s.shape.curvature = 1.0 / value,
-            Self::Conic => s.shape.conic = value,
-            Self::Asphere(order) => s.shape.asphere[order / 2 - 1] = value,
-            Self::Thickness => s.thickness_mm = value,
-        }
+        let value = if self == Self::Radius { 1.0 / value } else { value };
+        self.number().write(lens, surface, value);
     }
 
     /// Derivative by the parameter, from that by the lens's own numbers.
     fn derivative(self, gradient: &LensGradient, lens: &Lens, surface: usize) -> f64 {
-        let g = &gradient.surfaces[surface];
+        let by = self.number().derivative(gradient, surface);
         match self {
             // dc/dR = -1/R^2 = -c^2
-            Self::Radius => -lens.surfaces[surface].shape.curvature.powi(2) * g.curvature,
-            Self::Conic => g.conic,
-            Self::Asphere(order) => g.asphere[order / 2 - 1],
-            Self::Thickness => g.thickness,
+            Self::Radius => -lens.surfaces[surface].shape.curvature.powi(2) * by,
+            _ => by,
         }
     }
 }
@@ -190,9 +214,29 @@ impl DesignSpace {
             }
             start.push(free_coordinate(defocus, -range_mm, range_mm));
         }
-        let space = Self { base, variables, efl, focus, start };
+        let (pickups, length) = (Vec::new(), None);
+        let space = Self { base, variables, pickups, length, efl, focus, start };
         space.lens_at(&space.start)?;
         Ok(space)
+    }
+
+    /// The space with numbers that follow its variables, and with the surface whose thickness keeps the distance from the
+    /// first vertex to the last, and that distance, mm.
+    pub fn with_solves(
+        mut self,
+        pickups: Vec<Pickup>,
+        length: Option<(usize, f64)>,
+    ) -> Result<Self, DesignSpaceError> {
+        let count = self.base.surfaces.len();
+        let named = pickups.iter().map(|p| p.surface).chain(length.map(|(surface, _)| surface));
+        for surface in named {
+            if surface >= count {
+                return Err(DesignSpaceError::NoSuchSurface { surface: surface + 1, count });
+            }
+        }
+        (self.pickups, self.length) = (pickups, length);
+        self.lens_at(&self.start)?;
+        Ok(self)
     }
 
     /// Number of free coordinates.
@@ -215,6 +259,15 @@ impl DesignSpace {
         let mut lens = self.base.clone();
         for (v, x) in self.variables.iter().zip(x) {
             v.parameter.set(&mut lens, v.surface, bounded_value(*x, v.min, v.max));
+        }
+        for p in &self.pickups {
+            let followed = &self.variables[p.variable];
+            let number = followed.parameter.number();
+            let value = p.scale * number.read(&lens, followed.surface) + p.offset;
+            number.write(&mut lens, p.surface, value);
+        }
+        if let Some((surface, length_mm)) = self.length {
+            lens = with_length(&lens, surface, length_mm);
         }
         if let Some(solve) = &self.efl {
             lens = with_efl(&lens, solve.surface, solve.efl_mm).ok_or(DesignSpaceError::EflUnsolvable {
@@ -248,6 +301,19 @@ impl DesignSpace {
             let s = solve.surface;
             let multiple = -gradient.surfaces[s].curvature / efl.surfaces[s].curvature;
             gradient += &efl.scaled(multiple);
+        }
+        if let Some((solved, _)) = self.length {
+            // The other distances between the vertices push it back.
+            let by_solved = std::mem::take(&mut gradient.surfaces[solved].thickness);
+            for (i, g) in gradient.surfaces[..last].iter_mut().enumerate() {
+                g.thickness -= if i == solved { 0.0 } else { by_solved };
+            }
+        }
+        for p in &self.pickups {
+            let followed = &self.variables[p.variable];
+            let number = followed.parameter.number();
+            let by_follower = number.derivative(&gradient, p.surface);
+            number.add(&mut gradient, followed.surface, p.scale * by_follower);
         }
         let mut out: Vec<f64> = self
             .variables

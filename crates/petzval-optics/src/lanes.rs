@@ -40,6 +40,12 @@ impl<S: Simd> Lanes<S> {
         Self { simd, v: [simd.splat_f64s(value); REGISTERS] }
     }
 
+    /// The instruction set.
+    #[inline(always)]
+    pub fn simd(self) -> S {
+        self.simd
+    }
+
     /// The same number in every lane.
     #[inline(always)]
     pub fn constant(self, value: f64) -> Self {

@@ -2,12 +2,16 @@
 //!
 //! A paraxial ray is a height y and an optical slope `w = n u`. Refraction `w' = w - y phi`, with
 //! `phi = (n' - n) (c + 2 a_2)`; transfer `y_next = y + t w' / n'`.
+//!
+//! Behind an odd number of mirrors indices and distances are negative, which leaves the formulas as they are. A thin lens has
+//! its own power, and a diffractive structure with the optical path `a r^2` the power `-2 a`. Shifts and turns of surfaces, and
+//! straight gratings, are left out: these are the properties of the lens with every surface on its axis.
 
 use std::ops::Range;
 
-use crate::gradient::LensGradient;
+use crate::gradient::{LensGradient, SurfaceGradient};
 use crate::lens::ObjectDistance;
-use crate::trace::Sequence;
+use crate::trace::{Bending, Sequence, SurfaceAtWavelength};
 
 /// A paraxial ray at every surface.
 #[derive(Clone, Debug)]
@@ -52,7 +56,31 @@ pub struct FirstOrderCotangent {
 
 fn power(sequence: &Sequence, i: usize) -> f64 {
     let s = &sequence.surfaces[i];
-    (s.n_after - s.n_before) * s.shape.paraxial_curvature()
+    let by_shape = (s.n_after - s.n_before) * s.shape.paraxial_curvature();
+    match &s.bending {
+        Bending::Snell => by_shape,
+        Bending::ThinLens { power_per_mm } => by_shape + power_per_mm,
+        Bending::Path { radial, .. } => by_shape - 2.0 * radial[0],
+    }
+}
+
+/// Adds what is asked of the power of a surface, but for the indices.
+fn pull_back_power(s: &SurfaceAtWavelength, power_bar: f64, gradient: &mut SurfaceGradient) {
+    let by_curvature = power_bar * (s.n_after - s.n_before);
+    gradient.curvature += by_curvature;
+    gradient.asphere[0] += 2.0 * by_curvature;
+    for (k, by) in s.shape.paraxial_sensitivity() {
+        gradient.departure[k] += by_curvature * by;
+    }
+    match &s.bending {
+        Bending::Snell => {}
+        Bending::ThinLens { .. } => gradient.power += power_bar,
+        Bending::Path { is_grating, per_number, .. } => {
+            if !is_grating {
+                gradient.phase[0] -= 2.0 * per_number[0] * power_bar;
+            }
+        }
+    }
 }
 
 /// Traces a paraxial ray through some of the surfaces from its height on the first of them.
@@ -175,8 +203,9 @@ fn pull_back_ray(
     let last = sequence.surfaces.len() - 1;
     let n_image = sequence.surfaces[last].n_after;
     let w_end = ray.w[last + 1];
-    // The crossing is -y n' / w'.
-    gradient.surfaces[last].index -= crossing_bar * ray.y[last] / w_end;
+    // What is asked of the signed index behind each surface. The crossing is -y n' / w'.
+    let mut index_bar = vec![0.0; last + 1];
+    index_bar[last] -= crossing_bar * ray.y[last] / w_end;
     let mut y_bar = -crossing_bar * n_image / w_end;
     let mut w_bar = end_slope_bar + crossing_bar * ray.y[last] * n_image / (w_end * w_end);
     for i in (0..=last).rev() {
@@ -187,20 +216,21 @@ fn pull_back_ray(
         let s = &sequence.surfaces[i];
         let power_bar = -w_bar * ray.y[i];
         y_bar -= w_bar * power(sequence, i);
-        let by_curvature = power_bar * (s.n_after - s.n_before);
-        gradient.surfaces[i].curvature += by_curvature;
-        gradient.surfaces[i].asphere[0] += 2.0 * by_curvature;
+        pull_back_power(s, power_bar, &mut gradient.surfaces[i]);
         let by_index = power_bar * s.shape.paraxial_curvature();
-        gradient.surfaces[i].index += by_index;
+        index_bar[i] += by_index;
         if i == 0 {
             break;
         }
-        gradient.surfaces[i - 1].index -= by_index;
+        index_bar[i - 1] -= by_index;
         // Transfer from surface i - 1.
         let before = &sequence.surfaces[i - 1];
         let (t, n) = (before.thickness_mm, before.n_after);
         gradient.surfaces[i - 1].thickness += y_bar * ray.w[i] / n;
-        gradient.surfaces[i - 1].index -= y_bar * t * ray.w[i] / (n * n);
+        index_bar[i - 1] -= y_bar * t * ray.w[i] / (n * n);
         w_bar += y_bar * t / n;
+    }
+    for (i, g) in gradient.surfaces.iter_mut().enumerate() {
+        g.index += sequence.glass_index_bar(i, |j| index_bar[j]);
     }
 }

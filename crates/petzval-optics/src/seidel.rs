@@ -8,7 +8,7 @@
 
 use crate::lens::ObjectDistance;
 use crate::paraxial::{first_order, paraxial_ray};
-use crate::trace::Sequence;
+use crate::trace::{Bending, Sequence};
 
 /// Seidel coefficients S_I ... S_V, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,8 +17,23 @@ pub struct Seidel {
     pub s: [f64; 5],
 }
 
-/// The sums of a lens: one entry per surface; add them for the whole.
-pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
+/// Whether the formulas hold for a surface: not for a thin lens, nor for a diffractive structure with power.
+fn is_covered(bending: &Bending) -> bool {
+    match bending {
+        Bending::Snell => true,
+        Bending::ThinLens { .. } => false,
+        Bending::Path { radial, .. } => radial[0] == 0.0,
+    }
+}
+
+/// The sums of a lens: one entry per surface; add them for the whole. `None` if one of the surfaces is a thin lens, or a
+/// diffractive structure with power.
+///
+/// Surfaces count as if they sat on the axis, and by their y-z section; odd powers of r and straight gratings do not count.
+pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
+    if !sequence.surfaces.iter().all(|s| is_covered(&s.bending)) {
+        return None;
+    }
     let order = first_order(sequence);
     let (y1, u1) = match sequence.object {
         ObjectDistance::Infinity => (0.5 * sequence.entrance_pupil_mm, 0.0),
@@ -35,7 +50,7 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
     let chief = paraxial_ray(sequence, -chief_slope * order.entrance_pupil_at_mm, chief_slope);
     let invariant = marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0];
 
-    sequence
+    let sums = sequence
         .surfaces
         .iter()
         .enumerate()
@@ -57,9 +72,12 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
                     * (a_chief * a_chief * d_index2 * y - (a_chief * y - invariant) * y_chief * c * d_index),
             ];
             // The r^4 part that the sphere of the paraxial curvature does not have.
-            let vertex = s.shape.curvature;
-            let quartic = s.shape.asphere[1] + (1.0 + s.shape.conic) * vertex.powi(3) / 8.0 - c.powi(3) / 8.0;
-            let aspheric = 8.0 * quartic * (n_next - n) * y.powi(4);
+            let quartic = s.shape.quartic() - c.powi(3) / 8.0;
+            let structure = match &s.bending {
+                Bending::Path { radial, .. } => radial[1],
+                _ => 0.0,
+            };
+            let aspheric = 8.0 * (quartic * (n_next - n) - structure) * y.powi(4);
             if aspheric != 0.0 {
                 let q = y_chief / y;
                 for (sum, factor) in sums.iter_mut().zip([1.0, q, q * q, 0.0, q * q * q]) {
@@ -68,16 +86,17 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Vec<Seidel> {
             }
             Seidel { s: sums }
         })
-        .collect()
+        .collect();
+    Some(sums)
 }
 
-/// The sums over all surfaces.
-pub fn seidel_total(sequence: &Sequence, field_rad: f64) -> Seidel {
+/// The sums over all surfaces; `None` where [`seidel`] has none.
+pub fn seidel_total(sequence: &Sequence, field_rad: f64) -> Option<Seidel> {
     let mut total = Seidel::default();
-    for surface in seidel(sequence, field_rad) {
+    for surface in seidel(sequence, field_rad)? {
         for (t, s) in total.s.iter_mut().zip(surface.s) {
             *t += s;
         }
     }
-    total
+    Some(total)
 }

@@ -23,6 +23,14 @@ pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
     curvature.is_finite().then_some(solved)
 }
 
+/// The lens with a thickness that keeps the distance from the first vertex to the last, mm.
+pub fn with_length(lens: &Lens, surface: usize, length_mm: f64) -> Lens {
+    let mut solved = lens.clone();
+    let vertices = lens.total_track_mm() - lens.image_distance_mm();
+    solved.surfaces[surface].thickness_mm += length_mm - vertices;
+    solved
+}
+
 /// The lens with its image plane at the paraxial image of the reference wavelength, `defocus_mm` further.
 pub fn with_paraxial_focus(lens: &Lens, defocus_mm: f64) -> Lens {
     let order = first_order(&lens.at_wavelength(lens.reference_um));

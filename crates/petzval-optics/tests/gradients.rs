@@ -2,18 +2,20 @@
 
 mod common;
 
-use common::nominal_triplet;
+use common::{nominal_triplet, special_lenses};
 use petzval_optics::constraint::{Clearances, chief_height_penalty, clearance_penalty, radius_penalty};
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Variable};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
-use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::lens::{Action, Departure, Lens, ObjectDistance};
 use petzval_optics::paraxial::{
     FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
 };
 use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape};
-use petzval_optics::pupil::{Quadrature, chief_ray};
+use petzval_optics::number::Number;
+use petzval_optics::pupil::{Quadrature, chief_ray, paraxial_launch};
 use petzval_optics::spot::{mean_square_spot, mean_square_spot_traced, spot};
+use petzval_optics::trace::{AimedRays, RayBundle, Reaim, Seeds, landing_jacobian, pull_back, trace};
 
 type Shift = Box<dyn Fn(&mut Lens, f64)>;
 type Read = Box<dyn Fn(&LensGradient) -> f64>;
@@ -38,7 +40,8 @@ fn knobs(lens: &Lens) -> Vec<Knob> {
             Box::new(move |l, h| l.surfaces[i].thickness_mm += h),
             Box::new(move |g| g.surfaces[i].thickness),
         );
-        if i != lens.stop {
+        let is_plane = matches!(lens.surfaces[i].action, Action::ThinLens { .. });
+        if i != lens.stop && !is_plane {
             add(
                 "curvature",
                 1e-7,
@@ -68,13 +71,71 @@ fn knobs(lens: &Lens) -> Vec<Knob> {
                 Box::new(move |g| g.surfaces[i].semi_diameter),
             );
         }
-        if !lens.surfaces[i].glass.is_air() {
+        // A mirror has the glass in front behind it.
+        if !lens.surfaces[i].glass.is_air() && lens.surfaces[i].action != Action::Reflect {
             add(
                 "index",
                 1e-6,
                 Box::new(move |l, h| shift_index(l, i, h)),
                 Box::new(move |g| g.surfaces[i].index),
             );
+        }
+        let surface = &lens.surfaces[i];
+        for (k, value) in surface.shape.departure.numbers().into_iter().enumerate() {
+            // Coefficients of normalised polynomials are lengths; of plain odd powers, they move the rim alike.
+            let step = match surface.shape.departure {
+                Departure::Odd(_) => 2e-5 * surface.semi_diameter_mm.powi(-2 * k as i32 - 1),
+                Departure::Biconic { .. } | Departure::Toroid { .. } => [1e-6, 1e-3][k],
+                _ => 1e-6,
+            };
+            add(
+                &format!("departure {k} = {value}"),
+                step,
+                Box::new(move |l, h| *l.surfaces[i].shape.departure.number_mut(k).unwrap() += h),
+                Box::new(move |g| g.surfaces[i].departure[k]),
+            );
+        }
+        if let Some(mut phase) = surface.phase {
+            for k in (0..8).filter(|k| phase.number_mut(*k).is_some()) {
+                add(
+                    &format!("phase {k}"),
+                    1e-3,
+                    Box::new(move |l, h| {
+                        *l.surfaces[i].phase.as_mut().unwrap().number_mut(k).unwrap() += h;
+                    }),
+                    Box::new(move |g| g.surfaces[i].phase[k]),
+                );
+            }
+        }
+        if let Action::ThinLens { .. } = surface.action {
+            add(
+                "power",
+                1e-7,
+                Box::new(move |l, h| {
+                    if let Action::ThinLens { power_per_mm } = &mut l.surfaces[i].action {
+                        *power_per_mm += h;
+                    }
+                }),
+                Box::new(move |g| g.surfaces[i].power),
+            );
+        }
+        if surface.placement.is_some() {
+            for k in 0..2 {
+                add(
+                    &format!("decentre {k}"),
+                    1e-5,
+                    Box::new(move |l, h| l.surfaces[i].placement.as_mut().unwrap().decenter_mm[k] += h),
+                    Box::new(move |g| g.surfaces[i].decenter[k]),
+                );
+            }
+            for k in 0..3 {
+                add(
+                    &format!("tilt {k}"),
+                    1e-6,
+                    Box::new(move |l, h| l.surfaces[i].placement.as_mut().unwrap().tilt_rad[k] += h),
+                    Box::new(move |g| g.surfaces[i].tilt[k]),
+                );
+            }
         }
     }
     all.push(Knob {
@@ -125,7 +186,7 @@ fn check(lens: &Lens, gradient: &LensGradient, loss: &dyn Fn(&Lens) -> f64, step
             worst = (relative, format!("{}: {analytic:e} against {numeric:e}", knob.name));
         }
     }
-    assert!(worst.0 < tolerance, "{:e} at {}", worst.0, worst.1);
+    assert!(worst.0 < tolerance, "{}: {:e} at {}", lens.name, worst.0, worst.1);
 }
 
 fn near(mut lens: Lens) -> Lens {
@@ -140,6 +201,66 @@ fn rms_spot() {
         let value = |l: &Lens| mean_square_spot(l, &fields).unwrap().0;
         let (_, gradient) = mean_square_spot(&lens, &fields).unwrap();
         check(&lens, &gradient, &value, &[1.0], 1e-6);
+    }
+}
+
+/// Where a few rays land, aimed at the stop: the kernels alone, without what is made of the rays.
+#[test]
+fn landings_on_special_surfaces() {
+    for lens in special_lenses() {
+        let field = 0.7 * lens.fields_deg.last().unwrap().to_radians();
+        // The stop counts by its points, not by the pupil: in this test the stop radius is the first one's.
+        let stop = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+        let targets = [[0.3, 0.2], [-0.5, 0.6], [0.1, -0.9], [0.8, -0.1]].map(|p| p.map(|p| p * stop));
+        let guess = |l: &Lens| {
+            let order = first_order(&l.at_wavelength(l.reference_um));
+            let sequence = l.at_wavelength(l.reference_um);
+            targets.map(|t| paraxial_launch(&order, &sequence, field, t.map(|t| t / stop)))
+        };
+        let aim = |l: &Lens| AimedRays::new(&l.at_wavelength(l.reference_um), field, &targets, &guess(l));
+        // Weighed sum of landings, all of them about the first lens's.
+        let landings = |l: &Lens| {
+            let sequence = l.at_wavelength(l.reference_um);
+            let aimed = aim(l);
+            assert!((0..4).all(|i| aimed.is_aimed(i)), "{}", l.name);
+            let mut rays = aimed.bundle(&sequence);
+            trace(&sequence, &mut rays);
+            (0..4).flat_map(|i| [rays.ray(i).position[0], rays.ray(i).position[1]]).collect::<Vec<_>>()
+        };
+        let at = landings(&lens);
+        let weights = [0.7, -0.3, 0.2, 0.9, -0.5, 0.4, -0.8, 0.6];
+        let loss = |l: &Lens| {
+            landings(l).iter().zip(&at).zip(weights).map(|((v, at), w)| w * (v - at)).sum::<f64>() + 0.1
+        };
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let aimed = aim(&lens);
+        let mut seeds = Seeds::zero(4);
+        for i in 0..4 {
+            seeds.image_x[i] = weights[2 * i];
+            seeds.image_y[i] = weights[2 * i + 1];
+        }
+        let nothing = vec![0.0; RayBundle::padded(4)];
+        let reaim = Reaim { aimed: &aimed, launch_bar: [&nothing, &nothing] };
+        let mut gradient = LensGradient::zero(lens.surfaces.len());
+        pull_back(&sequence, &aimed.bundle(&sequence), &seeds, Some(&reaim), &mut gradient);
+        check(&lens, &gradient, &loss, &[0.1, 1.0, 10.0], 1e-6);
+
+        // The same by the Jacobian of every landing.
+        let numbers: Vec<(usize, Number)> = (0..lens.surfaces.len())
+            .flat_map(|s| {
+                let own = lens.surfaces[s].shape.departure.numbers().len();
+                let own = (0..own).map(Number::Departure);
+                let all = [Number::Curvature, Number::Conic, Number::Thickness, Number::Asphere(1), Number::Index];
+                own.chain(all).chain((0..8).map(Number::Phase)).chain([Number::Power]).map(move |n| (s, n))
+            })
+            .collect();
+        let jacobian = landing_jacobian(&sequence, &aimed, &numbers);
+        for ((s, number), by) in numbers.iter().zip(&jacobian.by) {
+            let sum: f64 =
+                (0..4).map(|i| weights[2 * i] * by[0][i] + weights[2 * i + 1] * by[1][i]).sum();
+            let expected = number.derivative(&gradient, *s);
+            assert!((sum - expected).abs() < 1e-10 * (1.0 + expected.abs()), "{} {number:?}", lens.name);
+        }
     }
 }
 

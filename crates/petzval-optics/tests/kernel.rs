@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::all_lenses;
+use common::{all_lenses, special_lenses};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::trace::{
@@ -77,6 +77,23 @@ fn every_lens_traces_as_the_reference_does() {
 }
 
 #[test]
+fn special_surfaces_trace_as_the_reference_does() {
+    let mut seen = [0; 3];
+    for lens in special_lenses() {
+        petzval_optics::lens::validate(&lens).unwrap_or_else(|e| panic!("{}: {e}", lens.name));
+        let half = 0.5 * lens.entrance_pupil_mm;
+        let far = *lens.fields_deg.last().unwrap();
+        for field_deg in [0.0, 0.5 * far, -0.9 * far] {
+            for wide in [0.9, 1.6] {
+                let found = assert_same(&lens, field_deg, wide * half);
+                seen = [0, 1, 2].map(|i| seen[i] + found[i]);
+            }
+        }
+    }
+    assert!(seen[0] > 5000 && seen[1] > 50, "{seen:?}");
+}
+
+#[test]
 fn conics_and_strong_aspheres_trace_as_the_reference_does() {
     for file in all_lenses() {
         let mut lens = file.lens;
@@ -123,9 +140,12 @@ fn rays_are_aimed_as_the_reference_aims_them() {
 /// `<seeds, J change> = <J^T seeds, change>` over the rays of a beam, with and without re-aiming.
 #[test]
 fn tangent_and_adjoint_are_transposes() {
-    for file in all_lenses() {
-        for (object, field_deg) in [(ObjectDistance::Infinity, 12.0), (ObjectDistance::Finite(300.0), 5.0)] {
-            let mut lens = Lens { object, ..file.lens.clone() };
+    for base in all_lenses().into_iter().map(|file| file.lens).chain(special_lenses()) {
+        let far = 0.8 * base.fields_deg.last().unwrap();
+        for (object, field_deg) in
+            [(ObjectDistance::Infinity, far), (ObjectDistance::Finite(300.0), 0.4 * far)]
+        {
+            let mut lens = Lens { object, ..base.clone() };
             let semi = 0.45 * lens.entrance_pupil_mm;
             // Aperture edges cross the beam in front of the stop and behind it.
             lens.surfaces[0].semi_diameter_mm = semi + 3.0;
@@ -155,6 +175,24 @@ fn tangent_and_adjoint_are_transposes() {
                 s.semi_diameter = 1e-3 * noise.next().unwrap();
                 for (j, a) in s.asphere.iter_mut().enumerate() {
                     *a = 10f64.powi(-2 - 2 * j as i32) * noise.next().unwrap();
+                }
+            }
+            for (s, of) in change.surfaces.iter_mut().zip(&lens.surfaces) {
+                let mut fill = |to: &mut [f64], size: f64| {
+                    for v in to {
+                        *v = size * noise.next().unwrap();
+                    }
+                };
+                fill(&mut s.departure[..of.shape.departure.numbers().len()], 1e-3);
+                if of.phase.is_some() {
+                    fill(&mut s.phase, 1.0);
+                }
+                if of.placement.is_some() {
+                    fill(&mut s.decenter, 1e-2);
+                    fill(&mut s.tilt, 1e-2);
+                }
+                if let petzval_optics::lens::Action::ThinLens { .. } = of.action {
+                    fill(std::slice::from_mut(&mut s.power), 1e-3);
                 }
             }
             let nothing = vec![0.0; RayBundle::padded(61)];

@@ -140,10 +140,12 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
                     curvature: scaled(any(), -6 - i as i32),
                     conic: scaled(any(), -3),
                     asphere,
+                    ..SurfaceShape::PLANE
                 },
                 thickness_mm: size(any(), 3),
                 glass,
                 semi_diameter_mm: size(any(), 0),
+                ..Surface::default()
             })
             .collect();
         let mut surfaces = surfaces;
@@ -178,7 +180,9 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
                 min: conic - size(any(), -4),
                 max: conic + size(any(), -4),
             }],
+            pickups: Vec::new(),
             efl_solve: Some(EflSolve { surface: 0, efl_mm, radius_mm: None }),
+            length_solve: None,
         };
         let text = write_lens(&file);
         let again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));

@@ -37,10 +37,11 @@ fn surface(radius_mm: f64, asphere: &[f64], thickness_mm: f64, glass: &Arc<Glass
     a[..asphere.len()].copy_from_slice(asphere);
     Surface {
         label: String::new(),
-        shape: SurfaceShape { curvature: 1.0 / radius_mm, conic: 0.0, asphere: a },
+        shape: SurfaceShape { curvature: 1.0 / radius_mm, asphere: a, ..SurfaceShape::PLANE },
         thickness_mm,
         glass: glass.clone(),
         semi_diameter_mm: semi_mm,
+        ..Surface::default()
     }
 }
 

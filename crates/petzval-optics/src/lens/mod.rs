@@ -1,9 +1,17 @@
-//! The lens: an immutable list of rotationally symmetric surfaces on one axis.
+//! The lens: an immutable list of surfaces in the order that light meets them.
 
+mod action;
+mod departure;
+pub(crate) mod placement;
 mod surface;
 mod validate;
 
-pub use surface::{ASPHERE_TERMS, Surface, SurfaceShape};
+pub use action::{Action, PHASE_TERMS, Pattern, Phase};
+pub use departure::{
+    DEPARTURE_NUMBERS, Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers,
+};
+pub use placement::{Axis, Placement};
+pub use surface::{ASPHERE_TERMS, ShapeNumber, Surface, SurfaceShape};
 pub use validate::{LensDefect, validate};
 
 use crate::trace::Sequence;
@@ -27,7 +35,7 @@ pub struct Lens {
     pub name: String,
     /// Where its numbers come from.
     pub source: String,
-    /// Refracting surfaces and the stop, in the order that light meets them.
+    /// Surfaces and the stop, in the order that light meets them.
     pub surfaces: Vec<Surface>,
     /// Index of the aperture stop in `surfaces`.
     pub stop: usize,
@@ -47,6 +55,27 @@ impl Lens {
     /// The lens at one wavelength, ready for tracing.
     pub fn at_wavelength(&self, wavelength_um: f64) -> Sequence {
         Sequence::new(self, wavelength_um)
+    }
+
+    /// Whether the y-z plane, in which the fields lie, is a plane of symmetry.
+    pub fn is_mirror_symmetric(&self) -> bool {
+        self.surfaces.iter().all(|s| {
+            s.shape.is_mirror_symmetric() && s.placement.is_none_or(|p| p.is_mirror_symmetric())
+        })
+    }
+
+    /// Whether every surface is rotationally symmetric and on the axis.
+    pub fn is_rotationally_symmetric(&self) -> bool {
+        self.surfaces.iter().all(|s| {
+            let straight = s.placement.is_none_or(|p| p.decenter_mm == [0.0; 2] && p.tilt_rad == [0.0; 3]);
+            let lines = s.phase.is_some_and(|p| matches!(p.pattern, Pattern::Grating { .. }));
+            s.shape.is_rotationally_symmetric() && straight && !lines
+        })
+    }
+
+    /// Whether light travels along +z behind a surface: it has met an even number of mirrors.
+    pub fn light_goes_forwards(&self, surface: usize) -> bool {
+        self.surfaces[..=surface].iter().filter(|s| s.action == Action::Reflect).count().is_multiple_of(2)
     }
 
     /// Distance from the first vertex to the image plane, mm.

@@ -2,7 +2,7 @@
 //!
 //! Whether rays get through is another question, which only tracing answers.
 
-use super::{Lens, Surface};
+use super::{Action, Axis, Lens, Surface, SurfaceShape};
 
 /// Radii at which the distance between two surfaces is looked at, from axis to edge.
 const HEIGHTS: usize = 32;
@@ -40,6 +40,12 @@ pub enum LensDefect {
          the axis", surface + 1
     )]
     AirGap { surface: usize, gap_mm: f64, height_mm: f64 },
+    #[error("surface {surface}: the axis bends at a surface that is no mirror")]
+    BendsWithoutMirror { surface: usize },
+    #[error("surface {surface}: a thin lens is a plane, without a diffractive structure")]
+    ThinLens { surface: usize },
+    #[error("surface {surface}: a mirror has the medium of its front behind it, not {glass}")]
+    MirrorMedium { surface: usize, glass: String },
     #[error("surface {surface}: {glass} has the index {index} at {wavelength_um} um")]
     Index { surface: usize, glass: String, wavelength_um: f64, index: f64 },
 }
@@ -55,6 +61,9 @@ impl LensDefect {
             | Self::SurfaceEnds { surface, .. }
             | Self::EdgeThickness { surface, .. }
             | Self::AirGap { surface, .. }
+            | Self::BendsWithoutMirror { surface }
+            | Self::ThinLens { surface }
+            | Self::MirrorMedium { surface, .. }
             | Self::Index { surface, .. } => Some(*surface),
         }
     }
@@ -80,9 +89,21 @@ pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
         check_surface(i + 1, surface, lens)?;
     }
     for (i, pair) in lens.surfaces.windows(2).enumerate() {
-        check_gap(i + 1, &pair[0], &pair[1])?;
+        let [front, back] = pair else { continue };
+        if back.action == Action::Reflect && back.glass != front.glass {
+            let glass = back.glass.name.clone();
+            return Err(LensDefect::MirrorMedium { surface: i + 2, glass });
+        }
+        // The distance between surfaces that are turned against each other is no question of their sags.
+        if is_straight(front) && is_straight(back) {
+            check_gap(i + 1, front, back, lens.light_goes_forwards(i))?;
+        }
     }
     Ok(())
+}
+
+fn is_straight(surface: &Surface) -> bool {
+    surface.placement.is_none_or(|p| p.tilt_rad == [0.0; 3])
 }
 
 /// What can be said of a surface without its neighbours.
@@ -102,18 +123,21 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
     if let Some(a) = shape.asphere.iter().find(|a| !a.is_finite()) {
         return Err(not_finite("an asphere coefficient", *a));
     }
+    check_special(number, surface)?;
     if surface.semi_diameter_mm <= 0.0 {
         let semi_diameter_mm = surface.semi_diameter_mm;
         return Err(LensDefect::SemiDiameter { surface: number, semi_diameter_mm });
     }
-    if surface.thickness_mm < 0.0 {
+    let forwards = lens.light_goes_forwards(number - 1);
+    if (forwards && surface.thickness_mm < 0.0) || (!forwards && surface.thickness_mm > 0.0) {
         return Err(LensDefect::CentreThickness {
             surface: number,
             medium: surface.glass.name.clone(),
             thickness_mm: surface.thickness_mm,
         });
     }
-    if shape.sag_mm(surface.semi_diameter_mm).is_none() {
+    let [r, o] = [surface.semi_diameter_mm, 0.0];
+    if shape.sag_mm(r).is_none() || [[o, -r], [r, o], [-r, o]].iter().any(|p| shape.sag_at_mm(*p).is_none()) {
         return Err(LensDefect::SurfaceEnds {
             surface: number,
             reach_mm: 1.0 / (shape.curvature.abs() * (1.0 + shape.conic).sqrt()),
@@ -130,16 +154,44 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
     Ok(())
 }
 
+/// What can be said of departures, structures and places.
+fn check_special(number: usize, surface: &Surface) -> Result<(), LensDefect> {
+    let mut named: Vec<(&'static str, f64)> = Vec::new();
+    named.extend(surface.shape.departure.numbers().into_iter().map(|v| ("a number of the departure", v)));
+    named.extend(surface.shape.departure.norm_radius_mm().map(|v| ("the normalisation radius", v)));
+    if let Some(phase) = &surface.phase {
+        named.extend(phase.numbers().into_iter().map(|v| ("a number of the diffractive structure", v)));
+    }
+    if let Action::ThinLens { power_per_mm } = surface.action {
+        named.push(("the power", power_per_mm));
+        if surface.shape != SurfaceShape::PLANE || surface.phase.is_some() {
+            return Err(LensDefect::ThinLens { surface: number });
+        }
+    }
+    if let Some(placement) = &surface.placement {
+        named.extend(placement.decenter_mm.map(|v| ("the decentre", v)));
+        named.extend(placement.tilt_rad.map(|v| ("the tilt", v)));
+        if placement.axis == Axis::Bends && surface.action != Action::Reflect {
+            return Err(LensDefect::BendsWithoutMirror { surface: number });
+        }
+    }
+    match named.into_iter().find(|(_, value)| !value.is_finite()) {
+        Some((quantity, value)) => Err(LensDefect::NotFinite { surface: number, quantity, value }),
+        None => Ok(()),
+    }
+}
+
 /// Measure the distance between two surfaces from the axis outwards.
 ///
 /// An element needs glass up to the larger of its two clear semi-diameters. Across air the smaller
 /// one counts, since beyond it there is a mount and no surface.
-fn check_gap(number: usize, front: &Surface, back: &Surface) -> Result<(), LensDefect> {
+fn check_gap(number: usize, front: &Surface, back: &Surface, forwards: bool) -> Result<(), LensDefect> {
     let (a, b) = (front.semi_diameter_mm, back.semi_diameter_mm);
     let edge_mm = if front.glass.is_air() { a.min(b) } else { a.max(b) };
     for i in 1..=HEIGHTS {
         let height_mm = edge_mm * i as f64 / HEIGHTS as f64;
-        let gap_mm = front.thickness_mm + rim_sag_mm(back, height_mm) - rim_sag_mm(front, height_mm);
+        let along_z = front.thickness_mm + rim_sag_mm(back, height_mm) - rim_sag_mm(front, height_mm);
+        let gap_mm = if forwards { along_z } else { -along_z };
         // Surfaces that touch are possible, and rounding must not part them.
         if gap_mm >= -1e-9 {
             continue;

@@ -7,8 +7,8 @@ use crate::design_space::{Parameter, Variable};
 use crate::gradient::LensGradient;
 use crate::lens::{ASPHERE_TERMS, Lens};
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::solve::with_efl;
-use crate::trace::Number;
+use crate::solve::{with_efl, with_length};
+use crate::number::Number;
 
 /// A problem that makes no lens.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -96,49 +96,6 @@ pub(super) struct Mapped {
     pub slopes: DMatrix<f64>,
 }
 
-fn number(parameter: Parameter) -> Number {
-    match parameter {
-        Parameter::Radius => Number::Curvature,
-        Parameter::Conic => Number::Conic,
-        Parameter::Asphere(order) => Number::Asphere(order / 2 - 1),
-        Parameter::Thickness => Number::Thickness,
-    }
-}
-
-pub(super) fn read(lens: &Lens, (surface, number): (usize, Number)) -> f64 {
-    let s = &lens.surfaces[surface];
-    match number {
-        Number::Curvature => s.shape.curvature,
-        Number::Conic => s.shape.conic,
-        Number::Asphere(j) => s.shape.asphere[j],
-        Number::Thickness => s.thickness_mm,
-        Number::Index => 0.0,
-    }
-}
-
-fn write(lens: &mut Lens, (surface, number): (usize, Number), value: f64) {
-    let s = &mut lens.surfaces[surface];
-    match number {
-        Number::Curvature => s.shape.curvature = value,
-        Number::Conic => s.shape.conic = value,
-        Number::Asphere(j) => s.shape.asphere[j] = value,
-        Number::Thickness => s.thickness_mm = value,
-        Number::Index => {}
-    }
-}
-
-/// The derivative by a number.
-pub(super) fn by_number(gradient: &LensGradient, (surface, number): (usize, Number)) -> f64 {
-    let g = &gradient.surfaces[surface];
-    match number {
-        Number::Curvature => g.curvature,
-        Number::Conic => g.conic,
-        Number::Asphere(j) => g.asphere[j],
-        Number::Thickness => g.thickness,
-        Number::Index => g.index,
-    }
-}
-
 /// Bounds of a variable as bounds of its coordinate.
 ///
 /// Radii of both signs pass through the plane, not through zero: the curvature lies between those of the two bounds.
@@ -200,7 +157,7 @@ impl<'a> Chart<'a> {
             }
         }
         let mut numbers: Vec<(usize, Number)> =
-            problem.variables.iter().map(|v| (v.surface, number(v.parameter))).collect();
+            problem.variables.iter().map(|v| (v.surface, v.parameter.number())).collect();
         for p in &problem.pickups {
             numbers.push((p.surface, numbers[p.variable].1));
         }
@@ -222,7 +179,7 @@ impl<'a> Chart<'a> {
     pub fn start(&self) -> Vec<f64> {
         let lens = &self.problem.base;
         let mut at: Vec<f64> =
-            self.numbers[..self.problem.variables.len()].iter().map(|n| read(lens, *n)).collect();
+            self.numbers[..self.problem.variables.len()].iter().map(|(s, n)| n.read(lens, *s)).collect();
         if self.problem.image == ImagePlane::Best {
             at.push(lens.image_distance_mm());
         }
@@ -249,15 +206,14 @@ impl<'a> Chart<'a> {
     pub fn lens(&self, at: &[f64]) -> Option<Lens> {
         let mut lens = self.problem.base.clone();
         for (n, x) in self.numbers.iter().zip(&at[..self.problem.variables.len()]) {
-            write(&mut lens, *n, *x);
+            n.1.write(&mut lens, n.0, *x);
         }
         for p in &self.problem.pickups {
             let followed = self.numbers[p.variable];
-            write(&mut lens, (p.surface, followed.1), p.scale * at[p.variable] + p.offset);
+            followed.1.write(&mut lens, p.surface, p.scale * at[p.variable] + p.offset);
         }
         if let Some((surface, length_mm)) = self.problem.solves.length {
-            let vertices = lens.total_track_mm() - lens.image_distance_mm();
-            lens.surfaces[surface].thickness_mm += length_mm - vertices;
+            lens = with_length(&lens, surface, length_mm);
         }
         if let Some(solve) = &self.problem.solves.efl {
             lens = with_efl(&lens, solve.surface, solve.efl_mm)?;
@@ -304,7 +260,7 @@ impl<'a> Chart<'a> {
         let by = |wish: FirstOrderCotangent| {
             let mut g = LensGradient::zero(lens.surfaces.len());
             pull_back_first_order(&sequence, wish, &mut g);
-            self.numbers.iter().map(|n| by_number(&g, *n)).collect::<Vec<f64>>()
+            self.numbers.iter().map(|(s, n)| n.derivative(&g, *s)).collect::<Vec<f64>>()
         };
         if let Some(solved) = efl_row {
             // EFL(numbers) stays, so the solved curvature moves against the others.

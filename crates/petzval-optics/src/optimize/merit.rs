@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::chart::{Chart, Mapped, by_number};
+use super::chart::{Chart, Mapped};
 use super::problem::Problem;
 use crate::constraint::{edge_clearance, sag_gradient};
 use crate::gradient::LensGradient;
@@ -538,7 +538,7 @@ pub(super) fn linearise(
     for (what, amount) in &analysis.violations {
         let g = violation_gradient(problem, analysis, *what)?;
         let row = DVector::from_fn(chart.numbers.len() + 1, |n, _| {
-            chart.numbers.get(n).map_or(0.0, |number| by_number(&g, *number))
+            chart.numbers.get(n).map_or(0.0, |(s, number)| number.derivative(&g, *s))
         });
         let row = slopes.transpose() * row;
         let stiffness = problem.stiffness_um_per_mm * problem.stiffness_um_per_mm;

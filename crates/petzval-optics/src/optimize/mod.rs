@@ -16,5 +16,5 @@ mod tests;
 pub use chart::ChartError;
 pub use levenberg::{Descent, LevenbergOptions, Stop, descend};
 pub use merit::{Analysis, Violation};
-pub use problem::{GlassChoice, ImagePlane, Limits, Pickup, Problem, Solves};
+pub use problem::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

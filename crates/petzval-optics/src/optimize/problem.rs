@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::design_space::{EflSolve, Variable};
+use crate::design_space::{EflSolve, Pickup, Variable};
 use crate::glass::Glass;
 use crate::lens::Lens;
 use crate::pupil::PupilSampling;
@@ -14,19 +14,6 @@ pub struct Solves {
     pub efl: Option<EflSolve>,
     /// The thickness of this surface holds the distance from the first vertex to the last, mm.
     pub length: Option<(usize, f64)>,
-}
-
-/// A number that follows another: `value = scale * other + offset`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pickup {
-    /// The surface whose number follows.
-    pub surface: usize,
-    /// Index of the variable that it follows; the number is of the same kind.
-    pub variable: usize,
-    /// Factor. Radii follow as curvatures.
-    pub scale: f64,
-    /// Offset.
-    pub offset: f64,
 }
 
 /// A glass that a search may exchange for others; a descent leaves it.

@@ -3,7 +3,7 @@
 use super::chart::Chart;
 use super::merit::{analyse, linearise};
 use super::*;
-use crate::design_space::{EflSolve, Parameter, Variable};
+use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
 use crate::lens::Lens;
 use crate::paraxial::first_order;
 

@@ -2,7 +2,9 @@
 
 use super::launch::launch;
 use super::ray::{Ray, Vec3, along, dot};
-use super::sequence::{Sequence, SurfaceAtWavelength};
+use super::sequence::{Bending, Sequence, SurfaceAtWavelength, structure_path};
+use crate::jet::Jet;
+use crate::lens::placement::{apply, transposed};
 use super::surface_step::{Passage, pass, unit_normal};
 
 /// Newton steps allowed; a well-posed ray needs three to five.
@@ -27,6 +29,21 @@ struct Tangent {
     direction: Vec3,
 }
 
+impl Tangent {
+    /// In the coordinates of a surface.
+    fn enter(self, s: &SurfaceAtWavelength) -> Self {
+        let Some(frame) = &s.frame else { return self };
+        let to_surface = transposed(&frame.rotation);
+        Self { position: apply(&to_surface, self.position), direction: apply(&to_surface, self.direction) }
+    }
+
+    /// In the coordinates of the axis behind a surface.
+    fn leave(self, s: &SurfaceAtWavelength) -> Self {
+        let Some(frame) = &s.frame else { return self };
+        Self { position: frame.turn_back(self.position), direction: frame.turn_back(self.direction) }
+    }
+}
+
 /// Carries a tangent, given at the surface's entry point, to the point on the surface and behind it.
 ///
 /// With N the surface gradient and t the path, `dt = -N.(dp + t dd) / (N.d)`; the normal turns with
@@ -38,26 +55,50 @@ fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tange
     let path = -dot(gradient, moved) / dot(gradient, d);
     let point = along(moved, path, d);
 
+    // The normal (-z_x, -z_y, 1) turns with the second derivatives of the sag.
     let [x, y, _] = p.point;
-    let Some(jet) = s.shape.jet(x * x + y * y) else {
-        return Tangent { position: point, direction: tangent.direction };
-    };
-    let turn = [
-        -(2.0 * jet.first + 4.0 * x * x * jet.second) * point[0] - 4.0 * x * y * jet.second * point[1],
-        -(2.0 * jet.first + 4.0 * y * y * jet.second) * point[1] - 4.0 * x * y * jet.second * point[0],
-        0.0,
-    ];
+    let [xx, xy, yy] = s.shape.sag_jet([x, y]).second;
+    let turn = [-(xx * point[0] + xy * point[1]), -(xy * point[0] + yy * point[1]), 0.0];
     let (normal, length) = unit_normal(p.slope);
     let normal_turn = along(turn, -dot(normal, turn), normal).map(|v| v / length);
 
+    // v = mu d + grad W / n', and d' = v + (sqrt(1 - v.v + (n.v)^2) - n.v) n.
     let mu = s.n_before / s.n_after;
-    let cos = dot(normal, d);
-    let root = (1.0 - mu * mu * (1.0 - cos * cos)).sqrt();
-    let cos_turn = dot(normal_turn, d) + dot(normal, tangent.direction);
-    let bend_turn = (mu * mu * cos / root - mu) * cos_turn;
-    let bent = tangent.direction.map(|v| mu * v);
-    let direction = along(along(bent, bend_turn, normal), root - mu * cos, normal_turn);
+    let (mut v, mut v_turn) = (d.map(|c| mu * c), tangent.direction.map(|c| mu * c));
+    match &s.bending {
+        Bending::Snell => {}
+        Bending::ThinLens { power_per_mm } => {
+            return Tangent { position: point, direction: thin_lens_turn(s, *power_per_mm, p, tangent, point) };
+        }
+        Bending::Path { along_y, radial, .. } => {
+            let [x, y] = Jet::axes([x, y]);
+            let path = structure_path(*along_y, radial, x, y);
+            let [xx, xy, yy] = path.second;
+            let turn = [xx * point[0] + xy * point[1], xy * point[0] + yy * point[1]];
+            for axis in 0..2 {
+                v[axis] += path.slope[axis] / s.n_after;
+                v_turn[axis] += turn[axis] / s.n_after;
+            }
+        }
+    }
+    let cos = dot(normal, v);
+    let root = (1.0 - dot(v, v) + cos * cos).sqrt();
+    let cos_turn = dot(normal_turn, v) + dot(normal, v_turn);
+    let bend_turn = (cos * cos_turn - dot(v, v_turn)) / root - cos_turn;
+    let direction = along(along(v_turn, bend_turn, normal), root - cos, normal_turn);
     Tangent { position: point, direction }
+}
+
+/// How the direction behind a thin lens turns.
+fn thin_lens_turn(s: &SurfaceAtWavelength, power: f64, p: &Passage, tangent: Tangent, point: Vec3) -> Vec3 {
+    let (d, after) = (p.direction_before, p.direction_after);
+    let slope_turn = |i: usize| {
+        let tan_turn = (tangent.direction[i] - d[i] / d[2] * tangent.direction[2]) / d[2];
+        (s.n_before * tan_turn - power * point[i]) / s.n_after
+    };
+    // d' = t / |t| with t = (tan x, tan y, 1) = d' / d'_z.
+    let turn = [slope_turn(0), slope_turn(1), 0.0].map(|v| v * after[2]);
+    along(turn, -dot(after, turn), after)
 }
 
 /// Where the ray meets the stop, and the derivatives of that point by the launch coordinates.
@@ -69,14 +110,14 @@ fn to_stop(sequence: &Sequence, field_rad: f64, at: [f64; 2]) -> Option<([f64; 2
         Tangent { position: [0.0, 1.0, 0.0], direction: start.direction_by[1] },
     ];
     for (i, surface) in sequence.surfaces[..=sequence.stop].iter().enumerate() {
-        let passage = pass(surface, i, &ray).ok()?;
-        tangents = tangents.map(|t| push_forward(surface, &passage, t));
+        let passage = pass(surface, i, &surface.enter(ray)).ok()?;
+        tangents = tangents.map(|t| push_forward(surface, &passage, t.enter(surface)));
         if i == sequence.stop {
             let [a, b] = tangents.map(|t| t.position);
             return Some(([passage.point[0], passage.point[1]], [[a[0], b[0]], [a[1], b[1]]]));
         }
-        let [x, y, z] = passage.point;
-        ray = Ray { position: [x, y, z - surface.thickness_mm], direction: passage.direction_after };
+        tangents = tangents.map(|t| t.leave(surface));
+        ray = surface.leave(Ray { position: passage.point, direction: passage.direction_after });
     }
     None
 }

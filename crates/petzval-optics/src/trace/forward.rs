@@ -19,21 +19,17 @@ pub struct Path {
     pub optical_path_mm: f64,
 }
 
-/// Moves a ray into the coordinates of the next vertex, `thickness_mm` further along z.
-#[inline]
-fn to_next_vertex(passage: &Passage, thickness_mm: f64) -> Ray {
-    let [x, y, z] = passage.point;
-    Ray { position: [x, y, z - thickness_mm], direction: passage.direction_after }
-}
-
 /// Traces one ray, given in the coordinates of the first vertex, to the image plane.
+///
+/// Points and directions of the passages are in the coordinates of each surface; directions are those of lines, with a
+/// positive z component (see [`SurfaceAtWavelength`](super::SurfaceAtWavelength)).
 pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
     let mut path = Path { transmission: 1.0, ..Path::default() };
     path.passages.reserve_exact(sequence.surfaces.len());
     let mut ray = start;
     for (i, surface) in sequence.surfaces.iter().enumerate() {
         // Meet the surface and bend there.
-        let passage = match pass(surface, i, &ray) {
+        let passage = match pass(surface, i, &surface.enter(ray)) {
             Ok(passage) => passage,
             Err(fate) => {
                 path.fate = fate;
@@ -41,10 +37,11 @@ pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
                 return path;
             }
         };
-        path.optical_path_mm += surface.n_before * passage.path_mm;
+        let [x, y, _] = passage.point;
+        path.optical_path_mm += surface.n_before * passage.path_mm + surface.added_path_mm([x, y]);
         // Lose light outside the clear aperture. The stop does not clip: rays are aimed inside it.
         if i != sequence.stop {
-            let radius = passage.point[0].hypot(passage.point[1]);
+            let radius = x.hypot(y);
             let (transmission, _) = aperture_transmission(radius, surface.semi_diameter_mm);
             path.transmission *= transmission;
             if transmission == 0.0 && path.fate == Fate::Ok {
@@ -52,7 +49,7 @@ pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
             }
         }
         path.passages.push(passage);
-        ray = to_next_vertex(&passage, surface.thickness_mm);
+        ray = surface.leave(Ray { position: passage.point, direction: passage.direction_after });
     }
     // Reach the image plane.
     let to_image = -ray.position[2] / ray.direction[2];

@@ -15,10 +15,11 @@ mod surface_step;
 pub use aim::{AimedRay, aim_at_stop};
 pub use forward::{Path, trace_ray};
 pub use kernel::{
-    AimedRays, LandingJacobian, Number, RayTangents, Reaim, Seeds, SquaredHeights, landing_jacobian,
+    AimedRays, LandingJacobian, RayTangents, Reaim, Seeds, SquaredHeights, landing_jacobian,
     pull_back, push_change, trace, trace_with_heights,
 };
 pub use launch::{Launch, launch};
 pub use ray::{Fate, Ray, RayBundle, Vec3};
+pub(crate) use sequence::Bending;
 pub use sequence::{Sequence, SurfaceAtWavelength};
 pub use surface_step::{Passage, SOFT_EDGE_MM, aperture_transmission};

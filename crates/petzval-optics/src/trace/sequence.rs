@@ -1,6 +1,11 @@
 //! A lens at one wavelength: the numbers a ray needs, and nothing else.
 
-use crate::lens::{Lens, ObjectDistance, SurfaceShape};
+use super::ray::{Ray, Vec3};
+use crate::jet::Real;
+use crate::lens::placement::{Matrix3, apply, half_turned, transposed};
+use crate::lens::{
+    Action, Axis, Departure, Lens, ObjectDistance, PHASE_TERMS, Pattern, Placement, SurfaceShape,
+};
 
 /// A surface with the indices on both of its sides.
 #[derive(Clone, Copy, Debug)]
@@ -11,14 +16,98 @@ pub struct SurfaceAtWavelength {
     pub is_conic: bool,
     /// Number of coefficients up to the last that is not zero.
     pub(crate) terms: usize,
-    /// Index in front.
+    /// Index in front; negative where light has been reflected an odd number of times.
+    ///
+    /// With such signs Snell's law holds for mirrors too. A direction is then that of the ray as a line, with a positive z
+    /// component; light travels along the direction times the sign of the index.
     pub n_before: f64,
-    /// Index behind.
+    /// Index behind, signed alike.
     pub n_after: f64,
     /// Distance to the next vertex, mm.
     pub thickness_mm: f64,
     /// Clear semi-diameter, mm.
     pub semi_diameter_mm: f64,
+    /// Whether it is a mirror, with the medium of its front behind it.
+    pub(crate) reflects: bool,
+    /// How it changes directions.
+    pub(crate) bending: Bending,
+    /// Whether it needs the general formulas: a departure, or another bending than by Snell's law alone.
+    pub(crate) is_general: bool,
+    /// Its own coordinates, where they are not those of the axis.
+    pub(crate) frame: Option<Frame>,
+}
+
+/// How a surface changes directions.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Bending {
+    /// By Snell's law.
+    Snell,
+    /// As a thin lens without aberrations.
+    ThinLens { power_per_mm: f64 },
+    /// By Snell's law and a structure that adds `along_y y + radial_0 u + radial_1 u^2 + ...` to the optical path, mm.
+    Path {
+        along_y: f64,
+        radial: [f64; PHASE_TERMS],
+        /// Whether the structure is a grating, whose only number is the first.
+        is_grating: bool,
+        /// The coefficients by the numbers of the [`Phase`](crate::lens::Phase).
+        per_number: [f64; PHASE_TERMS],
+    },
+}
+
+/// Optical path that a structure adds at a point, mm; see [`Bending::Path`].
+#[inline(always)]
+pub(crate) fn structure_path<R: Real>(along_y: f64, radial: &[f64; PHASE_TERMS], x: R, y: R) -> R {
+    let u = x * x + y * y;
+    let mut sum = u.constant(0.0);
+    for a in radial.iter().rev() {
+        sum = (sum + *a) * u;
+    }
+    sum + y * along_y
+}
+
+/// Coordinates of a surface that is shifted or turned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    pub placement: Placement,
+    /// Rotation from surface coordinates to those of the axis in front.
+    pub rotation: Matrix3,
+}
+
+impl Frame {
+    fn new(placement: Placement) -> Self {
+        Self { placement, rotation: placement.rotation() }
+    }
+
+    /// From the coordinates of the axis to those of the surface.
+    pub fn enter(&self, ray: Ray) -> Ray {
+        let to_surface = transposed(&self.rotation);
+        let [dx, dy] = self.placement.decenter_mm;
+        let [x, y, z] = ray.position;
+        Ray {
+            position: apply(&to_surface, [x - dx, y - dy, z]),
+            direction: apply(&to_surface, ray.direction),
+        }
+    }
+
+    /// From the coordinates of the surface to those of the axis behind it.
+    pub fn leave(&self, ray: Ray) -> Ray {
+        let [dx, dy] = match self.placement.axis {
+            Axis::Returns => self.placement.decenter_mm,
+            Axis::Follows | Axis::Bends => [0.0; 2],
+        };
+        let [x, y, z] = self.turn_back(ray.position);
+        Ray { position: [x + dx, y + dy, z], direction: self.turn_back(ray.direction) }
+    }
+
+    /// A vector of surface coordinates in those of the axis behind it.
+    pub fn turn_back(&self, v: Vec3) -> Vec3 {
+        match self.placement.axis {
+            Axis::Returns => apply(&self.rotation, v),
+            Axis::Follows => v,
+            Axis::Bends => apply(&half_turned(&self.rotation), v),
+        }
+    }
 }
 
 /// A lens at one wavelength.
@@ -34,9 +123,35 @@ pub struct Sequence {
     pub entrance_pupil_mm: f64,
     /// The wavelength, um.
     pub wavelength_um: f64,
+    /// Whether the y-z plane is a plane of symmetry.
+    pub is_mirror_symmetric: bool,
 }
 
 impl SurfaceAtWavelength {
+    /// A ray, given in the coordinates of the axis at the vertex, in those of the surface.
+    pub(crate) fn enter(&self, ray: Ray) -> Ray {
+        self.frame.map_or(ray, |frame| frame.enter(ray))
+    }
+
+    /// A ray, given in the coordinates of the surface, in those of the axis at the next vertex.
+    pub(crate) fn leave(&self, ray: Ray) -> Ray {
+        let mut ray = self.frame.map_or(ray, |frame| frame.leave(ray));
+        ray.position[2] -= self.thickness_mm;
+        ray
+    }
+
+    /// What the thin lens or structure adds to the optical path of a ray that passes at a point, mm.
+    ///
+    /// A thin lens without aberrations has no optical path of its own; this is the one of first-order optics.
+    #[inline(always)]
+    pub(crate) fn added_path_mm<R: Real>(&self, [x, y]: [R; 2]) -> R {
+        match &self.bending {
+            Bending::Snell => x.constant(0.0),
+            Bending::ThinLens { power_per_mm } => (x * x + y * y) * (-0.5 * power_per_mm),
+            Bending::Path { along_y, radial, .. } => structure_path(*along_y, radial, x, y),
+        }
+    }
+
     /// Coefficients a_2, a_4, ... up to the last that is not zero.
     #[inline]
     pub(crate) fn polynomial(&self) -> &[f64] {
@@ -45,14 +160,65 @@ impl SurfaceAtWavelength {
 }
 
 impl Sequence {
+    /// How the index behind a surface, signed, moves with those of the glasses: `by_glass` says how much each moves. A mirror
+    /// has the medium in front behind it.
+    pub(crate) fn index_change(&self, surface: usize, by_glass: impl Fn(usize) -> f64) -> f64 {
+        let (mut at, mut sign) = (surface, 1.0);
+        while self.surfaces[at].reflects {
+            if at == 0 {
+                return 0.0;
+            }
+            at -= 1;
+            sign = -sign;
+        }
+        sign * self.surfaces[at].n_after.signum() * by_glass(at)
+    }
+
+    /// The transpose of [`Sequence::index_change`]: what is asked of the glass behind a surface, from what is asked of every
+    /// signed index behind a surface.
+    pub(crate) fn glass_index_bar(&self, surface: usize, by_index: impl Fn(usize) -> f64) -> f64 {
+        if self.surfaces[surface].reflects {
+            return 0.0;
+        }
+        let mut sign = self.surfaces[surface].n_after.signum();
+        let mut sum = sign * by_index(surface);
+        for (i, s) in self.surfaces.iter().enumerate().skip(surface + 1) {
+            if !s.reflects {
+                break;
+            }
+            sign = -sign;
+            sum += sign * by_index(i);
+        }
+        sum
+    }
+
     /// Evaluates every index of the lens at the wavelength.
     pub fn new(lens: &Lens, wavelength_um: f64) -> Self {
-        let mut n_before = 1.0;
+        let mut n_before = 1.0_f64;
         let surfaces = lens
             .surfaces
             .iter()
             .map(|s| {
-                let n_after = s.glass.index(wavelength_um);
+                let n_after = match s.action {
+                    Action::Reflect => -n_before,
+                    _ => s.glass.index(wavelength_um).copysign(n_before),
+                };
+                let bending = match (s.action, s.phase) {
+                    (Action::ThinLens { power_per_mm }, _) => Bending::ThinLens { power_per_mm },
+                    (_, None) => Bending::Snell,
+                    (_, Some(phase)) => {
+                        let per_number = phase.path_per_number(wavelength_um);
+                        let numbers = phase.numbers();
+                        let mut radial = [0.0; PHASE_TERMS];
+                        for ((r, a), by) in radial.iter_mut().zip(numbers).zip(per_number) {
+                            *r = a * by;
+                        }
+                        let is_grating = matches!(phase.pattern, Pattern::Grating { .. });
+                        let (along_y, radial) =
+                            if is_grating { (radial[0], [0.0; PHASE_TERMS]) } else { (0.0, radial) };
+                        Bending::Path { along_y, radial, is_grating, per_number }
+                    }
+                };
                 let surface = SurfaceAtWavelength {
                     shape: s.shape,
                     is_conic: s.shape.is_conic(),
@@ -61,6 +227,10 @@ impl Sequence {
                     n_after,
                     thickness_mm: s.thickness_mm,
                     semi_diameter_mm: s.semi_diameter_mm,
+                    is_general: s.shape.departure != Departure::None || !matches!(bending, Bending::Snell),
+                    reflects: s.action == Action::Reflect,
+                    bending,
+                    frame: s.placement.map(Frame::new),
                 };
                 n_before = n_after;
                 surface
@@ -72,6 +242,7 @@ impl Sequence {
             object: lens.object,
             entrance_pupil_mm: lens.entrance_pupil_mm,
             wavelength_um,
+            is_mirror_symmetric: lens.is_mirror_symmetric(),
         }
     }
 }

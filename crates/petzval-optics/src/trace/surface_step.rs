@@ -1,7 +1,9 @@
-//! One ray through one surface: meet it, lose light at its edge, refract.
+//! One ray through one surface: meet it, lose light at its edge, bend.
 
 use super::ray::{Fate, Ray, Vec3, along, dot};
-use super::sequence::SurfaceAtWavelength;
+use super::sequence::{Bending, SurfaceAtWavelength, structure_path};
+use crate::jet::{Dual, Jet};
+use crate::lens::Departure;
 
 /// Half-width of the soft edge of a clear aperture, mm: transmission falls smoothly from one to zero
 /// between `semi - SOFT_EDGE_MM` and `semi + SOFT_EDGE_MM`, so that vignetting has a gradient.
@@ -69,6 +71,9 @@ fn conic_path(s: &SurfaceAtWavelength, ray: &Ray) -> Option<f64> {
 /// Where the ray meets the surface: path from the ray's point, the point, and the sag slopes.
 #[inline]
 fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])> {
+    if s.shape.departure != Departure::None {
+        return intersect_general(s, ray);
+    }
     // Meet the conic; an asphere's polynomial may bend it where the conic has already ended, so
     // Newton starts from the vertex plane there.
     let start = conic_path(s, ray);
@@ -104,15 +109,66 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
     None
 }
 
+/// [`intersect`] for a shape with a departure: Newton's method on `F(t) = z(t) - sag(x(t), y(t))`.
+fn intersect_general(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])> {
+    let (p, d) = (ray.position, ray.direction);
+    let mut path = -p[2] / d[2];
+    for _ in 0..MAX_NEWTON {
+        let [x, y, z] = [0, 1, 2].map(|i| Dual { value: p[i] + path * d[i], by: d[i] });
+        let height = z - s.shape.sag_of(x, y);
+        let step = height.value / height.by;
+        if !step.is_finite() {
+            return None;
+        }
+        path -= step;
+        if step.abs() < NEWTON_TOLERANCE * (1.0 + path.abs()) {
+            let point = along(p, path, d);
+            let slope = s.shape.sag_jet([point[0], point[1]]).slope;
+            return (height.by > 0.0).then_some((path, point, slope));
+        }
+    }
+    None
+}
+
+/// Direction behind a thin lens without aberrations: `n' tan' = n tan - power (x, y)`.
+fn through_thin_lens(s: &SurfaceAtWavelength, power_per_mm: f64, point: Vec3, d: Vec3) -> Vec3 {
+    let slope = |i: usize| (s.n_before * d[i] / d[2] - power_per_mm * point[i]) / s.n_after;
+    let [x, y] = [slope(0), slope(1)];
+    let length = (1.0 + x * x + y * y).sqrt();
+    [x / length, y / length, 1.0 / length]
+}
+
 /// Carries a ray, given in the surface's vertex coordinates, through the surface.
 ///
 /// Snell's law in vector form, `d' = mu d + (sqrt(1 - mu^2 (1 - cos^2)) - mu cos) n`, with
-/// `mu = n_before / n_after`, `n` the unit normal along +z and `cos = n . d`.
+/// `mu = n_before / n_after`, `n` the unit normal along +z and `cos = n . d`. A structure with the optical path
+/// `W(x, y)` adds `grad W / n_after` to `mu d` first: with `v` that sum, `d' = v + (sqrt(1 - v.v + (n.v)^2) - n.v) n`.
 #[inline]
 pub(crate) fn pass(s: &SurfaceAtWavelength, index: usize, ray: &Ray) -> Result<Passage, Fate> {
     let (path_mm, point, slope) = intersect(s, ray).ok_or(Fate::Missed(index))?;
+    let mut passage = Passage { direction_before: ray.direction, direction_after: ray.direction, point, path_mm, slope };
     let normal = unit_normal(slope).0;
     let mu = s.n_before / s.n_after;
+    match &s.bending {
+        Bending::Snell => {}
+        Bending::ThinLens { power_per_mm } => {
+            passage.direction_after = through_thin_lens(s, *power_per_mm, point, ray.direction);
+            return Ok(passage);
+        }
+        Bending::Path { along_y, radial, .. } => {
+            let [x, y] = Jet::axes([point[0], point[1]]);
+            let by = structure_path(*along_y, radial, x, y).slope;
+            let d = ray.direction;
+            let v = [mu * d[0] + by[0] / s.n_after, mu * d[1] + by[1] / s.n_after, mu * d[2]];
+            let cos = dot(normal, v);
+            let under = 1.0 - dot(v, v) + cos * cos;
+            if under < 0.0 {
+                return Err(Fate::TotalReflection(index));
+            }
+            passage.direction_after = along(v, under.sqrt() - cos, normal);
+            return Ok(passage);
+        }
+    }
     let cos = dot(normal, ray.direction);
     let under = 1.0 - mu * mu * (1.0 - cos * cos);
     if under < 0.0 {
@@ -120,8 +176,8 @@ pub(crate) fn pass(s: &SurfaceAtWavelength, index: usize, ray: &Ray) -> Result<P
     }
     let bend = under.sqrt() - mu * cos;
     let d = ray.direction;
-    let direction_after = along([mu * d[0], mu * d[1], mu * d[2]], bend, normal);
-    Ok(Passage { direction_before: d, direction_after, point, path_mm, slope })
+    passage.direction_after = along([mu * d[0], mu * d[1], mu * d[2]], bend, normal);
+    Ok(passage)
 }
 
 /// Unit normal along +z of a surface with these sag slopes, and the length of `(-z_x, -z_y, 1)`.

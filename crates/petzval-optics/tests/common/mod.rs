@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use petzval_optics::glass::{Dispersion, Glass};
-use petzval_optics::lens::{ASPHERE_TERMS, Lens, ObjectDistance, Surface, SurfaceShape};
+use petzval_optics::lens::{
+    ASPHERE_TERMS, Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Q_TERMS, Surface,
+    SurfaceShape, XY_TERMS, xy_index,
+};
 
 /// The triplet of `data/lenses/cooke-triplet-nominal.toml`.
 #[allow(dead_code, reason = "each test file takes what it needs of this one")]
@@ -32,10 +35,11 @@ pub fn nominal_triplet() -> Lens {
         a[..asphere.len()].copy_from_slice(asphere);
         Surface {
             label: String::new(),
-            shape: SurfaceShape { curvature: 1.0 / radius, conic: 0.0, asphere: a },
+            shape: SurfaceShape { curvature: 1.0 / radius, conic: 0.0, asphere: a, ..SurfaceShape::PLANE },
             thickness_mm,
             glass: glass.clone(),
             semi_diameter_mm: semi,
+            ..Surface::default()
         }
     };
     let air = Glass::air();
@@ -79,4 +83,146 @@ pub fn all_lenses() -> Vec<petzval_optics::format::LensFile> {
         catalog.merge(petzval_optics::glass::Catalog::parse(&text).unwrap());
     }
     toml_files("lenses").iter().map(|t| petzval_optics::format::parse_lens(t, &catalog).unwrap()).collect()
+}
+
+/// The nominal triplet with one surface of every special kind at a time, and systems of mirrors.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
+pub fn special_lenses() -> Vec<Lens> {
+    let mut all = Vec::new();
+    let mut add = |name: &str, change: &dyn Fn(&mut Vec<Surface>)| {
+        let mut lens = nominal_triplet();
+        lens.name = name.into();
+        change(&mut lens.surfaces);
+        all.push(lens);
+    };
+    let departs = |surface: usize, departure: Departure| {
+        move |s: &mut Vec<Surface>| s[surface].shape.departure = departure
+    };
+    add("odd", &departs(3, Departure::Odd([0.0, 2e-4, -3e-6, 1e-7, 0.0, 0.0, 0.0, 1e-14])));
+    let mut coefficients = [0.0; XY_TERMS];
+    for (i, j, value) in
+        [(0, 2, 4e-3), (2, 0, -3e-3), (2, 1, 1e-3), (0, 3, -2e-3), (2, 2, 7e-4), (4, 0, 5e-4), (0, 8, 1e-5)]
+    {
+        coefficients[xy_index(i, j)] = value;
+    }
+    add("xy", &departs(5, Departure::Xy { norm_radius_mm: 4.0, coefficients }));
+    coefficients[xy_index(1, 1)] = 1e-3;
+    coefficients[xy_index(3, 0)] = -1e-3;
+    add("xy without symmetry", &departs(5, Departure::Xy { norm_radius_mm: 4.0, coefficients }));
+    let mut coefficients = [0.0; Q_TERMS];
+    coefficients[..5].copy_from_slice(&[3e-3, -2e-3, 1e-3, 5e-4, 1e-4]);
+    coefficients[12] = 1e-5;
+    add("Q_bfs", &departs(1, Departure::Qbfs { norm_radius_mm: 8.0, coefficients }));
+    add("Q_con", &departs(6, Departure::Qcon { norm_radius_mm: 4.5, coefficients }));
+    add("biconic", &departs(2, Departure::Biconic { curvature_x: -0.02, conic_x: 0.4 }));
+    add("toroid", &departs(5, Departure::Toroid { curvature_x: 0.06 }));
+    add("cylinder", &departs(3, Departure::Toroid { curvature_x: 0.0 }));
+    add("thin lens", &|s| {
+        s[4].action = Action::ThinLens { power_per_mm: 0.004 };
+        s[6].thickness_mm = 22.5;
+    });
+    add("grating", &|s| {
+        s[3].phase = Some(Phase { order: 1, pattern: Pattern::Grating { lines_per_mm: 40.0 } });
+    });
+    add("binary", &|s| {
+        let mut coefficients_rad = [0.0; 8];
+        coefficients_rad[..3].copy_from_slice(&[-60.0, 15.0, -4.0]);
+        let pattern = Pattern::Binary { norm_radius_mm: 4.0, coefficients_rad };
+        s[6].phase = Some(Phase { order: 1, pattern });
+        s[6].thickness_mm = 23.5;
+    });
+    let placed = |decenter_mm, tilt_deg: [f64; 3], axis| {
+        Some(Placement { decenter_mm, tilt_rad: tilt_deg.map(f64::to_radians), axis })
+    };
+    add("tilted in the plane of symmetry", &|s| {
+        s[2].placement = placed([0.0, 0.1], [1.5, 0.0, 0.0], Axis::Returns);
+        s[5].placement = placed([0.0, -0.05], [-0.7, 0.0, 0.0], Axis::Returns);
+    });
+    add("tilted and decentred", &|s| {
+        s[1].placement = placed([0.05, 0.1], [0.5, -0.8, 20.0], Axis::Returns);
+        s[4].placement = placed([0.02, -0.03], [0.3, 0.2, 0.1], Axis::Returns);
+        s[6].placement = placed([-0.1, 0.03], [0.4, 1.1, 0.0], Axis::Returns);
+    });
+    add("coordinate breaks", &|s| {
+        s[2].placement = placed([0.1, 0.0], [1.0, 0.5, -3.0], Axis::Follows);
+        s[4].placement = placed([-0.1, 0.05], [-0.6, -0.4, 2.0], Axis::Follows);
+    });
+    add("folded", &|s| {
+        let air = Glass::air();
+        let mirror = |tilt, semi| Surface {
+            thickness_mm: 0.0,
+            semi_diameter_mm: semi,
+            glass: air.clone(),
+            action: Action::Reflect,
+            placement: placed([0.0, 0.0], tilt, Axis::Bends),
+            ..Surface::default()
+        };
+        s[6].thickness_mm = 8.0;
+        s.push(Surface { thickness_mm: -9.0, ..mirror([40.0, 10.0, 0.0], 8.0) });
+        s.push(Surface { thickness_mm: 7.5, ..mirror([0.0, 30.0, 5.0], 8.0) });
+    });
+    for lens in &mut all {
+        for s in &mut lens.surfaces {
+            s.semi_diameter_mm *= 1.15;
+        }
+    }
+    all.extend([telescope(), mangin()]);
+    all
+}
+
+/// Two mirrors: a Ritchey-Chretien of 200 mm, f/8, whose second mirror blocks nothing.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
+pub fn telescope() -> Lens {
+    let mirror = |radius: f64, conic: f64, thickness_mm: f64, semi_diameter_mm: f64| Surface {
+        shape: SurfaceShape { curvature: 1.0 / radius, conic, ..SurfaceShape::PLANE },
+        thickness_mm,
+        semi_diameter_mm,
+        action: Action::Reflect,
+        ..Surface::default()
+    };
+    let base = nominal_triplet();
+    let mut lens = Lens {
+        name: "Ritchey-Chretien".into(),
+        surfaces: vec![
+            mirror(-1200.0, -1.089_9, -420.0, 101.0),
+            mirror(-550.0, -5.3, 541.0, 40.0),
+        ],
+        stop: 0,
+        entrance_pupil_mm: 200.0,
+        fields_deg: vec![0.0, 0.3],
+        ..base
+    };
+    let order = petzval_optics::paraxial::first_order(&lens.at_wavelength(lens.reference_um));
+    lens.surfaces[1].thickness_mm = order.image_distance_mm;
+    lens
+}
+
+/// A Mangin mirror: light passes the glass, is reflected at its rear and passes it again.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
+pub fn mangin() -> Lens {
+    let base = nominal_triplet();
+    let flint = base.surfaces[2].glass.clone();
+    let surface = |radius: f64, thickness_mm: f64, glass: &Arc<Glass>, action| Surface {
+        shape: SurfaceShape { curvature: 1.0 / radius, ..SurfaceShape::PLANE },
+        thickness_mm,
+        semi_diameter_mm: 21.0,
+        glass: glass.clone(),
+        action,
+        ..Surface::default()
+    };
+    let mut lens = Lens {
+        name: "Mangin".into(),
+        surfaces: vec![
+            surface(-150.0, 5.0, &flint, Action::Refract),
+            surface(-230.0, -5.0, &flint, Action::Reflect),
+            surface(-150.0, -180.0, &Glass::air(), Action::Refract),
+        ],
+        stop: 0,
+        entrance_pupil_mm: 40.0,
+        fields_deg: vec![0.0, 2.0],
+        ..base
+    };
+    let order = petzval_optics::paraxial::first_order(&lens.at_wavelength(lens.reference_um));
+    lens.surfaces[2].thickness_mm = order.image_distance_mm;
+    lens
 }

@@ -48,7 +48,9 @@
 //!
 //! Surfaces are counted from 1 in the file and from 0 in [`LensFile`].
 
+mod parameter;
 mod read;
+mod read_surface;
 mod text;
 mod write;
 
@@ -56,7 +58,7 @@ pub use read::parse_lens;
 pub(super) use text::Number;
 pub use write::write_lens;
 
-use crate::design_space::{EflSolve, Variable};
+use crate::design_space::{EflSolve, Pickup, Variable};
 use crate::lens::Lens;
 
 /// What a lens file says.
@@ -68,8 +70,12 @@ pub struct LensFile {
     pub expect: Option<Expect>,
     /// The numbers that may move, with their bounds.
     pub variables: Vec<Variable>,
+    /// The numbers that follow variables. Radii follow as curvatures.
+    pub pickups: Vec<Pickup>,
     /// The radius that is not free but keeps the focal length.
     pub efl_solve: Option<EflSolve>,
+    /// The surface whose thickness keeps the distance from the first vertex to the last, and that distance, mm.
+    pub length_solve: Option<(usize, f64)>,
 }
 
 /// Published properties, against which the lens is tested.

@@ -4,13 +4,16 @@ use std::ops::{Range, RangeInclusive};
 
 use toml::Spanned;
 
-use super::text::{ExpectText, ExpectedText, LensText, Placed, SurfaceText, VariableText, WavelengthsText};
+use super::parameter::parameters;
+use super::text::{
+    ExpectText, ExpectedText, LensText, PickupText, Placed, SurfaceText, VariableText, WavelengthsText,
+};
 use super::{Expect, Expected, ExpectedSpots, LensFile};
-use crate::design_space::{EflSolve, Parameter, Variable};
+use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
 use crate::format::FileError;
 use crate::format::glass_toml::read_glasses;
-use crate::glass::{Catalog, Glass};
-use crate::lens::{ASPHERE_TERMS, Lens, LensDefect, ObjectDistance, Surface, SurfaceShape, validate};
+use crate::glass::Catalog;
+use crate::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
 
 /// Reference wavelength of a file that names none: the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
@@ -34,10 +37,11 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
     let pupil = &file.aperture.entrance_pupil_diameter_mm;
     let mut surfaces = Vec::with_capacity(file.surface.len());
     for (i, surface) in file.surface.iter().enumerate() {
-        surfaces.push(reader.surface(i + 1, surface, &glasses)?);
+        let front = surfaces.last().map(|s: &Surface| s.glass.clone());
+        surfaces.push(reader.surface(i + 1, surface, &glasses, front)?);
     }
     let (wavelengths_um, reference_um) = reader.wavelengths(&file.wavelengths)?;
-    let lens = Lens {
+    let mut lens = Lens {
         name: file.name.clone(),
         source: file.source.clone(),
         surfaces,
@@ -46,12 +50,15 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
         object: reader.object(&file)?,
         wavelengths_um,
         reference_um,
-        fields_deg: reader.fields(&file.fields.angle_deg)?,
+        fields_deg: Vec::new(),
     };
+    lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.is_rotationally_symmetric())?;
     validate(&lens).map_err(|defect| reader.defect(&defect, &file))?;
 
     let variables = reader.variables(&file.variable, &lens)?;
     Ok(LensFile {
+        pickups: reader.pickups(&file.pickup, &lens, &variables)?,
+        length_solve: reader.length_solve(&file, &lens, &variables)?,
         efl_solve: reader.efl_solve(&file, &lens, &variables)?,
         expect: file.expect.as_ref().map(|e| reader.expect(e, &lens)).transpose()?,
         variables,
@@ -60,21 +67,21 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
 }
 
 /// The text that is being read, for the places of errors.
-struct Reader<'a> {
+pub(super) struct Reader<'a> {
     text: &'a str,
 }
 
 impl Reader<'_> {
-    fn error(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
+    pub(super) fn error(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
         FileError::at(self.text, span, key, message)
     }
 
     /// An error about something that is not there; `span` is where it belongs.
-    fn missing(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
+    pub(super) fn missing(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
         self.error(key, span, message).without_value()
     }
 
-    fn finite(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
+    pub(super) fn finite(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
         let value = number.get_ref().0;
         match value.is_finite() {
             true => Ok(value),
@@ -82,75 +89,11 @@ impl Reader<'_> {
         }
     }
 
-    fn positive(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
+    pub(super) fn positive(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
         let value = self.finite(key, number)?;
         match value > 0.0 {
             true => Ok(value),
             false => Err(self.error(key, number.span(), "this must be positive")),
-        }
-    }
-
-    fn surface(
-        &self,
-        number: usize,
-        placed: &Spanned<SurfaceText>,
-        glasses: &Catalog,
-    ) -> Result<Surface, FileError> {
-        let surface = placed.get_ref();
-        let mut asphere = [0.0; ASPHERE_TERMS];
-        for (i, term) in surface.asphere.terms().into_iter().enumerate() {
-            if let Some(term) = term {
-                asphere[i] = self.finite(&format!("a{}", 2 * i + 2), term)?;
-            }
-        }
-        let conic = surface.conic.as_ref().map_or(Ok(0.0), |k| self.finite("conic", k))?;
-        let curvature = self.curvature(number, placed)?;
-        let glass = match &surface.glass {
-            None => Glass::air(),
-            Some(name) => glasses.get(name.get_ref()).map_err(|unknown| {
-                let message = format!("surface {number}: no glass is called `{}`", unknown.name);
-                self.error("glass", name.span(), message).hint(format!(
-                    "the nearest names are {}; a glass of your own goes into [glass.NAME]",
-                    unknown.nearest.join(", ")
-                ))
-            })?,
-        };
-        Ok(Surface {
-            label: surface.label.clone(),
-            shape: SurfaceShape { curvature, conic, asphere },
-            thickness_mm: self.finite("thickness_mm", &surface.thickness_mm)?,
-            glass,
-            semi_diameter_mm: self.positive("semi_diameter_mm", &surface.semi_diameter_mm)?,
-        })
-    }
-
-    /// The vertex curvature, from a radius or as it stands.
-    fn curvature(&self, number: usize, placed: &Spanned<SurfaceText>) -> Result<f64, FileError> {
-        let surface = placed.get_ref();
-        match (&surface.radius_mm, &surface.curvature_per_mm) {
-            (Some(radius), None) => {
-                let value = radius.get_ref().0;
-                if value.is_nan() {
-                    let message = format!("surface {number}: the radius is not a number");
-                    return Err(self.error("radius_mm", radius.span(), message));
-                }
-                if value == 0.0 {
-                    let message = format!("surface {number}: a surface cannot have the radius 0");
-                    return Err(self
-                        .error("radius_mm", radius.span(), message)
-                        .hint("a plane is `radius_mm = inf`"));
-                }
-                Ok(1.0 / value)
-            }
-            (None, Some(curvature)) => self.finite("curvature_per_mm", curvature),
-            (Some(_), Some(curvature)) => {
-                let message = format!("surface {number} has a radius already");
-                Err(self.error("curvature_per_mm", curvature.span(), message).hint("keep one of the two"))
-            }
-            (None, None) => {
-                let message = format!("surface {number} has no radius");
-                Err(self.missing("radius_mm", placed.span(), message).hint("a plane is `radius_mm = inf`"))
-            }
         }
     }
 
@@ -211,14 +154,22 @@ impl Reader<'_> {
         Ok((list, reference.unwrap_or(DEFAULT_REFERENCE_UM)))
     }
 
-    fn fields(&self, angles: &Spanned<Vec<Placed>>) -> Result<Vec<f64>, FileError> {
+    /// Field angles; only a lens that is not rotationally symmetric has negative ones.
+    fn fields(
+        &self,
+        angles: &Spanned<Vec<Placed>>,
+        lens_is_symmetric: bool,
+    ) -> Result<Vec<f64>, FileError> {
         let mut list = Vec::new();
         for number in angles.get_ref() {
             let value = number.get_ref().0;
-            if !(0.0..90.0).contains(&value) {
-                let message = "a field is an angle from 0 to below 90 degrees";
+            if !(0.0..90.0).contains(&value.abs()) {
+                let message = "a field is an angle below 90 degrees";
+                return Err(self.error("angle_deg", number.span(), message));
+            }
+            if value < 0.0 && lens_is_symmetric {
                 return Err(self
-                    .error("angle_deg", number.span(), message)
+                    .error("angle_deg", number.span(), "a field is an angle from 0 to below 90 degrees")
                     .hint("the lens is symmetric: a negative field is the mirror image"));
             }
             list.push(value);
@@ -260,14 +211,7 @@ impl Reader<'_> {
         for text in texts {
             let surface = self.surface_index(&text.surface, lens)?;
             let key = text.parameter.get_ref();
-            let parameter = parameter_from_key(key).ok_or_else(|| {
-                let message = format!("a surface has no parameter `{key}`");
-                let nearest = parameter_keys()
-                    .min_by_key(|known| strsim::damerau_levenshtein(key, known))
-                    .unwrap_or_default();
-                self.error("parameter", text.parameter.span(), message)
-                    .hint(format!("did you mean `{nearest}`?"))
-            })?;
+            let parameter = self.parameter(&text.parameter, &lens.surfaces[surface])?;
             let (min, max) = (self.finite("min", &text.min)?, self.finite("max", &text.max)?);
             let variable = Variable { surface, parameter, min, max };
             self.check_bounds(text, &variable, lens)?;
@@ -278,6 +222,80 @@ impl Reader<'_> {
             variables.push(variable);
         }
         Ok(variables)
+    }
+
+    /// The number of a surface that a file names.
+    fn parameter(&self, name: &Spanned<String>, surface: &Surface) -> Result<Parameter, FileError> {
+        let key = name.get_ref();
+        let known = parameters(surface);
+        known.iter().find(|(known, _)| known == key).map(|(_, parameter)| *parameter).ok_or_else(|| {
+            let nearest =
+                known.iter().map(|(k, _)| k).min_by_key(|known| strsim::damerau_levenshtein(key, known));
+            let nearest = nearest.map_or("", String::as_str);
+            self.error("parameter", name.span(), format!("the surface has no parameter `{key}`"))
+                .hint(format!("did you mean `{nearest}`?"))
+        })
+    }
+
+    fn pickups(
+        &self,
+        texts: &[PickupText],
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Vec<Pickup>, FileError> {
+        let mut pickups: Vec<Pickup> = Vec::with_capacity(texts.len());
+        for text in texts {
+            let surface = self.surface_index(&text.surface, lens)?;
+            let followed = self.surface_index(&text.follows, lens)?;
+            let parameter = self.parameter(&text.parameter, &lens.surfaces[followed])?;
+            let is_named = |v: &Variable| (v.surface, v.parameter) == (followed, parameter);
+            let name = text.parameter.get_ref();
+            let Some(variable) = variables.iter().position(is_named) else {
+                let message = format!("{name} of surface {} is no variable", followed + 1);
+                return Err(self
+                    .error("follows", text.follows.span(), message)
+                    .hint("a pickup follows a number that a [[variable]] names"));
+            };
+            if parameter.number().read(lens, surface).is_nan() {
+                let message = format!("surface {} has no {name}", surface + 1);
+                return Err(self.error("surface", text.surface.span(), message));
+            }
+            let taken = variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter))
+                || pickups.iter().any(|p| p.surface == surface && variables[p.variable].parameter == parameter);
+            if taken {
+                let message = format!("{name} of surface {} is a variable or follows already", surface + 1);
+                return Err(self.error("surface", text.surface.span(), message));
+            }
+            let number = |key: &str, text: &Option<Placed>, default: f64| {
+                text.as_ref().map_or(Ok(default), |value| self.finite(key, value))
+            };
+            let scale = number("scale", &text.scale, 1.0)?;
+            let offset = number("offset", &text.offset, 0.0)?;
+            pickups.push(Pickup { surface, variable, scale, offset });
+        }
+        Ok(pickups)
+    }
+
+    fn length_solve(
+        &self,
+        file: &LensText,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Option<(usize, f64)>, FileError> {
+        let Some(text) = file.solve.as_ref().and_then(|s| s.length.as_ref()) else { return Ok(None) };
+        let surface = self.surface_index(&text.surface, lens)?;
+        let length_mm = self.positive("length_mm", &text.length_mm)?;
+        if surface + 1 == lens.surfaces.len() {
+            let message = "the last distance is to the image, and the length is that between the vertices";
+            return Err(self.error("surface", text.surface.span(), message));
+        }
+        if variables.iter().any(|v| (v.surface, v.parameter) == (surface, Parameter::Thickness)) {
+            let message = format!("the thickness behind surface {} is a variable already", surface + 1);
+            return Err(self
+                .error("surface", text.surface.span(), message)
+                .hint("a thickness is either solved for or varied"));
+        }
+        Ok(Some((surface, length_mm)))
     }
 
     /// Bounds enclose the lens's own value, and every value between them is a possible one.
@@ -294,9 +312,14 @@ impl Reader<'_> {
                 .error("min", text.min.span(), message)
                 .hint("keep both bounds on the side of the centre of curvature"));
         }
-        if parameter == Parameter::Thickness && min < 0.0 {
+        let (forwards, backwards) = (lens.light_goes_forwards(surface), max > 0.0);
+        if parameter == Parameter::Thickness && forwards && min < 0.0 {
             let message = format!("the bounds of {name} include a negative thickness");
             return Err(self.error("min", text.min.span(), message).hint("the least is 0"));
+        }
+        if parameter == Parameter::Thickness && !forwards && backwards {
+            let message = format!("the bounds of {name} include a positive thickness behind a mirror");
+            return Err(self.error("max", text.max.span(), message).hint("the greatest is 0"));
         }
         // A radius comes back from its curvature with a rounding error, hence the slack.
         let (value, slack) = (parameter.value(lens, surface), 1e-9 * (max - min));
@@ -389,7 +412,17 @@ impl Reader<'_> {
         let thickness = ("thickness_mm", surface.thickness_mm.span());
         let semi_diameter = ("semi_diameter_mm", surface.semi_diameter_mm.span());
         let ((key, span), hint) = match defect {
-            LensDefect::CentreThickness { .. } => (thickness, "the least thickness is 0"),
+            LensDefect::CentreThickness { .. } => {
+                (thickness, "the least thickness is 0; behind an odd number of mirrors distances are negative")
+            }
+            LensDefect::BendsWithoutMirror { .. } => {
+                let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());
+                (("placement", key), "only a mirror bends the axis; let it follow or return")
+            }
+            LensDefect::ThinLens { .. } => {
+                let key = surface.thin_lens.as_ref().map_or(thickness.1.clone(), |p| p.span());
+                (("thin_lens", key), "write `radius_mm = inf` and nothing else")
+            }
             LensDefect::EdgeThickness { .. } | LensDefect::AirGap { .. } => {
                 (thickness, "raise the thickness, or lower the semi-diameters")
             }
@@ -404,20 +437,5 @@ impl Reader<'_> {
             _ => (semi_diameter, "every number of a surface is finite"),
         };
         self.error(key, span, message).hint(hint)
-    }
-}
-
-/// The keys that a `[[variable]]` may name.
-fn parameter_keys() -> impl Iterator<Item = String> {
-    let plain = ["radius_mm", "conic", "thickness_mm"].into_iter().map(String::from);
-    plain.chain((1..=ASPHERE_TERMS).map(|i| format!("a{}", 2 * i)))
-}
-
-fn parameter_from_key(key: &str) -> Option<Parameter> {
-    match key {
-        "radius_mm" => Some(Parameter::Radius),
-        "conic" => Some(Parameter::Conic),
-        "thickness_mm" => Some(Parameter::Thickness),
-        _ => (1..=ASPHERE_TERMS).map(|i| 2 * i).find(|n| key == format!("a{n}")).map(Parameter::Asphere),
     }
 }

@@ -1,5 +1,6 @@
 //! The shape of a lens file as serde reads it, before anything is checked.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Deserialize;
@@ -60,6 +61,8 @@ pub(super) struct LensText {
     pub surface: Vec<Spanned<SurfaceText>>,
     #[serde(default)]
     pub variable: Vec<VariableText>,
+    #[serde(default)]
+    pub pickup: Vec<PickupText>,
     pub solve: Option<SolveText>,
     pub expect: Option<ExpectText>,
 }
@@ -99,10 +102,72 @@ pub(super) struct SurfaceText {
     pub conic: Option<Placed>,
     #[serde(default)]
     pub asphere: AsphereText,
+    pub odd: Option<Spanned<Terms>>,
+    pub xy: Option<Spanned<Terms>>,
+    pub q_bfs: Option<Spanned<ForbesText>>,
+    pub q_con: Option<Spanned<ForbesText>>,
+    pub biconic: Option<Spanned<SectionText>>,
+    pub toroid: Option<Spanned<SectionText>>,
     pub thickness_mm: Placed,
     pub glass: Option<Spanned<String>>,
     pub semi_diameter_mm: Placed,
     pub stop: Option<Spanned<bool>>,
+    pub mirror: Option<Spanned<bool>>,
+    pub thin_lens: Option<Spanned<ThinLensText>>,
+    pub grating: Option<Spanned<GratingText>>,
+    pub binary: Option<Spanned<BinaryText>>,
+    pub placement: Option<Spanned<PlacementText>>,
+}
+
+/// Coefficients by name.
+pub(super) type Terms = BTreeMap<String, Placed>;
+
+/// A Forbes asphere.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ norm_radius_mm = ..., a = [...] }")]
+pub(super) struct ForbesText {
+    pub norm_radius_mm: Placed,
+    pub a: Spanned<Vec<Placed>>,
+}
+
+/// The x-z section of a biconic or a toroid.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ radius_x_mm = ... }")]
+pub(super) struct SectionText {
+    pub radius_x_mm: Option<Placed>,
+    pub curvature_x_per_mm: Option<Placed>,
+    pub conic_x: Option<Placed>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ focal_length_mm = ... }")]
+pub(super) struct ThinLensText {
+    pub focal_length_mm: Option<Placed>,
+    pub power_per_mm: Option<Placed>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ lines_per_mm = ..., order = ... }")]
+pub(super) struct GratingText {
+    pub lines_per_mm: Placed,
+    pub order: i32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ norm_radius_mm = ..., order = ..., a_rad = [...] }")]
+pub(super) struct BinaryText {
+    pub norm_radius_mm: Placed,
+    pub order: i32,
+    pub a_rad: Spanned<Vec<Placed>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ decenter_mm = [x, y], tilt_deg = [x, y, z], axis = ... }")]
+pub(super) struct PlacementText {
+    pub decenter_mm: Option<Spanned<Vec<Placed>>>,
+    pub tilt_deg: Option<Spanned<Vec<Placed>>>,
+    pub tilt_rad: Option<Spanned<Vec<Placed>>>,
+    pub axis: Option<Spanned<String>>,
 }
 
 /// Coefficients of r^2, r^4, ..., r^16 in mm^(1-n).
@@ -139,6 +204,24 @@ pub(super) struct VariableText {
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct SolveText {
     pub efl: Option<EflSolveText>,
+    pub length: Option<LengthSolveText>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "{ surface = ..., length_mm = ... }")]
+pub(super) struct LengthSolveText {
+    pub surface: Spanned<usize>,
+    pub length_mm: Placed,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub(super) struct PickupText {
+    pub surface: Spanned<usize>,
+    pub follows: Spanned<usize>,
+    pub parameter: Spanned<String>,
+    pub scale: Option<Placed>,
+    pub offset: Option<Placed>,
 }
 
 #[derive(Deserialize)]

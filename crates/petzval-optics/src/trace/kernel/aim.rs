@@ -3,6 +3,8 @@
 use pulp::{Simd, WithSimd};
 
 use super::forward::NOT_AIMED;
+use super::frame;
+use super::general;
 use super::surface::{Rays, Tangent, bend, meet, push_forward, slopes};
 use crate::lanes::{Lanes, Mask, V3, along, dispatch, dot, scaled, width};
 use crate::lens::ObjectDistance;
@@ -150,27 +152,51 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
     let mut ok = zero.lt(zero).not();
     let mut hit = at;
     for (i, surface) in sequence.surfaces[..=sequence.stop].iter().enumerate() {
+        if let Some(frame) = &surface.frame {
+            ray = frame::enter(frame, &ray);
+            by = [
+                frame::enter_tangent(frame, &ray, &by[0], None),
+                frame::enter_tangent(frame, &ray, &by[1], None),
+            ];
+        }
         let meeting = meet(surface, &ray);
         ok = ok.and(meeting.ok);
-        let ([x, y, z], d) = (meeting.point, ray.direction);
-        let slope = slopes(surface, meeting.point);
-        let b = bend(surface, slope.normal, d);
+        let ([x, y, _], d) = (meeting.point, ray.direction);
         let before = by;
-        by = [
-            push_forward(&slope, &b, meeting.path, [x, y], d, &before[0], None),
-            push_forward(&slope, &b, meeting.path, [x, y], d, &before[1], None),
-        ];
+        let direction = if surface.is_general {
+            let (after, through) = general::redirect(surface, meeting.point, d);
+            ok = ok.and(through);
+            by = [
+                general::push_forward(surface, meeting.point, d, meeting.path, &before[0], None),
+                general::push_forward(surface, meeting.point, d, meeting.path, &before[1], None),
+            ];
+            after
+        } else {
+            let slope = slopes(surface, meeting.point);
+            let b = bend(surface, slope.normal, d);
+            by = [
+                push_forward(&slope, &b, meeting.path, [x, y], d, &before[0], None),
+                push_forward(&slope, &b, meeting.path, [x, y], d, &before[1], None),
+            ];
+            along(scaled(zero.constant(b.mu), d), b.b, slope.normal)
+        };
         if i == sequence.stop {
             // The direction counts in front of the stop.
             hit = [x, y];
             by[0].direction = before[0].direction;
             by[1].direction = before[1].direction;
+            break;
         }
-        // Where light is totally reflected the root is no number, and neither is what follows.
-        ray = Rays {
-            position: [x, y, z - surface.thickness_mm],
-            direction: along(scaled(zero.constant(b.mu), d), b.b, slope.normal),
-        };
+        // Where a plain surface reflects light totally its direction is no number, and neither is what follows.
+        ray = Rays { position: meeting.point, direction };
+        if let Some(frame) = &surface.frame {
+            by = [
+                frame::leave_tangent(frame, &ray, &by[0], None),
+                frame::leave_tangent(frame, &ray, &by[1], None),
+            ];
+            ray = frame::leave(frame, &ray);
+        }
+        ray.position[2] = ray.position[2] - surface.thickness_mm;
     }
     AtStop { hit, by, ok }
 }

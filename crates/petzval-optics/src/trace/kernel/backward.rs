@@ -16,12 +16,14 @@ use pulp::{Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
 use super::forward::{Arrival, Crossing, SquaredHeights, aperture, is_dead, load, trace_rays};
-use super::surface::{Tangent, bend, slopes};
+use super::frame::{self, FrameSums};
+use super::general::{self, OwnBars, Pulled};
+use super::surface::{Rays, Slopes, Tangent, bend, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
 use crate::lanes::{Lanes, V3, along, dispatch, dot, scaled, width};
-use crate::lens::ASPHERE_TERMS;
+use crate::lens::{ASPHERE_TERMS, DEPARTURE_NUMBERS, PHASE_TERMS, ShapeNumber};
 use crate::trace::ray::RayBundle;
-use crate::trace::sequence::Sequence;
+use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 
 /// What the loss asks of each ray of a bundle; padded as the bundle is.
 #[derive(Clone, Debug, Default)]
@@ -59,7 +61,72 @@ pub(super) const THICKNESS: usize = 2;
 pub(super) const INDEX: usize = 3;
 const SEMI_DIAMETER: usize = 4;
 pub(super) const ASPHERE: usize = 5;
-pub(super) const NUMBERS: usize = ASPHERE + ASPHERE_TERMS;
+const NUMBERS: usize = ASPHERE + ASPHERE_TERMS;
+
+/// Numbers that only some surfaces have, as indices into what comes after.
+pub(super) const DEPARTURE: usize = NUMBERS;
+pub(super) const PHASE: usize = DEPARTURE + DEPARTURE_NUMBERS;
+pub(super) const POWER: usize = PHASE + PHASE_TERMS;
+const TORQUE: usize = POWER + 1;
+const DECENTER: usize = TORQUE + 3;
+const ALL_NUMBERS: usize = DECENTER + 2;
+
+/// Cotangents of the numbers of a surface, summed over rays.
+#[derive(Clone)]
+pub(super) struct Sums<S: Simd> {
+    plain: [Lanes<S>; NUMBERS],
+    /// Those of the numbers from [`DEPARTURE`] on; empty where the surface has none of them.
+    special: Vec<Lanes<S>>,
+}
+
+impl<S: Simd> Sums<S> {
+    /// Zeros for every surface.
+    #[inline(always)]
+    pub fn of(sequence: &Sequence, zero: Lanes<S>) -> Vec<Self> {
+        let mut all = Vec::with_capacity(sequence.surfaces.len());
+        for s in &sequence.surfaces {
+            let special = if s.is_general || s.frame.is_some() { ALL_NUMBERS - NUMBERS } else { 0 };
+            all.push(Self { plain: [zero; NUMBERS], special: vec![zero; special] });
+        }
+        all
+    }
+
+    /// Back to zeros.
+    #[inline(always)]
+    pub fn clear(&mut self, zero: Lanes<S>) {
+        self.plain.fill(zero);
+        self.special.fill(zero);
+    }
+
+    /// The sum of a number; zero for one that the surface does not have.
+    #[inline(always)]
+    pub fn get(&self, number: usize, zero: Lanes<S>) -> Lanes<S> {
+        match number {
+            0..NUMBERS => self.plain[number],
+            _ => self.special.get(number - NUMBERS).copied().unwrap_or(zero),
+        }
+    }
+
+    /// Adds to the sum of a number that the surface has.
+    #[inline(always)]
+    pub fn add(&mut self, number: usize, value: Lanes<S>) {
+        match number {
+            0..NUMBERS => self.plain[number] += value,
+            _ => self.special[number - NUMBERS] += value,
+        }
+    }
+}
+
+/// The index of a number of the shape.
+#[inline(always)]
+pub(super) fn slot(number: ShapeNumber) -> usize {
+    match number {
+        ShapeNumber::Curvature => CURVATURE,
+        ShapeNumber::Conic => CONIC,
+        ShapeNumber::Asphere(j) => ASPHERE + j,
+        ShapeNumber::Departure(k) => DEPARTURE + k,
+    }
+}
 
 /// Re-aiming of the rays of one vector.
 pub(super) struct ReaimLanes<S: Simd> {
@@ -130,25 +197,44 @@ pub(super) struct Swept<S: Simd> {
     asked_in_front: bool,
 }
 
+/// Where a backward sweep starts.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum From {
+    /// Behind the last surface of the tape, in the coordinates of the axis.
+    Behind,
+    /// On it, in its own coordinates.
+    Surface,
+}
+
 /// The backward sweep from the last surface of `tape`, given cotangents of the point on it and of the direction behind it;
 /// adds to `sums`.
 #[inline(always)]
 pub(super) fn sweep<S: Simd>(
     sequence: &Sequence,
     tape: &[Crossing<S>],
+    from: From,
     (mut point_bar, mut direction_bar): (V3<S>, V3<S>),
     transmission_bar: Option<Lanes<S>>,
     heights_bar: &[(usize, Lanes<S>)],
     reaim: Option<&ReaimLanes<S>>,
-    sums: &mut [[Lanes<S>; NUMBERS]],
+    sums: &mut [Sums<S>],
 ) -> Swept<S> {
     let zero = point_bar[0].constant(0.0);
     let (mut stop_bar, mut asked_in_front) = (zero, false);
     for i in (0..tape.len()).rev() {
         let (surface, crossing) = (&sequence.surfaces[i], &tape[i]);
         let ([x, y, _], d) = (crossing.point, crossing.direction);
-        let slope = slopes(surface, crossing.point);
-        let (n, u) = (slope.normal, slope.u);
+        if let Some(frame) = &surface.frame
+            && (i + 1 < tape.len() || from == From::Behind)
+        {
+            let after = Rays { position: crossing.point, direction: redirect(surface, crossing.point, d).0 };
+            let behind = Tangent { position: point_bar, direction: direction_bar };
+            let mut asked = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
+            let on = frame::pull_back_leave(frame, &after, &behind, &mut asked);
+            (point_bar, direction_bar) = (on.position, on.direction);
+            add_frame(&asked, &mut sums[i]);
+        }
+        let u = x.mul_add(x, y * y);
 
         // The clear aperture: transmission falls with the radius at which the ray passes.
         if let Some(bar) = transmission_bar
@@ -159,7 +245,7 @@ pub(super) fn sweep<S: Simd>(
             let g = through.select(bar / through.select(share, zero.constant(1.0)) * by_radius, zero);
             point_bar[0] += g * x;
             point_bar[1] += g * y;
-            sums[i][SEMI_DIAMETER] -= g * u.sqrt();
+            sums[i].plain[SEMI_DIAMETER] -= g * u.sqrt();
             asked_in_front |= i < sequence.stop;
         }
 
@@ -170,26 +256,42 @@ pub(super) fn sweep<S: Simd>(
             asked_in_front |= i < sequence.stop;
         }
 
-        // Refraction, and the normal, which turns with the slopes z_x = 2 x z'(u), z_y = 2 y z'(u).
-        let b = bend(surface, n, d);
-        let (mu, g) = (zero.constant(b.mu), b.g);
-        let root_bar = dot(direction_bar, n) * b.per_q;
-        let by_root = root_bar * b.per_root;
-        let g_bar = by_root * g * (b.mu * b.mu) - root_bar * mu;
-        let q_bar = by_root * (0.5 * (1.0 - b.mu * b.mu)) - root_bar * b.b;
-        let mu_bar = dot(direction_bar, d) - root_bar * g + by_root * mu * (g * g - b.q);
-        let mut before_bar = along(scaled(mu, direction_bar), g_bar, n);
-        let n_bar = along(along(scaled(b.b, direction_bar), g_bar, d), q_bar + q_bar, n);
-        sums[i][INDEX] -= mu_bar * (b.mu / surface.n_after);
-        if i > 0 {
-            sums[i - 1][INDEX] += mu_bar * (1.0 / surface.n_after);
+        // Bending, and the normal, which turns with the slopes of the sag.
+        let mut before_bar;
+        let (n, approach);
+        let own;
+        if surface.is_general {
+            let pulled = general::pull_back(surface, crossing.point, d, direction_bar);
+            add_indices(&pulled.mu, Some(&pulled.n_after), surface, i, sums);
+            for axis in 0..3 {
+                point_bar[axis] += pulled.point[axis];
+            }
+            (n, approach) = (pulled.normal, pulled.approach);
+            before_bar = pulled.before;
+            own = OwnCotangent::General(pulled);
+        } else {
+            let slope = slopes(surface, crossing.point);
+            n = slope.normal;
+            let b = bend(surface, n, d);
+            let (mu, g) = (zero.constant(b.mu), b.g);
+            let root_bar = dot(direction_bar, n) * b.per_q;
+            let by_root = root_bar * b.per_root;
+            let g_bar = by_root * g * (b.mu * b.mu) - root_bar * mu;
+            let q_bar = by_root * (0.5 * (1.0 - b.mu * b.mu)) - root_bar * b.b;
+            let mu_bar = dot(direction_bar, d) - root_bar * g + by_root * mu * (g * g - b.q);
+            before_bar = along(scaled(mu, direction_bar), g_bar, n);
+            let n_bar = along(along(scaled(b.b, direction_bar), g_bar, d), q_bar + q_bar, n);
+            add_indices(&mu_bar, None, surface, i, sums);
+            // z_x = 2 x z'(u), z_y = 2 y z'(u).
+            let (slope_x_bar, slope_y_bar) = (-n_bar[0], -n_bar[1]);
+            let first_bar = (slope_x_bar * x + slope_y_bar * y) * 2.0;
+            let by_radius = first_bar * slope.second * 2.0;
+            let twice = slope.first + slope.first;
+            point_bar[0] += twice.mul_add(slope_x_bar, by_radius * x);
+            point_bar[1] += twice.mul_add(slope_y_bar, by_radius * y);
+            approach = g;
+            own = OwnCotangent::Plain(slope, first_bar);
         }
-        let (slope_x_bar, slope_y_bar) = (-n_bar[0], -n_bar[1]);
-        let first_bar = (slope_x_bar * x + slope_y_bar * y) * 2.0;
-        let by_radius = first_bar * slope.second * 2.0;
-        let twice = slope.first + slope.first;
-        point_bar[0] += twice.mul_add(slope_x_bar, by_radius * x);
-        point_bar[1] += twice.mul_add(slope_y_bar, by_radius * y);
 
         // Launch points follow the lens, so that the point in the stop stays.
         if i == sequence.stop
@@ -203,36 +305,113 @@ pub(super) fn sweep<S: Simd>(
         }
 
         // Meeting the surface.
-        let alpha = dot(point_bar, d) / g;
-        let entry_bar = along(point_bar, -alpha, n);
+        let alpha = dot(point_bar, d) / approach;
+        let mut entry_bar = along(point_bar, -alpha, n);
         before_bar = along(before_bar, crossing.path, entry_bar);
 
         // The surface's own numbers enter by its sag (alpha) and by its slope.
-        let (c, w) = (surface.shape.curvature, slope.w);
-        let per_w = slope.per_w;
-        let per_w3 = per_w * per_w * per_w;
-        let per_sum = per_w / (w + 1.0);
-        sums[i][CURVATURE] += alpha * u * per_sum + first_bar * per_w3 * 0.5;
-        if c != 0.0 {
-            // z_k = c^3 u^2 / (2 w (1 + w)^2), z'_k = c^3 u / (4 w^3).
-            let by_sag = alpha * u * per_sum * per_sum * w * 2.0;
-            sums[i][CONIC] += (by_sag + first_bar * per_w3) * u * (0.25 * c * c * c);
+        match &own {
+            OwnCotangent::Plain(slope, first_bar) => add_plain(surface, slope, alpha, *first_bar, &mut sums[i]),
+            OwnCotangent::General(pulled) => {
+                let bars = general::own_bars(surface, crossing.point, d, pulled, alpha);
+                add_general(&bars, alpha.simd(), &mut sums[i]);
+            }
         }
-        let (mut by_sag, mut by_slope) = (alpha * u, first_bar);
-        for (j, sum) in sums[i][ASPHERE..].iter_mut().enumerate() {
-            *sum += by_slope.mul_add(zero.constant((j + 1) as f64), by_sag);
-            by_sag = by_sag * u;
-            by_slope = by_slope * u;
+
+        if let Some(frame) = &surface.frame {
+            let bar = Tangent { position: entry_bar, direction: before_bar };
+            let mut asked = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
+            let on_axis = frame::pull_back_enter(frame, &crossing.entry(), &bar, &mut asked);
+            (entry_bar, before_bar) = (on_axis.position, on_axis.direction);
+            add_frame(&asked, &mut sums[i]);
         }
 
         // Back to the vertex before: p = q_previous - (0, 0, thickness).
         if i > 0 {
-            sums[i - 1][THICKNESS] -= entry_bar[2];
+            sums[i - 1].plain[THICKNESS] -= entry_bar[2];
         }
         point_bar = entry_bar;
         direction_bar = before_bar;
     }
     Swept { launch: Tangent { position: point_bar, direction: direction_bar }, stop_bar, asked_in_front }
+}
+
+/// What the numbers of a surface need to know of a sweep.
+enum OwnCotangent<S: Simd> {
+    /// The slopes of the sag, and the cotangent of dz/du.
+    Plain(Slopes<S>, Lanes<S>),
+    /// What the general formulas ask.
+    General(Pulled<S>),
+}
+
+/// Adds to the indices on both sides what is asked of `mu = n_before / n_after` and of the index behind.
+#[inline(always)]
+fn add_indices<S: Simd>(
+    mu_bar: &Lanes<S>,
+    n_after_bar: Option<&Lanes<S>>,
+    surface: &SurfaceAtWavelength,
+    i: usize,
+    sums: &mut [Sums<S>],
+) {
+    let mu = surface.n_before / surface.n_after;
+    sums[i].plain[INDEX] -= *mu_bar * (mu / surface.n_after);
+    if let Some(bar) = n_after_bar {
+        sums[i].plain[INDEX] += *bar;
+    }
+    if i > 0 {
+        sums[i - 1].plain[INDEX] += *mu_bar * (1.0 / surface.n_after);
+    }
+}
+
+/// Adds what is asked of the numbers of a conic with an even polynomial, by its sag and by dz/du.
+#[inline(always)]
+fn add_plain<S: Simd>(
+    surface: &SurfaceAtWavelength,
+    slope: &Slopes<S>,
+    alpha: Lanes<S>,
+    first_bar: Lanes<S>,
+    sums: &mut Sums<S>,
+) {
+    let sums = &mut sums.plain;
+    let (c, u, w) = (surface.shape.curvature, slope.u, slope.w);
+    let per_w = slope.per_w;
+    let per_w3 = per_w * per_w * per_w;
+    let per_sum = per_w / (w + 1.0);
+    sums[CURVATURE] += alpha * u * per_sum + first_bar * per_w3 * 0.5;
+    if c != 0.0 {
+        // z_k = c^3 u^2 / (2 w (1 + w)^2), z'_k = c^3 u / (4 w^3).
+        let by_sag = alpha * u * per_sum * per_sum * w * 2.0;
+        sums[CONIC] += (by_sag + first_bar * per_w3) * u * (0.25 * c * c * c);
+    }
+    let (mut by_sag, mut by_slope) = (alpha * u, first_bar);
+    for (j, sum) in sums[ASPHERE..].iter_mut().enumerate() {
+        *sum += by_slope.mul_add(u.constant((j + 1) as f64), by_sag);
+        by_sag = by_sag * u;
+        by_slope = by_slope * u;
+    }
+}
+
+/// Adds what is asked of the numbers of any shape, and of those that bend light.
+#[inline(always)]
+fn add_general<S: Simd>(bars: &OwnBars, simd: S, sums: &mut Sums<S>) {
+    for (number, bar) in &bars.shape {
+        sums.add(slot(*number), Lanes::load(simd, bar));
+    }
+    for (k, bar) in bars.phase.iter().enumerate() {
+        sums.add(PHASE + k, Lanes::load(simd, bar));
+    }
+    sums.add(POWER, Lanes::load(simd, &bars.power));
+}
+
+/// Adds what is asked of a frame.
+#[inline(always)]
+fn add_frame<S: Simd>(asked: &FrameSums<S>, sums: &mut Sums<S>) {
+    for (k, bar) in asked.torque.into_iter().enumerate() {
+        sums.add(TORQUE + k, bar);
+    }
+    for (k, bar) in asked.decenter.into_iter().enumerate() {
+        sums.add(DECENTER + k, bar);
+    }
 }
 
 struct PullBack<'a> {
@@ -251,7 +430,7 @@ impl WithSimd for PullBack<'_> {
         let Self { sequence, launched, seeds, gradient, .. } = self;
         let zero = Lanes::splat(simd, 0.0);
         let last = sequence.surfaces.len() - 1;
-        let mut sums = vec![[zero; NUMBERS]; last + 1];
+        let mut sums = Sums::of(sequence, zero);
         let mut tape = Vec::with_capacity(last + 1);
         let mut heights_bar = Vec::with_capacity(seeds.heights.len());
         let mut stop_bar = zero;
@@ -266,7 +445,7 @@ impl WithSimd for PullBack<'_> {
             let light_bar = dead.select(zero, Lanes::load(simd, &seeds.transmission[at..]));
             let transmission_bar = light_bar * arrival.transmission;
             let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, [x, y]);
-            sums[last][THICKNESS] += thickness_bar;
+            sums[last].plain[THICKNESS] += thickness_bar;
             let wants_light = transmission_bar.lt(zero).or(zero.lt(transmission_bar)).any();
             // A closure would be compiled without the vector instructions.
             #[expect(clippy::manual_map, reason = "closures do not inherit target features")]
@@ -282,6 +461,7 @@ impl WithSimd for PullBack<'_> {
             let swept = sweep(
                 sequence,
                 &tape,
+                From::Behind,
                 (point_bar, direction_bar),
                 light,
                 &heights_bar,
@@ -303,25 +483,53 @@ impl WithSimd for PullBack<'_> {
                 let [qx, qy, _] = tape[stop].point;
                 stop_bar -= lx * qx + ly * qy;
                 let nothing = [zero; 3];
-                sweep(sequence, &tape[..=stop], ([lx, ly, zero], nothing), None, &[], None, &mut sums);
+                let bars = ([lx, ly, zero], nothing);
+                sweep(sequence, &tape[..=stop], From::Surface, bars, None, &[], None, &mut sums);
             }
         }
-        for (sums, to) in sums.iter().zip(&mut gradient.surfaces) {
-            add(sums, to);
+        let mut index_bar = Vec::with_capacity(last + 1);
+        for sums in &sums {
+            index_bar.push(sums.plain[INDEX].sum());
+        }
+        for (i, to) in gradient.surfaces.iter_mut().enumerate() {
+            add(&sums[i], &sequence.surfaces[i], to);
+            to.index += sequence.glass_index_bar(i, |j| index_bar[j]);
         }
         stop_bar.sum()
     }
 }
 
+/// Adds the sums of a surface, but for the index.
 #[inline(always)]
-fn add<S: Simd>(sums: &[Lanes<S>; NUMBERS], to: &mut SurfaceGradient) {
-    to.curvature += sums[CURVATURE].sum();
-    to.conic += sums[CONIC].sum();
-    to.thickness += sums[THICKNESS].sum();
-    to.index += sums[INDEX].sum();
-    to.semi_diameter += sums[SEMI_DIAMETER].sum();
-    for (a, sum) in to.asphere.iter_mut().zip(&sums[ASPHERE..]) {
+fn add<S: Simd>(sums: &Sums<S>, surface: &SurfaceAtWavelength, to: &mut SurfaceGradient) {
+    let plain = &sums.plain;
+    to.curvature += plain[CURVATURE].sum();
+    to.conic += plain[CONIC].sum();
+    to.thickness += plain[THICKNESS].sum();
+    to.semi_diameter += plain[SEMI_DIAMETER].sum();
+    for (a, sum) in to.asphere.iter_mut().zip(&plain[ASPHERE..]) {
         *a += sum.sum();
+    }
+    if sums.special.is_empty() {
+        return;
+    }
+    let mut all = [0.0; ALL_NUMBERS];
+    for (to, sum) in all[NUMBERS..].iter_mut().zip(&sums.special) {
+        *to = sum.sum();
+    }
+    for (k, to) in to.departure.iter_mut().enumerate() {
+        *to += all[DEPARTURE + k];
+    }
+    for (k, to) in to.phase.iter_mut().enumerate() {
+        *to += all[PHASE + k];
+    }
+    to.power += all[POWER];
+    if let Some(frame) = &surface.frame {
+        to.decenter[0] += all[DECENTER];
+        to.decenter[1] += all[DECENTER + 1];
+        for (to, omega) in to.tilt.iter_mut().zip(frame::omegas(frame)) {
+            *to += (0..3).map(|k| omega[k] * all[TORQUE + k]).sum::<f64>();
+        }
     }
 }
 

@@ -2,7 +2,8 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::surface::{Rays, meet, refract};
+use super::frame;
+use super::surface::{Rays, meet, redirect};
 use crate::lanes::{Lanes, Mask, V3, along, dispatch, width};
 use crate::trace::SOFT_EDGE_MM;
 use crate::trace::ray::{Fate, RayBundle};
@@ -48,10 +49,18 @@ pub(crate) fn fate(code: f64) -> Fate {
 pub(super) struct Crossing<S: Simd> {
     /// Direction in front of the surface.
     pub direction: V3<S>,
-    /// Point on the surface, in its own vertex coordinates.
+    /// Point on the surface; like the direction, in the surface's own coordinates.
     pub point: V3<S>,
     /// Path travelled to it.
     pub path: Lanes<S>,
+}
+
+impl<S: Simd> Crossing<S> {
+    /// The rays where they came from the vertex plane of the axis, in the surface's coordinates.
+    #[inline(always)]
+    pub fn entry(&self) -> Rays<S> {
+        Rays { position: along(self.point, -self.path, self.direction), direction: self.direction }
+    }
 }
 
 /// Rays at the image plane.
@@ -119,6 +128,9 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
     let mut optical_path = zero;
     tape.clear();
     for (i, surface) in sequence.surfaces.iter().enumerate() {
+        if let Some(frame) = &surface.frame {
+            ray = frame::enter(frame, &ray);
+        }
         let meeting = meet(surface, &ray);
         let (mut point, mut before) = (meeting.point, ray.direction);
         optical_path = meeting.path.mul_add(zero.constant(surface.n_before), optical_path);
@@ -131,7 +143,10 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
                 fate = newly.select(zero.constant(clipped_at(i)), fate);
             }
         }
-        let (direction, refracted) = refract(surface, point, before);
+        let (direction, refracted) = redirect(surface, point, before);
+        if surface.is_general {
+            optical_path += surface.added_path_mm([point[0], point[1]]);
+        }
         let mut after = Rays { position: point, direction };
         let ok = meeting.ok.and(refracted);
         if !ok.all() {
@@ -145,6 +160,9 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
         }
         if TAPE {
             tape.push(Crossing { direction: before, point, path: ok.select(meeting.path, zero) });
+        }
+        if let Some(frame) = &surface.frame {
+            after = frame::leave(frame, &after);
         }
         after.position[2] = after.position[2] - surface.thickness_mm;
         ray = after;

@@ -5,37 +5,26 @@ use pulp::{Simd, WithSimd};
 
 use super::aim::AimedRays;
 use super::backward::{
-    ASPHERE, CONIC, CURVATURE, INDEX, NUMBERS, Reaim, ReaimLanes, THICKNESS, from_image, sweep,
+    From, INDEX, PHASE, POWER, Reaim, ReaimLanes, Sums, THICKNESS, from_image, slot, sweep,
 };
 use super::forward::{fate, load, trace_rays};
 use crate::lanes::{Lanes, dispatch, width};
+use crate::lens::ShapeNumber;
+use crate::number::Number;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 
-/// A number of a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Number {
-    /// Vertex curvature, 1/mm.
-    Curvature,
-    /// Conic constant.
-    Conic,
-    /// Coefficient of r^(2 + 2 j).
-    Asphere(usize),
-    /// Distance to the next vertex, mm.
-    Thickness,
-    /// Index of the medium behind.
-    Index,
-}
-
-impl Number {
-    fn slot(self) -> usize {
-        match self {
-            Self::Curvature => CURVATURE,
-            Self::Conic => CONIC,
-            Self::Asphere(j) => ASPHERE + j,
-            Self::Thickness => THICKNESS,
-            Self::Index => INDEX,
-        }
+/// Where the sums of a number are.
+fn slot_of(number: Number) -> usize {
+    match number {
+        Number::Curvature => slot(ShapeNumber::Curvature),
+        Number::Conic => slot(ShapeNumber::Conic),
+        Number::Asphere(j) => slot(ShapeNumber::Asphere(j)),
+        Number::Departure(k) => slot(ShapeNumber::Departure(k)),
+        Number::Thickness => THICKNESS,
+        Number::Index => INDEX,
+        Number::Phase(k) => PHASE + k,
+        Number::Power => POWER,
     }
 }
 
@@ -48,6 +37,17 @@ pub struct LandingJacobian {
     pub by: Vec<[Vec<f64>; 2]>,
     /// Whether every ray reaches the image.
     pub complete: bool,
+}
+
+/// What is asked of the glass behind a surface: mirrors that follow have it behind them too.
+#[inline(always)]
+fn index_sum<S: Simd>(sequence: &Sequence, surface: usize, sums: &[Sums<S>], zero: Lanes<S>) -> Lanes<S> {
+    let mut total = zero;
+    for (i, sums) in sums.iter().enumerate() {
+        let share = sequence.glass_index_bar(surface, |j| if i == j { 1.0 } else { 0.0 });
+        total += sums.get(INDEX, zero) * share;
+    }
+    total
 }
 
 struct Jacobian<'a> {
@@ -66,7 +66,7 @@ impl WithSimd for Jacobian<'_> {
         let Self { sequence, launched, aimed, numbers, out } = self;
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let last = sequence.surfaces.len() - 1;
-        let mut sums = vec![[zero; NUMBERS]; last + 1];
+        let mut sums = Sums::of(sequence, zero);
         let mut tape = Vec::with_capacity(last + 1);
         let nothing = vec![0.0; RayBundle::padded(launched.len())];
         let mut fates = nothing.clone();
@@ -78,14 +78,21 @@ impl WithSimd for Jacobian<'_> {
             let reaim = ReaimLanes::load(simd, &reaim, at);
             for axis in 0..2 {
                 arrival.ray.position[axis].store(&mut out.landing[axis][at..]);
-                sums.fill([zero; NUMBERS]);
+                for sums in &mut sums {
+                    sums.clear(zero);
+                }
                 let seed = if axis == 0 { [one, zero] } else { [zero, one] };
                 let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, seed);
-                sums[last][THICKNESS] += thickness_bar;
+                sums[last].add(THICKNESS, thickness_bar);
                 let bars = (point_bar, direction_bar);
-                let swept = sweep(sequence, &tape, bars, None, &[], Some(&reaim), &mut sums);
+                let swept =
+                    sweep(sequence, &tape, From::Behind, bars, None, &[], Some(&reaim), &mut sums);
                 for (by, (surface, number)) in out.by.iter_mut().zip(numbers) {
-                    sums[*surface][number.slot()].store(&mut by[axis][at..]);
+                    let mut sum = sums[*surface].get(slot_of(*number), zero);
+                    if *number == Number::Index {
+                        sum = index_sum(sequence, *surface, &sums, zero);
+                    }
+                    sum.store(&mut by[axis][at..]);
                 }
                 if let Some(by_stop) = out.by.last_mut() {
                     swept.stop_bar.store(&mut by_stop[axis][at..]);

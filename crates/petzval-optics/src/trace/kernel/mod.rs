@@ -5,6 +5,8 @@
 mod aim;
 mod backward;
 mod forward;
+mod frame;
+mod general;
 mod jacobian;
 mod surface;
 mod tangent;
@@ -12,7 +14,7 @@ mod tangent;
 pub use aim::AimedRays;
 pub use backward::{Reaim, Seeds, pull_back};
 pub use forward::{SquaredHeights, trace, trace_with_heights};
-pub use jacobian::{LandingJacobian, Number, landing_jacobian};
+pub use jacobian::{LandingJacobian, landing_jacobian};
 pub use tangent::{RayTangents, push_change};
 
 pub(crate) use forward::fate;

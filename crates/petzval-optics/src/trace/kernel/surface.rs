@@ -7,6 +7,8 @@
 use pulp::Simd;
 
 use crate::lanes::{Lanes, Mask, V3, along, dot, scaled};
+use super::general;
+use crate::lens::Departure;
 use crate::trace::sequence::SurfaceAtWavelength;
 
 /// Newton steps allowed for an asphere; a well-posed ray needs two or three.
@@ -58,6 +60,9 @@ fn polynomial_slopes<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> (Lanes<S>
 /// Follows rays to the surface.
 #[inline(always)]
 pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
+    if s.is_general && s.shape.departure != Departure::None {
+        return general::follow(s, ray);
+    }
     let (c, k) = (s.shape.curvature, s.shape.conic);
     let (p, d) = (ray.position, ray.direction);
     let zero = p[0].constant(0.0);
@@ -133,11 +138,20 @@ fn normal<S: Simd>(s: &SurfaceAtWavelength, q: V3<S>) -> (V3<S>, Option<Lanes<S>
     (n, Some(dot(n, n)))
 }
 
-/// Direction behind the surface, and where light gets through (elsewhere it is totally reflected).
+/// Direction behind a surface, and where light gets through (elsewhere it is totally reflected).
+#[inline(always)]
+pub(super) fn redirect<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, d: V3<S>) -> (V3<S>, Mask<S>) {
+    if s.is_general {
+        return general::redirect(s, point, d);
+    }
+    refract(s, point, d)
+}
+
+/// [`redirect`] by Snell's law, for shapes without a departure.
 ///
 /// Snell's law `d' = mu d + b N` with a normal N of any length: `b = (sqrt(N.N (1 - mu^2) + mu^2 (N.d)^2) - mu N.d) / N.N`.
 #[inline(always)]
-pub(super) fn refract<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, d: V3<S>) -> (V3<S>, Mask<S>) {
+fn refract<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, d: V3<S>) -> (V3<S>, Mask<S>) {
     let mu = s.n_before / s.n_after;
     let zero = d[0].constant(0.0);
     if mu == 1.0 {

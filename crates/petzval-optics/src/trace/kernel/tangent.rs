@@ -4,11 +4,13 @@ use pulp::{Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
 use super::forward::{Crossing, aperture, is_dead, load, trace_rays};
-use super::surface::{OwnTangent, Slopes, Tangent, bend, push_forward, slopes};
+use super::frame::{self, FrameChange};
+use super::general;
+use super::surface::{OwnTangent, Rays, Slopes, Tangent, bend, push_forward, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
 use crate::lanes::{Lanes, along, dispatch, width};
 use crate::trace::ray::RayBundle;
-use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
+use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 
 /// How the rays of a bundle move; padded as the bundle is.
 #[derive(Clone, Debug, Default)]
@@ -44,15 +46,31 @@ fn own<S: Simd>(
     OwnTangent { sag, first, mu: u.constant(mu) }
 }
 
+/// Change of the signed index behind a surface.
+fn index_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
+    sequence.index_change(i, |glass| change.surfaces[glass].index)
+}
+
 /// Change of `n_before / n_after` at a surface.
 fn mu_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
     let s = &sequence.surfaces[i];
-    let before = if i > 0 { change.surfaces[i - 1].index } else { 0.0 };
-    (before - s.n_before / s.n_after * change.surfaces[i].index) / s.n_after
+    let before = if i > 0 { index_change(sequence, change, i - 1) } else { 0.0 };
+    (before - s.n_before / s.n_after * index_change(sequence, change, i)) / s.n_after
 }
 
-/// A tangent carried along a tape to the last of its surfaces: point there, direction in front, direction behind, and the
-/// relative change of the transmission.
+/// How the frame of a surface moves.
+fn frame_change(frame: &Frame, change: &SurfaceGradient) -> FrameChange {
+    let mut omega = [0.0; 3];
+    for (by, tilt) in frame::omegas(frame).iter().zip(change.tilt) {
+        for axis in 0..3 {
+            omega[axis] += by[axis] * tilt;
+        }
+    }
+    FrameChange { decenter: change.decenter, omega }
+}
+
+/// A tangent carried along a tape to behind the last of its surfaces, in the coordinates of that surface, and the relative
+/// change of the transmission.
 #[inline(always)]
 fn carry<S: Simd>(
     sequence: &Sequence,
@@ -66,24 +84,56 @@ fn carry<S: Simd>(
     for (i, crossing) in tape.iter().enumerate() {
         let surface = &sequence.surfaces[i];
         if i > 0 {
+            tangent = to_axis(sequence, change, i - 1, &tape[i - 1], &tangent);
             tangent.position[2] = tangent.position[2] - change.surfaces[i - 1].thickness;
         }
         let ([x, y, _], d) = (crossing.point, crossing.direction);
-        let slope = slopes(surface, crossing.point);
-        let b = bend(surface, slope.normal, d);
-        let own = own(surface, &slope, &change.surfaces[i], mu_change(sequence, change, i));
-        tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
+        if let Some(frame) = &surface.frame {
+            let change = frame_change(frame, &change.surfaces[i]);
+            tangent = frame::enter_tangent(frame, &crossing.entry(), &tangent, Some(&change));
+        }
+        if surface.is_general {
+            let change = general::Change {
+                own: &change.surfaces[i],
+                mu: mu_change(sequence, change, i),
+                n_after: index_change(sequence, change, i),
+            };
+            tangent =
+                general::push_forward(surface, crossing.point, d, crossing.path, &tangent, Some(change));
+        } else {
+            let slope = slopes(surface, crossing.point);
+            let b = bend(surface, slope.normal, d);
+            let own = own(surface, &slope, &change.surfaces[i], mu_change(sequence, change, i));
+            tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
+        }
+        let u = x.mul_add(x, y * y);
         if i != sequence.stop
-            && let Some((share, by_radius)) = aperture(surface, slope.u)
+            && let Some((share, by_radius)) = aperture(surface, u)
         {
             // by_radius is dT/dr / r.
             let outward = x * tangent.position[0] + y * tangent.position[1]
-                - slope.u.sqrt() * change.surfaces[i].semi_diameter;
+                - u.sqrt() * change.surfaces[i].semi_diameter;
             let through = zero.lt(share);
             light += through.select(by_radius * outward / through.select(share, zero.constant(1.0)), zero);
         }
     }
     (tangent, light)
+}
+
+/// A tangent in the coordinates of the axis behind a surface.
+#[inline(always)]
+fn to_axis<S: Simd>(
+    sequence: &Sequence,
+    change: &LensGradient,
+    i: usize,
+    crossing: &Crossing<S>,
+    tangent: &Tangent<S>,
+) -> Tangent<S> {
+    let surface = &sequence.surfaces[i];
+    let Some(frame) = &surface.frame else { return *tangent };
+    let direction = redirect(surface, crossing.point, crossing.direction).0;
+    let ray = Rays { position: crossing.point, direction };
+    frame::leave_tangent(frame, &ray, tangent, Some(&frame_change(frame, &change.surfaces[i])))
 }
 
 struct PushForward<'a> {
@@ -126,6 +176,7 @@ impl WithSimd for PushForward<'_> {
                 };
             }
             let (end, light) = carry(sequence, change, &tape, start);
+            let end = to_axis(sequence, change, last, &tape[last], &end);
             // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
             let d = arrival.ray.direction;
             let moved = along(end.position, arrival.run, end.direction);

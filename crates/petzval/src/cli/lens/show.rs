@@ -58,7 +58,8 @@ fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, Failure> {
 /// Everything that is shown.
 struct Figures {
     order: FirstOrder,
-    seidel: [f64; 5],
+    /// `None` where third-order theory has no formulas for a surface.
+    seidel: Option<[f64; 5]>,
     /// Through the real stop, weighed by the light of each ray.
     spots: Vec<FieldSpot>,
     /// Over the paraxial entrance pupil, as tables print it.
@@ -119,7 +120,7 @@ fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
     Ok(Figures {
         warnings: warnings(lens, &order, &quadrature),
         order,
-        seidel: seidel_total(&reference, full_field).s,
+        seidel: seidel_total(&reference, full_field).map(|total| total.s),
         spots,
         printed,
     })
@@ -170,10 +171,9 @@ fn to_json(lens: &Lens, found: &Figures) -> Value {
         "rms_spot_real_stop_um": spots().map(|s| s.rms_um.clone()).collect::<Vec<_>>(),
         "rms_spot_poly_real_stop_um": spots().map(|s| s.rms_poly_um).collect::<Vec<_>>(),
         "relative_illumination": spots().map(|s| s.illumination.clone()).collect::<Vec<_>>(),
-        "seidel": {
-            "S1": found.seidel[0], "S2": found.seidel[1], "S3": found.seidel[2],
-            "S4": found.seidel[3], "S5": found.seidel[4],
-        },
+        "seidel": found.seidel.map(|[s1, s2, s3, s4, s5]| {
+            json!({ "S1": s1, "S2": s2, "S3": s3, "S4": s4, "S5": s5 })
+        }),
         "warnings": found.warnings,
         "surfaces": lens.surfaces.iter().enumerate().map(|(i, s)| json!({
             "surface": i + 1,
@@ -233,8 +233,12 @@ fn print(lens: &Lens, found: &Figures) {
     println!("  total track         {track:>9.4} mm to the paraxial focus");
     let defocus = lens.image_distance_mm() - o.image_distance_mm;
     println!("  image plane         {defocus:>+9.4} mm from the paraxial focus");
-    let [s1, s2, s3, s4, s5] = found.seidel;
-    println!("\n  Seidel sums, mm     S1 {s1:+.5}  S2 {s2:+.5}  S3 {s3:+.5}  S4 {s4:+.5}  S5 {s5:+.5}");
+    match found.seidel {
+        Some([s1, s2, s3, s4, s5]) => println!(
+            "\n  Seidel sums, mm     S1 {s1:+.5}  S2 {s2:+.5}  S3 {s3:+.5}  S4 {s4:+.5}  S5 {s5:+.5}"
+        ),
+        None => println!("\n  Seidel sums         not defined for thin lenses and diffractive power"),
+    }
     println!("\n  RMS spot radius, um, all wavelengths");
     println!("  field deg   paraxial pupil   real stop   illumination");
     for (s, printed) in found.spots.iter().zip(&found.printed) {

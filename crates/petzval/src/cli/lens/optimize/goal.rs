@@ -107,10 +107,22 @@ impl Goal {
         }
         check("--power", (0.5..=64.0).contains(&self.power), "0.5 to 64; 1 is the mean spot")?;
         problem.power = self.power;
-        problem.solves = Solves { efl: self.efl_solve(file)?, length: None };
+        problem.solves = Solves { efl: self.efl_solve(file)?, length: file.length_solve };
+        problem.pickups.clone_from(&file.pickups);
         if let Some(solve) = &problem.solves.efl {
             // A curvature that is solved for is no variable.
-            problem.variables.retain(|v| (v.surface, v.parameter) != (solve.surface, Parameter::Radius));
+            let is_solved = |v: &Variable| (v.surface, v.parameter) == (solve.surface, Parameter::Radius);
+            if let Some(at) = problem.variables.iter().position(is_solved) {
+                if problem.pickups.iter().any(|p| p.variable == at) {
+                    let message =
+                        format!("--efl solves for the radius of surface {}, which others follow", solve.surface + 1);
+                    return Err(Failure::input(message, "write [solve] efl into the lens file, with another surface"));
+                }
+                problem.variables.remove(at);
+                for p in &mut problem.pickups {
+                    p.variable -= usize::from(p.variable > at);
+                }
+            }
         }
         if let Some(n) = self.f_number {
             check("--f-number", (0.4..200.0).contains(&n), "2.8 is f/2.8")?;

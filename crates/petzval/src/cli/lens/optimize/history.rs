@@ -197,8 +197,12 @@ impl History {
             EflSolve { radius_mm: solve.radius_mm.map(around), ..solve }
         });
         // Variables that the file did not name were a guess for this search.
-        let variables = if self.file.variables.is_empty() { Vec::new() } else { problem.variables.clone() };
-        LensFile { lens, expect: None, variables, efl_solve }
+        let (variables, pickups) = match self.file.variables.is_empty() {
+            true => (Vec::new(), Vec::new()),
+            false => (problem.variables.clone(), problem.pickups.clone()),
+        };
+        let length_solve = problem.solves.length;
+        LensFile { lens, expect: None, variables, pickups, efl_solve, length_solve }
     }
 
     fn write_steps(&self) -> Result<(), Failure> {
