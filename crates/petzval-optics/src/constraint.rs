@@ -38,40 +38,42 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
         } else {
             (wanted.element_edge_mm, a.semi_diameter_mm.max(b.semi_diameter_mm))
         };
+        let sign = direction_of_light(lens, i);
         if let Some(edge) = edge_clearance(lens, i, height) {
             hinge(least - edge, &mut |bar, g| {
-                g.surfaces[i].thickness += bar;
-                sag_gradient(lens, i, height, -bar, g);
-                sag_gradient(lens, i + 1, height, bar, g);
+                g.surfaces[i].thickness += sign * bar;
+                sag_gradient(lens, i, height, -sign * bar, g);
+                sag_gradient(lens, i + 1, height, sign * bar, g);
             });
         }
-        hinge(least - a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += bar);
+        hinge(least - sign * a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += sign * bar);
     }
     let last = lens.surfaces.len() - 1;
-    hinge(wanted.back_focal_mm - lens.image_distance_mm(), &mut |bar, g| {
-        g.surfaces[last].thickness += bar;
+    let sign = direction_of_light(lens, last);
+    hinge(wanted.back_focal_mm - sign * lens.image_distance_mm(), &mut |bar, g| {
+        g.surfaces[last].thickness += sign * bar;
     });
     (value, gradient)
 }
 
-/// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there. `None` where
-/// one of them does not reach that far.
+/// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there, positive in the
+/// direction of light. `None` where one of them does not reach that far.
 pub(crate) fn edge_clearance(lens: &Lens, surface: usize, height_mm: f64) -> Option<f64> {
     let (a, b) = (&lens.surfaces[surface], &lens.surfaces[surface + 1]);
-    Some(a.thickness_mm + b.shape.sag_mm(height_mm)? - a.shape.sag_mm(height_mm)?)
+    let along_z = a.thickness_mm + b.shape.sag_mm(height_mm)? - a.shape.sag_mm(height_mm)?;
+    Some(along_z * direction_of_light(lens, surface))
+}
+
+/// 1 where light goes along +z behind a surface, -1 behind an odd number of mirrors.
+pub(crate) fn direction_of_light(lens: &Lens, surface: usize) -> f64 {
+    if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 }
 }
 
 /// Adds the gradient of a loss that depends on the sag of a surface at a height, `bar` per mm.
 pub(crate) fn sag_gradient(lens: &Lens, surface: usize, height: f64, bar: f64, gradient: &mut LensGradient) {
-    let u = height * height;
-    let ((by_curvature, by_conic), _) = lens.surfaces[surface].shape.conic_sensitivity(u);
     let g = &mut gradient.surfaces[surface];
-    g.curvature += bar * by_curvature;
-    g.conic += bar * by_conic;
-    let mut power = u;
-    for a in &mut g.asphere {
-        *a += bar * power;
-        power *= u;
+    for (number, [by_sag, _]) in lens.surfaces[surface].shape.section_sensitivities(height) {
+        *g.shape_mut(number) += bar * by_sag;
     }
 }
 
@@ -100,6 +102,6 @@ pub fn chief_height_penalty(
     let miss = chief.y_mm - wanted_mm;
     let beyond = miss.signum() * (miss.abs() - tolerance_mm).max(0.0);
     let mut gradient = LensGradient::zero(lens.surfaces.len());
-    pull_back_chief(&sequence, &chief, 2.0 * beyond, &mut gradient);
+    pull_back_chief(&sequence, &chief, [0.0, 2.0 * beyond], &mut gradient);
     Some((beyond * beyond, gradient))
 }

@@ -8,9 +8,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
+use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance};
 use crate::solve::{with_efl, with_length, with_paraxial_focus};
-use crate::number::Number;
 
 /// A number of a surface that may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -80,7 +80,7 @@ impl LensGradient {
 impl LensGradient {
     /// Takes out what only one half of a beam asks: in a lens whose y-z plane is a plane of symmetry, the other half asks
     /// the opposite of every number that would break the symmetry.
-    pub(crate) fn mirror_symmetric(&mut self, sequence: &Sequence) {
+    pub(crate) fn keep_symmetry(&mut self, sequence: &Sequence) {
         if !sequence.is_mirror_symmetric {
             return;
         }

@@ -180,11 +180,7 @@ impl<R: Real> Jet<R> {
         Self {
             value: f,
             slope: [first * x, first * y],
-            second: [
-                second * x * x + first * xx,
-                second * x * y + first * xy,
-                second * y * y + first * yy,
-            ],
+            second: [second * x * x + first * xx, second * x * y + first * xy, second * y * y + first * yy],
         }
     }
 }

@@ -2,10 +2,11 @@
 
 mod common;
 
-use common::{all_lenses, nominal_triplet};
-use petzval_optics::lens::Lens;
+use common::{all_lenses, nominal_triplet, special_lenses};
+use petzval_optics::lens::{Lens, Placement};
 use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions, psf, psf_traced};
 use petzval_optics::pupil::Quadrature;
+use petzval_optics::spot::{mean_square_spot, spot, spot_paraxial_pupil};
 
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
@@ -16,7 +17,11 @@ fn distance(a: &FieldPsf, b: &FieldPsf) -> f64 {
 }
 
 fn both(lens: &Lens, field_deg: f64, cells: [usize; 2]) -> (FieldPsf, FieldPsf) {
-    let options = PsfOptions::default();
+    both_on(1.0, lens, field_deg, cells)
+}
+
+fn both_on(pitch_um: f64, lens: &Lens, field_deg: f64, cells: [usize; 2]) -> (FieldPsf, FieldPsf) {
+    let options = PsfOptions { pitch_um, ..PsfOptions::default() };
     let [fast, reference] = cells.map(|c| Quadrature::grid(c).unwrap());
     let field = field_deg.to_radians();
     let polynomial = psf(lens, field, &WAVELENGTHS_UM, &fast, &options).unwrap();
@@ -59,6 +64,65 @@ fn every_lens_gives_what_traced_rays_give() {
     }
     // The fall-back is for the exception.
     assert!(polynomial * 4 > compared * 3, "{polynomial} of {compared}");
+}
+
+#[test]
+fn special_surfaces_give_what_traced_rays_give() {
+    let mut compared = 0;
+    for lens in special_lenses() {
+        let far = *lens.fields_deg.last().unwrap();
+        let other = if lens.is_rotationally_symmetric() { 0.0 } else { -0.5 * far };
+        for field_deg in [other, 0.7 * far] {
+            let (fast, reference) = both_on(3.0, &lens, field_deg, [512, 512]);
+            // A PSF that the grid cannot hold is no PSF to compare.
+            if reference.captured.iter().any(|c| *c < 0.98) {
+                continue;
+            }
+            compared += 1;
+            let off = distance(&fast, &reference);
+            assert!(off < 5e-3, "{} {field_deg}: {off} {:?}", lens.name, fast.method);
+            for (a, b) in fast.illumination.iter().zip(&reference.illumination) {
+                assert!((a / b - 1.0).abs() < 5e-4, "{} {field_deg}: {a} {b}", lens.name);
+            }
+            for (a, b) in fast.captured.iter().zip(&reference.captured) {
+                assert!((a - b).abs() < 5e-4, "{} {field_deg}: {a} {b}", lens.name);
+            }
+            let field = field_deg.to_radians();
+            let sampled = mean_square_spot(&lens, &[field]).unwrap().0.sqrt();
+            let traced = spot(&lens, field, &Quadrature::grid(64).unwrap()).unwrap().rms_poly_um;
+            assert!((sampled / traced - 1.0).abs() < 2e-3, "{} {field_deg}: {sampled} {traced}", lens.name);
+        }
+    }
+    assert!(compared >= 20, "{compared}");
+}
+
+/// A lens that is turned about its axis is the same lens, but has to be looked at on both sides of the pupil.
+#[test]
+fn both_halves_of_a_pupil_say_what_one_half_and_its_mirror_image_say() {
+    let lens = nominal_triplet();
+    let mut turned = lens.clone();
+    let tilt_rad = [0.0, 0.0, 0.4];
+    turned.surfaces[2].placement = Some(Placement { tilt_rad, ..Placement::default() });
+    assert!(lens.is_mirror_symmetric() && !turned.is_mirror_symmetric());
+    for field_deg in [0.0, 13.0] {
+        let [a, b] = [&lens, &turned].map(|l| both(l, field_deg, [128, 64]));
+        for (half, whole) in [(&a.0, &b.0), (&a.1, &b.1)] {
+            assert!(distance(half, whole) < 1e-9, "{}", distance(half, whole));
+            assert!((half.illumination[1] - whole.illumination[1]).abs() < 1e-12);
+            assert!((half.captured[1] - whole.captured[1]).abs() < 1e-12);
+            assert!(whole.chief_x_mm.abs() < 1e-12 && (whole.chief_y_mm - half.chief_y_mm).abs() < 1e-12);
+        }
+        let fields = [f64::to_radians(field_deg)];
+        let [(a, by_a), (b, by_b)] = [&lens, &turned].map(|l| mean_square_spot(l, &fields).unwrap());
+        assert!((a / b - 1.0).abs() < 1e-11, "{a} {b}");
+        for (a, b) in by_a.surfaces.iter().zip(&by_b.surfaces) {
+            assert!((a.curvature - b.curvature).abs() < 1e-9 * (1.0 + a.curvature.abs()));
+            assert!((a.asphere[3] - b.asphere[3]).abs() < 1e-9 * (1.0 + a.asphere[3].abs()));
+        }
+        let quadrature = Quadrature::grid(24).unwrap();
+        let [a, b] = [&lens, &turned].map(|l| spot_paraxial_pupil(l, fields[0], &quadrature).unwrap());
+        assert!((a.rms_poly_um / b.rms_poly_um - 1.0).abs() < 1e-11);
+    }
 }
 
 #[test]

@@ -326,9 +326,8 @@ fn an_axicon_bends_every_ray_alike() {
 #[test]
 fn a_tilted_plate_shifts_the_beam() {
     let (t, angle) = (5.0, 20.0_f64.to_radians());
-    let placed = |axis, sign: f64| {
-        Some(Placement { decenter_mm: [0.0; 2], tilt_rad: [sign * angle, 0.0, 0.0], axis })
-    };
+    let placed =
+        |axis, sign: f64| Some(Placement { decenter_mm: [0.0; 2], tilt_rad: [sign * angle, 0.0, 0.0], axis });
     // The front turns the axis, the rear is straight on it, and a dummy surface turns it back.
     let plate = lens(vec![
         Surface {
@@ -376,7 +375,10 @@ fn a_bent_axis_is_that_of_the_reflected_ray() {
         // The axis stays the axis, and other rays are as far from it as they were.
         let image = at(&folded, 0.0, 0.0, AXIS).image.unwrap();
         for axis in 0..2 {
-            assert!(image.position[axis].abs() < 1e-12 && image.direction[axis].abs() < 1e-14, "{tilt_deg:?}");
+            assert!(
+                image.position[axis].abs() < 1e-12 && image.direction[axis].abs() < 1e-14,
+                "{tilt_deg:?}"
+            );
         }
         let path = at(&folded, 2.0, -1.5, AXIS);
         let [x, y, _] = path.image.unwrap().position;

@@ -3,6 +3,7 @@
 mod action;
 mod departure;
 pub(crate) mod placement;
+mod shape;
 mod surface;
 mod validate;
 
@@ -11,7 +12,8 @@ pub use departure::{
     DEPARTURE_NUMBERS, Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers,
 };
 pub use placement::{Axis, Placement};
-pub use surface::{ASPHERE_TERMS, ShapeNumber, Surface, SurfaceShape};
+pub use shape::{ASPHERE_TERMS, ShapeNumber, SurfaceShape};
+pub use surface::Surface;
 pub use validate::{LensDefect, validate};
 
 use crate::trace::Sequence;
@@ -59,9 +61,9 @@ impl Lens {
 
     /// Whether the y-z plane, in which the fields lie, is a plane of symmetry.
     pub fn is_mirror_symmetric(&self) -> bool {
-        self.surfaces.iter().all(|s| {
-            s.shape.is_mirror_symmetric() && s.placement.is_none_or(|p| p.is_mirror_symmetric())
-        })
+        self.surfaces
+            .iter()
+            .all(|s| s.shape.is_mirror_symmetric() && s.placement.is_none_or(|p| p.is_mirror_symmetric()))
     }
 
     /// Whether every surface is rotationally symmetric and on the axis.

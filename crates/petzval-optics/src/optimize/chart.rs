@@ -6,9 +6,9 @@ use super::problem::{ImagePlane, Problem};
 use crate::design_space::{Parameter, Variable};
 use crate::gradient::LensGradient;
 use crate::lens::{ASPHERE_TERMS, Lens};
+use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::solve::{with_efl, with_length};
-use crate::number::Number;
 
 /// A problem that makes no lens.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -38,6 +38,14 @@ pub enum ChartError {
         weights: usize,
         /// Number of wavelengths.
         wavelengths: usize,
+    },
+    /// A variable of a surface that has no such number.
+    #[error("surface {surface} has no {parameter:?}")]
+    NoSuchNumber {
+        /// Surface, from 1.
+        surface: usize,
+        /// Which number.
+        parameter: Parameter,
     },
     /// An asphere has terms of even order from 2 to 16.
     #[error("surface {surface} has no aspheric term of order {order}")]
@@ -131,6 +139,9 @@ impl<'a> Chart<'a> {
             {
                 return Err(ChartError::NoSuchOrder { surface: v.surface + 1, order });
             }
+            if v.parameter.number().read(&problem.base, v.surface).is_nan() {
+                return Err(ChartError::NoSuchNumber { surface: v.surface + 1, parameter: v.parameter });
+            }
         }
         if let Some(g) = problem.glasses.iter().find(|g| g.candidates.is_empty()) {
             return Err(ChartError::NoGlass { surface: g.surface + 1 });
@@ -144,6 +155,7 @@ impl<'a> Chart<'a> {
             // A least thickness of a variable is a bound, which costs nothing to keep.
             let least = match (v.parameter, problem.base.surfaces[v.surface].glass.is_air()) {
                 (Parameter::Thickness, _) if v.surface + 1 == count => None,
+                (Parameter::Thickness, _) if !problem.base.light_goes_forwards(v.surface) => None,
                 (Parameter::Thickness, true) => problem.limits.air_gap_mm,
                 (Parameter::Thickness, false) => problem.limits.element_centre_mm,
                 _ => None,

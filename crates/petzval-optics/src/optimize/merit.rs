@@ -4,11 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::chart::{Chart, Mapped};
 use super::problem::Problem;
-use crate::constraint::{edge_clearance, sag_gradient};
+use crate::constraint::{direction_of_light, edge_clearance, sag_gradient};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::pupil::{PupilBasis, chief_ray, paraxial_launch, pull_back_chief};
+use crate::pupil::{PupilBasis, Sides, chief_ray, paraxial_launch, pull_back_chief};
 use crate::trace::{
     AimedRays, LandingJacobian, RayBundle, Reaim, Seeds, Sequence, SquaredHeights, landing_jacobian,
     pull_back, trace_with_heights,
@@ -78,17 +78,18 @@ const RIM: [[f64; 2]; 7] = [
 /// How far rays on the rim of the stop reach; `None` if one of them is lost.
 fn rim(problem: &Problem, lens: &Lens, stop_radius_mm: f64) -> Option<Apertures> {
     let mut apertures = Apertures::none(lens);
+    let points = problem.sides().points(&RIM);
     for field in 0..problem.fields_rad.len() {
         for colour in 0..problem.wavelengths_um.len() {
-            let beam = beam(lens, problem, &RIM, [field, colour], stop_radius_mm, None)?;
+            let beam = beam(lens, problem, &points, [field, colour], stop_radius_mm, None)?;
             let mut rays = beam.aimed.bundle(&beam.sequence);
             let mut heights: Vec<SquaredHeights> =
-                (0..lens.surfaces.len()).map(|s| SquaredHeights::zero(s, RIM.len())).collect();
+                (0..lens.surfaces.len()).map(|s| SquaredHeights::zero(s, points.len())).collect();
             trace_with_heights(&beam.sequence, &mut rays, &mut heights);
-            if !(0..RIM.len()).all(|i| rays.fate(i).reaches_image()) {
+            if !(0..points.len()).all(|i| rays.fate(i).reaches_image()) {
                 return None;
             }
-            apertures.widen(&heights, &RIM, [field, colour]);
+            apertures.widen(&heights, &points, [field, colour]);
         }
     }
     Some(apertures)
@@ -198,9 +199,21 @@ fn beam(
     Some(Beam { sequence, aimed })
 }
 
+/// Points of the pupil that are looked at, and their shares of its area.
+fn samples(problem: &Problem) -> (Vec<[f64; 2]>, Vec<f64>) {
+    let (basis, sides) = (PupilBasis::of(problem.sampling), problem.sides());
+    (sides.points(&basis.samples), sides.weights(&basis.weights))
+}
+
+/// A point in the middle of a beam from its first ray; half a beam is symmetric about x = 0.
+fn origin_of([x, y]: [f64; 2], is_half: bool) -> [f64; 2] {
+    [if is_half { 0.0 } else { x }, y]
+}
+
 /// The merit of a lens; `None` if a ray of the stop is lost. `near`, a lens like it, makes aiming quicker.
 pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) -> Option<Analysis> {
-    let basis = PupilBasis::of(problem.sampling);
+    let (points, weights) = samples(problem);
+    let is_half = problem.sides() == Sides::Mirrored;
     let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
     let surfaces = lens.surfaces.len();
     let colours = problem.wavelengths_um.len();
@@ -214,43 +227,41 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
     let mut apertures = if by_rim { rim(problem, &lens, stop_radius_mm)? } else { Apertures::none(&lens) };
     for field in 0..problem.fields_rad.len() {
         // Heights are taken about the first ray, so that their squares can be subtracted.
-        let (mut origin, mut sums) = (None, [0.0; 3]);
+        let (mut origin, mut sums) = (None, [0.0; 4]);
         for colour in 0..colours {
             let guesses = near.and_then(|n| n.launches.get(field * colours + colour)).or(if colour > 0 {
                 launches.last()
             } else {
                 None
             });
-            let beam = beam(
-                &lens,
-                problem,
-                &basis.samples,
-                [field, colour],
-                stop_radius_mm,
-                guesses.map(Vec::as_slice),
-            )?;
+            let beam =
+                beam(&lens, problem, &points, [field, colour], stop_radius_mm, guesses.map(Vec::as_slice))?;
             let mut rays = beam.aimed.bundle(&beam.sequence);
             // Rays on the rim have told already, if a limit asks.
             let mut heights: Vec<SquaredHeights> = if by_rim {
                 Vec::new()
             } else {
-                (0..surfaces).map(|s| SquaredHeights::zero(s, basis.samples.len())).collect()
+                (0..surfaces).map(|s| SquaredHeights::zero(s, points.len())).collect()
             };
             trace_with_heights(&beam.sequence, &mut rays, &mut heights);
             let [x, y] = rays.image_xy();
-            for (i, weight) in basis.weights.iter().enumerate() {
+            for (i, weight) in weights.iter().enumerate() {
                 if !rays.fate(i).reaches_image() {
                     return None;
                 }
-                let y = y[i] - *origin.get_or_insert(y[i]);
+                let [at_x, at_y] = *origin.get_or_insert(origin_of([x[i], y[i]], is_half));
+                let (x, y) = (x[i] - at_x, y[i] - at_y);
                 sums[0] += weight;
                 sums[1] += weight * y;
-                sums[2] += weight * (x[i] * x[i] + y * y);
+                sums[2] += weight * (x * x + y * y);
+                sums[3] += weight * x;
             }
-            apertures.widen(&heights, &basis.samples, [field, colour]);
-            launches.push((0..basis.samples.len()).map(|i| beam.aimed.launch_of(i)).collect());
+            apertures.widen(&heights, &points, [field, colour]);
+            launches.push((0..points.len()).map(|i| beam.aimed.launch_of(i)).collect());
         }
-        let square = (sums[2] - sums[1] * sums[1] / sums[0]) / sums[0];
+        // Half a beam and its mirror image have their mean at x = 0.
+        let mean_x = if is_half { 0.0 } else { sums[3] };
+        let square = (sums[2] - sums[1] * sums[1] / sums[0] - mean_x * mean_x / sums[0]) / sums[0];
         rms_um.push(UM_PER_MM * square.max(0.0).sqrt());
     }
     let mut analysis = Analysis { lens, merit: 0.0, rms_um, violations: Vec::new(), launches, apertures };
@@ -284,12 +295,12 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
             [analysis.apertures.clear_mm[i], analysis.apertures.clear_mm[i + 1]].map(|r| r + MOUNT_MM);
         if surface.glass.is_air() {
             if let Some(least) = limits.air_gap_mm {
-                ask(Violation::Air(i), least - surface.thickness_mm);
+                ask(Violation::Air(i), least - direction_of_light(lens, i) * surface.thickness_mm);
                 ask(Violation::AirEdge(i), least - edge_clearance(lens, i, a.min(b))?);
             }
         } else {
             if let Some(least) = limits.element_centre_mm {
-                ask(Violation::Centre(i), least - surface.thickness_mm);
+                ask(Violation::Centre(i), least - direction_of_light(lens, i) * surface.thickness_mm);
             }
             if let Some(least) = limits.element_edge_mm {
                 ask(Violation::Edge(i), least - edge_clearance(lens, i, a.max(b))?);
@@ -324,7 +335,7 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
     if let Some(steepest) = limits.slope_rad {
         for i in 0..=last {
             let radius = analysis.apertures.clear_mm[i];
-            let slope = 2.0 * radius * lens.surfaces[i].shape.jet(radius * radius)?.first;
+            let [_, slope, _] = lens.surfaces[i].shape.section(radius)?;
             ask(Violation::Slope(i), (slope.abs() - steepest.tan()) * radius);
         }
     }
@@ -406,12 +417,13 @@ fn edge_gradient(
     let [a, b] = [analysis.apertures.clear_mm[i], analysis.apertures.clear_mm[i + 1]];
     let decisive = if (a > b) == larger { i } else { i + 1 };
     let height = analysis.apertures.clear_mm[decisive] + MOUNT_MM;
-    g.surfaces[i].thickness -= 1.0;
-    sag_gradient(lens, i, height, 1.0, g);
-    sag_gradient(lens, i + 1, height, -1.0, g);
-    // The edge moves outwards with the beam: dz/dr = 2 r dz/du.
-    let slope = |s: usize| Some(2.0 * height * lens.surfaces[s].shape.jet(height * height)?.first);
-    add_clear(problem, analysis, decisive, slope(i)? - slope(i + 1)?, g)
+    let sign = direction_of_light(lens, i);
+    g.surfaces[i].thickness -= sign;
+    sag_gradient(lens, i, height, sign, g);
+    sag_gradient(lens, i + 1, height, -sign, g);
+    // The edge moves outwards with the beam.
+    let slope = |s: usize| lens.surfaces[s].shape.section(height).map(|[_, slope, _]| slope);
+    add_clear(problem, analysis, decisive, sign * (slope(i)? - slope(i + 1)?), g)
 }
 
 /// The gradient of a violation by the numbers of the lens.
@@ -423,7 +435,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
     match what {
         Violation::Edge(i) => edge_gradient(problem, analysis, i, true, &mut g)?,
         Violation::AirEdge(i) => edge_gradient(problem, analysis, i, false, &mut g)?,
-        Violation::Centre(i) | Violation::Air(i) => g.surfaces[i].thickness = -1.0,
+        Violation::Centre(i) | Violation::Air(i) => g.surfaces[i].thickness = -direction_of_light(lens, i),
         Violation::SolvedRadius => {
             let solve = problem.solves.efl.as_ref()?;
             let [min, max] = solve.radius_mm?;
@@ -451,29 +463,21 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             let share = problem.limits.distortion?;
             let sign = (real - ideal).signum();
             let field = outermost(problem);
-            pull_back_chief(&sequence, &chief_ray(&sequence, field)?, sign, &mut g);
+            pull_back_chief(&sequence, &chief_ray(&sequence, field)?, [0.0, sign], &mut g);
             let by_ideal = -sign - share * ideal.signum();
             let wish = FirstOrderCotangent { efl: by_ideal * field.tan(), ..Default::default() };
             pull_back_first_order(&sequence, wish, &mut g);
         }
         Violation::Slope(i) => {
             let radius = analysis.apertures.clear_mm[i];
-            let u = radius * radius;
             let shape = &lens.surfaces[i].shape;
-            let jet = shape.jet(u)?;
-            let sign = jet.first.signum();
-            // z_r = 2 r z'(u), and the amount is (|z_r| - tan) r.
-            let bar = sign * 2.0 * u;
-            let by_radius =
-                4.0 * radius * (jet.first + u * jet.second) * sign - problem.limits.slope_rad?.tan();
+            let [_, slope, second] = shape.section(radius)?;
+            let sign = slope.signum();
+            // The amount is (|z_r| - tan) r.
+            let by_radius = sign * (slope + radius * second) - problem.limits.slope_rad?.tan();
             add_clear(problem, analysis, i, by_radius, &mut g)?;
-            let (_, (by_curvature, by_conic)) = shape.conic_sensitivity(u);
-            g.surfaces[i].curvature += bar * by_curvature;
-            g.surfaces[i].conic += bar * by_conic;
-            let mut power = 1.0;
-            for (j, a) in g.surfaces[i].asphere.iter_mut().enumerate() {
-                *a += bar * (j + 1) as f64 * power;
-                power *= u;
+            for (number, [_, by_slope]) in shape.section_sensitivities(radius) {
+                *g.surfaces[i].shape_mut(number) += sign * radius * by_slope;
             }
         }
         Violation::ChiefRayAngle => {
@@ -483,7 +487,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             let bar = slope.signum() * bfl_mm.abs();
             for (lens, sign) in [(a_millimetre_behind(lens), 1.0), (lens.clone(), -1.0)] {
                 let sequence = lens.at_wavelength(lens.reference_um);
-                pull_back_chief(&sequence, &chief_ray(&sequence, field)?, sign * bar, &mut g);
+                pull_back_chief(&sequence, &chief_ray(&sequence, field)?, [0.0, sign * bar], &mut g);
             }
             let over = slope.abs() - problem.limits.chief_ray_angle_rad?.tan();
             let wish = FirstOrderCotangent { bfl: over * bfl_mm.signum(), ..Default::default() };
@@ -500,7 +504,8 @@ pub(super) fn linearise(
     mapped: &Mapped,
     analysis: &Analysis,
 ) -> Option<Linearised> {
-    let basis = PupilBasis::of(problem.sampling);
+    let (points, weights) = samples(problem);
+    let is_half = problem.sides() == Sides::Mirrored;
     let stop_radius_mm = first_order(&mapped.lens.at_wavelength(mapped.lens.reference_um)).stop_radius_mm;
     let colours = problem.wavelengths_um.len();
     // One column per number, the stop's growth, and the residual itself.
@@ -512,19 +517,24 @@ pub(super) fn linearise(
         analysis.rms_um.iter().zip(&problem.field_weights).map(|(rms, w)| w / total * rms.powf(p)).sum();
     for field in 0..problem.fields_rad.len() {
         let mut of_field = DMatrix::<f64>::zeros(columns, columns);
-        let mut means = DVector::<f64>::zeros(columns);
+        let mut means = [0, 1].map(|_| DVector::<f64>::zeros(columns));
         let mut origin = None;
         for colour in 0..colours {
             let guesses = analysis.launches.get(field * colours + colour).map(Vec::as_slice);
-            let beam = beam(&mapped.lens, problem, &basis.samples, [field, colour], stop_radius_mm, guesses)?;
+            let beam = beam(&mapped.lens, problem, &points, [field, colour], stop_radius_mm, guesses)?;
             let landing = landing_jacobian(&beam.sequence, &beam.aimed, &chart.numbers);
             if !landing.complete {
                 return None;
             }
-            let origin = *origin.get_or_insert(landing.landing[1][0]);
-            add_gram(&landing, &basis.weights, origin, colours as f64, &mut of_field, &mut means);
+            let first = [landing.landing[0][0], landing.landing[1][0]];
+            let origin = *origin.get_or_insert(origin_of(first, is_half));
+            add_gram(&landing, &weights, origin, colours as f64, &mut of_field, &mut means);
         }
-        of_field -= &means * means.transpose();
+        let [mean_x, mean_y] = &means;
+        of_field -= mean_y * mean_y.transpose();
+        if !is_half {
+            of_field -= mean_x * mean_x.transpose();
+        }
         // d(mean^(2/p)) / d(S_f), S_f in um^2.
         let rms = analysis.rms_um[field].max(1e-6);
         let weight = mean.powf(2.0 / p - 1.0) * problem.field_weights[field] / total * rms.powf(p - 2.0);
@@ -548,14 +558,14 @@ pub(super) fn linearise(
     Some(Linearised { gradient, hessian })
 }
 
-/// Adds the products of the columns of a beam, weighted, and their means; y about an origin.
+/// Adds the products of the columns of a beam, weighted, and the means of x and of y; about an origin.
 fn add_gram(
     landing: &LandingJacobian,
     weights: &[f64],
-    origin: f64,
+    origin: [f64; 2],
     colours: f64,
     gram: &mut DMatrix<f64>,
-    means: &mut DVector<f64>,
+    means: &mut [DVector<f64>; 2],
 ) {
     let count = weights.len();
     // Columns scaled by the roots of the weights: x and then y of every ray.
@@ -565,12 +575,14 @@ fn add_gram(
         let (axis, ray) = (r / count, r % count);
         let value = match landing.by.get(c) {
             Some(by) => by[axis][ray],
-            None => landing.landing[axis][ray] - if axis == 1 { origin } else { 0.0 },
+            None => landing.landing[axis][ray] - origin[axis],
         };
         roots[ray] * value
     });
     gram.gemm_tr(1.0, &block, &block, 1.0);
     for c in 0..columns {
-        means[c] += (0..count).map(|ray| roots[ray] * block[(count + ray, c)]).sum::<f64>();
+        for (axis, means) in means.iter_mut().enumerate() {
+            means[c] += (0..count).map(|ray| roots[ray] * block[(axis * count + ray, c)]).sum::<f64>();
+        }
     }
 }

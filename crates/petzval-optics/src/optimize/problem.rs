@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::design_space::{EflSolve, Pickup, Variable};
+use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
 use crate::glass::Glass;
 use crate::lens::Lens;
-use crate::pupil::PupilSampling;
+use crate::pupil::{PupilSampling, Sides};
 
 /// Numbers that algebra settles, whatever the variables are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -107,6 +107,18 @@ impl Problem {
             stiffness_um_per_mm: 1e4,
             base,
         }
+    }
+
+    /// Which halves of the pupil have to be looked at.
+    pub(super) fn sides(&self) -> Sides {
+        let breaks = |v: &Variable| match v.parameter {
+            Parameter::Departure(k) => {
+                !self.base.surfaces[v.surface].shape.departure.is_mirror_symmetric_in(k)
+            }
+            _ => false,
+        };
+        let symmetric = self.base.is_mirror_symmetric() && !self.variables.iter().any(breaks);
+        if symmetric { Sides::Mirrored } else { Sides::Both }
     }
 
     /// The problem with other glasses: an index into the candidates of each choice.

@@ -36,12 +36,14 @@ impl Default for PsfOptions {
 
 /// PSFs of one field, one per wavelength.
 ///
-/// Rows run along y (away from the axis for a positive field's image), columns along x; the chief
-/// ray of the reference wavelength is at the centre, between the two middle cells.
+/// Rows run along y (away from the axis for a positive field's image, as long as light goes forwards), columns along x; the
+/// chief ray of the reference wavelength is at the centre, between the two middle cells.
 #[derive(Clone, Debug)]
 pub struct FieldPsf {
     /// Field angle, rad.
     pub field_rad: f64,
+    /// Place of the reference chief ray across the plane of the fields, mm; 0 in a lens of which that is a plane of symmetry.
+    pub chief_x_mm: f64,
     /// Height of the reference chief ray on the image plane, mm.
     pub chief_y_mm: f64,
     /// `[wavelength][row * grid + column]`, each of unit sum.
@@ -166,12 +168,17 @@ fn make(
     let chief = chief_ray(&reference, field_rad)?;
     let mut result = FieldPsf {
         field_rad,
+        chief_x_mm: chief.x_mm,
         chief_y_mm: chief.y_mm,
         values: Vec::new(),
         illumination: Vec::new(),
         captured: Vec::new(),
         method: Vec::new(),
     };
+    let chief_mm = [chief.x_mm, chief.y_mm];
+    // Half a pupil and its mirror image weigh twice the half.
+    let is_half = reference.is_mirror_symmetric;
+    let times = if is_half { 2.0 } else { 1.0 };
     let mut channels: Vec<Channel> = Vec::new();
     let mut room = Blocks::zero(options.grid);
     for wavelength in wavelengths_um {
@@ -182,12 +189,12 @@ fn make(
         });
         let (light, mut values, illumination) = match fitted.flatten() {
             Some(channel) => {
-                let (values, illumination) = channel.splat(quadrature, options, chief.y_mm, &mut room);
+                let (values, illumination) = channel.splat(quadrature, options, chief_mm, &mut room);
                 (Light::Polynomial(Box::new(channel)), values, illumination)
             }
             None => {
                 let channel = TracedChannel::new(&sequence, field_rad, stop_radius_mm, quadrature);
-                let (values, illumination) = channel.splat(options, chief.y_mm);
+                let (values, illumination) = channel.splat(options, chief_mm, is_half);
                 (Light::Traced(Box::new(channel)), values, illumination)
             }
         };
@@ -199,7 +206,7 @@ fn make(
         values.iter_mut().for_each(|v| *v *= per_total);
         result.values.push(values);
         result.illumination.push(illumination);
-        result.captured.push(0.5 * total / illumination);
+        result.captured.push(total / times / illumination);
         result.method.push(light.method());
         channels.push(Channel { sequence, light, total });
     }
@@ -231,29 +238,33 @@ impl PsfTape {
         cotangent: &PsfCotangent,
     ) -> LensGradient {
         let mut gradient = LensGradient::zero(self.reference.surfaces.len());
-        let (mut chief_bar, mut stop_radius_bar) = (0.0, 0.0);
+        let (mut chief_bar, mut stop_radius_bar) = ([0.0; 2], 0.0);
         for (k, channel) in self.channels.iter().enumerate() {
             // Normalisation: P = G / S, so Gbar = (Pbar - <Pbar, P>) / S; then the mirror image.
             let wish = &cotangent.values[k];
             let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
             let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
             let asked = Asked {
-                grid: with_mirror_image(&raw, self.options.grid),
+                grid: match self.reference.is_mirror_symmetric {
+                    true => with_mirror_image(&raw, self.options.grid),
+                    false => raw,
+                },
                 illumination: cotangent.illumination[k],
                 options: &self.options,
-                chief_y_mm: self.chief.y_mm,
+                chief_mm: [self.chief.x_mm, self.chief.y_mm],
             };
             // Every ray moves, and weighs, as the cells around it wish.
             let (chief, stop_radius) = match &channel.light {
                 Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &asked, &mut gradient),
-                Light::Traced(c) => c.pull_back(&channel.sequence, quadrature, &asked, &mut gradient),
+                Light::Traced(c) => c.pull_back(&channel.sequence, &asked, &mut gradient),
             };
-            chief_bar += chief;
+            chief_bar = [chief_bar[0] + chief[0], chief_bar[1] + chief[1]];
             stop_radius_bar += stop_radius;
         }
         pull_back_chief(&self.reference, &self.chief, chief_bar, &mut gradient);
         let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
         pull_back_first_order(&self.reference, wish, &mut gradient);
+        gradient.keep_symmetry(&self.reference);
         gradient
     }
 }
@@ -264,7 +275,7 @@ struct Asked<'a> {
     /// By the relative illumination.
     illumination: f64,
     options: &'a PsfOptions,
-    chief_y_mm: f64,
+    chief_mm: [f64; 2],
 }
 
 impl PsfOptions {

@@ -6,7 +6,7 @@ use super::{Asked, PsfMethod, PsfOptions};
 use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, MAX_LANES, dispatch, width};
 use crate::pupil::{
-    DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature,
+    DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature, Sides,
 };
 use crate::trace::Sequence;
 
@@ -59,8 +59,8 @@ impl Blocks {
         Self { cells, stride, values: vec![[0.0; 4]; stride * padded] }
     }
 
-    /// The grid with its mirror image in x added.
-    fn with_mirror_image(&self) -> Vec<f64> {
+    /// The grid without its margin, with its mirror image in x added if that is asked.
+    fn to_grid(&self, add_mirror_image: bool) -> Vec<f64> {
         let mut both = vec![0.0; self.cells * self.cells];
         let mut row = vec![0.0; 2 * self.stride + 2];
         let rows = self.values.chunks_exact(self.stride).skip(MARGIN);
@@ -72,6 +72,10 @@ impl Blocks {
                 }
             }
             let row = &row[MARGIN..MARGIN + self.cells];
+            if !add_mirror_image {
+                out.copy_from_slice(row);
+                continue;
+            }
             for (out, (a, b)) in out.iter_mut().zip(row.iter().zip(row.iter().rev())) {
                 *out = a + b;
             }
@@ -128,12 +132,13 @@ struct Landing<S: Simd> {
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
 
 #[inline(always)]
-fn land<S: Simd>(points: &Points<S>, options: &PsfOptions, chief_y_mm: f64) -> Landing<S> {
+fn land<S: Simd>(points: &Points<S>, options: &PsfOptions, chief_mm: [f64; 2]) -> Landing<S> {
     let (per_mm, centre) = options.scale();
     let zero = points.x.constant(0.0);
     // Cell coordinates on the padded grid.
     let first = centre + MARGIN as f64;
-    let (u, v) = (points.x * per_mm + first, (points.y - chief_y_mm) * per_mm + first);
+    let [chief_x, chief_y] = chief_mm;
+    let (u, v) = ((points.x - chief_x) * per_mm + first, (points.y - chief_y) * per_mm + first);
     let (low, high) = (zero.constant(1.5), zero.constant((options.grid + 2 * MARGIN) as f64 - 2.5));
     let inside = low.lt(u).and(u.lt(high)).and(low.lt(v)).and(v.lt(high));
     let (u, v) = (inside.select(u, zero.constant(1.0)), inside.select(v, zero.constant(1.0)));
@@ -160,7 +165,7 @@ fn land<S: Simd>(points: &Points<S>, options: &PsfOptions, chief_y_mm: f64) -> L
 struct Splat<'a> {
     dense: &'a DenseMap<'a>,
     options: &'a PsfOptions,
-    chief_y_mm: f64,
+    chief_mm: [f64; 2],
     grid: &'a mut Blocks,
 }
 
@@ -169,13 +174,14 @@ impl WithSimd for Splat<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let Self { dense, options, chief_y_mm, grid } = self;
+        let Self { dense, options, chief_mm, grid } = self;
+        let sides = dense.sides();
         let mut light = Lanes::splat(simd, 0.0);
         for row in 0..dense.rows() {
-            for turn in 0..dense.turns::<S>(row) {
-                let points = dense.points(simd, row, turn);
+            for turn in 0..dense.turns::<S>(row) * sides.len() {
+                let points = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
                 light += points.weight;
-                let landing = land(&points, options, chief_y_mm);
+                let landing = land(&points, options, chief_mm);
                 let mut weight = [0.0; MAX_LANES];
                 (points.weight * landing.inside).store(&mut weight);
                 for k in 0..width::<S>() {
@@ -204,17 +210,20 @@ struct Gather<'a> {
 }
 
 impl WithSimd for Gather<'_> {
-    type Output = f64;
+    /// What is asked of the chief ray's x and y.
+    type Output = [f64; 2];
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+    fn with_simd<S: Simd>(self, simd: S) -> [f64; 2] {
         let Self { dense, asked, grid, sums } = self;
         let (per_mm, _) = asked.options.scale();
-        let mut chief_bar = Lanes::splat(simd, 0.0);
+        let sides = dense.sides();
+        let zero = Lanes::splat(simd, 0.0);
+        let mut chief_bar = [zero; 2];
         for row in 0..dense.rows() {
-            for turn in 0..dense.turns::<S>(row) {
-                let points = dense.points(simd, row, turn);
-                let landing = land(&points, asked.options, asked.chief_y_mm);
+            for turn in 0..dense.turns::<S>(row) * sides.len() {
+                let points = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
+                let landing = land(&points, asked.options, asked.chief_mm);
                 let [mut by_u, mut by_v, mut by_light] = [[0.0; MAX_LANES]; 3];
                 for k in 0..width::<S>() {
                     let (du, dv) = (landing.du[k], landing.dv[k]);
@@ -240,11 +249,12 @@ impl WithSimd for Gather<'_> {
                     y: weight * Lanes::load(simd, &by_v),
                     weight: Lanes::load(simd, &by_light) * landing.inside + asked.illumination,
                 };
-                chief_bar -= bar.y;
+                chief_bar[0] -= bar.x;
+                chief_bar[1] -= bar.y;
                 dense.pull_back_points(row, &points, bar, sums);
             }
         }
-        chief_bar.sum()
+        [chief_bar[0].sum(), chief_bar[1].sum()]
     }
 }
 
@@ -279,30 +289,31 @@ impl PolynomialChannel {
         PsfMethod::Polynomial { degree: self.map.basis().degree, residual_um: self.residual_um }
     }
 
-    /// The light on the grid, twice that of the half pupil, and the relative illumination.
+    /// The light on the grid, that of one half of the pupil with its mirror image (twice its weight) or of both, and the relative
+    /// illumination.
     ///
     /// `grid` is room for the splat; what it holds is lost.
     pub fn splat(
         &self,
         quadrature: &Quadrature,
         options: &PsfOptions,
-        chief_y_mm: f64,
+        chief_mm: [f64; 2],
         grid: &mut Blocks,
     ) -> (Vec<f64>, f64) {
         grid.values.fill([0.0; 4]);
         let dense = DenseMap::new(&self.map, quadrature.rows());
-        let light = dispatch(Splat { dense: &dense, options, chief_y_mm, grid });
-        (grid.with_mirror_image(), light)
+        let light = dispatch(Splat { dense: &dense, options, chief_mm, grid });
+        (grid.to_grid(self.map.samples.sides == Sides::Mirrored), light)
     }
 
-    /// Adds the gradient; returns the derivatives by the chief ray's height and by the stop radius.
+    /// Adds the gradient; returns the derivatives by the chief ray's place and by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
         quadrature: &Quadrature,
         asked: &Asked,
         gradient: &mut LensGradient,
-    ) -> (f64, f64) {
+    ) -> ([f64; 2], f64) {
         let dense = DenseMap::new(&self.map, quadrature.rows());
         let grid = Padded::from_grid(&asked.grid, asked.options.grid);
         let mut sums = dense.zero_cotangent();

@@ -14,39 +14,43 @@ impl TracedChannel {
         Self { beam: trace_beam(sequence, field_rad, stop_radius_mm, quadrature) }
     }
 
-    /// The light on the grid, twice that of the half pupil, and the relative illumination.
-    pub fn splat(&self, options: &PsfOptions, chief_y_mm: f64) -> (Vec<f64>, f64) {
+    /// The light on the grid, that of one half of the pupil with its mirror image (twice its weight) or of both, and the relative
+    /// illumination.
+    pub fn splat(&self, options: &PsfOptions, chief_mm: [f64; 2], is_half: bool) -> (Vec<f64>, f64) {
         let beam = &self.beam;
         let (per_mm, centre) = options.scale();
         let mut half = vec![0.0; options.grid * options.grid];
         for i in 0..beam.x_mm.len() {
-            let (u, v) = (beam.x_mm[i] * per_mm + centre, (beam.y_mm[i] - chief_y_mm) * per_mm + centre);
+            let at = [beam.x_mm[i], beam.y_mm[i]];
+            let [u, v] = [0, 1].map(|axis| (at[axis] - chief_mm[axis]) * per_mm + centre);
             splat::add(&mut half, options.grid, u, v, beam.weight[i]);
         }
-        (with_mirror_image(&half, options.grid), beam.illumination())
+        let all = if is_half { with_mirror_image(&half, options.grid) } else { half };
+        (all, beam.illumination())
     }
 
-    /// Adds the gradient; returns the derivatives by the chief ray's height and by the stop radius.
+    /// Adds the gradient; returns the derivatives by the chief ray's place and by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
-        quadrature: &Quadrature,
         asked: &Asked,
         gradient: &mut LensGradient,
-    ) -> (f64, f64) {
+    ) -> ([f64; 2], f64) {
         let beam = &self.beam;
         let (per_mm, centre) = asked.options.scale();
-        let mut bar = BeamCotangent::zero(quadrature.len());
-        let mut chief_bar = 0.0;
-        for i in 0..quadrature.len() {
-            let u = beam.x_mm[i] * per_mm + centre;
-            let v = (beam.y_mm[i] - asked.chief_y_mm) * per_mm + centre;
+        let rays = beam.x_mm.len();
+        let mut bar = BeamCotangent::zero(rays);
+        let mut chief_bar = [0.0; 2];
+        for i in 0..rays {
+            let at = [beam.x_mm[i], beam.y_mm[i]];
+            let [u, v] = [0, 1].map(|axis| (at[axis] - asked.chief_mm[axis]) * per_mm + centre);
             let [by_u, by_v, by_light] = splat::gather(&asked.grid, asked.options.grid, u, v);
             bar.x[i] = beam.weight[i] * by_u * per_mm;
             bar.y[i] = beam.weight[i] * by_v * per_mm;
             bar.weight[i] = by_light + asked.illumination;
-            chief_bar -= bar.y[i];
+            chief_bar[0] -= bar.x[i];
+            chief_bar[1] -= bar.y[i];
         }
-        (chief_bar, beam.pull_back(sequence, quadrature, &bar, gradient))
+        (chief_bar, beam.pull_back(sequence, &bar, gradient))
     }
 }

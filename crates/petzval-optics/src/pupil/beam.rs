@@ -2,6 +2,7 @@
 //! light that each ray carries; and the gradient of anything made from it.
 
 use super::basis::PupilBasis;
+use super::polynomial::{PupilPolynomial, Sides, Symmetry};
 use super::quadrature::Quadrature;
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
@@ -11,7 +12,8 @@ use crate::trace::{AimedRays, Fate, Launch, RayBundle, Reaim, Seeds, Sequence, l
 /// Degree of the polynomials through launch points: high, because this is the reference.
 const JACOBIAN_DEGREE: usize = 20;
 
-/// A beam at the image: one entry per node of the quadrature.
+/// A beam at the image: one entry per node of the quadrature, and in a lens without symmetry as many more for their mirror
+/// images.
 #[derive(Clone, Debug)]
 pub struct Beam {
     /// Field angle, rad.
@@ -28,6 +30,9 @@ pub struct Beam {
     pub weight: Vec<f64>,
     /// Fate of each ray.
     pub fate: Vec<Fate>,
+    /// Nodes of the pupil and their shares of its area.
+    nodes: Vec<[f64; 2]>,
+    shares: Vec<f64>,
     aimed: AimedRays,
     transmission: Vec<f64>,
     flux: Vec<f64>,
@@ -110,11 +115,12 @@ pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
 /// `stop_radius_mm` is that of the reference wavelength: the stop is one piece of metal.
 pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quadrature: &Quadrature) -> Beam {
     let order = first_order(sequence);
-    let nodes = quadrature.len();
+    let (points, shares) = quadrature.on(Sides::of(sequence));
+    let nodes = points.len();
     // Aim at the nodes of the stop, and trace to the image.
-    let targets: Vec<[f64; 2]> = quadrature.nodes.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
+    let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
     let guesses: Vec<[f64; 2]> =
-        quadrature.nodes.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
+        points.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
     let aimed = AimedRays::new(sequence, field_rad, &targets, &guesses);
     let mut rays = aimed.bundle(sequence);
     trace(sequence, &mut rays);
@@ -126,7 +132,7 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
     let stop_area = stop_radius_mm * stop_radius_mm;
     let jacobian = |i: usize| stop_area * aimed.launch_per_stop_area(i);
     let flux: Vec<f64> =
-        quadrature.weights.iter().enumerate().map(|(i, weight)| weight / pupil_area * jacobian(i)).collect();
+        shares.iter().enumerate().map(|(i, weight)| weight / pupil_area * jacobian(i)).collect();
     let weight = projections(sequence, field_rad, &aimed, nodes)
         .enumerate()
         .map(|(i, (projection, _))| flux[i] * projection * transmission[i])
@@ -138,6 +144,8 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
         y_mm: (0..nodes).map(|i| rays.ray(i).position[1]).collect(),
         weight,
         fate,
+        nodes: points,
+        shares,
         aimed,
         transmission,
         flux,
@@ -156,11 +164,10 @@ impl Beam {
     pub fn pull_back(
         &self,
         sequence: &Sequence,
-        quadrature: &Quadrature,
         cotangent: &BeamCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
-        let nodes = quadrature.len();
+        let nodes = self.nodes.len();
         let order = first_order(sequence);
         let pupil_area = launch_area(sequence, &order);
         let light: f64 = cotangent.weight.iter().zip(&self.weight).map(|(bar, w)| bar * w).sum();
@@ -177,8 +184,7 @@ impl Beam {
         let mut jacobian_bar = vec![0.0; nodes];
         for i in 0..nodes {
             let bar = cotangent.weight[i];
-            jacobian_bar[i] =
-                bar * quadrature.weights[i] / pupil_area * projections[i].0 * self.transmission[i];
+            jacobian_bar[i] = bar * self.shares[i] / pupil_area * projections[i].0 * self.transmission[i];
             if self.transmission[i] > 0.0 {
                 seeds.image_x[i] = cotangent.x[i];
                 seeds.image_y[i] = cotangent.y[i];
@@ -195,8 +201,7 @@ impl Beam {
         let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
         let reaim = Reaim { aimed: &self.aimed, launch_bar };
         let by_rays = pull_back(sequence, &self.aimed.bundle(sequence), &seeds, Some(&reaim), gradient);
-        (by_rays + self.pull_back_jacobian(sequence, quadrature, &jacobian_bar, gradient))
-            / self.stop_radius_mm
+        (by_rays + self.pull_back_jacobian(sequence, &jacobian_bar, gradient)) / self.stop_radius_mm
     }
 
     /// Adds the gradient of what is asked of the Jacobians of launch by pupil coordinates, one per node; returns the
@@ -207,33 +212,32 @@ impl Beam {
     fn pull_back_jacobian(
         &self,
         sequence: &Sequence,
-        quadrature: &Quadrature,
         jacobian_bar: &[f64],
         gradient: &mut LensGradient,
     ) -> f64 {
-        let basis = PupilBasis::of_degree(JACOBIAN_DEGREE);
-        let samples = basis.samples.len();
+        let (basis, sides) = (PupilBasis::of_degree(JACOBIAN_DEGREE), Sides::of(sequence));
+        let points = sides.points(&basis.samples);
+        let samples = points.len();
         let order = first_order(sequence);
-        let targets: Vec<[f64; 2]> =
-            basis.samples.iter().map(|p| p.map(|p| self.stop_radius_mm * p)).collect();
+        let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| self.stop_radius_mm * p)).collect();
         let guesses: Vec<[f64; 2]> =
-            basis.samples.iter().map(|p| paraxial_launch(&order, sequence, self.field_rad, *p)).collect();
+            points.iter().map(|p| paraxial_launch(&order, sequence, self.field_rad, *p)).collect();
         let aimed = AimedRays::new(sequence, self.field_rad, &targets, &guesses);
         if !(0..samples).all(|i| aimed.is_aimed(i)) {
             return 0.0;
         }
-        let (odd, even) = (&basis.odd, &basis.even);
-        let (x, y) = (odd.fit(&aimed.launch_mm[0]), even.fit(&aimed.launch_mm[1]));
-        let (mut x_bar, mut y_bar) = (vec![0.0; x.len()], vec![0.0; y.len()]);
-        for (p, bar) in quadrature.nodes.iter().zip(jacobian_bar).filter(|(_, bar)| **bar != 0.0) {
+        let x = basis.fit(&aimed.launch_mm[0], sides, Symmetry::Odd);
+        let y = basis.fit(&aimed.launch_mm[1], sides, Symmetry::Even);
+        let (mut x_bar, mut y_bar) = (PupilPolynomial::zero_like(&x), PupilPolynomial::zero_like(&y));
+        for (p, bar) in self.nodes.iter().zip(jacobian_bar).filter(|(_, bar)| **bar != 0.0) {
             // jacobian = xx yy - xy yx
-            let ([xx, xy], [yx, yy]) = (odd.slope(&x, *p), even.slope(&y, *p));
-            odd.pull_back_slope([bar * yy, -bar * yx], *p, &mut x_bar);
-            even.pull_back_slope([-bar * xy, bar * xx], *p, &mut y_bar);
+            let ([xx, xy], [yx, yy]) = (basis.slope(&x, *p), basis.slope(&y, *p));
+            basis.pull_back_slope([bar * yy, -bar * yx], *p, &mut x_bar);
+            basis.pull_back_slope([-bar * xy, bar * xx], *p, &mut y_bar);
         }
         let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(samples)]);
-        odd.pull_back_fit(&x_bar, &mut launch_bar[0]);
-        even.pull_back_fit(&y_bar, &mut launch_bar[1]);
+        basis.pull_back_fit(&x_bar, sides, &mut launch_bar[0]);
+        basis.pull_back_fit(&y_bar, sides, &mut launch_bar[1]);
         let reaim = Reaim { aimed: &aimed, launch_bar: launch_bar.each_ref().map(Vec::as_slice) };
         pull_back(sequence, &aimed.bundle(sequence), &Seeds::zero(samples), Some(&reaim), gradient)
     }
@@ -242,6 +246,8 @@ impl Beam {
 /// The ray of a field through the centre of the stop.
 #[derive(Clone, Debug)]
 pub struct ChiefRay {
+    /// Place across the plane of the fields on the image plane, mm; 0 in a lens of which that is a plane of symmetry.
+    pub x_mm: f64,
     /// Height on the image plane, mm.
     pub y_mm: f64,
     aimed: AimedRays,
@@ -254,7 +260,9 @@ pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
     let aimed = AimedRays::new(sequence, field_rad, &[[0.0; 2]], &[guess]);
     let mut ray = aimed.bundle(sequence);
     trace(sequence, &mut ray);
-    ray.fate(0).reaches_image().then(|| ChiefRay { y_mm: ray.ray(0).position[1], aimed })
+    let [x_mm, y_mm, _] = ray.ray(0).position;
+    let x_mm = if sequence.is_mirror_symmetric { 0.0 } else { x_mm };
+    ray.fate(0).reaches_image().then_some(ChiefRay { x_mm, y_mm, aimed })
 }
 
 /// The field whose chief ray lands at `y_mm` on the image plane, rad: by the secant method from the ideal field
@@ -275,10 +283,13 @@ pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option
     None
 }
 
-/// Adds the gradient of a loss that depends on the chief ray's height, `y_bar` per mm.
-pub fn pull_back_chief(sequence: &Sequence, chief: &ChiefRay, y_bar: f64, gradient: &mut LensGradient) {
+/// Adds the gradient of a loss that depends on where the chief ray lands, `bar` per mm of x and y.
+pub fn pull_back_chief(sequence: &Sequence, chief: &ChiefRay, bar: [f64; 2], gradient: &mut LensGradient) {
     let mut seeds = Seeds::zero(1);
-    seeds.image_y[0] = y_bar;
+    seeds.image_y[0] = bar[1];
+    if !sequence.is_mirror_symmetric {
+        seeds.image_x[0] = bar[0];
+    }
     let nothing = vec![0.0; RayBundle::padded(1)];
     let reaim = Reaim { aimed: &chief.aimed, launch_bar: [&nothing, &nothing] };
     pull_back(sequence, &chief.aimed.bundle(sequence), &seeds, Some(&reaim), gradient);

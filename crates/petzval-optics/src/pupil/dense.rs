@@ -2,7 +2,9 @@
 
 use pulp::Simd;
 
+use super::basis::{Parity, PupilBasis};
 use super::map::{MapCotangent, PupilMap};
+use super::polynomial::{PupilPolynomial, Sides};
 use crate::lanes::{Lanes, MAX_LANES, width};
 use crate::trace::SOFT_EDGE_MM;
 
@@ -110,14 +112,68 @@ impl RowTable {
     }
 }
 
+/// The even and the odd part of a polynomial along each row; `None` for a part that is zero.
+struct Table {
+    even: Option<RowTable>,
+    odd: Option<RowTable>,
+}
+
+impl Table {
+    fn new(rows: &PupilRows, basis: &PupilBasis, polynomial: &PupilPolynomial) -> Self {
+        let part = |parity: &Parity, coefficients: &[f64]| {
+            (!coefficients.is_empty()).then(|| rows.along_rows(coefficients, &parity.powers))
+        };
+        Self { even: part(&basis.even, &polynomial.even), odd: part(&basis.odd, &polynomial.odd) }
+    }
+
+    /// The polynomial along a row at p_x and its square.
+    #[inline(always)]
+    fn at<S: Simd>(&self, row: usize, p_x: Lanes<S>, square: Lanes<S>) -> Lanes<S> {
+        match (&self.even, &self.odd) {
+            (Some(even), None) => even.at(row, square),
+            (None, Some(odd)) => p_x * odd.at(row, square),
+            (Some(even), Some(odd)) => p_x.mul_add(odd.at(row, square), even.at(row, square)),
+            (None, None) => p_x.constant(0.0),
+        }
+    }
+
+    /// The transpose of [`Table::at`].
+    #[inline(always)]
+    fn add_moments<S: Simd>(&mut self, row: usize, bar: Lanes<S>, p_x: Lanes<S>, square: Lanes<S>) {
+        if let Some(even) = &mut self.even {
+            even.add_moments(row, bar, square);
+        }
+        if let Some(odd) = &mut self.odd {
+            odd.add_moments(row, bar * p_x, square);
+        }
+    }
+
+    fn zero_like(other: &Self) -> Self {
+        Self {
+            even: other.even.as_ref().map(RowTable::zero_like),
+            odd: other.odd.as_ref().map(RowTable::zero_like),
+        }
+    }
+
+    /// Adds what the table's cotangents ask of the coefficients.
+    fn pull_back(&self, rows: &PupilRows, basis: &PupilBasis, to: &mut PupilPolynomial) {
+        if let Some(even) = &self.even {
+            rows.pull_back(even, &basis.even.powers, &mut to.even);
+        }
+        if let Some(odd) = &self.odd {
+            rows.pull_back(odd, &basis.odd.powers, &mut to.odd);
+        }
+    }
+}
+
 /// A map made ready to be evaluated row by row.
 pub(crate) struct DenseMap<'a> {
     map: &'a PupilMap,
     rows: &'a PupilRows,
-    x: RowTable,
-    y: RowTable,
-    light: RowTable,
-    heights: Vec<RowTable>,
+    x: Table,
+    y: Table,
+    light: Table,
+    heights: Vec<Table>,
 }
 
 /// Points of a row: where they land and the light they bring, per point of the row (0 beyond its last).
@@ -147,10 +203,10 @@ pub(crate) struct PointsCotangent<S: Simd> {
 
 /// Cotangents gathered while rows pass.
 pub(crate) struct DenseCotangent {
-    x: RowTable,
-    y: RowTable,
-    light: RowTable,
-    heights: Vec<RowTable>,
+    x: Table,
+    y: Table,
+    light: Table,
+    heights: Vec<Table>,
     semi_diameters: Vec<f64>,
 }
 
@@ -182,14 +238,14 @@ fn soft_edge<S: Simd>(u: Lanes<S>, semi_diameter_mm: f64) -> Option<[Lanes<S>; 3
 
 impl<'a> DenseMap<'a> {
     pub fn new(map: &'a PupilMap, rows: &'a PupilRows) -> Self {
-        let (odd, even) = (&map.basis().odd.powers, &map.basis().even.powers);
+        let table = |polynomial| Table::new(rows, map.basis(), polynomial);
         Self {
             map,
             rows,
-            x: rows.along_rows(&map.image[0], odd),
-            y: rows.along_rows(&map.image[1], even),
-            light: rows.along_rows(&map.light, even),
-            heights: map.heights.iter().map(|h| rows.along_rows(&h.coefficients, even)).collect(),
+            x: table(&map.image[0]),
+            y: table(&map.image[1]),
+            light: table(&map.light),
+            heights: map.heights.iter().map(|h| table(&h.polynomial)).collect(),
         }
     }
 
@@ -204,27 +260,37 @@ impl<'a> DenseMap<'a> {
         self.rows.rows[row].count.div_ceil(width::<S>())
     }
 
-    /// Some points of a row, far from each other, so that they do not land in the same cells.
+    /// Signs of p_x that are to be evaluated: in a symmetric lens one half of the pupil says everything.
+    pub fn sides(&self) -> &'static [f64] {
+        match self.map.samples.sides {
+            Sides::Mirrored => &[1.0],
+            Sides::Both => &[1.0, -1.0],
+        }
+    }
+
+    /// Some points of a row on the side of the pupil with that sign of p_x, far from each other, so that they do not land in
+    /// the same cells.
     #[inline(always)]
-    pub fn points<S: Simd>(&self, simd: S, row: usize, turn: usize) -> Points<S> {
+    pub fn points<S: Simd>(&self, simd: S, row: usize, turn: usize, side: f64) -> Points<S> {
         let r = self.rows.rows[row];
         let counting = Lanes::load(simd, &COUNTING) * self.turns::<S>(row) as f64 + (turn as f64 + 0.5);
-        let p_x = counting * r.step;
+        let p_x = counting * (r.step * side);
         let square = p_x * p_x;
         let zero = p_x.constant(0.0);
-        let share = counting.lt(zero.constant(r.count as f64)).select(zero.constant(r.weight), zero);
+        let weight = if self.sides().len() == 1 { r.weight } else { 0.5 * r.weight };
+        let share = counting.lt(zero.constant(r.count as f64)).select(zero.constant(weight), zero);
         let mut transmission = zero.constant(1.0);
         for (h, table) in self.map.heights.iter().zip(&self.heights) {
-            if let Some([through, ..]) = soft_edge(table.at(row, square), h.semi_diameter_mm) {
+            if let Some([through, ..]) = soft_edge(table.at(row, p_x, square), h.semi_diameter_mm) {
                 transmission = transmission * through;
             }
         }
         Points {
             p_x,
             square,
-            x: p_x * self.x.at(row, square),
-            y: self.y.at(row, square),
-            weight: share * transmission * self.light.at(row, square),
+            x: self.x.at(row, p_x, square),
+            y: self.y.at(row, p_x, square),
+            weight: share * transmission * self.light.at(row, p_x, square),
             transmission,
             share,
         }
@@ -232,10 +298,10 @@ impl<'a> DenseMap<'a> {
 
     pub fn zero_cotangent(&self) -> DenseCotangent {
         DenseCotangent {
-            x: RowTable::zero_like(&self.x),
-            y: RowTable::zero_like(&self.y),
-            light: RowTable::zero_like(&self.light),
-            heights: self.heights.iter().map(RowTable::zero_like).collect(),
+            x: Table::zero_like(&self.x),
+            y: Table::zero_like(&self.y),
+            light: Table::zero_like(&self.light),
+            heights: self.heights.iter().map(Table::zero_like).collect(),
             semi_diameters: vec![0.0; self.heights.len()],
         }
     }
@@ -249,37 +315,37 @@ impl<'a> DenseMap<'a> {
         bar: PointsCotangent<S>,
         sums: &mut DenseCotangent,
     ) {
-        let at = points.square;
-        sums.x.add_moments(row, bar.x * points.p_x, at);
-        sums.y.add_moments(row, bar.y, at);
-        sums.light.add_moments(row, bar.weight * points.share * points.transmission, at);
+        let (p_x, at) = (points.p_x, points.square);
+        sums.x.add_moments(row, bar.x, p_x, at);
+        sums.y.add_moments(row, bar.y, p_x, at);
+        sums.light.add_moments(row, bar.weight * points.share * points.transmission, p_x, at);
         if self.heights.is_empty() {
             return;
         }
-        let light = self.light.at(row, at);
+        let light = self.light.at(row, p_x, at);
         let zero = at.constant(0.0);
         for (k, (h, table)) in self.map.heights.iter().zip(&self.heights).enumerate() {
-            let Some([through, by_u, by_semi]) = soft_edge(table.at(row, at), h.semi_diameter_mm) else {
+            let Some([through, by_u, by_semi]) = soft_edge(table.at(row, p_x, at), h.semi_diameter_mm) else {
                 continue;
             };
             // The other apertures' share: transmission / through, 0 where this one lets nothing through.
             let open = zero.lt(through);
             let others = open.select(points.transmission / open.select(through, zero.constant(1.0)), zero);
             let through_bar = bar.weight * points.share * light * others;
-            sums.heights[k].add_moments(row, through_bar * by_u, at);
+            sums.heights[k].add_moments(row, through_bar * by_u, p_x, at);
             sums.semi_diameters[k] += (through_bar * by_semi).sum();
         }
     }
 
     /// Cotangents of the map's coefficients.
     pub fn pull_back(&self, sums: &DenseCotangent) -> MapCotangent {
-        let (odd, even) = (&self.map.basis().odd.powers, &self.map.basis().even.powers);
+        let basis = self.map.basis();
         let mut wish = MapCotangent::zero(self.map);
-        self.rows.pull_back(&sums.x, odd, &mut wish.image[0]);
-        self.rows.pull_back(&sums.y, even, &mut wish.image[1]);
-        self.rows.pull_back(&sums.light, even, &mut wish.light);
+        sums.x.pull_back(self.rows, basis, &mut wish.image[0]);
+        sums.y.pull_back(self.rows, basis, &mut wish.image[1]);
+        sums.light.pull_back(self.rows, basis, &mut wish.light);
         for (table, to) in sums.heights.iter().zip(&mut wish.heights) {
-            self.rows.pull_back(table, even, to);
+            table.pull_back(self.rows, basis, to);
         }
         wish.semi_diameters.copy_from_slice(&sums.semi_diameters);
         wish

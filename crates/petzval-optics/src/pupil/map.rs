@@ -7,6 +7,7 @@
 
 use super::basis::{PupilBasis, check_points};
 use super::beam::{launch_area, projections};
+use super::polynomial::{PupilPolynomial, Symmetry};
 use super::samples::{PupilSamples, SamplesCotangent, trace_points};
 use crate::gradient::LensGradient;
 use crate::paraxial::first_order;
@@ -17,18 +18,18 @@ use crate::trace::{SOFT_EDGE_MM, Sequence, SquaredHeights};
 pub(crate) struct Height {
     pub surface: usize,
     pub semi_diameter_mm: f64,
-    /// Coefficients, even, mm^2.
-    pub coefficients: Vec<f64>,
+    /// In mm^2.
+    pub polynomial: PupilPolynomial,
 }
 
 /// Polynomials of one field at one wavelength.
 #[derive(Debug)]
 pub(crate) struct PupilMap {
     pub samples: PupilSamples,
-    /// Coefficients of x (odd) and y (even) on the image plane, mm.
-    pub image: [Vec<f64>; 2],
-    /// Coefficients of the light per share of the stop's area (even).
-    pub light: Vec<f64>,
+    /// x and y on the image plane, mm.
+    pub image: [PupilPolynomial; 2],
+    /// The light per share of the stop's area.
+    pub light: PupilPolynomial,
     /// Clear apertures that may cut the beam.
     pub heights: Vec<Height>,
 }
@@ -55,21 +56,19 @@ impl Residual {
 /// What a loss asks of a map: cotangents of its coefficients.
 #[derive(Clone, Debug)]
 pub(crate) struct MapCotangent {
-    pub image: [Vec<f64>; 2],
-    pub light: Vec<f64>,
-    pub heights: Vec<Vec<f64>>,
+    pub image: [PupilPolynomial; 2],
+    pub light: PupilPolynomial,
+    pub heights: Vec<PupilPolynomial>,
     /// By the clear semi-diameters of the heights, 1/mm.
     pub semi_diameters: Vec<f64>,
 }
 
 impl MapCotangent {
     pub fn zero(map: &PupilMap) -> Self {
-        let basis = map.samples.basis;
-        let (odd, even) = (basis.odd.powers.len(), basis.even.powers.len());
         Self {
-            image: [vec![0.0; odd], vec![0.0; even]],
-            light: vec![0.0; even],
-            heights: vec![vec![0.0; even]; map.heights.len()],
+            image: map.image.each_ref().map(PupilPolynomial::zero_like),
+            light: PupilPolynomial::zero_like(&map.light),
+            heights: map.heights.iter().map(|h| PupilPolynomial::zero_like(&h.polynomial)).collect(),
             semi_diameters: vec![0.0; map.heights.len()],
         }
     }
@@ -78,15 +77,15 @@ impl MapCotangent {
 impl PupilMap {
     /// The polynomials through the samples of a beam.
     pub fn new(sequence: &Sequence, samples: PupilSamples) -> Self {
-        let (odd, even) = (&samples.basis.odd, &samples.basis.even);
+        let fit = |values: &[f64], symmetry| samples.basis.fit(values, samples.sides, symmetry);
         let height = |h: &SquaredHeights| Height {
             surface: h.surface,
             semi_diameter_mm: sequence.surfaces[h.surface].semi_diameter_mm,
-            coefficients: even.fit(&h.values),
+            polynomial: fit(&h.values, Symmetry::Even),
         };
         Self {
-            image: [odd.fit(&samples.x), even.fit(&samples.y)],
-            light: even.fit(&samples.light),
+            image: [fit(&samples.x, Symmetry::Odd), fit(&samples.y, Symmetry::Even)],
+            light: fit(&samples.light, Symmetry::Even),
             heights: samples.heights.iter().map(height).collect(),
             samples,
         }
@@ -99,19 +98,20 @@ impl PupilMap {
 
     /// How far the polynomials are from rays through other points of the stop; `None` if one of those is lost.
     pub fn residual(&self, sequence: &Sequence) -> Option<Residual> {
-        let points = check_points();
         let samples = &self.samples;
-        let (odd, even) = (&samples.basis.odd, &samples.basis.even);
+        let (basis, sides) = (samples.basis, samples.sides);
+        let points = sides.points(&check_points());
+        let at_checks = |polynomial: &PupilPolynomial| basis.at_checks(polynomial, sides);
         let [launch_x, launch_y] = &samples.aimed.launch_mm;
-        let guesses_x = odd.at_checks(&odd.fit(launch_x));
-        let guesses_y = even.at_checks(&even.fit(launch_y));
+        let guesses_x = at_checks(&basis.fit(launch_x, sides, Symmetry::Odd));
+        let guesses_y = at_checks(&basis.fit(launch_y, sides, Symmetry::Even));
         let guesses: Vec<[f64; 2]> = guesses_x.iter().zip(&guesses_y).map(|(x, y)| [*x, *y]).collect();
         let surfaces = self.heights.iter().map(|h| h.surface);
         let (field, radius) = (samples.field_rad, samples.stop_radius_mm);
         let traced = trace_points(sequence, field, radius, &points, &guesses, surfaces)?;
         let [x, y] = traced.rays.image_xy();
-        let (fit_x, fit_y) = (odd.at_checks(&self.image[0]), even.at_checks(&self.image[1]));
-        let fit_light = even.at_checks(&self.light);
+        let (fit_x, fit_y) = (at_checks(&self.image[0]), at_checks(&self.image[1]));
+        let fit_light = at_checks(&self.light);
         let area = launch_area(sequence, &first_order(sequence));
         // A fit through what is no number is no fit: the largest of two would forget it.
         if !fit_x.iter().chain(&fit_y).chain(&fit_light).all(|v| v.is_finite()) {
@@ -125,7 +125,7 @@ impl PupilMap {
             worst.light = worst.light.max((fit_light[i] / light - 1.0).abs());
         }
         for (h, traced) in self.heights.iter().zip(&traced.heights) {
-            for (fit, traced) in even.at_checks(&h.coefficients).iter().zip(&traced.values) {
+            for (fit, traced) in at_checks(&h.polynomial).iter().zip(&traced.values) {
                 let (r, traced) = (fit.max(0.0).sqrt(), traced.sqrt());
                 // Far from its edge an aperture does nothing.
                 let near = (traced - h.semi_diameter_mm).abs() < 0.1 * h.semi_diameter_mm;
@@ -138,16 +138,16 @@ impl PupilMap {
 
     /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
     pub fn pull_back(&self, sequence: &Sequence, wish: &MapCotangent, gradient: &mut LensGradient) -> f64 {
-        let (odd, even) = (&self.basis().odd, &self.basis().even);
+        let (basis, sides) = (self.basis(), self.samples.sides);
         let mut at_samples = SamplesCotangent::zero(&self.samples);
-        odd.pull_back_fit(&wish.image[0], &mut at_samples.seeds.image_x);
-        even.pull_back_fit(&wish.image[1], &mut at_samples.seeds.image_y);
-        even.pull_back_fit(&wish.light, &mut at_samples.light);
+        basis.pull_back_fit(&wish.image[0], sides, &mut at_samples.seeds.image_x);
+        basis.pull_back_fit(&wish.image[1], sides, &mut at_samples.seeds.image_y);
+        basis.pull_back_fit(&wish.light, sides, &mut at_samples.light);
         for ((h, bar), semi_bar) in self.heights.iter().zip(&wish.heights).zip(&wish.semi_diameters) {
             gradient.surfaces[h.surface].semi_diameter += semi_bar;
-            if bar.iter().any(|b| *b != 0.0) {
-                let mut height = SquaredHeights::zero(h.surface, self.basis().samples.len());
-                even.pull_back_fit(bar, &mut height.values);
+            if !bar.is_zero() {
+                let mut height = SquaredHeights::zero(h.surface, self.samples.x.len());
+                basis.pull_back_fit(bar, sides, &mut height.values);
                 at_samples.seeds.heights.push(height);
             }
         }

@@ -5,6 +5,7 @@ mod beam;
 mod dense;
 mod linear;
 mod map;
+mod polynomial;
 mod quadrature;
 mod samples;
 
@@ -15,5 +16,6 @@ pub use beam::{
 };
 pub(crate) use dense::{DenseCotangent, DenseMap, Points, PointsCotangent, PupilRows};
 pub(crate) use map::PupilMap;
+pub(crate) use polynomial::Sides;
 pub use quadrature::{Quadrature, QuadratureError};
 pub(crate) use samples::{PupilSamples, SamplesCotangent};

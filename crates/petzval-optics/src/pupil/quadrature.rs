@@ -2,6 +2,7 @@
 //! ray at (-x, y) of the pupil is the mirror image of the ray at (x, y).
 
 use super::dense::PupilRows;
+use super::polynomial::Sides;
 
 /// Sub-cells per side by which a cell at the rim is measured.
 const RIM_SUBDIVISION: usize = 16;
@@ -44,6 +45,11 @@ impl Quadrature {
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
         Ok(Self { nodes, weights, cells, rows: PupilRows::new(cells) })
+    }
+
+    /// Nodes of both halves of the disk, each standing for itself alone.
+    pub(crate) fn on(&self, sides: Sides) -> (Vec<[f64; 2]>, Vec<f64>) {
+        (sides.points(&self.nodes), sides.weights(&self.weights))
     }
 
     /// The same density for polynomials.

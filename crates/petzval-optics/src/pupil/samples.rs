@@ -1,7 +1,8 @@
 //! The beam of one field at one wavelength, traced at the samples of a pupil basis.
 
-use super::basis::{Parity, PupilBasis};
+use super::basis::PupilBasis;
 use super::beam::{launch_area, paraxial_launch, projections};
+use super::polynomial::{Sides, Symmetry};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::paraxial::{first_order, pull_back_entrance_pupil};
@@ -41,6 +42,8 @@ pub(super) fn trace_points(
 #[derive(Debug)]
 pub(crate) struct PupilSamples {
     pub basis: &'static PupilBasis,
+    /// Which halves of the pupil the samples are on.
+    pub sides: Sides,
     /// Where the rays land on the image plane, mm, one per sample.
     pub x: Vec<f64>,
     pub y: Vec<f64>,
@@ -64,7 +67,7 @@ pub(crate) struct SamplesCotangent {
 
 impl SamplesCotangent {
     pub fn zero(samples: &PupilSamples) -> Self {
-        let count = samples.basis.samples.len();
+        let count = samples.x.len();
         Self { seeds: Seeds::zero(count), light: vec![0.0; count] }
     }
 }
@@ -82,27 +85,30 @@ impl PupilSamples {
         like: Option<&Self>,
     ) -> Option<Self> {
         let order = first_order(sequence);
-        let count = basis.samples.len();
+        let sides = Sides::of(sequence);
+        let points = sides.points(&basis.samples);
+        let count = points.len();
         let guesses: Vec<[f64; 2]> = match like {
-            Some(like) if like.basis.degree == basis.degree => {
+            Some(like) if like.basis.degree == basis.degree && like.sides == sides => {
                 (0..count).map(|i| like.aimed.launch_of(i)).collect()
             }
-            _ => basis.samples.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect(),
+            _ => points.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect(),
         };
         let others = (0..sequence.surfaces.len()).filter(|i| *i != sequence.stop);
-        let traced = trace_points(sequence, field_rad, stop_radius_mm, &basis.samples, &guesses, others)?;
+        let traced = trace_points(sequence, field_rad, stop_radius_mm, &points, &guesses, others)?;
         let may_cut = |h: &SquaredHeights| {
             let clear = sequence.surfaces[h.surface].semi_diameter_mm - SOFT_EDGE_MM;
             let radius = |u: &[f64]| u.iter().fold(0.0_f64, |m, u| m.max(*u)).sqrt();
             let reach = radius(&h.values[..count]);
             // Where the rim lands is what the polynomial says.
-            reach > SAMPLED_SHARE * clear
-                && (reach > clear || radius(&basis.even.at_checks(&basis.even.fit(&h.values))) > clear)
+            let at_checks = || basis.at_checks(&basis.fit(&h.values, sides, Symmetry::Even), sides);
+            reach > SAMPLED_SHARE * clear && (reach > clear || radius(&at_checks()) > clear)
         };
         let [x, y] = traced.rays.image_xy().map(|v| v[..count].to_vec());
         let heights = traced.heights.into_iter().filter(may_cut).collect();
         let aimed = traced.aimed;
-        let mut samples = Self { basis, x, y, light: Vec::new(), heights, aimed, field_rad, stop_radius_mm };
+        let light = Vec::new();
+        let mut samples = Self { basis, sides, x, y, light, heights, aimed, field_rad, stop_radius_mm };
         // Light by the Jacobian of the polynomials through the launch points, so that its gradient is of one piece with it.
         let area = launch_area(sequence, &order);
         let [[xx, xy], [yx, yy]] = samples.launch_slopes();
@@ -113,11 +119,19 @@ impl PupilSamples {
         Some(samples)
     }
 
+    /// Shares of the stop's area that the samples stand for; the sum is 1.
+    pub fn weights(&self) -> Vec<f64> {
+        self.sides.weights(&self.basis.weights)
+    }
+
     /// Derivatives of launch x and launch y by p_x and p_y, at the samples, mm.
     fn launch_slopes(&self) -> [[Vec<f64>; 2]; 2] {
-        let (odd, even) = (&self.basis.odd, &self.basis.even);
+        let (basis, sides) = (self.basis, self.sides);
         let [x, y] = &self.aimed.launch_mm;
-        [odd.slopes(&odd.fit(x)), even.slopes(&even.fit(y))]
+        [
+            basis.slopes(&basis.fit(x, sides, Symmetry::Odd), sides),
+            basis.slopes(&basis.fit(y, sides, Symmetry::Even), sides),
+        ]
     }
 
     /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
@@ -141,7 +155,6 @@ impl PupilSamples {
         light_bar: &[f64],
         gradient: &mut LensGradient,
     ) -> [Vec<f64>; 2] {
-        let (odd, even) = (&self.basis.odd, &self.basis.even);
         let order = first_order(sequence);
         let area = launch_area(sequence, &order);
         let total: f64 = light_bar.iter().zip(&self.light).map(|(bar, l)| bar * l).sum();
@@ -150,7 +163,7 @@ impl PupilSamples {
             let by_position = 2.0 * total / (distance + order.entrance_pupil_at_mm);
             pull_back_entrance_pupil(sequence, by_position, gradient);
         }
-        let count = self.basis.samples.len();
+        let count = self.x.len();
         let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(count)]);
         let [[xx, xy], [yx, yy]] = self.launch_slopes();
         let mut jacobian_bar = vec![0.0; count];
@@ -165,11 +178,12 @@ impl PupilSamples {
         let times = |v: &[f64], sign: f64| -> Vec<f64> {
             v.iter().zip(&jacobian_bar).map(|(v, bar)| sign * v * bar).collect()
         };
-        let pull = |parity: &Parity, by_x: &[f64], by_y: &[f64], to: &mut [f64]| {
-            parity.pull_back_fit(&parity.pull_back_slopes([by_x, by_y]), to);
+        let (basis, sides) = (self.basis, self.sides);
+        let pull = |symmetry: Symmetry, by_x: &[f64], by_y: &[f64], to: &mut [f64]| {
+            basis.pull_back_fit(&basis.pull_back_slopes([by_x, by_y], sides, symmetry), sides, to);
         };
-        pull(odd, &times(&yy, 1.0), &times(&yx, -1.0), &mut launch_bar[0]);
-        pull(even, &times(&xy, -1.0), &times(&xx, 1.0), &mut launch_bar[1]);
+        pull(Symmetry::Odd, &times(&yy, 1.0), &times(&yx, -1.0), &mut launch_bar[0]);
+        pull(Symmetry::Even, &times(&xy, -1.0), &times(&xx, 1.0), &mut launch_bar[1]);
         launch_bar
     }
 }

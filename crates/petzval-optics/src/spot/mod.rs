@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::{Beam, Quadrature, paraxial_launch, trace_beam};
+use crate::pupil::{Beam, Quadrature, Sides, paraxial_launch, trace_beam};
 use crate::trace::{Sequence, launch, trace_ray};
 
 /// Spot radii of one field, um, about the centroid (by the light of each ray).
@@ -27,6 +27,8 @@ pub struct FieldSpot {
     pub rms_um: Vec<f64>,
     /// All wavelengths together, equally weighted, about their common centroid.
     pub rms_poly_um: f64,
+    /// Common centroid across the plane of the fields, mm; 0 in a lens of which that is a plane of symmetry.
+    pub centroid_x_mm: f64,
     /// Common centroid on the image plane, mm.
     pub centroid_y_mm: f64,
     /// Relative illumination per wavelength.
@@ -50,18 +52,25 @@ fn trace_field(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Vec<Trac
         .collect()
 }
 
-/// Centroid of a beam, mm.
-fn mean_y(beam: &Beam) -> f64 {
+/// Centroid of a beam, mm: with its mirror image, where it is half of one.
+fn centroid(sequence: &Sequence, beam: &Beam) -> [f64; 2] {
     let light = beam.illumination();
-    beam.y_mm.iter().zip(&beam.weight).map(|(y, w)| y * w).sum::<f64>() / light
+    let mean = |of: &[f64]| of.iter().zip(&beam.weight).map(|(y, w)| y * w).sum::<f64>() / light;
+    [if sequence.is_mirror_symmetric { 0.0 } else { mean(&beam.x_mm) }, mean(&beam.y_mm)]
 }
 
-/// Mean of x^2 + (y - centre)^2 over the light of a beam, mm^2.
-fn mean_square(beam: &Beam, centre: f64) -> f64 {
+/// Mean of points.
+fn mean_of(points: &[[f64; 2]]) -> [f64; 2] {
+    let count = points.len() as f64;
+    [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / count)
+}
+
+/// Mean square distance from a point over the light of a beam, mm^2.
+fn mean_square(beam: &Beam, centre: [f64; 2]) -> f64 {
     let light = beam.illumination();
     (0..beam.y_mm.len())
         .map(|i| {
-            let (x, y) = (beam.x_mm[i], beam.y_mm[i] - centre);
+            let (x, y) = (beam.x_mm[i] - centre[0], beam.y_mm[i] - centre[1]);
             beam.weight[i] * (x * x + y * y)
         })
         .sum::<f64>()
@@ -75,15 +84,16 @@ pub fn spot(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<Fiel
     if !illumination.iter().all(|i| *i > 0.0) {
         return None;
     }
-    let centres: Vec<f64> = traced.iter().map(|t| mean_y(&t.beam)).collect();
+    let centres: Vec<[f64; 2]> = traced.iter().map(|t| centroid(&t.sequence, &t.beam)).collect();
     let count = traced.len() as f64;
-    let centroid_y_mm = centres.iter().sum::<f64>() / count;
+    let common = mean_of(&centres);
     let rms = |square_mm2: f64| 1e3 * square_mm2.max(0.0).sqrt();
     Some(FieldSpot {
         field_rad,
         rms_um: traced.iter().zip(&centres).map(|(t, c)| rms(mean_square(&t.beam, *c))).collect(),
-        rms_poly_um: rms(traced.iter().map(|t| mean_square(&t.beam, centroid_y_mm)).sum::<f64>() / count),
-        centroid_y_mm,
+        rms_poly_um: rms(traced.iter().map(|t| mean_square(&t.beam, common)).sum::<f64>() / count),
+        centroid_x_mm: common[0],
+        centroid_y_mm: common[1],
         illumination,
     })
 }
@@ -108,8 +118,9 @@ pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature)
     let mut colours: Vec<Vec<[f64; 3]>> = Vec::new();
     for wavelength in &lens.wavelengths_um {
         let sequence = lens.at_wavelength(*wavelength);
-        let mut rays: Vec<[f64; 3]> = Vec::with_capacity(quadrature.len());
-        for (node, weight) in quadrature.nodes.iter().zip(&quadrature.weights) {
+        let (nodes, weights) = quadrature.on(Sides::of(&sequence));
+        let mut rays: Vec<[f64; 3]> = Vec::with_capacity(nodes.len());
+        for (node, weight) in nodes.iter().zip(&weights) {
             let at = paraxial_launch(&order, &sequence, field_rad, *node);
             let path = trace_ray(&sequence, launch(&sequence, field_rad, at).ray);
             if let Some(image) = path.image {
@@ -123,15 +134,20 @@ pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature)
         rays.iter_mut().for_each(|r| r[2] /= light);
         colours.push(rays);
     }
-    let mean_y = |rays: &[[f64; 3]]| rays.iter().map(|r| r[2] * r[1]).sum::<f64>();
-    let square = |rays: &[[f64; 3]], centre: f64| {
-        rays.iter().map(|r| r[2] * (r[0] * r[0] + (r[1] - centre).powi(2))).sum::<f64>()
+    let is_half = lens.is_mirror_symmetric();
+    let centroid = |rays: &[[f64; 3]]| {
+        let mean = |axis: usize| rays.iter().map(|r| r[2] * r[axis]).sum::<f64>();
+        [if is_half { 0.0 } else { mean(0) }, mean(1)]
+    };
+    let square = |rays: &[[f64; 3]], [x, y]: [f64; 2]| {
+        rays.iter().map(|r| r[2] * ((r[0] - x) * (r[0] - x) + (r[1] - y).powi(2))).sum::<f64>()
     };
     let count = colours.len() as f64;
-    let centre = colours.iter().map(|rays| mean_y(rays)).sum::<f64>() / count;
-    let poly = colours.iter().map(|rays| square(rays, centre)).sum::<f64>() / count;
+    let centres: Vec<[f64; 2]> = colours.iter().map(|rays| centroid(rays)).collect();
+    let common = mean_of(&centres);
+    let poly = colours.iter().map(|rays| square(rays, common)).sum::<f64>() / count;
     Some(PrintedSpot {
-        rms_um: colours.iter().map(|rays| 1e3 * square(rays, mean_y(rays)).sqrt()).collect(),
+        rms_um: colours.iter().zip(&centres).map(|(rays, c)| 1e3 * square(rays, *c).sqrt()).collect(),
         rms_poly_um: 1e3 * poly.sqrt(),
     })
 }
@@ -152,5 +168,6 @@ fn mean_over_fields(
         value += share * v;
         gradient += &g.scaled(share);
     }
+    gradient.keep_symmetry(&lens.at_wavelength(lens.reference_um));
     Some((value, gradient))
 }

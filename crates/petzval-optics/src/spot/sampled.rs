@@ -4,15 +4,15 @@ use std::sync::OnceLock;
 
 use pulp::{Simd, WithSimd};
 
-use super::mean_over_fields;
 use super::traced::field_mean_square;
+use super::{mean_of, mean_over_fields};
 use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, dispatch};
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::pupil::{
     DenseCotangent, DenseMap, PointsCotangent, PupilBasis, PupilMap, PupilRows, PupilSamples, PupilSampling,
-    Quadrature, SamplesCotangent,
+    Quadrature, SamplesCotangent, Sides,
 };
 use crate::trace::Sequence;
 
@@ -52,26 +52,28 @@ enum Cloud {
     Cut(PupilMap),
 }
 
-/// Sums over a cloud: light, light times y, light times x^2 + y^2; y about an origin.
+/// Sums over a cloud: light, light times x, light times y, light times x^2 + y^2; about an origin. Half a cloud counts with
+/// its mirror image, so that its sum of x is zero.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     light: f64,
+    x: f64,
     y: f64,
     square: f64,
 }
 
 impl Moments {
-    /// Mean of x^2 + (y - centre)^2 over the light.
-    fn mean_square(&self, centre: f64) -> f64 {
-        (self.square - 2.0 * centre * self.y) / self.light + centre * centre
+    /// Mean square distance from a point over the light.
+    fn mean_square(&self, [x, y]: [f64; 2]) -> f64 {
+        (self.square - 2.0 * y * self.y - 2.0 * x * self.x) / self.light + (y * y + x * x)
     }
 }
 
-/// What is asked of a point with light w: by x `2 s w x`, by y `2 s w (y - c)`, by w `s (x^2 + (y - c)^2 - m)`.
+/// What is asked of a point p with light w: by p `2 s w (p - c)`, by w `s (|p - c|^2 - m)`.
 #[derive(Clone, Copy)]
 struct Wish {
     scale: f64,
-    centre: f64,
+    centre: [f64; 2],
     mean_square: f64,
 }
 
@@ -88,7 +90,7 @@ fn cells() -> &'static Quadrature {
 
 struct DenseMoments<'a> {
     dense: &'a DenseMap<'a>,
-    origin: f64,
+    origin: [f64; 2],
 }
 
 impl WithSimd for DenseMoments<'_> {
@@ -98,23 +100,26 @@ impl WithSimd for DenseMoments<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> Moments {
         let Self { dense, origin } = self;
         let zero = Lanes::splat(simd, 0.0);
-        let (mut light, mut first, mut square) = (zero, zero, zero);
+        let sides = dense.sides();
+        let (mut light, mut first_x, mut first, mut square) = (zero, zero, zero, zero);
         for row in 0..dense.rows() {
-            for turn in 0..dense.turns::<S>(row) {
-                let p = dense.points(simd, row, turn);
-                let y = p.y - origin;
+            for turn in 0..dense.turns::<S>(row) * sides.len() {
+                let p = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
+                let (x, y) = (p.x - origin[0], p.y - origin[1]);
                 light += p.weight;
+                first_x += p.weight * x;
                 first += p.weight * y;
-                square += p.weight * (p.x * p.x + y * y);
+                square += p.weight * (x * x + y * y);
             }
         }
-        Moments { light: light.sum(), y: first.sum(), square: square.sum() }
+        let x = if sides.len() == 1 { 0.0 } else { first_x.sum() };
+        Moments { light: light.sum(), x, y: first.sum(), square: square.sum() }
     }
 }
 
 struct DensePullBack<'a> {
     dense: &'a DenseMap<'a>,
-    origin: f64,
+    origin: [f64; 2],
     wish: Wish,
     sums: &'a mut DenseCotangent,
 }
@@ -125,13 +130,14 @@ impl WithSimd for DensePullBack<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { dense, origin, wish, sums } = self;
+        let sides = dense.sides();
         for row in 0..dense.rows() {
-            for turn in 0..dense.turns::<S>(row) {
-                let p = dense.points(simd, row, turn);
-                let y = p.y - (origin + wish.centre);
+            for turn in 0..dense.turns::<S>(row) * sides.len() {
+                let p = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
+                let (x, y) = (p.x - (origin[0] + wish.centre[0]), p.y - (origin[1] + wish.centre[1]));
                 let twice = p.weight * (2.0 * wish.scale);
-                let weight = (p.x * p.x + y * y - wish.mean_square) * wish.scale;
-                let bar = PointsCotangent { x: twice * p.x, y: twice * y, weight };
+                let weight = (x * x + y * y - wish.mean_square) * wish.scale;
+                let bar = PointsCotangent { x: twice * x, y: twice * y, weight };
                 dense.pull_back_points(row, &p, bar, sums);
             }
         }
@@ -154,15 +160,26 @@ impl Cloud {
         }
     }
 
-    fn moments(&self, origin: f64) -> Moments {
+    /// A point in the middle of it, mm.
+    fn origin(&self) -> [f64; 2] {
+        let s = self.samples();
+        [if s.sides == Sides::Mirrored { 0.0 } else { s.x[0] }, s.y[0]]
+    }
+
+    fn moments(&self, origin: [f64; 2]) -> Moments {
         match self {
             Self::Samples(s) => {
                 let mut sums = Moments::default();
-                for i in 0..s.x.len() {
-                    let (w, y) = (s.basis.weights[i] * s.light[i], s.y[i] - origin);
+                for (i, share) in s.weights().into_iter().enumerate() {
+                    let w = share * s.light[i];
+                    let (x, y) = (s.x[i] - origin[0], s.y[i] - origin[1]);
                     sums.light += w;
+                    sums.x += w * x;
                     sums.y += w * y;
-                    sums.square += w * (s.x[i] * s.x[i] + y * y);
+                    sums.square += w * (x * x + y * y);
+                }
+                if s.sides == Sides::Mirrored {
+                    sums.x = 0.0;
                 }
                 sums
             }
@@ -174,16 +191,23 @@ impl Cloud {
     }
 
     /// Adds the gradient; returns the derivative by the stop radius.
-    fn pull_back(&self, sequence: &Sequence, origin: f64, wish: Wish, gradient: &mut LensGradient) -> f64 {
+    fn pull_back(
+        &self,
+        sequence: &Sequence,
+        origin: [f64; 2],
+        wish: Wish,
+        gradient: &mut LensGradient,
+    ) -> f64 {
         match self {
             Self::Samples(s) => {
                 let mut bar = SamplesCotangent::zero(s);
-                for i in 0..s.x.len() {
-                    let (share, y) = (s.basis.weights[i], s.y[i] - origin - wish.centre);
+                for (i, share) in s.weights().into_iter().enumerate() {
+                    let at = [s.x[i], s.y[i]];
+                    let [x, y] = [0, 1].map(|axis| at[axis] - origin[axis] - wish.centre[axis]);
                     let twice = 2.0 * wish.scale * share * s.light[i];
-                    bar.seeds.image_x[i] = twice * s.x[i];
+                    bar.seeds.image_x[i] = twice * x;
                     bar.seeds.image_y[i] = twice * y;
-                    bar.light[i] = wish.scale * share * (s.x[i] * s.x[i] + y * y - wish.mean_square);
+                    bar.light[i] = wish.scale * share * (x * x + y * y - wish.mean_square);
                 }
                 s.pull_back(sequence, &bar, gradient)
             }
@@ -212,13 +236,14 @@ fn field_spot(lens: &Lens, field_rad: f64, basis: &'static PupilBasis) -> Option
         colours.push((sequence, cloud));
     }
     // Heights are kept small against each other, so that their squares can be subtracted.
-    let origin = colours.first().map_or(0.0, |(_, cloud)| cloud.samples().y[0]);
+    let origin = colours.first().map_or([0.0; 2], |(_, cloud)| cloud.origin());
     let moments: Vec<Moments> = colours.iter().map(|(_, cloud)| cloud.moments(origin)).collect();
     if !moments.iter().all(|m| m.light > 0.0) {
         return None;
     }
     let count = moments.len() as f64;
-    let centre = moments.iter().map(|m| m.y / m.light).sum::<f64>() / count;
+    let centres: Vec<[f64; 2]> = moments.iter().map(|m| [m.x / m.light, m.y / m.light]).collect();
+    let centre = mean_of(&centres);
     let mut gradient = LensGradient::zero(lens.surfaces.len());
     let (mut value, mut stop_radius_bar) = (0.0, 0.0);
     for ((sequence, cloud), m) in colours.iter().zip(&moments) {

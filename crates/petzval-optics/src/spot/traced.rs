@@ -1,6 +1,6 @@
 //! Mean squared spots from a traced ray for every pupil cell.
 
-use super::{mean_over_fields, mean_square, mean_y, trace_field};
+use super::{centroid, mean_of, mean_over_fields, mean_square, trace_field};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, pull_back_first_order};
@@ -27,7 +27,8 @@ pub(super) fn field_mean_square(
         return None;
     }
     let count = traced.len() as f64;
-    let centre = traced.iter().map(|t| mean_y(&t.beam)).sum::<f64>() / count;
+    let centres: Vec<[f64; 2]> = traced.iter().map(|t| centroid(&t.sequence, &t.beam)).collect();
+    let centre = mean_of(&centres);
     let mut value = 0.0;
     let mut gradient = LensGradient::zero(lens.surfaces.len());
     let mut stop_radius_bar = 0.0;
@@ -40,12 +41,12 @@ pub(super) fn field_mean_square(
         let scale = UM2_PER_MM2 / (count * light);
         let mut bar = BeamCotangent::zero(beam.y_mm.len());
         for i in 0..beam.y_mm.len() {
-            let (x, y) = (beam.x_mm[i], beam.y_mm[i] - centre);
+            let (x, y) = (beam.x_mm[i] - centre[0], beam.y_mm[i] - centre[1]);
             bar.x[i] = 2.0 * scale * beam.weight[i] * x;
             bar.y[i] = 2.0 * scale * beam.weight[i] * y;
             bar.weight[i] = scale * (x * x + y * y - square);
         }
-        stop_radius_bar += beam.pull_back(&t.sequence, quadrature, &bar, &mut gradient);
+        stop_radius_bar += beam.pull_back(&t.sequence, &bar, &mut gradient);
     }
     let reference = lens.at_wavelength(lens.reference_um);
     let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };

@@ -3,9 +3,9 @@
 use super::launch::launch;
 use super::ray::{Ray, Vec3, along, dot};
 use super::sequence::{Bending, Sequence, SurfaceAtWavelength, structure_path};
+use super::surface_step::{Passage, pass, unit_normal};
 use crate::jet::Jet;
 use crate::lens::placement::{apply, transposed};
-use super::surface_step::{Passage, pass, unit_normal};
 
 /// Newton steps allowed; a well-posed ray needs three to five.
 const MAX_STEPS: usize = 30;
@@ -68,7 +68,10 @@ fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tange
     match &s.bending {
         Bending::Snell => {}
         Bending::ThinLens { power_per_mm } => {
-            return Tangent { position: point, direction: thin_lens_turn(s, *power_per_mm, p, tangent, point) };
+            return Tangent {
+                position: point,
+                direction: thin_lens_turn(s, *power_per_mm, p, tangent, point),
+            };
         }
         Bending::Path { along_y, radial, .. } => {
             let [x, y] = Jet::axes([x, y]);

@@ -146,7 +146,8 @@ fn through_thin_lens(s: &SurfaceAtWavelength, power_per_mm: f64, point: Vec3, d:
 #[inline]
 pub(crate) fn pass(s: &SurfaceAtWavelength, index: usize, ray: &Ray) -> Result<Passage, Fate> {
     let (path_mm, point, slope) = intersect(s, ray).ok_or(Fate::Missed(index))?;
-    let mut passage = Passage { direction_before: ray.direction, direction_after: ray.direction, point, path_mm, slope };
+    let mut passage =
+        Passage { direction_before: ray.direction, direction_after: ray.direction, point, path_mm, slope };
     let normal = unit_normal(slope).0;
     let mu = s.n_before / s.n_after;
     match &s.bending {

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{
-    ASPHERE_TERMS, Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Q_TERMS, Surface,
-    SurfaceShape, XY_TERMS, xy_index,
+    ASPHERE_TERMS, Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Q_TERMS,
+    Surface, SurfaceShape, XY_TERMS, xy_index,
 };
 
 /// The triplet of `data/lenses/cooke-triplet-nominal.toml`.
@@ -115,11 +115,10 @@ pub fn special_lenses() -> Vec<Lens> {
     add("Q_bfs", &departs(1, Departure::Qbfs { norm_radius_mm: 8.0, coefficients }));
     add("Q_con", &departs(6, Departure::Qcon { norm_radius_mm: 4.5, coefficients }));
     add("biconic", &departs(2, Departure::Biconic { curvature_x: -0.02, conic_x: 0.4 }));
-    add("toroid", &departs(5, Departure::Toroid { curvature_x: 0.06 }));
+    add("toroid", &departs(5, Departure::Toroid { curvature_x: 0.0645 }));
     add("cylinder", &departs(3, Departure::Toroid { curvature_x: 0.0 }));
     add("thin lens", &|s| {
         s[4].action = Action::ThinLens { power_per_mm: 0.004 };
-        s[6].thickness_mm = 22.5;
     });
     add("grating", &|s| {
         s[3].phase = Some(Phase { order: 1, pattern: Pattern::Grating { lines_per_mm: 40.0 } });
@@ -129,7 +128,6 @@ pub fn special_lenses() -> Vec<Lens> {
         coefficients_rad[..3].copy_from_slice(&[-60.0, 15.0, -4.0]);
         let pattern = Pattern::Binary { norm_radius_mm: 4.0, coefficients_rad };
         s[6].phase = Some(Phase { order: 1, pattern });
-        s[6].thickness_mm = 23.5;
     });
     let placed = |decenter_mm, tilt_deg: [f64; 3], axis| {
         Some(Placement { decenter_mm, tilt_rad: tilt_deg.map(f64::to_radians), axis })
@@ -165,6 +163,7 @@ pub fn special_lenses() -> Vec<Lens> {
         for s in &mut lens.surfaces {
             s.semi_diameter_mm *= 1.15;
         }
+        *lens = petzval_optics::solve::with_paraxial_focus(lens, 0.0);
     }
     all.extend([telescope(), mangin()]);
     all
@@ -183,10 +182,7 @@ pub fn telescope() -> Lens {
     let base = nominal_triplet();
     let mut lens = Lens {
         name: "Ritchey-Chretien".into(),
-        surfaces: vec![
-            mirror(-1200.0, -1.089_9, -420.0, 101.0),
-            mirror(-550.0, -5.3, 541.0, 40.0),
-        ],
+        surfaces: vec![mirror(-1200.0, -1.089_9, -420.0, 101.0), mirror(-550.0, -5.3, 541.0, 40.0)],
         stop: 0,
         entrance_pupil_mm: 200.0,
         fields_deg: vec![0.0, 0.3],

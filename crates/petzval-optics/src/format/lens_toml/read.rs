@@ -155,11 +155,7 @@ impl Reader<'_> {
     }
 
     /// Field angles; only a lens that is not rotationally symmetric has negative ones.
-    fn fields(
-        &self,
-        angles: &Spanned<Vec<Placed>>,
-        lens_is_symmetric: bool,
-    ) -> Result<Vec<f64>, FileError> {
+    fn fields(&self, angles: &Spanned<Vec<Placed>>, lens_is_symmetric: bool) -> Result<Vec<f64>, FileError> {
         let mut list = Vec::new();
         for number in angles.get_ref() {
             let value = number.get_ref().0;
@@ -261,7 +257,9 @@ impl Reader<'_> {
                 return Err(self.error("surface", text.surface.span(), message));
             }
             let taken = variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter))
-                || pickups.iter().any(|p| p.surface == surface && variables[p.variable].parameter == parameter);
+                || pickups
+                    .iter()
+                    .any(|p| p.surface == surface && variables[p.variable].parameter == parameter);
             if taken {
                 let message = format!("{name} of surface {} is a variable or follows already", surface + 1);
                 return Err(self.error("surface", text.surface.span(), message));
@@ -412,9 +410,10 @@ impl Reader<'_> {
         let thickness = ("thickness_mm", surface.thickness_mm.span());
         let semi_diameter = ("semi_diameter_mm", surface.semi_diameter_mm.span());
         let ((key, span), hint) = match defect {
-            LensDefect::CentreThickness { .. } => {
-                (thickness, "the least thickness is 0; behind an odd number of mirrors distances are negative")
-            }
+            LensDefect::CentreThickness { .. } => (
+                thickness,
+                "the least thickness is 0; behind an odd number of mirrors distances are negative",
+            ),
             LensDefect::BendsWithoutMirror { .. } => {
                 let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());
                 (("placement", key), "only a mirror bends the axis; let it follow or return")

@@ -188,8 +188,7 @@ impl Reader<'_> {
     ) -> Result<Departure, FileError> {
         let text = placed.get_ref();
         let keys = ["radius_x_mm", "curvature_x_per_mm"];
-        let Some(curvature_x) =
-            self.reciprocal(number, keys, &text.radius_x_mm, &text.curvature_x_per_mm)?
+        let Some(curvature_x) = self.reciprocal(number, keys, &text.radius_x_mm, &text.curvature_x_per_mm)?
         else {
             let message = format!("surface {number}: the x-z section has no radius");
             return Err(self
@@ -288,7 +287,8 @@ impl Reader<'_> {
     fn list<const N: usize>(&self, key: &str, list: &Spanned<Vec<Placed>>) -> Result<[f64; N], FileError> {
         let mut out = [0.0; N];
         if list.get_ref().len() > N {
-            let message = format!("there are {} coefficients, and at most {N} are used", list.get_ref().len());
+            let message =
+                format!("there are {} coefficients, and at most {N} are used", list.get_ref().len());
             return Err(self.error(key, list.span(), message));
         }
         for (to, value) in out.iter_mut().zip(list.get_ref()) {

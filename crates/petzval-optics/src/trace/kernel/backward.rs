@@ -311,7 +311,9 @@ pub(super) fn sweep<S: Simd>(
 
         // The surface's own numbers enter by its sag (alpha) and by its slope.
         match &own {
-            OwnCotangent::Plain(slope, first_bar) => add_plain(surface, slope, alpha, *first_bar, &mut sums[i]),
+            OwnCotangent::Plain(slope, first_bar) => {
+                add_plain(surface, slope, alpha, *first_bar, &mut sums[i])
+            }
             OwnCotangent::General(pulled) => {
                 let bars = general::own_bars(surface, crossing.point, d, pulled, alpha);
                 add_general(&bars, alpha.simd(), &mut sums[i]);

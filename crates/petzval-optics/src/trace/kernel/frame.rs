@@ -43,10 +43,7 @@ pub(super) fn enter<S: Simd>(frame: &Frame, ray: &Rays<S>) -> Rays<S> {
     let to_surface = transposed(&frame.rotation);
     let [dx, dy] = frame.placement.decenter_mm;
     let [x, y, z] = ray.position;
-    Rays {
-        position: times(&to_surface, [x - dx, y - dy, z]),
-        direction: times(&to_surface, ray.direction),
-    }
+    Rays { position: times(&to_surface, [x - dx, y - dy, z]), direction: times(&to_surface, ray.direction) }
 }
 
 /// Rays in the coordinates of the axis behind the surface.
@@ -91,10 +88,8 @@ pub(super) fn enter_tangent<S: Simd>(
         x = x - change.decenter[0];
         y = y - change.decenter[1];
     }
-    let mut out = Tangent {
-        position: times(&to_surface, [x, y, z]),
-        direction: times(&to_surface, tangent.direction),
-    };
+    let mut out =
+        Tangent { position: times(&to_surface, [x, y, z]), direction: times(&to_surface, tangent.direction) };
     if let Some(change) = change {
         let omega = constant(ray.position[0], change.omega);
         add(&mut out.position, cross(omega, ray.position), 1.0);

@@ -123,8 +123,22 @@ impl<S: Simd> Step<S> {
         let root2 = q * under + g * g;
         let root = root2.max(zero).sqrt();
         let b = (root - g) / q;
-        let mut step =
-            Self { point, before, sag, normal, mu, v, path, b, g, q, under, root, after: v, ok: zero.lt(one) };
+        let mut step = Self {
+            point,
+            before,
+            sag,
+            normal,
+            mu,
+            v,
+            path,
+            b,
+            g,
+            q,
+            under,
+            root,
+            after: v,
+            ok: zero.lt(one),
+        };
         if let Bending::ThinLens { power_per_mm } = s.bending {
             let [x, y] = step.slopes_behind_thin_lens(s, power_per_mm);
             let per_length = one / (x * x + y * y + 1.0).sqrt();
@@ -385,8 +399,7 @@ impl WithSimd for Follow<'_> {
 #[inline(always)]
 pub(super) fn follow<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
     let simd = ray.position[0].simd();
-    let found =
-        simd.vectorize(Follow { s, position: store(ray.position), direction: store(ray.direction) });
+    let found = simd.vectorize(Follow { s, position: store(ray.position), direction: store(ray.direction) });
     let [path, ok] = load(simd, &found);
     Meeting { point: along(ray.position, path, ray.direction), path, ok: is_one(ok) }
 }
@@ -444,7 +457,8 @@ impl WithSimd for PushForward<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> (Rows<3>, Rows<3>) {
         let step = Step::new(self.s, load(simd, &self.point), load(simd, &self.before));
         let [path] = load(simd, &self.path);
-        let tangent = Tangent { position: load(simd, &self.position), direction: load(simd, &self.direction) };
+        let tangent =
+            Tangent { position: load(simd, &self.position), direction: load(simd, &self.direction) };
         let mut own = None;
         if let Some(change) = &self.change {
             let (sag, slope) = step.shape_change(self.s, change.own);

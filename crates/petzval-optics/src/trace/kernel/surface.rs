@@ -6,8 +6,8 @@
 
 use pulp::Simd;
 
-use crate::lanes::{Lanes, Mask, V3, along, dot, scaled};
 use super::general;
+use crate::lanes::{Lanes, Mask, V3, along, dot, scaled};
 use crate::lens::Departure;
 use crate::trace::sequence::SurfaceAtWavelength;
 

@@ -114,9 +114,14 @@ impl Goal {
             let is_solved = |v: &Variable| (v.surface, v.parameter) == (solve.surface, Parameter::Radius);
             if let Some(at) = problem.variables.iter().position(is_solved) {
                 if problem.pickups.iter().any(|p| p.variable == at) {
-                    let message =
-                        format!("--efl solves for the radius of surface {}, which others follow", solve.surface + 1);
-                    return Err(Failure::input(message, "write [solve] efl into the lens file, with another surface"));
+                    let message = format!(
+                        "--efl solves for the radius of surface {}, which others follow",
+                        solve.surface + 1
+                    );
+                    return Err(Failure::input(
+                        message,
+                        "write [solve] efl into the lens file, with another surface",
+                    ));
                 }
                 problem.variables.remove(at);
                 for p in &mut problem.pickups {
