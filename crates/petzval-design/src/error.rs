@@ -45,6 +45,12 @@ pub enum DesignError {
         /// Field angle, degrees.
         field_deg: f64,
     },
+    /// A lens whose PSFs are not those of its other azimuths, turned.
+    #[error(
+        "the lens `{0}` is not rotationally symmetric: the renderer turns the PSFs of one azimuth about the axis, and so cannot \
+         take it (`petzval psf` shows those of its y-z plane)"
+    )]
+    NotSymmetric(String),
     /// The lens file says nothing that may move.
     #[error("the lens `{0}` has no variables: add [[variable]] entries with bounds to its file")]
     NothingToMove(String),
@@ -133,6 +139,7 @@ impl DesignError {
             Self::Input { .. }
                 | Self::Unknown { .. }
                 | Self::NothingToMove(_)
+                | Self::NotSymmetric(_)
                 | Self::Space(_)
                 | Self::Pupil(_)
                 | Self::Dataset(_)

@@ -67,6 +67,9 @@ impl PsfPlan {
 
     /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.
     pub fn trace(&self, lens: &Lens) -> Result<BankWithTape, DesignError> {
+        if !lens.is_rotationally_symmetric() {
+            return Err(DesignError::NotSymmetric(lens.name.clone()));
+        }
         let angles = self.field_angles(lens);
         let traced: Vec<(FieldPsf, PsfTape)> = angles
             .par_iter()

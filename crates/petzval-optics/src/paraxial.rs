@@ -163,7 +163,8 @@ pub fn pull_back_first_order(
     gradient.entrance_pupil += 0.5 * cotangent.stop_radius * ray.y[sequence.stop];
     let stop_bar = 0.5 * sequence.entrance_pupil_mm * cotangent.stop_radius;
     let w_bar = cotangent.efl / (w_end * w_end);
-    pull_back_ray(sequence, &ray, cotangent.bfl, w_bar, stop_bar, gradient);
+    let asked = RayCotangent { crossing: cotangent.bfl, end_slope: w_bar, stop: stop_bar, end_height: 0.0 };
+    pull_back_ray(sequence, &ray, asked, gradient);
 }
 
 /// Adds the gradient of a loss that depends on the paraxial image distance, `bar` per mm.
@@ -172,7 +173,42 @@ pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut Le
         ObjectDistance::Infinity => paraxial_ray(sequence, 1.0, 0.0),
         ObjectDistance::Finite(distance) => paraxial_ray(sequence, distance, 1.0),
     };
-    pull_back_ray(sequence, &ray, bar, 0.0, 0.0, gradient);
+    pull_back_ray(sequence, &ray, RayCotangent { crossing: bar, ..Default::default() }, gradient);
+}
+
+/// Height of the paraxial image of a field over the tangent of its angle, mm: the focal length or, for a near object, what
+/// its magnification and distance make of it.
+pub fn image_height_per_tangent(sequence: &Sequence) -> f64 {
+    match sequence.object {
+        ObjectDistance::Infinity => first_order(sequence).efl_mm,
+        // The object point `(0, -D tan)` seen from the first vertex: h = y + L u of the ray of slope 1 through that vertex.
+        ObjectDistance::Finite(_) => {
+            let last = sequence.surfaces.len() - 1;
+            let ray = paraxial_ray(sequence, 0.0, 1.0);
+            let run = first_order(sequence).image_distance_mm / sequence.surfaces[last].n_after;
+            ray.y[last] + run * ray.w[last + 1]
+        }
+    }
+}
+
+/// Adds the gradient of a loss that depends on [`image_height_per_tangent`], `bar` per mm.
+pub fn pull_back_image_height(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) {
+    if sequence.object == ObjectDistance::Infinity {
+        let wish = FirstOrderCotangent { efl: bar, ..Default::default() };
+        return pull_back_first_order(sequence, wish, gradient);
+    }
+    let last = sequence.surfaces.len() - 1;
+    let n_image = sequence.surfaces[last].n_after;
+    let ray = paraxial_ray(sequence, 0.0, 1.0);
+    let distance = first_order(sequence).image_distance_mm;
+    pull_back_image_distance(sequence, bar * ray.w[last + 1] / n_image, gradient);
+    let asked = RayCotangent { end_slope: bar * distance / n_image, end_height: bar, ..Default::default() };
+    pull_back_ray(sequence, &ray, asked, gradient);
+    // The run L / n' is shorter in a denser medium.
+    let by_index = -bar * distance * ray.w[last + 1] / (n_image * n_image);
+    for (i, g) in gradient.surfaces.iter_mut().enumerate() {
+        g.index += sequence.glass_index_bar(i, |j| if j == last { by_index } else { 0.0 });
+    }
 }
 
 /// Adds the gradient of a loss that depends on where the entrance pupil is, `bar` per mm.
@@ -184,33 +220,39 @@ pub fn pull_back_entrance_pupil(sequence: &Sequence, bar: f64, gradient: &mut Le
     let oblique = paraxial_ray(sequence, 0.0, 1.0);
     let a = parallel.y[sequence.stop];
     let at = oblique.y[sequence.stop] / a;
-    pull_back_ray(sequence, &oblique, 0.0, 0.0, bar / a, gradient);
-    pull_back_ray(sequence, &parallel, 0.0, 0.0, -bar * at / a, gradient);
+    let at_stop = |stop: f64| RayCotangent { stop, ..Default::default() };
+    pull_back_ray(sequence, &oblique, at_stop(bar / a), gradient);
+    pull_back_ray(sequence, &parallel, at_stop(-bar * at / a), gradient);
 }
 
-/// The adjoint of a paraxial ray: cotangents of where it crosses the axis behind the lens, of its
-/// final optical slope, and of its height at the stop.
+/// What a loss asks of a paraxial ray.
+#[derive(Clone, Copy, Default)]
+struct RayCotangent {
+    /// By where it crosses the axis behind the lens.
+    crossing: f64,
+    /// By its final optical slope.
+    end_slope: f64,
+    /// By its height on the last surface.
+    end_height: f64,
+    /// By its height at the stop.
+    stop: f64,
+}
+
+/// The adjoint of a paraxial ray.
 ///
 /// Backwards, `ybar -= phi wbar'`, `phibar = -y wbar'`, then `wbar += (t / n) ybar`.
-fn pull_back_ray(
-    sequence: &Sequence,
-    ray: &ParaxialRay,
-    crossing_bar: f64,
-    end_slope_bar: f64,
-    stop_bar: f64,
-    gradient: &mut LensGradient,
-) {
+fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, asked: RayCotangent, gradient: &mut LensGradient) {
     let last = sequence.surfaces.len() - 1;
     let n_image = sequence.surfaces[last].n_after;
     let w_end = ray.w[last + 1];
     // What is asked of the signed index behind each surface. The crossing is -y n' / w'.
     let mut index_bar = vec![0.0; last + 1];
-    index_bar[last] -= crossing_bar * ray.y[last] / w_end;
-    let mut y_bar = -crossing_bar * n_image / w_end;
-    let mut w_bar = end_slope_bar + crossing_bar * ray.y[last] * n_image / (w_end * w_end);
+    index_bar[last] -= asked.crossing * ray.y[last] / w_end;
+    let mut y_bar = asked.end_height - asked.crossing * n_image / w_end;
+    let mut w_bar = asked.end_slope + asked.crossing * ray.y[last] * n_image / (w_end * w_end);
     for i in (0..=last).rev() {
         if i == sequence.stop {
-            y_bar += stop_bar;
+            y_bar += asked.stop;
         }
         // Refraction at surface i.
         let s = &sequence.surfaces[i];

@@ -4,16 +4,18 @@ mod common;
 
 use common::{nominal_triplet, special_lenses};
 use petzval_optics::constraint::{Clearances, chief_height_penalty, clearance_penalty, radius_penalty};
-use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Variable};
+use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Pickup, Variable};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Action, Departure, Lens, ObjectDistance};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{
-    FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance,
+    FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order,
+    pull_back_image_distance, pull_back_image_height,
 };
 use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape};
 use petzval_optics::pupil::{Quadrature, chief_ray, paraxial_launch};
+use petzval_optics::solve::with_paraxial_focus;
 use petzval_optics::spot::{mean_square_spot, mean_square_spot_traced, spot};
 use petzval_optics::trace::{AimedRays, RayBundle, Reaim, Seeds, landing_jacobian, pull_back, trace};
 
@@ -407,6 +409,37 @@ fn first_order_properties() {
     let mut gradient = LensGradient::zero(7);
     pull_back_image_distance(&lens.at_wavelength(lens.reference_um), 1.0, &mut gradient);
     check(&lens, &gradient, &loss, &[1.0], 1e-6);
+
+    let mut all = special_lenses();
+    all.extend(
+        special_lenses().into_iter().map(|lens| Lens { object: ObjectDistance::Finite(300.0), ..lens }),
+    );
+    for lens in all {
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let loss = |l: &Lens| {
+            let sequence = l.at_wavelength(l.reference_um);
+            let order = first_order(&sequence);
+            order.image_distance_mm + 3.0 * order.stop_radius_mm + 2.0 * image_height_per_tangent(&sequence)
+        };
+        let mut gradient = LensGradient::zero(lens.surfaces.len());
+        pull_back_image_distance(&sequence, 1.0, &mut gradient);
+        pull_back_first_order(
+            &sequence,
+            FirstOrderCotangent { stop_radius: 3.0, ..Default::default() },
+            &mut gradient,
+        );
+        pull_back_image_height(&sequence, 2.0, &mut gradient);
+        check(&lens, &gradient, &loss, &[1.0, 10.0], 1e-6);
+        // A field close to the axis is imaged where first-order optics says, on the paraxial image plane.
+        let focused = with_paraxial_focus(&lens, 0.0);
+        if focused.is_rotationally_symmetric() {
+            let sequence = focused.at_wavelength(focused.reference_um);
+            let field = 1e-5_f64;
+            let real = chief_ray(&sequence, field).unwrap().y_mm;
+            let ideal = image_height_per_tangent(&sequence) * field.tan();
+            assert!((real / ideal - 1.0).abs() < 1e-6, "{}: {real} {ideal}", lens.name);
+        }
+    }
 }
 
 #[test]
@@ -448,6 +481,49 @@ fn radius_and_field_of_view() {
     }
     let held = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap().y_mm;
     assert_eq!(at(&lens, held + 0.019).0, 0.0);
+}
+
+/// A pickup and a length solve: what follows moves with what it follows, and back.
+#[test]
+fn free_coordinates_with_pickups_and_a_length() {
+    let mut lens = nominal_triplet();
+    lens.surfaces[5].shape.departure = Departure::Odd([0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let variable = |surface, parameter, min, max| Variable { surface, parameter, min, max };
+    let space = DesignSpace::new(
+        lens.clone(),
+        vec![
+            variable(2, Parameter::Radius, -60.0, -20.0),
+            variable(1, Parameter::Thickness, 4.58, 10.11),
+            variable(5, Parameter::Departure(1), -1e-3, 1e-3),
+        ],
+        Some(EflSolve { surface: 6, efl_mm: 25.0, radius_mm: None }),
+        Focus::Paraxial { range_mm: 0.5 },
+    )
+    .unwrap();
+    let pickups = vec![Pickup { surface: 3, variable: 0, scale: -1.0, offset: 0.0 }];
+    let space = space.with_solves(pickups, Some((3, 22.0))).unwrap();
+    let x = space.start().to_vec();
+    let at = space.lens_at(&x).unwrap();
+    assert_eq!(at.surfaces[3].shape.curvature, -at.surfaces[2].shape.curvature);
+    assert!((at.total_track_mm() - at.image_distance_mm() - 22.0).abs() < 1e-12);
+    let fields = [0.1];
+    let (_, gradient) = mean_square_spot(&at, &fields).unwrap();
+    let analytic = space.pull_back(&x, &at, &gradient);
+    for i in 0..x.len() {
+        let value = |h: f64| {
+            let mut moved = x.clone();
+            moved[i] += h;
+            mean_square_spot(&space.lens_at(&moved).unwrap(), &fields).unwrap().0
+        };
+        let h = 1e-5;
+        let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
+        let relative = (analytic[i] - numeric).abs() / numeric.abs();
+        assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
+    }
+    let gone = DesignSpace::new(lens, Vec::new(), None, Focus::Fixed)
+        .unwrap()
+        .with_solves(Vec::new(), Some((9, 1.0)));
+    assert!(gone.is_err());
 }
 
 #[test]

@@ -1,13 +1,16 @@
 //! The data files read, are possible lenses and survive a round trip; bad files say where and why.
 
+mod common;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use petzval_optics::design_space::{EflSolve, Parameter, Variable};
+use common::special_lenses;
+use petzval_optics::design_space::{EflSolve, Parameter, Pickup, Variable};
 use petzval_optics::format::{Expect, Expected, ExpectedSpots, FileError, LensFile, parse_lens, write_lens};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
-use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate};
+use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
 
 fn data(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
@@ -205,6 +208,120 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
         assert_eq!((again.expect, again.variables), (file.expect, file.variables));
         assert_eq!(again.efl_solve, file.efl_solve);
     }
+}
+
+/// Special surfaces, pickups and a length solve come back as they went, to the bit.
+#[test]
+fn special_surfaces_are_written_and_read_alike() {
+    for mut lens in special_lenses() {
+        for (i, s) in lens.surfaces.iter_mut().enumerate() {
+            // Awkward bits.
+            s.thickness_mm *= 1.0 + f64::EPSILON * i as f64;
+            if let Some(placement) = &mut s.placement {
+                placement.tilt_rad[0] += 1e-17 * i as f64;
+                placement.decenter_mm[1] /= 3.0;
+            }
+        }
+        let two = lens.surfaces.len() > 3;
+        let thickness = lens.surfaces[0].thickness_mm;
+        let variable = Variable {
+            surface: 0,
+            parameter: Parameter::Thickness,
+            min: thickness - 0.5 * thickness.abs(),
+            max: thickness + 0.5 * thickness.abs(),
+        };
+        let pickup = Pickup { surface: 1, variable: 0, scale: -1.0 / 3.0, offset: 0.1 };
+        let file = LensFile {
+            lens,
+            expect: None,
+            variables: vec![variable],
+            pickups: if two { vec![pickup] } else { Vec::new() },
+            efl_solve: None,
+            length_solve: two.then_some((2, 50.3)),
+        };
+        let text = write_lens(&file);
+        let mut again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        for (a, b) in again.lens.surfaces.iter_mut().zip(&file.lens.surfaces) {
+            // The file holds the formula of a glass, whatever it is called.
+            assert_eq!(a.glass.index(0.55), b.glass.index(0.55));
+            a.glass = b.glass.clone();
+        }
+        assert_eq!(again, file, "{text}");
+    }
+}
+
+/// Every number of a special surface can be named as a variable.
+#[test]
+fn numbers_of_special_surfaces_have_names() {
+    let text = nominal();
+    let catalog = catalog();
+    let with = |surface: &str, name: &str, min: f64, max: f64| {
+        let text = text.replace("label = \"V2 front\"", &format!("label = \"V2 front\"\n{surface}"));
+        let variable =
+            format!("\n[[variable]]\nsurface = 3\nparameter = \"{name}\"\nmin = {min:?}\nmax = {max:?}\n");
+        let at = text.find("[[variable]]").unwrap();
+        parse_lens(&format!("{}{variable}\n{}", &text[..at], &text[at..]), &catalog)
+    };
+    for (surface, name, parameter) in [
+        ("odd = { b3 = 1e-5 }", "odd.b5", Parameter::Departure(2)),
+        ("xy = { norm_radius_mm = 4.0, x2y0 = 1e-3 }", "xy.x0y2", Parameter::Departure(xy_index(0, 2))),
+        ("q_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs.a12", Parameter::Departure(12)),
+        ("q_con = { norm_radius_mm = 5.0, a = [] }", "q_con.a0", Parameter::Departure(0)),
+        ("biconic = { radius_x_mm = -40.0 }", "biconic.conic_x", Parameter::Departure(1)),
+        ("toroid = { radius_x_mm = -40.0 }", "toroid.curvature_x_per_mm", Parameter::Departure(0)),
+        ("grating = { lines_per_mm = 0.5, order = 1 }", "grating.lines_per_mm", Parameter::Phase(0)),
+        ("binary = { norm_radius_mm = 5.0, order = 1, a_rad = [1.0] }", "binary.a1", Parameter::Phase(0)),
+    ] {
+        let file = with(surface, name, -2.0, 2.0).unwrap_or_else(|e| panic!("{surface}: {e}"));
+        let found = file.variables.iter().any(|v| v.surface == 2 && v.parameter == parameter);
+        assert!(found, "{name}: {:?}", file.variables);
+        let error = with("", name, -2.0, 2.0).unwrap_err();
+        assert!(error.message.contains("no parameter") && error.hint.is_some(), "{error}");
+    }
+}
+
+/// What is wrong with a special surface is said with its line.
+#[test]
+fn bad_special_surfaces_are_refused() {
+    let text = nominal();
+    let catalog = catalog();
+    for (lines, key, message) in [
+        ("odd = { b4 = 1.0 }", "b4", "no odd term"),
+        ("xy = { x2y0 = 1.0 }", "norm_radius_mm", "normalisation radius"),
+        ("xy = { norm_radius_mm = 1.0, x9y0 = 1.0 }", "x9y0", "no term"),
+        ("xy = { norm_radius_mm = -1.0 }", "norm_radius_mm", "positive"),
+        ("q_bfs = { norm_radius_mm = 1.0, a = [0,0,0,0,0,0,0,0,0,0,0,0,0,0] }", "a", "at most 13"),
+        ("conic = 1.0\nq_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs", "from a sphere"),
+        ("odd = { b3 = 1.0 }\nxy = { norm_radius_mm = 1.0 }", "xy", "already"),
+        ("toroid = { radius_x_mm = 10.0, conic_x = 1.0 }", "conic_x", "circle"),
+        ("biconic = { conic_x = 1.0 }", "radius_x_mm", "no radius"),
+        ("thin_lens = { focal_length_mm = 10.0 }", "thin_lens", "plane"),
+        ("thin_lens = { power_per_mm = nan }", "power_per_mm", "finite"),
+        ("mirror = true", "glass", "medium behind it"),
+        ("placement = { axis = \"bends\" }", "placement", "no mirror"),
+        ("placement = { axis = \"turns\" }", "axis", "cannot be"),
+        ("placement = { decenter_mm = [1.0] }", "decenter_mm", "2 are needed"),
+        ("placement = { tilt_deg = [0.0, 0.0, inf] }", "tilt_deg", "finite"),
+        (
+            "grating = { lines_per_mm = 1.0, order = 1 }\nbinary = { norm_radius_mm = 1.0, order = 1, a_rad = [] }",
+            "binary",
+            "already",
+        ),
+    ] {
+        let text = text.replace("label = \"V2 front\"", &format!("label = \"V2 front\"\n{lines}"));
+        let error = parse_lens(&text, &catalog).expect_err(lines);
+        assert_eq!(error.key, key, "{error}");
+        assert!(error.message.contains(message), "{error}");
+        assert!(error.line.is_some(), "{error}");
+    }
+    let pickup = |lines: &str| {
+        let at = text.find("[[variable]]").unwrap();
+        parse_lens(&format!("{}[[pickup]]\n{lines}\n\n{}", &text[..at], &text[at..]), &catalog).unwrap_err()
+    };
+    let error = pickup("surface = 4\nfollows = 3\nparameter = \"radius_mm\"");
+    assert!(error.message.contains("no variable"), "{error}");
+    let error = pickup("surface = 2\nfollows = 1\nparameter = \"radius_mm\"");
+    assert!(error.message.contains("already"), "{error}");
 }
 
 /// A bad file: what is replaced in the nominal triplet by what, and what the error must say.

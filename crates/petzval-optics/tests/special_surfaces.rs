@@ -224,14 +224,14 @@ fn biconics_and_toroids_fulfil_their_equations() {
         // The circle of radius 30 in y-z, turned about an axis along y through (0, 0, -70).
         let [px, py, pz] = at(&toroid, x, y, direction).passages[0].point;
         let from_axis = px.hypot(pz + 70.0);
-        let miss = (from_axis + 0.0 - 70.0 - 30.0).hypot(py) - 30.0;
+        let miss = (from_axis - 100.0).hypot(py) - 30.0;
         assert!(miss.abs() < 1e-12, "{miss}");
 
         let [px, py, pz] = at(&biconic, x, y, direction).passages[0].point;
-        let (a, b) = (-px * px / 70.0 + py * py / 30.0, -px * px / 4900.0 - 1.3 * py * py / 900.0);
-        // z = a / (1 + sqrt(1 + kx-part)), with (1 + k_x) c_x^2 = -1 / 4900.
-        let lost = (-1.0) * px * px / 4900.0 + 1.3 * py * py / 900.0;
-        assert!(b.is_finite() && (pz - a / (1.0 + (1.0 - lost).sqrt())).abs() < 1e-12);
+        // Curvatures -1/70 and 1/30, conic constants -2 and 0.3.
+        let a = py * py / 30.0 - px * px / 70.0;
+        let lost = 1.3 * py * py / 900.0 - px * px / 4900.0;
+        assert!((pz - a / (1.0 + (1.0 - lost).sqrt())).abs() < 1e-12);
     }
 }
 

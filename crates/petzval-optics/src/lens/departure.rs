@@ -21,6 +21,10 @@ pub const DEPARTURE_NUMBERS: usize = XY_TERMS;
 
 /// What a shape has beyond the conic `c`, `k` with the even polynomial `a_2, a_4, ...`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a shape is a plain value that kernels copy, not a tree of allocations"
+)]
 pub enum Departure {
     /// Nothing.
     #[default]

@@ -7,7 +7,9 @@ use super::problem::Problem;
 use crate::constraint::{direction_of_light, edge_clearance, sag_gradient};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
-use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use crate::paraxial::{
+    FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order, pull_back_image_height,
+};
 use crate::pupil::{PupilBasis, Sides, chief_ray, paraxial_launch, pull_back_chief};
 use crate::trace::{
     AimedRays, LandingJacobian, RayBundle, Reaim, Seeds, Sequence, SquaredHeights, landing_jacobian,
@@ -329,7 +331,7 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
         }
     }
     if let Some(share) = limits.distortion {
-        let (ideal, real) = distorted(problem, lens, order.efl_mm)?;
+        let (ideal, real) = distorted(problem, lens)?;
         ask(Violation::Distortion, (real - ideal).abs() - share * ideal.abs());
     }
     if let Some(steepest) = limits.slope_rad {
@@ -357,10 +359,11 @@ fn curvature_bounds(min_mm: f64, max_mm: f64) -> [f64; 2] {
 }
 
 /// Ideal and real image height of the outermost field, mm.
-fn distorted(problem: &Problem, lens: &Lens, efl_mm: f64) -> Option<(f64, f64)> {
+fn distorted(problem: &Problem, lens: &Lens) -> Option<(f64, f64)> {
     let field = outermost(problem);
-    let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field)?;
-    Some((efl_mm * field.tan(), chief.y_mm))
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let chief = chief_ray(&sequence, field)?;
+    Some((image_height_per_tangent(&sequence) * field.tan(), chief.y_mm))
 }
 
 /// Tangent of the outermost field's chief ray to the axis at the image: what its height gains over a millimetre.
@@ -458,15 +461,13 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
         Violation::ClearDiameter(i) => add_clear(problem, analysis, i, 1.0, &mut g)?,
         Violation::Distortion => {
             let sequence = sequence();
-            let efl_mm = first_order(&sequence).efl_mm;
-            let (ideal, real) = distorted(problem, lens, efl_mm)?;
+            let (ideal, real) = distorted(problem, lens)?;
             let share = problem.limits.distortion?;
             let sign = (real - ideal).signum();
             let field = outermost(problem);
             pull_back_chief(&sequence, &chief_ray(&sequence, field)?, [0.0, sign], &mut g);
             let by_ideal = -sign - share * ideal.signum();
-            let wish = FirstOrderCotangent { efl: by_ideal * field.tan(), ..Default::default() };
-            pull_back_first_order(&sequence, wish, &mut g);
+            pull_back_image_height(&sequence, by_ideal * field.tan(), &mut g);
         }
         Violation::Slope(i) => {
             let radius = analysis.apertures.clear_mm[i];

@@ -4,13 +4,13 @@ use super::chart::Chart;
 use super::merit::{analyse, linearise};
 use super::*;
 use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
-use crate::lens::Lens;
+use crate::lens::{Departure, Lens};
 use crate::paraxial::first_order;
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
-use common::nominal_triplet;
+use common::{nominal_triplet, special_lenses};
 
 fn variable(surface: usize, parameter: Parameter, min: f64, max: f64) -> Variable {
     Variable { surface, parameter, min, max }
@@ -89,6 +89,50 @@ fn the_gradient_is_that_of_the_merit() {
     let fixed = Problem { image: ImagePlane::Fixed, power: 4.0, ..problem() };
     assert_eq!(check_gradient(&fixed), 0);
     assert!(check_gradient(&strict(problem())) >= 10, "{}", check_gradient(&strict(problem())));
+}
+
+#[test]
+fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces() {
+    // From a near object, with distortion among the limits.
+    let mut near = problem();
+    near.base.object = crate::lens::ObjectDistance::Finite(500.0);
+    near.base = crate::solve::with_paraxial_focus(&near.base, 0.0);
+    near.limits.distortion = Some(0.001);
+    near.stiffness_um_per_mm = 30.0;
+    assert_eq!(check_gradient(&near), 1);
+    for lens in special_lenses() {
+        let free = |surface: usize, parameter: Parameter, range: f64| {
+            let value = parameter.value(&lens, surface);
+            value.is_finite().then(|| variable(surface, parameter, value - range, value + range))
+        };
+        let of_surface = |s: usize| {
+            // Odd powers are not normalised.
+            let is_odd = matches!(lens.surfaces[s].shape.departure, Departure::Odd(_));
+            let size = move |k: i32| if is_odd { 4f64.powi(-1 - 2 * k) } else { 1.0 };
+            let departures = (0..6).map(move |k| (Parameter::Departure(k), 1e-3 * size(k as i32)));
+            let others = [(Parameter::Phase(0), 1.0), (Parameter::Power, 1e-3), (Parameter::Conic, 0.1)];
+            departures.chain(others).filter_map(move |(p, range)| free(s, p, range))
+        };
+        let variables: Vec<Variable> = (0..lens.surfaces.len()).flat_map(of_surface).collect();
+        let far = lens.fields_deg.last().unwrap().to_radians();
+        let problem = Problem {
+            variables,
+            fields_rad: vec![0.0, 0.6 * far],
+            field_weights: vec![1.0; 2],
+            limits: Limits { slope_rad: Some(0.05), ..Limits::default() },
+            stiffness_um_per_mm: 30.0,
+            ..Problem::new(lens.clone())
+        };
+        check_gradient(&problem);
+    }
+}
+
+#[test]
+fn a_variable_that_a_surface_does_not_have_is_refused() {
+    let mut problem = problem();
+    problem.variables.push(variable(5, Parameter::Departure(0), -1.0, 1.0));
+    let expected = ChartError::NoSuchNumber { surface: 6, parameter: Parameter::Departure(0) };
+    assert_eq!(Chart::new(&problem).unwrap_err(), expected);
 }
 
 #[test]

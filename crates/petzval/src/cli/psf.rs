@@ -96,6 +96,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         "axes": ["field", "wavelength", "row", "column"],
         "field_deg": psfs.iter().map(|p| p.field_rad.to_degrees()).collect::<Vec<_>>(),
         "field_radius_mm": plan.field_radius_mm,
+        "chief_ray_x_mm": psfs.iter().map(|p| p.chief_x_mm).collect::<Vec<_>>(),
         "chief_ray_y_mm": psfs.iter().map(|p| p.chief_y_mm).collect::<Vec<_>>(),
         "wavelengths_um": plan.wavelengths_um,
         "pitch_um": args.pitch_um,

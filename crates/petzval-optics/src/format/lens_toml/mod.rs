@@ -56,7 +56,7 @@ mod write;
 
 pub use read::parse_lens;
 pub(super) use text::Number;
-pub use write::write_lens;
+pub use write::{special_lines, write_lens};
 
 use crate::design_space::{EflSolve, Pickup, Variable};
 use crate::lens::Lens;

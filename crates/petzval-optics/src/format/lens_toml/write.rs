@@ -159,10 +159,7 @@ fn write_surface(
     if !terms.is_empty() {
         writeln!(out, "asphere = {{ {} }}", terms.join(", "))?;
     }
-    write!(out, "{}{}", departure_line(&shape.departure), action_lines(surface))?;
-    if let Some(placement) = &surface.placement {
-        writeln!(out, "{}", placement_line(placement))?;
-    }
+    out.push_str(&special_lines(surface));
     writeln!(out, "thickness_mm = {}", number(surface.thickness_mm))?;
     if surface.action != Action::Reflect
         && let Some((name, _)) = glasses.iter().find(|(_, glass)| **glass == *surface.glass)
@@ -170,6 +167,17 @@ fn write_surface(
         writeln!(out, "glass = {}", quoted(name))?;
     }
     writeln!(out, "semi_diameter_mm = {}", number(surface.semi_diameter_mm))
+}
+
+/// What a surface has beyond a conic with an even polynomial, a glass and a place on the axis, as lines of its file; empty for
+/// an ordinary surface.
+pub fn special_lines(surface: &Surface) -> String {
+    let mut out = departure_line(&surface.shape.departure) + &action_lines(surface);
+    if let Some(placement) = &surface.placement {
+        out += &placement_line(placement);
+        out.push('\n');
+    }
+    out
 }
 
 /// A departure as the line that says it; empty for none.

@@ -339,6 +339,7 @@ pub(super) fn sweep<S: Simd>(
 }
 
 /// What the numbers of a surface need to know of a sweep.
+#[expect(clippy::large_enum_variant, reason = "one at a time, on the stack")]
 enum OwnCotangent<S: Simd> {
     /// The slopes of the sag, and the cotangent of dz/du.
     Plain(Slopes<S>, Lanes<S>),

@@ -4,7 +4,8 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use petzval::built_in_assets;
-use petzval::optics::lens::{Lens, ObjectDistance};
+use petzval::optics::format::lens_toml::special_lines;
+use petzval::optics::lens::{Lens, ObjectDistance, Surface};
 use petzval::optics::paraxial::{FirstOrder, first_order};
 use petzval::optics::pupil::{Quadrature, trace_beam};
 use petzval::optics::seidel::seidel_total;
@@ -187,8 +188,14 @@ fn to_json(lens: &Lens, found: &Figures) -> Value {
             "vd": (!s.glass.is_air()).then(|| s.glass.abbe_vd()),
             "semi_diameter_mm": s.semi_diameter_mm,
             "stop": i == lens.stop,
+            "special": special(s),
         })).collect::<Vec<_>>(),
     })
+}
+
+/// What a surface has beyond a conic with an even polynomial, a glass and a place on the axis, as its file says it.
+fn special(surface: &Surface) -> Vec<String> {
+    special_lines(surface).lines().map(str::to_owned).collect()
 }
 
 fn print(lens: &Lens, found: &Figures) {
@@ -219,6 +226,9 @@ fn print(lens: &Lens, found: &Figures) {
             .collect();
         if !terms.is_empty() {
             println!("{:>14} {}", "asphere:", terms.join("  "));
+        }
+        for line in special(s) {
+            println!("{:>14} {line}", "");
         }
     }
     let object = match lens.object {

@@ -104,7 +104,15 @@ fn trace(lens: &Lens, args: &Args, pupil: [f64; 2]) -> Value {
     let start = launch(&sequence, field, at).ray;
     let path = trace_ray(&sequence, start);
     let place = |p: [f64; 3], d: [f64; 3]| json!({ "x_mm": p[0], "y_mm": p[1], "z_mm": p[2], "l": d[0], "m": d[1], "n": d[2] });
-    let surfaces: Vec<Value> = path.passages.iter().map(|p| place(p.point, p.direction_after)).collect();
+    // A direction is that of the ray as a line; behind an odd number of mirrors light goes the other way along it.
+    let along_light = |d: [f64; 3], n: f64| d.map(|v| v * n.signum());
+    let surfaces: Vec<Value> = path
+        .passages
+        .iter()
+        .zip(&sequence.surfaces)
+        .map(|(p, s)| place(p.point, along_light(p.direction_after, s.n_after)))
+        .collect();
+    let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
     // From infinity the path counts from the plane of the first vertex; from an object, from the object.
     let before = match lens.object {
         ObjectDistance::Infinity => 0.0,
@@ -113,7 +121,7 @@ fn trace(lens: &Lens, args: &Args, pupil: [f64; 2]) -> Value {
     json!({
         "status": status(path.fate),
         "surfaces": surfaces,
-        "image": path.image.map(|ray| place(ray.position, ray.direction)),
+        "image": path.image.map(|ray| place(ray.position, along_light(ray.direction, n_image))),
         "opl_mm": path.image.map(|_| before + path.optical_path_mm),
     })
 }

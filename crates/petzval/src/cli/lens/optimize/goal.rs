@@ -5,7 +5,7 @@ use std::sync::Arc;
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::format::LensFile;
 use petzval::optics::glass::{Catalog, Glass};
-use petzval::optics::lens::{Lens, ObjectDistance};
+use petzval::optics::lens::Lens;
 use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::pupil::PupilSampling;
@@ -139,9 +139,6 @@ impl Goal {
         problem.image = ImagePlane::Best;
         problem.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
-        if self.distortion.is_some() && file.lens.object != ObjectDistance::Infinity {
-            return Err(Failure::input("--distortion: only for objects at infinity", "leave it out"));
-        }
         problem.glasses = self.glass_choices(&file.lens, catalog)?;
         Ok(problem)
     }
