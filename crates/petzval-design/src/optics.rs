@@ -4,7 +4,7 @@
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
-use petzval_optics::paraxial::{first_order, paraxial_ray};
+use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf, psf_with_tape};
 use petzval_optics::pupil::Quadrature;
 use rayon::prelude::*;
@@ -49,14 +49,10 @@ impl PsfPlan {
     /// Field angle whose ideal, rectilinear image lies `radius_mm` from the axis, rad: `tan(field) = r / f`, with f
     /// the EFL or, for a near object at D, `D / w'` with w' the final slope of its paraxial ray of slope 1.
     pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> f64 {
-        let sequence = lens.at_wavelength(lens.reference_um);
-        let per_tangent = match lens.object {
-            ObjectDistance::Infinity => first_order(&sequence).efl_mm,
-            ObjectDistance::Finite(distance) => {
-                let end = paraxial_ray(&sequence, distance, 1.0).w.last().copied().unwrap_or(1.0);
-                (distance / end).abs()
-            }
-        };
+        let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
+        // Of a real image of a near object, turned upside down, the field is as far on the other side.
+        let per_tangent =
+            if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() };
         (radius_mm / per_tangent).atan()
     }
 

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use petzval_optics::design_space::Parameter;
+use petzval_optics::format::lens_toml::parameter_name;
 use petzval_optics::format::{LensFile, parse_lens};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
@@ -164,9 +165,9 @@ fn name_of(lens: &Lens, surface: usize, parameter: Parameter) -> String {
         Parameter::Asphere(order) => format!("a{order}"),
         Parameter::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
         Parameter::Thickness => "distance to the next surface".to_owned(),
-        Parameter::Departure(k) => format!("number {} of the departure", k + 1),
-        Parameter::Phase(k) => format!("number {} of the diffractive structure", k + 1),
-        Parameter::Power => "power".to_owned(),
+        Parameter::Departure(_) | Parameter::Phase(_) | Parameter::Power => {
+            parameter_name(&lens.surfaces[surface], parameter)
+        }
     };
     format!("{label}: {what}")
 }

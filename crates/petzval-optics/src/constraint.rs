@@ -1,7 +1,7 @@
 //! What a manufacturer needs of a lens, as a penalty with a gradient.
 
 use crate::gradient::LensGradient;
-use crate::lens::Lens;
+use crate::lens::{Lens, azimuths};
 use crate::pupil::{chief_ray, pull_back_chief};
 
 /// Least distances that a lens must keep, mm.
@@ -39,11 +39,13 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
             (wanted.element_edge_mm, a.semi_diameter_mm.max(b.semi_diameter_mm))
         };
         let sign = direction_of_light(lens, i);
-        if let Some(edge) = edge_clearance(lens, i, height) {
+        if let (Some(edge), Some(towards)) = (edge_clearance(lens, i, height), thinnest_edge(lens, i, height))
+        {
+            let at = towards.map(|v| v * height);
             hinge(least - edge, &mut |bar, g| {
                 g.surfaces[i].thickness += sign * bar;
-                sag_gradient(lens, i, height, -sign * bar, g);
-                sag_gradient(lens, i + 1, height, sign * bar, g);
+                sag_gradient(lens, i, at, -sign * bar, g);
+                sag_gradient(lens, i + 1, at, sign * bar, g);
             });
         }
         hinge(least - sign * a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += sign * bar);
@@ -57,10 +59,24 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
 }
 
 /// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there, positive in the
-/// direction of light. `None` where one of them does not reach that far.
+/// direction of light; the least all round. `None` where one of them does not reach that far.
 pub(crate) fn edge_clearance(lens: &Lens, surface: usize, height_mm: f64) -> Option<f64> {
+    clearance_towards(lens, surface, thinnest_edge(lens, surface, height_mm)?, height_mm)
+}
+
+/// The direction across the axis in which that distance is least.
+pub(crate) fn thinnest_edge(lens: &Lens, surface: usize, height_mm: f64) -> Option<[f64; 2]> {
+    let directions = azimuths(&[&lens.surfaces[surface], &lens.surfaces[surface + 1]]);
+    let clearances =
+        directions.into_iter().map(|d| Some((clearance_towards(lens, surface, d, height_mm)?, d)));
+    let all: Vec<(f64, [f64; 2])> = clearances.collect::<Option<_>>()?;
+    all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, direction)| direction)
+}
+
+fn clearance_towards(lens: &Lens, surface: usize, direction: [f64; 2], height_mm: f64) -> Option<f64> {
+    let at = direction.map(|v| v * height_mm);
     let (a, b) = (&lens.surfaces[surface], &lens.surfaces[surface + 1]);
-    let along_z = a.thickness_mm + b.shape.sag_mm(height_mm)? - a.shape.sag_mm(height_mm)?;
+    let along_z = a.thickness_mm + b.shape.sag_at_mm(at)? - a.shape.sag_at_mm(at)?;
     Some(along_z * direction_of_light(lens, surface))
 }
 
@@ -69,11 +85,11 @@ pub(crate) fn direction_of_light(lens: &Lens, surface: usize) -> f64 {
     if lens.light_goes_forwards(surface) { 1.0 } else { -1.0 }
 }
 
-/// Adds the gradient of a loss that depends on the sag of a surface at a height, `bar` per mm.
-pub(crate) fn sag_gradient(lens: &Lens, surface: usize, height: f64, bar: f64, gradient: &mut LensGradient) {
+/// Adds the gradient of a loss that depends on the sag of a surface at a point, `bar` per mm.
+pub(crate) fn sag_gradient(lens: &Lens, surface: usize, at: [f64; 2], bar: f64, gradient: &mut LensGradient) {
     let g = &mut gradient.surfaces[surface];
-    for (number, [by_sag, _]) in lens.surfaces[surface].shape.section_sensitivities(height) {
-        *g.shape_mut(number) += bar * by_sag;
+    for (number, by) in lens.surfaces[surface].shape.sensitivities(at) {
+        *g.shape_mut(number) += bar * by.value;
     }
 }
 

@@ -36,3 +36,4 @@ pub mod seidel;
 pub mod solve;
 pub mod spot;
 pub mod trace;
+pub mod wave;

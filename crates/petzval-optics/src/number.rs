@@ -1,7 +1,7 @@
 //! The numbers of a lens, by name.
 
 use crate::gradient::LensGradient;
-use crate::lens::{Action, Lens};
+use crate::lens::{Action, Lens, ShapeNumber};
 
 /// A number of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,12 +47,12 @@ impl Number {
     pub fn write(self, lens: &mut Lens, surface: usize, value: f64) {
         let s = &mut lens.surfaces[surface];
         let to = match self {
-            Self::Curvature => Some(&mut s.shape.curvature),
-            Self::Conic => Some(&mut s.shape.conic),
-            Self::Asphere(j) => Some(&mut s.shape.asphere[j]),
+            Self::Curvature => s.shape.number_mut(ShapeNumber::Curvature),
+            Self::Conic => s.shape.number_mut(ShapeNumber::Conic),
+            Self::Asphere(j) => s.shape.number_mut(ShapeNumber::Asphere(j)),
             Self::Thickness => Some(&mut s.thickness_mm),
             Self::Index => None,
-            Self::Departure(k) => s.shape.departure.number_mut(k),
+            Self::Departure(k) => s.shape.number_mut(ShapeNumber::Departure(k)),
             Self::Phase(k) => s.phase.as_mut().and_then(|p| p.number_mut(k)),
             Self::Power => match &mut s.action {
                 Action::ThinLens { power_per_mm } => Some(power_per_mm),

@@ -163,7 +163,7 @@ pub fn pull_back_first_order(
     gradient.entrance_pupil += 0.5 * cotangent.stop_radius * ray.y[sequence.stop];
     let stop_bar = 0.5 * sequence.entrance_pupil_mm * cotangent.stop_radius;
     let w_bar = cotangent.efl / (w_end * w_end);
-    let asked = RayCotangent { crossing: cotangent.bfl, end_slope: w_bar, stop: stop_bar, end_height: 0.0 };
+    let asked = RayCotangent { crossing: cotangent.bfl, end_slope: w_bar, stop: stop_bar };
     pull_back_ray(sequence, &ray, asked, gradient);
 }
 
@@ -176,38 +176,30 @@ pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut Le
     pull_back_ray(sequence, &ray, RayCotangent { crossing: bar, ..Default::default() }, gradient);
 }
 
-/// Height of the paraxial image of a field over the tangent of its angle, mm: the focal length or, for a near object, what
-/// its magnification and distance make of it.
+/// Height of the paraxial image of a field over the tangent of its angle, mm: the focal length or, for a near object at D,
+/// `-D / w'` with w' the final optical slope of its ray of slope 1 (Lagrange's invariant).
 pub fn image_height_per_tangent(sequence: &Sequence) -> f64 {
     match sequence.object {
         ObjectDistance::Infinity => first_order(sequence).efl_mm,
-        // The object point `(0, -D tan)` seen from the first vertex: h = y + L u of the ray of slope 1 through that vertex.
-        ObjectDistance::Finite(_) => {
-            let last = sequence.surfaces.len() - 1;
-            let ray = paraxial_ray(sequence, 0.0, 1.0);
-            let run = first_order(sequence).image_distance_mm / sequence.surfaces[last].n_after;
-            ray.y[last] + run * ray.w[last + 1]
+        ObjectDistance::Finite(distance) => {
+            -distance / paraxial_ray(sequence, distance, 1.0).w[sequence.surfaces.len()]
         }
     }
 }
 
 /// Adds the gradient of a loss that depends on [`image_height_per_tangent`], `bar` per mm.
 pub fn pull_back_image_height(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) {
-    if sequence.object == ObjectDistance::Infinity {
-        let wish = FirstOrderCotangent { efl: bar, ..Default::default() };
-        return pull_back_first_order(sequence, wish, gradient);
-    }
-    let last = sequence.surfaces.len() - 1;
-    let n_image = sequence.surfaces[last].n_after;
-    let ray = paraxial_ray(sequence, 0.0, 1.0);
-    let distance = first_order(sequence).image_distance_mm;
-    pull_back_image_distance(sequence, bar * ray.w[last + 1] / n_image, gradient);
-    let asked = RayCotangent { end_slope: bar * distance / n_image, end_height: bar, ..Default::default() };
-    pull_back_ray(sequence, &ray, asked, gradient);
-    // The run L / n' is shorter in a denser medium.
-    let by_index = -bar * distance * ray.w[last + 1] / (n_image * n_image);
-    for (i, g) in gradient.surfaces.iter_mut().enumerate() {
-        g.index += sequence.glass_index_bar(i, |j| if j == last { by_index } else { 0.0 });
+    match sequence.object {
+        ObjectDistance::Infinity => {
+            let wish = FirstOrderCotangent { efl: bar, ..Default::default() };
+            pull_back_first_order(sequence, wish, gradient);
+        }
+        ObjectDistance::Finite(distance) => {
+            let ray = paraxial_ray(sequence, distance, 1.0);
+            let w_end = ray.w[sequence.surfaces.len()];
+            let end_slope = bar * distance / (w_end * w_end);
+            pull_back_ray(sequence, &ray, RayCotangent { end_slope, ..Default::default() }, gradient);
+        }
     }
 }
 
@@ -232,8 +224,6 @@ struct RayCotangent {
     crossing: f64,
     /// By its final optical slope.
     end_slope: f64,
-    /// By its height on the last surface.
-    end_height: f64,
     /// By its height at the stop.
     stop: f64,
 }
@@ -248,7 +238,7 @@ fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, asked: RayCotangent, gr
     // What is asked of the signed index behind each surface. The crossing is -y n' / w'.
     let mut index_bar = vec![0.0; last + 1];
     index_bar[last] -= asked.crossing * ray.y[last] / w_end;
-    let mut y_bar = asked.end_height - asked.crossing * n_image / w_end;
+    let mut y_bar = -asked.crossing * n_image / w_end;
     let mut w_bar = asked.end_slope + asked.crossing * ray.y[last] * n_image / (w_end * w_end);
     for i in (0..=last).rev() {
         if i == sequence.stop {

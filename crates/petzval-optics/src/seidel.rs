@@ -29,7 +29,8 @@ fn is_covered(bending: &Bending) -> bool {
 /// The sums of a lens: one entry per surface; add them for the whole. `None` if one of the surfaces is a thin lens, or a
 /// diffractive structure with power.
 ///
-/// Surfaces count as if they sat on the axis, and by their y-z section; odd powers of r and straight gratings do not count.
+/// Surfaces count as if they sat on the axis, and by their y-z section; odd powers of r, odd powers of y of an XY polynomial and
+/// straight gratings do not count.
 pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
     if !sequence.surfaces.iter().all(|s| is_covered(&s.bending)) {
         return None;

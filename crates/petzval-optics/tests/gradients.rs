@@ -7,7 +7,7 @@ use petzval_optics::constraint::{Clearances, chief_height_penalty, clearance_pen
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Parameter, Pickup, Variable};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
-use petzval_optics::lens::{Action, Departure, Lens, ObjectDistance};
+use petzval_optics::lens::{Action, Departure, Lens, ObjectDistance, Pattern, Phase, Surface, SurfaceShape};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{
     FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order,
@@ -238,6 +238,30 @@ fn psf_loss_with_special_surfaces() {
         check_psf_loss_on(3.0, psf_with_tape, &lens, 0.1, 96, 1e-6);
         check_psf_loss_on(3.0, psf_traced_with_tape, &lens, 0.1, 48, 1e-6);
     }
+}
+
+/// A grating whose order is evanescent for a ray along the axis, on which lost rays and padding are put.
+#[test]
+fn rms_spot_behind_a_grating_that_stops_the_axis() {
+    let mut lens = nominal_triplet();
+    lens.surfaces.truncate(2);
+    lens.stop = 0;
+    lens.surfaces[0].shape = SurfaceShape::PLANE;
+    lens.surfaces[0].phase = Some(Phase { order: 1, pattern: Pattern::Grating { lines_per_mm: 1800.0 } });
+    lens.surfaces[0].glass = Glass::air();
+    lens.surfaces[0].thickness_mm = 5.0;
+    lens.surfaces[1] = Surface {
+        action: Action::ThinLens { power_per_mm: 0.02 },
+        thickness_mm: 49.0,
+        semi_diameter_mm: 30.0,
+        ..Surface::default()
+    };
+    lens.wavelengths_um = vec![0.5876];
+    let fields = [f64::to_radians(-35.0)];
+    let value = |l: &Lens| mean_square_spot(l, &fields).unwrap().0;
+    let (_, gradient) = mean_square_spot(&lens, &fields).unwrap();
+    assert!(gradient.surfaces.iter().all(|s| s.numbers().all(f64::is_finite)));
+    check(&lens, &gradient, &value, &[0.3, 1.0, 3.0, 30.0], 1e-6);
 }
 
 /// Where a few rays land, aimed at the stop: the kernels alone, without what is made of the rays.

@@ -6,8 +6,8 @@ use common::{all_lenses, special_lenses};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::trace::{
-    AimedRays, Fate, Ray, RayBundle, Reaim, Seeds, aim_at_stop, launch, pull_back, push_change, trace,
-    trace_ray,
+    AimedRays, Fate, Ray, RayBundle, Reaim, Seeds, WaveSeeds, aim_at_stop, launch, pull_back, push_change,
+    trace, trace_ray,
 };
 
 /// Points of a square in a fixed, irregular order.
@@ -166,6 +166,14 @@ fn tangent_and_adjoint_are_transposes() {
                 seeds.image_y[i] = noise.next().unwrap();
                 seeds.transmission[i] = 1e-3 * noise.next().unwrap();
             }
+            let mut wave = WaveSeeds::zero(launched.len());
+            for i in 0..launched.len() {
+                wave.optical_path[i] = noise.next().unwrap();
+                for by in &mut wave.direction {
+                    by[i] = 10.0 * noise.next().unwrap();
+                }
+            }
+            seeds.wave = Some(wave);
             let mut change = LensGradient::zero(lens.surfaces.len());
             for s in &mut change.surfaces {
                 s.curvature = 1e-2 * noise.next().unwrap();
@@ -204,11 +212,16 @@ fn tangent_and_adjoint_are_transposes() {
                 let by_stop =
                     pull_back(&sequence, &launched, &seeds, follow.then_some(&reaim), &mut gradient);
                 let (mut left, mut scale) = (0.0, 0.0);
+                let wave = seeds.wave.as_ref().unwrap();
                 for i in 0..launched.len() {
                     for (a, b) in [
                         (seeds.image_x[i], moved.image_x[i]),
                         (seeds.image_y[i], moved.image_y[i]),
                         (seeds.transmission[i], moved.transmission[i]),
+                        (wave.optical_path[i], moved.optical_path[i]),
+                        (wave.direction[0][i], moved.direction[0][i]),
+                        (wave.direction[1][i], moved.direction[1][i]),
+                        (wave.direction[2][i], moved.direction[2][i]),
                     ] {
                         left += a * b;
                         scale += (a * b).abs();

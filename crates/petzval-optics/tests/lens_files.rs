@@ -289,6 +289,12 @@ fn bad_special_surfaces_are_refused() {
         ("odd = { b4 = 1.0 }", "b4", "no odd term"),
         ("xy = { x2y0 = 1.0 }", "norm_radius_mm", "normalisation radius"),
         ("xy = { norm_radius_mm = 1.0, x9y0 = 1.0 }", "x9y0", "no term"),
+        (
+            "xy = { norm_radius_mm = 1.0, x18446744073709551615y9 = 1.0 }",
+            "x18446744073709551615y9",
+            "no term",
+        ),
+        ("xy = { norm_radius_mm = 1e-21 }", "norm_radius_mm", "clear semi-diameter"),
         ("xy = { norm_radius_mm = -1.0 }", "norm_radius_mm", "positive"),
         ("q_bfs = { norm_radius_mm = 1.0, a = [0,0,0,0,0,0,0,0,0,0,0,0,0,0] }", "a", "at most 13"),
         ("conic = 1.0\nq_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs", "from a sphere"),
@@ -322,6 +328,11 @@ fn bad_special_surfaces_are_refused() {
     assert!(error.message.contains("no variable"), "{error}");
     let error = pickup("surface = 2\nfollows = 1\nparameter = \"radius_mm\"");
     assert!(error.message.contains("already"), "{error}");
+    // The radius that is solved for, and the distance to the image, follow nothing.
+    for (surface, follows, parameter) in [(7, 1, "radius_mm"), (7, 2, "thickness_mm")] {
+        let error = pickup(&format!("surface = {surface}\nfollows = {follows}\nparameter = \"{parameter}\""));
+        assert!(error.message.contains("cannot follow"), "{error}");
+    }
 }
 
 /// A bad file: what is replaced in the nominal triplet by what, and what the error must say.
@@ -353,13 +364,13 @@ const BAD: &[Bad] = &[
     Bad { from: "thickness_mm = 8.11", to: "thickness_mm = \"thick\"", line_with: "\"thick\"", key: "thickness_mm", value: "\"thick\"",
           message: "expected a number", hint: "" },
     Bad { from: "thickness_mm = 4.014", to: "thickness_mm = -4.014", line_with: "-4.014", key: "thickness_mm", value: "-4.014",
-          message: "surface 1: the centre thickness of PMMA is -4.014 mm", hint: "the least thickness is 0" },
+          message: "surface 1: the thickness of -4.014 mm of PMMA goes against the light", hint: "it is 0 at least" },
     Bad { from: "thickness_mm = 2.698", to: "thickness_mm = 0.3", line_with: "thickness_mm = 0.3", key: "thickness_mm", value: "0.3",
           message: "surface 6: the edge thickness of PMMA is -0.", hint: "semi-diameters" },
     Bad { from: "semi_diameter_mm = 4.56", to: "semi_diameter_mm = -4.56", line_with: "= -4.56", key: "semi_diameter_mm", value: "-4.56",
           message: "positive", hint: "" },
     Bad { from: "semi_diameter_mm = 6.415", to: "semi_diameter_mm = 11.5", line_with: "= 11.5", key: "semi_diameter_mm", value: "11.5",
-          message: "surface 2: the conic ends 11.4500 mm from the axis", hint: "flatten" },
+          message: "surface 2: the shape ends 11.4500 mm from its vertex", hint: "flatten" },
     Bad { from: "glass = \"N-SF11\"", to: "glass = \"NSF11\"", line_with: "\"NSF11\"", key: "glass", value: "\"NSF11\"",
           message: "surface 3: no glass is called `NSF11`", hint: "N-SF11" },
     Bad { from: "stop = true\n", to: "", line_with: "[[surface]]", key: "stop", value: "",

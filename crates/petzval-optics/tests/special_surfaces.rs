@@ -5,12 +5,12 @@ mod common;
 use common::{mangin, nominal_triplet, telescope};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{
-    Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Q_TERMS, Surface, SurfaceShape,
-    XY_TERMS, xy_index,
+    Action, Axis, Departure, Lens, LensDefect, ObjectDistance, Pattern, Phase, Placement, Q_TERMS, Surface,
+    SurfaceShape, XY_TERMS, validate, xy_index,
 };
 use petzval_optics::paraxial::first_order;
 use petzval_optics::seidel::seidel_total;
-use petzval_optics::trace::{Path, Ray, Sequence, trace_ray};
+use petzval_optics::trace::{Path, Ray, RayBundle, Sequence, trace, trace_ray};
 
 const GLASS: f64 = 1.6;
 
@@ -302,6 +302,68 @@ fn departures_that_are_even_aspheres_trace_alike() {
     }
 }
 
+/// Rays that cross the vertex plane beyond the reach of a strongly curved front surface meet it all the same.
+#[test]
+fn a_dome_with_a_departure_is_met_from_the_side() {
+    let dome = |departure| {
+        one(Surface {
+            shape: SurfaceShape { curvature: 0.1, departure, ..SurfaceShape::PLANE },
+            semi_diameter_mm: 9.5,
+            glass: glass(),
+            thickness_mm: 20.0,
+            ..Surface::default()
+        })
+    };
+    let plain = dome(Departure::None);
+    for departing in [
+        dome(Departure::Qcon { norm_radius_mm: 9.5, coefficients: [0.0; Q_TERMS] }),
+        dome(Departure::Xy { norm_radius_mm: 9.5, coefficients: [0.0; XY_TERMS] }),
+        dome(Departure::Odd([0.0; 8])),
+    ] {
+        for degrees in [30.0, 50.0, 60.0_f64] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            // Aimed at points of the dome, from the vertex plane.
+            for height in [-6.0, 0.0, 4.0_f64] {
+                let sag = 10.0 - (100.0 - height * height).sqrt();
+                let y = height - sag * sin / cos;
+                let [a, b] = [&plain, &departing].map(|l| at(l, 0.0, y, [0.0, sin, cos]).passages[0].point);
+                assert!(
+                    (a[1] - b[1]).abs() < 1e-11 && (a[1] - height).abs() < 1e-11,
+                    "{degrees}: {a:?} {b:?}"
+                );
+                let mut bundle = RayBundle::new(1);
+                bundle.set(0, Ray { position: [0.0, y, 0.0], direction: [0.0, sin, cos] });
+                trace(&reference(&departing), &mut bundle);
+                assert!(bundle.fate(0).reaches_image(), "{degrees} {height}: {:?}", bundle.fate(0));
+            }
+        }
+    }
+}
+
+#[test]
+fn lenses_that_cross_or_end_to_the_side_are_refused() {
+    let plate = |departure, semi_diameter_mm: f64| {
+        let shape = SurfaceShape { departure, ..SurfaceShape::PLANE };
+        lens(vec![
+            Surface { glass: glass(), thickness_mm: 1.0, semi_diameter_mm, ..Surface::default() },
+            Surface { shape, thickness_mm: 50.0, semi_diameter_mm, ..Surface::default() },
+        ])
+    };
+    assert!(validate(&plate(Departure::None, 10.0)).is_ok());
+    let thin = validate(&plate(Departure::Toroid { curvature_x: -0.05 }, 10.0)).unwrap_err();
+    assert!(matches!(thin, LensDefect::EdgeThickness { surface: 1, .. }), "{thin}");
+    let ended = validate(&plate(Departure::Toroid { curvature_x: 0.25 }, 6.0)).unwrap_err();
+    assert!(
+        matches!(ended, LensDefect::SurfaceEnds { reach_mm, .. } if (reach_mm - 4.0).abs() < 1e-6),
+        "{ended}"
+    );
+    let mut tilted = [0.0; XY_TERMS];
+    tilted[xy_index(0, 1)] = 3.0;
+    let crossing =
+        validate(&plate(Departure::Xy { norm_radius_mm: 10.0, coefficients: tilted }, 10.0)).unwrap_err();
+    assert!(matches!(crossing, LensDefect::EdgeThickness { .. }), "{crossing}");
+}
+
 #[test]
 fn an_axicon_bends_every_ray_alike() {
     // b_1 r: a cone of slope 0.1.
@@ -372,7 +434,9 @@ fn a_bent_axis_is_that_of_the_reflected_ray() {
             },
             Surface { thickness_mm: -10.0, semi_diameter_mm: 50.0, ..Surface::default() },
         ]);
-        // The axis stays the axis, and other rays are as far from it as they were.
+        // The axis stays the axis, and every ray is where the straight mirror has it.
+        let mut straight = folded.clone();
+        straight.surfaces[0].placement = None;
         let image = at(&folded, 0.0, 0.0, AXIS).image.unwrap();
         for axis in 0..2 {
             assert!(
@@ -381,9 +445,15 @@ fn a_bent_axis_is_that_of_the_reflected_ray() {
             );
         }
         let path = at(&folded, 2.0, -1.5, AXIS);
-        let [x, y, _] = path.image.unwrap().position;
-        assert!((x.hypot(y) - 2.5).abs() < 1e-12);
         assert!((path.optical_path_mm - 30.0).abs() < 1e-10, "{}", path.optical_path_mm);
+        for (x, y, l, m) in [(2.0, -1.5, 0.0, 0.0), (1.0, 3.0, 0.1, -0.05), (-2.0, 0.5, 0.02, 0.2)] {
+            let d = [l, m, (1.0_f64 - l * l - m * m).sqrt()];
+            let [a, b] = [&folded, &straight].map(|lens| at(lens, x, y, d).image.unwrap());
+            for axis in 0..3 {
+                assert!((a.position[axis] - b.position[axis]).abs() < 1e-11, "{tilt_deg:?} {a:?} {b:?}");
+                assert!((a.direction[axis] - b.direction[axis]).abs() < 1e-13, "{tilt_deg:?}");
+            }
+        }
     }
 }
 

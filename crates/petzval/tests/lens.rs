@@ -130,7 +130,7 @@ fn a_lost_ray_says_where_and_is_no_failure() {
     assert_eq!((&missed["image"], &missed["opl_mm"]), (&Value::Null, &Value::Null));
     let clipped = trace("5", "0,2", &["--aim", "paraxial"]);
     assert!(clipped["status"].as_str().unwrap().starts_with("clipped at surface "), "{clipped}");
-    for pupil in ["0,5", "nan,0", "1e300,0"] {
+    for pupil in ["0,5", "0,9", "1e300,0"] {
         let lost = trace("5", pupil, &[]);
         assert_eq!(lost["status"], "no ray passes this point of the stop");
         assert_eq!(lost["surfaces"].as_array().unwrap().len(), 0);

@@ -1,6 +1,7 @@
 //! The prescription: the surfaces of a lens as a designer lists them.
 
 use maud::{Markup, html};
+use petzval_optics::format::lens_toml::special_lines;
 use petzval_optics::lens::{Lens, Surface};
 use petzval_optics::paraxial::first_order;
 
@@ -50,10 +51,11 @@ pub(super) fn prescription(lens: &Lens) -> Markup {
     }
 }
 
-/// The coefficients that are not zero: `a4 = -4.0600·10⁻⁵, a6 = ...`.
+/// The coefficients that are not zero, `a4 = -4.0600·10⁻⁵, a6 = ...`, and what else the surface is, as its file says it.
 fn asphere(surface: &Surface) -> String {
     let terms = surface.shape.asphere.iter().enumerate().filter(|(_, a)| **a != 0.0);
-    terms.map(|(i, a)| format!("a{} = {}", 2 * i + 2, significant(*a))).collect::<Vec<_>>().join(", ")
+    let terms = terms.map(|(i, a)| format!("a{} = {}", 2 * i + 2, significant(*a)));
+    terms.chain(special_lines(surface).lines().map(str::to_owned)).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -116,7 +116,8 @@ pub(super) fn picture_png(width: u32, height: u32, softness: u32) -> Vec<u8> {
 }
 
 fn camera(i: usize) -> CameraView {
-    let (options, quadrature) = (PsfOptions { grid: 64, pitch_um: 2.0 }, Quadrature::grid(16).unwrap());
+    let (options, quadrature) =
+        (PsfOptions { grid: 64, pitch_um: 2.0, ..PsfOptions::default() }, Quadrature::grid(16).unwrap());
     let lens = triplet().with_image_distance(24.5252 - 0.05 * i as f64);
     let fields = [0.0_f64, 4.0, 8.0, 12.0, 15.0].map(f64::to_radians);
     let psfs = fields

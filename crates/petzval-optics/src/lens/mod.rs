@@ -14,6 +14,7 @@ pub use departure::{
 pub use placement::{Axis, Placement};
 pub use shape::{ASPHERE_TERMS, ShapeNumber, SurfaceShape};
 pub use surface::Surface;
+pub(crate) use validate::azimuths;
 pub use validate::{LensDefect, validate};
 
 use crate::trace::Sequence;

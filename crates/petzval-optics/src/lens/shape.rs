@@ -162,26 +162,6 @@ impl SurfaceShape {
         }
     }
 
-    /// Sag (mm), slope and curvature (1/mm) along the y-z section at the height r; `None` beyond the shape's reach.
-    pub(crate) fn section(&self, r_mm: f64) -> Option<[f64; 3]> {
-        match self.departure {
-            Departure::None => {
-                let j = self.jet(r_mm * r_mm)?;
-                Some([j.sag, 2.0 * r_mm * j.first, 2.0 * j.first + 4.0 * r_mm * r_mm * j.second])
-            }
-            _ => {
-                let jet = self.sag_jet([0.0, r_mm]);
-                jet.value.is_finite().then_some([jet.value, jet.slope[1], jet.second[2]])
-            }
-        }
-    }
-
-    /// How sag and slope of the y-z section at the height r move with each number.
-    pub(crate) fn section_sensitivities(&self, r_mm: f64) -> Vec<(ShapeNumber, [f64; 2])> {
-        let all = self.sensitivities([0.0, r_mm]).into_iter();
-        all.map(|(number, jet)| (number, [jet.value, jet.slope[1]])).collect()
-    }
-
     /// Sag at a point (x, y), mm; `None` beyond the shape's reach.
     pub fn sag_at_mm(&self, [x, y]: [f64; 2]) -> Option<f64> {
         let sag = self.formula(&ShapeNumbers::fixed(self, x), x, y);
@@ -518,7 +498,7 @@ mod tests {
             }
             let even =
                 |y: f64| 0.5 * (shape.sag_at_mm([0.0, y]).unwrap() + shape.sag_at_mm([0.0, -y]).unwrap());
-            // z = c/2 y^2 + b y^4 + d y^6 + ..., at three heights.
+            // z = c/2 y^2 + b y^4 + d y^6 + ..., at four heights.
             let h = 0.05;
             let rows = nalgebra::Matrix4::from_fn(|i, j| ((i + 1) as f64 * h).powi(2 * j as i32 + 2));
             let sags = nalgebra::Vector4::from_fn(|i, _| even((i + 1) as f64 * h));

@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use super::action::{Action, Phase};
+use super::departure::Departure;
 use super::placement::Placement;
 use super::shape::SurfaceShape;
 use crate::glass::Glass;
+use crate::number::Number;
 
 /// A surface in its place.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +28,22 @@ pub struct Surface {
     pub phase: Option<Phase>,
     /// How it is shifted and turned from its place on the axis; `None` for one that stays there.
     pub placement: Option<Placement>,
+}
+
+impl Surface {
+    /// Whether the surface has a number that may move: a thin lens has no shape, and the best-fit sphere of Q_bfs no conic
+    /// constant.
+    pub fn has_number(&self, number: Number) -> bool {
+        let has_shape = !matches!(self.action, Action::ThinLens { .. });
+        match number {
+            Number::Curvature | Number::Asphere(_) => has_shape,
+            Number::Conic => has_shape && !matches!(self.shape.departure, Departure::Qbfs { .. }),
+            Number::Departure(k) => has_shape && k < self.shape.departure.numbers().len(),
+            Number::Phase(k) => self.phase.is_some_and(|mut phase| phase.number_mut(k).is_some()),
+            Number::Power => !has_shape,
+            Number::Thickness | Number::Index => true,
+        }
+    }
 }
 
 impl Default for Surface {

@@ -7,6 +7,9 @@ use super::{Action, Axis, Lens, Surface, SurfaceShape};
 /// Radii at which the distance between two surfaces is looked at, from axis to edge.
 const HEIGHTS: usize = 32;
 
+/// Directions across the axis in which surfaces without symmetry are looked at.
+const AZIMUTHS: usize = 16;
+
 /// Why a lens is impossible. Surfaces are counted from 1; lengths in mm.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages say what the fields are")]
@@ -23,10 +26,10 @@ pub enum LensDefect {
     NotFinite { surface: usize, quantity: &'static str, value: f64 },
     #[error("surface {surface}: the clear semi-diameter is {semi_diameter_mm} mm, not positive")]
     SemiDiameter { surface: usize, semi_diameter_mm: f64 },
-    #[error("surface {surface}: the centre thickness of {medium} is {thickness_mm} mm")]
+    #[error("surface {surface}: the thickness of {thickness_mm} mm of {medium} goes against the light")]
     CentreThickness { surface: usize, medium: String, thickness_mm: f64 },
     #[error(
-        "surface {surface}: the conic ends {reach_mm:.4} mm from the axis, inside its clear \
+        "surface {surface}: the shape ends {reach_mm:.4} mm from its vertex, inside its clear \
          semi-diameter of {semi_diameter_mm} mm"
     )]
     SurfaceEnds { surface: usize, reach_mm: f64, semi_diameter_mm: f64 },
@@ -102,6 +105,18 @@ pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
     Ok(())
 }
 
+/// Directions across the axis in which surfaces are looked at: one is enough where all are alike.
+pub(crate) fn azimuths(surfaces: &[&Surface]) -> Vec<[f64; 2]> {
+    let round = |s: &&Surface| {
+        s.shape.is_rotationally_symmetric() && s.placement.is_none_or(|p| p.decenter_mm == [0.0; 2])
+    };
+    if surfaces.iter().all(round) {
+        return vec![[0.0, 1.0]];
+    }
+    let turn = |k: usize| (k as f64 / AZIMUTHS as f64 * std::f64::consts::TAU).sin_cos();
+    (0..AZIMUTHS).map(turn).map(|(sin, cos)| [sin, cos]).collect()
+}
+
 fn is_straight(surface: &Surface) -> bool {
     surface.placement.is_none_or(|p| p.tilt_rad == [0.0; 3])
 }
@@ -136,13 +151,11 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
             thickness_mm: surface.thickness_mm,
         });
     }
-    let [r, o] = [surface.semi_diameter_mm, 0.0];
-    if shape.sag_mm(r).is_none() || [[o, -r], [r, o], [-r, o]].iter().any(|p| shape.sag_at_mm(*p).is_none()) {
-        return Err(LensDefect::SurfaceEnds {
-            surface: number,
-            reach_mm: 1.0 / (shape.curvature.abs() * (1.0 + shape.conic).sqrt()),
-            semi_diameter_mm: surface.semi_diameter_mm,
-        });
+    let semi_diameter_mm = surface.semi_diameter_mm;
+    let reach_mm = azimuths(&[surface]).into_iter().map(|d| reach_mm(shape, d, semi_diameter_mm));
+    let reach_mm = reach_mm.fold(f64::INFINITY, f64::min);
+    if reach_mm < semi_diameter_mm {
+        return Err(LensDefect::SurfaceEnds { surface: number, reach_mm, semi_diameter_mm });
     }
     for wavelength_um in lens.wavelengths_um.iter().copied().chain([lens.reference_um]) {
         let index = surface.glass.index(wavelength_um);
@@ -152,6 +165,25 @@ fn check_surface(number: usize, surface: &Surface, lens: &Lens) -> Result<(), Le
         }
     }
     Ok(())
+}
+
+/// How far a shape reaches in a direction across the axis, `far_mm` at most.
+fn reach_mm(shape: &SurfaceShape, direction: [f64; 2], far_mm: f64) -> f64 {
+    let reaches = |r: f64| shape.sag_at_mm(direction.map(|v| v * r)).is_some();
+    if reaches(far_mm) {
+        return far_mm;
+    }
+    // Halve the range in which it ends.
+    let (mut inside, mut outside) = (0.0, far_mm);
+    for _ in 0..60 {
+        let middle = 0.5 * (inside + outside);
+        if reaches(middle) {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    inside
 }
 
 /// What can be said of departures, structures and places.
@@ -188,9 +220,10 @@ fn check_special(number: usize, surface: &Surface) -> Result<(), LensDefect> {
 fn check_gap(number: usize, front: &Surface, back: &Surface, forwards: bool) -> Result<(), LensDefect> {
     let (a, b) = (front.semi_diameter_mm, back.semi_diameter_mm);
     let edge_mm = if front.glass.is_air() { a.min(b) } else { a.max(b) };
-    for i in 1..=HEIGHTS {
+    for (direction, i) in azimuths(&[front, back]).iter().flat_map(|d| (1..=HEIGHTS).map(move |i| (d, i))) {
         let height_mm = edge_mm * i as f64 / HEIGHTS as f64;
-        let along_z = front.thickness_mm + rim_sag_mm(back, height_mm) - rim_sag_mm(front, height_mm);
+        let at = direction.map(|v| v * height_mm);
+        let along_z = front.thickness_mm + rim_sag_mm(back, at) - rim_sag_mm(front, at);
         let gap_mm = if forwards { along_z } else { -along_z };
         // Surfaces that touch are possible, and rounding must not part them.
         if gap_mm >= -1e-9 {
@@ -209,8 +242,11 @@ fn check_gap(number: usize, front: &Surface, back: &Surface, forwards: bool) -> 
     Ok(())
 }
 
-/// Sag of a surface, which goes on as a flat rim where its conic ends beyond its clear edge.
-fn rim_sag_mm(surface: &Surface, height_mm: f64) -> f64 {
-    let at = |r_mm: f64| surface.shape.sag_mm(r_mm);
-    at(height_mm).or_else(|| at(surface.semi_diameter_mm)).unwrap_or(f64::NAN)
+/// Sag of a surface at a point across the axis; it goes on as a flat rim where its shape ends beyond its clear edge.
+fn rim_sag_mm(surface: &Surface, [x, y]: [f64; 2]) -> f64 {
+    let [dx, dy] = surface.placement.map_or([0.0; 2], |p| p.decenter_mm);
+    let at = [x - dx, y - dy];
+    let sag = |share: f64| surface.shape.sag_at_mm(at.map(|v| v * share));
+    let radius = at[0].hypot(at[1]);
+    sag(1.0).or_else(|| sag(surface.semi_diameter_mm / radius)).unwrap_or(f64::NAN)
 }

@@ -47,6 +47,14 @@ pub enum ChartError {
         /// Which number.
         parameter: Parameter,
     },
+    /// A pickup on a number that a solve computes.
+    #[error("surface {surface}: {parameter:?} cannot follow a variable, a solve computes it")]
+    Settled {
+        /// Surface, from 1.
+        surface: usize,
+        /// Which number.
+        parameter: Parameter,
+    },
     /// An asphere has terms of even order from 2 to 16.
     #[error("surface {surface} has no aspheric term of order {order}")]
     NoSuchOrder {
@@ -139,9 +147,15 @@ impl<'a> Chart<'a> {
             {
                 return Err(ChartError::NoSuchOrder { surface: v.surface + 1, order });
             }
-            if v.parameter.number().read(&problem.base, v.surface).is_nan() {
+            if !problem.base.surfaces[v.surface].has_number(v.parameter.number()) {
                 return Err(ChartError::NoSuchNumber { surface: v.surface + 1, parameter: v.parameter });
             }
+        }
+        if let Some(solve) = &solves.efl
+            && !problem.base.surfaces[solve.surface].has_number(Number::Curvature)
+        {
+            let (surface, parameter) = (solve.surface + 1, Parameter::Radius);
+            return Err(ChartError::NoSuchNumber { surface, parameter });
         }
         if let Some(g) = problem.glasses.iter().find(|g| g.candidates.is_empty()) {
             return Err(ChartError::NoGlass { surface: g.surface + 1 });
@@ -150,17 +164,41 @@ impl<'a> Chart<'a> {
         if let Some(p) = problem.pickups.iter().find(|p| p.variable >= variables) {
             return Err(ChartError::NoSuchVariable { variable: p.variable + 1, count: variables });
         }
+        for p in &problem.pickups {
+            let parameter = problem.variables[p.variable].parameter;
+            let settled = match parameter {
+                Parameter::Radius => solves.efl.is_some_and(|s| s.surface == p.surface),
+                Parameter::Thickness => {
+                    let solved = solves.length.is_some_and(|(s, _)| s == p.surface);
+                    let image = problem.image == ImagePlane::Best && p.surface + 1 == count;
+                    solved || image
+                }
+                _ => false,
+            };
+            if settled {
+                return Err(ChartError::Settled { surface: p.surface + 1, parameter });
+            }
+            if !problem.base.surfaces[p.surface].has_number(parameter.number()) {
+                return Err(ChartError::NoSuchNumber { surface: p.surface + 1, parameter });
+            }
+        }
         let mut bounds: Vec<[f64; 2]> = problem.variables.iter().map(coordinate_bounds).collect();
         for (v, [low, high]) in problem.variables.iter().zip(&mut bounds) {
+            let forwards = problem.base.light_goes_forwards(v.surface);
             // A least thickness of a variable is a bound, which costs nothing to keep.
             let least = match (v.parameter, problem.base.surfaces[v.surface].glass.is_air()) {
                 (Parameter::Thickness, _) if v.surface + 1 == count => None,
-                (Parameter::Thickness, _) if !problem.base.light_goes_forwards(v.surface) => None,
+                (Parameter::Thickness, true) if problem.has_open_gap(v.surface) => None,
                 (Parameter::Thickness, true) => problem.limits.air_gap_mm,
                 (Parameter::Thickness, false) => problem.limits.element_centre_mm,
                 _ => None,
             };
-            *low = least.map_or(*low, |least| low.max(least).min(*high - 1e-9 * high.abs()));
+            if let Some(least) = least {
+                match forwards {
+                    true => *low = low.max(least).min(*high - 1e-9 * high.abs()),
+                    false => *high = high.min(-least).max(*low + 1e-9 * low.abs()),
+                }
+            }
         }
         for (v, [low, high]) in problem.variables.iter().zip(&bounds) {
             if !(low < high && low.is_finite() && high.is_finite()) {

@@ -176,5 +176,14 @@ pub fn descend(
     {
         return Err(ChartError::EflUnsolvable { surface: solve.surface + 1, efl_mm: solve.efl_mm });
     }
+    // A solve may have moved the focus far from where the file puts the image plane.
+    let mut refocused = start.clone();
+    chart.refocus(&mut refocused);
+    let merit = |at: &[f64]| Some(analyse(problem, chart.lens(at)?, None)?.merit);
+    let start = match (merit(&start), merit(&refocused)) {
+        (Some(as_it_is), Some(then)) if as_it_is <= then => start,
+        (Some(_), None) => start,
+        _ => refocused,
+    };
     descend_from(problem, &chart, start, options, watch).ok_or(ChartError::NoRays)
 }

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::chart::{Chart, Mapped};
 use super::problem::Problem;
-use crate::constraint::{direction_of_light, edge_clearance, sag_gradient};
+use crate::constraint::{direction_of_light, edge_clearance, sag_gradient, thinnest_edge};
 use crate::gradient::LensGradient;
-use crate::lens::Lens;
+use crate::lens::{Lens, azimuths};
 use crate::paraxial::{
     FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order, pull_back_image_height,
 };
@@ -107,7 +107,13 @@ impl Analysis {
     pub fn fitted_lens(&self, problem: &Problem) -> Lens {
         let mut lens = self.lens.clone();
         let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
-        let apertures = rim(problem, &lens, stop_radius_mm).unwrap_or_else(|| Apertures::none(&lens));
+        // For every beam that the file asks for, not only for those that were looked at.
+        let mut whole = problem.clone();
+        whole.fields_rad.extend(lens.fields_deg.iter().map(|f| f.to_radians()));
+        whole.wavelengths_um.extend(&lens.wavelengths_um);
+        let apertures = rim(&whole, &lens, stop_radius_mm)
+            .or_else(|| rim(problem, &lens, stop_radius_mm))
+            .unwrap_or_else(|| Apertures::none(&lens));
         for (i, s) in lens.surfaces.iter_mut().enumerate() {
             let needed = apertures.clear_mm[i].max(self.apertures.clear_mm[i]) + MOUNT_MM;
             s.semi_diameter_mm = if i == lens.stop { stop_radius_mm } else { needed };
@@ -218,6 +224,10 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
     let is_half = problem.sides() == Sides::Mirrored;
     let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
     let surfaces = lens.surfaces.len();
+    // Light cannot go backwards.
+    if (0..surfaces).any(|i| direction_of_light(&lens, i) * lens.surfaces[i].thickness_mm < 0.0) {
+        return None;
+    }
     let colours = problem.wavelengths_um.len();
     let mut launches = Vec::with_capacity(problem.fields_rad.len() * colours);
     let mut rms_um = Vec::with_capacity(problem.fields_rad.len());
@@ -296,7 +306,7 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
         let [a, b] =
             [analysis.apertures.clear_mm[i], analysis.apertures.clear_mm[i + 1]].map(|r| r + MOUNT_MM);
         if surface.glass.is_air() {
-            if let Some(least) = limits.air_gap_mm {
+            if let Some(least) = limits.air_gap_mm.filter(|_| !problem.has_open_gap(i)) {
                 ask(Violation::Air(i), least - direction_of_light(lens, i) * surface.thickness_mm);
                 ask(Violation::AirEdge(i), least - edge_clearance(lens, i, a.min(b))?);
             }
@@ -320,13 +330,18 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
     }
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     if let Some([min, max]) = limits.back_focal_mm {
-        ask(Violation::BackFocal, (order.bfl_mm - max).max(min - order.bfl_mm));
+        let found = direction_of_light(lens, last) * order.bfl_mm;
+        ask(Violation::BackFocal, (found - max).max(min - found));
     }
     if let Some(track) = limits.track_mm {
-        ask(Violation::Track, lens.total_track_mm() - track);
+        let (from, to) = extent(lens);
+        ask(
+            Violation::Track,
+            lens.surfaces[from..to].iter().map(|s| s.thickness_mm).sum::<f64>().abs() - track,
+        );
     }
     if let Some(diameter) = limits.clear_diameter_mm {
-        for i in (0..=last).filter(|i| *i != lens.stop) {
+        for i in 0..=last {
             ask(Violation::ClearDiameter(i), analysis.apertures.clear_mm[i] - 0.5 * diameter);
         }
     }
@@ -337,7 +352,7 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
     if let Some(steepest) = limits.slope_rad {
         for i in 0..=last {
             let radius = analysis.apertures.clear_mm[i];
-            let [_, slope, _] = lens.surfaces[i].shape.section(radius)?;
+            let slope = steepest_section(lens, i, radius)?.slope;
             ask(Violation::Slope(i), (slope.abs() - steepest.tan()) * radius);
         }
     }
@@ -348,6 +363,18 @@ fn violations(problem: &Problem, analysis: &Analysis) -> Option<Vec<(Violation, 
         );
     }
     Some(found)
+}
+
+/// The vertices, or the image plane as one more, that are furthest apart along the axis: the former first.
+fn extent(lens: &Lens) -> (usize, usize) {
+    let mut at = vec![0.0];
+    for s in &lens.surfaces {
+        at.push(at[at.len() - 1] + s.thickness_mm);
+    }
+    let furthest =
+        |sign: f64| (0..at.len()).max_by(|a, b| (sign * at[*a]).total_cmp(&(sign * at[*b]))).unwrap_or(0);
+    let (low, high) = (furthest(-1.0), furthest(1.0));
+    (low.min(high), low.max(high))
 }
 
 /// Bounds of a curvature from those of its radius, a ten-thousandth of their distance inside: a penalty ends a little beyond
@@ -421,12 +448,34 @@ fn edge_gradient(
     let decisive = if (a > b) == larger { i } else { i + 1 };
     let height = analysis.apertures.clear_mm[decisive] + MOUNT_MM;
     let sign = direction_of_light(lens, i);
+    let direction = thinnest_edge(lens, i, height)?;
+    let at = direction.map(|v| v * height);
     g.surfaces[i].thickness -= sign;
-    sag_gradient(lens, i, height, sign, g);
-    sag_gradient(lens, i + 1, height, -sign, g);
+    sag_gradient(lens, i, at, sign, g);
+    sag_gradient(lens, i + 1, at, -sign, g);
     // The edge moves outwards with the beam.
-    let slope = |s: usize| lens.surfaces[s].shape.section(height).map(|[_, slope, _]| slope);
-    add_clear(problem, analysis, decisive, sign * (slope(i)? - slope(i + 1)?), g)
+    let slope = |s: usize| {
+        let [x, y] = lens.surfaces[s].shape.sag_jet(at).slope;
+        x * direction[0] + y * direction[1]
+    };
+    add_clear(problem, analysis, decisive, sign * (slope(i) - slope(i + 1)), g)
+}
+
+/// Where a surface is steepest at a height, of some directions across the axis.
+struct Section {
+    direction: [f64; 2],
+    /// Length of the gradient of the sag.
+    slope: f64,
+}
+
+fn steepest_section(lens: &Lens, surface: usize, height_mm: f64) -> Option<Section> {
+    let shape = &lens.surfaces[surface].shape;
+    let of = |direction: [f64; 2]| {
+        let [x, y] = shape.sag_jet(direction.map(|v| v * height_mm)).slope;
+        Section { direction, slope: x.hypot(y) }
+    };
+    let all = azimuths(&[&lens.surfaces[surface]]).into_iter().map(of);
+    all.max_by(|a, b| a.slope.total_cmp(&b.slope)).filter(|s| s.slope.is_finite())
 }
 
 /// The gradient of a violation by the numbers of the lens.
@@ -453,11 +502,18 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
         Violation::BackFocal => {
             let [_, max] = problem.limits.back_focal_mm?;
             let sequence = sequence();
-            let sign = if first_order(&sequence).bfl_mm > max { 1.0 } else { -1.0 };
+            let direction = direction_of_light(lens, last);
+            let found = direction * first_order(&sequence).bfl_mm;
+            let sign = if found > max { direction } else { -direction };
             let wish = FirstOrderCotangent { bfl: sign, ..Default::default() };
             pull_back_first_order(&sequence, wish, &mut g);
         }
-        Violation::Track => (0..=last).for_each(|i| g.surfaces[i].thickness = 1.0),
+        Violation::Track => {
+            let (from, to) = extent(lens);
+            let between = &lens.surfaces[from..to];
+            let sign = between.iter().map(|s| s.thickness_mm).sum::<f64>().signum();
+            g.surfaces[from..to].iter_mut().for_each(|g| g.thickness = sign);
+        }
         Violation::ClearDiameter(i) => add_clear(problem, analysis, i, 1.0, &mut g)?,
         Violation::Distortion => {
             let sequence = sequence();
@@ -471,14 +527,22 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
         }
         Violation::Slope(i) => {
             let radius = analysis.apertures.clear_mm[i];
+            let section = steepest_section(lens, i, radius)?;
+            let (direction, slope) = (section.direction, section.slope);
+            let at = direction.map(|v| v * radius);
             let shape = &lens.surfaces[i].shape;
-            let [_, slope, second] = shape.section(radius)?;
-            let sign = slope.signum();
-            // The amount is (|z_r| - tan) r.
-            let by_radius = sign * (slope + radius * second) - problem.limits.slope_rad?.tan();
+            let jet = shape.sag_jet(at);
+            // Unit vector of the gradient, and how its length grows outwards.
+            let [x, y] = jet.slope.map(|v| v / slope);
+            let [xx, xy, yy] = jet.second;
+            let [dx, dy] = direction;
+            let outwards = x * (xx * dx + xy * dy) + y * (xy * dx + yy * dy);
+            // The amount is (|grad z| - tan) r.
+            let by_radius = slope + radius * outwards - problem.limits.slope_rad?.tan();
             add_clear(problem, analysis, i, by_radius, &mut g)?;
-            for (number, [_, by_slope]) in shape.section_sensitivities(radius) {
-                *g.surfaces[i].shape_mut(number) += sign * radius * by_slope;
+            for (number, by) in shape.sensitivities(at) {
+                let by_slope = x * by.slope[0] + y * by.slope[1];
+                *g.surfaces[i].shape_mut(number) += radius * by_slope;
             }
         }
         Violation::ChiefRayAngle => {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
 use crate::glass::Glass;
-use crate::lens::Lens;
+use crate::lens::{Action, Lens};
 use crate::pupil::{PupilSampling, Sides};
 
 /// Numbers that algebra settles, whatever the variables are.
@@ -109,6 +109,17 @@ impl Problem {
         }
     }
 
+    /// Whether a gap of air is none that has to be kept: the lens itself has nothing there, beside a plane that divides
+    /// nothing, such as a stop on a vertex or a coordinate break.
+    pub(super) fn has_open_gap(&self, surface: usize) -> bool {
+        let is_dummy = |i: usize| {
+            let s = &self.base.surfaces[i];
+            let front = if i > 0 { self.base.surfaces[i - 1].glass.clone() } else { Glass::air() };
+            s.glass == front && s.action == Action::Refract && s.phase.is_none()
+        };
+        self.base.surfaces[surface].thickness_mm == 0.0 && (is_dummy(surface) || is_dummy(surface + 1))
+    }
+
     /// Which halves of the pupil have to be looked at.
     pub(super) fn sides(&self) -> Sides {
         let breaks = |v: &Variable| match v.parameter {
@@ -117,7 +128,11 @@ impl Problem {
             }
             _ => false,
         };
-        let symmetric = self.base.is_mirror_symmetric() && !self.variables.iter().any(breaks);
+        let follows = |p: &Pickup| {
+            self.variables.get(p.variable).is_some_and(|v| breaks(&Variable { surface: p.surface, ..*v }))
+        };
+        let moved = self.variables.iter().any(breaks) || self.pickups.iter().any(follows);
+        let symmetric = self.base.is_mirror_symmetric() && !moved;
         if symmetric { Sides::Mirrored } else { Sides::Both }
     }
 
@@ -125,7 +140,13 @@ impl Problem {
     pub(super) fn with_glasses(&self, chosen: &[usize]) -> Self {
         let mut problem = self.clone();
         for (choice, index) in self.glasses.iter().zip(chosen) {
-            problem.base.surfaces[choice.surface].glass = choice.candidates[*index].clone();
+            let glass = &choice.candidates[*index];
+            problem.base.surfaces[choice.surface].glass = glass.clone();
+            // Mirrors have the glass of their front behind them.
+            let behind = problem.base.surfaces[choice.surface + 1..].iter_mut();
+            for mirror in behind.take_while(|s| s.action == Action::Reflect) {
+                mirror.glass = glass.clone();
+            }
         }
         problem
     }

@@ -10,7 +10,7 @@ use crate::paraxial::first_order;
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
-use common::{nominal_triplet, special_lenses};
+use common::{mangin, nominal_triplet, special_lenses, telescope};
 
 fn variable(surface: usize, parameter: Parameter, min: f64, max: f64) -> Variable {
     Variable { surface, parameter, min, max }
@@ -103,7 +103,8 @@ fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces(
     for lens in special_lenses() {
         let free = |surface: usize, parameter: Parameter, range: f64| {
             let value = parameter.value(&lens, surface);
-            value.is_finite().then(|| variable(surface, parameter, value - range, value + range))
+            let has = lens.surfaces[surface].has_number(parameter.number());
+            has.then(|| variable(surface, parameter, value - range, value + range))
         };
         let of_surface = |s: usize| {
             // Odd powers are not normalised.
@@ -125,6 +126,83 @@ fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces(
         };
         check_gradient(&problem);
     }
+}
+
+/// Limits keep their meaning where light goes backwards.
+#[test]
+fn limits_of_mirrors_have_the_right_gradient() {
+    for lens in [mangin(), telescope()] {
+        let variables = (0..lens.surfaces.len())
+            .flat_map(|s| {
+                let (r, t) = (1.0 / lens.surfaces[s].shape.curvature, lens.surfaces[s].thickness_mm);
+                let around = |p, v: f64| variable(s, p, v - 0.3 * v.abs(), v + 0.3 * v.abs());
+                [around(Parameter::Radius, r), around(Parameter::Thickness, t)]
+            })
+            .filter(|v| v.surface + 1 < lens.surfaces.len() || v.parameter == Parameter::Radius)
+            .collect();
+        let far = lens.fields_deg.last().unwrap().to_radians();
+        let limits = Limits {
+            element_edge_mm: Some(20.0),
+            element_centre_mm: None,
+            air_gap_mm: Some(500.0),
+            back_focal_mm: Some([1.0, 2.0]),
+            track_mm: Some(50.0),
+            clear_diameter_mm: Some(10.0),
+            slope_rad: Some(0.01),
+            ..Limits::default()
+        };
+        let problem = Problem {
+            variables,
+            fields_rad: vec![0.0, far],
+            field_weights: vec![1.0; 2],
+            limits,
+            // The mean RMS has a kink where a spot vanishes, as on the axis of a telescope.
+            power: 2.0,
+            stiffness_um_per_mm: 1.0,
+            ..Problem::new(lens.clone())
+        };
+        let unlimited = Problem { limits: Limits::default(), ..problem.clone() };
+        let chart = Chart::new(&unlimited).unwrap();
+        let analysis = analyse(&problem, chart.lens(&chart.start()).unwrap(), None).unwrap();
+        let asked = |v: Violation| analysis.violations.iter().find(|(what, _)| *what == v).map(|(_, a)| *a);
+        // Distances are counted along the light, whatever their sign.
+        let last = lens.surfaces.len() - 1;
+        let image = lens.surfaces[last].thickness_mm.abs();
+        assert!((asked(Violation::BackFocal).unwrap() - (image - 2.0)).abs() < 1e-6, "{}", lens.name);
+        let at: Vec<f64> = lens
+            .surfaces
+            .iter()
+            .scan(0.0, |z, s| {
+                *z += s.thickness_mm;
+                Some(*z)
+            })
+            .collect();
+        let range = at.iter().fold(0.0_f64, |a, b| a.max(*b)) - at.iter().fold(0.0_f64, |a, b| a.min(*b));
+        assert!((asked(Violation::Track).unwrap() - (range - 50.0)).abs() < 1e-9);
+        if lens.name == "Mangin" {
+            assert!(asked(Violation::Edge(0)).unwrap() > 0.0 && asked(Violation::Edge(1)).unwrap() > 0.0);
+        } else {
+            assert!((asked(Violation::Air(0)).unwrap() - 80.0).abs() < 1e-9);
+        }
+        assert!(analysis.violations.len() >= 6, "{:?}", analysis.violations);
+        // The bound of a least gap would move the start; without it the penalty has its gradient.
+        let mut free = problem;
+        free.limits.air_gap_mm = None;
+        assert!(check_gradient(&free) >= 5);
+    }
+}
+
+#[test]
+fn pickups_on_what_is_solved_for_are_refused() {
+    let mut one = problem();
+    one.pickups = vec![Pickup { surface: 6, variable: 0, scale: 1.0, offset: 0.0 }];
+    assert!(matches!(Chart::new(&one).unwrap_err(), ChartError::Settled { surface: 7, .. }));
+    one.pickups = vec![Pickup { surface: 6, variable: 3, scale: 1.0, offset: 0.0 }];
+    assert!(matches!(Chart::new(&one).unwrap_err(), ChartError::Settled { surface: 7, .. }));
+    one.image = ImagePlane::Fixed;
+    one.solves.length = Some((3, 22.1));
+    one.pickups = vec![Pickup { surface: 3, variable: 3, scale: 1.0, offset: 0.0 }];
+    assert!(matches!(Chart::new(&one).unwrap_err(), ChartError::Settled { surface: 4, .. }));
 }
 
 #[test]

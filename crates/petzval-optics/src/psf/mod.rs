@@ -4,6 +4,8 @@
 //! pupil, through one to four hundred traced rays; where rays that the polynomials were not fitted to land too far from
 //! where these say, or where rays of the stop are lost, it traces a ray for every pupil cell, as the reference
 //! [`psf_traced`] always does.
+//!
+//! With [`PsfKind::Diffraction`] it is waves that are added, see [`wave`](crate::wave).
 
 mod polynomial;
 mod splat;
@@ -17,26 +19,39 @@ use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::pupil::{ChiefRay, PupilMap, Quadrature, chief_ray, pull_back_chief};
 use crate::trace::Sequence;
+use crate::wave::{ImageGrid, Shown, WaveChannel};
 
-/// The grid on which a PSF is given.
+/// What light is taken for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PsfKind {
+    /// Rays: right where aberrations spread light over many times the Airy disk.
+    #[default]
+    Geometric,
+    /// Waves: right everywhere, and needed where aberrations are a wave or less.
+    Diffraction,
+}
+
+/// The grid on which a PSF is given, and what light is taken for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PsfOptions {
     /// Cells a side.
     pub grid: usize,
     /// Cell size, um.
     pub pitch_um: f64,
+    /// Rays or waves.
+    pub kind: PsfKind,
 }
 
 impl Default for PsfOptions {
-    /// The paper's 128 x 128 um at 1 um.
+    /// The paper's 128 x 128 um at 1 um, by rays.
     fn default() -> Self {
-        Self { grid: 128, pitch_um: 1.0 }
+        Self { grid: 128, pitch_um: 1.0, kind: PsfKind::Geometric }
     }
 }
 
 /// PSFs of one field, one per wavelength.
 ///
-/// Rows run along y (away from the axis for a positive field's image, as long as light goes forwards), columns along x; the
+/// Rows run along y (away from the axis for the image of a positive field), columns along x; the
 /// chief ray of the reference wavelength is at the centre, between the two middle cells.
 #[derive(Clone, Debug)]
 pub struct FieldPsf {
@@ -69,6 +84,11 @@ pub enum PsfMethod {
     },
     /// From one traced ray per pupil cell.
     Traced,
+    /// By diffraction, from polynomials of this total degree over the direction cosines at the image.
+    Wave {
+        /// Total degree.
+        degree: usize,
+    },
 }
 
 /// What a loss asks of a field's PSFs.
@@ -91,6 +111,7 @@ pub struct PsfTape {
 struct Channel {
     sequence: Sequence,
     light: Light,
+    /// What all values of the grid add up to before they are normalised.
     total: f64,
 }
 
@@ -98,6 +119,7 @@ struct Channel {
 enum Light {
     Polynomial(Box<PolynomialChannel>),
     Traced(Box<TracedChannel>),
+    Wave(Box<WaveChannel>),
 }
 
 /// Which way to take.
@@ -108,7 +130,7 @@ enum Way {
 }
 
 /// PSFs of a field at the given wavelengths; `None` if the field's chief ray does not reach the image
-/// or no light arrives at all.
+/// or no light arrives at all; by diffraction also if rays of the stop are lost or the wavefront is no smooth function.
 pub fn psf(
     lens: &Lens,
     field_rad: f64,
@@ -183,6 +205,23 @@ fn make(
     let mut room = Blocks::zero(options.grid);
     for wavelength in wavelengths_um {
         let sequence = lens.at_wavelength(*wavelength);
+        if options.kind == PsfKind::Diffraction {
+            let like = channels.last().and_then(|c| c.light.wave());
+            let grid = options.image_grid();
+            let channel = WaveChannel::new(&sequence, field_rad, stop_radius_mm, chief_mm, grid, like)?;
+            let Shown { mut values, illumination } = channel.show(grid);
+            let total: f64 = values.iter().sum();
+            if !(total > 0.0 && illumination > 0.0) {
+                return None;
+            }
+            values.iter_mut().for_each(|v| *v /= total);
+            result.values.push(values);
+            result.illumination.push(illumination);
+            result.captured.push(total);
+            result.method.push(PsfMethod::Wave { degree: channel.degree() });
+            channels.push(Channel { sequence, light: Light::Wave(Box::new(channel)), total });
+            continue;
+        }
         let fitted = (way == Way::Fast).then(|| {
             let like = channels.last().and_then(|c| c.light.map());
             PolynomialChannel::new(&sequence, field_rad, stop_radius_mm, like)
@@ -218,13 +257,21 @@ impl Light {
         match self {
             Self::Polynomial(channel) => channel.method(),
             Self::Traced(_) => PsfMethod::Traced,
+            Self::Wave(channel) => PsfMethod::Wave { degree: channel.degree() },
+        }
+    }
+
+    fn wave(&self) -> Option<&WaveChannel> {
+        match self {
+            Self::Wave(channel) => Some(channel),
+            _ => None,
         }
     }
 
     fn map(&self) -> Option<&PupilMap> {
         match self {
             Self::Polynomial(channel) => Some(channel.map()),
-            Self::Traced(_) => None,
+            Self::Traced(_) | Self::Wave(_) => None,
         }
     }
 }
@@ -244,11 +291,9 @@ impl PsfTape {
             let wish = &cotangent.values[k];
             let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
             let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
+            let is_half = self.reference.is_mirror_symmetric && !matches!(channel.light, Light::Wave(_));
             let asked = Asked {
-                grid: match self.reference.is_mirror_symmetric {
-                    true => with_mirror_image(&raw, self.options.grid),
-                    false => raw,
-                },
+                grid: if is_half { with_mirror_image(&raw, self.options.grid) } else { raw },
                 illumination: cotangent.illumination[k],
                 options: &self.options,
                 chief_mm: [self.chief.x_mm, self.chief.y_mm],
@@ -257,6 +302,10 @@ impl PsfTape {
             let (chief, stop_radius) = match &channel.light {
                 Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &asked, &mut gradient),
                 Light::Traced(c) => c.pull_back(&channel.sequence, &asked, &mut gradient),
+                Light::Wave(c) => {
+                    let grid = self.options.image_grid();
+                    c.pull_back(&channel.sequence, grid, &asked.grid, asked.illumination, &mut gradient)
+                }
             };
             chief_bar = [chief_bar[0] + chief[0], chief_bar[1] + chief[1]];
             stop_radius_bar += stop_radius;
@@ -279,6 +328,10 @@ struct Asked<'a> {
 }
 
 impl PsfOptions {
+    fn image_grid(&self) -> ImageGrid {
+        ImageGrid { cells: self.grid, pitch_mm: 1e-3 * self.pitch_um }
+    }
+
     /// Cells per mm, and the cell coordinate of the chief ray.
     fn scale(&self) -> (f64, f64) {
         (1e3 / self.pitch_um, 0.5 * (self.grid as f64 - 1.0))

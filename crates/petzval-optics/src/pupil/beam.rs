@@ -4,6 +4,7 @@
 use super::basis::PupilBasis;
 use super::polynomial::{PupilPolynomial, Sides, Symmetry};
 use super::quadrature::Quadrature;
+use super::samples::{PupilSamples, optical_paths};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::paraxial::{FirstOrder, first_order, pull_back_entrance_pupil};
@@ -30,6 +31,8 @@ pub struct Beam {
     pub weight: Vec<f64>,
     /// Fate of each ray.
     pub fate: Vec<Fate>,
+    optical_path: Vec<f64>,
+    direction: [Vec<f64>; 3],
     /// Nodes of the pupil and their shares of its area.
     nodes: Vec<[f64; 2]>,
     shares: Vec<f64>,
@@ -130,7 +133,8 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
     // Weigh each ray by the light it carries: its area of the launch plane over that of the paraxial beam.
     let pupil_area = launch_area(sequence, &order);
     let stop_area = stop_radius_mm * stop_radius_mm;
-    let jacobian = |i: usize| stop_area * aimed.launch_per_stop_area(i);
+    // Where one section of the beam has crossed the axis and the other has not, the map from launch to stop is mirrored.
+    let jacobian = |i: usize| stop_area * aimed.launch_per_stop_area(i).abs();
     let flux: Vec<f64> =
         shares.iter().enumerate().map(|(i, weight)| weight / pupil_area * jacobian(i)).collect();
     let weight = projections(sequence, field_rad, &aimed, nodes)
@@ -144,6 +148,8 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
         y_mm: (0..nodes).map(|i| rays.ray(i).position[1]).collect(),
         weight,
         fate,
+        optical_path: optical_paths(sequence, field_rad, |i| aimed.launch_of(i), &rays),
+        direction: [0, 1, 2].map(|k| (0..nodes).map(|i| rays.ray(i).direction[k]).collect()),
         nodes: points,
         shares,
         aimed,
@@ -156,6 +162,42 @@ impl Beam {
     /// Relative illumination: 1 on the axis of an unvignetted lens without pupil aberration.
     pub fn illumination(&self) -> f64 {
         self.weight.iter().sum()
+    }
+
+    /// Optical path of a ray from the wavefront of a far object through the first vertex, or from a near object point, to the
+    /// image plane, mm.
+    pub fn optical_path_mm(&self, ray: usize) -> f64 {
+        self.optical_path[ray]
+    }
+
+    /// Direction cosines of a ray at the image (those of a line, see `SurfaceAtWavelength`).
+    pub fn direction(&self, ray: usize) -> [f64; 3] {
+        [0, 1, 2].map(|k| self.direction[k][ray])
+    }
+
+    /// Solid angle that each ray stands for, of unit vectors that `towards` makes of its place on the image plane (mm) and its
+    /// direction: by polynomials through those of some rays. `None` if one of these is lost.
+    pub fn solid_angles(
+        &self,
+        sequence: &Sequence,
+        towards: impl Fn([f64; 2], [f64; 3]) -> [f64; 3],
+    ) -> Option<Vec<f64>> {
+        let (basis, sides) = (PupilBasis::of_degree(JACOBIAN_DEGREE), Sides::of(sequence));
+        let samples = PupilSamples::new(sequence, self.field_rad, self.stop_radius_mm, basis, None)?;
+        let vectors: Vec<[f64; 3]> = (0..samples.x.len())
+            .map(|i| towards([samples.x[i], samples.y[i]], [0, 1, 2].map(|k| samples.direction[k][i])))
+            .collect();
+        let fit = |axis: usize, symmetry| {
+            let values: Vec<f64> = vectors.iter().map(|v| v[axis]).collect();
+            basis.fit(&values, sides, symmetry)
+        };
+        let (l, m) = (fit(0, Symmetry::Odd), fit(1, Symmetry::Even));
+        let area = |i: usize| {
+            let ([a, b], [c, d]) = (basis.slope(&l, self.nodes[i]), basis.slope(&m, self.nodes[i]));
+            let [.., n] = towards([self.x_mm[i], self.y_mm[i]], self.direction(i));
+            self.shares[i] * std::f64::consts::PI * (a * d - b * c).abs() / n
+        };
+        Some((0..self.nodes.len()).map(area).collect())
     }
 
     /// Adds the gradient of a loss to `gradient` and returns its derivative by the stop radius.
@@ -232,6 +274,7 @@ impl Beam {
         for (p, bar) in self.nodes.iter().zip(jacobian_bar).filter(|(_, bar)| **bar != 0.0) {
             // jacobian = xx yy - xy yx
             let ([xx, xy], [yx, yy]) = (basis.slope(&x, *p), basis.slope(&y, *p));
+            let bar = bar * (xx * yy - xy * yx).signum();
             basis.pull_back_slope([bar * yy, -bar * yx], *p, &mut x_bar);
             basis.pull_back_slope([-bar * xy, bar * xx], *p, &mut y_bar);
         }

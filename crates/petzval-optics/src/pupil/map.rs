@@ -5,10 +5,10 @@
 //! stands for, and how far from the axis the ray passes the clear apertures that may cut it. How far the polynomials are
 //! from traced rays is measured at points that they were not fitted to.
 
-use super::basis::{PupilBasis, check_points};
+use super::basis::PupilBasis;
 use super::beam::{launch_area, projections};
 use super::polynomial::{PupilPolynomial, Symmetry};
-use super::samples::{PupilSamples, SamplesCotangent, trace_points};
+use super::samples::{PupilSamples, SamplesCotangent};
 use crate::gradient::LensGradient;
 use crate::paraxial::first_order;
 use crate::trace::{SOFT_EDGE_MM, Sequence, SquaredHeights};
@@ -100,15 +100,10 @@ impl PupilMap {
     pub fn residual(&self, sequence: &Sequence) -> Option<Residual> {
         let samples = &self.samples;
         let (basis, sides) = (samples.basis, samples.sides);
-        let points = sides.points(&check_points());
         let at_checks = |polynomial: &PupilPolynomial| basis.at_checks(polynomial, sides);
-        let [launch_x, launch_y] = &samples.aimed.launch_mm;
-        let guesses_x = at_checks(&basis.fit(launch_x, sides, Symmetry::Odd));
-        let guesses_y = at_checks(&basis.fit(launch_y, sides, Symmetry::Even));
-        let guesses: Vec<[f64; 2]> = guesses_x.iter().zip(&guesses_y).map(|(x, y)| [*x, *y]).collect();
-        let surfaces = self.heights.iter().map(|h| h.surface);
         let (field, radius) = (samples.field_rad, samples.stop_radius_mm);
-        let traced = trace_points(sequence, field, radius, &points, &guesses, surfaces)?;
+        let traced = samples.trace_checks(sequence, self.heights.iter().map(|h| h.surface))?;
+        let points = traced.rays.len();
         let [x, y] = traced.rays.image_xy();
         let (fit_x, fit_y) = (at_checks(&self.image[0]), at_checks(&self.image[1]));
         let fit_light = at_checks(&self.light);
@@ -118,10 +113,10 @@ impl PupilMap {
             return None;
         }
         let mut worst = Residual::default();
-        for (i, (projection, _)) in projections(sequence, field, &traced.aimed, points.len()).enumerate() {
+        for (i, (projection, _)) in projections(sequence, field, &traced.aimed, points).enumerate() {
             worst.image_mm = worst.image_mm.max((x[i] - fit_x[i]).hypot(y[i] - fit_y[i]));
             // The light of a ray by its exact derivatives.
-            let light = radius * radius * traced.aimed.launch_per_stop_area(i) / area * projection;
+            let light = radius * radius * traced.aimed.launch_per_stop_area(i).abs() / area * projection;
             worst.light = worst.light.max((fit_light[i] / light - 1.0).abs());
         }
         for (h, traced) in self.heights.iter().zip(&traced.heights) {

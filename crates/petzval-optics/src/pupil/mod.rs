@@ -9,13 +9,13 @@ mod polynomial;
 mod quadrature;
 mod samples;
 
-pub(crate) use basis::PupilBasis;
 pub use basis::PupilSampling;
+pub(crate) use basis::{PupilBasis, check_points};
 pub use beam::{
     Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, paraxial_launch, pull_back_chief, trace_beam,
 };
 pub(crate) use dense::{DenseCotangent, DenseMap, Points, PointsCotangent, PupilRows};
 pub(crate) use map::PupilMap;
-pub(crate) use polynomial::Sides;
+pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};
 pub use quadrature::{Quadrature, QuadratureError};
-pub(crate) use samples::{PupilSamples, SamplesCotangent};
+pub(crate) use samples::{PupilSamples, SamplesCotangent, optical_paths};

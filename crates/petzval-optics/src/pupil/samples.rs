@@ -1,13 +1,14 @@
 //! The beam of one field at one wavelength, traced at the samples of a pupil basis.
 
-use super::basis::PupilBasis;
+use super::basis::{PupilBasis, check_points};
 use super::beam::{launch_area, paraxial_launch, projections};
 use super::polynomial::{Sides, Symmetry};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::paraxial::{first_order, pull_back_entrance_pupil};
 use crate::trace::{
-    AimedRays, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, pull_back, trace_with_heights,
+    AimedRays, Ray, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, launch, pull_back,
+    trace_with_heights,
 };
 
 /// Samples stay inside the rim of the stop, by less than this share on every surface; apertures that they reach to it are
@@ -15,7 +16,7 @@ use crate::trace::{
 const SAMPLED_SHARE: f64 = 0.9;
 
 /// Rays through points of the stop, aimed and traced; arrays are padded.
-pub(super) struct TracedPoints {
+pub(crate) struct TracedPoints {
     pub aimed: AimedRays,
     pub rays: RayBundle,
     pub heights: Vec<SquaredHeights>,
@@ -38,6 +39,23 @@ pub(super) fn trace_points(
     (0..points.len()).all(|i| rays.fate(i).reaches_image()).then_some(TracedPoints { aimed, rays, heights })
 }
 
+/// Optical paths of traced rays from the wavefront of a far object through the first vertex, or from a near object point.
+pub(crate) fn optical_paths(
+    sequence: &Sequence,
+    field_rad: f64,
+    launch_of: impl Fn(usize) -> [f64; 2],
+    rays: &RayBundle,
+) -> Vec<f64> {
+    let before = |i: usize| {
+        let Ray { position: [x, y, _], direction: d } = launch(sequence, field_rad, launch_of(i)).ray;
+        match sequence.object {
+            ObjectDistance::Infinity => x * d[0] + y * d[1],
+            ObjectDistance::Finite(distance) => distance / d[2],
+        }
+    };
+    (0..rays.len()).map(|i| before(i) + rays.optical_path_mm(i)).collect()
+}
+
 /// A beam at the samples of a basis.
 #[derive(Debug)]
 pub(crate) struct PupilSamples {
@@ -51,15 +69,20 @@ pub(crate) struct PupilSamples {
     pub light: Vec<f64>,
     /// Squared heights at the clear apertures that may cut the beam.
     pub heights: Vec<SquaredHeights>,
+    /// Optical path from the wavefront of a far object through the first vertex, or from a near object point, to the image
+    /// plane, mm, one per sample.
+    pub optical_path: Vec<f64>,
+    /// Direction cosines at the image (those of lines, see `SurfaceAtWavelength`), one per sample.
+    pub direction: [Vec<f64>; 3],
     pub(super) aimed: AimedRays,
-    pub(super) field_rad: f64,
+    pub field_rad: f64,
     pub(super) stop_radius_mm: f64,
 }
 
 /// What a loss asks of a beam at its samples.
 #[derive(Clone, Debug)]
 pub(crate) struct SamplesCotangent {
-    /// By x, y and squared heights.
+    /// By x, y, squared heights, optical paths and directions.
     pub seeds: Seeds,
     /// By the light.
     pub light: Vec<f64>,
@@ -107,16 +130,45 @@ impl PupilSamples {
         let [x, y] = traced.rays.image_xy().map(|v| v[..count].to_vec());
         let heights = traced.heights.into_iter().filter(may_cut).collect();
         let aimed = traced.aimed;
-        let light = Vec::new();
-        let mut samples = Self { basis, sides, x, y, light, heights, aimed, field_rad, stop_radius_mm };
+        let (light, optical_path) =
+            (Vec::new(), optical_paths(sequence, field_rad, |i| aimed.launch_of(i), &traced.rays));
+        let direction = [0, 1, 2].map(|k| (0..count).map(|i| traced.rays.ray(i).direction[k]).collect());
+        let mut samples = Self {
+            basis,
+            sides,
+            x,
+            y,
+            light,
+            heights,
+            optical_path,
+            direction,
+            aimed,
+            field_rad,
+            stop_radius_mm,
+        };
         // Light by the Jacobian of the polynomials through the launch points, so that its gradient is of one piece with it.
         let area = launch_area(sequence, &order);
         let [[xx, xy], [yx, yy]] = samples.launch_slopes();
         samples.light = projections(sequence, field_rad, &samples.aimed, count)
             .enumerate()
-            .map(|(i, (projection, _))| (xx[i] * yy[i] - xy[i] * yx[i]) / area * projection)
+            .map(|(i, (projection, _))| (xx[i] * yy[i] - xy[i] * yx[i]).abs() / area * projection)
             .collect();
         Some(samples)
+    }
+
+    /// Rays through the check points of the pupil, with their squared heights at some surfaces; `None` if one is lost.
+    pub fn trace_checks(
+        &self,
+        sequence: &Sequence,
+        surfaces: impl Iterator<Item = usize>,
+    ) -> Option<TracedPoints> {
+        let (basis, sides) = (self.basis, self.sides);
+        let [launch_x, launch_y] = &self.aimed.launch_mm;
+        let x = basis.at_checks(&basis.fit(launch_x, sides, Symmetry::Odd), sides);
+        let y = basis.at_checks(&basis.fit(launch_y, sides, Symmetry::Even), sides);
+        let guesses: Vec<[f64; 2]> = x.iter().zip(&y).map(|(x, y)| [*x, *y]).collect();
+        let points = sides.points(&check_points());
+        trace_points(sequence, self.field_rad, self.stop_radius_mm, &points, &guesses, surfaces)
     }
 
     /// Shares of the stop's area that the samples stand for; the sum is 1.
@@ -141,7 +193,16 @@ impl PupilSamples {
         wish: &SamplesCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
-        let launch_bar = self.pull_back_light(sequence, &wish.light, gradient);
+        let mut launch_bar = self.pull_back_light(sequence, &wish.light, gradient);
+        if let Some(wave) = &wish.seeds.wave {
+            // The path in front of the launch grows along the launch direction.
+            for i in 0..self.x.len() {
+                let d = launch(sequence, self.field_rad, self.aimed.launch_of(i)).ray.direction;
+                for (bar, d) in launch_bar.iter_mut().zip(d) {
+                    bar[i] += wave.optical_path[i] * d;
+                }
+            }
+        }
         let launch_bar = launch_bar.each_ref().map(Vec::as_slice);
         let reaim = Reaim { aimed: &self.aimed, launch_bar };
         pull_back(sequence, &self.aimed.bundle(sequence), &wish.seeds, Some(&reaim), gradient)
@@ -169,7 +230,8 @@ impl PupilSamples {
         let mut jacobian_bar = vec![0.0; count];
         let projections = projections(sequence, self.field_rad, &self.aimed, count);
         for (i, (projection, by)) in projections.enumerate() {
-            jacobian_bar[i] = light_bar[i] * projection / area;
+            let sign = (xx[i] * yy[i] - xy[i] * yx[i]).signum();
+            jacobian_bar[i] = light_bar[i] * projection / area * sign;
             for axis in 0..2 {
                 launch_bar[axis][i] += light_bar[i] * self.light[i] / projection * by[axis];
             }

@@ -15,8 +15,8 @@ mod surface_step;
 pub use aim::{AimedRay, aim_at_stop};
 pub use forward::{Path, trace_ray};
 pub use kernel::{
-    AimedRays, LandingJacobian, RayTangents, Reaim, Seeds, SquaredHeights, landing_jacobian, pull_back,
-    push_change, trace, trace_with_heights,
+    AimedRays, LandingJacobian, RayTangents, Reaim, Seeds, SquaredHeights, WaveSeeds, landing_jacobian,
+    pull_back, push_change, trace, trace_with_heights,
 };
 pub use launch::{Launch, launch};
 pub use ray::{Fate, Ray, RayBundle, Vec3};

@@ -71,12 +71,12 @@ fn conic_path(s: &SurfaceAtWavelength, ray: &Ray) -> Option<f64> {
 /// Where the ray meets the surface: path from the ray's point, the point, and the sag slopes.
 #[inline]
 fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])> {
-    if s.shape.departure != Departure::None {
-        return intersect_general(s, ray);
-    }
     // Meet the conic; an asphere's polynomial may bend it where the conic has already ended, so
     // Newton starts from the vertex plane there.
     let start = conic_path(s, ray);
+    if s.shape.departure != Departure::None {
+        return intersect_general(s, ray, start.unwrap_or(-ray.position[2] / ray.direction[2]));
+    }
     let slope_at = |q: Vec3| s.shape.jet(q[0] * q[0] + q[1] * q[1]);
     if s.is_conic {
         let path = start?;
@@ -110,9 +110,8 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
 }
 
 /// [`intersect`] for a shape with a departure: Newton's method on `F(t) = z(t) - sag(x(t), y(t))`.
-fn intersect_general(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])> {
+fn intersect_general(s: &SurfaceAtWavelength, ray: &Ray, mut path: f64) -> Option<(f64, Vec3, [f64; 2])> {
     let (p, d) = (ray.position, ray.direction);
-    let mut path = -p[2] / d[2];
     for _ in 0..MAX_NEWTON {
         let [x, y, z] = [0, 1, 2].map(|i| Dual { value: p[i] + path * d[i], by: d[i] });
         let height = z - s.shape.sag_of(x, y);

@@ -7,6 +7,7 @@ use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::design::psf_sheet::psf_sheet;
+use petzval::optics::paraxial::first_order;
 use petzval::optics::psf::{FieldPsf, PsfMethod, PsfOptions};
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
@@ -50,6 +51,15 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let lens = built_in_assets().lens(&args.lens)?.lens;
+    if !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
+        return Err(Failure::input(
+            format!(
+                "{}: the lens is afocal in the y-z plane, and its fields have no image radius",
+                args.lens
+            ),
+            "`lens show` and `lens trace` take it",
+        ));
+    }
     let [red, green, blue] = args.wavelengths[..] else {
         return Err(Failure::input("--wavelengths needs three numbers", "for example 0.62,0.55,0.486"));
     };
@@ -70,7 +80,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     }
     let quadrature = Quadrature::grid(args.pupil_cells)
         .map_err(|e| Failure::input(format!("--pupil-cells: {e}"), "256 is accurate, 64 is quick"))?;
-    let options = PsfOptions { grid: args.grid, pitch_um: args.pitch_um };
+    let options = PsfOptions { grid: args.grid, pitch_um: args.pitch_um, ..PsfOptions::default() };
     let plan = PsfPlan::new(args.fields, args.corner_mm, [red, green, blue], options, quadrature);
     let psfs = plan.psfs(&lens).map_err(|error| match error {
         DesignError::NoLight { .. } => Failure::input(
@@ -148,5 +158,6 @@ fn method(method: &PsfMethod) -> serde_json::Value {
             json!({ "kind": "polynomial", "degree": degree, "residual_um": residual_um })
         }
         PsfMethod::Traced => json!({ "kind": "traced" }),
+        PsfMethod::Wave { degree } => json!({ "kind": "wave", "degree": degree }),
     }
 }

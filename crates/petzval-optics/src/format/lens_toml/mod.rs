@@ -54,6 +54,7 @@ mod read_surface;
 mod text;
 mod write;
 
+pub use parameter::parameter_name;
 pub use read::parse_lens;
 pub(super) use text::Number;
 pub use write::{special_lines, write_lens};

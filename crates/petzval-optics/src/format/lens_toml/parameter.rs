@@ -2,16 +2,19 @@
 
 use crate::design_space::Parameter;
 use crate::lens::{ASPHERE_TERMS, Action, Departure, PHASE_TERMS, Pattern, Surface, xy_powers};
+use crate::number::Number;
 
 /// The numbers of a surface that may move, with the names that files use.
 pub(super) fn parameters(surface: &Surface) -> Vec<(String, Parameter)> {
-    let mut all = vec![
-        ("radius_mm".to_owned(), Parameter::Radius),
-        ("conic".to_owned(), Parameter::Conic),
-        ("thickness_mm".to_owned(), Parameter::Thickness),
-    ];
-    for i in 1..=ASPHERE_TERMS {
-        all.push((format!("a{}", 2 * i), Parameter::Asphere(2 * i)));
+    let mut all = vec![("thickness_mm".to_owned(), Parameter::Thickness)];
+    if surface.has_number(Number::Curvature) {
+        all.push(("radius_mm".to_owned(), Parameter::Radius));
+        for i in 1..=ASPHERE_TERMS {
+            all.push((format!("a{}", 2 * i), Parameter::Asphere(2 * i)));
+        }
+    }
+    if surface.has_number(Number::Conic) {
+        all.push(("conic".to_owned(), Parameter::Conic));
     }
     let numbers = surface.shape.departure.numbers().len();
     let names: Vec<String> = match &surface.shape.departure {
@@ -38,6 +41,6 @@ pub(super) fn parameters(surface: &Surface) -> Vec<(String, Parameter)> {
 }
 
 /// The name of a number of a surface; empty if the surface has none such.
-pub(super) fn parameter_name(surface: &Surface, parameter: Parameter) -> String {
+pub fn parameter_name(surface: &Surface, parameter: Parameter) -> String {
     parameters(surface).into_iter().find(|(_, p)| *p == parameter).map(|(name, _)| name).unwrap_or_default()
 }

@@ -6,7 +6,7 @@ use toml::Spanned;
 
 use super::parameter::parameters;
 use super::text::{
-    ExpectText, ExpectedText, LensText, PickupText, Placed, SurfaceText, VariableText, WavelengthsText,
+    ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
@@ -14,6 +14,7 @@ use crate::format::FileError;
 use crate::format::glass_toml::read_glasses;
 use crate::glass::Catalog;
 use crate::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
+use crate::solve::with_length;
 
 /// Reference wavelength of a file that names none: the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
@@ -57,7 +58,7 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
 
     let variables = reader.variables(&file.variable, &lens)?;
     Ok(LensFile {
-        pickups: reader.pickups(&file.pickup, &lens, &variables)?,
+        pickups: reader.pickups(&file, &lens, &variables)?,
         length_solve: reader.length_solve(&file, &lens, &variables)?,
         efl_solve: reader.efl_solve(&file, &lens, &variables)?,
         expect: file.expect.as_ref().map(|e| reader.expect(e, &lens)).transpose()?,
@@ -225,22 +226,27 @@ impl Reader<'_> {
         let key = name.get_ref();
         let known = parameters(surface);
         known.iter().find(|(known, _)| known == key).map(|(_, parameter)| *parameter).ok_or_else(|| {
-            let nearest =
-                known.iter().map(|(k, _)| k).min_by_key(|known| strsim::damerau_levenshtein(key, known));
-            let nearest = nearest.map_or("", String::as_str);
-            self.error("parameter", name.span(), format!("the surface has no parameter `{key}`"))
-                .hint(format!("did you mean `{nearest}`?"))
+            let distance = |known: &str| strsim::damerau_levenshtein(key, known);
+            let nearest = known.iter().map(|(k, _)| k.as_str()).min_by_key(|known| distance(known));
+            let error = self.error("parameter", name.span(), format!("the surface has no parameter `{key}`"));
+            match nearest.filter(|nearest| distance(nearest) <= 2) {
+                Some(nearest) => error.hint(format!("did you mean `{nearest}`?")),
+                None => {
+                    let all: Vec<&str> = known.iter().map(|(k, _)| k.as_str()).collect();
+                    error.hint(format!("it has {}", all.join(", ")))
+                }
+            }
         })
     }
 
     fn pickups(
         &self,
-        texts: &[PickupText],
+        file: &LensText,
         lens: &Lens,
         variables: &[Variable],
     ) -> Result<Vec<Pickup>, FileError> {
-        let mut pickups: Vec<Pickup> = Vec::with_capacity(texts.len());
-        for text in texts {
+        let mut pickups: Vec<Pickup> = Vec::with_capacity(file.pickup.len());
+        for text in &file.pickup {
             let surface = self.surface_index(&text.surface, lens)?;
             let followed = self.surface_index(&text.follows, lens)?;
             let parameter = self.parameter(&text.parameter, &lens.surfaces[followed])?;
@@ -252,9 +258,29 @@ impl Reader<'_> {
                     .error("follows", text.follows.span(), message)
                     .hint("a pickup follows a number that a [[variable]] names"));
             };
-            if parameter.number().read(lens, surface).is_nan() {
+            // The same number by name: the first of one departure is not the first of another.
+            if !parameters(&lens.surfaces[surface]).iter().any(|(known, _)| known == name) {
                 let message = format!("surface {} has no {name}", surface + 1);
                 return Err(self.error("surface", text.surface.span(), message));
+            }
+            let is_last = parameter == Parameter::Thickness && surface + 1 == lens.surfaces.len();
+            let settled = match (file.solve.as_ref(), parameter) {
+                _ if is_last => Some("the image plane goes where the image is"),
+                (Some(SolveText { efl: Some(efl), .. }), Parameter::Radius)
+                    if *efl.surface.get_ref() == surface + 1 =>
+                {
+                    Some("[solve] efl computes it")
+                }
+                (Some(SolveText { length: Some(length), .. }), Parameter::Thickness)
+                    if *length.surface.get_ref() == surface + 1 =>
+                {
+                    Some("[solve] length computes it")
+                }
+                _ => None,
+            };
+            if let Some(why) = settled {
+                let message = format!("{name} of surface {} cannot follow", surface + 1);
+                return Err(self.error("surface", text.surface.span(), message).hint(why));
             }
             let taken = variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter))
                 || pickups
@@ -282,7 +308,7 @@ impl Reader<'_> {
     ) -> Result<Option<(usize, f64)>, FileError> {
         let Some(text) = file.solve.as_ref().and_then(|s| s.length.as_ref()) else { return Ok(None) };
         let surface = self.surface_index(&text.surface, lens)?;
-        let length_mm = self.positive("length_mm", &text.length_mm)?;
+        let length_mm = self.finite("length_mm", &text.length_mm)?;
         if surface + 1 == lens.surfaces.len() {
             let message = "the last distance is to the image, and the length is that between the vertices";
             return Err(self.error("surface", text.surface.span(), message));
@@ -292,6 +318,13 @@ impl Reader<'_> {
             return Err(self
                 .error("surface", text.surface.span(), message)
                 .hint("a thickness is either solved for or varied"));
+        }
+        if let Err(defect) = validate(&with_length(lens, surface, length_mm)) {
+            let message = format!("a length of {length_mm} mm makes this lens impossible: {defect}");
+            return Err(self.error("length_mm", text.length_mm.span(), message).hint(format!(
+                "it counts from the first vertex to the last, here {} mm",
+                lens.total_track_mm() - lens.image_distance_mm()
+            )));
         }
         Ok(Some((surface, length_mm)))
     }
@@ -341,6 +374,10 @@ impl Reader<'_> {
         let Some(text) = file.solve.as_ref().and_then(|s| s.efl.as_ref()) else { return Ok(None) };
         let surface = self.surface_index(&text.surface, lens)?;
         let efl_mm = self.finite("efl_mm", &text.efl_mm)?;
+        if !parameters(&lens.surfaces[surface]).iter().any(|(_, p)| *p == Parameter::Radius) {
+            let message = format!("surface {} is a thin lens and has no radius to solve for", surface + 1);
+            return Err(self.error("surface", text.surface.span(), message));
+        }
         if efl_mm == 0.0 {
             return Err(self.error("efl_mm", text.efl_mm.span(), "no lens has a focal length of 0"));
         }
@@ -412,7 +449,7 @@ impl Reader<'_> {
         let ((key, span), hint) = match defect {
             LensDefect::CentreThickness { .. } => (
                 thickness,
-                "the least thickness is 0; behind an odd number of mirrors distances are negative",
+                "it is 0 at least; behind an odd number of mirrors 0 at most, since light goes back",
             ),
             LensDefect::BendsWithoutMirror { .. } => {
                 let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());

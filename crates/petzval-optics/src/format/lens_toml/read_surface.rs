@@ -83,25 +83,39 @@ impl Reader<'_> {
         match (reciprocal, value) {
             (Some(radius), None) => {
                 let value = radius.get_ref().0;
+                let (what, none) = match reciprocal_key {
+                    "focal_length_mm" => ("focal length", "a lens without power"),
+                    _ => ("radius", "a plane"),
+                };
                 if value.is_nan() {
-                    let message = format!("surface {number}: the radius is not a number");
+                    let message = format!("surface {number}: the {what} is not a number");
                     return Err(self.error(reciprocal_key, radius.span(), message));
                 }
                 if value == 0.0 {
-                    let message = format!("surface {number}: a surface cannot have the radius 0");
+                    let message = format!("surface {number}: a surface cannot have the {what} 0");
                     return Err(self
                         .error(reciprocal_key, radius.span(), message)
-                        .hint(format!("a plane is `{reciprocal_key} = inf`")));
+                        .hint(format!("{none} is `{reciprocal_key} = inf`")));
                 }
                 Ok(Some(1.0 / value))
             }
             (None, Some(value)) => self.finite(key, value).map(Some),
             (Some(_), Some(value)) => {
-                let message = format!("surface {number} has a radius already");
+                let message = format!("surface {number} has `{reciprocal_key}` already");
                 Err(self.error(key, value.span(), message).hint("keep one of the two"))
             }
             (None, None) => Ok(None),
         }
+    }
+
+    /// A normalisation radius: powers of it up to the twentieth must be numbers.
+    fn norm_radius(&self, number: &Placed) -> Result<f64, FileError> {
+        let value = self.positive("norm_radius_mm", number)?;
+        if (1e-6..=1e6).contains(&value) {
+            return Ok(value);
+        }
+        let message = "a normalisation radius is about the clear semi-diameter, 1e-6 to 1e6 mm";
+        Err(self.error("norm_radius_mm", number.span(), message))
     }
 
     /// The one departure that a surface may name.
@@ -168,12 +182,12 @@ impl Reader<'_> {
             })?;
             coefficients[index] = self.finite(key, value)?;
         }
-        Ok(Departure::Xy { norm_radius_mm: self.positive("norm_radius_mm", norm)?, coefficients })
+        Ok(Departure::Xy { norm_radius_mm: self.norm_radius(norm)?, coefficients })
     }
 
     fn forbes(&self, key: &str, text: &ForbesText) -> Result<Departure, FileError> {
         let coefficients = self.list::<Q_TERMS>("a", &text.a)?;
-        let norm_radius_mm = self.positive("norm_radius_mm", &text.norm_radius_mm)?;
+        let norm_radius_mm = self.norm_radius(&text.norm_radius_mm)?;
         Ok(match key {
             "q_bfs" => Departure::Qbfs { norm_radius_mm, coefficients },
             _ => Departure::Qcon { norm_radius_mm, coefficients },
@@ -246,7 +260,7 @@ impl Reader<'_> {
             (None, Some(text)) => {
                 let text = text.get_ref();
                 let pattern = Pattern::Binary {
-                    norm_radius_mm: self.positive("norm_radius_mm", &text.norm_radius_mm)?,
+                    norm_radius_mm: self.norm_radius(&text.norm_radius_mm)?,
                     coefficients_rad: self.list::<PHASE_TERMS>("a_rad", &text.a_rad)?,
                 };
                 Ok(Some(Phase { order: text.order, pattern }))
@@ -316,5 +330,6 @@ pub(super) fn xy_term(key: &str) -> Option<usize> {
     let (i, j) = key.strip_prefix('x')?.split_once('y')?;
     let power = |text: &str| text.parse::<usize>().ok().filter(|n| n.to_string() == text);
     let (i, j) = (power(i)?, power(j)?);
-    (1..=XY_DEGREE).contains(&(i + j)).then(|| xy_index(i, j))
+    let within = i <= XY_DEGREE && j <= XY_DEGREE && (1..=XY_DEGREE).contains(&(i + j));
+    within.then(|| xy_index(i, j))
 }

@@ -36,13 +36,32 @@ pub struct Seeds {
     pub transmission: Vec<f64>,
     /// By squared heights at surfaces, 1/mm^2.
     pub heights: Vec<SquaredHeights>,
+    /// By the wavefront; `None` if only places are asked about.
+    pub wave: Option<WaveSeeds>,
+}
+
+/// What the loss asks of the optical path and of the direction of each ray at the image; padded as the bundle is.
+#[derive(Clone, Debug)]
+pub struct WaveSeeds {
+    /// By the optical path from the launch to the image plane, 1/mm.
+    pub optical_path: Vec<f64>,
+    /// By the direction cosines l, m, n at the image, each as if it moved alone.
+    pub direction: [Vec<f64>; 3],
+}
+
+impl WaveSeeds {
+    /// No wish at all, for the rays of a bundle of `rays`.
+    pub fn zero(rays: usize) -> Self {
+        let zero = || vec![0.0; RayBundle::padded(rays)];
+        Self { optical_path: zero(), direction: [zero(), zero(), zero()] }
+    }
 }
 
 impl Seeds {
     /// No wish at all, for the rays of a bundle of `rays`.
     pub fn zero(rays: usize) -> Self {
         let zero = || vec![0.0; RayBundle::padded(rays)];
-        Self { image_x: zero(), image_y: zero(), transmission: zero(), heights: Vec::new() }
+        Self { image_x: zero(), image_y: zero(), transmission: zero(), heights: Vec::new(), wave: None }
     }
 }
 
@@ -137,12 +156,21 @@ pub(super) struct ReaimLanes<S: Simd> {
     launch_bar: [Lanes<S>; 2],
 }
 
-/// Cotangents of the point and the direction at the last surface, from those at the image.
+/// Cotangents of the point and the direction at the last surface, and of its thickness, from those of x and y at the image
+/// and of the run to it.
 #[inline(always)]
-pub(super) fn from_image<S: Simd>(arrival: &Arrival<S>, [x, y]: [Lanes<S>; 2]) -> (V3<S>, V3<S>, Lanes<S>) {
+pub(super) fn from_image<S: Simd>(
+    arrival: &Arrival<S>,
+    [x, y]: [Lanes<S>; 2],
+    run_bar: Option<Lanes<S>>,
+) -> (V3<S>, V3<S>, Lanes<S>) {
     // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
     let d = arrival.ray.direction;
-    let by_run = (x * d[0] + y * d[1]) / d[2];
+    let mut asked = x * d[0] + y * d[1];
+    if let Some(bar) = run_bar {
+        asked += bar;
+    }
+    let by_run = asked / d[2];
     ([x, y, -by_run], [arrival.run * x, arrival.run * y, -(by_run * arrival.run)], by_run)
 }
 
@@ -216,6 +244,7 @@ pub(super) fn sweep<S: Simd>(
     (mut point_bar, mut direction_bar): (V3<S>, V3<S>),
     transmission_bar: Option<Lanes<S>>,
     heights_bar: &[(usize, Lanes<S>)],
+    optical_path_bar: Option<Lanes<S>>,
     reaim: Option<&ReaimLanes<S>>,
     sums: &mut [Sums<S>],
 ) -> Swept<S> {
@@ -254,6 +283,15 @@ pub(super) fn sweep<S: Simd>(
             point_bar[0] += twice * x;
             point_bar[1] += twice * y;
             asked_in_front |= i < sequence.stop;
+        }
+
+        // What a thin lens or a structure adds to the optical path depends on the point.
+        if surface.is_general
+            && let Some(bar) = optical_path_bar
+        {
+            let [by_x, by_y] = general::added_path_slope(surface, crossing.point);
+            point_bar[0] += bar * by_x;
+            point_bar[1] += bar * by_y;
         }
 
         // Bending, and the normal, which turns with the slopes of the sag.
@@ -305,7 +343,15 @@ pub(super) fn sweep<S: Simd>(
         }
 
         // Meeting the surface.
-        let alpha = dot(point_bar, d) / approach;
+        let mut along_path = dot(point_bar, d);
+        if let Some(bar) = optical_path_bar {
+            along_path += bar * surface.n_before;
+            if i > 0 {
+                sums[i - 1].plain[INDEX] += bar * crossing.path;
+            }
+        }
+        asked_in_front |= optical_path_bar.is_some() && i <= sequence.stop;
+        let alpha = along_path / approach;
         let mut entry_bar = along(point_bar, -alpha, n);
         before_bar = along(before_bar, crossing.path, entry_bar);
 
@@ -315,7 +361,7 @@ pub(super) fn sweep<S: Simd>(
                 add_plain(surface, slope, alpha, *first_bar, &mut sums[i])
             }
             OwnCotangent::General(pulled) => {
-                let bars = general::own_bars(surface, crossing.point, d, pulled, alpha);
+                let bars = general::own_bars(surface, crossing.point, d, pulled, alpha, optical_path_bar);
                 add_general(&bars, alpha.simd(), &mut sums[i]);
             }
         }
@@ -447,8 +493,19 @@ impl WithSimd for PullBack<'_> {
             let y = dead.select(zero, Lanes::load(simd, &seeds.image_y[at..]));
             let light_bar = dead.select(zero, Lanes::load(simd, &seeds.transmission[at..]));
             let transmission_bar = light_bar * arrival.transmission;
-            let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, [x, y]);
+            let (mut optical_path_bar, mut run_bar) = (None, None);
+            if let Some(wave) = &seeds.wave {
+                let bar = dead.select(zero, Lanes::load(simd, &wave.optical_path[at..]));
+                sums[last].plain[INDEX] += bar * arrival.run;
+                (optical_path_bar, run_bar) = (Some(bar), Some(bar * sequence.surfaces[last].n_after));
+            }
+            let (point_bar, mut direction_bar, thickness_bar) = from_image(&arrival, [x, y], run_bar);
             sums[last].plain[THICKNESS] += thickness_bar;
+            if let Some(wave) = &seeds.wave {
+                for (bar, seeds) in direction_bar.iter_mut().zip(&wave.direction) {
+                    *bar += dead.select(zero, Lanes::load(simd, &seeds[at..]));
+                }
+            }
             let wants_light = transmission_bar.lt(zero).or(zero.lt(transmission_bar)).any();
             // A closure would be compiled without the vector instructions.
             #[expect(clippy::manual_map, reason = "closures do not inherit target features")]
@@ -468,6 +525,7 @@ impl WithSimd for PullBack<'_> {
                 (point_bar, direction_bar),
                 light,
                 &heights_bar,
+                optical_path_bar,
                 reaim.as_ref(),
                 &mut sums,
             );
@@ -487,7 +545,7 @@ impl WithSimd for PullBack<'_> {
                 stop_bar -= lx * qx + ly * qy;
                 let nothing = [zero; 3];
                 let bars = ([lx, ly, zero], nothing);
-                sweep(sequence, &tape[..=stop], From::Surface, bars, None, &[], None, &mut sums);
+                sweep(sequence, &tape[..=stop], From::Surface, bars, None, &[], None, None, &mut sums);
             }
         }
         let mut index_bar = Vec::with_capacity(last + 1);

@@ -23,10 +23,9 @@ const LAST_STEP_MM: f64 = 1e-8;
 
 /// Follows rays to a surface with a departure: Newton's method on `F(t) = z(t) - sag(x(t), y(t))`.
 #[inline(always)]
-fn newton<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
+fn newton<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, mut path: Lanes<S>) -> Meeting<S> {
     let (p, d) = (ray.position, ray.direction);
     let zero = p[0].constant(0.0);
-    let mut path = -p[2] / d[2];
     let mut ok = path.lt(path);
     for _ in 0..MAX_NEWTON {
         let q = along(p, path, d);
@@ -121,7 +120,9 @@ impl<S: Simd> Step<S> {
         }
         let (g, q) = (dot(normal, v), dot(normal, normal));
         let root2 = q * under + g * g;
-        let root = root2.max(zero).sqrt();
+        // Rays that do not get through ask nothing, but must stay numbers.
+        let ok = zero.constant(-f64::MIN_POSITIVE).lt(root2);
+        let root = ok.select(root2.max(zero.constant(1e-300)).sqrt(), one);
         let b = (root - g) / q;
         let mut step = Self {
             point,
@@ -145,7 +146,7 @@ impl<S: Simd> Step<S> {
             step.after = [x * per_length, y * per_length, per_length];
         } else {
             step.after = along(v, b, normal);
-            step.ok = zero.constant(-f64::MIN_POSITIVE).lt(root2);
+            step.ok = ok;
         }
         step
     }
@@ -307,38 +308,43 @@ impl<S: Simd> Step<S> {
     pub fn path_change(&self, s: &SurfaceAtWavelength, change: &[f64; PHASE_TERMS]) -> [Lanes<S>; 2] {
         let zero = self.b.constant(0.0);
         let mut slope = [zero; 2];
-        for (jet, amount) in self.path_terms(s).iter().zip(change) {
-            slope[0] += jet[0] * *amount;
-            slope[1] += jet[1] * *amount;
+        for (term, amount) in self.path_terms(s).iter().zip(change) {
+            slope[0] += term[1] * *amount;
+            slope[1] += term[2] * *amount;
         }
         slope
     }
 
-    /// What is asked of the numbers of a structure.
+    /// What is asked of the numbers of a structure, by cotangents of the slopes of its optical path and of the path itself.
     #[inline(always)]
-    pub fn path_sums(&self, s: &SurfaceAtWavelength, bar: [Lanes<S>; 2]) -> [Lanes<S>; PHASE_TERMS] {
+    pub fn path_sums(
+        &self,
+        s: &SurfaceAtWavelength,
+        bar: [Lanes<S>; 2],
+        path: Lanes<S>,
+    ) -> [Lanes<S>; PHASE_TERMS] {
         let mut sums = [self.b.constant(0.0); PHASE_TERMS];
-        for (sum, jet) in sums.iter_mut().zip(self.path_terms(s)) {
-            *sum = jet[0] * bar[0] + jet[1] * bar[1];
+        for (sum, term) in sums.iter_mut().zip(self.path_terms(s)) {
+            *sum = term[0] * path + term[1] * bar[0] + term[2] * bar[1];
         }
         sums
     }
 
-    /// Slopes of the optical path by the numbers of a structure.
+    /// Optical path and its slopes by the numbers of a structure.
     #[inline(always)]
-    fn path_terms(&self, s: &SurfaceAtWavelength) -> [[Lanes<S>; 2]; PHASE_TERMS] {
+    fn path_terms(&self, s: &SurfaceAtWavelength) -> [[Lanes<S>; 3]; PHASE_TERMS] {
         let zero = self.b.constant(0.0);
-        let mut all = [[zero; 2]; PHASE_TERMS];
+        let mut all = [[zero; 3]; PHASE_TERMS];
         let Bending::Path { is_grating, per_number, .. } = &s.bending else { return all };
         let [x, y] = Jet::axes([self.point[0], self.point[1]]);
         if *is_grating {
-            all[0] = [zero, zero.constant(per_number[0])];
+            all[0] = [self.point[1] * per_number[0], zero, zero.constant(per_number[0])];
             return all;
         }
         let u = x * x + y * y;
         let mut power = u;
         for (to, by) in all.iter_mut().zip(per_number) {
-            *to = [power.slope[0] * *by, power.slope[1] * *by];
+            *to = [power.value * *by, power.slope[0] * *by, power.slope[1] * *by];
             power = power * u;
         }
         all
@@ -381,6 +387,7 @@ struct Follow<'a> {
     s: &'a SurfaceAtWavelength,
     position: Rows<3>,
     direction: Rows<3>,
+    start: Rows<1>,
 }
 
 impl WithSimd for Follow<'_> {
@@ -390,16 +397,18 @@ impl WithSimd for Follow<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Rows<2> {
         let ray = Rays { position: load(simd, &self.position), direction: load(simd, &self.direction) };
-        let meeting = newton(self.s, &ray);
+        let [start] = load(simd, &self.start);
+        let meeting = newton(self.s, &ray, start);
         store([meeting.path, as_number(meeting.ok, meeting.path)])
     }
 }
 
-/// Follows rays to a surface with a departure.
+/// Follows rays to a surface with a departure, from a first guess of the path.
 #[inline(always)]
-pub(super) fn follow<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
+pub(super) fn follow<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, start: Lanes<S>) -> Meeting<S> {
     let simd = ray.position[0].simd();
-    let found = simd.vectorize(Follow { s, position: store(ray.position), direction: store(ray.direction) });
+    let (position, direction) = (store(ray.position), store(ray.direction));
+    let found = simd.vectorize(Follow { s, position, direction, start: store([start]) });
     let [path, ok] = load(simd, &found);
     Meeting { point: along(ray.position, path, ray.direction), path, ok: is_one(ok) }
 }
@@ -437,6 +446,45 @@ pub(super) struct Change<'a> {
     pub own: &'a SurfaceGradient,
     pub mu: f64,
     pub n_after: f64,
+}
+
+struct PathChange<'a> {
+    s: &'a SurfaceAtWavelength,
+    point: Rows<3>,
+    before: Rows<3>,
+    change: &'a SurfaceGradient,
+}
+
+impl WithSimd for PathChange<'_> {
+    type Output = Rows<1>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Rows<1> {
+        let point: V3<S> = load(simd, &self.point);
+        let step = Step::new(self.s, point, load(simd, &self.before));
+        let mut sum = Lanes::splat(simd, 0.0);
+        for (term, amount) in step.path_terms(self.s).iter().zip(&self.change.phase) {
+            sum += term[0] * *amount;
+        }
+        if let Bending::ThinLens { .. } = self.s.bending {
+            sum = (point[0] * point[0] + point[1] * point[1]) * (-0.5 * self.change.power);
+        }
+        store([sum])
+    }
+}
+
+/// What a thin lens or a structure adds to the optical path when its own numbers move, at fixed points.
+#[inline(always)]
+pub(super) fn added_path_change<S: Simd>(
+    s: &SurfaceAtWavelength,
+    point: V3<S>,
+    before: V3<S>,
+    change: &SurfaceGradient,
+) -> Lanes<S> {
+    let simd = point[0].simd();
+    let [sum] =
+        load(simd, &simd.vectorize(PathChange { s, point: store(point), before: store(before), change }));
+    sum
 }
 
 struct PushForward<'a> {
@@ -557,12 +605,34 @@ pub(super) fn pull_back<S: Simd>(
     Pulled { before: [a, b, c], point: [d, e, f], mu, n_after, normal: [g, h, i], approach, asked }
 }
 
+struct AddedPath<'a> {
+    s: &'a SurfaceAtWavelength,
+    at: Rows<2>,
+}
+
+impl WithSimd for AddedPath<'_> {
+    type Output = Rows<2>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Rows<2> {
+        store(self.s.added_path_mm(Jet::axes(load(simd, &self.at))).slope)
+    }
+}
+
+/// Gradient by x and y of what a thin lens or a structure adds to the optical path.
+#[inline(always)]
+pub(super) fn added_path_slope<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>) -> [Lanes<S>; 2] {
+    let simd = point[0].simd();
+    load(simd, &simd.vectorize(AddedPath { s, at: store([point[0], point[1]]) }))
+}
+
 struct OwnSums<'a> {
     s: &'a SurfaceAtWavelength,
     point: Rows<3>,
     before: Rows<3>,
     asked: &'a Rows<5>,
-    alpha: Rows<1>,
+    /// Cotangents of the sag, and of the optical path.
+    alpha: Rows<2>,
 }
 
 /// Sums of a surface's own numbers: of its shape, of a diffractive structure and of the power of a thin lens.
@@ -579,8 +649,8 @@ impl WithSimd for OwnSums<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> OwnBars {
         let point = load(simd, &self.point);
         let step = Step::new(self.s, point, load(simd, &self.before));
-        let [sx, sy, px, py, _] = load(simd, self.asked);
-        let [alpha] = load(simd, &self.alpha);
+        let [sx, sy, px, py, power] = load(simd, self.asked);
+        let [alpha, path] = load(simd, &self.alpha);
         let sensitivities = self.s.shape.sensitivities([point[0], point[1]]);
         let mut shape = Vec::with_capacity(sensitivities.len());
         for (number, jet) in &sensitivities {
@@ -588,11 +658,17 @@ impl WithSimd for OwnSums<'_> {
             let [row] = store([bar]);
             shape.push((*number, row));
         }
-        OwnBars { shape, phase: store(step.path_sums(self.s, [px, py])), power: self.asked[4] }
+        // A thin lens adds -power r^2 / 2 to the optical path.
+        let square = point[0] * point[0] + point[1] * point[1];
+        let [power] = match self.s.bending {
+            Bending::ThinLens { .. } => store([power - path * square * 0.5]),
+            _ => store([power]),
+        };
+        OwnBars { shape, phase: store(step.path_sums(self.s, [px, py], path)), power }
     }
 }
 
-/// What is asked of a surface's own numbers, with `alpha` the cotangent of its sag.
+/// What is asked of a surface's own numbers, with `alpha` the cotangent of its sag and that of the optical path.
 #[inline(always)]
 pub(super) fn own_bars<S: Simd>(
     s: &SurfaceAtWavelength,
@@ -600,9 +676,14 @@ pub(super) fn own_bars<S: Simd>(
     before: V3<S>,
     pulled: &Pulled<S>,
     alpha: Lanes<S>,
+    optical_path_bar: Option<Lanes<S>>,
 ) -> OwnBars {
     let (point, before) = (store(point), store(before));
-    alpha.simd().vectorize(OwnSums { s, point, before, asked: &pulled.asked, alpha: store([alpha]) })
+    let path = match optical_path_bar {
+        Some(bar) => bar,
+        None => alpha.constant(0.0),
+    };
+    alpha.simd().vectorize(OwnSums { s, point, before, asked: &pulled.asked, alpha: store([alpha, path]) })
 }
 
 /// How the slopes of a function turn when the point moves.

@@ -82,10 +82,11 @@ impl WithSimd for Jacobian<'_> {
                     sums.clear(zero);
                 }
                 let seed = if axis == 0 { [one, zero] } else { [zero, one] };
-                let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, seed);
+                let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, seed, None);
                 sums[last].add(THICKNESS, thickness_bar);
                 let bars = (point_bar, direction_bar);
-                let swept = sweep(sequence, &tape, From::Behind, bars, None, &[], Some(&reaim), &mut sums);
+                let swept =
+                    sweep(sequence, &tape, From::Behind, bars, None, &[], None, Some(&reaim), &mut sums);
                 for (by, (surface, number)) in out.by.iter_mut().zip(numbers) {
                     let mut sum = sums[*surface].get(slot_of(*number), zero);
                     if *number == Number::Index {

@@ -12,7 +12,7 @@ mod surface;
 mod tangent;
 
 pub use aim::AimedRays;
-pub use backward::{Reaim, Seeds, pull_back};
+pub use backward::{Reaim, Seeds, WaveSeeds, pull_back};
 pub use forward::{SquaredHeights, trace, trace_with_heights};
 pub use jacobian::{LandingJacobian, landing_jacobian};
 pub use tangent::{RayTangents, push_change};

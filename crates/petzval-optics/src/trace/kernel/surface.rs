@@ -60,9 +60,6 @@ fn polynomial_slopes<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> (Lanes<S>
 /// Follows rays to the surface.
 #[inline(always)]
 pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
-    if s.is_general && s.shape.departure != Departure::None {
-        return general::follow(s, ray);
-    }
     let (c, k) = (s.shape.curvature, s.shape.conic);
     let (p, d) = (ray.position, ray.direction);
     let zero = p[0].constant(0.0);
@@ -91,6 +88,9 @@ pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S
         return Meeting { point, path, ok: meets };
     }
     let from_vertex_plane = -p[2] / d[2];
+    if s.is_general && s.shape.departure != Departure::None {
+        return general::follow(s, ray, meets.select(path, from_vertex_plane));
+    }
     follow_to_asphere(s, ray, meets.select(path, from_vertex_plane))
 }
 

@@ -8,7 +8,7 @@ use super::frame::{self, FrameChange};
 use super::general;
 use super::surface::{OwnTangent, Rays, Slopes, Tangent, bend, push_forward, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
-use crate::lanes::{Lanes, along, dispatch, width};
+use crate::lanes::{Lanes, along, dispatch, dot, width};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 
@@ -21,6 +21,10 @@ pub struct RayTangents {
     pub image_y: Vec<f64>,
     /// Change of the transmission.
     pub transmission: Vec<f64>,
+    /// Change of the optical path from the launch, mm.
+    pub optical_path: Vec<f64>,
+    /// Change of the direction cosines at the image.
+    pub direction: [Vec<f64>; 3],
 }
 
 /// What a change of one surface's own numbers does at the points where rays meet it.
@@ -70,17 +74,17 @@ fn frame_change(frame: &Frame, change: &SurfaceGradient) -> FrameChange {
 }
 
 /// A tangent carried along a tape to behind the last of its surfaces, in the coordinates of that surface, and the relative
-/// change of the transmission.
+/// change of the transmission and the change of the optical path.
 #[inline(always)]
 fn carry<S: Simd>(
     sequence: &Sequence,
     change: &LensGradient,
     tape: &[Crossing<S>],
     start: Tangent<S>,
-) -> (Tangent<S>, Lanes<S>) {
+) -> (Tangent<S>, Lanes<S>, Lanes<S>) {
     let mut tangent = start;
     let zero = tape[0].path.constant(0.0);
-    let mut light = zero;
+    let (mut light, mut optical_path) = (zero, zero);
     for (i, crossing) in tape.iter().enumerate() {
         let surface = &sequence.surfaces[i];
         if i > 0 {
@@ -92,7 +96,10 @@ fn carry<S: Simd>(
             let change = frame_change(frame, &change.surfaces[i]);
             tangent = frame::enter_tangent(frame, &crossing.entry(), &tangent, Some(&change));
         }
+        let entered = along(tangent.position, crossing.path, tangent.direction);
         if surface.is_general {
+            let own = &change.surfaces[i];
+            optical_path += general::added_path_change(surface, crossing.point, d, own);
             let change = general::Change {
                 own: &change.surfaces[i],
                 mu: mu_change(sequence, change, i),
@@ -106,6 +113,15 @@ fn carry<S: Simd>(
             let own = own(surface, &slope, &change.surfaces[i], mu_change(sequence, change, i));
             tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
         }
+        let moved = along(tangent.position, zero.constant(-1.0), entered);
+        optical_path += dot(moved, d) * surface.n_before;
+        if i > 0 {
+            optical_path += crossing.path * index_change(sequence, change, i - 1);
+        }
+        if surface.is_general {
+            let [by_x, by_y] = general::added_path_slope(surface, crossing.point);
+            optical_path += by_x * tangent.position[0] + by_y * tangent.position[1];
+        }
         let u = x.mul_add(x, y * y);
         if i != sequence.stop
             && let Some((share, by_radius)) = aperture(surface, u)
@@ -117,7 +133,7 @@ fn carry<S: Simd>(
             light += through.select(by_radius * outward / through.select(share, zero.constant(1.0)), zero);
         }
     }
-    (tangent, light)
+    (tangent, light, optical_path)
 }
 
 /// A tangent in the coordinates of the axis behind a surface.
@@ -161,7 +177,7 @@ impl WithSimd for PushForward<'_> {
             let mut start = Tangent { position: [zero; 3], direction: [zero; 3] };
             if let Some((aimed, stop_growth)) = aimed {
                 // Launch points follow: Q ds + (what the lens does to q) = dR/R q.
-                let (moved, _) = carry(sequence, change, &tape[..=stop], start);
+                let (moved, ..) = carry(sequence, change, &tape[..=stop], start);
                 let [qx, qy, _] = tape[stop].point;
                 let miss = [qx * stop_growth - moved.position[0], qy * stop_growth - moved.position[1]];
                 let [[a, b], [c, d]] =
@@ -175,7 +191,7 @@ impl WithSimd for PushForward<'_> {
                     direction: along([0, 1, 2].map(|k| ds[0] * by[0].direction[k]), ds[1], by[1].direction),
                 };
             }
-            let (end, light) = carry(sequence, change, &tape, start);
+            let (end, light, mut optical_path) = carry(sequence, change, &tape, start);
             let end = to_axis(sequence, change, last, &tape[last], &end);
             // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
             let d = arrival.ray.direction;
@@ -186,6 +202,12 @@ impl WithSimd for PushForward<'_> {
             alive(run.mul_add(d[0], moved[0])).store(&mut out.image_x[at..]);
             alive(run.mul_add(d[1], moved[1])).store(&mut out.image_y[at..]);
             alive(light * arrival.transmission).store(&mut out.transmission[at..]);
+            let n_image = sequence.surfaces[last].n_after;
+            optical_path += run * n_image + arrival.run * index_change(sequence, change, last);
+            alive(optical_path).store(&mut out.optical_path[at..]);
+            for (by, to) in end.direction.into_iter().zip(&mut out.direction) {
+                alive(by).store(&mut to[at..]);
+            }
         }
     }
 }
@@ -201,7 +223,13 @@ pub fn push_change(
     aimed: Option<(&AimedRays, f64)>,
 ) -> RayTangents {
     let zero = || vec![0.0; RayBundle::padded(launched.len())];
-    let mut out = RayTangents { image_x: zero(), image_y: zero(), transmission: zero() };
+    let mut out = RayTangents {
+        image_x: zero(),
+        image_y: zero(),
+        transmission: zero(),
+        optical_path: zero(),
+        direction: [zero(), zero(), zero()],
+    };
     dispatch(PushForward { sequence, launched, change, aimed, out: &mut out });
     out
 }

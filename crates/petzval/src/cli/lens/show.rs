@@ -7,10 +7,11 @@ use petzval::built_in_assets;
 use petzval::optics::format::lens_toml::special_lines;
 use petzval::optics::lens::{Lens, ObjectDistance, Surface};
 use petzval::optics::paraxial::{FirstOrder, first_order};
-use petzval::optics::pupil::{Quadrature, trace_beam};
+use petzval::optics::pupil::{Quadrature, paraxial_launch, trace_beam};
 use petzval::optics::seidel::seidel_total;
 use petzval::optics::solve::{with_best_focus, with_paraxial_focus};
 use petzval::optics::spot::{FieldSpot, PrintedSpot, spot, spot_paraxial_pupil};
+use petzval::optics::trace::{Fate, launch, trace_ray};
 use serde_json::{Value, json};
 
 use crate::cli::{Failure, print_json};
@@ -80,9 +81,20 @@ fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<Str
             lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
         ));
     }
-    if order.efl_mm < 0.0 {
-        found
-            .push("the focal length is negative: there is no real image of an object at infinity".to_owned());
+    let last = lens.surfaces.len() - 1;
+    let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
+    if order.image_distance_mm * direction < 0.0 {
+        found.push("the paraxial image is virtual: it lies in front of the last surface".to_owned());
+    }
+    if !order.efl_mm.is_finite() {
+        found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
+    }
+    if !lens.is_rotationally_symmetric() {
+        found.push(
+            "the lens is not rotationally symmetric: first-order figures and Seidel sums are those of its y-z section \
+             with every surface on the axis"
+                .to_owned(),
+        );
     }
     let reference = lens.at_wavelength(lens.reference_um);
     for field_deg in &lens.fields_deg {
@@ -102,7 +114,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<Str
 fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
     let reference = lens.at_wavelength(lens.reference_um);
     let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| Failure::job(e.to_string()))?;
-    let full_field = lens.fields_deg.last().copied().unwrap_or(0.0).to_radians();
+    let full_field = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
     let (mut spots, mut printed) = (Vec::new(), Vec::new());
     for field_deg in &lens.fields_deg {
         let field = field_deg.to_radians();
@@ -110,7 +122,7 @@ fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
             (spot(lens, field, &quadrature), spot_paraxial_pupil(lens, field, &quadrature))
         else {
             return Err(Failure::input(
-                format!("{name}: at {field_deg} degrees no ray reaches the image"),
+                format!("{name}: at {field_deg} degrees no ray reaches the image{}", where_lost(lens, field)),
                 "a surface is missed, or a clear semi-diameter blocks the whole beam",
             ));
         };
@@ -127,17 +139,35 @@ fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
     })
 }
 
+/// Where the ray through the centre of the paraxial pupil ends, if it does.
+fn where_lost(lens: &Lens, field_rad: f64) -> String {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let at = paraxial_launch(&first_order(&sequence), &sequence, field_rad, [0.0; 2]);
+    let path = trace_ray(&sequence, launch(&sequence, field_rad, at).ray);
+    match path.fate {
+        Fate::Missed(i) => format!(": the ray through the middle of the pupil misses surface {}", i + 1),
+        Fate::TotalReflection(i) => {
+            format!(": no light passes surface {}, by total reflection or an evanescent order", i + 1)
+        }
+        Fate::Clipped(i) => format!(": the middle of the pupil is clipped at surface {}", i + 1),
+        Fate::Ok | Fate::NotAimed => String::new(),
+    }
+}
+
 /// Runs the verb.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let lens = built_in_assets().lens(&args.lens)?.lens;
-    if !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
-        return Err(Failure::input(
-            format!("{}: the lens has no power, and no focal length", args.lens),
-            "give an element a curved surface and a glass",
-        ));
-    }
     let lens = focused(lens, args.focus)?;
-    let found = figures(&args.lens, &lens)?;
+    let found = match figures(&args.lens, &lens) {
+        Ok(found) => found,
+        Err(failure) => {
+            // The prescription is what tells why.
+            if !args.json {
+                eprintln!("{}", prescription(&lens));
+            }
+            return Err(failure);
+        }
+    };
     if args.json {
         return print_json(&to_json(&lens, &found));
     }
@@ -198,10 +228,10 @@ fn special(surface: &Surface) -> Vec<String> {
     special_lines(surface).lines().map(str::to_owned).collect()
 }
 
-fn print(lens: &Lens, found: &Figures) {
-    let o = &found.order;
-    println!("{}", lens.name);
-    println!("\n  #  radius mm    conic  thickness mm  glass       nd       Vd   semi mm");
+/// The surfaces of a lens, as lines.
+fn prescription(lens: &Lens) -> String {
+    let columns = "  #  radius mm    conic  thickness mm  glass       nd       Vd   semi mm";
+    let mut out = format!("{}\n\n{columns}\n", lens.name);
     for (i, s) in lens.surfaces.iter().enumerate() {
         let radius = match s.shape.curvature {
             0.0 => "plane".to_owned(),
@@ -213,8 +243,8 @@ fn print(lens: &Lens, found: &Figures) {
             format!("{:<10} {:>7.5} {:>7.2}", s.glass.name, s.glass.nd(), s.glass.abbe_vd())
         };
         let stop = if i == lens.stop { "  stop" } else { "" };
-        println!(
-            "{:>3} {radius:>10} {:>8.4} {:>13.4}  {glass} {:>8.3}{stop}",
+        out += &format!(
+            "{:>3} {radius:>10} {:>8.4} {:>13.4}  {glass} {:>8.3}{stop}\n",
             i + 1,
             s.shape.conic,
             s.thickness_mm,
@@ -225,12 +255,18 @@ fn print(lens: &Lens, found: &Figures) {
             .map(|j| format!("a{} = {:.4e}", 2 * (j + 1), s.shape.asphere[j]))
             .collect();
         if !terms.is_empty() {
-            println!("{:>14} {}", "asphere:", terms.join("  "));
+            out += &format!("{:>14} {}\n", "asphere:", terms.join("  "));
         }
         for line in special(s) {
-            println!("{:>14} {line}", "");
+            out += &format!("{:>14} {line}\n", "");
         }
     }
+    out
+}
+
+fn print(lens: &Lens, found: &Figures) {
+    print!("{}", prescription(lens));
+    let o = &found.order;
     let object = match lens.object {
         ObjectDistance::Infinity => "at infinity".to_owned(),
         ObjectDistance::Finite(d) => format!("{d} mm before the first vertex"),

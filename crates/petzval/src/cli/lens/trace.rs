@@ -48,6 +48,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let [px, py] = args.pupil[..] else {
         return Err(Failure::input("--pupil needs two numbers", "for example --pupil 0,0.7"));
     };
+    if !(px.is_finite() && py.is_finite()) {
+        return Err(Failure::input("--pupil: not two finite numbers", "for example --pupil 0,0.7"));
+    }
     if !(0.2..=20.0).contains(&args.wavelength) {
         return Err(Failure::input(
             format!("--wavelength {}: not between 0.2 and 20 um", args.wavelength),

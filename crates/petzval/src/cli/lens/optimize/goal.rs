@@ -5,7 +5,7 @@ use std::sync::Arc;
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::format::LensFile;
 use petzval::optics::glass::{Catalog, Glass};
-use petzval::optics::lens::Lens;
+use petzval::optics::lens::{Action, Lens};
 use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::pupil::PupilSampling;
@@ -35,7 +35,7 @@ pub struct Goal {
     #[arg(long, value_name = "N")]
     pub f_number: Option<f64>,
     /// Least and greatest back focal length, mm
-    #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MIN,MAX")]
+    #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MIN,MAX", allow_hyphen_values = true)]
     pub bfl: Vec<f64>,
     /// Least edge thickness of every element, mm
     #[arg(long, value_name = "MM")]
@@ -139,6 +139,12 @@ impl Goal {
         problem.image = ImagePlane::Best;
         problem.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
+        if self.distortion.is_some() && !file.lens.is_rotationally_symmetric() {
+            return Err(Failure::input(
+                "--distortion: the lens is not rotationally symmetric, and its ideal image is not that of its focal length",
+                "leave it out",
+            ));
+        }
         problem.glasses = self.glass_choices(&file.lens, catalog)?;
         Ok(problem)
     }
@@ -151,7 +157,9 @@ impl Goal {
             let wrong = |what: String| Failure::input(format!("--glass {asked}: {what}"), hint);
             let index = surface.trim().parse::<usize>().ok().and_then(|s| s.checked_sub(1));
             let surface = index
-                .filter(|s| lens.surfaces.get(*s).is_some_and(|s| !s.glass.is_air()))
+                .filter(|s| {
+                    lens.surfaces.get(*s).is_some_and(|s| !s.glass.is_air() && s.action != Action::Reflect)
+                })
                 .ok_or_else(|| wrong(format!("there is no glass behind surface `{surface}`")))?;
             if choices.iter().any(|c| c.surface == surface) {
                 return Err(wrong("the surface was named already".to_owned()));
@@ -220,10 +228,31 @@ impl Goal {
         if let Some(solve) = file.efl_solve {
             return Ok(Some(EflSolve { efl_mm, ..solve }));
         }
-        let surface = powered(&file.lens).last().ok_or_else(|| {
-            Failure::input("the lens has no powered surface to hold the focal length", "give it a glass")
+        // The last one that nothing else decides; else the last, which then is no variable any more but keeps its bounds.
+        let of_radius =
+            |s: usize| file.variables.iter().position(|v| (v.surface, v.parameter) == (s, Parameter::Radius));
+        let follows = |s: usize| {
+            let is_radius = |v: usize| file.variables[v].parameter == Parameter::Radius;
+            file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
+        };
+        let is_followed =
+            |s: usize| of_radius(s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
+        let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
+        let free = eligible.iter().rev().find(|s| of_radius(**s).is_none());
+        let surface = free.or(eligible.last()).copied().ok_or_else(|| {
+            Failure::input(
+                "no surface can hold the focal length",
+                "a curved surface between two media, or a curved mirror, that follows nothing and that nothing follows",
+            )
         })?;
-        Ok(Some(EflSolve { surface, efl_mm, radius_mm: None }))
+        let bounds = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
+        if bounds.is_some() {
+            eprintln!(
+                "the radius of surface {} holds the focal length and is no variable here; its bounds are kept",
+                surface + 1
+            );
+        }
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm: bounds }))
     }
 }
 
@@ -234,10 +263,17 @@ fn check(name: &str, holds: bool, hint: &str) -> Result<(), Failure> {
     if holds { Ok(()) } else { Err(Failure::input(format!("{name}: out of range"), hint)) }
 }
 
-/// Surfaces between two media.
+/// Surfaces between two media, and mirrors that are not flat.
 fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
     let sequence = lens.at_wavelength(lens.reference_um);
-    let bends = move |i: &usize| sequence.surfaces[*i].n_before != sequence.surfaces[*i].n_after;
+    let bends = |i: &usize| {
+        let s = &lens.surfaces[*i];
+        match s.action {
+            Action::Refract => sequence.surfaces[*i].n_before != sequence.surfaces[*i].n_after,
+            Action::Reflect => s.shape.curvature != 0.0,
+            Action::ThinLens { .. } => false,
+        }
+    };
     (0..lens.surfaces.len()).filter(bends).collect::<Vec<_>>().into_iter()
 }
 
@@ -261,7 +297,8 @@ fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, Failure> {
     });
     let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
         let gap = lens.surfaces[surface].thickness_mm;
-        Variable { surface, parameter: Parameter::Thickness, min: 0.1 * gap, max: 2.0 * gap + 0.1 }
+        let (near, far) = (0.1 * gap, 2.0 * gap + if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 });
+        Variable { surface, parameter: Parameter::Thickness, min: near.min(far), max: near.max(far) }
     });
     Ok(radii.chain(gaps).collect())
 }

@@ -12,11 +12,11 @@ use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::optics::format::LensFile;
 use petzval::optics::glass::Catalog;
-use petzval::optics::lens::{Lens, ObjectDistance};
+use petzval::optics::lens::Lens;
 use petzval::optics::optimize::{
     Analysis, ChartError, LevenbergOptions, Problem, Search, SearchOptions, Solves, Stop, descend,
 };
-use petzval::optics::paraxial::first_order;
+use petzval::optics::paraxial::{first_order, image_height_per_tangent};
 use petzval::optics::pupil::{PupilSampling, chief_ray};
 use serde_json::json;
 
@@ -373,12 +373,11 @@ fn rows(problem: &Problem, analysis: &Analysis) -> Vec<(String, f64, &'static st
     let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
     rows.push(("largest clear diameter".to_owned(), widest, "mm"));
     let outermost = problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
-    // Of a near object the ideal image is another.
     if outermost != 0.0
-        && lens.object == ObjectDistance::Infinity
+        && lens.is_rotationally_symmetric()
         && let Some(chief) = chief_ray(&sequence, outermost)
     {
-        let share = chief.y_mm / (order.efl_mm * outermost.tan()) - 1.0;
+        let share = chief.y_mm / (image_height_per_tangent(&sequence) * outermost.tan()) - 1.0;
         rows.push(("distortion".to_owned(), 100.0 * share, "%"));
     }
     rows

@@ -1,0 +1,168 @@
+//! Least-squares polynomials through values at any points of a plane.
+
+use nalgebra::DMatrix;
+
+use crate::pupil::Symmetry;
+
+/// Polynomials of some terms through values at fixed points.
+#[derive(Clone, Debug)]
+pub(super) struct PlaneFit {
+    /// Powers (i, j) of the first and the second coordinate.
+    pub powers: Vec<(usize, usize)>,
+    points: Vec<[f64; 2]>,
+    /// Coefficients from values.
+    solve: DMatrix<f64>,
+}
+
+impl PlaneFit {
+    /// Terms of a total degree; only those that are odd or even in the first coordinate, if a symmetry is given. `None` if the
+    /// points do not tell the terms apart.
+    pub fn new(points: &[[f64; 2]], degree: usize, symmetry: Option<Symmetry>) -> Option<Self> {
+        let (first, step) = match symmetry {
+            None => (0, 1),
+            Some(Symmetry::Even) => (0, 2),
+            Some(Symmetry::Odd) => (1, 2),
+        };
+        let powers: Vec<(usize, usize)> =
+            (first..=degree).step_by(step).flat_map(|i| (0..=degree - i).map(move |j| (i, j))).collect();
+        let value = DMatrix::from_fn(points.len(), powers.len(), |r, c| term(powers[c], points[r]));
+        let qr = value.qr();
+        let q_t = qr.q().transpose();
+        let solve = qr.r().solve_upper_triangular(&q_t)?;
+        solve.iter().all(|v| v.is_finite()).then(|| Self { powers, points: points.to_vec(), solve })
+    }
+
+    /// Coefficients of the polynomial through values at the points.
+    pub fn fit(&self, values: &[f64]) -> Vec<f64> {
+        let values = nalgebra::DVectorView::from_slice(values, values.len());
+        (&self.solve * values).as_slice().to_vec()
+    }
+
+    /// Adds what cotangents of the coefficients ask of the values, and of the points at which they are.
+    ///
+    /// Where the polynomial goes through its values, a point that moves by dq while its value stays asks for the opposite of
+    /// `grad f . dq` there.
+    pub fn pull_back(
+        &self,
+        coefficients: &[f64],
+        coefficients_bar: &[f64],
+        values_bar: &mut [f64],
+        points_bar: &mut [[f64; 2]],
+    ) {
+        let bar = nalgebra::DVectorView::from_slice(coefficients_bar, coefficients_bar.len());
+        let by_value = self.solve.tr_mul(&bar);
+        for (i, bar) in by_value.iter().enumerate() {
+            values_bar[i] += bar;
+            let [x, y] = self.slope(coefficients, self.points[i]);
+            points_bar[i][0] -= bar * x;
+            points_bar[i][1] -= bar * y;
+        }
+    }
+
+    /// The polynomial at a point.
+    pub fn value(&self, coefficients: &[f64], at: [f64; 2]) -> f64 {
+        self.powers.iter().zip(coefficients).map(|(p, c)| c * term(*p, at)).sum()
+    }
+
+    /// Its slopes at a point.
+    fn slope(&self, coefficients: &[f64], [x, y]: [f64; 2]) -> [f64; 2] {
+        let power = |v: f64, n: usize| v.powi(n as i32);
+        let by = |v: f64, n: usize| if n == 0 { 0.0 } else { n as f64 * power(v, n - 1) };
+        let mut sum = [0.0; 2];
+        for ((i, j), c) in self.powers.iter().zip(coefficients) {
+            sum[0] += c * by(x, *i) * power(y, *j);
+            sum[1] += c * power(x, *i) * by(y, *j);
+        }
+        sum
+    }
+
+    /// Highest power of the first coordinate.
+    fn highest(&self) -> usize {
+        self.powers.last().map_or(0, |(i, _)| *i)
+    }
+
+    /// Coefficients of the powers of the first coordinate at one value of the second.
+    pub fn along(&self, coefficients: &[f64], y: f64) -> Vec<f64> {
+        let mut row = vec![0.0; self.highest() + 1];
+        let powers: Vec<f64> = std::iter::successors(Some(1.0), |p| Some(p * y)).take(MAX_POWER).collect();
+        for ((i, j), c) in self.powers.iter().zip(coefficients) {
+            row[*i] += c * powers[*j];
+        }
+        row
+    }
+
+    /// The transpose of [`PlaneFit::along`]: adds what a row's cotangents ask of the coefficients.
+    pub fn pull_back_along(&self, row_bar: &[f64], y: f64, coefficients_bar: &mut [f64]) {
+        let powers: Vec<f64> = std::iter::successors(Some(1.0), |p| Some(p * y)).take(MAX_POWER).collect();
+        for ((i, j), bar) in self.powers.iter().zip(coefficients_bar) {
+            *bar += row_bar[*i] * powers[*j];
+        }
+    }
+}
+
+/// More than the highest power of the second coordinate.
+const MAX_POWER: usize = 24;
+
+fn term((i, j): (usize, usize), [x, y]: [f64; 2]) -> f64 {
+    x.powi(i as i32) * y.powi(j as i32)
+}
+
+/// A row at one value of the first coordinate, by Horner's rule.
+pub(super) fn at(row: &[f64], x: f64) -> f64 {
+    row.iter().rev().fold(0.0, |sum, c| sum * x + c)
+}
+
+/// Adds `bar x^i` to the cotangents of a row.
+pub(super) fn add_moments(row_bar: &mut [f64], bar: f64, x: f64) {
+    let mut power = bar;
+    for c in row_bar {
+        *c += power;
+        power *= x;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moved_points_ask_for_what_differences_say() {
+        let point =
+            |i: usize| [(i as f64 * 0.754_877_666).fract() - 0.5, (i as f64 * 0.569_840_291).fract() - 0.5];
+        let points: Vec<[f64; 2]> = (0..60).map(point).collect();
+        let f = |[x, y]: [f64; 2]| 0.4 + x - y * y + x * x * y - 0.3 * x.powi(4);
+        let values: Vec<f64> = points.iter().map(|p| f(*p)).collect();
+        let fit = PlaneFit::new(&points, 5, None).unwrap();
+        let coefficients = fit.fit(&values);
+        for i in 0..60 {
+            assert!((fit.value(&coefficients, points[i]) - values[i]).abs() < 1e-12);
+        }
+        let at_row = at(&fit.along(&coefficients, 0.3), -0.2);
+        assert!((at_row - f([-0.2, 0.3])).abs() < 1e-12);
+        // A loss of the coefficients, by values and points.
+        let bar: Vec<f64> = (0..coefficients.len()).map(|c| (c as f64 * 0.9).sin()).collect();
+        let (mut by_values, mut by_points) = (vec![0.0; 60], vec![[0.0; 2]; 60]);
+        fit.pull_back(&coefficients, &bar, &mut by_values, &mut by_points);
+        let loss = |points: &[[f64; 2]], values: &[f64]| -> f64 {
+            let c = PlaneFit::new(points, 5, None).unwrap().fit(values);
+            c.iter().zip(&bar).map(|(a, b)| a * b).sum()
+        };
+        let h = 1e-6;
+        for i in [0, 17, 42] {
+            let moved = |h: f64| {
+                let mut points = points.clone();
+                points[i][1] += h;
+                loss(&points, &values)
+            };
+            let numeric = (moved(h) - moved(-h)) / (2.0 * h);
+            assert!((by_points[i][1] - numeric).abs() < 1e-6 * (1.0 + numeric.abs()));
+            let moved = |h: f64| {
+                let mut values = values.clone();
+                values[i] += h;
+                loss(&points, &values)
+            };
+            let numeric = (moved(h) - moved(-h)) / (2.0 * h);
+            assert!((by_values[i] - numeric).abs() < 1e-6 * (1.0 + numeric.abs()));
+        }
+    }
+}

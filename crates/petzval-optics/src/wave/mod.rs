@@ -1,0 +1,17 @@
+//! Diffraction: the wavefront that a lens makes of a point of light, and what interferes from it.
+//!
+//! A beam at one wavelength is a complex amplitude over the direction cosines in which its rays meet the image: the
+//! wavefront aberration is its phase, the light of the rays its squared modulus ([`WaveMap`]). The amplitude in the image
+//! plane is its Fourier transform ([`psf`](crate::psf)), [`huygens_psf`] the readable reference that adds spherical
+//! wavelets from a reference sphere.
+
+mod fit;
+mod huygens;
+mod map;
+mod matrix;
+mod opd;
+mod psf;
+
+pub use huygens::huygens_psf;
+pub use opd::{Opd, PupilPlane, opd};
+pub(crate) use psf::{ImageGrid, Shown, WaveChannel};

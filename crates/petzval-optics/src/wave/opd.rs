@@ -1,0 +1,116 @@
+//! Optical path differences of rays against a reference sphere.
+
+use crate::paraxial::first_order;
+use crate::pupil::{optical_paths, paraxial_launch};
+use crate::trace::{AimedRays, RayBundle, Sequence, launch, trace};
+
+/// A sphere about the image point, through the exit pupil.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReferenceSphere {
+    /// Its centre on the image plane, mm.
+    pub centre_mm: [f64; 2],
+    /// Its radius, with the sign of the distance from the exit pupil to the image along z, mm; may be infinite.
+    pub radius_mm: f64,
+}
+
+impl ReferenceSphere {
+    /// The sphere about a point of the image plane through the centre of the paraxial exit pupil.
+    pub fn through_exit_pupil(sequence: &Sequence, centre_mm: [f64; 2]) -> Self {
+        let order = first_order(sequence);
+        let last = sequence.surfaces.last().map_or(0.0, |s| s.thickness_mm);
+        let along_z = last - order.exit_pupil_at_mm;
+        let across = centre_mm[0].hypot(centre_mm[1]);
+        Self { centre_mm, radius_mm: along_z.signum() * along_z.hypot(across) }
+    }
+
+    /// Run of a ray from the image plane to the sphere along its direction, less `-radius`, and the unit vector from there to
+    /// the centre (as a line's direction).
+    ///
+    /// With `e` from the centre to the ray's point on the image plane and `b = e.d`, the run `s = -b - sqrt(b^2 + R^2 - e^2)` (for
+    /// R > 0), of which `s + R = -b + (e^2 - b^2) / (R + sqrt(...))` keeps its digits for any radius.
+    pub fn run(&self, at_mm: [f64; 2], d: [f64; 3]) -> (f64, [f64; 3]) {
+        let e = [at_mm[0] - self.centre_mm[0], at_mm[1] - self.centre_mm[1], 0.0];
+        let b = e[0] * d[0] + e[1] * d[1];
+        let r = self.radius_mm;
+        if r.is_infinite() {
+            return (-b, d);
+        }
+        let square = e[0] * e[0] + e[1] * e[1];
+        let root = r.signum() * (b * b + r * r - square).sqrt();
+        let beyond = -b + (square - b * b) / (r + root);
+        let s = beyond - r;
+        // The point on the sphere is e + s d from the centre.
+        (beyond, [0, 1, 2].map(|k| -(e[k] + s * d[k]) / r))
+    }
+}
+
+/// Optical path differences of a field at one wavelength.
+#[derive(Clone, Debug)]
+pub struct Opd {
+    /// Of each point of the pupil, waves: path of the ray to the reference sphere less that of the chief ray; `None` where the
+    /// ray is lost.
+    pub waves: Vec<Option<f64>>,
+    /// Radius of the reference sphere, mm (signed, see `ReferenceSphere`).
+    pub radius_mm: f64,
+    /// Where the chief ray meets the image plane, mm.
+    pub chief_mm: [f64; 2],
+}
+
+/// What points of the pupil lie on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PupilPlane {
+    /// The real stop.
+    Stop,
+    /// The paraxial entrance pupil, as lens programs have it without ray aiming.
+    Paraxial,
+}
+
+/// Optical path differences of rays through points of the pupil (units of its radius) against the sphere about the chief ray's
+/// image through the paraxial exit pupil.
+///
+/// `stop_radius_mm` is that of the reference wavelength. `None` if the chief ray is lost.
+pub fn opd(
+    sequence: &Sequence,
+    field_rad: f64,
+    stop_radius_mm: f64,
+    points: &[[f64; 2]],
+    plane: PupilPlane,
+) -> Option<Opd> {
+    let order = first_order(sequence);
+    let mut all = vec![[0.0; 2]];
+    all.extend_from_slice(points);
+    let launches: Vec<[f64; 2]> =
+        all.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
+    let (launches, mut rays) = match plane {
+        PupilPlane::Stop => {
+            let targets: Vec<[f64; 2]> = all.iter().map(|p| p.map(|p| p * stop_radius_mm)).collect();
+            let aimed = AimedRays::new(sequence, field_rad, &targets, &launches);
+            ((0..all.len()).map(|i| aimed.launch_of(i)).collect(), aimed.bundle(sequence))
+        }
+        PupilPlane::Paraxial => {
+            let mut rays = RayBundle::new(all.len());
+            for (i, at) in launches.iter().enumerate() {
+                rays.set(i, launch(sequence, field_rad, *at).ray);
+            }
+            (launches, rays)
+        }
+    };
+    trace(sequence, &mut rays);
+    if !rays.fate(0).reaches_image() {
+        return None;
+    }
+    let paths = optical_paths(sequence, field_rad, |i| launches[i], &rays);
+    let [x, y, _] = rays.ray(0).position;
+    let sphere = ReferenceSphere::through_exit_pupil(sequence, [x, y]);
+    let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
+    let to_sphere = |i: usize| {
+        let ray = rays.ray(i);
+        let (run, _) = sphere.run([ray.position[0], ray.position[1]], ray.direction);
+        paths[i] + n_image * run
+    };
+    let chief = to_sphere(0);
+    let waves = (1..all.len()).map(|i| {
+        rays.fate(i).reaches_image().then(|| (to_sphere(i) - chief) / (1e-3 * sequence.wavelength_um))
+    });
+    Some(Opd { waves: waves.collect(), radius_mm: sphere.radius_mm, chief_mm: [x, y] })
+}

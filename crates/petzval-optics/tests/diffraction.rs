@@ -1,0 +1,88 @@
+//! Wavefronts and diffraction PSFs against the Airy pattern, against Huygens's wavelets and against Optiland.
+
+mod common;
+
+use common::{nominal_triplet, telescope};
+use petzval_optics::lens::{Action, Lens, Surface, SurfaceShape};
+use petzval_optics::paraxial::first_order;
+use petzval_optics::psf::{PsfKind, PsfMethod, PsfOptions, psf};
+use petzval_optics::pupil::Quadrature;
+use petzval_optics::wave::huygens_psf;
+
+/// A paraboloid: an image without aberration on its axis.
+fn perfect(f_number: f64) -> Lens {
+    let mut lens = telescope();
+    lens.name = "paraboloid".into();
+    lens.entrance_pupil_mm = 20.0;
+    let f = f_number * lens.entrance_pupil_mm;
+    lens.surfaces = vec![Surface {
+        shape: SurfaceShape { curvature: -0.5 / f, conic: -1.0, ..SurfaceShape::PLANE },
+        thickness_mm: -f,
+        semi_diameter_mm: 11.0,
+        action: Action::Reflect,
+        ..Surface::default()
+    }];
+    lens
+}
+
+/// Bessel function J1, by its integral.
+fn bessel_j1(x: f64) -> f64 {
+    let n = 400;
+    (0..n)
+        .map(|i| {
+            let t = std::f64::consts::PI * (f64::from(i) + 0.5) / f64::from(n);
+            (t - x * t.sin()).cos() / f64::from(n)
+        })
+        .sum()
+}
+
+#[test]
+fn a_perfect_lens_makes_an_airy_pattern() {
+    for f_number in [4.0, 8.0] {
+        let lens = perfect(f_number);
+        let pitch_um = 0.25 * f_number / 4.0;
+        let options = PsfOptions { grid: 64, pitch_um, kind: PsfKind::Diffraction };
+        let p = psf(&lens, 0.0, &[0.5], &Quadrature::grid(32).unwrap(), &options).unwrap();
+        assert!(matches!(p.method[0], PsfMethod::Wave { .. }));
+        // Irradiance (2 J1(v) / v)^2 with v = pi r / (lambda N), N of the marginal ray's sine; the peak is of a grid without a
+        // cell at the centre, so compare shapes.
+        let n = first_order(&lens.at_wavelength(0.5)).f_number;
+        let sine = (2.0 * (0.25 / n).atan()).sin();
+        let airy = |r_um: f64| {
+            let v = std::f64::consts::TAU / 0.5 * sine * r_um;
+            if v < 1e-9 { 1.0 } else { (2.0 * bessel_j1(v) / v).powi(2) }
+        };
+        let at = |i: usize| (i as f64 - 31.5) * pitch_um;
+        let expected: Vec<f64> = (0..64 * 64).map(|c| airy(at(c % 64).hypot(at(c / 64)))).collect();
+        let (sum, expected_sum) = (p.values[0].iter().sum::<f64>(), expected.iter().sum::<f64>());
+        let peak = expected.iter().fold(0.0_f64, |a, b| a.max(*b)) / expected_sum;
+        for (found, expected) in p.values[0].iter().zip(&expected) {
+            let off = (found / sum - expected / expected_sum).abs() / peak;
+            assert!(off < 1e-3, "f/{f_number}: {off}");
+        }
+        // The energy within the grid: 1 - J0^2 - J1^2 over a circle; the square holds a little more.
+        let v = std::f64::consts::TAU / 0.5 * sine * 32.0 * pitch_um;
+        let h = 1e-5;
+        let j0 = bessel_j1(v) / v + (bessel_j1(v + h) - bessel_j1(v - h)) / (2.0 * h);
+        let within = 1.0 - j0 * j0 - bessel_j1(v).powi(2);
+        assert!((0.0..0.02).contains(&(p.captured[0] - within)), "{} {within}", p.captured[0]);
+    }
+}
+
+#[test]
+fn diffraction_psfs_are_those_of_huygens() {
+    // Stopped down to where diffraction counts.
+    let slow = Lens { entrance_pupil_mm: 2.0, ..nominal_triplet() };
+    let lenses = [(nominal_triplet(), 0.0), (nominal_triplet(), 7.0), (slow, 10.0)];
+    for (lens, field_deg) in lenses {
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let field = f64::to_radians(field_deg);
+        let options = PsfOptions { grid: 32, pitch_um: 1.0, kind: PsfKind::Diffraction };
+        let quadrature = Quadrature::grid(256).unwrap();
+        let p = psf(&lens, field, &[lens.reference_um], &quadrature, &options)
+            .unwrap_or_else(|| panic!("{} {field_deg}", lens.name));
+        let reference = huygens_psf(&sequence, field, &quadrature, 32, 1.0).unwrap();
+        let off: f64 = p.values[0].iter().zip(&reference).map(|(a, b)| (a - b).abs()).sum();
+        assert!(off < 1e-2, "{} {field_deg}: {off}", lens.name);
+    }
+}
