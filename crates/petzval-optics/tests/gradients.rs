@@ -13,7 +13,9 @@ use petzval_optics::paraxial::{
     FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order,
     pull_back_image_distance, pull_back_image_height,
 };
-use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape};
+use petzval_optics::psf::{
+    FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, psf_traced_with_tape, psf_with_tape,
+};
 use petzval_optics::pupil::{Quadrature, chief_ray, paraxial_launch};
 use petzval_optics::solve::with_paraxial_focus;
 use petzval_optics::spot::{mean_square_spot, mean_square_spot_traced, spot};
@@ -370,12 +372,25 @@ fn check_psf_loss(make: MakePsf, lens: &Lens, field: f64, cells: usize, toleranc
 }
 
 fn check_psf_loss_on(pitch_um: f64, make: MakePsf, lens: &Lens, field: f64, cells: usize, tolerance: f64) {
-    let quadrature = Quadrature::grid(cells).unwrap();
     let options = PsfOptions { pitch_um, ..PsfOptions::default() };
+    check_psf_loss_with(options, make, lens, field, cells, tolerance);
+}
+
+fn check_psf_loss_with(
+    options: PsfOptions,
+    make: MakePsf,
+    lens: &Lens,
+    field: f64,
+    cells: usize,
+    tolerance: f64,
+) {
+    let quadrature = Quadrature::grid(cells).unwrap();
     // A smooth template makes the loss smooth too: fit the PSF to a very wide Gaussian off centre.
-    let template: Vec<f64> = (0..128 * 128)
+    let side = options.grid as i32;
+    let template: Vec<f64> = (0..side * side)
         .map(|i| {
-            let (x, y) = (f64::from(i % 128) - 60.0, f64::from(i / 128) - 66.0);
+            let scale = 128.0 / f64::from(side);
+            let (x, y) = (f64::from(i % side) * scale - 60.0, f64::from(i / side) * scale - 66.0);
             (-(x * x + y * y) / 3200.0).exp()
         })
         .collect();
@@ -391,14 +406,27 @@ fn check_psf_loss_on(pitch_um: f64, make: MakePsf, lens: &Lens, field: f64, cell
         illumination: p.illumination.iter().map(|i| 0.6 * i).collect(),
     };
     let gradient = tape.gradient(&p, &quadrature, &cotangent);
-    // The splat's second derivative jumps between cells, so differences need short steps.
-    check(lens, &gradient, &loss, &[0.03, 0.1, 0.3], tolerance);
+    // The splat's second derivative jumps between cells, so differences need short steps; waves have no such jumps.
+    let steps: &[f64] = match options.kind {
+        PsfKind::Geometric => &[0.03, 0.1, 0.3],
+        PsfKind::Diffraction => &[0.3, 1.0, 3.0, 10.0, 30.0],
+    };
+    check(lens, &gradient, &loss, steps, tolerance);
 }
 
 #[test]
 fn psf_loss() {
     for lens in [nominal_triplet(), near(nominal_triplet())] {
         check_psf_loss(psf_with_tape, &lens, 9.0_f64.to_radians(), 96, 1e-6);
+    }
+}
+
+#[test]
+fn diffraction_psf_loss() {
+    let slow = Lens { entrance_pupil_mm: 2.5, ..nominal_triplet() };
+    let options = PsfOptions { grid: 32, pitch_um: 2.0, kind: PsfKind::Diffraction };
+    for lens in [slow.clone(), near(slow)] {
+        check_psf_loss_with(options, psf_with_tape, &lens, 9.0_f64.to_radians(), 12, 1e-5);
     }
 }
 

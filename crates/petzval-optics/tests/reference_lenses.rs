@@ -9,6 +9,7 @@ use petzval_optics::lens::{ASPHERE_TERMS, Lens, ObjectDistance, Surface, Surface
 use petzval_optics::paraxial::first_order;
 use petzval_optics::seidel::seidel_total;
 use petzval_optics::trace::{Fate, RayBundle, launch, trace, trace_ray};
+use petzval_optics::wave::{PupilPlane, opd};
 use serde_json::Value;
 
 fn reference() -> Vec<Value> {
@@ -177,6 +178,39 @@ fn seidel_sums_agree_within_the_trust_of_the_reference() {
             let relative = (a + b).abs() / b.abs();
             let limit = if i == 0 || i == 3 { 1e-9 } else { 2e-4 };
             assert!(relative < limit, "{} S{}: {a} {b}", lens.name, i + 1);
+        }
+    }
+}
+
+/// Rings of 6, 12, 18 ... points about a point in the middle.
+fn hexapolar(rings: usize) -> Vec<[f64; 2]> {
+    let ring = |i: usize| {
+        (0..6 * i).map(move |k| {
+            let (sin, cos) = (std::f64::consts::TAU * k as f64 / (6 * i) as f64).sin_cos();
+            [i as f64 / rings as f64 * cos, i as f64 / rings as f64 * sin]
+        })
+    };
+    std::iter::once([0.0; 2]).chain((1..=rings).flat_map(ring)).collect()
+}
+
+/// RMS of the optical path differences over points of the paraxial pupil, waves, about the chief ray: Optiland's.
+#[test]
+fn wavefronts_agree() {
+    let listed: [&[f64]; 3] = [
+        &[0.5230492120098235, 0.6960338030247678, 0.9709788037535938],
+        &[0.40227921140427014, 1.4718868930021098, 2.4881334256700907],
+        &[2.816341806914925],
+    ];
+    let points = hexapolar(15);
+    for (v, listed) in reference().iter().zip(listed) {
+        let lens = lens_of(v);
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let stop = first_order(&sequence).stop_radius_mm;
+        for (field_deg, expected) in lens.fields_deg.iter().zip(listed) {
+            let found = opd(&sequence, field_deg.to_radians(), stop, &points, PupilPlane::Paraxial).unwrap();
+            let square: f64 = found.waves.iter().map(|w| w.unwrap().powi(2)).sum();
+            let rms = (square / points.len() as f64).sqrt();
+            assert!((rms - expected).abs() < 1e-9 * expected, "{} {field_deg}: {rms} {expected}", lens.name);
         }
     }
 }

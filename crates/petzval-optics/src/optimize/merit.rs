@@ -387,7 +387,7 @@ fn curvature_bounds(min_mm: f64, max_mm: f64) -> [f64; 2] {
 
 /// Ideal and real image height of the outermost field, mm.
 fn distorted(problem: &Problem, lens: &Lens) -> Option<(f64, f64)> {
-    let field = outermost(problem);
+    let field = problem.outermost_field_rad();
     let sequence = lens.at_wavelength(lens.reference_um);
     let chief = chief_ray(&sequence, field)?;
     Some((image_height_per_tangent(&sequence) * field.tan(), chief.y_mm))
@@ -395,17 +395,14 @@ fn distorted(problem: &Problem, lens: &Lens) -> Option<(f64, f64)> {
 
 /// Tangent of the outermost field's chief ray to the axis at the image: what its height gains over a millimetre.
 fn chief_slope(problem: &Problem, lens: &Lens) -> Option<f64> {
-    let height =
-        |lens: &Lens| Some(chief_ray(&lens.at_wavelength(lens.reference_um), outermost(problem))?.y_mm);
+    let height = |lens: &Lens| {
+        Some(chief_ray(&lens.at_wavelength(lens.reference_um), problem.outermost_field_rad())?.y_mm)
+    };
     Some(height(&a_millimetre_behind(lens))? - height(lens)?)
 }
 
 fn a_millimetre_behind(lens: &Lens) -> Lens {
     lens.with_image_distance(lens.image_distance_mm() + 1.0)
-}
-
-fn outermost(problem: &Problem) -> f64 {
-    problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a })
 }
 
 /// Adds the gradient of a loss that depends on the radius at which a surface must be clear, `bar` per mm: that of the ray
@@ -520,7 +517,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             let (ideal, real) = distorted(problem, lens)?;
             let share = problem.limits.distortion?;
             let sign = (real - ideal).signum();
-            let field = outermost(problem);
+            let field = problem.outermost_field_rad();
             pull_back_chief(&sequence, &chief_ray(&sequence, field)?, [0.0, sign], &mut g);
             let by_ideal = -sign - share * ideal.signum();
             pull_back_image_height(&sequence, by_ideal * field.tan(), &mut g);
@@ -546,7 +543,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             }
         }
         Violation::ChiefRayAngle => {
-            let field = outermost(problem);
+            let field = problem.outermost_field_rad();
             let slope = chief_slope(problem, lens)?;
             let bfl_mm = first_order(&sequence()).bfl_mm;
             let bar = slope.signum() * bfl_mm.abs();

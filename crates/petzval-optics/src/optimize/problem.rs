@@ -109,6 +109,11 @@ impl Problem {
         }
     }
 
+    /// The field furthest from the axis, rad.
+    pub fn outermost_field_rad(&self) -> f64 {
+        self.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a })
+    }
+
     /// Whether a gap of air is none that has to be kept: the lens itself has nothing there, beside a plane that divides
     /// nothing, such as a stop on a vertex or a coordinate break.
     pub(super) fn has_open_gap(&self, surface: usize) -> bool {

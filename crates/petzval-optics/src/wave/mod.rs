@@ -1,7 +1,7 @@
 //! Diffraction: the wavefront that a lens makes of a point of light, and what interferes from it.
 //!
 //! A beam at one wavelength is a complex amplitude over the direction cosines in which its rays meet the image: the
-//! wavefront aberration is its phase, the light of the rays its squared modulus ([`WaveMap`]). The amplitude in the image
+//! wavefront aberration is its phase, the light of the rays its squared modulus (`map.rs`). The amplitude in the image
 //! plane is its Fourier transform ([`psf`](crate::psf)), [`huygens_psf`] the readable reference that adds spherical
 //! wavelets from a reference sphere.
 

@@ -3,16 +3,26 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::design::psf_sheet::psf_sheet;
 use petzval::optics::paraxial::first_order;
-use petzval::optics::psf::{FieldPsf, PsfMethod, PsfOptions};
+use petzval::optics::psf::{FieldPsf, PsfKind, PsfMethod, PsfOptions};
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
 
 use super::{Failure, print_json};
+
+/// What light is taken for.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// Rays.
+    Geometric,
+    /// Waves.
+    Diffraction,
+}
 
 /// Write the PSFs of a lens, per field and wavelength.
 ///
@@ -40,9 +50,12 @@ pub struct Args {
     /// Cell size, um
     #[arg(long, default_value_t = 1.0)]
     pitch_um: f64,
-    /// Pupil cells a side
+    /// Pupil cells a side; waves choose their own
     #[arg(long, default_value_t = 256)]
     pupil_cells: usize,
+    /// Rays, right where aberrations spread light over many times the Airy disk, or waves
+    #[arg(long, value_enum, default_value = "geometric")]
+    kind: Kind,
     /// Print the axes as JSON
     #[arg(long)]
     json: bool,
@@ -80,7 +93,11 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     }
     let quadrature = Quadrature::grid(args.pupil_cells)
         .map_err(|e| Failure::input(format!("--pupil-cells: {e}"), "256 is accurate, 64 is quick"))?;
-    let options = PsfOptions { grid: args.grid, pitch_um: args.pitch_um, ..PsfOptions::default() };
+    let kind = match args.kind {
+        Kind::Geometric => PsfKind::Geometric,
+        Kind::Diffraction => PsfKind::Diffraction,
+    };
+    let options = PsfOptions { grid: args.grid, pitch_um: args.pitch_um, kind };
     let plan = PsfPlan::new(args.fields, args.corner_mm, [red, green, blue], options, quadrature);
     let psfs = plan.psfs(&lens).map_err(|error| match error {
         DesignError::NoLight { .. } => Failure::input(

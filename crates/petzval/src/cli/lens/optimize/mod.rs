@@ -372,7 +372,7 @@ fn rows(problem: &Problem, analysis: &Analysis) -> Vec<(String, f64, &'static st
     let clear = analysis.fitted_lens(problem);
     let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
     rows.push(("largest clear diameter".to_owned(), widest, "mm"));
-    let outermost = problem.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
+    let outermost = problem.outermost_field_rad();
     if outermost != 0.0
         && lens.is_rotationally_symmetric()
         && let Some(chief) = chief_ray(&sequence, outermost)
