@@ -590,7 +590,7 @@ pub(super) fn linearise(
             }
             let first = [landing.landing[0][0], landing.landing[1][0]];
             let origin = *origin.get_or_insert(origin_of(first, is_half));
-            add_gram(&landing, &weights, origin, colours as f64, &mut of_field, &mut means);
+            add_gram(&landing, &weights, origin, is_half, colours as f64, &mut of_field, &mut means);
         }
         let [mean_x, mean_y] = &means;
         of_field -= mean_y * mean_y.transpose();
@@ -620,11 +620,13 @@ pub(super) fn linearise(
     Some(Linearised { gradient, hessian })
 }
 
-/// Adds the products of the columns of a beam, weighted, and the means of x and of y; about an origin.
+/// Adds the products of the columns of a beam, weighted, and the means of x and of y; about an origin. Half a beam and its
+/// mirror image have no mean of x.
 fn add_gram(
     landing: &LandingJacobian,
     weights: &[f64],
     origin: [f64; 2],
+    is_half: bool,
     colours: f64,
     gram: &mut DMatrix<f64>,
     means: &mut [DVector<f64>; 2],
@@ -643,7 +645,7 @@ fn add_gram(
     });
     gram.gemm_tr(1.0, &block, &block, 1.0);
     for c in 0..columns {
-        for (axis, means) in means.iter_mut().enumerate() {
+        for (axis, means) in means.iter_mut().enumerate().skip(usize::from(is_half)) {
             means[c] += (0..count).map(|ray| roots[ray] * block[(axis * count + ray, c)]).sum::<f64>();
         }
     }

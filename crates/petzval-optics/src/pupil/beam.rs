@@ -184,8 +184,9 @@ impl Beam {
     ) -> Option<Vec<f64>> {
         let (basis, sides) = (PupilBasis::of_degree(JACOBIAN_DEGREE), Sides::of(sequence));
         let samples = PupilSamples::new(sequence, self.field_rad, self.stop_radius_mm, basis, None)?;
+        let direction = samples.direction();
         let vectors: Vec<[f64; 3]> = (0..samples.x.len())
-            .map(|i| towards([samples.x[i], samples.y[i]], [0, 1, 2].map(|k| samples.direction[k][i])))
+            .map(|i| towards([samples.x[i], samples.y[i]], [0, 1, 2].map(|k| direction[k][i])))
             .collect();
         let fit = |axis: usize, symmetry| {
             let values: Vec<f64> = vectors.iter().map(|v| v[axis]).collect();

@@ -69,11 +69,8 @@ pub(crate) struct PupilSamples {
     pub light: Vec<f64>,
     /// Squared heights at the clear apertures that may cut the beam.
     pub heights: Vec<SquaredHeights>,
-    /// Optical path from the wavefront of a far object through the first vertex, or from a near object point, to the image
-    /// plane, mm, one per sample.
-    pub optical_path: Vec<f64>,
-    /// Direction cosines at the image (those of lines, see `SurfaceAtWavelength`), one per sample.
-    pub direction: [Vec<f64>; 3],
+    /// The rays at the image.
+    rays: RayBundle,
     pub(super) aimed: AimedRays,
     pub field_rad: f64,
     pub(super) stop_radius_mm: f64,
@@ -130,22 +127,9 @@ impl PupilSamples {
         let [x, y] = traced.rays.image_xy().map(|v| v[..count].to_vec());
         let heights = traced.heights.into_iter().filter(may_cut).collect();
         let aimed = traced.aimed;
-        let (light, optical_path) =
-            (Vec::new(), optical_paths(sequence, field_rad, |i| aimed.launch_of(i), &traced.rays));
-        let direction = [0, 1, 2].map(|k| (0..count).map(|i| traced.rays.ray(i).direction[k]).collect());
-        let mut samples = Self {
-            basis,
-            sides,
-            x,
-            y,
-            light,
-            heights,
-            optical_path,
-            direction,
-            aimed,
-            field_rad,
-            stop_radius_mm,
-        };
+        let light = Vec::new();
+        let mut samples =
+            Self { basis, sides, x, y, light, heights, rays: traced.rays, aimed, field_rad, stop_radius_mm };
         // Light by the Jacobian of the polynomials through the launch points, so that its gradient is of one piece with it.
         let area = launch_area(sequence, &order);
         let [[xx, xy], [yx, yy]] = samples.launch_slopes();
@@ -154,6 +138,24 @@ impl PupilSamples {
             .map(|(i, (projection, _))| (xx[i] * yy[i] - xy[i] * yx[i]).abs() / area * projection)
             .collect();
         Some(samples)
+    }
+
+    /// Optical path from the wavefront of a far object through the first vertex, or from a near object point, to the image
+    /// plane, mm, one per sample.
+    pub fn optical_path(&self, sequence: &Sequence) -> Vec<f64> {
+        optical_paths(sequence, self.field_rad, |i| self.aimed.launch_of(i), &self.rays)
+    }
+
+    /// Direction cosines at the image (those of lines, see `SurfaceAtWavelength`), one per sample.
+    pub fn direction(&self) -> [Vec<f64>; 3] {
+        let directions = (0..self.x.len()).map(|i| self.rays.ray(i).direction);
+        let mut all = [Vec::new(), Vec::new(), Vec::new()];
+        for d in directions {
+            for (to, v) in all.iter_mut().zip(d) {
+                to.push(v);
+            }
+        }
+        all
     }
 
     /// Rays through the check points of the pupil, with their squared heights at some surfaces; `None` if one is lost.

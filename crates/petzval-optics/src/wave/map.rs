@@ -30,8 +30,9 @@ pub(crate) struct WaveMap {
     pub n_image: f64,
     even: PlaneFit,
     odd: Option<PlaneFit>,
-    /// Points of the samples.
+    /// Points of the samples, and their direction cosines.
     q: Vec<[f64; 2]>,
+    direction: [Vec<f64>; 3],
     /// Derivatives of q by the stop coordinates at the samples: [q_x by p_x, by p_y, q_y by p_x, by p_y].
     q_by_p: [Vec<f64>; 4],
     /// Optical path, mm, of the first sample.
@@ -113,7 +114,9 @@ impl WaveMap {
     fn through(sequence: &Sequence, samples: PupilSamples, origin_mm: [f64; 2]) -> Option<Self> {
         let (basis, sides) = (samples.basis, samples.sides);
         let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
-        let [l, m, _] = &samples.direction;
+        let direction = samples.direction();
+        let [l, m, _] = &direction;
+        let optical_path = samples.optical_path(sequence);
         // The range of the cosines, rounded to two digits: small changes of a lens do not move the grid.
         let rim = |of: &[f64], symmetry| {
             let at_checks = basis.at_checks(&basis.fit(of, sides, symmetry), sides);
@@ -159,7 +162,7 @@ impl WaveMap {
         let paths: Vec<f64> = (0..q.len())
             .map(|i| {
                 let e = [samples.x[i] - origin_mm[0], samples.y[i] - origin_mm[1]];
-                samples.optical_path[i] - n_image * (e[0] * l[i] + e[1] * m[i])
+                optical_path[i] - n_image * (e[0] * l[i] + e[1] * m[i])
             })
             .collect();
         let path_origin_mm = paths[0];
@@ -187,6 +190,7 @@ impl WaveMap {
             odd,
             q,
             path_origin_mm,
+            direction,
             samples,
         })
     }
@@ -373,7 +377,7 @@ impl WaveMap {
             let asked = -self.n_image * path_bar[i];
             wave.optical_path[i] = path_bar[i];
             for axis in 0..2 {
-                let d = s.direction[axis][i];
+                let d = self.direction[axis][i];
                 wave.direction[axis][i] = q_bar[i][axis] / self.scale[axis] + asked * e[axis];
                 let place_bar = asked * d;
                 sums.origin[axis] -= place_bar;
