@@ -1,6 +1,7 @@
 //! The wave of a beam over the direction cosines in which it meets the image.
 
 use super::fit::{self, PlaneFit};
+use super::opd::ReferenceSphere;
 use crate::gradient::LensGradient;
 use crate::pupil::{
     PupilBasis, PupilPolynomial, PupilSamples, SamplesCotangent, Sides, Symmetry, check_points, optical_paths,
@@ -13,16 +14,14 @@ const TOLERANCE_WAVES: f64 = 2e-3;
 /// Degrees that are tried, one after the other.
 const DEGREES: [usize; 4] = [8, 12, 16, 20];
 
-/// One field at one wavelength: amplitude and phase over `q = (l - l_0, m - m_0) / scale`, with l and m the direction cosines at
-/// the image.
+/// One field at one wavelength: amplitude and phase over `q = (l - l_0, m - m_0) / scale`, with l and m the direction cosines
+/// from where a ray meets the reference sphere to its centre.
 ///
-/// Rays are plane waves here: the phase of a ray at the origin is its optical path to the plane through the origin across it,
-/// `W = L - n' e.d` with e from the origin to where it meets the image plane; that is a reference sphere of infinite radius.
-/// At a point x of the image plane the wave is `exp(i k (W + n' x.d))`.
+/// The phase of a ray is its optical path W to the sphere; seen from the sphere, at a point x of the image plane about the centre
+/// the wave is `exp(i k (W + n' x.d))`. The sphere goes through the exit pupil, where the rim of the beam is sharp.
 pub(crate) struct WaveMap {
     pub samples: PupilSamples,
-    /// Where phases count from on the image plane, mm.
-    pub origin_mm: [f64; 2],
+    sphere: ReferenceSphere,
     /// Middle of the direction cosines, and half their range with a margin.
     pub middle: [f64; 2],
     pub scale: [f64; 2],
@@ -30,7 +29,7 @@ pub(crate) struct WaveMap {
     pub n_image: f64,
     even: PlaneFit,
     odd: Option<PlaneFit>,
-    /// Points of the samples, and their direction cosines.
+    /// Points of the samples, and the direction cosines of their rays.
     q: Vec<[f64; 2]>,
     direction: [Vec<f64>; 3],
     /// Derivatives of q by the stop coordinates at the samples: [q_x by p_x, by p_y, q_y by p_x, by p_y].
@@ -85,7 +84,7 @@ pub(crate) struct WaveCotangent {
     stop: [Vec<f64>; 2],
     heights: Vec<Vec<f64>>,
     semi_diameters: Vec<f64>,
-    /// By the place of the origin, 1/mm.
+    /// By the place of the centre, 1/mm.
     pub origin: [f64; 2],
     /// By the index behind the lens, apart from the optical path of the rays.
     pub n_image: f64,
@@ -114,9 +113,13 @@ impl WaveMap {
     fn through(sequence: &Sequence, samples: PupilSamples, origin_mm: [f64; 2]) -> Option<Self> {
         let (basis, sides) = (samples.basis, samples.sides);
         let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
+        let sphere = ReferenceSphere::through_exit_pupil(sequence, origin_mm).rounded();
         let direction = samples.direction();
-        let [l, m, _] = &direction;
         let optical_path = samples.optical_path(sequence);
+        let met: Vec<(f64, [f64; 3])> = (0..samples.x.len())
+            .map(|i| sphere.run([samples.x[i], samples.y[i]], [0, 1, 2].map(|k| direction[k][i])))
+            .collect();
+        let [l, m]: [Vec<f64>; 2] = [0, 1].map(|k| met.iter().map(|(_, towards)| towards[k]).collect());
         // The range of the cosines, rounded to two digits: small changes of a lens do not move the grid.
         let rim = |of: &[f64], symmetry| {
             let at_checks = basis.at_checks(&basis.fit(of, sides, symmetry), sides);
@@ -125,13 +128,13 @@ impl WaveMap {
         };
         let (low_x, high_x) = match sides {
             Sides::Mirrored => {
-                let (low, high) = rim(l, Symmetry::Odd);
+                let (low, high) = rim(&l, Symmetry::Odd);
                 let high = high.max(-low);
                 (-high, high)
             }
-            Sides::Both => rim(l, Symmetry::Odd),
+            Sides::Both => rim(&l, Symmetry::Odd),
         };
-        let (low_y, high_y) = rim(m, Symmetry::Even);
+        let (low_y, high_y) = rim(&m, Symmetry::Even);
         let range = |low: f64, high: f64| {
             let half = rounded_up(0.5 * (high - low) * 1.02);
             let middle = 0.5 * (low + high);
@@ -159,12 +162,7 @@ impl WaveMap {
         let area = |i: usize| (xx[i] * yy[i] - xy[i] * yx[i]).abs();
         let density: Vec<f64> =
             (0..q.len()).map(|i| samples.light[i] / (std::f64::consts::PI * area(i))).collect();
-        let paths: Vec<f64> = (0..q.len())
-            .map(|i| {
-                let e = [samples.x[i] - origin_mm[0], samples.y[i] - origin_mm[1]];
-                optical_path[i] - n_image * (e[0] * l[i] + e[1] * m[i])
-            })
-            .collect();
+        let paths: Vec<f64> = (0..q.len()).map(|i| optical_path[i] + n_image * met[i].0).collect();
         let path_origin_mm = paths[0];
         let relative: Vec<f64> = paths.iter().map(|p| p - path_origin_mm).collect();
         let points = sides.points(&basis.samples);
@@ -182,7 +180,7 @@ impl WaveMap {
             stop: [odd.as_ref().unwrap_or(&even).fit(&p_x), even.fit(&p_y)],
             heights,
             q_by_p: [xx, xy, yx, yy],
-            origin_mm,
+            sphere,
             middle,
             scale,
             n_image,
@@ -203,10 +201,10 @@ impl WaveMap {
         let paths = optical_paths(sequence, s.field_rad, |i| checks.aimed.launch_of(i), &checks.rays);
         let tolerance = TOLERANCE_WAVES * 1e-3 * sequence.wavelength_um;
         (0..points.len()).all(|i| {
-            let Ray { position: [x, y, _], direction: [l, m, _] } = checks.rays.ray(i);
+            let Ray { position: [x, y, _], direction } = checks.rays.ray(i);
+            let (run, [l, m, _]) = self.sphere.run([x, y], direction);
             let q = [(l - self.middle[0]) / self.scale[0], (m - self.middle[1]) / self.scale[1]];
-            let e = [x - self.origin_mm[0], y - self.origin_mm[1]];
-            let path = paths[i] - self.n_image * (e[0] * l + e[1] * m);
+            let path = paths[i] + self.n_image * run;
             let found = self.even.value(&self.path, q) + self.path_origin_mm;
             let p_x = self.odd.as_ref().unwrap_or(&self.even).value(&self.stop[0], q);
             let p_y = self.even.value(&self.stop[1], q);
@@ -370,22 +368,19 @@ impl WaveMap {
             wish.seeds.heights.push(height);
         }
         self.pull_back_density(&density_bar, &mut wish.light, &mut q_bar);
-        // W = L - n' e.d, q = (d - middle) / scale.
+        // W = L + n' run, q = (towards - middle) / scale.
         let mut wave = WaveSeeds::zero(count);
         for i in 0..count {
-            let e = [s.x[i] - self.origin_mm[0], s.y[i] - self.origin_mm[1]];
-            let asked = -self.n_image * path_bar[i];
             wave.optical_path[i] = path_bar[i];
+            let (place, d) = ([s.x[i], s.y[i]], [0, 1, 2].map(|k| self.direction[k][i]));
+            sums.n_image += path_bar[i] * self.sphere.run(place, d).0;
+            let towards_bar = [0, 1].map(|axis| q_bar[i][axis] / self.scale[axis]);
+            let (place_bar, direction_bar) =
+                self.sphere.pull_back(place, d, self.n_image * path_bar[i], towards_bar);
+            (wish.seeds.image_x[i], wish.seeds.image_y[i]) = (place_bar[0], place_bar[1]);
             for axis in 0..2 {
-                let d = self.direction[axis][i];
-                wave.direction[axis][i] = q_bar[i][axis] / self.scale[axis] + asked * e[axis];
-                let place_bar = asked * d;
-                sums.origin[axis] -= place_bar;
-                sums.n_image -= path_bar[i] * e[axis] * d;
-                match axis {
-                    0 => wish.seeds.image_x[i] = place_bar,
-                    _ => wish.seeds.image_y[i] = place_bar,
-                }
+                wave.direction[axis][i] = direction_bar[axis];
+                sums.origin[axis] -= place_bar[axis];
             }
         }
         wish.seeds.wave = Some(wave);

@@ -44,6 +44,37 @@ impl ReferenceSphere {
     }
 }
 
+impl ReferenceSphere {
+    /// The transpose of [`ReferenceSphere::run`]: cotangents of the place and of the direction, from those of the run and of the
+    /// first two components of the unit vector.
+    pub fn pull_back(
+        &self,
+        at_mm: [f64; 2],
+        d: [f64; 3],
+        run_bar: f64,
+        towards_bar: [f64; 2],
+    ) -> ([f64; 2], [f64; 2]) {
+        let e = [at_mm[0] - self.centre_mm[0], at_mm[1] - self.centre_mm[1]];
+        let b = e[0] * d[0] + e[1] * d[1];
+        let r = self.radius_mm;
+        let root = r.signum() * (b * b + r * r - e[0] * e[0] - e[1] * e[1]).sqrt();
+        let s = -b - root;
+        // towards = -(e + s d) / r, s = -b - root.
+        let s_bar = run_bar - (towards_bar[0] * d[0] + towards_bar[1] * d[1]) / r;
+        let b_bar = -s_bar * (1.0 + b / root);
+        let place = [0, 1].map(|k| b_bar * d[k] + s_bar * e[k] / root - towards_bar[k] / r);
+        let direction = [0, 1].map(|k| b_bar * e[k] - towards_bar[k] * s / r);
+        (place, direction)
+    }
+
+    /// The same sphere with a radius rounded to two digits: small changes of a lens do not move it, and which sphere it is makes
+    /// little difference.
+    pub fn rounded(self) -> Self {
+        let unit = 10f64.powf(self.radius_mm.abs().log10().floor() - 1.0);
+        Self { radius_mm: (self.radius_mm / unit).round() * unit, ..self }
+    }
+}
+
 /// Optical path differences of a field at one wavelength.
 #[derive(Clone, Debug)]
 pub struct Opd {
