@@ -39,8 +39,7 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
             (wanted.element_edge_mm, a.semi_diameter_mm.max(b.semi_diameter_mm))
         };
         let sign = direction_of_light(lens, i);
-        if let (Some(edge), Some(towards)) = (edge_clearance(lens, i, height), thinnest_edge(lens, i, height))
-        {
+        if let Some((edge, towards)) = thinnest_edge(lens, i, height) {
             let at = towards.map(|v| v * height);
             hinge(least - edge, &mut |bar, g| {
                 g.surfaces[i].thickness += sign * bar;
@@ -61,16 +60,16 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
 /// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there, positive in the
 /// direction of light; the least all round. `None` where one of them does not reach that far.
 pub(crate) fn edge_clearance(lens: &Lens, surface: usize, height_mm: f64) -> Option<f64> {
-    clearance_towards(lens, surface, thinnest_edge(lens, surface, height_mm)?, height_mm)
+    thinnest_edge(lens, surface, height_mm).map(|(clearance_mm, _)| clearance_mm)
 }
 
-/// The direction across the axis in which that distance is least.
-pub(crate) fn thinnest_edge(lens: &Lens, surface: usize, height_mm: f64) -> Option<[f64; 2]> {
+/// That distance, and the direction across the axis in which it is.
+pub(crate) fn thinnest_edge(lens: &Lens, surface: usize, height_mm: f64) -> Option<(f64, [f64; 2])> {
     let directions = azimuths(&[&lens.surfaces[surface], &lens.surfaces[surface + 1]]);
     let clearances =
         directions.into_iter().map(|d| Some((clearance_towards(lens, surface, d, height_mm)?, d)));
     let all: Vec<(f64, [f64; 2])> = clearances.collect::<Option<_>>()?;
-    all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, direction)| direction)
+    all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 fn clearance_towards(lens: &Lens, surface: usize, direction: [f64; 2], height_mm: f64) -> Option<f64> {

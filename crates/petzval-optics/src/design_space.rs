@@ -92,6 +92,14 @@ pub enum DesignSpaceError {
         /// Number of surfaces.
         count: usize,
     },
+    /// A pickup follows a variable that does not exist.
+    #[error("a pickup follows variable {variable}, of {count}")]
+    NoSuchVariable {
+        /// Variable, from 1.
+        variable: usize,
+        /// Number of variables.
+        count: usize,
+    },
     /// A starting value outside its bounds.
     #[error("surface {surface}, {parameter:?}: the lens has {value}, outside {min} ... {max}")]
     OutsideBounds {
@@ -233,6 +241,10 @@ impl DesignSpace {
             if surface >= count {
                 return Err(DesignSpaceError::NoSuchSurface { surface: surface + 1, count });
             }
+        }
+        let variables = self.variables.len();
+        if let Some(p) = pickups.iter().find(|p| p.variable >= variables) {
+            return Err(DesignSpaceError::NoSuchVariable { variable: p.variable + 1, count: variables });
         }
         (self.pickups, self.length) = (pickups, length);
         self.lens_at(&self.start)?;

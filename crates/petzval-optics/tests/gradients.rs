@@ -535,6 +535,27 @@ fn radius_and_field_of_view() {
     assert_eq!(at(&lens, held + 0.019).0, 0.0);
 }
 
+/// Compares the derivatives of a spot by the free coordinates of a space with central differences; returns how many there are.
+fn check_coordinates(space: &DesignSpace) -> usize {
+    let fields = [0.1];
+    let x = space.start().to_vec();
+    let at = space.lens_at(&x).unwrap();
+    let (_, gradient) = mean_square_spot(&at, &fields).unwrap();
+    let analytic = space.pull_back(&x, &at, &gradient);
+    for i in 0..x.len() {
+        let value = |h: f64| {
+            let mut moved = x.clone();
+            moved[i] += h;
+            mean_square_spot(&space.lens_at(&moved).unwrap(), &fields).unwrap().0
+        };
+        let h = 1e-5;
+        let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
+        let relative = (analytic[i] - numeric).abs() / numeric.abs();
+        assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
+    }
+    analytic.len()
+}
+
 /// A pickup and a length solve: what follows moves with what it follows, and back.
 #[test]
 fn free_coordinates_with_pickups_and_a_length() {
@@ -554,24 +575,10 @@ fn free_coordinates_with_pickups_and_a_length() {
     .unwrap();
     let pickups = vec![Pickup { surface: 3, variable: 0, scale: -1.0, offset: 0.0 }];
     let space = space.with_solves(pickups, Some((3, 22.0))).unwrap();
-    let x = space.start().to_vec();
-    let at = space.lens_at(&x).unwrap();
+    let at = space.lens_at(space.start()).unwrap();
     assert_eq!(at.surfaces[3].shape.curvature, -at.surfaces[2].shape.curvature);
     assert!((at.total_track_mm() - at.image_distance_mm() - 22.0).abs() < 1e-12);
-    let fields = [0.1];
-    let (_, gradient) = mean_square_spot(&at, &fields).unwrap();
-    let analytic = space.pull_back(&x, &at, &gradient);
-    for i in 0..x.len() {
-        let value = |h: f64| {
-            let mut moved = x.clone();
-            moved[i] += h;
-            mean_square_spot(&space.lens_at(&moved).unwrap(), &fields).unwrap().0
-        };
-        let h = 1e-5;
-        let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
-        let relative = (analytic[i] - numeric).abs() / numeric.abs();
-        assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
-    }
+    assert_eq!(check_coordinates(&space), 4);
     let gone = DesignSpace::new(lens, Vec::new(), None, Focus::Fixed)
         .unwrap()
         .with_solves(Vec::new(), Some((9, 1.0)));
@@ -595,23 +602,8 @@ fn free_coordinates_with_solves() {
         Focus::Paraxial { range_mm: 0.5 },
     )
     .unwrap();
-    let fields = [0.1];
-    let x = space.start().to_vec();
-    let at = space.lens_at(&x).unwrap();
+    let at = space.lens_at(space.start()).unwrap();
     let order = first_order(&at.at_wavelength(at.reference_um));
     assert!((order.efl_mm - 25.0).abs() < 1e-10);
-    let (_, gradient) = mean_square_spot(&at, &fields).unwrap();
-    let analytic = space.pull_back(&x, &at, &gradient);
-    assert_eq!(analytic.len(), 6);
-    for i in 0..x.len() {
-        let value = |h: f64| {
-            let mut moved = x.clone();
-            moved[i] += h;
-            mean_square_spot(&space.lens_at(&moved).unwrap(), &fields).unwrap().0
-        };
-        let h = 1e-5;
-        let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
-        let relative = (analytic[i] - numeric).abs() / numeric.abs();
-        assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
-    }
+    assert_eq!(check_coordinates(&space), 6);
 }

@@ -154,6 +154,7 @@ fn a_ray_asked_for_wrongly_is_refused() {
         ("5", "0.55", "0", ["--pupil needs two numbers", "0,0.7"]),
         ("5", "0.55", "0,0,0", ["--pupil needs two numbers", "0,0.7"]),
         ("5", "0.55", "a,b", ["invalid value", "--pupil"]),
+        ("5", "0.55", "nan,0", ["--pupil", "not two finite numbers"]),
     ] {
         let ray = ["lens", "trace", LENS, "--field", field, "--wavelength", wavelength, "--pupil", pupil];
         run_fails(folder.path(), &ray, 2, &needles);

@@ -445,7 +445,7 @@ fn edge_gradient(
     let decisive = if (a > b) == larger { i } else { i + 1 };
     let height = analysis.apertures.clear_mm[decisive] + MOUNT_MM;
     let sign = direction_of_light(lens, i);
-    let direction = thinnest_edge(lens, i, height)?;
+    let (_, direction) = thinnest_edge(lens, i, height)?;
     let at = direction.map(|v| v * height);
     g.surfaces[i].thickness -= sign;
     sag_gradient(lens, i, at, sign, g);

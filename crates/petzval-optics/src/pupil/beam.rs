@@ -31,8 +31,8 @@ pub struct Beam {
     pub weight: Vec<f64>,
     /// Fate of each ray.
     pub fate: Vec<Fate>,
-    optical_path: Vec<f64>,
-    direction: [Vec<f64>; 3],
+    /// The rays at the image.
+    rays: RayBundle,
     /// Nodes of the pupil and their shares of its area.
     nodes: Vec<[f64; 2]>,
     shares: Vec<f64>,
@@ -148,8 +148,7 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
         y_mm: (0..nodes).map(|i| rays.ray(i).position[1]).collect(),
         weight,
         fate,
-        optical_path: optical_paths(sequence, field_rad, |i| aimed.launch_of(i), &rays),
-        direction: [0, 1, 2].map(|k| (0..nodes).map(|i| rays.ray(i).direction[k]).collect()),
+        rays,
         nodes: points,
         shares,
         aimed,
@@ -164,15 +163,15 @@ impl Beam {
         self.weight.iter().sum()
     }
 
-    /// Optical path of a ray from the wavefront of a far object through the first vertex, or from a near object point, to the
-    /// image plane, mm.
-    pub fn optical_path_mm(&self, ray: usize) -> f64 {
-        self.optical_path[ray]
+    /// Optical paths of the rays from the wavefront of a far object through the first vertex, or from a near object point, to
+    /// the image plane, mm.
+    pub fn optical_paths(&self, sequence: &Sequence) -> Vec<f64> {
+        optical_paths(sequence, self.field_rad, |i| self.aimed.launch_of(i), &self.rays)
     }
 
     /// Direction cosines of a ray at the image (those of a line, see `SurfaceAtWavelength`).
     pub fn direction(&self, ray: usize) -> [f64; 3] {
-        [0, 1, 2].map(|k| self.direction[k][ray])
+        self.rays.ray(ray).direction
     }
 
     /// Solid angle that each ray stands for, of unit vectors that `towards` makes of its place on the image plane (mm) and its

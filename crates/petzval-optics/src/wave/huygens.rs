@@ -31,6 +31,7 @@ pub fn huygens_psf(
 
     // Each ray's wavelet: where it starts from the centre, its optical path there, and its amplitude times area.
     let areas = beam.solid_angles(sequence, |place, d| sphere.run(place, d).1)?;
+    let paths = beam.optical_paths(sequence);
     let mut wavelets: Vec<([f64; 3], f64, f64)> = Vec::new();
     for i in 0..beam.x_mm.len() {
         if !(beam.weight[i] > 0.0 && areas[i].is_finite()) {
@@ -41,10 +42,11 @@ pub fn huygens_psf(
         let start = towards.map(|v| -r * v);
         // The light of the ray on its share of the sphere: amplitude x area = sqrt(light x area).
         let strength = (beam.weight[i] * areas[i]).sqrt();
-        wavelets.push((start, beam.optical_path_mm(i) + n_image * run, strength));
+        let path = paths[i] + n_image * run;
+        wavelets.push((start, path, strength));
         if sequence.is_mirror_symmetric {
             let [x, y, z] = start;
-            wavelets.push(([-x, y, z], beam.optical_path_mm(i) + n_image * run, strength));
+            wavelets.push(([-x, y, z], path, strength));
         }
     }
     let path_origin = wavelets.first()?.1;
