@@ -2,8 +2,8 @@
 //!
 //! The modules follow the light: [`glass`] gives every medium its index, [`lens`] places surfaces on
 //! the axis, [`trace`] sends rays through them and back (the adjoint), [`paraxial`] says what the
-//! lens is to first order, [`spot`] and [`psf`] say what it does to a point, [`design_space`] says
-//! which of its numbers may move.
+//! lens is to first order, [`spot`], [`psf`] and [`wave`] say what it does to a point, [`analysis`] puts that
+//! into the figures that lens designers look at, [`design_space`] says which of its numbers may move.
 //!
 //! # Conventions
 //!
@@ -19,6 +19,7 @@
 #[cfg(test)]
 extern crate self as petzval_optics;
 
+pub mod analysis;
 pub mod constraint;
 pub mod design_space;
 pub mod format;

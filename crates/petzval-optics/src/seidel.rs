@@ -4,10 +4,11 @@
 //! `S_I = -A^2 y D(u/n)`, `S_II = -A Abar y D(u/n)`, `S_III = -Abar^2 y D(u/n)`,
 //! `S_IV = -H^2 c D(1/n)`, `S_V = -Abar (Abar^2 D(1/n^2) y - (Abar y - H) ybar c D(1/n))`.
 //! A departure from the paraxial sphere by `b r^4` adds `a = 8 b (n' - n) y^4` times 1, q, q^2, 0, q^3
-//! with `q = ybar / y`. Source: Welford, Aberrations of Optical Systems, chapter 8.
+//! with `q = ybar / y`. Between two colours, with `dn` the difference of their indices, `C_I = A y D(dn/n)` and
+//! `C_II = Abar y D(dn/n)`. Source: Welford, Aberrations of Optical Systems, chapters 8 and 10.
 
 use crate::lens::ObjectDistance;
-use crate::paraxial::{first_order, paraxial_ray};
+use crate::paraxial::{ParaxialRay, first_order, paraxial_ray};
 use crate::trace::{Bending, Sequence};
 
 /// Seidel coefficients S_I ... S_V, mm.
@@ -35,20 +36,7 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
     if !sequence.surfaces.iter().all(|s| is_covered(&s.bending)) {
         return None;
     }
-    let order = first_order(sequence);
-    let (y1, u1) = match sequence.object {
-        ObjectDistance::Infinity => (0.5 * sequence.entrance_pupil_mm, 0.0),
-        ObjectDistance::Finite(distance) => {
-            let u = 0.5 * sequence.entrance_pupil_mm / (distance + order.entrance_pupil_at_mm);
-            (u * distance, u)
-        }
-    };
-    let chief_slope = match sequence.object {
-        ObjectDistance::Infinity => field_rad.tan(),
-        ObjectDistance::Finite(d) => field_rad.tan() * d / (d + order.entrance_pupil_at_mm),
-    };
-    let marginal = paraxial_ray(sequence, y1, u1);
-    let chief = paraxial_ray(sequence, -chief_slope * order.entrance_pupil_at_mm, chief_slope);
+    let (marginal, chief) = marginal_and_chief(sequence, field_rad);
     let invariant = marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0];
 
     let sums = sequence
@@ -89,6 +77,50 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
         })
         .collect();
     Some(sums)
+}
+
+/// The paraxial rays from the object's axis point to the rim of the entrance pupil, and from the field's point to its middle.
+pub(crate) fn marginal_and_chief(sequence: &Sequence, field_rad: f64) -> (ParaxialRay, ParaxialRay) {
+    let order = first_order(sequence);
+    let (y1, u1) = match sequence.object {
+        ObjectDistance::Infinity => (0.5 * sequence.entrance_pupil_mm, 0.0),
+        ObjectDistance::Finite(distance) => {
+            let u = 0.5 * sequence.entrance_pupil_mm / (distance + order.entrance_pupil_at_mm);
+            (u * distance, u)
+        }
+    };
+    let chief_slope = match sequence.object {
+        ObjectDistance::Infinity => field_rad.tan(),
+        ObjectDistance::Finite(d) => field_rad.tan() * d / (d + order.entrance_pupil_at_mm),
+    };
+    let marginal = paraxial_ray(sequence, y1, u1);
+    let chief = paraxial_ray(sequence, -chief_slope * order.entrance_pupil_at_mm, chief_slope);
+    (marginal, chief)
+}
+
+/// Chromatic sums C_I (axial colour) and C_II (lateral colour) by surface, mm, between two colours (the shorter wavelength
+/// first) of the lens whose rays are those of `sequence`.
+pub fn chromatic(
+    sequence: &Sequence,
+    shorter: &Sequence,
+    longer: &Sequence,
+    field_rad: f64,
+) -> Vec<[f64; 2]> {
+    let (marginal, chief) = marginal_and_chief(sequence, field_rad);
+    sequence
+        .surfaces
+        .iter()
+        .enumerate()
+        .map(|(i, s)| {
+            let c = s.shape.paraxial_curvature();
+            let (a, a_chief) =
+                (marginal.w[i] + s.n_before * marginal.y[i] * c, chief.w[i] + s.n_before * chief.y[i] * c);
+            let (short, long) = (&shorter.surfaces[i], &longer.surfaces[i]);
+            let before = (short.n_before - long.n_before) / s.n_before;
+            let behind = (short.n_after - long.n_after) / s.n_after;
+            [a, a_chief].map(|a| a * marginal.y[i] * (behind - before))
+        })
+        .collect()
 }
 
 /// The sums over all surfaces; `None` where [`seidel`] has none.

@@ -67,7 +67,8 @@ fn about(axis: usize, angle: f64, derivative: bool) -> Matrix3 {
     m
 }
 
-fn product(a: Matrix3, b: Matrix3) -> Matrix3 {
+/// `A B`.
+pub(crate) fn product(a: Matrix3, b: Matrix3) -> Matrix3 {
     let mut m = [[0.0; 3]; 3];
     for (i, row) in m.iter_mut().enumerate() {
         for (j, value) in row.iter_mut().enumerate() {

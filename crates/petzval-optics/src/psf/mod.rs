@@ -208,7 +208,8 @@ fn make(
         if options.kind == PsfKind::Diffraction {
             let like = channels.last().and_then(|c| c.light.wave());
             let grid = options.image_grid();
-            let channel = WaveChannel::new(&sequence, field_rad, stop_radius_mm, chief_mm, grid, like)?;
+            let beyond_mm = 0.5 * grid.cells as f64 * grid.pitch_mm;
+            let channel = WaveChannel::new(&sequence, field_rad, stop_radius_mm, chief_mm, beyond_mm, like)?;
             let Shown { mut values, illumination } = channel.show(grid);
             let total: f64 = values.iter().sum();
             if !(total > 0.0 && illumination > 0.0) {

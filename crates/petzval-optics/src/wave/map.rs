@@ -225,7 +225,7 @@ impl WaveMap {
     }
 
     /// Cosine to the axis at a point.
-    fn slant(&self, q_y: f64, q_x: f64) -> f64 {
+    pub fn slant(&self, q_y: f64, q_x: f64) -> f64 {
         let [l, m] =
             [self.middle[0] + self.scale[0] * q_x, self.middle[1] + self.scale[1] * q_y].map(|v| v * v);
         (1.0 - l - m).max(1e-6).sqrt()

@@ -10,8 +10,11 @@ mod huygens;
 mod map;
 mod matrix;
 mod opd;
+mod otf;
 mod psf;
+mod strehl;
 
 pub use huygens::huygens_psf;
-pub use opd::{Opd, PupilPlane, opd};
+pub use opd::{Opd, PupilPlane, opd, opd_about};
+pub(crate) use otf::{LineSpread, Section};
 pub(crate) use psf::{ImageGrid, Shown, WaveChannel};

@@ -81,6 +81,10 @@ pub struct Opd {
     /// Of each point of the pupil, waves: path of the ray to the reference sphere less that of the chief ray; `None` where the
     /// ray is lost.
     pub waves: Vec<Option<f64>>,
+    /// Where the ray through each point meets the image plane, mm; `None` where it is lost.
+    pub landing_mm: Vec<Option<[f64; 2]>>,
+    /// Share of each ray's light that the clear apertures let through.
+    pub transmission: Vec<f64>,
     /// Radius of the reference sphere, mm (signed, see `ReferenceSphere`).
     pub radius_mm: f64,
     /// Where the chief ray meets the image plane, mm.
@@ -107,6 +111,19 @@ pub fn opd(
     points: &[[f64; 2]],
     plane: PupilPlane,
 ) -> Option<Opd> {
+    opd_about(sequence, field_rad, stop_radius_mm, points, plane, None)
+}
+
+/// [`opd`] against the sphere about another point of the image plane, mm, such as the image of the chief ray of the reference
+/// wavelength: lateral colour is then a tilt of the wavefront.
+pub fn opd_about(
+    sequence: &Sequence,
+    field_rad: f64,
+    stop_radius_mm: f64,
+    points: &[[f64; 2]],
+    plane: PupilPlane,
+    centre_mm: Option<[f64; 2]>,
+) -> Option<Opd> {
     let order = first_order(sequence);
     let mut all = vec![[0.0; 2]];
     all.extend_from_slice(points);
@@ -132,7 +149,7 @@ pub fn opd(
     }
     let paths = optical_paths(sequence, field_rad, |i| launches[i], &rays);
     let [x, y, _] = rays.ray(0).position;
-    let sphere = ReferenceSphere::through_exit_pupil(sequence, [x, y]);
+    let sphere = ReferenceSphere::through_exit_pupil(sequence, centre_mm.unwrap_or([x, y]));
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
     let to_sphere = |i: usize| {
         let ray = rays.ray(i);
@@ -140,8 +157,19 @@ pub fn opd(
         paths[i] + n_image * run
     };
     let chief = to_sphere(0);
-    let waves = (1..all.len()).map(|i| {
+    let of_points = 1..all.len();
+    let waves = of_points.clone().map(|i| {
         rays.fate(i).reaches_image().then(|| (to_sphere(i) - chief) / (1e-3 * sequence.wavelength_um))
     });
-    Some(Opd { waves: waves.collect(), radius_mm: sphere.radius_mm, chief_mm: [x, y] })
+    let landing = of_points.clone().map(|i| {
+        let [x, y, _] = rays.ray(i).position;
+        rays.fate(i).reaches_image().then_some([x, y])
+    });
+    Some(Opd {
+        waves: waves.collect(),
+        landing_mm: landing.collect(),
+        transmission: of_points.map(|i| rays.transmission(i)).collect(),
+        radius_mm: sphere.radius_mm,
+        chief_mm: [x, y],
+    })
 }

@@ -13,6 +13,9 @@ use crate::trace::Sequence;
 /// Periods of the sampled wave's image over the extent that it has to hold.
 const ROOM: f64 = 2.5;
 
+/// With fewer periods light from one edge would show at the other.
+const LEAST_ROOM: f64 = 2.0;
+
 /// Least and greatest number of nodes across the pupil.
 const NODES: [usize; 2] = [224, 768];
 
@@ -28,16 +31,18 @@ pub(crate) struct ImageGrid {
 
 /// One wavelength.
 pub(crate) struct WaveChannel {
-    map: WaveMap,
-    nodes: usize,
+    pub(super) map: WaveMap,
+    /// Nodes a side.
+    pub(super) nodes: usize,
     /// 2 pi over the wavelength, 1/mm.
-    wavenumber: f64,
+    pub(super) wavenumber: f64,
 }
 
 /// The wave on the nodes of the pupil grid.
-struct Nodes {
-    points: Vec<WavePoint>,
-    wave: Complex,
+pub(super) struct Nodes {
+    pub points: Vec<WavePoint>,
+    /// `(column, row)`
+    pub wave: Complex,
 }
 
 /// What a channel shows.
@@ -49,13 +54,14 @@ pub(crate) struct Shown {
 }
 
 impl WaveChannel {
-    /// `None` where polynomials do not describe the wave; see [`WaveMap::new`].
+    /// A wave whose image may be looked at up to `beyond_mm` from where rays land. `None` where polynomials do not describe the
+    /// wave, see [`WaveMap::new`], or where it spreads over more than the finest grid can hold.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
         stop_radius_mm: f64,
         chief_mm: [f64; 2],
-        grid: ImageGrid,
+        beyond_mm: f64,
         like: Option<&Self>,
     ) -> Option<Self> {
         let like = like.map(|channel| &channel.map);
@@ -64,13 +70,15 @@ impl WaveChannel {
         // grid and all rays.
         let reach = (0..2).map(|axis| {
             let of = [&map.samples.x, &map.samples.y][axis];
-            let rays = of.iter().map(|v| (v - chief_mm[axis]).abs()).fold(0.0, f64::max);
-            rays + 0.5 * grid.cells as f64 * grid.pitch_mm
+            of.iter().map(|v| (v - chief_mm[axis]).abs()).fold(0.0, f64::max) + beyond_mm
         });
         let reach = reach.fold(0.0, f64::max);
         let wavelength_mm = 1e-3 * sequence.wavelength_um;
         let spacing = wavelength_mm / (map.n_image.abs() * ROOM * reach);
         let needed = map.scale.iter().map(|s| (2.0 * s / spacing).ceil() as usize).max()?;
+        if needed as f64 > NODES[1] as f64 * ROOM / LEAST_ROOM {
+            return None;
+        }
         // Numbers of nodes in steps, so that small changes of a lens do not change it.
         let nodes = needed.next_multiple_of(16).clamp(NODES[0], NODES[1]);
         Some(Self { map, nodes, wavenumber: TAU / wavelength_mm })
@@ -81,7 +89,8 @@ impl WaveChannel {
         self.map.samples.basis.degree
     }
 
-    fn q(&self, i: usize) -> f64 {
+    /// Coordinate of a node.
+    pub(super) fn q(&self, i: usize) -> f64 {
         (2.0 * i as f64 + 1.0) / self.nodes as f64 - 1.0
     }
 
@@ -104,7 +113,8 @@ impl WaveChannel {
         if self.is_half() { self.nodes / 2..self.nodes } else { 0..self.nodes }
     }
 
-    fn nodes(&self) -> Nodes {
+    /// The wave on all nodes.
+    pub(super) fn nodes(&self) -> Nodes {
         let n = self.nodes;
         let mut nodes = Nodes { points: vec![WavePoint::default(); n * n], wave: Complex::zeros(n, n) };
         for j in 0..n {

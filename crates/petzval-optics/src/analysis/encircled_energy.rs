@@ -1,0 +1,104 @@
+//! Encircled energy: how much of the light of a point falls within a circle.
+
+use serde::Serialize;
+
+use super::lens_at_field::{LensAtField, pupil};
+use super::options::{evenly, round_up};
+use super::{AnalysisError, AnalysisOptions};
+use crate::lens::Lens;
+use crate::psf::{PsfKind, PsfOptions, psf};
+use crate::pupil::{Beam, Quadrature};
+use crate::spot::spot;
+
+/// Cells a side of the PSF by waves.
+const CELLS: usize = 192;
+
+/// Parts of a cell by which a circle cuts it.
+const PARTS: usize = 4;
+
+/// Energy within circles about the centroid of the light of all colours, as shares of all light that reaches the image.
+#[derive(Clone, Debug, Serialize)]
+pub struct EncircledEnergy {
+    /// The field, degrees.
+    pub field_deg: f64,
+    /// Radii, um.
+    pub radius_um: Vec<f64>,
+    /// By rays.
+    pub geometric: Vec<f64>,
+    /// By waves; `None` where rays of the stop are lost or the wavefront is too rough for its polynomials.
+    pub diffraction: Option<Vec<f64>>,
+}
+
+/// Encircled energy of a field, up to a radius that holds all rays and, on the axis of a perfect lens, five dark rings.
+pub fn encircled_energy(
+    lens: &Lens,
+    field_deg: f64,
+    options: &AnalysisOptions,
+) -> Result<EncircledEnergy, AnalysisError> {
+    let field = LensAtField::new(lens, field_deg)?;
+    let quadrature = pupil(options.pupil_cells);
+    let beams = field.beams(&quadrature)?;
+    let no_light = AnalysisError::NoLight { field_deg };
+    let centre = spot(lens, field.field_rad, &quadrature).ok_or(no_light)?;
+    let centre_mm = [centre.centroid_x_mm, centre.centroid_y_mm];
+    // Distance of every ray with its share of all light.
+    let mut rays: Vec<(f64, f64)> = Vec::new();
+    for beam in &beams {
+        let unit = 1.0 / (beam.illumination() * beams.len() as f64);
+        let distance = |i: usize| 1e3 * (beam.x_mm[i] - centre_mm[0]).hypot(beam.y_mm[i] - centre_mm[1]);
+        rays.extend(
+            (0..beam.weight.len())
+                .filter(|i| beam.weight[*i] > 0.0)
+                .map(|i| (distance(i), unit * beam.weight[i])),
+        );
+    }
+    rays.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let farthest = rays.last().map_or(0.0, |r| r.0);
+    let radius = round_up(1.1 * farthest.max(4.0 * field.airy_radius_um()));
+    let radius_um = evenly(0.0, radius, options.radius_points.max(2));
+    let geometric = within(&rays, &radius_um);
+    let diffraction = by_waves(&field, &beams, &quadrature, centre_mm, &radius_um);
+    Ok(EncircledEnergy { field_deg, radius_um, geometric, diffraction })
+}
+
+/// Light within each of some radii, from (distance, light) in the order of the distance.
+fn within(light: &[(f64, f64)], radius_um: &[f64]) -> Vec<f64> {
+    let (mut next, mut sum) = (0, 0.0);
+    radius_um
+        .iter()
+        .map(|radius| {
+            while let Some((_, share)) = light.get(next).filter(|(r, _)| r <= radius) {
+                sum += share;
+                next += 1;
+            }
+            sum
+        })
+        .collect()
+}
+
+fn by_waves(
+    field: &LensAtField,
+    beams: &[Beam],
+    quadrature: &Quadrature,
+    centre_mm: [f64; 2],
+    radius_um: &[f64],
+) -> Option<Vec<f64>> {
+    let shift_um = [0, 1].map(|axis| 1e3 * (centre_mm[axis] - field.chief_mm[axis]));
+    let reach = radius_um.last()? + shift_um[0].abs().max(shift_um[1].abs());
+    let grid = PsfOptions { grid: CELLS, pitch_um: 2.0 * reach / CELLS as f64, kind: PsfKind::Diffraction };
+    let found = psf(field.lens, field.field_rad, &field.lens.wavelengths_um, quadrature, &grid)?;
+    let mut light: Vec<(f64, f64)> = Vec::with_capacity(CELLS * CELLS * PARTS * PARTS);
+    let part = grid.pitch_um / PARTS as f64;
+    let place = |k: usize| ((k as f64 + 0.5) - 0.5 * (CELLS * PARTS) as f64) * part;
+    for y in 0..CELLS * PARTS {
+        for x in 0..CELLS * PARTS {
+            let cell = y / PARTS * CELLS + x / PARTS;
+            let share: f64 =
+                found.values.iter().zip(&found.captured).map(|(v, captured)| v[cell] * captured).sum();
+            let distance = (place(x) - shift_um[0]).hypot(place(y) - shift_um[1]);
+            light.push((distance, share / (beams.len() * PARTS * PARTS) as f64));
+        }
+    }
+    light.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Some(within(&light, radius_um))
+}

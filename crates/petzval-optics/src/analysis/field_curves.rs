@@ -1,0 +1,111 @@
+//! Over the field: where lines focus, how the image is distorted and coloured, and how bright it is.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::lens_at_field::{LensAtField, pupil};
+use super::{AnalysisError, AnalysisOptions};
+use crate::lens::Lens;
+use crate::paraxial::image_height_per_tangent;
+use crate::pupil::{chief_ray, paraxial_launch};
+use crate::trace::{Ray, Sequence, aim_at_stop, launch, trace_ray};
+
+/// Distance on the first vertex plane of the two rays whose crossing is a focus, as a share of the entrance pupil: small enough
+/// that aberrations (which go with its square) do not count, large enough to keep eight digits.
+const CLOSE: f64 = 1e-4;
+
+/// Curves over the field; lists by wavelength hold one value per field.
+#[derive(Clone, Debug, Serialize)]
+pub struct FieldCurves {
+    /// Fields from the axis outwards, degrees.
+    pub field_deg: Vec<f64>,
+    /// `[wavelength]`: where rays close to the chief ray in the plane of the fields cross it, z from the image plane, mm.
+    pub tangential_focus_mm: Vec<Vec<f64>>,
+    /// `[wavelength]`: where rays close to the chief ray across that plane cross it, z from the image plane, mm.
+    pub sagittal_focus_mm: Vec<Vec<f64>>,
+    /// `[wavelength]`: chief-ray height over that of the paraxial image at the reference wavelength, `f tan(field)`, less one, %;
+    /// zero on the axis.
+    pub distortion_percent: Vec<Vec<f64>>,
+    /// `[wavelength]`: the same over `f field`.
+    pub f_theta_distortion_percent: Vec<Vec<f64>>,
+    /// `[wavelength]`: chief-ray height less that of the reference wavelength, um.
+    pub lateral_colour_um: Vec<Vec<f64>>,
+    /// `[wavelength]`: illumination of the image over that of the axis of the same wavelength.
+    pub relative_illumination: Vec<Vec<f64>>,
+}
+
+/// One field at every wavelength.
+struct AtField {
+    foci_mm: Vec<[f64; 2]>,
+    height_mm: Vec<f64>,
+    reference_height_mm: f64,
+    illumination: Vec<f64>,
+}
+
+/// The curves of a lens.
+pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurves, AnalysisError> {
+    let field_deg = options.fields_deg(lens);
+    let quadrature = pupil(options.pupil_cells);
+    let at = |deg: &f64| -> Result<AtField, AnalysisError> {
+        let field = LensAtField::new(lens, *deg)?;
+        let beams = field.beams(&quadrature)?;
+        let mut result = AtField {
+            foci_mm: Vec::new(),
+            height_mm: Vec::new(),
+            reference_height_mm: field.chief_mm[1],
+            illumination: beams.iter().map(|beam| beam.illumination()).collect(),
+        };
+        for colour in &field.colours {
+            let lost = || AnalysisError::NoChiefRay { field_deg: *deg, wavelength_um: colour.wavelength_um };
+            result.height_mm.push(chief_ray(colour, field.field_rad).ok_or_else(lost)?.y_mm);
+            result.foci_mm.push(foci(colour, field.field_rad).ok_or_else(lost)?);
+        }
+        Ok(result)
+    };
+    let fields = field_deg.par_iter().map(at).collect::<Result<Vec<_>, _>>()?;
+    let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
+    let on_axis = fields[0].reference_height_mm;
+    let by_colour = |value: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
+        (0..lens.wavelengths_um.len())
+            .map(|colour| (0..fields.len()).map(|i| value(i, colour)).collect())
+            .collect()
+    };
+    let distortion = |ideal: &dyn Fn(f64) -> f64| {
+        by_colour(&|i, colour| {
+            let wanted = per_tangent * ideal(field_deg[i].to_radians());
+            if wanted == 0.0 { 0.0 } else { 100.0 * ((fields[i].height_mm[colour] - on_axis) / wanted - 1.0) }
+        })
+    };
+    Ok(FieldCurves {
+        tangential_focus_mm: by_colour(&|i, colour| fields[i].foci_mm[colour][1]),
+        sagittal_focus_mm: by_colour(&|i, colour| fields[i].foci_mm[colour][0]),
+        distortion_percent: distortion(&f64::tan),
+        f_theta_distortion_percent: distortion(&|field| field),
+        lateral_colour_um: by_colour(&|i, colour| {
+            1e3 * (fields[i].height_mm[colour] - fields[i].reference_height_mm)
+        }),
+        relative_illumination: by_colour(&|i, colour| {
+            fields[i].illumination[colour] / fields[0].illumination[colour]
+        }),
+        field_deg,
+    })
+}
+
+/// Where rays close to the chief ray cross it across the plane of the fields and in it: z from the image plane, mm.
+fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
+    let order = crate::paraxial::first_order(sequence);
+    let guess = paraxial_launch(&order, sequence, field_rad, [0.0; 2]);
+    let chief = aim_at_stop(sequence, field_rad, [0.0; 2], guess)?.launch_mm;
+    let close = CLOSE * sequence.entrance_pupil_mm;
+    let image = |at: [f64; 2]| trace_ray(sequence, launch(sequence, field_rad, at).ray).image;
+    let crossing = |axis: usize| -> Option<f64> {
+        let mut ends = [chief; 2];
+        ends[0][axis] -= close;
+        ends[1][axis] += close;
+        let [a, b]: [Ray; 2] = [image(ends[0])?, image(ends[1])?];
+        let apart = b.position[axis] - a.position[axis];
+        let slope = |ray: Ray| ray.direction[axis] / ray.direction[2];
+        Some(-apart / (slope(b) - slope(a)))
+    };
+    Some([crossing(0)?, crossing(1)?])
+}

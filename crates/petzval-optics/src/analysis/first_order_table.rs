@@ -1,0 +1,102 @@
+//! The first-order table: what the lens is near its axis, in the quantities of a data sheet.
+
+use serde::Serialize;
+
+use super::options::{cutoff_per_mm, image_f_number};
+use crate::lens::{Lens, ObjectDistance};
+use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray};
+use crate::seidel::marginal_and_chief;
+
+/// First-order quantities at the reference wavelength; what does not exist (the distance of an object at infinity, the focal
+/// length of an afocal lens) is `None`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FirstOrderTable {
+    /// Effective focal length, mm.
+    pub efl_mm: Option<f64>,
+    /// From the last vertex to the rear focal point, mm.
+    pub bfl_mm: Option<f64>,
+    /// From the first vertex to the front focal point, mm, negative in front of the lens.
+    pub ffl_mm: Option<f64>,
+    /// Focal length over entrance pupil diameter.
+    pub f_number: Option<f64>,
+    /// 1 / (2 NA) of the paraxial cone at the image: that of this object distance.
+    pub working_f_number: f64,
+    /// From the first vertex to the object, mm, negative.
+    pub object_mm: Option<f64>,
+    /// Lateral magnification of a near object.
+    pub magnification: Option<f64>,
+    /// From the last vertex to the image plane, mm.
+    pub image_mm: f64,
+    /// Image plane from the paraxial image, mm.
+    pub defocus_mm: Option<f64>,
+    /// From the first vertex to the image plane, mm.
+    pub total_track_mm: f64,
+    /// Entrance pupil diameter, mm.
+    pub entrance_pupil_mm: f64,
+    /// Entrance pupil from the first vertex, mm.
+    pub entrance_pupil_at_mm: Option<f64>,
+    /// Exit pupil diameter, mm.
+    pub exit_pupil_mm: Option<f64>,
+    /// Exit pupil from the last vertex, mm.
+    pub exit_pupil_at_mm: Option<f64>,
+    /// Radius of the stop, mm.
+    pub stop_radius_mm: f64,
+    /// Full field, degrees from the axis.
+    pub full_field_deg: f64,
+    /// Height of the paraxial image of the full field, mm.
+    pub image_height_mm: Option<f64>,
+    /// Lagrange's invariant `n (u ybar - ubar y)` of the full field, mm.
+    pub lagrange_invariant_mm: f64,
+    /// Radius of the Petzval surface, mm, negative where it is hollow towards the lens.
+    pub petzval_radius_mm: Option<f64>,
+    /// Radius of the first dark ring of a perfect lens, um.
+    pub airy_radius_um: f64,
+    /// Frequency beyond which nothing is resolved on the axis, cycles/mm.
+    pub cutoff_per_mm: f64,
+}
+
+/// The first-order table of a lens.
+pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&sequence);
+    let exists = |v: f64| Some(v).filter(|v| v.is_finite());
+    let full_field_deg = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let full = full_field_deg.to_radians();
+    let per_tangent = image_height_per_tangent(&sequence);
+    let (object_mm, magnification) = match lens.object {
+        ObjectDistance::Infinity => (None, None),
+        // A field of tangent t is an object at -D t.
+        ObjectDistance::Finite(d) => (Some(-d), exists(-per_tangent / d)),
+    };
+    let (marginal, chief) = marginal_and_chief(&sequence, full);
+    // A ray that leaves parallel to the axis starts at the front focal point: y + u s = 0 for s there.
+    let count = sequence.surfaces.len();
+    let [a, b] = [paraxial_ray(&sequence, 1.0, 0.0), paraxial_ray(&sequence, 0.0, 1.0)].map(|r| r.w[count]);
+    // Petzval: 1 / (n' R) = sum c (1/n' - 1/n) over the surfaces.
+    let bends =
+        sequence.surfaces.iter().map(|s| s.shape.paraxial_curvature() * (1.0 / s.n_after - 1.0 / s.n_before));
+    let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
+    FirstOrderTable {
+        efl_mm: exists(order.efl_mm),
+        bfl_mm: exists(order.bfl_mm),
+        ffl_mm: exists(b / a),
+        f_number: exists(order.f_number),
+        working_f_number: image_f_number(lens),
+        object_mm,
+        magnification,
+        image_mm: lens.image_distance_mm(),
+        defocus_mm: exists(lens.image_distance_mm() - order.image_distance_mm),
+        total_track_mm: lens.total_track_mm(),
+        entrance_pupil_mm: lens.entrance_pupil_mm,
+        entrance_pupil_at_mm: exists(order.entrance_pupil_at_mm),
+        exit_pupil_mm: exists(order.exit_pupil_mm),
+        exit_pupil_at_mm: exists(order.exit_pupil_at_mm),
+        stop_radius_mm: order.stop_radius_mm.abs(),
+        full_field_deg,
+        image_height_mm: exists(per_tangent * full.tan()),
+        lagrange_invariant_mm: marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0],
+        petzval_radius_mm: exists(1.0 / (n_image * bends.sum::<f64>())),
+        airy_radius_um: 1.219_67 * lens.reference_um * image_f_number(lens),
+        cutoff_per_mm: cutoff_per_mm(lens),
+    }
+}

@@ -1,0 +1,142 @@
+//! Elements: the pieces of glass of a lens, as outlines in its section.
+
+use std::sync::Arc;
+
+use super::place::Place;
+use super::{LayoutElement, LayoutLine, LineKind};
+use crate::glass::Glass;
+use crate::lens::{Action, Lens, Surface};
+
+/// Steps in which the profile of a surface is drawn, from edge to edge.
+const STEPS: usize = 60;
+
+/// An edge thinner than this is taken for a crossing, mm.
+const THINNEST_EDGE_MM: f64 = 0.01;
+
+/// The medium behind every surface: behind a mirror it is the one in front.
+fn media(lens: &Lens) -> Vec<Arc<Glass>> {
+    let mut media: Vec<Arc<Glass>> = Vec::new();
+    for s in &lens.surfaces {
+        media.push(match (s.action, media.last()) {
+            (Action::Reflect, Some(front)) => front.clone(),
+            (Action::Reflect, None) => Glass::air(),
+            _ => s.glass.clone(),
+        });
+    }
+    media
+}
+
+/// A surface in its place.
+#[derive(Clone, Copy)]
+struct Wall<'a> {
+    surface: &'a Surface,
+    place: &'a Place,
+    is_cemented: bool,
+}
+
+/// The elements of a lens in the order that light meets them. Elements without air between them are cemented and share one outer
+/// diameter; a surface with the same glass on both sides (an inner stop) divides nothing.
+pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
+    let (surfaces, media) = (&lens.surfaces, media(lens));
+    let mut elements = Vec::new();
+    let mut first = 0;
+    while first < surfaces.len() {
+        if media[first].is_air() {
+            first += 1;
+            continue;
+        }
+        // Follow the glass to the next air; glass that reaches the image has no rear surface to draw.
+        let Some(length) = media[first..].iter().position(|glass| glass.is_air()) else { break };
+        let last = first + length;
+        let divides =
+            |i: usize| i == first || media[i] != media[i - 1] || surfaces[i].action == Action::Reflect;
+        let walls: Vec<usize> = (first..=last).filter(|i| divides(*i)).collect();
+        let height_mm = walls.iter().map(|i| surfaces[*i].semi_diameter_mm).fold(0.0, f64::max);
+        let wall = |i: usize| Wall {
+            surface: &surfaces[i],
+            place: &places[i],
+            is_cemented: i != first && i != last && surfaces[i].action != Action::Reflect,
+        };
+        for pair in walls.windows(2) {
+            let glass = &media[pair[0]];
+            let [front, rear] = sides(wall(pair[0]), wall(pair[1]), height_mm);
+            let ends = |side: &[[f64; 2]]| [side.last().copied(), side.first().copied()];
+            let middle = |a: Option<[f64; 2]>, b: Option<[f64; 2]>| match (a, b) {
+                (Some(a), Some(b)) => [0, 1].map(|k| 0.5 * (a[k] + b[k])),
+                _ => places[pair[0]].section([0.0; 2]),
+            };
+            let ([front_up, front_down], [rear_up, rear_down]) = (ends(&front), ends(&rear));
+            elements.push(LayoutElement {
+                glass: glass.name.clone(),
+                nd: glass.nd(),
+                vd: glass.abbe_vd(),
+                height_mm,
+                rims: [middle(front_up, rear_up), middle(front_down, rear_down)],
+                // The front from bottom to top, the ground edge, the rear from top to bottom.
+                outline: front.into_iter().chain(rear.into_iter().rev()).collect(),
+            });
+        }
+        first = last;
+    }
+    elements
+}
+
+/// Mirrors, thin lenses and diffractive structures between equal media.
+pub(super) fn bare_surfaces(lens: &Lens, places: &[Place]) -> Vec<LayoutLine> {
+    let media = media(lens);
+    let air = Glass::air();
+    let kind = |i: usize| {
+        let s = &lens.surfaces[i];
+        let before = if i == 0 { &air } else { &media[i - 1] };
+        match s.action {
+            Action::Reflect => Some(LineKind::Mirror),
+            Action::ThinLens { .. } => Some(LineKind::ThinLens),
+            _ if s.phase.is_some() && *before == media[i] => Some(LineKind::Structure),
+            _ => None,
+        }
+    };
+    (0..lens.surfaces.len())
+        .filter_map(|i| {
+            let surface = &lens.surfaces[i];
+            let wall = Wall { surface, place: &places[i], is_cemented: false };
+            Some(LayoutLine { kind: kind(i)?, points: profile(wall, surface.semi_diameter_mm, true) })
+        })
+        .collect()
+}
+
+/// Profiles of the front and the rear of an element, from the lower to the upper rim.
+fn sides(front: Wall, rear: Wall, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
+    // Beyond its clear semi-diameter a free surface ends in a flat, a cemented one goes on as it is.
+    let flat = [front, rear].map(|wall| profile(wall, height_mm, wall.is_cemented));
+    let direction = (rear.place.origin[2] - front.place.origin[2]).signum();
+    let has_edge = |f: &[[f64; 2]], r: &[[f64; 2]]| match (f.last(), r.last()) {
+        (Some(f), Some(r)) => (r[0] - f[0]) * direction > THINNEST_EDGE_MM,
+        _ => false,
+    };
+    if has_edge(&flat[0], &flat[1]) {
+        return flat;
+    }
+    // The flats of a strong meniscus may meet: then both surfaces go on to the rim.
+    [front, rear].map(|wall| profile(wall, height_mm, true))
+}
+
+/// A surface from the lower to the upper rim.
+fn profile(wall: Wall, height_mm: f64, goes_on: bool) -> Vec<[f64; 2]> {
+    let Wall { surface, place, .. } = wall;
+    let sag = |y: f64| surface.shape.sag_at_mm([0.0, y]);
+    let curved_mm = match goes_on && sag(height_mm).is_some() && sag(-height_mm).is_some() {
+        true => height_mm,
+        false => surface.semi_diameter_mm.min(height_mm),
+    };
+    let mut points: Vec<[f64; 2]> = (0..=STEPS)
+        .map(|i| curved_mm * (2.0 * i as f64 / STEPS as f64 - 1.0))
+        .filter_map(|y| sag(y).map(|z| [z, y]))
+        .collect();
+    if let (Some(low), Some(high), true) =
+        (points.first().copied(), points.last().copied(), height_mm > curved_mm)
+    {
+        points.insert(0, [low[0], -height_mm]);
+        points.push([high[0], height_mm]);
+    }
+    points.into_iter().map(|p| place.section(p)).collect()
+}

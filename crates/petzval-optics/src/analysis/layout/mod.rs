@@ -1,0 +1,111 @@
+//! The layout: a lens in its y-z section, with rays, in the coordinates of its first vertex.
+
+mod element;
+mod place;
+mod ray;
+
+use serde::Serialize;
+
+use super::AnalysisOptions;
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use element::{bare_surfaces, elements};
+use place::places;
+
+/// A lens in its y-z section; points are (z, y) in mm from the first vertex.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Layout {
+    /// Pieces of glass in the order that light meets them.
+    pub elements: Vec<LayoutElement>,
+    /// Surfaces that belong to no piece of glass.
+    pub lines: Vec<LayoutLine>,
+    /// `[field]`: rays of the reference wavelength through the vertical diameter of the stop.
+    pub rays: Vec<Vec<LayoutRay>>,
+    /// The optical axis through the vertices to the image.
+    pub axis: Vec<[f64; 2]>,
+    /// The two edges of the stop, each from its rim outwards.
+    pub stop: [[[f64; 2]; 2]; 2],
+    /// The image plane from edge to edge, as far as the fields reach.
+    pub image: [[f64; 2]; 2],
+}
+
+/// One piece of glass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutElement {
+    /// What it is made of.
+    pub glass: String,
+    /// Its index at the d line.
+    pub nd: f64,
+    /// Its Abbe number.
+    pub vd: f64,
+    /// Half its outer diameter, mm.
+    pub height_mm: f64,
+    /// Middle of its upper and of its lower rim.
+    pub rims: [[f64; 2]; 2],
+    /// Closed outline.
+    pub outline: Vec<[f64; 2]>,
+}
+
+/// What a bare surface is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LineKind {
+    /// A mirror.
+    Mirror,
+    /// A thin lens.
+    ThinLens,
+    /// A surface between equal media that bends light: a diffractive structure.
+    Structure,
+}
+
+/// A surface that belongs to no piece of glass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutLine {
+    /// What it is.
+    pub kind: LineKind,
+    /// Its profile from the lower to the upper edge.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// A ray as a line.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutRay {
+    /// Corners, from in front of the lens to the image or to where it is lost.
+    pub points: Vec<[f64; 2]>,
+    /// Whether it is lost on the way.
+    pub is_lost: bool,
+}
+
+/// Share of the lens's size by which rays start in front of it.
+const LEAD: f64 = 0.14;
+
+/// The layout of a lens with rays of its own fields.
+pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
+    let places = places(lens);
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    let size = places.iter().map(|p| p.origin[2].abs().max(p.origin[1].abs())).fold(0.0, f64::max);
+    let rays: Vec<Vec<LayoutRay>> = lens
+        .fields_deg
+        .iter()
+        .map(|field| ray::fan(lens, &places, field.to_radians(), options.layout_rays.max(2), LEAD * size))
+        .collect();
+    // The stop's edges reach half a radius outwards.
+    let stop = &places[lens.stop];
+    let inner = order.stop_radius_mm.abs();
+    let outer = inner + (0.5 * inner).max(0.04 * size);
+    let sag = lens.surfaces[lens.stop].shape.sag_at_mm([0.0, inner]).unwrap_or(0.0);
+    let image = &places[lens.surfaces.len()];
+    let reached = |of: &[LayoutRay]| {
+        let at_image = of.iter().filter(|r| !r.is_lost).filter_map(|r| r.points.last().copied());
+        at_image.map(|p| image.height_of(p).abs()).fold(0.0, f64::max)
+    };
+    let half_image = rays.iter().map(|r| reached(r)).fold(0.5 * inner, f64::max);
+    Layout {
+        elements: elements(lens, &places),
+        lines: bare_surfaces(lens, &places),
+        rays,
+        axis: places.iter().map(|p| p.section([0.0; 2])).collect(),
+        stop: [1.0, -1.0].map(|side| [inner, outer].map(|r| stop.section([sag, side * r]))),
+        image: [-1.0, 1.0].map(|side| image.section([0.0, side * half_image])),
+    }
+}

@@ -1,0 +1,69 @@
+//! Fans of a layout: the rays of a field in the plane of the drawing, from before the lens to the image.
+
+use super::LayoutRay;
+use super::place::Place;
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use crate::pupil::paraxial_launch;
+use crate::trace::{Fate, Path, Sequence, aim_at_stop, launch, trace_ray};
+
+/// The rays of a field at the lens's reference wavelength, evenly spread over the stop's diameter and
+/// aimed at it by real tracing. They start `lead_mm` in front of the first vertex; a clipped ray ends
+/// where it is clipped. A ray that cannot be aimed is left out.
+pub(super) fn fan(
+    lens: &Lens,
+    places: &[Place],
+    field_rad: f64,
+    rays: usize,
+    lead_mm: f64,
+) -> Vec<LayoutRay> {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&sequence);
+    let mut previous = None;
+    (0..rays)
+        .filter_map(|i| {
+            let pupil = 2.0 * i as f64 / (rays - 1) as f64 - 1.0;
+            let target = [0.0, pupil * order.stop_radius_mm];
+            // Guess from first order; a strongly bent pupil is entered from the neighbouring ray.
+            let aimed = [Some(paraxial_launch(&order, &sequence, field_rad, [0.0, pupil])), previous]
+                .into_iter()
+                .flatten()
+                .find_map(|guess| aim_at_stop(&sequence, field_rad, target, guess))?;
+            previous = Some(aimed.launch_mm);
+            Some(line(&sequence, places, field_rad, aimed.launch_mm, lead_mm))
+        })
+        .collect()
+}
+
+/// Traces a ray and joins the points where it meets the surfaces.
+fn line(
+    sequence: &Sequence,
+    places: &[Place],
+    field_rad: f64,
+    launch_mm: [f64; 2],
+    lead_mm: f64,
+) -> LayoutRay {
+    let start = launch(sequence, field_rad, launch_mm).ray;
+    let path = trace_ray(sequence, start);
+    let slope = start.direction[1] / start.direction[2];
+    let mut points = vec![[-lead_mm, start.position[1] - lead_mm * slope]];
+    let section = |place: &Place, local: [f64; 3]| {
+        let [_, y, z] = place.point(local);
+        [z, y]
+    };
+    for (place, passage) in places.iter().zip(&path.passages).take(survived(&path)) {
+        points.push(section(place, passage.point));
+    }
+    if let (Fate::Ok, Some(image), Some(place)) = (path.fate, path.image, places.last()) {
+        points.push(section(place, image.position));
+    }
+    LayoutRay { points, is_lost: path.fate != Fate::Ok }
+}
+
+/// How many surfaces the ray meets before it is lost, the one that stops it included.
+fn survived(path: &Path) -> usize {
+    match path.fate {
+        Fate::Clipped(surface) => surface + 1,
+        _ => path.passages.len(),
+    }
+}

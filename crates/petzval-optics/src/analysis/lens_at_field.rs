@@ -1,0 +1,63 @@
+//! What every analysis of a field begins with.
+
+use super::AnalysisError;
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use crate::pupil::{Beam, Quadrature, chief_ray, trace_beam};
+use crate::trace::Sequence;
+
+/// A field of a lens: its chief ray, and the lens at every wavelength.
+pub(super) struct LensAtField<'a> {
+    pub lens: &'a Lens,
+    pub field_deg: f64,
+    pub field_rad: f64,
+    /// Radius of the stop, mm.
+    pub stop_radius_mm: f64,
+    /// Where the chief ray of the reference wavelength lands, mm.
+    pub chief_mm: [f64; 2],
+    /// By wavelength.
+    pub colours: Vec<Sequence>,
+}
+
+impl<'a> LensAtField<'a> {
+    pub fn new(lens: &'a Lens, field_deg: f64) -> Result<Self, AnalysisError> {
+        let reference = lens.at_wavelength(lens.reference_um);
+        let field_rad = field_deg.to_radians();
+        let no_chief = || AnalysisError::NoChiefRay { field_deg, wavelength_um: lens.reference_um };
+        let chief = chief_ray(&reference, field_rad).ok_or_else(no_chief)?;
+        Ok(Self {
+            lens,
+            field_deg,
+            field_rad,
+            stop_radius_mm: first_order(&reference).stop_radius_mm,
+            chief_mm: [chief.x_mm, chief.y_mm],
+            colours: lens.wavelengths_um.iter().map(|w| lens.at_wavelength(*w)).collect(),
+        })
+    }
+
+    /// The traced beam of every colour, each of which must bring light.
+    pub fn beams(&self, quadrature: &Quadrature) -> Result<Vec<Beam>, AnalysisError> {
+        self.colours
+            .iter()
+            .map(|colour| {
+                let beam = trace_beam(colour, self.field_rad, self.stop_radius_mm, quadrature);
+                match beam.illumination() > 0.0 {
+                    true => Ok(beam),
+                    false => Err(AnalysisError::NoLight { field_deg: self.field_deg }),
+                }
+            })
+            .collect()
+    }
+
+    /// Diameter of the stop's image in which light of the axis interferes: radius of the first dark ring of the paraxial cone at
+    /// the reference wavelength, um.
+    pub fn airy_radius_um(&self) -> f64 {
+        1.219_67 * self.lens.reference_um * super::options::image_f_number(self.lens)
+    }
+}
+
+/// The quadrature of an analysis: as many cells as asked for, or the nearest number that is possible.
+pub(super) fn pupil(cells: usize) -> Quadrature {
+    let possible = cells.clamp(12, 4096).next_multiple_of(2);
+    Quadrature::grid(possible).unwrap_or_else(|_| unreachable!("a possible number of cells"))
+}

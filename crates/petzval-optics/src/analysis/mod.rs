@@ -1,0 +1,114 @@
+//! What a lens designer looks at, each analysis as plain data in the units of its axes.
+//!
+//! Every analysis is a function of a lens (and of how finely to look) and stands on exact tracing; nothing here draws.
+//! [`analyze`] does them all. Fields are those of the lens file, in its order; rays are aimed at the real stop; colours count alike.
+
+mod axial_colour;
+mod encircled_energy;
+mod error;
+mod fan;
+mod field_curves;
+mod first_order_table;
+mod layout;
+mod lens_at_field;
+mod mtf;
+mod options;
+mod spot_diagram;
+mod third_order;
+mod wavefront;
+
+pub use axial_colour::{AxialColour, LongitudinalAberration, axial_colour, longitudinal_aberration};
+pub use encircled_energy::{EncircledEnergy, encircled_energy};
+pub use error::AnalysisError;
+pub use fan::{Fan, fan};
+pub use field_curves::{FieldCurves, field_curves};
+pub use first_order_table::{FirstOrderTable, first_order_table};
+pub use layout::{Layout, LayoutElement, LayoutLine, LayoutRay, layout};
+pub use mtf::{FieldMtf, MtfByField, MtfCurve, ThroughFocusMtf, field_mtf, mtf_by_field, through_focus_mtf};
+pub use options::AnalysisOptions;
+pub use spot_diagram::{SpotDiagram, spot_diagram};
+pub use third_order::{ThirdOrder, ThirdOrderSurface, third_order};
+pub use wavefront::{Wavefront, ZERNIKE_TERMS, fringe_zernike, wavefront};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::lens::Lens;
+
+/// Everything about a lens.
+#[derive(Clone, Debug, Serialize)]
+pub struct Analysis {
+    /// Name of the lens.
+    pub name: String,
+    /// Wavelengths, um, in the order of every list by wavelength.
+    pub wavelengths_um: Vec<f64>,
+    /// Wavelength of chief rays that other rays are compared with, um.
+    pub reference_um: f64,
+    /// Fields, degrees, in the order of every list by field.
+    pub fields_deg: Vec<f64>,
+    /// First-order properties.
+    pub first_order: FirstOrderTable,
+    /// Seidel sums, by surface.
+    pub third_order: Option<ThirdOrder>,
+    /// The cross-section with rays.
+    pub layout: Layout,
+    /// Where rays land, by field.
+    pub spots: Vec<SpotDiagram>,
+    /// Ray and wavefront aberrations along two diameters of the stop, by field.
+    pub fans: Vec<Fan>,
+    /// Wavefronts, by field.
+    pub wavefronts: Vec<Wavefront>,
+    /// Modulation over frequency, by field.
+    pub mtf: Vec<FieldMtf>,
+    /// Modulation over the field.
+    pub mtf_by_field: MtfByField,
+    /// Modulation over focus, by field.
+    pub mtf_through_focus: Vec<ThroughFocusMtf>,
+    /// Field curvature, distortion, lateral colour and illumination over the field.
+    pub field_curves: FieldCurves,
+    /// Focus over wavelength.
+    pub axial_colour: AxialColour,
+    /// Focus over the height in the pupil.
+    pub longitudinal_aberration: LongitudinalAberration,
+    /// Energy within circles, by field.
+    pub encircled_energy: Vec<EncircledEnergy>,
+}
+
+/// All analyses of a lens.
+pub fn analyze(lens: &Lens, options: &AnalysisOptions) -> Result<Analysis, AnalysisError> {
+    let by_field = |i: usize| -> Result<_, AnalysisError> {
+        let field = lens.fields_deg[i];
+        Ok((
+            spot_diagram(lens, field, options)?,
+            fan(lens, field, options)?,
+            wavefront(lens, field)?,
+            field_mtf(lens, field, options)?,
+            through_focus_mtf(lens, field, options)?,
+            encircled_energy(lens, field, options)?,
+        ))
+    };
+    let (per_field, (mtf_by_field, field_curves)) = rayon::join(
+        || (0..lens.fields_deg.len()).into_par_iter().map(by_field).collect::<Result<Vec<_>, _>>(),
+        || (mtf_by_field(lens, options), field_curves(lens, options)),
+    );
+    let per_field = per_field?;
+    Ok(Analysis {
+        name: lens.name.clone(),
+        wavelengths_um: lens.wavelengths_um.clone(),
+        reference_um: lens.reference_um,
+        fields_deg: lens.fields_deg.clone(),
+        first_order: first_order_table(lens),
+        third_order: third_order(lens),
+        layout: layout(lens, options),
+        spots: per_field.iter().map(|f| f.0.clone()).collect(),
+        fans: per_field.iter().map(|f| f.1.clone()).collect(),
+        wavefronts: per_field.iter().map(|f| f.2.clone()).collect(),
+        mtf: per_field.iter().map(|f| f.3.clone()).collect(),
+        mtf_through_focus: per_field.iter().map(|f| f.4.clone()).collect(),
+        encircled_energy: per_field.into_iter().map(|f| f.5).collect(),
+        mtf_by_field: mtf_by_field?,
+        field_curves: field_curves?,
+        axial_colour: axial_colour(lens, options),
+        longitudinal_aberration: longitudinal_aberration(lens, options),
+    })
+}

@@ -1,0 +1,266 @@
+//! The modulation transfer function: contrast of sinusoidal patterns in the image, over frequency, field and focus.
+//!
+//! The transfer functions of the colours, each of unit value at frequency zero, add up about the chief ray of the reference
+//! wavelength; the modulation is the modulus of their mean. Geometric curves are the Fourier sum over where rays land, each
+//! weighed by its light; diffraction curves are the autocorrelation of the wave (`wave/otf.rs`).
+
+use rayon::prelude::*;
+use rustfft::num_complex::Complex64;
+use serde::Serialize;
+
+use super::lens_at_field::{LensAtField, pupil};
+use super::options::evenly;
+use super::{AnalysisError, AnalysisOptions};
+use crate::lens::Lens;
+use crate::pupil::Beam;
+use crate::trace::Sequence;
+use crate::wave::{LineSpread, Section, WaveChannel};
+
+/// Modulation in two sections.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MtfCurve {
+    /// Lines that point away from the axis (modulation along x), 0..1.
+    pub sagittal: Vec<f64>,
+    /// Lines across (modulation along y, in the plane of the fields), 0..1.
+    pub tangential: Vec<f64>,
+}
+
+/// Modulation of a field over frequency.
+#[derive(Clone, Debug, Serialize)]
+pub struct FieldMtf {
+    /// The field, degrees.
+    pub field_deg: f64,
+    /// Frequencies, cycles/mm on the image plane.
+    pub frequency_per_mm: Vec<f64>,
+    /// By rays.
+    pub geometric: MtfCurve,
+    /// By waves; `None` where rays of the stop are lost or the wavefront is too rough for its polynomials.
+    pub diffraction: Option<MtfCurve>,
+    /// By waves of the same beam without aberrations; `None` like [`FieldMtf::diffraction`].
+    pub limit: Option<MtfCurve>,
+}
+
+/// Modulation over the field.
+#[derive(Clone, Debug, Serialize)]
+pub struct MtfByField {
+    /// Fields from the axis outwards, degrees.
+    pub field_deg: Vec<f64>,
+    /// Frequencies, cycles/mm.
+    pub frequency_per_mm: Vec<f64>,
+    /// `[frequency]`: over the fields, by rays.
+    pub geometric: Vec<MtfCurve>,
+    /// `[frequency]`: over the fields, by waves; `None` if some field has none.
+    pub diffraction: Option<Vec<MtfCurve>>,
+}
+
+/// Modulation of a field over focus.
+#[derive(Clone, Debug, Serialize)]
+pub struct ThroughFocusMtf {
+    /// The field, degrees.
+    pub field_deg: f64,
+    /// The frequency, cycles/mm.
+    pub frequency_per_mm: f64,
+    /// Shifts of the image plane along z, mm.
+    pub defocus_mm: Vec<f64>,
+    /// By rays.
+    pub geometric: MtfCurve,
+    /// By waves; `None` like [`FieldMtf::diffraction`].
+    pub diffraction: Option<MtfCurve>,
+}
+
+const SECTIONS: [Section; 2] = [Section::Sagittal, Section::Tangential];
+
+impl MtfCurve {
+    /// A curve of what `modulation` says of a section at each of some points.
+    fn of<T: Copy>(points: &[T], modulation: impl Fn(Section, T) -> f64) -> Self {
+        let [sagittal, tangential] =
+            SECTIONS.map(|section| points.iter().map(|p| modulation(section, *p)).collect());
+        Self { sagittal, tangential }
+    }
+}
+
+/// Where the rays of a field land, by colour.
+struct Landings {
+    colours: Vec<Landing>,
+}
+
+/// The rays of one colour: about the reference chief ray, mm; slopes to the axis; shares of light, of unit sum.
+struct Landing {
+    at_mm: [Vec<f64>; 2],
+    slope: [Vec<f64>; 2],
+    share: Vec<f64>,
+    /// Whether each ray stands for its mirror image in x too.
+    is_half: bool,
+}
+
+impl Landings {
+    fn new(field: &LensAtField, options: &AnalysisOptions) -> Result<Self, AnalysisError> {
+        let beams = field.beams(&pupil(options.pupil_cells))?;
+        let colours =
+            beams.iter().zip(&field.colours).map(|(beam, colour)| Landing::new(beam, colour, field.chief_mm));
+        Ok(Self { colours: colours.collect() })
+    }
+
+    /// Modulation of a section at a frequency, on an image plane shifted along z.
+    fn modulation(&self, section: Section, frequency_per_mm: f64, defocus_mm: f64) -> f64 {
+        let all = self.colours.iter().map(|c| c.transfer(section, frequency_per_mm, defocus_mm));
+        all.sum::<Complex64>().norm() / self.colours.len() as f64
+    }
+}
+
+impl Landing {
+    fn new(beam: &Beam, colour: &Sequence, chief_mm: [f64; 2]) -> Self {
+        let lit: Vec<usize> = (0..beam.weight.len()).filter(|i| beam.weight[*i] > 0.0).collect();
+        let light = beam.illumination();
+        let about = |of: &[f64], chief: f64| lit.iter().map(|i| of[*i] - chief).collect();
+        let slope = |axis: usize| {
+            lit.iter().map(|i| beam.direction(*i)).map(|direction| direction[axis] / direction[2]).collect()
+        };
+        Self {
+            at_mm: [about(&beam.x_mm, chief_mm[0]), about(&beam.y_mm, chief_mm[1])],
+            slope: [slope(0), slope(1)],
+            share: lit.iter().map(|i| beam.weight[*i] / light).collect(),
+            is_half: colour.is_mirror_symmetric,
+        }
+    }
+
+    fn transfer(&self, section: Section, frequency_per_mm: f64, defocus_mm: f64) -> Complex64 {
+        let turn = -std::f64::consts::TAU * frequency_per_mm;
+        let axis = if section == Section::Sagittal { 0 } else { 1 };
+        let places = self.at_mm[axis].iter().zip(&self.slope[axis]).zip(&self.share);
+        let phases = places.map(|((at, slope), share)| (turn * (at + defocus_mm * slope), *share));
+        match (axis, self.is_half) {
+            (0, true) => Complex64::new(phases.map(|(p, share)| share * p.cos()).sum(), 0.0),
+            _ => phases.map(|(p, share)| Complex64::cis(p) * share).sum(),
+        }
+    }
+}
+
+/// Waves of a field by colour; `None` where one of them has no polynomial description.
+fn waves(field: &LensAtField, beyond_mm: f64) -> Option<Vec<WaveChannel>> {
+    let mut channels: Vec<WaveChannel> = Vec::new();
+    for colour in &field.colours {
+        let channel = WaveChannel::new(
+            colour,
+            field.field_rad,
+            field.stop_radius_mm,
+            field.chief_mm,
+            beyond_mm,
+            channels.last(),
+        )?;
+        channels.push(channel);
+    }
+    Some(channels)
+}
+
+/// Line-spread functions of the colours in both sections.
+struct Spreads([Vec<LineSpread>; 2]);
+
+impl Spreads {
+    fn new(channels: &[WaveChannel], defocus_mm: f64, ideal: bool) -> Self {
+        Self(
+            SECTIONS
+                .map(|section| channels.iter().map(|c| c.line_spread(section, defocus_mm, ideal)).collect()),
+        )
+    }
+
+    fn modulation(&self, section: Section, frequency_per_mm: f64) -> f64 {
+        let spreads = &self.0[if section == Section::Sagittal { 0 } else { 1 }];
+        let sum: Complex64 = spreads.iter().map(|s| s.transfer(frequency_per_mm)).sum();
+        sum.norm() / spreads.len() as f64
+    }
+}
+
+/// Modulation of a field over frequency.
+pub fn field_mtf(lens: &Lens, field_deg: f64, options: &AnalysisOptions) -> Result<FieldMtf, AnalysisError> {
+    let field = LensAtField::new(lens, field_deg)?;
+    let frequency_per_mm = evenly(0.0, options.highest_frequency(lens), options.frequency_points.max(2));
+    let landings = Landings::new(&field, options)?;
+    let waves = waves(&field, 0.0);
+    let by_waves = |ideal: bool| {
+        let spreads = Spreads::new(waves.as_ref()?, 0.0, ideal);
+        Some(MtfCurve::of(&frequency_per_mm, |section, f| spreads.modulation(section, f)))
+    };
+    Ok(FieldMtf {
+        field_deg,
+        geometric: MtfCurve::of(&frequency_per_mm, |section, f| landings.modulation(section, f, 0.0)),
+        diffraction: by_waves(false),
+        limit: by_waves(true),
+        frequency_per_mm,
+    })
+}
+
+/// Modulation over the field at some frequencies.
+pub fn mtf_by_field(lens: &Lens, options: &AnalysisOptions) -> Result<MtfByField, AnalysisError> {
+    let field_deg = options.fields_deg(lens);
+    let frequency_per_mm = options.frequencies_by_field(lens);
+    // `[field]`: curves over the frequencies, by rays and by waves.
+    let of_field = |deg: &f64| -> Result<(MtfCurve, Option<MtfCurve>), AnalysisError> {
+        let field = LensAtField::new(lens, *deg)?;
+        let landings = Landings::new(&field, options)?;
+        let geometric = MtfCurve::of(&frequency_per_mm, |section, f| landings.modulation(section, f, 0.0));
+        let diffraction = waves(&field, 0.0).map(|channels| {
+            let spreads = Spreads::new(&channels, 0.0, false);
+            MtfCurve::of(&frequency_per_mm, |section, f| spreads.modulation(section, f))
+        });
+        Ok((geometric, diffraction))
+    };
+    let (geometric, diffraction): (Vec<MtfCurve>, Vec<Option<MtfCurve>>) =
+        field_deg.par_iter().map(of_field).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let diffraction: Option<Vec<MtfCurve>> = diffraction.into_iter().collect();
+    let over_fields = |by_field: &[MtfCurve]| -> Vec<MtfCurve> {
+        (0..frequency_per_mm.len())
+            .map(|k| MtfCurve {
+                sagittal: by_field.iter().map(|curve| curve.sagittal[k]).collect(),
+                tangential: by_field.iter().map(|curve| curve.tangential[k]).collect(),
+            })
+            .collect()
+    };
+    Ok(MtfByField {
+        geometric: over_fields(&geometric),
+        diffraction: diffraction.as_deref().map(over_fields),
+        field_deg,
+        frequency_per_mm,
+    })
+}
+
+/// Modulation of a field over focus at one frequency.
+pub fn through_focus_mtf(
+    lens: &Lens,
+    field_deg: f64,
+    options: &AnalysisOptions,
+) -> Result<ThroughFocusMtf, AnalysisError> {
+    let field = LensAtField::new(lens, field_deg)?;
+    let frequency_per_mm = options.frequency_through_focus(lens);
+    let defocus_mm = options.defocus_mm(lens);
+    let landings = Landings::new(&field, options)?;
+    // A shifted plane spreads the light by the slopes of the rays.
+    let range = defocus_mm.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let chief_slope = |axis: usize| {
+        let slopes: Vec<f64> = landings.colours.iter().flat_map(|c| &c.slope[axis]).copied().collect();
+        slopes.iter().fold(0.0_f64, |a, b| a.max(b.abs()))
+    };
+    let beyond_mm = range * chief_slope(0).max(chief_slope(1));
+    let diffraction = waves(&field, beyond_mm).map(|channels| {
+        let by_focus: Vec<[f64; 2]> = defocus_mm
+            .par_iter()
+            .map(|dz| {
+                let spreads = Spreads::new(&channels, *dz, false);
+                SECTIONS.map(|section| spreads.modulation(section, frequency_per_mm))
+            })
+            .collect();
+        MtfCurve {
+            sagittal: by_focus.iter().map(|m| m[0]).collect(),
+            tangential: by_focus.iter().map(|m| m[1]).collect(),
+        }
+    });
+    Ok(ThroughFocusMtf {
+        field_deg,
+        frequency_per_mm,
+        geometric: MtfCurve::of(&defocus_mm, |section, dz| {
+            landings.modulation(section, frequency_per_mm, dz)
+        }),
+        diffraction,
+        defocus_mm,
+    })
+}

@@ -1,0 +1,124 @@
+//! How finely a lens is looked at.
+
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+
+/// How finely a lens is looked at, and how far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnalysisOptions {
+    /// Cells a side of the pupil of geometric analyses, even.
+    pub pupil_cells: usize,
+    /// Rings of the pattern of spot diagrams.
+    pub spot_rings: usize,
+    /// Points of a fan, odd.
+    pub fan_points: usize,
+    /// Rays of a fan in the layout.
+    pub layout_rays: usize,
+    /// Points from the axis to the full field.
+    pub field_points: usize,
+    /// Highest frequency of MTF curves, cycles/mm; `None`: 100, or the cutoff of the lens if that is less.
+    pub max_frequency_per_mm: Option<f64>,
+    /// Points of an MTF curve.
+    pub frequency_points: usize,
+    /// Frequencies of MTF over the field, cycles/mm; empty: a quarter, a half and all of the highest.
+    pub field_frequencies_per_mm: Vec<f64>,
+    /// Frequency of MTF through focus, cycles/mm; `None`: a half of the highest.
+    pub focus_frequency_per_mm: Option<f64>,
+    /// Range of through-focus curves to both sides of the image plane, mm; `None`: where the blur of the f-number reaches two
+    /// periods of the frequency.
+    pub focus_range_mm: Option<f64>,
+    /// Points of a through-focus curve, odd.
+    pub focus_points: usize,
+    /// Points of encircled energy.
+    pub radius_points: usize,
+}
+
+impl Default for AnalysisOptions {
+    fn default() -> Self {
+        Self {
+            pupil_cells: 64,
+            spot_rings: 10,
+            fan_points: 65,
+            layout_rays: 7,
+            field_points: 21,
+            max_frequency_per_mm: None,
+            frequency_points: 51,
+            field_frequencies_per_mm: Vec::new(),
+            focus_frequency_per_mm: None,
+            focus_range_mm: None,
+            focus_points: 41,
+            radius_points: 64,
+        }
+    }
+}
+
+/// The highest frequency that is shown by itself, cycles/mm.
+const COMMON_FREQUENCY: f64 = 100.0;
+
+impl AnalysisOptions {
+    /// Highest frequency of MTF curves, cycles/mm.
+    pub fn highest_frequency(&self, lens: &Lens) -> f64 {
+        self.max_frequency_per_mm.unwrap_or_else(|| cutoff_per_mm(lens).min(COMMON_FREQUENCY))
+    }
+
+    /// Frequencies of MTF over the field, cycles/mm.
+    pub fn frequencies_by_field(&self, lens: &Lens) -> Vec<f64> {
+        if self.field_frequencies_per_mm.is_empty() {
+            [0.25, 0.5, 1.0].map(|share| share * self.highest_frequency(lens)).to_vec()
+        } else {
+            self.field_frequencies_per_mm.clone()
+        }
+    }
+
+    /// Frequency of MTF through focus, cycles/mm.
+    pub fn frequency_through_focus(&self, lens: &Lens) -> f64 {
+        self.focus_frequency_per_mm.unwrap_or_else(|| 0.5 * self.highest_frequency(lens))
+    }
+
+    /// Shifts of the image plane of a through-focus curve, mm.
+    pub(super) fn defocus_mm(&self, lens: &Lens) -> Vec<f64> {
+        let range = self.focus_range_mm.unwrap_or_else(|| {
+            // A shift dz makes a disk of diameter dz / f-number.
+            round_up(2.0 * image_f_number(lens) / self.frequency_through_focus(lens))
+        });
+        evenly(-range, range, self.focus_points.max(3))
+    }
+
+    /// Fields from the axis to the full field, degrees.
+    pub(super) fn fields_deg(&self, lens: &Lens) -> Vec<f64> {
+        let full = lens.fields_deg.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
+        evenly(0.0, full, self.field_points.max(2))
+    }
+}
+
+/// So many numbers from one to another.
+pub(super) fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
+    (0..count).map(|i| from + (to - from) * i as f64 / (count - 1) as f64).collect()
+}
+
+/// The next of 1, 2, 5, 10, ... that is not less.
+pub(super) fn round_up(value: f64) -> f64 {
+    if !(value > 0.0 && value.is_finite()) {
+        return 1.0;
+    }
+    let decade = 10_f64.powf(value.log10().floor());
+    let digit = [1.0, 2.0, 5.0].into_iter().find(|d| d * decade >= value * (1.0 - 1e-9));
+    digit.unwrap_or(10.0) * decade
+}
+
+/// Distance from the exit pupil to the image over the pupil's diameter: 1 / (2 NA) for the paraxial image.
+pub(super) fn image_f_number(lens: &Lens) -> f64 {
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    let along = (order.image_distance_mm - order.exit_pupil_at_mm).abs();
+    match along.is_finite() {
+        true => along / order.exit_pupil_mm,
+        // The exit pupil is at infinity: the cone is that of the marginal ray from the rear focus.
+        false => order.f_number.abs(),
+    }
+}
+
+/// Frequency beyond which no light is modulated on the axis, cycles/mm: `2 NA / wavelength`, for the paraxial cone at the
+/// reference wavelength.
+pub(super) fn cutoff_per_mm(lens: &Lens) -> f64 {
+    1e3 / (lens.reference_um * image_f_number(lens))
+}

@@ -1,0 +1,93 @@
+//! Spot diagrams: where rays of a field land.
+
+use std::f64::consts::TAU;
+
+use serde::Serialize;
+
+use super::lens_at_field::{LensAtField, pupil};
+use super::{AnalysisError, AnalysisOptions};
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use crate::pupil::paraxial_launch;
+use crate::spot::spot;
+use crate::trace::{AimedRays, trace};
+
+/// The spot diagram of a field.
+#[derive(Clone, Debug, Serialize)]
+pub struct SpotDiagram {
+    /// The field, degrees.
+    pub field_deg: f64,
+    /// Where the chief ray of the reference wavelength lands, mm.
+    pub chief_mm: [f64; 2],
+    /// `[wavelength][ray]`: (x, y) from there of rays through rings of the stop that each stand for the same area, um; rays that
+    /// are lost or blocked are left out.
+    pub points_um: Vec<Vec<[f64; 2]>>,
+    /// Centroid of all light from the chief ray, um.
+    pub centroid_um: [f64; 2],
+    /// RMS radius about the centroid of all wavelengths, each ray weighed by its light, um; from a dense pupil, not from the
+    /// points shown.
+    pub rms_um: f64,
+    /// `[wavelength]`: RMS radius about the wavelength's own centroid, um.
+    pub rms_by_wavelength_um: Vec<f64>,
+    /// Greatest distance of a point shown from the centroid, um.
+    pub geometric_radius_um: f64,
+    /// Radius of the first dark ring of a perfect lens of that f-number on the axis, um.
+    pub airy_radius_um: f64,
+}
+
+/// Rings of equally many rays per area about the middle of the unit disk: one point, then 6, 12, 18, ...
+fn hexapolar(rings: usize) -> Vec<[f64; 2]> {
+    let mut points = vec![[0.0; 2]];
+    for ring in 1..=rings {
+        let radius = ring as f64 / rings as f64;
+        for k in 0..6 * ring {
+            let (sin, cos) = (TAU * k as f64 / (6 * ring) as f64).sin_cos();
+            points.push([radius * sin, radius * cos]);
+        }
+    }
+    points
+}
+
+/// The spot diagram of a field.
+pub fn spot_diagram(
+    lens: &Lens,
+    field_deg: f64,
+    options: &AnalysisOptions,
+) -> Result<SpotDiagram, AnalysisError> {
+    let field = LensAtField::new(lens, field_deg)?;
+    let points = hexapolar(options.spot_rings.max(1));
+    let [x, y] = field.chief_mm;
+    let points_um: Vec<Vec<[f64; 2]>> = field
+        .colours
+        .iter()
+        .map(|colour| {
+            let order = first_order(colour);
+            let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| p * field.stop_radius_mm)).collect();
+            let guesses: Vec<[f64; 2]> =
+                points.iter().map(|p| paraxial_launch(&order, colour, field.field_rad, *p)).collect();
+            let mut rays = AimedRays::new(colour, field.field_rad, &targets, &guesses).bundle(colour);
+            trace(colour, &mut rays);
+            let passes = |i: &usize| rays.fate(*i).reaches_image() && rays.transmission(*i) > 0.5;
+            let place = |i: usize| rays.ray(i).position;
+            (0..points.len())
+                .filter(passes)
+                .map(place)
+                .map(|p| [1e3 * (p[0] - x), 1e3 * (p[1] - y)])
+                .collect()
+        })
+        .collect();
+    let radii = spot(lens, field.field_rad, &pupil(options.pupil_cells))
+        .ok_or(AnalysisError::NoLight { field_deg })?;
+    let centroid_um = [1e3 * (radii.centroid_x_mm - x), 1e3 * (radii.centroid_y_mm - y)];
+    let from_centroid = |p: &[f64; 2]| (p[0] - centroid_um[0]).hypot(p[1] - centroid_um[1]);
+    Ok(SpotDiagram {
+        field_deg,
+        chief_mm: field.chief_mm,
+        geometric_radius_um: points_um.iter().flatten().map(from_centroid).fold(0.0, f64::max),
+        points_um,
+        centroid_um,
+        rms_um: radii.rms_poly_um,
+        rms_by_wavelength_um: radii.rms_um,
+        airy_radius_um: field.airy_radius_um(),
+    })
+}

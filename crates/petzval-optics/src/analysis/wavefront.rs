@@ -1,0 +1,228 @@
+//! Wavefronts: their errors, Zernike coefficients and Strehl ratios.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::AnalysisError;
+use super::lens_at_field::{LensAtField, pupil};
+use crate::lens::Lens;
+use crate::pupil::Sides;
+use crate::trace::Sequence;
+use crate::wave::{PupilPlane, WaveChannel, opd};
+
+/// Terms of the Zernike fit: the fringe (University of Arizona) set.
+pub const ZERNIKE_TERMS: usize = 37;
+
+/// Cells a side of the pupil on which wavefronts are looked at.
+const CELLS: usize = 32;
+
+/// Wavefronts of a field, by wavelength.
+///
+/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of its radius.
+#[derive(Clone, Debug, Serialize)]
+pub struct Wavefront {
+    /// The field, degrees.
+    pub field_deg: f64,
+    /// `[wavelength]`: root mean square about the mean, waves.
+    pub rms_waves: Vec<f64>,
+    /// `[wavelength]`: root mean square about the best sphere centre beside the chief ray (mean and tilt removed), waves.
+    pub rms_centroid_waves: Vec<f64>,
+    /// `[wavelength]`: highest less lowest, waves.
+    pub peak_to_valley_waves: Vec<f64>,
+    /// `[wavelength]`: peak of the PSF over that of the same beam without aberrations; `None` where the wavefront is too rough for
+    /// its polynomials or rays of the stop are lost.
+    pub strehl: Vec<Option<f64>>,
+    /// `[wavelength][term]`: fringe Zernike coefficients, waves; `None` where too few rays arrive.
+    pub zernike_waves: Vec<Option<Vec<f64>>>,
+    /// `[wavelength]`: root mean square of what the coefficients leave of the wavefront, waves.
+    pub zernike_residual_waves: Vec<Option<f64>>,
+}
+
+/// The wavefronts of a field.
+pub fn wavefront(lens: &Lens, field_deg: f64) -> Result<Wavefront, AnalysisError> {
+    let field = LensAtField::new(lens, field_deg)?;
+    let mut found = Wavefront {
+        field_deg,
+        rms_waves: Vec::new(),
+        rms_centroid_waves: Vec::new(),
+        peak_to_valley_waves: Vec::new(),
+        strehl: Vec::new(),
+        zernike_waves: Vec::new(),
+        zernike_residual_waves: Vec::new(),
+    };
+    let mut like: Option<WaveChannel> = None;
+    for colour in &field.colours {
+        let Samples { points, waves, shares } = samples(&field, colour)?;
+        let lowest = waves.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = waves.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        found.peak_to_valley_waves.push(highest - lowest);
+        found.rms_waves.push(rms(&residual(&points, &waves, &shares, 1).unwrap_or(waves.clone()), &shares));
+        // The first three terms are piston and the two tilts.
+        let without_tilt = residual(&points, &waves, &shares, 3);
+        found.rms_centroid_waves.push(without_tilt.map_or(f64::NAN, |rest| rms(&rest, &shares)));
+        let zernike = fit(&points, &waves, &shares, ZERNIKE_TERMS);
+        let rest = zernike.as_ref().map(|c| rms(&left_over(&points, &waves, c), &shares));
+        found.zernike_residual_waves.push(rest);
+        found.zernike_waves.push(zernike);
+        let channel = WaveChannel::new(
+            colour,
+            field.field_rad,
+            field.stop_radius_mm,
+            field.chief_mm,
+            0.0,
+            like.as_ref(),
+        );
+        found.strehl.push(channel.as_ref().map(WaveChannel::strehl));
+        like = channel.or(like);
+    }
+    Ok(found)
+}
+
+/// A wavefront on points of the stop, with their shares of its light.
+struct Samples {
+    points: Vec<[f64; 2]>,
+    waves: Vec<f64>,
+    shares: Vec<f64>,
+}
+
+fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisError> {
+    let (points, areas) = pupil(CELLS).on(Sides::Both);
+    let found = opd(colour, field.field_rad, field.stop_radius_mm, &points, PupilPlane::Stop);
+    let lost = AnalysisError::NoChiefRay { field_deg: field.field_deg, wavelength_um: colour.wavelength_um };
+    let found = found.ok_or(lost)?;
+    let mut kept = Samples { points: Vec::new(), waves: Vec::new(), shares: Vec::new() };
+    for (i, wave) in found.waves.iter().enumerate() {
+        if let (Some(wave), true) = (wave, found.transmission[i] > 0.0) {
+            kept.points.push(points[i]);
+            kept.waves.push(*wave);
+            kept.shares.push(areas[i] * found.transmission[i]);
+        }
+    }
+    let all: f64 = kept.shares.iter().sum();
+    if !(all > 0.0) {
+        return Err(AnalysisError::NoLight { field_deg: field.field_deg });
+    }
+    kept.shares.iter_mut().for_each(|s| *s /= all);
+    Ok(kept)
+}
+
+fn rms(values: &[f64], shares: &[f64]) -> f64 {
+    values.iter().zip(shares).map(|(v, s)| s * v * v).sum::<f64>().sqrt()
+}
+
+/// What the first so many terms leave of a wavefront; `None` where the points do not tell them apart.
+fn residual(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Option<Vec<f64>> {
+    Some(left_over(points, waves, &fit(points, waves, shares, terms)?))
+}
+
+fn left_over(points: &[[f64; 2]], waves: &[f64], coefficients: &[f64]) -> Vec<f64> {
+    let sum =
+        |p: [f64; 2]| -> f64 { coefficients.iter().enumerate().map(|(k, c)| c * fringe_zernike(k, p)).sum() };
+    points.iter().zip(waves).map(|(p, w)| w - sum(*p)).collect()
+}
+
+/// Coefficients of the first so many fringe terms, by least squares weighed by light.
+fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Option<Vec<f64>> {
+    if points.len() < 2 * terms {
+        return None;
+    }
+    let root: Vec<f64> = shares.iter().map(|s| s.sqrt()).collect();
+    let matrix = DMatrix::from_fn(points.len(), terms, |i, k| root[i] * fringe_zernike(k, points[i]));
+    let wanted = DVector::from_iterator(points.len(), waves.iter().zip(&root).map(|(w, r)| w * r));
+    let qr = matrix.qr();
+    let r = qr.r();
+    let widest = (0..terms).map(|k| r[(k, k)].abs()).fold(0.0, f64::max);
+    if (0..terms).any(|k| r[(k, k)].abs() < 1e-9 * widest) {
+        return None;
+    }
+    let found = r.solve_upper_triangular(&(qr.q().transpose() * wanted))?;
+    Some(found.iter().copied().collect())
+}
+
+/// Term k (from 0: piston, x tilt, y tilt, defocus, ...) of the fringe Zernike polynomials at a point of the unit disk, each of
+/// greatest value 1: `R_n^m(r) cos(m t)` and `R_n^m(r) sin(m t)`, t from the x axis.
+///
+/// The terms go by n + |m|, then by falling |m|, cosine before sine; the last is the twelfth-order spherical term.
+/// Source: Wyant and Creath, Applied Optics and Optical Engineering XI, chapter 1.
+pub fn fringe_zernike(k: usize, [x, y]: [f64; 2]) -> f64 {
+    let (n, m, is_sine) = fringe_indices(k);
+    let (r, t) = (x.hypot(y), y.atan2(x));
+    let radial: f64 = (0..=(n - m) / 2)
+        .map(|s| {
+            let sign = if s % 2 == 0 { 1.0 } else { -1.0 };
+            let over = factorial(s) * factorial((n + m) / 2 - s) * factorial((n - m) / 2 - s);
+            sign * factorial(n - s) / over * r.powi((n - 2 * s) as i32)
+        })
+        .sum();
+    match (m, is_sine) {
+        (0, _) => radial,
+        (m, false) => radial * (m as f64 * t).cos(),
+        (m, true) => radial * (m as f64 * t).sin(),
+    }
+}
+
+/// Radial order, azimuthal order, and whether the term is a sine.
+fn fringe_indices(k: usize) -> (usize, usize, bool) {
+    // Group g holds n + m = 2 g: 2 g + 1 terms, m from g to 0.
+    let (mut g, mut first) = (0, 0);
+    while k >= first + 2 * g + 1 {
+        first += 2 * g + 1;
+        g += 1;
+    }
+    let within = k - first;
+    let m = g - within / 2;
+    (2 * g - m, m, within % 2 == 1 && m > 0)
+}
+
+fn factorial(n: usize) -> f64 {
+    (1..=n).map(|i| i as f64).product()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fringe_terms_are_those_of_the_table() {
+        // Defocus, astigmatism, coma, spherical aberration, trefoil, and the 37th.
+        let (x, y): (f64, f64) = (0.3, -0.5);
+        let r2 = x * x + y * y;
+        let wanted = [
+            (0, 1.0),
+            (1, x),
+            (2, y),
+            (3, 2.0 * r2 - 1.0),
+            (4, x * x - y * y),
+            (5, 2.0 * x * y),
+            (6, (3.0 * r2 - 2.0) * x),
+            (7, (3.0 * r2 - 2.0) * y),
+            (8, 6.0 * r2 * r2 - 6.0 * r2 + 1.0),
+            (9, x.powi(3) - 3.0 * x * y * y),
+            (10, 3.0 * x * x * y - y.powi(3)),
+            (15, 20.0 * r2.powi(3) - 30.0 * r2 * r2 + 12.0 * r2 - 1.0),
+            (
+                36,
+                924.0 * r2.powi(6) - 2772.0 * r2.powi(5) + 3150.0 * r2.powi(4) - 1680.0 * r2.powi(3)
+                    + 420.0 * r2 * r2
+                    - 42.0 * r2
+                    + 1.0,
+            ),
+        ];
+        for (k, value) in wanted {
+            assert!((fringe_zernike(k, [x, y]) - value).abs() < 1e-12, "term {k}");
+        }
+    }
+
+    #[test]
+    fn a_sum_of_terms_is_found_again() {
+        let (points, shares) = pupil(24).on(Sides::Both);
+        let wanted: Vec<f64> = (0..ZERNIKE_TERMS).map(|k| (k as f64 * 1.3).sin()).collect();
+        let waves: Vec<f64> = points
+            .iter()
+            .map(|p| wanted.iter().enumerate().map(|(k, c)| c * fringe_zernike(k, *p)).sum())
+            .collect();
+        let found = fit(&points, &waves, &shares, ZERNIKE_TERMS).unwrap();
+        assert!(found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-10));
+        assert!(rms(&left_over(&points, &waves, &found), &shares) < 1e-10);
+    }
+}
