@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
-use super::psf::WaveChannel;
+use super::psf::{Nodes, WaveChannel};
 
 /// Direction of the modulation of a test pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +21,17 @@ pub(crate) enum Section {
     Tangential,
 }
 
-/// A line-spread function of unit sum.
+/// A line-spread function, as shares of all light.
 #[derive(Clone, Debug)]
 pub(crate) struct LineSpread {
     /// Distance of the points, mm.
     pub spacing_mm: f64,
     /// Light at `(k - half) spacing` from the origin, half of them on each side.
     pub values: Vec<f64>,
+    /// Light that lands further away than the points reach: what hard edges of the beam diffract.
+    beyond: f64,
+    /// Frequency from which on that light is not modulated, 1/mm.
+    beyond_fades_per_mm: f64,
 }
 
 impl LineSpread {
@@ -46,7 +50,7 @@ impl LineSpread {
                 phase *= step;
             }
         }
-        sum
+        sum + self.beyond * (1.0 - frequency_per_mm.abs() / self.beyond_fades_per_mm).max(0.0)
     }
 }
 
@@ -62,7 +66,8 @@ impl WaveChannel {
         let mut scratch = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
         let mut values = vec![0.0; length];
         let mut line = vec![Complex64::ZERO; length];
-        let wave = self.defocused(defocus_mm, ideal);
+        let nodes = self.nodes();
+        let wave = self.defocused(&nodes, defocus_mm, ideal);
         for i in 0..n {
             line.fill(Complex64::ZERO);
             for (k, to) in line[..n].iter_mut().enumerate() {
@@ -80,23 +85,29 @@ impl WaveChannel {
                 values[(k + length / 2) % length] += e.norm_sqr();
             }
         }
-        let total: f64 = values.iter().sum();
+        let total = nodes.points.iter().map(|p| p.energy).sum::<f64>() * length as f64;
         values.iter_mut().for_each(|v| *v /= total);
         let axis = match section {
             Section::Sagittal => 0,
             Section::Tangential => 1,
         };
         let node = 2.0 * self.map.scale[axis] / n as f64;
-        let spacing_mm = TAU / (self.wavenumber * self.map.n_image.abs() * node * length as f64);
-        LineSpread { spacing_mm, values }
+        // From a plane further behind, the sphere looks smaller.
+        let (_, further) = self.map.sphere.further(self.map.slant(0.0, 0.0), defocus_mm);
+        let per_node_mm = TAU / (self.wavenumber * self.map.n_image.abs() * node) * further;
+        LineSpread {
+            spacing_mm: per_node_mm / length as f64,
+            beyond: (1.0 - values.iter().sum::<f64>()).max(0.0),
+            beyond_fades_per_mm: 2.0 * self.soft_nodes() / per_node_mm,
+            values,
+        }
     }
 
-    /// The wave on the nodes, `[row * nodes + column]`, seen from an image plane shifted along z: every plane wave turns by
-    /// `k n' dz` times the cosine of its slant.
-    pub(super) fn defocused(&self, defocus_mm: f64, ideal: bool) -> Vec<Complex64> {
-        let nodes = self.nodes();
+    /// The wave on the nodes, `[row * nodes + column]`, seen from an image plane shifted along z: every wavelet of the reference
+    /// sphere has so much further to go.
+    pub(super) fn defocused(&self, nodes: &Nodes, defocus_mm: f64, ideal: bool) -> Vec<Complex64> {
         let n = self.nodes;
-        let per_mm = self.wavenumber * self.map.n_image * defocus_mm;
+        let per_mm = self.wavenumber * self.map.n_image;
         let mut wave = Vec::with_capacity(n * n);
         for j in 0..n {
             for i in 0..n {
@@ -105,10 +116,11 @@ impl WaveChannel {
                     value
                 } else if ideal {
                     Complex64::new(value.norm(), 0.0)
-                } else if per_mm == 0.0 {
+                } else if defocus_mm == 0.0 {
                     value
                 } else {
-                    value * Complex64::cis(per_mm * self.map.slant(self.q(j), self.q(i)))
+                    let slant = self.map.slant(self.q(j), self.q(i));
+                    value * Complex64::cis(per_mm * self.map.sphere.further(slant, defocus_mm).0)
                 });
             }
         }
