@@ -90,7 +90,12 @@ fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
         title: kind.title.into(),
         remark: kind.remark.clone(),
         keys: wavelength_keys(analysis),
-        alt: format!("{} of {}, one row for each of {} fields", kind.title, analysis.name, analysis.fans.len()),
+        alt: format!(
+            "{} of {}, one row for each of {} fields",
+            kind.title,
+            analysis.name,
+            analysis.fans.len()
+        ),
         width: WIDTH_PX,
         height: TOP_PX + analysis.fans.len() as f64 * ROW_PX + 20.0,
         body,

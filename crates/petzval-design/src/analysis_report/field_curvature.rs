@@ -20,7 +20,11 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
         let pen = wavelength_pen(analysis, i);
         foci.push(over_field(data, pen.clone(), i, &data.tangential_focus_mm[i]));
         foci.push(over_field(data, pen.clone().dashed(), i, &data.sagittal_focus_mm[i]));
-        distortion.push(over_field(data, pen, i, &data.distortion_percent[i]));
+        // On the axis there is no height to compare with: the curve begins at the next field.
+        let off_axis = data.field_deg.iter().map(|f| if *f == 0.0 { f64::NAN } else { 1.0 });
+        let percent: Vec<f64> =
+            data.distortion_percent[i].iter().zip(off_axis).map(|(d, is)| d * is).collect();
+        distortion.push(over_field(data, pen, i, &percent));
     }
     let body = html! {
         (panel(data, 70.0, 400.0, "field curvature", "focus from the image plane, mm", &foci))
@@ -71,7 +75,7 @@ pub(super) fn panel(
     // What is nothing but rounding is drawn as nothing.
     let x = if high - low < 1e-9 { Axis::about_zero(1.0) } else { Axis::around(low, high, 5) };
     let (bottom, top) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
-    let y = Axis::between(bottom, top, 6);
+    let y = Axis::between(bottom, top, 4);
     let frame = Frame { left, top: 30.0, width, height: HEIGHT_PX, x, y };
     frame.draw(Names { head, x: x_name, y: "field, degrees" }, curves)
 }

@@ -18,7 +18,7 @@ pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
         })
         .collect();
     let (low, high) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
-    let mut frame = modulation_frame(Axis::between(low, high, 8));
+    let mut frame = modulation_frame(Axis::between(low, high, 4));
     // Fields off the axis are brighter than it in some lenses.
     let brightest = span(curves.iter().flat_map(|c| c.values(1))).map_or(1.0, |s| s.1);
     if brightest > 1.0 + 1e-6 {
@@ -30,5 +30,12 @@ pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
         false => "Light on the image plane over that on the axis of the same wavelength.",
     };
     let keys = wavelength_keys(analysis);
-    sheet(analysis, "relative-illumination", "Relative illumination", remark, keys, frame.draw(names, &curves))
+    sheet(
+        analysis,
+        "relative-illumination",
+        "Relative illumination",
+        remark,
+        keys,
+        frame.draw(names, &curves),
+    )
 }

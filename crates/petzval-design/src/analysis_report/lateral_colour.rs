@@ -3,7 +3,9 @@
 use petzval_optics::analysis::Analysis;
 
 use super::field_curvature::{over_field, panel};
-use super::style::{ONE_FIELD, WIDTH_PX, foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen};
+use super::style::{
+    ONE_FIELD, WIDTH_PX, foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen,
+};
 use crate::plot::{Curve, Key, MUTED, Pen, Sheet};
 use crate::report::number;
 

@@ -19,7 +19,8 @@ pub(super) fn mtf(analysis: &Analysis) -> Sheet {
             draw(analysis, "mtf", "MTF", remark, &curves, limit)
         }
         None => {
-            let remark = "By rays: at some field rays of the stop are lost or the wavefront is too rough for waves.";
+            let remark =
+                "By rays: at some field rays of the stop are lost or the wavefront is too rough for waves.";
             draw(analysis, "mtf", "MTF", remark, &by_rays(analysis), None)
         }
     }
@@ -88,4 +89,3 @@ pub(super) fn sheet(
         foot: foot(analysis),
     }
 }
-

@@ -26,7 +26,7 @@ pub(super) fn mtf_by_field(analysis: &Analysis) -> Sheet {
         .flat_map(|(i, curve)| section_curves(&field_pen(i), i, &data.field_deg, curve))
         .collect();
     let (low, high) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
-    let frame = modulation_frame(Axis::between(low, high, 8));
+    let frame = modulation_frame(Axis::between(low, high, 4));
     let names = Names { head: "", x: "field, degrees", y: "modulation" };
     let remark = match has_one_field(&data.field_deg) {
         true => ONE_FIELD.into(),

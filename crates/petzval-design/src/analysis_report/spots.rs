@@ -16,7 +16,7 @@ const TEXT_PX: f64 = 66.0;
 const COLUMNS: usize = 4;
 
 /// Radius of a marker, px.
-const MARKER_PX: f64 = 1.7;
+const MARKER_PX: f64 = 1.5;
 
 /// The matrix of spots, in boxes of a given side or one that holds them all.
 pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
@@ -80,7 +80,7 @@ fn one(analysis: &Analysis, spot: &SpotDiagram, side_um: f64) -> Markup {
                     @if marker.is_open() {
                         path class="rays" d=(path) stroke=(pen.colour) stroke-width="0.9" {}
                     } @else {
-                        path class="rays" d=(path) fill=(pen.colour) fill-opacity="0.85" {}
+                        path class="rays" d=(path) fill=(pen.colour) fill-opacity="0.75" {}
                     }
                 }
             }

@@ -88,7 +88,8 @@ pub(super) fn has_one_field(field_deg: &[f64]) -> bool {
 }
 
 /// What stands under a headline of curves over the field if there is but one field.
-pub(super) const ONE_FIELD: &str = "The lens has the axis as its only field: there are no curves over the field.";
+pub(super) const ONE_FIELD: &str =
+    "The lens has the axis as its only field: there are no curves over the field.";
 
 #[cfg(test)]
 mod tests {

@@ -17,8 +17,7 @@ const TOP_PX: f64 = 34.0;
 const FIRST_TERM: usize = 4;
 
 /// Columns of numbers: right edges, px, and heads.
-const COLUMNS: [(f64, &str); 4] =
-    [(676.0, "wavelength"), (750.0, "RMS"), (820.0, "P–V"), (886.0, "Strehl")];
+const COLUMNS: [(f64, &str); 4] = [(676.0, "wavelength"), (750.0, "RMS"), (820.0, "P–V"), (886.0, "Strehl")];
 
 /// The wavefronts of all fields.
 pub(super) fn wavefront(analysis: &Analysis) -> Sheet {

@@ -43,7 +43,14 @@ impl Marker {
         // Writing to a string cannot fail.
         let _ = match self {
             Self::Circle => {
-                write!(path, "M{} {}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0 -{d} 0z", p(x - r), p(y), r = p(r), d = p(2.0 * r))
+                write!(
+                    path,
+                    "M{} {}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0 -{d} 0z",
+                    p(x - r),
+                    p(y),
+                    r = p(r),
+                    d = p(2.0 * r)
+                )
             }
             Self::Square => {
                 let s = 1.78 * r;

@@ -58,7 +58,8 @@ pub(crate) struct Curve {
 impl Curve {
     /// Values upwards over places to the right.
     pub fn over(pen: Pen, index: usize, x: &[f64], y: impl IntoIterator<Item = Option<f64>>) -> Self {
-        let point = |(x, y): (&f64, Option<f64>)| y.map(|y| [*x, y]).filter(|p| p.iter().all(|v| v.is_finite()));
+        let point =
+            |(x, y): (&f64, Option<f64>)| y.map(|y| [*x, y]).filter(|p| p.iter().all(|v| v.is_finite()));
         Self { pen, index, points: x.iter().zip(y).map(point).collect() }
     }
 

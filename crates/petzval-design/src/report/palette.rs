@@ -13,15 +13,8 @@ const FIELDS: [&str; 5] = ["#0072b2", "#009e73", "#d55e00", "#aa4499", "#b98200"
 const WAVELENGTHS: [&str; 7] = ["#8a3ea6", "#0072b2", "#3a9bd0", "#009e73", "#b98200", "#d55e00", "#8c2d04"];
 
 /// Which of them, by how many there are.
-const CHOICES: [&[usize]; 7] = [
-    &[3],
-    &[1, 5],
-    &[1, 3, 5],
-    &[1, 3, 4, 5],
-    &[0, 1, 3, 4, 5],
-    &[0, 1, 2, 3, 4, 5],
-    &[0, 1, 2, 3, 4, 5, 6],
-];
+const CHOICES: [&[usize]; 7] =
+    [&[3], &[1, 5], &[1, 3, 5], &[1, 3, 4, 5], &[0, 1, 3, 4, 5], &[0, 1, 2, 3, 4, 5], &[0, 1, 2, 3, 4, 5, 6]];
 
 /// Fill of a crown of high Abbe number, RGB.
 const CROWN: [f64; 3] = [206.0, 226.0, 243.0];

@@ -6,9 +6,10 @@
 //! for a flat image at any numerical aperture.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
-use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
+use rustfft::{Fft, FftPlanner};
 
 use super::psf::WaveChannel;
 
@@ -50,68 +51,88 @@ impl LineSpread {
     }
 }
 
+/// The wave on the nodes of the pupil, `[row * nodes + column]`: evaluated once, looked at from many image planes.
+#[derive(Clone)]
+pub(crate) struct PupilWave<'a> {
+    channel: &'a WaveChannel,
+    pub(super) values: Vec<Complex64>,
+    fft: Arc<dyn Fft<f64>>,
+}
+
 impl WaveChannel {
-    /// The line-spread function of a section, on an image plane shifted by `defocus_mm` along z.
-    ///
-    /// With `ideal` it is that of the same beam without aberrations: the diffraction limit.
-    pub fn line_spread(&self, section: Section, defocus_mm: f64, ideal: bool) -> LineSpread {
-        let n = self.nodes;
-        // A wave as wide as the pupil has a transform of twice that width.
-        let length = (2 * n).next_power_of_two();
-        let fft = FftPlanner::new().plan_fft_inverse(length);
-        let mut scratch = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
+    /// The wave on the nodes.
+    pub fn wave(&self) -> PupilWave<'_> {
+        let (n, nodes) = (self.nodes, self.nodes());
+        let at = |j: usize, i: usize| Complex64::new(nodes.wave.re[(i, j)], nodes.wave.im[(i, j)]);
+        PupilWave {
+            channel: self,
+            values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
+            // A wave as wide as the pupil has a transform of twice that width.
+            fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
+        }
+    }
+}
+
+impl PupilWave<'_> {
+    /// The same beam without aberrations: the diffraction limit.
+    pub fn ideal(&self) -> Self {
+        let values = self.values.iter().map(|v| Complex64::new(v.norm_sqr().sqrt(), 0.0)).collect();
+        Self { values, ..self.clone() }
+    }
+
+    /// What shifts the image plane by `defocus_mm` along z, by node: every plane wave turns by `k n' dz` times the cosine of its
+    /// slant.
+    pub fn turns(&self, defocus_mm: f64) -> Vec<Complex64> {
+        let (channel, n) = (self.channel, self.channel.nodes);
+        let per_mm = channel.wavenumber * channel.map.n_image * defocus_mm;
+        let mut turns = vec![Complex64::ZERO; n * n];
+        for (k, turn) in turns.iter_mut().enumerate().filter(|(k, _)| self.values[*k] != Complex64::ZERO) {
+            *turn = Complex64::cis(per_mm * channel.map.slant(channel.q(k / n), channel.q(k % n)));
+        }
+        turns
+    }
+
+    /// Turns every node.
+    pub fn turn(&mut self, turns: &[Complex64]) {
+        self.values.iter_mut().zip(turns).for_each(|(v, turn)| *v *= turn);
+    }
+
+    /// The line-spread function of a section.
+    pub fn line_spread(&self, section: Section) -> LineSpread {
+        let (channel, n) = (self.channel, self.channel.nodes);
+        let length = self.fft.len();
+        let mut scratch = vec![Complex64::ZERO; self.fft.get_inplace_scratch_len()];
         let mut values = vec![0.0; length];
         let mut line = vec![Complex64::ZERO; length];
-        let wave = self.defocused(defocus_mm, ideal);
-        for i in 0..n {
-            line.fill(Complex64::ZERO);
+        // The lines of the two halves of a symmetric pupil make the same light.
+        let lines = match section {
+            Section::Sagittal => 0..n,
+            Section::Tangential => channel.columns(),
+        };
+        for i in lines {
+            line[n..].fill(Complex64::ZERO);
             for (k, to) in line[..n].iter_mut().enumerate() {
                 *to = match section {
-                    Section::Sagittal => wave[i * n + k],
-                    Section::Tangential => wave[k * n + i],
+                    Section::Sagittal => self.values[i * n + k],
+                    Section::Tangential => self.values[k * n + i],
                 };
             }
             if line[..n].iter().all(|v| *v == Complex64::ZERO) {
                 continue;
             }
-            fft.process_with_scratch(&mut line, &mut scratch);
-            // The second half of the transform is that of negative places.
-            for (k, e) in line.iter().enumerate() {
-                values[(k + length / 2) % length] += e.norm_sqr();
-            }
+            self.fft.process_with_scratch(&mut line, &mut scratch);
+            values.iter_mut().zip(&line).for_each(|(sum, e)| *sum += e.norm_sqr());
         }
+        // The second half of the transform is that of negative places.
+        values.rotate_right(length / 2);
         let total: f64 = values.iter().sum();
         values.iter_mut().for_each(|v| *v /= total);
         let axis = match section {
             Section::Sagittal => 0,
             Section::Tangential => 1,
         };
-        let node = 2.0 * self.map.scale[axis] / n as f64;
-        let spacing_mm = TAU / (self.wavenumber * self.map.n_image.abs() * node * length as f64);
+        let node = 2.0 * channel.map.scale[axis] / n as f64;
+        let spacing_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node * length as f64);
         LineSpread { spacing_mm, values }
-    }
-
-    /// The wave on the nodes, `[row * nodes + column]`, seen from an image plane shifted along z: every plane wave turns by
-    /// `k n' dz` times the cosine of its slant.
-    pub(super) fn defocused(&self, defocus_mm: f64, ideal: bool) -> Vec<Complex64> {
-        let nodes = self.nodes();
-        let n = self.nodes;
-        let per_mm = self.wavenumber * self.map.n_image * defocus_mm;
-        let mut wave = Vec::with_capacity(n * n);
-        for j in 0..n {
-            for i in 0..n {
-                let value = Complex64::new(nodes.wave.re[(i, j)], nodes.wave.im[(i, j)]);
-                wave.push(if value == Complex64::ZERO {
-                    value
-                } else if ideal {
-                    Complex64::new(value.norm(), 0.0)
-                } else if per_mm == 0.0 {
-                    value
-                } else {
-                    value * Complex64::cis(per_mm * self.map.slant(self.q(j), self.q(i)))
-                });
-            }
-        }
-        wave
     }
 }

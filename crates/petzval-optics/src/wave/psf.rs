@@ -109,7 +109,7 @@ impl WaveChannel {
     }
 
     /// Columns that are evaluated; in a symmetric lens the others are their mirror images.
-    fn columns(&self) -> std::ops::Range<usize> {
+    pub(super) fn columns(&self) -> std::ops::Range<usize> {
         if self.is_half() { self.nodes / 2..self.nodes } else { 0..self.nodes }
     }
 

@@ -100,11 +100,16 @@ mod tests {
     use super::*;
 
     fn view() -> View {
-        View { extent: Extent { z_min_mm: -10.0, z_max_mm: 10.0, y_min_mm: -10.0, y_max_mm: 10.0 }, px_per_mm: 10.0 }
+        View {
+            extent: Extent { z_min_mm: -10.0, z_max_mm: 10.0, y_min_mm: -10.0, y_max_mm: 10.0 },
+            px_per_mm: 10.0,
+        }
     }
 
     fn numbers(d: &str) -> Vec<f64> {
-        d.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-')).filter_map(|n| n.parse().ok()).collect()
+        d.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))
+            .filter_map(|n| n.parse().ok())
+            .collect()
     }
 
     fn d_of(svg: &str, class: &str) -> String {

@@ -41,7 +41,12 @@ pub(crate) fn extent_of(layout: &Layout) -> Extent {
     let solid = || {
         let elements = layout.elements.iter().flat_map(|e| &e.outline);
         let lines = layout.lines.iter().flat_map(|l| &l.points);
-        elements.chain(lines).chain(&layout.axis).chain(layout.stop.iter().flatten()).chain(&layout.image).copied()
+        elements
+            .chain(lines)
+            .chain(&layout.axis)
+            .chain(layout.stop.iter().flatten())
+            .chain(&layout.image)
+            .copied()
     };
     let along = |k: usize| span(solid().map(|p| p[k])).unwrap_or((0.0, 1.0));
     let (z, y) = (along(0), along(1));

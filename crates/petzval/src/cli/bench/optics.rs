@@ -289,7 +289,8 @@ fn lens_analyze() -> Result<Prepared, Failure> {
         units: None,
         single_thread: false,
         run: Box::new(move || {
-            let analysis = analyze(&lens, &AnalysisOptions::default()).map_err(|e| Failure::job(e.to_string()))?;
+            let analysis =
+                analyze(&lens, &AnalysisOptions::default()).map_err(|e| Failure::job(e.to_string()))?;
             std::hint::black_box(serde_json::to_string(&analysis).map_err(|e| Failure::job(e.to_string()))?);
             for kind in PictureKind::ALL {
                 std::hint::black_box(picture(&analysis, kind));
