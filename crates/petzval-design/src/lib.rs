@@ -5,6 +5,7 @@
 //! taken; [`joint`] brings the loss back to the lens; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`report`] shows it.
 
 pub mod adam;
+pub mod analysis_report;
 pub mod assets;
 pub mod cameras;
 pub mod design_loop;
@@ -15,6 +16,7 @@ pub mod joint;
 pub mod light_path;
 pub mod optics;
 pub mod pictures;
+mod plot;
 pub mod psf_sheet;
 pub mod report;
 pub mod requirements;

@@ -7,10 +7,10 @@
 mod change;
 mod chart;
 mod field_curve;
-mod layout;
-mod number;
+pub(crate) mod layout;
+pub(crate) mod number;
 mod page;
-mod palette;
+pub(crate) mod palette;
 mod picture;
 mod prescription;
 mod psf_table;

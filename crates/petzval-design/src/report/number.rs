@@ -6,7 +6,7 @@ const UNKNOWN: &str = "–";
 /// A value with so many decimals; a dash if it is not finite.
 ///
 /// A typographic minus sign keeps columns aligned, and what rounds to zero has no sign.
-pub(super) fn fixed(value: f64, decimals: usize) -> String {
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return UNKNOWN.into();
     }
@@ -33,7 +33,7 @@ pub(super) fn is_nothing(value: f64, decimals: usize) -> bool {
 }
 
 /// A number of unknown size with about five significant digits: `11.340`, `−4.0600·10⁻⁵`, `∞`.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     if value.is_infinite() {
         return if value > 0.0 { "∞".into() } else { "\u{2212}∞".into() };
     }
@@ -61,7 +61,7 @@ fn superscript(value: i32) -> String {
 
 /// Tick positions for an axis from `low` to `high`: about `count` multiples of 1, 2 or 5 times a power
 /// of ten.
-pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
+pub(crate) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let rough = (high - low) / count.max(1) as f64;
     if !(rough > 0.0 && rough.is_finite()) {
         return Vec::new();
@@ -73,7 +73,7 @@ pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
 }
 
 /// The length nearest to `rough` (in ratio) among 1, 2 and 5 times a power of ten.
-pub(super) fn round_length(rough: f64) -> f64 {
+pub(crate) fn round_length(rough: f64) -> f64 {
     let decade = 10_f64.powf(rough.log10().floor());
     let share = rough / decade;
     let digit = match share {

@@ -1,8 +1,6 @@
 //! Colours: of cameras, of fields, of glass. All sets are told apart by colour-blind readers (Okabe and
 //! Ito, "Color Universal Design", 2008) and stand on white.
 
-use petzval_optics::glass::Glass;
-
 use super::CameraView;
 
 /// Lines of cameras: the baseline is grey, the rest stand out from it.
@@ -11,6 +9,13 @@ const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499
 /// Ray fans, from the axis outwards.
 const FIELDS: [&str; 5] = ["#0072b2", "#009e73", "#d55e00", "#aa4499", "#b98200"];
 
+/// Wavelengths from short to long, near their hues; a lens of few takes those that are farthest apart.
+const WAVELENGTHS: [&str; 7] = ["#8a3ea6", "#0072b2", "#3a9bd0", "#009e73", "#b98200", "#d55e00", "#8c2d04"];
+
+/// Which of them, by how many there are.
+const CHOICES: [&[usize]; 7] =
+    [&[3], &[1, 5], &[1, 3, 5], &[1, 3, 4, 5], &[0, 1, 3, 4, 5], &[0, 1, 2, 3, 4, 5], &[0, 1, 2, 3, 4, 5, 6]];
+
 /// Fill of a crown of high Abbe number, RGB.
 const CROWN: [f64; 3] = [206.0, 226.0, 243.0];
 
@@ -18,7 +23,7 @@ const CROWN: [f64; 3] = [206.0, 226.0, 243.0];
 const FLINT: [f64; 3] = [244.0, 222.0, 190.0];
 
 /// Colour of the i-th camera.
-pub(super) fn camera(i: usize) -> &'static str {
+pub(crate) fn camera(i: usize) -> &'static str {
     CAMERAS[i % CAMERAS.len()]
 }
 
@@ -28,13 +33,21 @@ pub(super) fn camera_named(cameras: &[CameraView], name: &str, i: usize) -> &'st
 }
 
 /// Colour of the i-th field.
-pub(super) fn field(i: usize) -> &'static str {
+pub(crate) fn field(i: usize) -> &'static str {
     FIELDS[i % FIELDS.len()]
 }
 
-/// Fill of an element by its dispersion: blue for crowns (V >= 55), sand for flints (V <= 25).
-pub(super) fn glass(glass: &Glass) -> String {
-    let crown = ((glass.abbe_vd() - 25.0) / 30.0).clamp(0.0, 1.0);
+/// Colour of the i-th of so many wavelengths, from the shortest.
+pub(crate) fn wavelength(i: usize, count: usize) -> &'static str {
+    let choice = CHOICES[count.clamp(1, CHOICES.len()) - 1];
+    // More wavelengths than colours: neighbours share one and keep their markers.
+    let place = if count > choice.len() { i * choice.len() / count } else { i };
+    WAVELENGTHS[choice[place.min(choice.len() - 1)]]
+}
+
+/// Fill of an element by its Abbe number: blue for crowns (V >= 55), sand for flints (V <= 25).
+pub(crate) fn glass(vd: f64) -> String {
+    let crown = if vd.is_finite() { ((vd - 25.0) / 30.0).clamp(0.0, 1.0) } else { 1.0 };
     let mix = |i: usize| (FLINT[i] + crown * (CROWN[i] - FLINT[i])).round() as u8;
     format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
 }

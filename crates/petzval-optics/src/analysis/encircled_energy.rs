@@ -52,28 +52,29 @@ pub fn encircled_energy(
                 .map(|i| (distance(i), unit * beam.weight[i])),
         );
     }
-    rays.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let farthest = rays.last().map_or(0.0, |r| r.0);
+    let farthest = rays.iter().map(|r| r.0).fold(0.0, f64::max);
     let radius = round_up(1.1 * farthest.max(4.0 * field.airy_radius_um()));
     let radius_um = evenly(0.0, radius, options.radius_points.max(2));
-    let geometric = within(&rays, &radius_um);
+    let geometric = within(rays.into_iter(), &radius_um);
     let diffraction = by_waves(&field, &beams, &quadrature, centre_mm, &radius_um);
     Ok(EncircledEnergy { field_deg, radius_um, geometric, diffraction })
 }
 
-/// Light within each of some radii, from (distance, light) in the order of the distance.
-fn within(light: &[(f64, f64)], radius_um: &[f64]) -> Vec<f64> {
-    let (mut next, mut sum) = (0, 0.0);
-    radius_um
-        .iter()
-        .map(|radius| {
-            while let Some((_, share)) = light.get(next).filter(|(r, _)| r <= radius) {
-                sum += share;
-                next += 1;
-            }
-            sum
-        })
-        .collect()
+/// Light within each of some radii at equal distances from 0 on, from (distance, light).
+fn within(light: impl Iterator<Item = (f64, f64)>, radius_um: &[f64]) -> Vec<f64> {
+    let step = radius_um.get(1).copied().unwrap_or(1.0);
+    let mut within = vec![0.0; radius_um.len()];
+    for (distance, share) in light {
+        if let Some(ring) = within.get_mut((distance / step).ceil() as usize) {
+            *ring += share;
+        }
+    }
+    let mut sum = 0.0;
+    within.iter_mut().for_each(|ring| {
+        sum += *ring;
+        *ring = sum;
+    });
+    within
 }
 
 fn by_waves(
@@ -87,18 +88,16 @@ fn by_waves(
     let reach = radius_um.last()? + shift_um[0].abs().max(shift_um[1].abs());
     let grid = PsfOptions { grid: CELLS, pitch_um: 2.0 * reach / CELLS as f64, kind: PsfKind::Diffraction };
     let found = psf(field.lens, field.field_rad, &field.lens.wavelengths_um, quadrature, &grid)?;
-    let mut light: Vec<(f64, f64)> = Vec::with_capacity(CELLS * CELLS * PARTS * PARTS);
     let part = grid.pitch_um / PARTS as f64;
     let place = |k: usize| ((k as f64 + 0.5) - 0.5 * (CELLS * PARTS) as f64) * part;
-    for y in 0..CELLS * PARTS {
-        for x in 0..CELLS * PARTS {
-            let cell = y / PARTS * CELLS + x / PARTS;
-            let share: f64 =
-                found.values.iter().zip(&found.captured).map(|(v, captured)| v[cell] * captured).sum();
-            let distance = (place(x) - shift_um[0]).hypot(place(y) - shift_um[1]);
-            light.push((distance, share / (beams.len() * PARTS * PARTS) as f64));
-        }
-    }
-    light.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Some(within(&light, radius_um))
+    let unit = 1.0 / (beams.len() * PARTS * PARTS) as f64;
+    let of_cell = |cell: usize| -> f64 {
+        unit * found.values.iter().zip(&found.captured).map(|(v, captured)| v[cell] * captured).sum::<f64>()
+    };
+    let shares: Vec<f64> = (0..CELLS * CELLS).map(of_cell).collect();
+    let light = (0..CELLS * PARTS).flat_map(|y| (0..CELLS * PARTS).map(move |x| (x, y))).map(|(x, y)| {
+        let (dx, dy) = (place(x) - shift_um[0], place(y) - shift_um[1]);
+        ((dx * dx + dy * dy).sqrt(), shares[y / PARTS * CELLS + x / PARTS])
+    });
+    Some(within(light, radius_um))
 }

@@ -14,7 +14,7 @@ use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
 use crate::pupil::Beam;
 use crate::trace::Sequence;
-use crate::wave::{LineSpread, Section, WaveChannel};
+use crate::wave::{LineSpread, PupilWave, Section, WaveChannel};
 
 /// Modulation in two sections.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -157,11 +157,8 @@ fn waves(field: &LensAtField, beyond_mm: f64) -> Option<Vec<WaveChannel>> {
 struct Spreads([Vec<LineSpread>; 2]);
 
 impl Spreads {
-    fn new(channels: &[WaveChannel], defocus_mm: f64, ideal: bool) -> Self {
-        Self(
-            SECTIONS
-                .map(|section| channels.iter().map(|c| c.line_spread(section, defocus_mm, ideal)).collect()),
-        )
+    fn new(waves: &[PupilWave]) -> Self {
+        Self(SECTIONS.map(|section| waves.iter().map(|wave| wave.line_spread(section)).collect()))
     }
 
     fn modulation(&self, section: Section, frequency_per_mm: f64) -> f64 {
@@ -176,16 +173,18 @@ pub fn field_mtf(lens: &Lens, field_deg: f64, options: &AnalysisOptions) -> Resu
     let field = LensAtField::new(lens, field_deg)?;
     let frequency_per_mm = evenly(0.0, options.highest_frequency(lens), options.frequency_points.max(2));
     let landings = Landings::new(&field, options)?;
-    let waves = waves(&field, 0.0);
-    let by_waves = |ideal: bool| {
-        let spreads = Spreads::new(waves.as_ref()?, 0.0, ideal);
+    let channels = waves(&field, 0.0);
+    let waves: Option<Vec<PupilWave>> = channels.as_ref().map(|c| c.iter().map(WaveChannel::wave).collect());
+    let by_waves = |waves: Option<Vec<PupilWave>>| {
+        let spreads = Spreads::new(&waves?);
         Some(MtfCurve::of(&frequency_per_mm, |section, f| spreads.modulation(section, f)))
     };
+    let ideal = waves.as_ref().map(|waves| waves.iter().map(PupilWave::ideal).collect());
     Ok(FieldMtf {
         field_deg,
         geometric: MtfCurve::of(&frequency_per_mm, |section, f| landings.modulation(section, f, 0.0)),
-        diffraction: by_waves(false),
-        limit: by_waves(true),
+        diffraction: by_waves(waves),
+        limit: by_waves(ideal),
         frequency_per_mm,
     })
 }
@@ -200,7 +199,8 @@ pub fn mtf_by_field(lens: &Lens, options: &AnalysisOptions) -> Result<MtfByField
         let landings = Landings::new(&field, options)?;
         let geometric = MtfCurve::of(&frequency_per_mm, |section, f| landings.modulation(section, f, 0.0));
         let diffraction = waves(&field, 0.0).map(|channels| {
-            let spreads = Spreads::new(&channels, 0.0, false);
+            let waves: Vec<PupilWave> = channels.iter().map(WaveChannel::wave).collect();
+            let spreads = Spreads::new(&waves);
             MtfCurve::of(&frequency_per_mm, |section, f| spreads.modulation(section, f))
         });
         Ok((geometric, diffraction))
@@ -242,17 +242,14 @@ pub fn through_focus_mtf(
     };
     let beyond_mm = range * chief_slope(0).max(chief_slope(1));
     let diffraction = waves(&field, beyond_mm).map(|channels| {
-        let by_focus: Vec<[f64; 2]> = defocus_mm
-            .par_iter()
-            .map(|dz| {
-                let spreads = Spreads::new(&channels, *dz, false);
-                SECTIONS.map(|section| spreads.modulation(section, frequency_per_mm))
-            })
-            .collect();
-        MtfCurve {
-            sagittal: by_focus.iter().map(|m| m[0]).collect(),
-            tangential: by_focus.iter().map(|m| m[1]).collect(),
-        }
+        let colours: Vec<Vec<[Complex64; 2]>> =
+            channels.par_iter().map(|c| over_focus(c, &defocus_mm, frequency_per_mm)).collect();
+        let modulation = |axis: usize| {
+            let mean =
+                |i: usize| colours.iter().map(|c| c[i][axis]).sum::<Complex64>() / colours.len() as f64;
+            (0..defocus_mm.len()).map(|i| mean(i).norm()).collect()
+        };
+        MtfCurve { sagittal: modulation(0), tangential: modulation(1) }
     });
     Ok(ThroughFocusMtf {
         field_deg,
@@ -263,4 +260,14 @@ pub fn through_focus_mtf(
         diffraction,
         defocus_mm,
     })
+}
+
+/// Transfer functions of one colour in both sections, on some image planes.
+fn over_focus(channel: &WaveChannel, defocus_mm: &[f64], frequency_per_mm: f64) -> Vec<[Complex64; 2]> {
+    let wave = channel.wave();
+    let at = |dz: &f64| {
+        let there = wave.defocused(*dz);
+        SECTIONS.map(|section| there.line_spread(section).transfer(frequency_per_mm))
+    };
+    defocus_mm.iter().map(at).collect()
 }

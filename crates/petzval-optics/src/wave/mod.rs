@@ -16,5 +16,5 @@ mod strehl;
 
 pub use huygens::huygens_psf;
 pub use opd::{Opd, PupilPlane, opd, opd_about};
-pub(crate) use otf::{LineSpread, Section};
+pub(crate) use otf::{LineSpread, PupilWave, Section};
 pub(crate) use psf::{ImageGrid, Shown, WaveChannel};

@@ -6,11 +6,12 @@
 //! for a flat image at any numerical aperture.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
-use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
+use rustfft::{Fft, FftPlanner};
 
-use super::psf::{Nodes, WaveChannel};
+use super::psf::WaveChannel;
 
 /// Direction of the modulation of a test pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,76 +55,107 @@ impl LineSpread {
     }
 }
 
+/// The wave on the nodes of the pupil, as an image plane sees it.
+#[derive(Clone)]
+pub(crate) struct PupilWave<'a> {
+    channel: &'a WaveChannel,
+    /// `[row * nodes + column]`
+    pub(super) values: Vec<Complex64>,
+    /// Energy of all nodes, in units of `|value|^2`.
+    energy: f64,
+    /// The image plane from that of the lens, mm along z.
+    defocus_mm: f64,
+    fft: Arc<dyn Fft<f64>>,
+}
+
 impl WaveChannel {
-    /// The line-spread function of a section, on an image plane shifted by `defocus_mm` along z.
-    ///
-    /// With `ideal` it is that of the same beam without aberrations: the diffraction limit.
-    pub fn line_spread(&self, section: Section, defocus_mm: f64, ideal: bool) -> LineSpread {
-        let n = self.nodes;
-        // A wave as wide as the pupil has a transform of twice that width.
-        let length = (2 * n).next_power_of_two();
-        let fft = FftPlanner::new().plan_fft_inverse(length);
-        let mut scratch = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
+    /// The wave on the nodes.
+    pub fn wave(&self) -> PupilWave<'_> {
+        let (n, nodes) = (self.nodes, self.nodes());
+        let at = |j: usize, i: usize| Complex64::new(nodes.wave.re[(i, j)], nodes.wave.im[(i, j)]);
+        PupilWave {
+            channel: self,
+            values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
+            energy: nodes.points.iter().map(|p| p.energy).sum(),
+            defocus_mm: 0.0,
+            // A wave as wide as the pupil has a transform of twice that width.
+            fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
+        }
+    }
+}
+
+impl PupilWave<'_> {
+    /// The same beam without aberrations: the diffraction limit.
+    pub fn ideal(&self) -> Self {
+        let values = self.values.iter().map(|v| Complex64::new(v.norm_sqr().sqrt(), 0.0)).collect();
+        Self { values, ..self.clone() }
+    }
+
+    /// The wave of the lens as an image plane sees it that is shifted by `defocus_mm` along z: every wavelet of the reference
+    /// sphere has so much further to go.
+    pub fn defocused(&self, defocus_mm: f64) -> Self {
+        let (channel, n) = (self.channel, self.channel.nodes);
+        let per_mm = channel.wavenumber * channel.map.n_image;
+        let mut values = vec![Complex64::ZERO; n * n];
+        for j in 0..n {
+            for i in channel.columns() {
+                if self.values[j * n + i] == Complex64::ZERO {
+                    continue;
+                }
+                let slant = channel.map.slant(channel.q(j), channel.q(i));
+                let turn = Complex64::cis(per_mm * channel.map.sphere.further(slant, defocus_mm).0);
+                for column in channel.images_of(i) {
+                    values[j * n + column] = self.values[j * n + column] * turn;
+                }
+            }
+        }
+        Self { channel, values, energy: self.energy, defocus_mm, fft: self.fft.clone() }
+    }
+
+    /// The line-spread function of a section.
+    pub fn line_spread(&self, section: Section) -> LineSpread {
+        let (channel, n) = (self.channel, self.channel.nodes);
+        let length = self.fft.len();
+        let mut scratch = vec![Complex64::ZERO; self.fft.get_inplace_scratch_len()];
         let mut values = vec![0.0; length];
         let mut line = vec![Complex64::ZERO; length];
-        let nodes = self.nodes();
-        let wave = self.defocused(&nodes, defocus_mm, ideal);
-        for i in 0..n {
-            line.fill(Complex64::ZERO);
+        // The lines of the two halves of a symmetric pupil make the same light.
+        let lines = match section {
+            Section::Sagittal => 0..n,
+            Section::Tangential => channel.columns(),
+        };
+        let times = n as f64 / lines.len() as f64;
+        for i in lines {
+            line[n..].fill(Complex64::ZERO);
             for (k, to) in line[..n].iter_mut().enumerate() {
                 *to = match section {
-                    Section::Sagittal => wave[i * n + k],
-                    Section::Tangential => wave[k * n + i],
+                    Section::Sagittal => self.values[i * n + k],
+                    Section::Tangential => self.values[k * n + i],
                 };
             }
             if line[..n].iter().all(|v| *v == Complex64::ZERO) {
                 continue;
             }
-            fft.process_with_scratch(&mut line, &mut scratch);
-            // The second half of the transform is that of negative places.
-            for (k, e) in line.iter().enumerate() {
-                values[(k + length / 2) % length] += e.norm_sqr();
-            }
+            self.fft.process_with_scratch(&mut line, &mut scratch);
+            values.iter_mut().zip(&line).for_each(|(sum, e)| *sum += e.norm_sqr());
         }
-        let total = nodes.points.iter().map(|p| p.energy).sum::<f64>() * length as f64;
-        values.iter_mut().for_each(|v| *v /= total);
+        // The second half of the transform is that of negative places.
+        values.rotate_right(length / 2);
+        let unit = times / (self.energy * length as f64);
+        values.iter_mut().for_each(|v| *v *= unit);
         let axis = match section {
             Section::Sagittal => 0,
             Section::Tangential => 1,
         };
-        let node = 2.0 * self.map.scale[axis] / n as f64;
+        let node = 2.0 * channel.map.scale[axis] / n as f64;
         // From a plane further behind, the sphere looks smaller.
-        let (_, further) = self.map.sphere.further(self.map.slant(0.0, 0.0), defocus_mm);
-        let per_node_mm = TAU / (self.wavenumber * self.map.n_image.abs() * node) * further;
+        let (_, further) = channel.map.sphere.further(channel.map.slant(0.0, 0.0), self.defocus_mm);
+        let per_node_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node) * further;
         LineSpread {
             spacing_mm: per_node_mm / length as f64,
             beyond: (1.0 - values.iter().sum::<f64>()).max(0.0),
-            beyond_fades_per_mm: 2.0 * self.soft_nodes() / per_node_mm,
+            beyond_fades_per_mm: 2.0 * channel.soft_nodes() / per_node_mm,
             values,
         }
-    }
-
-    /// The wave on the nodes, `[row * nodes + column]`, seen from an image plane shifted along z: every wavelet of the reference
-    /// sphere has so much further to go.
-    pub(super) fn defocused(&self, nodes: &Nodes, defocus_mm: f64, ideal: bool) -> Vec<Complex64> {
-        let n = self.nodes;
-        let per_mm = self.wavenumber * self.map.n_image;
-        let mut wave = Vec::with_capacity(n * n);
-        for j in 0..n {
-            for i in 0..n {
-                let value = Complex64::new(nodes.wave.re[(i, j)], nodes.wave.im[(i, j)]);
-                wave.push(if value == Complex64::ZERO {
-                    value
-                } else if ideal {
-                    Complex64::new(value.norm(), 0.0)
-                } else if defocus_mm == 0.0 {
-                    value
-                } else {
-                    let slant = self.map.slant(self.q(j), self.q(i));
-                    value * Complex64::cis(per_mm * self.map.sphere.further(slant, defocus_mm).0)
-                });
-            }
-        }
-        wave
     }
 }

@@ -117,7 +117,7 @@ impl WaveChannel {
     }
 
     /// Columns that are evaluated; in a symmetric lens the others are their mirror images.
-    fn columns(&self) -> std::ops::Range<usize> {
+    pub(super) fn columns(&self) -> std::ops::Range<usize> {
         if self.is_half() { self.nodes / 2..self.nodes } else { 0..self.nodes }
     }
 
@@ -141,7 +141,7 @@ impl WaveChannel {
     }
 
     /// A column and its mirror image.
-    fn images_of(&self, column: usize) -> impl Iterator<Item = usize> + use<> {
+    pub(super) fn images_of(&self, column: usize) -> impl Iterator<Item = usize> + use<> {
         let mirrored = self.is_half().then_some(self.nodes - 1 - column);
         std::iter::once(column).chain(mirrored)
     }

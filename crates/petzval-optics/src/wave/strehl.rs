@@ -11,8 +11,8 @@ const HALVINGS: usize = 12;
 impl WaveChannel {
     /// `max_x |sum U exp(i k n' x.d)|^2 / (sum |U|)^2`, with the peak wherever it lies on the image plane.
     pub fn strehl(&self) -> f64 {
-        let wave = self.defocused(&self.nodes(), 0.0, false);
-        let ideal: f64 = wave.iter().map(|v| v.norm()).sum();
+        let wave = self.wave().values;
+        let ideal: f64 = wave.iter().map(|v| v.norm_sqr().sqrt()).sum();
         let peak = self.brightest(&wave);
         (self.amplitude(&wave, peak).norm() / ideal).powi(2)
     }

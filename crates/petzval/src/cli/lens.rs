@@ -1,5 +1,7 @@
 //! `petzval lens`: look at a lens, or make it better.
 
+mod analyze;
+mod focus;
 mod optimize;
 mod show;
 mod trace;
@@ -15,6 +17,8 @@ use super::Failure;
 pub enum LensVerb {
     /// Prescription, first-order properties, Seidel sums and RMS spots
     Show(show::Args),
+    /// Layout, spots, fans, MTF and all else a designer looks at, as pictures and data
+    Analyze(analyze::Args),
     /// One ray through every surface
     Trace(trace::Args),
     /// Smaller spots within bounds, by descent or by a global search
@@ -25,6 +29,7 @@ pub enum LensVerb {
 pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
     match verb {
         LensVerb::Show(args) => show::run(&args),
+        LensVerb::Analyze(args) => analyze::run(&args),
         LensVerb::Trace(args) => trace::run(&args),
         LensVerb::Optimize(args) => optimize::run(&args),
     }

@@ -1,7 +1,7 @@
 //! Labels: short words in a drawing that must not lie on each other.
 
 /// Width of a character and height of a line, px.
-const CHARACTER_PX: f64 = 7.6;
+pub(super) const CHARACTER_PX: f64 = 7.6;
 const LINE_PX: f64 = 15.0;
 
 /// A word, centred on x, standing on the base line y, px.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::place::Place;
 use super::{LayoutElement, LayoutLine, LineKind};
 use crate::glass::Glass;
+use crate::lens::placement::apply;
 use crate::lens::{Action, Lens, Surface};
 
 /// Steps in which the profile of a surface is drawn, from edge to edge.
@@ -90,7 +91,8 @@ pub(super) fn bare_surfaces(lens: &Lens, places: &[Place]) -> Vec<LayoutLine> {
         let before = if i == 0 { &air } else { &media[i - 1] };
         match s.action {
             Action::Reflect => Some(LineKind::Mirror),
-            Action::ThinLens { .. } => Some(LineKind::ThinLens),
+            Action::ThinLens { power_per_mm } if power_per_mm < 0.0 => Some(LineKind::DivergingLens),
+            Action::ThinLens { .. } => Some(LineKind::ConvergingLens),
             _ if s.phase.is_some() && *before == media[i] => Some(LineKind::Structure),
             _ => None,
         }
@@ -99,7 +101,14 @@ pub(super) fn bare_surfaces(lens: &Lens, places: &[Place]) -> Vec<LayoutLine> {
         .filter_map(|i| {
             let surface = &lens.surfaces[i];
             let wall = Wall { surface, place: &places[i], is_cemented: false };
-            Some(LayoutLine { kind: kind(i)?, points: profile(wall, surface.semi_diameter_mm, true) })
+            let towards = if i == 0 || lens.light_goes_forwards(i - 1) { 1.0 } else { -1.0 };
+            let [_, y, z] = apply(&places[i].rotation, [0.0, 0.0, towards]);
+            let length = z.hypot(y).max(f64::MIN_POSITIVE);
+            Some(LayoutLine {
+                kind: kind(i)?,
+                points: profile(wall, surface.semi_diameter_mm, true),
+                back: [z / length, y / length],
+            })
         })
         .collect()
 }

@@ -7,7 +7,7 @@ mod ray;
 use serde::Serialize;
 
 use super::AnalysisOptions;
-use crate::lens::Lens;
+use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::first_order;
 use element::{bare_surfaces, elements};
 use place::places;
@@ -52,8 +52,10 @@ pub struct LayoutElement {
 pub enum LineKind {
     /// A mirror.
     Mirror,
-    /// A thin lens.
-    ThinLens,
+    /// A thin lens of positive power.
+    ConvergingLens,
+    /// A thin lens of negative power.
+    DivergingLens,
     /// A surface between equal media that bends light: a diffractive structure.
     Structure,
 }
@@ -65,6 +67,8 @@ pub struct LayoutLine {
     pub kind: LineKind,
     /// Its profile from the lower to the upper edge.
     pub points: Vec<[f64; 2]>,
+    /// Direction (z, y) of unit length along its axis, as light meets it: the side of a mirror that is in the dark.
+    pub back: [f64; 2],
 }
 
 /// A ray as a line.
@@ -84,10 +88,19 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
     let places = places(lens);
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     let size = places.iter().map(|p| p.origin[2].abs().max(p.origin[1].abs())).fold(0.0, f64::max);
+    let (elements, lines) = (elements(lens, &places), bare_surfaces(lens, &places));
+    // Rays start in front of all there is (the secondary of a telescope too), but not before their object.
+    let outlines = elements.iter().map(|e| &e.outline).chain(lines.iter().map(|l| &l.points));
+    let foremost = outlines.flatten().map(|p| p[0]).fold(0.0, f64::min);
+    let object_mm = match lens.object {
+        ObjectDistance::Infinity => f64::INFINITY,
+        ObjectDistance::Finite(distance) => distance,
+    };
+    let lead_mm = (LEAD * size - foremost).min(object_mm);
     let rays: Vec<Vec<LayoutRay>> = lens
         .fields_deg
         .iter()
-        .map(|field| ray::fan(lens, &places, field.to_radians(), options.layout_rays.max(2), LEAD * size))
+        .map(|field| ray::fan(lens, &places, field.to_radians(), options.layout_rays.max(2), lead_mm))
         .collect();
     // The stop's edges reach half a radius outwards.
     let stop = &places[lens.stop];
@@ -101,8 +114,8 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
     };
     let half_image = rays.iter().map(|r| reached(r)).fold(0.5 * inner, f64::max);
     Layout {
-        elements: elements(lens, &places),
-        lines: bare_surfaces(lens, &places),
+        elements,
+        lines,
         rays,
         axis: places.iter().map(|p| p.section([0.0; 2])).collect(),
         stop: [1.0, -1.0].map(|side| [inner, outer].map(|r| stop.section([sag, side * r]))),

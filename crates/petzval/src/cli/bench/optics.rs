@@ -1,8 +1,10 @@
 //! Workloads of the lens: rays, spots, PSFs, and their gradients, on the nominal triplet.
 
 use petzval::built_in_assets;
+use petzval::design::analysis_report::{PictureKind, page, picture};
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
+use petzval::optics::analysis::{AnalysisOptions, analyze};
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::gradient::LensGradient;
 use petzval::optics::lens::Lens;
@@ -52,6 +54,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         Workload { name: "psf_13_fields", simd: ray_level, prepare: psf_13_fields },
         Workload { name: "lm_iteration", simd: ray_level, prepare: lm_iteration },
         Workload { name: "triplet_recovery", simd: ray_level, prepare: triplet_recovery },
+        Workload { name: "lens_analyze", simd: ray_level, prepare: lens_analyze },
     ]
 }
 
@@ -274,6 +277,25 @@ fn triplet_recovery() -> Result<Prepared, Failure> {
             if descent.best.mean_rms_um() > target {
                 return Err(Failure::job(format!("only {:.3} um", descent.best.mean_rms_um())));
             }
+            Ok(())
+        }),
+    })
+}
+
+fn lens_analyze() -> Result<Prepared, Failure> {
+    let lens = nominal()?;
+    Ok(Prepared {
+        work: "every analysis, as data, 15 pictures and a page; 4 fields x 3 wavelengths".to_owned(),
+        units: None,
+        single_thread: false,
+        run: Box::new(move || {
+            let analysis =
+                analyze(&lens, &AnalysisOptions::default()).map_err(|e| Failure::job(e.to_string()))?;
+            std::hint::black_box(serde_json::to_string(&analysis).map_err(|e| Failure::job(e.to_string()))?);
+            for kind in PictureKind::ALL {
+                std::hint::black_box(picture(&analysis, kind));
+            }
+            std::hint::black_box(page(&analysis, &PictureKind::ALL));
             Ok(())
         }),
     })

@@ -2,18 +2,17 @@
 
 use std::process::ExitCode;
 
-use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::optics::format::lens_toml::special_lines;
 use petzval::optics::lens::{Lens, ObjectDistance, Surface};
 use petzval::optics::paraxial::{FirstOrder, first_order};
 use petzval::optics::pupil::{Quadrature, paraxial_launch, trace_beam};
 use petzval::optics::seidel::seidel_total;
-use petzval::optics::solve::{with_best_focus, with_paraxial_focus};
 use petzval::optics::spot::{FieldSpot, PrintedSpot, spot, spot_paraxial_pupil};
 use petzval::optics::trace::{Fate, launch, trace_ray};
 use serde_json::{Value, json};
 
+use super::focus::{FocusAt, focused};
 use crate::cli::{Failure, print_json};
 
 /// Pupil cells a side: spot radii are then good to 0.1 %.
@@ -30,31 +29,6 @@ pub struct Args {
     /// Machine-readable output
     #[arg(long)]
     json: bool,
-}
-
-/// Where the image plane goes.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FocusAt {
-    /// Where the file puts it.
-    File,
-    /// At the paraxial image of the reference wavelength.
-    Paraxial,
-    /// Where the mean squared spot over the fields is least.
-    Best,
-}
-
-/// The lens with the image plane where it was asked for.
-fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, Failure> {
-    match focus {
-        FocusAt::File => Ok(lens),
-        FocusAt::Paraxial => Ok(with_paraxial_focus(&lens, 0.0)),
-        FocusAt::Best => {
-            let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| Failure::job(e.to_string()))?;
-            let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
-            with_best_focus(&lens, &fields, &quadrature)
-                .ok_or_else(|| Failure::input("no ray reaches the image at some field", "see --focus file"))
-        }
-    }
 }
 
 /// Everything that is shown.

@@ -1,0 +1,81 @@
+//! Field curvature and distortion side by side, the field upwards.
+
+use maud::html;
+use petzval_optics::analysis::Analysis;
+
+use super::style::{
+    ONE_FIELD, WIDTH_PX, foot, has_one_field, section_keys, wavelength_keys, wavelength_name, wavelength_pen,
+};
+use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
+
+/// Height of both frames, px.
+const HEIGHT_PX: f64 = 420.0;
+
+/// Where tangential and sagittal lines focus, and how the image is distorted.
+pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
+    let data = &analysis.field_curves;
+    let mut foci: Vec<Curve> = Vec::new();
+    let mut distortion: Vec<Curve> = Vec::new();
+    for i in 0..analysis.wavelengths_um.len() {
+        let pen = wavelength_pen(analysis, i);
+        foci.push(over_field(data, pen.clone(), i, &data.tangential_focus_mm[i]));
+        foci.push(over_field(data, pen.clone().dashed(), i, &data.sagittal_focus_mm[i]));
+        // On the axis there is no height to compare with: the curve begins at the next field.
+        let off_axis = data.field_deg.iter().map(|f| if *f == 0.0 { f64::NAN } else { 1.0 });
+        let percent: Vec<f64> =
+            data.distortion_percent[i].iter().zip(off_axis).map(|(d, is)| d * is).collect();
+        distortion.push(over_field(data, pen, i, &percent));
+    }
+    let body = html! {
+        (panel(data, 70.0, 400.0, "field curvature", "focus from the image plane, mm", &foci))
+        (panel(data, 550.0, 336.0, "distortion", "distortion, %", &distortion))
+    };
+    let mut keys = wavelength_keys(analysis);
+    keys.extend(section_keys());
+    let remark = match has_one_field(&data.field_deg) {
+        true => ONE_FIELD.into(),
+        false => format!(
+            "Foci of rays close to the chief ray; distortion of the chief ray from f tan(field) at {}.",
+            wavelength_name(analysis.reference_um)
+        ),
+    };
+    Sheet {
+        class: "field-curvature-distortion",
+        title: "Field curvature and distortion".into(),
+        remark,
+        keys,
+        alt: format!("Field curvature and distortion of {} over the field", analysis.name),
+        width: WIDTH_PX,
+        height: HEIGHT_PX + 80.0,
+        body,
+        foot: foot(analysis),
+    }
+}
+
+/// A curve over the field, which goes upwards.
+pub(super) fn over_field(
+    data: &petzval_optics::analysis::FieldCurves,
+    pen: Pen,
+    index: usize,
+    values: &[f64],
+) -> Curve {
+    Curve::beside(pen, index, &data.field_deg, values.iter().copied().map(Some))
+}
+
+/// A frame of curves over the field that has zero in it.
+pub(super) fn panel(
+    data: &petzval_optics::analysis::FieldCurves,
+    left: f64,
+    width: f64,
+    head: &str,
+    x_name: &str,
+    curves: &[Curve],
+) -> maud::Markup {
+    let (low, high) = span(curves.iter().flat_map(|c| c.values(0)).chain([0.0])).unwrap_or((0.0, 0.0));
+    // What is nothing but rounding is drawn as nothing.
+    let x = if high - low < 1e-9 { Axis::about_zero(1.0) } else { Axis::around(low, high, 5) };
+    let (bottom, top) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
+    let y = Axis::between(bottom, top, 4);
+    let frame = Frame { left, top: 30.0, width, height: HEIGHT_PX, x, y };
+    frame.draw(Names { head, x: x_name, y: "field, degrees" }, curves)
+}

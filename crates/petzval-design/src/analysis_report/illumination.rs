@@ -1,0 +1,41 @@
+//! Relative illumination over the field.
+
+use petzval_optics::analysis::Analysis;
+
+use super::mtf::{modulation_frame, sheet};
+use super::style::{ONE_FIELD, has_one_field, wavelength_keys, wavelength_pen};
+use crate::plot::{Axis, Curve, Names, Sheet, span};
+
+/// Illumination of the image over that of the axis, by wavelength.
+pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
+    let data = &analysis.field_curves;
+    let curves: Vec<Curve> = data
+        .relative_illumination
+        .iter()
+        .enumerate()
+        .map(|(i, y)| {
+            Curve::over(wavelength_pen(analysis, i), i, &data.field_deg, y.iter().copied().map(Some))
+        })
+        .collect();
+    let (low, high) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
+    let mut frame = modulation_frame(Axis::between(low, high, 4));
+    // Fields off the axis are brighter than it in some lenses.
+    let brightest = span(curves.iter().flat_map(|c| c.values(1))).map_or(1.0, |s| s.1);
+    if brightest > 1.0 + 1e-6 {
+        frame.y = Axis::around(0.0, brightest, 6);
+    }
+    let names = Names { head: "", x: "field, degrees", y: "relative illumination" };
+    let remark = match has_one_field(&data.field_deg) {
+        true => ONE_FIELD,
+        false => "Light on the image plane over that on the axis of the same wavelength.",
+    };
+    let keys = wavelength_keys(analysis);
+    sheet(
+        analysis,
+        "relative-illumination",
+        "Relative illumination",
+        remark,
+        keys,
+        frame.draw(names, &curves),
+    )
+}

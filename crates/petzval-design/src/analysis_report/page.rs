@@ -1,0 +1,55 @@
+//! The page: all pictures and tables of a lens in one self-contained HTML file.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use petzval_optics::analysis::Analysis;
+
+use super::style::{field_name, short};
+use super::table::{by_field, first_order, third_order};
+use super::{PictureKind, sheet};
+use crate::plot::plain;
+
+const STYLE: &str = include_str!("page.css");
+
+/// The page with some of the pictures. It needs nothing but itself, and prints well.
+pub fn page(analysis: &Analysis, kinds: &[PictureKind]) -> String {
+    let name = plain(&analysis.name);
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (name) " – analysis" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                header {
+                    p.mark { "Petzval" }
+                    h1 { (name) }
+                    p.subtitle { (conditions(analysis)) }
+                }
+                main {
+                    section { h2 { "First order" } (first_order(analysis)) }
+                    section { h2 { "By field" } (by_field(analysis)) }
+                    @for kind in kinds {
+                        section {
+                            figure { (PreEscaped(sheet(analysis, *kind).svg())) }
+                            @if *kind == PictureKind::Seidel { (third_order(analysis)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// Fields and wavelengths.
+fn conditions(analysis: &Analysis) -> Markup {
+    let fields: Vec<String> = analysis.fields_deg.iter().map(|f| field_name(*f)).collect();
+    let colours: Vec<String> = analysis.wavelengths_um.iter().map(|um| short(*um, 4)).collect();
+    html! {
+        "Fields " (fields.join(", ")) "; wavelengths " (colours.join(", ")) " µm, reference "
+        (short(analysis.reference_um, 5)) " µm."
+    }
+}

@@ -1,0 +1,105 @@
+//! The common look: pens and names of fields, wavelengths and sections, and the foot of every picture.
+
+use petzval_optics::analysis::{Analysis, MtfCurve};
+
+use crate::plot::{Curve, INK, Key, KeyLine, Marker, Pen};
+use crate::report::{number, palette};
+
+/// Width of a picture, px.
+pub(super) const WIDTH_PX: f64 = 908.0;
+
+/// A name longer than this is cut in the foot of a picture.
+const LONGEST_NAME: usize = 90;
+
+/// The pen of the i-th field.
+pub(super) fn field_pen(i: usize) -> Pen {
+    Pen::marked(palette::field(i), Marker::nth(i))
+}
+
+/// How many wavelengths are shorter than the i-th.
+fn rank(analysis: &Analysis, i: usize) -> usize {
+    let um = &analysis.wavelengths_um;
+    (0..um.len()).filter(|j| (um[*j], *j) < (um[i], i)).count()
+}
+
+/// The pen of the i-th wavelength.
+pub(super) fn wavelength_pen(analysis: &Analysis, i: usize) -> Pen {
+    let rank = rank(analysis, i);
+    Pen::marked(palette::wavelength(rank, analysis.wavelengths_um.len()), Marker::nth(rank + 1))
+}
+
+/// A number with up to so many decimals.
+pub(super) fn short(value: f64, decimals: usize) -> String {
+    let text = number::fixed(value, decimals);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+}
+
+/// An angle as the reader sees it.
+pub(super) fn field_name(field_deg: f64) -> String {
+    format!("{}°", short(field_deg, 2))
+}
+
+/// A wavelength as the reader sees it.
+pub(super) fn wavelength_name(um: f64) -> String {
+    format!("{} µm", short(um, 4))
+}
+
+/// One entry for each field.
+pub(super) fn field_keys(analysis: &Analysis) -> Vec<Key> {
+    let entry = |(i, field): (usize, &f64)| Key::pen(field_pen(i), field_name(*field));
+    analysis.fields_deg.iter().enumerate().map(entry).collect()
+}
+
+/// One entry for each wavelength.
+pub(super) fn wavelength_keys(analysis: &Analysis) -> Vec<Key> {
+    let entry = |(i, um): (usize, &f64)| Key::pen(wavelength_pen(analysis, i), wavelength_name(*um));
+    analysis.wavelengths_um.iter().enumerate().map(entry).collect()
+}
+
+/// What solid and dashed lines mean.
+pub(super) fn section_keys() -> [Key; 2] {
+    let line = Pen { width: 1.7, ..Pen::thin(INK) };
+    [Key::pen(line.clone(), "tangential"), Key::pen(line.dashed(), "sagittal")]
+}
+
+/// The lens and its wavelengths.
+pub(super) fn foot(analysis: &Analysis) -> Vec<Key> {
+    let mut name: String = analysis.name.chars().take(LONGEST_NAME).collect();
+    if name.len() < analysis.name.len() {
+        name.push('…');
+    }
+    let wavelengths: Vec<String> = analysis.wavelengths_um.iter().map(|um| short(*um, 4)).collect();
+    let colours = match wavelengths.len() {
+        1 => format!("wavelength {} µm", wavelengths[0]),
+        _ => format!("wavelengths {} µm", wavelengths.join(", ")),
+    };
+    [name, colours].map(|name| Key { line: KeyLine::None, name }).into()
+}
+
+/// Both sections of a curve of modulation.
+pub(super) fn section_curves(pen: &Pen, index: usize, x: &[f64], curve: &MtfCurve) -> [Curve; 2] {
+    let over = |pen: Pen, y: &[f64]| Curve::over(pen, index, x, y.iter().copied().map(Some));
+    [over(pen.clone(), &curve.tangential), over(pen.clone().dashed(), &curve.sagittal)]
+}
+
+/// Whether a lens has but one field, so that curves over the field have no length.
+pub(super) fn has_one_field(field_deg: &[f64]) -> bool {
+    field_deg.windows(2).all(|pair| pair[0] == pair[1])
+}
+
+/// What stands under a headline of curves over the field if there is but one field.
+pub(super) const ONE_FIELD: &str =
+    "The lens has the axis as its only field: there are no curves over the field.";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_as_short_as_they_can_be() {
+        assert_eq!(field_name(5.0), "5°");
+        assert_eq!(field_name(-7.25), "\u{2212}7.25°");
+        assert_eq!(wavelength_name(0.486), "0.486 µm");
+        assert_eq!(short(100.0, 0), "100");
+    }
+}

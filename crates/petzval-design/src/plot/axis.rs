@@ -1,0 +1,116 @@
+//! Axes: a range of values with round ticks.
+
+use crate::report::number;
+
+/// A linear axis.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Axis {
+    /// Value at its beginning, left or below.
+    pub low: f64,
+    /// Value at its end.
+    pub high: f64,
+    /// Values with a tick and a number.
+    pub ticks: Vec<f64>,
+    /// Decimals that tell neighbouring ticks apart.
+    decimals: usize,
+}
+
+impl Axis {
+    /// Exactly from one value to another, with about so many ticks at multiples of 1, 2 or 5. Without a range between them it
+    /// reaches 1 to both sides.
+    pub fn between(low: f64, high: f64, count: usize) -> Self {
+        let (low, high) = match (low.is_finite() && high.is_finite(), high > low) {
+            (true, true) => (low, high),
+            (true, false) => (low - 1.0, low + 1.0),
+            _ => (0.0, 1.0),
+        };
+        let ticks = number::ticks(low, high, count);
+        let step = ticks.get(1).zip(ticks.first()).map_or(high - low, |(b, a)| b - a);
+        let decimals = (-(step.log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
+        Self { low, high, ticks, decimals }
+    }
+
+    /// From the tick at or below one value to that at or above another.
+    pub fn around(low: f64, high: f64, count: usize) -> Self {
+        let exact = Self::between(low, high, count);
+        let step = number::round_length((exact.high - exact.low) / count.max(1) as f64);
+        let down = (exact.low / step + 1e-9).floor() * step;
+        let up = (exact.high / step - 1e-9).ceil() * step;
+        Self::between(down, up, count)
+    }
+
+    /// From `-reach` to `reach`, widened to a round number.
+    pub fn about_zero(reach: f64) -> Self {
+        let reach = round_up(reach);
+        let mut axis = Self::between(-reach, reach, 4);
+        axis.ticks = vec![-reach, 0.0, reach];
+        let text = format!("{reach:.9}");
+        axis.decimals = text.trim_end_matches('0').split('.').nth(1).map_or(0, str::len);
+        axis
+    }
+
+    /// Where a value lies on the axis, 0..1 between its ends.
+    pub fn share(&self, value: f64) -> f64 {
+        (value - self.low) / (self.high - self.low)
+    }
+
+    /// The number at a tick.
+    pub fn label(&self, value: f64) -> String {
+        let size = value.abs().max(self.low.abs()).max(self.high.abs());
+        if (1e-6..1e7).contains(&size) {
+            number::fixed(value, self.decimals)
+        } else {
+            number::significant(value)
+        }
+    }
+
+    /// Characters of the widest number.
+    pub fn widest_label(&self) -> usize {
+        self.ticks.iter().map(|t| self.label(*t).chars().count()).max().unwrap_or(1)
+    }
+}
+
+/// The next of 1, 1.5, 2, 3, 5, 8 times a power of ten that is not less; 1 if there is none.
+pub(crate) fn round_up(value: f64) -> f64 {
+    if !(value > 0.0 && value.is_finite()) {
+        return 1.0;
+    }
+    let decade = 10_f64.powf(value.log10().floor());
+    let digit = [1.0, 1.5, 2.0, 3.0, 5.0, 8.0].into_iter().find(|d| d * decade >= value * (1.0 - 1e-9));
+    digit.unwrap_or(10.0) * decade
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(axis: &Axis) -> Vec<String> {
+        axis.ticks.iter().map(|t| axis.label(*t)).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_and_labels_no_longer_than_needed() {
+        assert_eq!(labels(&Axis::between(0.0, 1.0, 5)), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(&Axis::between(0.0, 85.32, 4)), ["0", "20", "40", "60", "80"]);
+        assert_eq!(labels(&Axis::about_zero(13.0)), ["\u{2212}15", "0", "15"]);
+        assert_eq!(labels(&Axis::about_zero(0.12)), ["\u{2212}0.15", "0.00", "0.15"]);
+    }
+
+    #[test]
+    fn an_axis_around_values_ends_at_ticks() {
+        let axis = Axis::around(-0.37, 1.42, 4);
+        assert_eq!((axis.low, axis.high), (-0.5, 1.5));
+        assert_eq!(axis.share(0.5), 0.5);
+        let fits = Axis::around(0.0, 10.0, 5);
+        assert_eq!((fits.low, fits.high), (0.0, 10.0));
+    }
+
+    #[test]
+    fn a_range_of_nothing_or_of_no_number_is_still_an_axis() {
+        for (low, high) in [(3.0, 3.0), (f64::NAN, 1.0), (0.0, f64::INFINITY), (5.0, 1.0)] {
+            let axis = Axis::around(low, high, 4);
+            assert!(axis.high > axis.low && !axis.ticks.is_empty(), "{axis:?}");
+        }
+        assert_eq!(Axis::about_zero(0.0).high, 1.0);
+    }
+}

@@ -1,0 +1,88 @@
+//! Plots: axes, curves, markers and keys as SVG, placed by hand so that the pictures of a lens look alike.
+//!
+//! Coordinates are px from the upper left corner, y downwards. A [`Sheet`] is a whole picture, a [`Frame`] one pair of axes in it,
+//! a [`Pen`] how a curve is drawn.
+
+mod axis;
+mod frame;
+mod key;
+mod marker;
+mod pen;
+mod sheet;
+
+pub(crate) use axis::{Axis, round_up};
+pub(crate) use frame::{Frame, Names};
+pub(crate) use key::{Key, KeyLine};
+pub(crate) use marker::Marker;
+pub(crate) use pen::{Curve, Pen};
+pub(crate) use sheet::Sheet;
+
+/// Colour of text and outlines.
+pub(crate) const INK: &str = "#22272e";
+/// Colour of what explains.
+pub(crate) const MUTED: &str = "#5f6670";
+/// Colour of grids.
+pub(crate) const GRID: &str = "#e4e7eb";
+/// Colour of axes.
+pub(crate) const AXIS: &str = "#969da6";
+
+/// Mean width of a character over the size of its font.
+const CHARACTER: f64 = 0.56;
+
+/// Farthest place from the page that is written; drawing programs stumble over larger numbers.
+const FARTHEST_PX: f64 = 1e5;
+
+/// A coordinate for SVG, to a hundredth; what is not finite goes to the corner.
+pub(crate) fn px(value: f64) -> String {
+    if !value.is_finite() {
+        return "0".into();
+    }
+    let text = format!("{:.2}", value.clamp(-FARTHEST_PX, FARTHEST_PX));
+    let short = text.trim_end_matches('0').trim_end_matches('.');
+    if short == "-0" { "0".into() } else { short.into() }
+}
+
+/// Width of a text in a font of a size, px, as good as can be told without the font.
+pub(crate) fn width_of(text: &str, size: f64) -> f64 {
+    CHARACTER * size * text.chars().count() as f64
+}
+
+/// A text without the characters that XML cannot hold.
+pub(crate) fn plain(text: &str) -> String {
+    let fits = |c: char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.chars().map(|c| if fits(c) { c } else { ' ' }).collect()
+}
+
+/// The least and the greatest of the finite numbers.
+pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    values.into_iter().filter(|v| v.is_finite()).fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((low, high)) => Some((f64::min(low, v), f64::max(high, v))),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_are_short_and_finite() {
+        assert_eq!(px(1.0), "1");
+        assert_eq!(px(-0.001), "0");
+        assert_eq!(px(-2.5), "-2.5");
+        assert_eq!(px(100.0), "100");
+        assert_eq!(px(f64::NAN), "0");
+        assert_eq!(px(1e300), "100000");
+    }
+
+    #[test]
+    fn a_name_loses_what_xml_cannot_hold() {
+        assert_eq!(plain("a\u{7}b\u{ffff}µ"), "a b µ");
+    }
+
+    #[test]
+    fn a_span_leaves_out_what_is_no_number() {
+        assert_eq!(span([f64::NAN, 3.0, f64::INFINITY, -1.0]), Some((-1.0, 3.0)));
+        assert_eq!(span([f64::NAN]), None);
+    }
+}

@@ -1,0 +1,76 @@
+//! Pens: how a curve is drawn.
+
+use super::Marker;
+
+/// Colour, dashes, width and markers of a curve.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pen {
+    /// `#rrggbb`.
+    pub colour: String,
+    /// Whether the line is dashed.
+    pub is_dashed: bool,
+    /// px.
+    pub width: f64,
+    /// Shape that marks the curve here and there.
+    pub marker: Option<Marker>,
+}
+
+impl Pen {
+    /// A solid line with markers.
+    pub fn marked(colour: &str, marker: Marker) -> Self {
+        Self { colour: colour.into(), is_dashed: false, width: 1.7, marker: Some(marker) }
+    }
+
+    /// A thin solid line without markers.
+    pub fn thin(colour: &str) -> Self {
+        Self { colour: colour.into(), is_dashed: false, width: 1.2, marker: None }
+    }
+
+    /// The same, dashed.
+    pub fn dashed(mut self) -> Self {
+        self.is_dashed = true;
+        self
+    }
+
+    /// The same without markers.
+    pub fn unmarked(mut self) -> Self {
+        self.marker = None;
+        self
+    }
+
+    /// The dashes as SVG has them.
+    pub fn dashes(&self) -> Option<&'static str> {
+        self.is_dashed.then_some("6 4")
+    }
+}
+
+/// A line through points; where one is missing the line is broken.
+#[derive(Clone, Debug)]
+pub(crate) struct Curve {
+    /// How it is drawn.
+    pub pen: Pen,
+    /// Points (x, y) in the values of the axes.
+    pub points: Vec<Option<[f64; 2]>>,
+    /// Which of the curves of a frame it is: markers of different curves sit at different points.
+    pub index: usize,
+}
+
+impl Curve {
+    /// Values upwards over places to the right.
+    pub fn over(pen: Pen, index: usize, x: &[f64], y: impl IntoIterator<Item = Option<f64>>) -> Self {
+        let point =
+            |(x, y): (&f64, Option<f64>)| y.map(|y| [*x, y]).filter(|p| p.iter().all(|v| v.is_finite()));
+        Self { pen, index, points: x.iter().zip(y).map(point).collect() }
+    }
+
+    /// Values to the right over places upwards, as curves over the field are drawn.
+    pub fn beside(pen: Pen, index: usize, y: &[f64], x: impl IntoIterator<Item = Option<f64>>) -> Self {
+        let upright = Self::over(pen, index, y, x);
+        Self { points: upright.points.into_iter().map(|p| p.map(|[y, x]| [x, y])).collect(), ..upright }
+    }
+
+    /// Its values along an axis, 0 to the right or 1 upwards.
+    pub fn values(&self, along: usize) -> impl Iterator<Item = f64> + '_ {
+        self.points.iter().flatten().map(move |p| p[along])
+    }
+}

@@ -1,0 +1,56 @@
+//! Sheets: whole pictures, with a headline, a key, and a foot that says what lens they show.
+
+use maud::{Markup, html};
+
+use super::{INK, Key, MUTED, key, plain, px};
+
+/// Space at the left and right edge, px.
+const MARGIN_PX: f64 = 18.0;
+
+/// A picture.
+#[derive(Clone, Debug)]
+pub(crate) struct Sheet {
+    /// Which picture it is: the class of the SVG.
+    pub class: &'static str,
+    /// Headline.
+    pub title: String,
+    /// A line below it.
+    pub remark: String,
+    /// Key below that.
+    pub keys: Vec<Key>,
+    /// What is seen, for those who cannot see it.
+    pub alt: String,
+    /// Size of the body, px.
+    pub width: f64,
+    pub height: f64,
+    /// The picture itself, from its own upper left corner.
+    pub body: Markup,
+    /// The lens and its colours, at the foot.
+    pub foot: Vec<Key>,
+}
+
+impl Sheet {
+    /// The picture as a stand-alone SVG on white.
+    pub fn svg(&self) -> String {
+        let inside = self.width - 2.0 * MARGIN_PX;
+        let key_top = 38.0 + if self.remark.is_empty() { 0.0 } else { 17.0 };
+        let body_top = key_top + key::height(&self.keys, inside);
+        let foot_top = body_top + self.height;
+        let height = foot_top + key::height(&self.foot, inside) + 12.0;
+        html! {
+            svg xmlns="http://www.w3.org/2000/svg" class=(self.class) role="img" aria-label=(plain(&self.alt))
+                viewBox=(format!("0 0 {} {}", px(self.width), px(height))) width=(px(self.width)) height=(px(height))
+                font-family="system-ui, sans-serif" fill="none" stroke-linejoin="round" {
+                rect width="100%" height="100%" fill="#ffffff" {}
+                text x=(px(MARGIN_PX)) y="27" fill=(INK) font-size="17" font-weight="600" { (plain(&self.title)) }
+                @if !self.remark.is_empty() {
+                    text x=(px(MARGIN_PX)) y="46" fill=(MUTED) font-size="12.5" { (plain(&self.remark)) }
+                }
+                (key::draw(&self.keys, [MARGIN_PX, key_top], inside))
+                g class="body" transform=(format!("translate(0 {})", px(body_top))) { (self.body) }
+                (key::draw(&self.foot, [MARGIN_PX, foot_top], inside))
+            }
+        }
+        .into_string()
+    }
+}
