@@ -125,7 +125,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
             *a = scaled(any(), -20 - 12 * i as i32);
         }
         asphere[round % 8] = -0.0;
-        let glass = |dispersion| Arc::new(Glass { name: format!("g\"{}\\\n", round), dispersion });
+        let glass = |dispersion| Arc::new(Glass::new(format!("g\"{}\\\n", round), dispersion));
         let glasses = [
             glass(Dispersion::Constant(size(any(), 0))),
             glass(Dispersion::Schott([3.0, scaled(any(), -9), scaled(any(), -9), 0.0, -0.0, 0.0])),
@@ -519,7 +519,7 @@ fn impossible_lenses_are_named() {
     let short = with(&|l| l.surfaces[6].semi_diameter_mm = 13.06);
     assert!(matches!(short, LensDefect::SurfaceEnds { surface: 7, .. }), "{short}");
     let glass =
-        Glass { name: "BAD".into(), dispersion: Dispersion::Sellmeier { b: vec![1.0], c_um2: vec![0.3025] } };
+        Glass::new("BAD", Dispersion::Sellmeier { b: vec![1.0], c_um2: vec![0.3025] });
     let no_index = with(&|l| l.surfaces[0].glass = Arc::new(glass.clone()));
     assert!(matches!(no_index, LensDefect::Index { surface: 1, .. }), "{no_index}");
 }
