@@ -39,28 +39,6 @@ fn nominal() -> String {
 }
 
 #[test]
-fn catalogue_formulas_give_the_printed_index_and_abbe_number() {
-    let mut checked = 0;
-    for path in data("glasses") {
-        let catalog = Catalog::parse(&read(&path)).unwrap();
-        let table: toml::Table = read(&path).parse().unwrap();
-        for (name, glass) in table["glass"].as_table().unwrap() {
-            let printed = |key: &str| glass.get(key).and_then(toml::Value::as_float);
-            let (Some(nd), Some(vd)) = (printed("nd"), printed("vd")) else { continue };
-            // Catalogues print five decimals of n_d and two of V_d. Zeon rounds V_d to one decimal,
-            // and its fitted formula meets it no better.
-            let zeon = glass.get("maker").and_then(toml::Value::as_str) == Some("Zeon");
-            let (nd_slip, vd_slip) = if zeon { (3e-5, 0.15) } else { (6e-6, 0.006) };
-            let found = catalog.get(name).unwrap();
-            assert!((found.nd() - nd).abs() < nd_slip, "{name}: nd {} != {nd}", found.nd());
-            assert!((found.abbe_vd() - vd).abs() < vd_slip, "{name}: vd {} != {vd}", found.abbe_vd());
-            checked += 1;
-        }
-    }
-    assert!(checked >= 110, "only {checked} glasses");
-}
-
-#[test]
 fn catalogue_holds_the_materials_of_the_triplet() {
     let catalog = catalog();
     let pmma = catalog.get("pmma").unwrap();

@@ -61,9 +61,15 @@ mod tests {
 
     #[test]
     fn air_is_as_tabulated() {
-        // Edlén, J. Opt. Soc. Am. 43, 339 (1953): dry air of 15 C and 1 atm at the sodium D lines has n - 1 = 2.7674e-4.
-        assert!((air_index(0.5893, 15.0, 1.0) - 1.000_276_74).abs() < 2e-7);
-        assert!((air_index(0.5893, 20.0, 1.0) - 1.000_271_9).abs() < 2e-7);
+        // Ciddor, Appl. Opt. 35, 1566 (1996), a later formula for dry air of 15 C and 1 atm.
+        let ciddor = |w: f64| 1.0 + 0.057_921_05 / (238.0185 - 1.0 / (w * w)) + 0.001_679_17 / (57.362 - 1.0 / (w * w));
+        for um in [0.4, 0.5461, 0.5893, 1.06] {
+            assert!((air_index(um, 15.0, 1.0) - ciddor(um)).abs() < 3e-8, "{um}");
+        }
+        // One kelvin takes 1/293 of a gas, half an atmosphere half of it.
+        let refractivity = |c: f64, atm: f64| air_index(0.55, c, atm) - 1.0;
+        assert!((refractivity(20.0, 1.0) / refractivity(21.0, 1.0) - 294.15 / 293.15).abs() < 5e-4);
+        assert!((refractivity(20.0, 0.5) / refractivity(20.0, 1.0) - 0.5).abs() < 1e-9);
         assert_eq!(air_index(0.5, 20.0, 0.0), 1.0);
     }
 

@@ -50,11 +50,11 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
         let printed = |number: &Placed| text.get(number.span()).and_then(|digits| Printed::parse(&digits.replace('_', "")));
         if let Some(nd) = &table.nd {
             check_nd(text, nd)?;
-            glass.printed_nd = printed(nd);
+            glass.printed_nd = printed(nd).filter(|printed| printed.value > 1.0);
         }
         if let Some(vd) = &table.vd {
             check_vd(text, vd)?;
-            glass.printed_vd = printed(vd);
+            glass.printed_vd = printed(vd).filter(|printed| printed.value > 0.0);
         }
     }
     if let Some(range) = &table.range_um {

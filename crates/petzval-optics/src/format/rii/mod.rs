@@ -18,13 +18,13 @@
 //!
 //! Glasses of makers are relative to air, as they print them. What a page takes from a paper is what that paper
 //! measured: gases, and some crystals, are against vacuum, and no page says so in a way that a program could read.
-//! It is taken as it stands.
+//! It is taken as it stands. `glass_status` is left out: its words are not those of the makers' own files.
 
 mod yaml;
 
 use super::FileError;
 use super::glass_file::{GlassFile, shifted};
-use crate::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Status, Thermal};
+use crate::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Thermal};
 use yaml::Node;
 
 /// The one material of a page, under a name and a maker (or empty), which pages do not say themselves.
@@ -42,6 +42,9 @@ use yaml::Node;
 /// ```
 pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileError> {
     let page = yaml::parse(text)?;
+    if name.to_uppercase() == "AIR" {
+        return Err(yaml::error(1, "", name, "air is always there").hint("give the file another name"));
+    }
     let data = page.get("DATA").ok_or_else(|| {
         yaml::error(1, "DATA", "", "the page has no data").hint("a page of refractiveindex.info has a list `DATA:`")
     })?;
@@ -51,6 +54,7 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
     for entry in data.list() {
         let kind = word(entry, "type")?;
         let (index, k) = read_entry(entry, kind)?;
+        let k = k.map(|k| without_gain(entry, k, &mut warnings));
         match index {
             Some((dispersion, range_um)) if glass.is_none() => {
                 let mut new = Glass::new(name, dispersion);
@@ -61,6 +65,7 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
             None => {}
         }
         match k {
+            Some(k) if k.is_empty() => {}
             Some(k) if extinction.is_none() => extinction = Some(k),
             Some(_) => warnings.push(entry.error("type", format!("`{kind}` is a second extinction: left out"))),
             None => {}
@@ -106,11 +111,11 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Vec<[f6
     };
     match kind.split_whitespace().collect::<Vec<_>>()[..] {
         ["tabulated", "n"] => Ok((Some(table(rows(entry)?)), None)),
-        ["tabulated", "k"] => Ok((None, Some(extinction(entry, rows(entry)?)?))),
+        ["tabulated", "k"] => Ok((None, Some(rows(entry)?))),
         ["tabulated", "nk"] => {
             let rows = rows::<3>(entry)?;
             let k = rows.iter().map(|[um, _, k]| [*um, *k]).collect();
-            Ok((Some(table(rows.iter().map(|[um, n, _]| [*um, *n]).collect())), Some(extinction(entry, k)?)))
+            Ok((Some(table(rows.iter().map(|[um, n, _]| [*um, *n]).collect())), Some(k)))
         }
         ["formula", number] => {
             let a = entry.get("coefficients").ok_or_else(|| entry.error("coefficients", "the formula has none"))?;
@@ -125,11 +130,13 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Vec<[f6
     }
 }
 
-fn extinction(entry: &Node, rows: Vec<[f64; 2]>) -> Result<Vec<[f64; 2]>, FileError> {
-    match rows.iter().find(|[_, k]| *k < 0.0) {
-        None => Ok(rows),
-        Some([um, k]) => Err(entry.error("data", format!("an extinction coefficient is 0 at least, not {k} at {um} um"))),
+/// Rows that absorb. Some tables have a few that amplify, from a transmittance misprinted above 1.
+fn without_gain(entry: &Node, rows: Vec<[f64; 2]>, warnings: &mut Vec<FileError>) -> Vec<[f64; 2]> {
+    let (kept, gain): (Vec<_>, Vec<_>) = rows.into_iter().partition(|[_, k]| *k >= 0.0);
+    for [um, k] in gain {
+        warnings.push(entry.error("data", format!("an extinction coefficient is 0 at least, not {k} at {um} um: left out")));
     }
+    kept
 }
 
 fn wavelength_range(entry: &Node) -> Result<Option<[f64; 2]>, FileError> {
@@ -149,8 +156,8 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
     for (i, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let numbers = line.split_whitespace().map(finite).collect::<Option<Vec<f64>>>();
         let row = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()).filter(|row| row[0] > 0.0);
-        // The text of a block begins on the line below its key.
-        let row = row.ok_or_else(|| yaml::error(data.line + 1 + i, "data", line, format!("this is not {N} numbers")))?;
+        // The place of a block is that of its text, not that of its key.
+        let row = row.ok_or_else(|| yaml::error(data.line + i, "data", line, format!("this is not {N} numbers")))?;
         rows.push(row);
     }
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -245,12 +252,6 @@ fn read_properties(
         number
     };
     (glass.printed_nd, glass.printed_vd) = (printed("nd", 1.0), printed("Vd", 0.0));
-    if let Some(node) = properties.get("glass_status") {
-        glass.status = node.text().and_then(Status::from_word);
-        if glass.status.is_none() {
-            warnings.push(node.error("glass_status", "no such status: left out"));
-        }
-    }
     for entry in properties.get("thermal_dispersion").map_or(&[][..], Node::list) {
         let kind = word(entry, "type")?;
         let numbers = entry.get("coefficients").and_then(Node::text);
@@ -339,7 +340,6 @@ PROPERTIES:
         coefficients: 1.86e-06 1.31e-08 -1.37e-11 4.34e-07 6.27e-10 0.17
     nd: 1.5168
     Vd: 64.17
-    glass_status: standard
     density:
       - value: 2510
     thermal_expansion:
@@ -354,7 +354,7 @@ PROPERTIES:
         let glass = &file.glasses[0];
         assert!(matches!(glass.dispersion, Dispersion::Sellmeier { .. }));
         assert!(glass.printed_nd.unwrap().agrees(glass.nd()) && glass.printed_vd.unwrap().agrees(glass.abbe_vd()));
-        assert_eq!((glass.range_um, glass.status), (Some([0.3, 2.5]), Some(Status::Standard)));
+        assert_eq!(glass.range_um, Some([0.3, 2.5]));
         assert_eq!((glass.density_g_cm3, glass.thermal.unwrap().reference_c), (Some(2.51), 20.0));
         assert_eq!(glass.expansion, [Expansion { range_c: [-30.0, 70.0], per_k: 7.1e-6 }]);
         assert!((glass.internal_transmission(0.4, 25.0).unwrap() - 0.992).abs() < 1e-6);
@@ -369,6 +369,14 @@ PROPERTIES:
     }
 
     #[test]
+    fn a_row_that_would_amplify_is_left_out() {
+        let file = parse_rii(&PAGE.replace("1.0227E-08", "-1.0227E-08"), "X", "").unwrap();
+        assert_eq!(file.glasses[0].absorption, Some(Absorption::Extinction(vec![[0.39, 1.3731e-8]])));
+        assert_eq!(file.warnings[0].line, Some(8));
+        assert!(file.warnings[0].message.contains("0 at least"), "{}", file.warnings[0]);
+    }
+
+    #[test]
     fn what_cannot_be_read_is_said_with_its_line() {
         for (from, to, line, says) in [
             ("formula 2", "formula 12", 7, "there is no formula 12"),
@@ -377,7 +385,6 @@ PROPERTIES:
             ("0 1.03961212", "0 1.0396x", 7, "not numbers"),
             ("0.3 2.5", "2.5 0.3", 6, "no shortest and longest"),
             ("0.400 1.0227E-08", "0.400", 11, "not 2 numbers"),
-            ("0.400 1.0227E-08", "0.400 -1.0227E-08", 8, "0 at least"),
             ("DATA:", "DAT:", 1, "no data"),
             ("  - type: formula 2", "  - *x", 5, "alias"),
             ("REFERENCES: |", "REFERENCES: [", 3, "no YAML"),
