@@ -110,7 +110,9 @@ impl Assets {
             return Ok(catalog.clone());
         }
         let mut names = self.names("glasses");
-        names.sort_by_key(|name| GLASS_FILES.iter().position(|known| known == name).unwrap_or(GLASS_FILES.len()));
+        names.sort_by_key(|name| {
+            GLASS_FILES.iter().position(|known| known == name).unwrap_or(GLASS_FILES.len())
+        });
         let mut catalog = Catalog::default();
         // The last that comes counts.
         for name in names.into_iter().rev() {

@@ -28,7 +28,11 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
     let mut chosen = ChosenGlasses::default();
     for path in paths {
         if !path.exists() {
-            return Err(wrong(path, "there is no such file or folder", format!("glass files end in {ENDINGS}")));
+            return Err(wrong(
+                path,
+                "there is no such file or folder",
+                format!("glass files end in {ENDINGS}"),
+            ));
         }
         if !path.is_dir() {
             read_file(path, &mut chosen)?;
@@ -38,12 +42,18 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
         files.sort();
         for file in files {
             match read_file(&file, &mut chosen) {
-                Err(DesignError::Input { path, error }) if is_page(&file) => chosen.warnings.push((path, *error)),
+                Err(DesignError::Input { path, error }) if is_page(&file) => {
+                    chosen.warnings.push((path, *error))
+                }
                 other => other?,
             }
         }
         if chosen.catalog.iter().count() == before {
-            return Err(wrong(path, "there is no glass in this folder", format!("glass files end in {ENDINGS}")));
+            return Err(wrong(
+                path,
+                "there is no glass in this folder",
+                format!("glass files end in {ENDINGS}"),
+            ));
         }
     }
     Ok(chosen)

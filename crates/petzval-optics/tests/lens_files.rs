@@ -496,8 +496,7 @@ fn impossible_lenses_are_named() {
 
     let short = with(&|l| l.surfaces[6].semi_diameter_mm = 13.06);
     assert!(matches!(short, LensDefect::SurfaceEnds { surface: 7, .. }), "{short}");
-    let glass =
-        Glass::new("BAD", Dispersion::Sellmeier { b: vec![1.0], c_um2: vec![0.3025] });
+    let glass = Glass::new("BAD", Dispersion::Sellmeier { b: vec![1.0], c_um2: vec![0.3025] });
     let no_index = with(&|l| l.surfaces[0].glass = Arc::new(glass.clone()));
     assert!(matches!(no_index, LensDefect::Index { surface: 1, .. }), "{no_index}");
 }

@@ -29,7 +29,10 @@ fn flint_nd(shown: &Value) -> f64 {
 #[test]
 fn find_gives_the_nearest_glasses_first() {
     let folder = tempfile::tempdir().unwrap();
-    let found = run_ok(folder.path(), &["glass", "find", "--nd", "1.5168", "--vd", "64.17", "--maker", "schott", "--json"]);
+    let found = run_ok(
+        folder.path(),
+        &["glass", "find", "--nd", "1.5168", "--vd", "64.17", "--maker", "schott", "--json"],
+    );
     let found = found.json();
     let found = found.as_array().unwrap();
     assert_eq!((found.len(), &found[0]["name"]), (10, &Value::from("N-BK7")));
@@ -45,7 +48,12 @@ fn find_gives_the_nearest_glasses_first() {
     assert_eq!(few.stdout.lines().count(), 4, "{}", few.stdout);
     run_fails(folder.path(), &["glass", "find", "--nd", "0.5", "--vd", "50"], 2, &["--nd 0.5"]);
     run_fails(folder.path(), &["glass", "find", "--nd", "1.5", "--vd", "nan"], 2, &["--vd"]);
-    run_fails(folder.path(), &["glass", "find", "--nd", "1.5", "--vd", "50", "--maker", "Nobody"], 2, &["no such glass"]);
+    run_fails(
+        folder.path(),
+        &["glass", "find", "--nd", "1.5", "--vd", "50", "--maker", "Nobody"],
+        2,
+        &["no such glass"],
+    );
 }
 
 #[test]
@@ -54,7 +62,12 @@ fn show_says_what_the_data_sheet_says() {
     let shown = run_ok(folder.path(), &["glass", "show", "n-bk7", "--json"]).json();
     let number = |key: &str| shown[key].as_f64().unwrap();
     // Schott's data sheet: n_F, n_C, P_gF and its anomaly, expansion, dn/dT relative 20 to 40 C at g, internal transmittance at h.
-    for (key, printed, half) in [("n_f", 1.52238, 5e-6), ("n_c", 1.51432, 5e-6), ("p_gf", 0.5349, 5e-5), ("p_gf_anomaly", -0.0009, 5e-5)] {
+    for (key, printed, half) in [
+        ("n_f", 1.52238, 5e-6),
+        ("n_c", 1.51432, 5e-6),
+        ("p_gf", 0.5349, 5e-5),
+        ("p_gf_anomaly", -0.0009, 5e-5),
+    ] {
         assert!((number(key) - printed).abs() <= half, "{key} {}", number(key));
     }
     assert_eq!(shown["expansion"][0]["per_k"], 7.1e-6);
@@ -62,10 +75,19 @@ fn show_says_what_the_data_sheet_says() {
     let line = |name: &str| lines.iter().find(|l| l["line"] == name).unwrap();
     assert!((line("g")["dn_dt_per_k"].as_f64().unwrap() - 3.5e-6).abs() < 0.051e-6);
     assert!((line("h")["transmission_10_mm"].as_f64().unwrap() - 0.997).abs() < 6e-4);
-    let text = run_ok(folder.path(), &["glass", "show", "N-BK7", "--temperature", "-40", "--pressure", "0"]).stdout;
-    assert!(text.contains("sellmeier = {") && text.contains("-40 C, 0 atm") && !text.contains("extinction"), "{text}");
+    let text =
+        run_ok(folder.path(), &["glass", "show", "N-BK7", "--temperature", "-40", "--pressure", "0"]).stdout;
+    assert!(
+        text.contains("sellmeier = {") && text.contains("-40 C, 0 atm") && !text.contains("extinction"),
+        "{text}"
+    );
     run_fails(folder.path(), &["glass", "show", "NBK7"], 2, &["no glass is called `NBK7`", "N-BK7"]);
-    run_fails(folder.path(), &["glass", "show", "SILICA", "--temperature", "30"], 2, &["nobody says how SILICA changes"]);
+    run_fails(
+        folder.path(),
+        &["glass", "show", "SILICA", "--temperature", "30"],
+        2,
+        &["nobody says how SILICA changes"],
+    );
     run_fails(folder.path(), &["glass", "show", "N-BK7", "--temperature", "1e9"], 2, &["--temperature"]);
 }
 
@@ -79,9 +101,15 @@ fn names_of_several_makers_are_told_apart_and_said() {
     write(folder.path(), "mine/Own.agf", AGF);
     let warned = run_ok(folder.path(), &["--glasses", "mine", "lens", "show", LENS, "--json"]);
     let warnings = warned.json()["warnings"].to_string();
-    assert!(warnings.contains("N-SF11 is that of Own; Schott has another") && warnings.contains("Schott:N-SF11"), "{warnings}");
+    assert!(
+        warnings.contains("N-SF11 is that of Own; Schott has another") && warnings.contains("Schott:N-SF11"),
+        "{warnings}"
+    );
     // The formula of that catalogue ends at 0.6 um, the lens is used up to 0.62 um.
-    assert!(warnings.contains("the formula of N-SF11 holds from 0.37 to 0.6 um, not at 0.62 um"), "{warnings}");
+    assert!(
+        warnings.contains("the formula of N-SF11 holds from 0.37 to 0.6 um, not at 0.62 um"),
+        "{warnings}"
+    );
     let lens = read(&data(&format!("lenses/{LENS}.toml"))).replace("\"N-SF11\"", "\"schott:N-SF11\"");
     write(folder.path(), "lens.toml", &lens);
     let told = run_ok(folder.path(), &["--glasses", "mine", "lens", "show", "lens.toml", "--json"]).json();
@@ -106,7 +134,8 @@ fn chosen_catalogues_win_in_every_verb_and_later_ones_over_earlier() {
 
     let environment = |list: &str, args: &[&str]| {
         let mut command = petzval(folder.path());
-        let output = command.env("PETZVAL_GLASSES", list).args(args).args(["lens", "show", LENS, "--json"]).output();
+        let output =
+            command.env("PETZVAL_GLASSES", list).args(args).args(["lens", "show", LENS, "--json"]).output();
         flint_nd(&outcome(output.unwrap()).json())
     };
     let list = std::env::join_paths(["second.toml", "first.agf"]).unwrap().into_string().unwrap();
@@ -116,13 +145,19 @@ fn chosen_catalogues_win_in_every_verb_and_later_ones_over_earlier() {
 
     // One ray meets another glass, too; and the option may stand behind the verb.
     let ray = ["lens", "trace", LENS, "--field", "5", "--wavelength", "0.55", "--pupil", "0,0.5", "--json"];
-    let y = |args: &[&str]| run_ok(folder.path(), &[&ray, args].concat()).json()["image"]["y_mm"].as_f64().unwrap();
+    let y = |args: &[&str]| {
+        run_ok(folder.path(), &[&ray, args].concat()).json()["image"]["y_mm"].as_f64().unwrap()
+    };
     assert_ne!(y(&[]), y(&["--glasses", "first.agf"]));
 
-    let found = ["glass", "find", "--nd", "1.6", "--vd", "50", "--count", "1", "--json", "--glasses", "second.toml"];
+    let found =
+        ["glass", "find", "--nd", "1.6", "--vd", "50", "--count", "1", "--json", "--glasses", "second.toml"];
     assert_eq!(run_ok(folder.path(), &found).json()[0]["name"], "MINE");
     let listed = run_ok(folder.path(), &["glass", "list", "--glasses", "first.agf", "--maker", "first"]);
-    assert!(listed.stdout.contains("ONLY-HERE") && listed.says("first.agf: line 9: `IT 0.5 what 10`"), "{listed:?}");
+    assert!(
+        listed.stdout.contains("ONLY-HERE") && listed.says("first.agf: line 9: `IT 0.5 what 10`"),
+        "{listed:?}"
+    );
 }
 
 #[test]
@@ -132,7 +167,11 @@ fn pages_of_refractiveindex_info_are_called_by_their_place() {
     write(folder.path(), "rii/main/SiO2/nk/Malitson.yml", page);
     write(folder.path(), "rii/specs/corning/Glass.yml", page);
     write(folder.path(), "rii/specs/corning/about.yml", "NAMES:\n  - Corning\n");
-    write(folder.path(), "rii/main/Au/nk/K-only.yml", "DATA:\n  - type: tabulated k\n    data: |\n        0.5 1.0\n");
+    write(
+        folder.path(),
+        "rii/main/Au/nk/K-only.yml",
+        "DATA:\n  - type: tabulated k\n    data: |\n        0.5 1.0\n",
+    );
     let show = |name: &str| run_ok(folder.path(), &["--glasses", "rii", "glass", "show", name, "--json"]);
     let silica = show("SiO2-Malitson");
     assert!((silica.json()["nd"].as_f64().unwrap() - 1.458464).abs() < 1e-6);

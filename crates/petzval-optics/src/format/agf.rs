@@ -71,7 +71,9 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
                 entry.record(record, &line, &mut file.warnings)?;
             }
             ("CD", None) => {
-                return Err(line.error("these are the coefficients of no glass").hint("a glass begins with `NM`"));
+                return Err(line
+                    .error("these are the coefficients of no glass")
+                    .hint("a glass begins with `NM`"));
             }
             ("GC" | "ED" | "TD" | "OD" | "LD" | "IT", None) => {
                 file.warnings.push(line.error("this belongs to no glass: left out"));
@@ -100,7 +102,8 @@ fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, usize>
     match places.get(&glass.name.to_uppercase()) {
         Some(place) => {
             if file.glasses[*place] != glass {
-                file.warnings.push(line.error("this glass is there already, with other figures: the later counts"));
+                file.warnings
+                    .push(line.error("this glass is there already, with other figures: the later counts"));
             }
             file.glasses[*place] = glass;
         }
@@ -172,7 +175,9 @@ impl Entry {
         };
         if formula.fract() != 0.0 || !(1.0..=COUNTS.len() as f64).contains(&formula) {
             let message = format!("there is no formula {formula}");
-            return Err(line.error(message).hint(format!("formulas are numbered from 1 to {}", COUNTS.len())));
+            return Err(line
+                .error(message)
+                .hint(format!("formulas are numbered from 1 to {}", COUNTS.len())));
         }
         // A formula is put in when the coefficients are known.
         let mut glass = Glass::new(*name, Dispersion::Constant(1.0));
@@ -203,7 +208,12 @@ impl Entry {
         Ok(Self { line: line.number, formula, glass, has_coefficients: false, transmittance: Vec::new() })
     }
 
-    fn record(&mut self, record: &str, line: &Line<'_>, warnings: &mut Vec<FileError>) -> Result<(), FileError> {
+    fn record(
+        &mut self,
+        record: &str,
+        line: &Line<'_>,
+        warnings: &mut Vec<FileError>,
+    ) -> Result<(), FileError> {
         let numbers = line.numbers();
         match (record, numbers.as_deref()) {
             ("GC", _) => {
@@ -213,7 +223,8 @@ impl Entry {
             ("CD", Some(numbers)) if !numbers.is_empty() => {
                 let count = COUNTS[self.formula - 1];
                 if numbers.iter().skip(count).any(|extra| *extra != 0.0) {
-                    let message = format!("formula {} has {count} coefficients: the others are left out", self.formula);
+                    let message =
+                        format!("formula {} has {count} coefficients: the others are left out", self.formula);
                     warnings.push(line.error(message));
                 }
                 let mut padded = numbers[..numbers.len().min(count)].to_vec();
@@ -246,7 +257,9 @@ impl Entry {
                 }
             }
             ("OD", Some([cost, ..])) => self.glass.relative_cost = Some(*cost).filter(|cost| *cost > 0.0),
-            ("LD", Some([min, max, ..])) if *min > 0.0 && max >= min => self.glass.range_um = Some([*min, *max]),
+            ("LD", Some([min, max, ..])) if *min > 0.0 && max >= min => {
+                self.glass.range_um = Some([*min, *max])
+            }
             ("IT", Some([um, t, mm, ..])) if *um > 0.0 && (0.0..=1.0).contains(t) && *mm > 0.0 => {
                 self.transmittance.push([*um, *t, *mm]);
             }
@@ -264,13 +277,17 @@ impl Entry {
         let name = self.glass.name.clone();
         let at = |number: usize| Line { number, text: &name };
         if !self.has_coefficients {
-            return Err(at(self.line).error(format!("`{name}` has no coefficients")).hint("add a line `CD ...`"));
+            return Err(at(self.line)
+                .error(format!("`{name}` has no coefficients"))
+                .hint("add a line `CD ...`"));
         }
         self.transmittance.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        self.transmittance.dedup();
         let rows = self.transmittance.len();
         self.transmittance.dedup_by(|later, earlier| later[0] == earlier[0]);
         if self.transmittance.len() < rows {
-            warnings.push(at(self.line).error("two rows of transmittance have one wavelength: the first counts"));
+            warnings
+                .push(at(self.line).error("two rows of transmittance have one wavelength: the first counts"));
         }
         if !self.transmittance.is_empty() {
             self.glass.absorption = Some(Absorption::Transmittance(self.transmittance));
@@ -297,7 +314,9 @@ fn dispersion(formula: usize, a: &[f64]) -> Option<Dispersion> {
     let found = match (formula, a) {
         (1, &[a0, a1, a2, a3, a4, a5]) => Dispersion::Schott([a0, a1, a2, a3, a4, a5]),
         (3, &[a0, a1, a2, a3, a4, a5]) => Dispersion::Herzberger([a0, a1, a2, a3, a4, a5]),
-        (4, &[a, b1, w1, b2, w2]) => square(&[[1.0, 0.0], [a, 0.0]], &[[b1, 2.0, w1, 2.0], [b2, 0.0, w2, 2.0]]),
+        (4, &[a, b1, w1, b2, w2]) => {
+            square(&[[1.0, 0.0], [a, 0.0]], &[[b1, 2.0, w1, 2.0], [b2, 0.0, w2, 2.0]])
+        }
         (5, &[n0, a, b]) => Dispersion::Powers(vec![[n0, 0.0], [a, -1.0], [b, -3.5]]),
         (7, &[a, b, c, d]) => square(&[[a, 0.0], [-d, 2.0]], &[[b, 0.0, c, 1.0]]),
         (8, &[a, b, c, d]) => square(&[[a, 0.0], [-d, 2.0]], &[[b, 2.0, c, 1.0]]),
@@ -334,16 +353,28 @@ mod tests {
         let cases: [(usize, &str, f64); 13] = [
             (1, "2 -0.01 0.02 1e-3 -1e-4 1e-5", (2.0 - 0.0025 + 0.08 + 0.016 - 0.0064 + 0.00256_f64).sqrt()),
             (2, "1 0.01 0.2 0.02 1 100", (1.0 + 0.25 / 0.24 + 0.05 / 0.23 + 0.25 / -99.75_f64).sqrt()),
-            (3, "1.5 0.01 0.001 -1e-3 2e-3 3e-3", 1.5 + 0.01 / 0.222 + 0.001 / 0.222 / 0.222 - 2.5e-4 + 1.25e-4 + 3e-3 / 64.0),
+            (
+                3,
+                "1.5 0.01 0.001 -1e-3 2e-3 3e-3",
+                1.5 + 0.01 / 0.222 + 0.001 / 0.222 / 0.222 - 2.5e-4 + 1.25e-4 + 3e-3 / 64.0,
+            ),
             (4, "0.5 0.7 0.1 0.02 0.2", (1.5 + 0.7 * 0.25 / 0.24 + 0.02 / 0.21_f64).sqrt()),
             (5, "1.5 0.01 0.001", 1.5 + 0.02 + 0.001 * 2_f64.powf(3.5)),
-            (6, "1 0.01 0.2 0.02 1 100 0.3 0.05", (1.0 + 0.25 / 0.24 + 0.05 / 0.23 - 0.25 / 99.75 + 0.075 / 0.2_f64).sqrt()),
+            (
+                6,
+                "1 0.01 0.2 0.02 1 100 0.3 0.05",
+                (1.0 + 0.25 / 0.24 + 0.05 / 0.23 - 0.25 / 99.75 + 0.075 / 0.2_f64).sqrt(),
+            ),
             (7, "2.2 0.02 0.01 0.03", (2.2 + 0.02 / 0.24 - 0.0075_f64).sqrt()),
             (8, "1.2 1.1 0.01 0.03", (1.2 + 1.1 * 0.25 / 0.24 - 0.0075_f64).sqrt()),
             (9, "1.2 1.1 0.01 0.3 0.05", (1.2 + 1.1 * 0.25 / 0.24 + 0.075 / 0.2_f64).sqrt()),
             (10, "2 -0.01 0.02 0 0 0 1e-5 1e-6", (2.0 - 0.0025 + 0.08 + 0.01024 + 0.004096_f64).sqrt()),
             (11, "1 0.01 0 0 0 0 0 0 0.3 0.05", (1.0 + 0.25 / 0.24 + 0.075 / 0.2_f64).sqrt()),
-            (12, "2 -0.01 0.02 0 0 0 -0.01 -0.02", (2.0 - 0.0025 + 0.08 - 0.01 / 16.0 - 0.02 / 64.0_f64).sqrt()),
+            (
+                12,
+                "2 -0.01 0.02 0 0 0 -0.01 -0.02",
+                (2.0 - 0.0025 + 0.08 - 0.01 / 16.0 - 0.02 / 64.0_f64).sqrt(),
+            ),
             (
                 13,
                 "2 -0.01 -0.02 0.02 1e-3 1e-4 1e-5 1e-6 1e-7",
@@ -367,9 +398,14 @@ mod tests {
         let file = parse_agf(GLASS, "Schott").unwrap();
         assert_eq!(file.warnings, []);
         let glass = &file.glasses[0];
-        assert_eq!((glass.name.as_str(), glass.maker.as_str(), glass.source.as_str()), ("F2", "Schott", "lead glass"));
+        assert_eq!(
+            (glass.name.as_str(), glass.maker.as_str(), glass.source.as_str()),
+            ("F2", "Schott", "lead glass")
+        );
         assert_eq!(glass.status, Some(Status::Preferred));
-        assert!(glass.printed_nd.unwrap().agrees(glass.nd()) && glass.printed_vd.unwrap().agrees(glass.abbe_vd()));
+        assert!(
+            glass.printed_nd.unwrap().agrees(glass.nd()) && glass.printed_vd.unwrap().agrees(glass.abbe_vd())
+        );
         assert_eq!(glass.expansion[0], Expansion { range_c: [-30.0, 70.0], per_k: 8.2e-6 });
         assert_eq!((glass.density_g_cm3, glass.relative_cost), (Some(3.599), Some(1.2419)));
         assert_eq!(glass.range_um, Some([0.32, 2.5]));
@@ -379,7 +415,8 @@ mod tests {
 
     #[test]
     fn what_does_not_matter_to_an_index_is_a_warning_with_its_line() {
-        let text = format!("Reproduced by permission\n{GLASS}XY 1 2\nIT 0.36  25\nLD 2.5 0.3\n").replace("OD 1.2419", "OD _");
+        let text = format!("Reproduced by permission\n{GLASS}XY 1 2\nIT 0.36  25\nLD 2.5 0.3\n")
+            .replace("OD 1.2419", "OD _");
         let file = parse_agf(&text, "").unwrap();
         let lines: Vec<_> = file.warnings.iter().map(|w| w.line.unwrap()).collect();
         assert_eq!(lines, [1, 14, 15, 16]);

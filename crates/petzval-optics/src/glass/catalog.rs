@@ -77,7 +77,8 @@ impl Catalog {
         // Of a maker that is known, that maker's names are near.
         let known: Vec<String> = match qualified {
             Some((maker, _)) if self.glasses().any(|glass| made_by(maker, glass)) => {
-                let theirs = self.glasses.iter().filter(|(_, all)| all.iter().any(|glass| made_by(maker, glass)));
+                let theirs =
+                    self.glasses.iter().filter(|(_, all)| all.iter().any(|glass| made_by(maker, glass)));
                 theirs.map(|(name, _)| format!("{maker}:{name}")).collect()
             }
             _ => self.glasses.keys().cloned().collect(),

@@ -137,8 +137,10 @@ mod tests {
 
     #[test]
     fn formulas_of_the_same_mathematics_agree() {
-        let (b, c_um2) = (vec![1.03961212, 0.231792344, 1.01046945], vec![0.00600069867, 0.0200179144, 103.560653]);
-        let rows = |r: f64, of: fn(f64) -> f64| b.iter().zip(&c_um2).map(|(b, c)| [*b, 2.0, of(*c), r]).collect();
+        let (b, c_um2) =
+            (vec![1.03961212, 0.231792344, 1.01046945], vec![0.00600069867, 0.0200179144, 103.560653]);
+        let rows =
+            |r: f64, of: fn(f64) -> f64| b.iter().zip(&c_um2).map(|(b, c)| [*b, 2.0, of(*c), r]).collect();
         let squares = Dispersion::Square { powers: vec![[1.0, 0.0]], resonances: rows(1.0, |c| c) };
         let wavelengths = Dispersion::Square { powers: vec![[1.0, 0.0]], resonances: rows(2.0, f64::sqrt) };
         let schott = [2.2702566, -0.0091988101, 0.011609706, -7.6123911e-05, 2.8558727e-05, -1.2566486e-06];
@@ -156,15 +158,24 @@ mod tests {
     fn formulas_for_the_index_itself_are_what_they_say() {
         // By hand at 0.5 um, where w^2 = 1/4, w^-2 = 4 and L = 1 / 0.222.
         let near = |found: f64, by_hand: f64| assert!((found - by_hand).abs() < 1e-14, "{found} {by_hand}");
-        near(Dispersion::Powers(vec![[1.5, 0.0], [0.01, -1.0], [0.001, -3.5]]).index(0.5), 1.5 + 0.02 + 0.001 * 2_f64.powf(3.5));
-        near(Dispersion::Gas { a: 0.0, terms: vec![[0.05792105, 238.0185]] }.index(0.5), 1.0 + 0.05792105 / 234.0185);
+        near(
+            Dispersion::Powers(vec![[1.5, 0.0], [0.01, -1.0], [0.001, -3.5]]).index(0.5),
+            1.5 + 0.02 + 0.001 * 2_f64.powf(3.5),
+        );
+        near(
+            Dispersion::Gas { a: 0.0, terms: vec![[0.05792105, 238.0185]] }.index(0.5),
+            1.0 + 0.05792105 / 234.0185,
+        );
         let l = 1.0 / 0.222;
         near(
             Dispersion::Herzberger([3.4, 0.16, -0.12, 1e-3, -2e-3, 3e-3]).index(0.5),
             3.4 + 0.16 * l - 0.12 * l * l + 1e-3 / 4.0 - 2e-3 / 16.0 + 3e-3 / 64.0,
         );
         let x: f64 = 0.2 + 0.1 * 0.25 / (0.25 - 0.01) + 0.02 * 0.25;
-        near(Dispersion::LorentzLorenz([0.2, 0.1, 0.01, 0.02]).index(0.5), ((1.0 + 2.0 * x) / (1.0 - x)).sqrt());
+        near(
+            Dispersion::LorentzLorenz([0.2, 0.1, 0.01, 0.02]).index(0.5),
+            ((1.0 + 2.0 * x) / (1.0 - x)).sqrt(),
+        );
         let exotic: f64 = 2.0 + 0.01 / (0.25 - 0.02) + 0.3 * 0.1 / (0.01 + 0.5);
         near(Dispersion::Exotic([2.0, 0.01, 0.02, 0.3, 0.4, 0.5]).index(0.5), exotic.sqrt());
     }

@@ -9,7 +9,7 @@ mod transmission;
 
 pub use catalog::{Catalog, UnknownGlass};
 pub use dispersion::Dispersion;
-pub use nearest::{Near, nearest};
+pub use nearest::{Near, map_distance, nearest};
 pub use printed::Printed;
 pub use thermal::{Expansion, Thermal, air_index};
 pub use transmission::Absorption;

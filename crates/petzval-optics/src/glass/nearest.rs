@@ -14,15 +14,24 @@ pub struct Near {
     pub distance: f64,
 }
 
-/// The glasses that are nearest to `nd` and `vd`, nearest first, at most `count`; `wanted` says which glasses count.
-/// Each glass of each maker comes once, under its own name; media without dispersion never come.
-pub fn nearest(catalog: &Catalog, [nd, vd]: [f64; 2], count: usize, wanted: impl Fn(&Glass) -> bool) -> Vec<Near> {
+/// Distance of a glass from a place on the glass map, as in [`Near`].
+pub fn map_distance(glass: &Glass, [nd, vd]: [f64; 2]) -> f64 {
     const ND_UNIT: f64 = 0.01;
-    let distance = |glass: &Glass| ((glass.nd() - nd) / ND_UNIT).hypot(glass.abbe_vd() - vd);
+    ((glass.nd() - nd) / ND_UNIT).hypot(glass.abbe_vd() - vd)
+}
+
+/// The glasses that are nearest to a place `[n_d, V_d]`, nearest first, at most `count`; `wanted` says which glasses count.
+/// Each glass of each maker comes once, under its own name; media without dispersion never come.
+pub fn nearest(
+    catalog: &Catalog,
+    place: [f64; 2],
+    count: usize,
+    wanted: impl Fn(&Glass) -> bool,
+) -> Vec<Near> {
     let mut found: Vec<Near> = catalog
         .glasses()
         .filter(|glass| wanted(glass))
-        .map(|glass| Near { glass: glass.clone(), distance: distance(glass) })
+        .map(|glass| Near { glass: glass.clone(), distance: map_distance(glass, place) })
         .filter(|near| near.distance.is_finite())
         .collect();
     found.sort_by(|a, b| a.distance.total_cmp(&b.distance).then_with(|| a.glass.name.cmp(&b.glass.name)));

@@ -26,7 +26,9 @@ impl Printed {
         let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, ""));
         let fraction = mantissa.split_once('.').map_or("", |(_, fraction)| fraction);
         let decimals = match exponent.parse::<i32>() {
-            Ok(exponent) => (fraction.trim_end_matches('0').len() as i64 - i64::from(exponent)).max(0) as usize,
+            Ok(exponent) => {
+                (fraction.trim_end_matches('0').len() as i64 - i64::from(exponent)).max(0) as usize
+            }
             Err(_) => fraction.len(),
         };
         let printed = Self { value, decimals: decimals.min(MOST_DECIMALS) as u8 };

@@ -28,7 +28,9 @@ impl Thermal {
         // Without resonant terms the resonance may be anywhere, also at this wavelength.
         let resonant = match [e0, e1] == [0.0; 2] {
             true => 0.0,
-            false => t * (e0 + t * e1) / (wavelength_um * wavelength_um - self.lambda_tk_um * self.lambda_tk_um),
+            false => {
+                t * (e0 + t * e1) / (wavelength_um * wavelength_um - self.lambda_tk_um * self.lambda_tk_um)
+            }
         };
         (n * n - 1.0) / (2.0 * n) * (t * (d0 + t * (d1 + t * d2)) + resonant)
     }
@@ -62,7 +64,9 @@ mod tests {
     #[test]
     fn air_is_as_tabulated() {
         // Ciddor, Appl. Opt. 35, 1566 (1996), a later formula for dry air of 15 C and 1 atm.
-        let ciddor = |w: f64| 1.0 + 0.057_921_05 / (238.0185 - 1.0 / (w * w)) + 0.001_679_17 / (57.362 - 1.0 / (w * w));
+        let ciddor = |w: f64| {
+            1.0 + 0.057_921_05 / (238.0185 - 1.0 / (w * w)) + 0.001_679_17 / (57.362 - 1.0 / (w * w))
+        };
         for um in [0.4, 0.5461, 0.5893, 1.06] {
             assert!((air_index(um, 15.0, 1.0) - ciddor(um)).abs() < 3e-8, "{um}");
         }
@@ -75,7 +79,8 @@ mod tests {
 
     /// N-BK7 of Schott.
     fn bk7() -> Glass {
-        let (b, c_um2) = (vec![1.03961212, 0.231792344, 1.01046945], vec![0.00600069867, 0.0200179144, 103.560653]);
+        let (b, c_um2) =
+            (vec![1.03961212, 0.231792344, 1.01046945], vec![0.00600069867, 0.0200179144, 103.560653]);
         let (d, e) = ([1.86e-6, 1.31e-8, -1.37e-11], [4.34e-7, 6.27e-10]);
         let mut glass = Glass::new("N-BK7", Dispersion::Sellmeier { b, c_um2 });
         glass.thermal = Some(Thermal { d, e, lambda_tk_um: 0.17, reference_c: 20.0 });
@@ -96,10 +101,18 @@ mod tests {
             for (i, um) in [1.06, 0.546_074, 0.435_835].into_iter().enumerate() {
                 let at = |c| glass.index_at(um, c, 1.0).unwrap();
                 let found = (at(to) - at(from)) / (to - from) * 1e6;
-                assert!((found - relative[i]).abs() < 0.051, "relative, {from} C, {um} um: {found}, not {}", relative[i]);
+                assert!(
+                    (found - relative[i]).abs() < 0.051,
+                    "relative, {from} C, {um} um: {found}, not {}",
+                    relative[i]
+                );
                 let change = |c| thermal.absolute_change(glass.index(um), um, c);
                 let found = (change(to) - change(from)) / (to - from) * 1e6;
-                assert!((found - absolute[i]).abs() < 0.051, "absolute, {from} C, {um} um: {found}, not {}", absolute[i]);
+                assert!(
+                    (found - absolute[i]).abs() < 0.051,
+                    "absolute, {from} C, {um} um: {found}, not {}",
+                    absolute[i]
+                );
             }
         }
     }

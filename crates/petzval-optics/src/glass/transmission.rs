@@ -18,7 +18,9 @@ impl Absorption {
     pub fn per_mm(&self, wavelength_um: f64) -> Option<f64> {
         match self {
             Self::Transmittance(rows) => interpolate(rows, wavelength_um, |[_, t, mm]| -t.ln() / mm),
-            Self::Extinction(rows) => interpolate(rows, wavelength_um, |[um, k]| 4.0 * PI * k / (um * UM_TO_MM)),
+            Self::Extinction(rows) => {
+                interpolate(rows, wavelength_um, |[um, k]| 4.0 * PI * k / (um * UM_TO_MM))
+            }
         }
     }
 
@@ -59,7 +61,12 @@ mod tests {
     #[test]
     fn transmittance_follows_the_published_rows_and_the_path() {
         // N-BK7 as printed, 25 mm; the 10 mm of the same catalogue is 0.997.
-        let table = Absorption::Transmittance(vec![[0.29, 0.0, 25.0], [0.31, 0.25, 25.0], [0.4, 0.992, 25.0], [0.5, 0.994, 25.0]]);
+        let table = Absorption::Transmittance(vec![
+            [0.29, 0.0, 25.0],
+            [0.31, 0.25, 25.0],
+            [0.4, 0.992, 25.0],
+            [0.5, 0.994, 25.0],
+        ]);
         assert_eq!(table.transmittance(0.4, 25.0).map(|t| (t * 1e12).round()), Some(0.992e12));
         assert!((table.transmittance(0.4, 10.0).unwrap() - 0.9968).abs() < 1e-4);
         assert!((table.transmittance(0.31, 50.0).unwrap() - 0.0625).abs() < 1e-12);

@@ -29,5 +29,5 @@ mod write;
 pub(crate) use read::parse_catalog;
 pub(super) use read::read_glasses;
 pub(super) use text::GlassTables;
-pub(super) use write::write_glass;
 pub use write::write_catalog;
+pub(super) use write::write_glass;

@@ -47,7 +47,9 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
     glass.status = table.status.as_ref().map(|word| read_status(text, word)).transpose()?;
     // Without a formula they are the formula, and there is nothing to compare them with.
     if !matches!(glass.dispersion, Dispersion::NdVd { .. }) {
-        let printed = |number: &Placed| text.get(number.span()).and_then(|digits| Printed::parse(&digits.replace('_', "")));
+        let printed = |number: &Placed| {
+            text.get(number.span()).and_then(|digits| Printed::parse(&digits.replace('_', "")))
+        };
         if let Some(nd) = &table.nd {
             check_nd(text, nd)?;
             glass.printed_nd = printed(nd).filter(|printed| printed.value > 1.0);
@@ -70,7 +72,12 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
         let t = thermal.get_ref();
         let (d, e) = (t.d.map(|n| n.0), t.e.map(|n| n.0));
         let (lambda_tk_um, reference_c) = (t.lambda_tk_um.0, t.reference_c.0);
-        check_finite(text, thermal.span(), "thermal", d.into_iter().chain(e).chain([lambda_tk_um, reference_c]))?;
+        check_finite(
+            text,
+            thermal.span(),
+            "thermal",
+            d.into_iter().chain(e).chain([lambda_tk_um, reference_c]),
+        )?;
         glass.thermal = Some(Thermal { d, e, lambda_tk_um, reference_c });
     }
     for row in &table.expansion {
@@ -81,8 +88,12 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
     glass.density_g_cm3 = not_negative(text, "density_g_cm3", &table.density_g_cm3)?;
     glass.relative_cost = not_negative(text, "relative_cost", &table.relative_cost)?;
     match (glass.misprint(), &table.nd, &table.vd) {
-        (Some(("nd", gives)), Some(nd), _) => Err(misprint(text, nd, "nd", format!("{} gives nd = {gives:.5}", glass.name))),
-        (Some((_, gives)), _, Some(vd)) => Err(misprint(text, vd, "vd", format!("{} gives vd = {gives:.2}", glass.name))),
+        (Some(("nd", gives)), Some(nd), _) => {
+            Err(misprint(text, nd, "nd", format!("{} gives nd = {gives:.5}", glass.name)))
+        }
+        (Some((_, gives)), _, Some(vd)) => {
+            Err(misprint(text, vd, "vd", format!("{} gives vd = {gives:.2}", glass.name)))
+        }
         _ => Ok(glass),
     }
 }
@@ -111,7 +122,12 @@ fn read_dispersion(text: &str, name: &Spanned<String>, table: &GlassText) -> Res
         if powers.is_empty() && resonances.is_empty() {
             return Err(FileError::at(text, s.span(), "square", "there is neither a power nor a resonance"));
         }
-        check_finite(text, s.span(), "square", powers.iter().flatten().chain(resonances.iter().flatten()).copied())?;
+        check_finite(
+            text,
+            s.span(),
+            "square",
+            powers.iter().flatten().chain(resonances.iter().flatten()).copied(),
+        )?;
         formulas.push(("square", s.span(), Dispersion::Square { powers, resonances }));
     }
     if let Some(p) = &table.powers {
@@ -159,8 +175,9 @@ fn read_dispersion(text: &str, name: &Spanned<String>, table: &GlassText) -> Res
         }
         _ => {
             let message = format!("glass `{}` has no formula", name.get_ref());
-            Err(FileError::at(text, name.span(), "glass", message)
-                .hint("give `nd` and `vd`, or one of `n`, `sellmeier`, `schott`, `square`, `powers`, `table`, ..."))
+            Err(FileError::at(text, name.span(), "glass", message).hint(
+                "give `nd` and `vd`, or one of `n`, `sellmeier`, `schott`, `square`, `powers`, `table`, ...",
+            ))
         }
     }
 }
@@ -181,7 +198,8 @@ fn read_absorption(text: &str, table: &GlassText) -> Result<Option<Absorption>, 
         check_pair(text, span.clone(), "transmission", &um, &transmittance)?;
         check_pair(text, span.clone(), "transmission", &um, &thickness_mm)?;
         check_ascending(text, span.clone(), "transmission", &um)?;
-        if transmittance.iter().any(|t| !(0.0..=1.0).contains(t)) || thickness_mm.iter().any(|mm| *mm <= 0.0) {
+        if transmittance.iter().any(|t| !(0.0..=1.0).contains(t)) || thickness_mm.iter().any(|mm| *mm <= 0.0)
+        {
             let message = "a transmittance is between 0 and 1, a thickness positive";
             return Err(FileError::at(text, span, "transmission", message));
         }
@@ -193,7 +211,12 @@ fn read_absorption(text: &str, table: &GlassText) -> Result<Option<Absorption>, 
     check_pair(text, placed.span(), "extinction", &um, &k)?;
     check_ascending(text, placed.span(), "extinction", &um)?;
     if k.iter().any(|k| *k < 0.0) {
-        return Err(FileError::at(text, placed.span(), "extinction", "an extinction coefficient is 0 at least"));
+        return Err(FileError::at(
+            text,
+            placed.span(),
+            "extinction",
+            "an extinction coefficient is 0 at least",
+        ));
     }
     Ok(Some(Absorption::Extinction(um.into_iter().zip(k).map(|(um, k)| [um, k]).collect())))
 }
@@ -201,7 +224,8 @@ fn read_absorption(text: &str, table: &GlassText) -> Result<Option<Absorption>, 
 fn read_status(text: &str, word: &Spanned<String>) -> Result<Status, FileError> {
     Status::from_word(word.get_ref()).ok_or_else(|| {
         let known: Vec<&str> = Status::ALL.iter().map(|status| status.word()).collect();
-        FileError::at(text, word.span(), "status", "no such status").hint(format!("it is one of {}", known.join(", ")))
+        FileError::at(text, word.span(), "status", "no such status")
+            .hint(format!("it is one of {}", known.join(", ")))
     })
 }
 

@@ -44,7 +44,9 @@ pub(in crate::format) fn write_glass(name: &str, glass: &Glass, out: &mut String
             let column = |i: usize| numbers(&rows.iter().map(|row| row[i]).collect::<Vec<_>>());
             // Nearly always all rows have one thickness.
             let thickness_mm = match rows.first() {
-                Some(first) if rows.iter().all(|row| row[2].to_bits() == first[2].to_bits()) => number(first[2]),
+                Some(first) if rows.iter().all(|row| row[2].to_bits() == first[2].to_bits()) => {
+                    number(first[2])
+                }
                 _ => column(2),
             };
             let (um, transmittance) = (column(0), column(1));
@@ -99,7 +101,9 @@ fn write_dispersion(dispersion: &Dispersion, out: &mut String) -> std::fmt::Resu
         }
         Dispersion::Powers(powers) => writeln!(out, "powers = {}", rows(powers)),
         Dispersion::Herzberger(a) => writeln!(out, "herzberger = {}", numbers(a)),
-        Dispersion::Gas { a, terms } => writeln!(out, "gas = {{ a = {}, terms = {} }}", number(*a), rows(terms)),
+        Dispersion::Gas { a, terms } => {
+            writeln!(out, "gas = {{ a = {}, terms = {} }}", number(*a), rows(terms))
+        }
         Dispersion::LorentzLorenz(a) => writeln!(out, "lorentz_lorenz = {}", numbers(a)),
         Dispersion::Exotic(a) => writeln!(out, "exotic = {}", numbers(a)),
         Dispersion::Table { wavelength_um, index } => {

@@ -46,7 +46,8 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
         return Err(yaml::error(1, "", name, "air is always there").hint("give the file another name"));
     }
     let data = page.get("DATA").ok_or_else(|| {
-        yaml::error(1, "DATA", "", "the page has no data").hint("a page of refractiveindex.info has a list `DATA:`")
+        yaml::error(1, "DATA", "", "the page has no data")
+            .hint("a page of refractiveindex.info has a list `DATA:`")
     })?;
     let mut warnings = Vec::new();
     let mut glass: Option<Glass> = None;
@@ -67,7 +68,9 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
         match k {
             Some(k) if k.is_empty() => {}
             Some(k) if extinction.is_none() => extinction = Some(k),
-            Some(_) => warnings.push(entry.error("type", format!("`{kind}` is a second extinction: left out"))),
+            Some(_) => {
+                warnings.push(entry.error("type", format!("`{kind}` is a second extinction: left out")))
+            }
             None => {}
         }
     }
@@ -118,15 +121,20 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Vec<[f6
             Ok((Some(table(rows.iter().map(|[um, n, _]| [*um, *n]).collect())), Some(k)))
         }
         ["formula", number] => {
-            let a = entry.get("coefficients").ok_or_else(|| entry.error("coefficients", "the formula has none"))?;
-            let c = a.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
-            let c = c.filter(|c| !c.is_empty()).ok_or_else(|| a.error("coefficients", "these are not numbers"))?;
+            let a = entry
+                .get("coefficients")
+                .ok_or_else(|| entry.error("coefficients", "the formula has none"))?;
+            let c =
+                a.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
+            let c = c
+                .filter(|c| !c.is_empty())
+                .ok_or_else(|| a.error("coefficients", "these are not numbers"))?;
             let dispersion = dispersion(number, &c).map_err(|message| a.error("coefficients", message))?;
             Ok((Some((dispersion, wavelength_range(entry)?)), None))
         }
-        _ => Err(entry.error("type", format!("there is no `{kind}`")).hint(
-            "it is one of formula 1 to formula 9, tabulated n, tabulated k, tabulated nk",
-        )),
+        _ => Err(entry
+            .error("type", format!("there is no `{kind}`"))
+            .hint("it is one of formula 1 to formula 9, tabulated n, tabulated k, tabulated nk")),
     }
 }
 
@@ -134,14 +142,20 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Vec<[f6
 fn without_gain(entry: &Node, rows: Vec<[f64; 2]>, warnings: &mut Vec<FileError>) -> Vec<[f64; 2]> {
     let (kept, gain): (Vec<_>, Vec<_>) = rows.into_iter().partition(|[_, k]| *k >= 0.0);
     for [um, k] in gain {
-        warnings.push(entry.error("data", format!("an extinction coefficient is 0 at least, not {k} at {um} um: left out")));
+        warnings.push(
+            entry.error(
+                "data",
+                format!("an extinction coefficient is 0 at least, not {k} at {um} um: left out"),
+            ),
+        );
     }
     kept
 }
 
 fn wavelength_range(entry: &Node) -> Result<Option<[f64; 2]>, FileError> {
     let Some(range) = entry.get("wavelength_range") else { return Ok(None) };
-    let numbers = range.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
+    let numbers =
+        range.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
     match numbers.as_deref() {
         Some(&[min, max]) if min > 0.0 && max >= min => Ok(Some([min, max])),
         _ => Err(range.error("wavelength_range", "this is no shortest and longest wavelength in um")),
@@ -157,7 +171,8 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
         let numbers = line.split_whitespace().map(finite).collect::<Option<Vec<f64>>>();
         let row = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()).filter(|row| row[0] > 0.0);
         // The place of a block is that of its text, not that of its key.
-        let row = row.ok_or_else(|| yaml::error(data.line + i, "data", line, format!("this is not {N} numbers")))?;
+        let row =
+            row.ok_or_else(|| yaml::error(data.line + i, "data", line, format!("this is not {N} numbers")))?;
         rows.push(row);
     }
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -184,11 +199,14 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
     }
     let one_and_offset = || [1.0, c[0]].into_iter().filter(|a| *a != 0.0).map(|a| [a, 0.0]).collect();
     let resonances = |r: f64| pairs().filter(|p| p[0] != 0.0).map(|p| [p[0], 2.0, p[1], r]).collect();
-    let series = || std::iter::once([c[0], 0.0]).chain(pairs().map(|p| [p[0], p[1]])).filter(|[a, _]| *a != 0.0).collect();
+    let series = || {
+        std::iter::once([c[0], 0.0]).chain(pairs().map(|p| [p[0], p[1]])).filter(|[a, _]| *a != 0.0).collect()
+    };
     Ok(match number {
         "1" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(2.0) },
         "2" if c[0] == 0.0 => {
-            let (b, c_um2): (Vec<f64>, Vec<f64>) = pairs().filter(|p| p[0] != 0.0).map(|p| (p[0], p[1])).unzip();
+            let (b, c_um2): (Vec<f64>, Vec<f64>) =
+                pairs().filter(|p| p[0] != 0.0).map(|p| (p[0], p[1])).unzip();
             match b.is_empty() {
                 true => return Err("there is no term".to_owned()),
                 false => Dispersion::Sellmeier { b, c_um2 },
@@ -196,7 +214,9 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
         }
         "2" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(1.0) },
         "3" => match c {
-            &[a0, a1, 2.0, a2, -2.0, a3, -4.0, a4, -6.0, a5, -8.0] => Dispersion::Schott([a0, a1, a2, a3, a4, a5]),
+            &[a0, a1, 2.0, a2, -2.0, a3, -4.0, a4, -6.0, a5, -8.0] => {
+                Dispersion::Schott([a0, a1, a2, a3, a4, a5])
+            }
             _ => {
                 let powers: Vec<[f64; 2]> = series();
                 match powers.is_empty() {
@@ -208,8 +228,14 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
         "4" => {
             const RESONANT: usize = 9;
             const MOST: usize = 17;
-            if c.len() > MOST || (c.len() - 1) % 4 != 0 && c.len() < RESONANT || c.len() > RESONANT && c.len() % 2 == 0 {
-                return Err(format!("formula 4 has 1, 5 or 9 coefficients, or an odd number up to 17, not {}", c.len()));
+            if c.len() > MOST
+                || (c.len() - 1) % 4 != 0 && c.len() < RESONANT
+                || c.len() > RESONANT && c.len() % 2 == 0
+            {
+                return Err(format!(
+                    "formula 4 has 1, 5 or 9 coefficients, or an odd number up to 17, not {}",
+                    c.len()
+                ));
             }
             let (resonant, powers) = c[1..].split_at(c.len().min(RESONANT) - 1);
             let powers = std::iter::once([c[0], 0.0]).chain(powers.chunks(2).map(|p| [p[0], p[1]]));
@@ -255,17 +281,20 @@ fn read_properties(
     for entry in properties.get("thermal_dispersion").map_or(&[][..], Node::list) {
         let kind = word(entry, "type")?;
         let numbers = entry.get("coefficients").and_then(Node::text);
-        let numbers = numbers.and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
+        let numbers =
+            numbers.and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
         match (kind, numbers.as_deref()) {
             ("formula A", Some(&[d0, d1, d2, e0, e1, lambda_tk_um])) => {
                 glass.thermal = Some(Thermal { d: [d0, d1, d2], e: [e0, e1], lambda_tk_um, reference_c });
             }
-            _ => warnings.push(entry.error("thermal_dispersion", "this is no formula A of six numbers: left out")),
+            _ => warnings
+                .push(entry.error("thermal_dispersion", "this is no formula A of six numbers: left out")),
         }
     }
     let number = |entry: &Node, key: &str| entry.get(key).and_then(Node::text).and_then(finite);
     for entry in properties.get("density").map_or(&[][..], Node::list) {
-        glass.density_g_cm3 = number(entry, "value").filter(|kg_m3| *kg_m3 > 0.0).map(|kg_m3| shifted(kg_m3, -3));
+        glass.density_g_cm3 =
+            number(entry, "value").filter(|kg_m3| *kg_m3 > 0.0).map(|kg_m3| shifted(kg_m3, -3));
     }
     for entry in properties.get("thermal_expansion").map_or(&[][..], Node::list) {
         let range = entry.get("temperature_range").and_then(Node::text);
@@ -293,7 +322,9 @@ mod tests {
     use super::*;
 
     fn index(formula: usize, c: &str, um: f64) -> f64 {
-        let page = format!("DATA:\n  - type: formula {formula}\n    wavelength_range: 0.2 3\n    coefficients: {c}\n");
+        let page = format!(
+            "DATA:\n  - type: formula {formula}\n    wavelength_range: 0.2 3\n    coefficients: {c}\n"
+        );
         parse_rii(&page, "X", "").unwrap().glasses[0].index(um)
     }
 
@@ -305,9 +336,17 @@ mod tests {
             (1, "0.1 1 0.1 0.3 0.2", (1.1 + 0.25 / 0.24 + 0.3 * 0.25 / 0.21_f64).sqrt()),
             (2, "0 1 0.01 0.3 0.04", (1.0 + 0.25 / 0.24 + 0.3 * 0.25 / 0.21_f64).sqrt()),
             (2, "0.1 1 0.01 0.3 0.04", (1.1 + 0.25 / 0.24 + 0.3 * 0.25 / 0.21_f64).sqrt()),
-            (3, "2 -0.01 2 0.02 -2 1e-3 -4 -1e-4 -6 1e-5 -8", (2.0 - 0.0025 + 0.08 + 0.016 - 0.0064 + 0.00256_f64).sqrt()),
+            (
+                3,
+                "2 -0.01 2 0.02 -2 1e-3 -4 -1e-4 -6 1e-5 -8",
+                (2.0 - 0.0025 + 0.08 + 0.016 - 0.0064 + 0.00256_f64).sqrt(),
+            ),
             (3, "2 -0.02 4 0.02 -2", (2.0 - 0.00125 + 0.08_f64).sqrt()),
-            (4, "2 0.5 2 0.1 2 0.02 0 0.04 1 -0.01 2 0.003 -4", (2.0 + 0.5 * 0.25 / 0.24 + 0.02 / 0.21 - 0.0025 + 0.048_f64).sqrt()),
+            (
+                4,
+                "2 0.5 2 0.1 2 0.02 0 0.04 1 -0.01 2 0.003 -4",
+                (2.0 + 0.5 * 0.25 / 0.24 + 0.02 / 0.21 - 0.0025 + 0.048_f64).sqrt(),
+            ),
             (4, "2 0.5 2 0.1 2 0 0 0 1", (2.0 + 0.5 * 0.25 / 0.24_f64).sqrt()),
             (5, "1.5 0.0097 -2 1.5e-4 -4", 1.5 + 0.0388 + 0.0024),
             (6, "0 0.05792105 238.0185 0.00167917 57.362", 1.0 + 0.05792105 / 234.0185 + 0.00167917 / 53.362),
@@ -353,7 +392,9 @@ PROPERTIES:
         assert_eq!(file.warnings, []);
         let glass = &file.glasses[0];
         assert!(matches!(glass.dispersion, Dispersion::Sellmeier { .. }));
-        assert!(glass.printed_nd.unwrap().agrees(glass.nd()) && glass.printed_vd.unwrap().agrees(glass.abbe_vd()));
+        assert!(
+            glass.printed_nd.unwrap().agrees(glass.nd()) && glass.printed_vd.unwrap().agrees(glass.abbe_vd())
+        );
         assert_eq!(glass.range_um, Some([0.3, 2.5]));
         assert_eq!((glass.density_g_cm3, glass.thermal.unwrap().reference_c), (Some(2.51), 20.0));
         assert_eq!(glass.expansion, [Expansion { range_c: [-30.0, 70.0], per_k: 7.1e-6 }]);
@@ -386,8 +427,8 @@ PROPERTIES:
             ("0.3 2.5", "2.5 0.3", 6, "no shortest and longest"),
             ("0.400 1.0227E-08", "0.400", 11, "not 2 numbers"),
             ("DATA:", "DAT:", 1, "no data"),
-            ("  - type: formula 2", "  - *x", 5, "alias"),
-            ("REFERENCES: |", "REFERENCES: [", 3, "no YAML"),
+            ("  - type: formula 2", "  - &x y\n  - *x", 6, "alias"),
+            ("REFERENCES: |", "REFERENCES: [", 4, "no YAML"),
         ] {
             let error = parse_rii(&PAGE.replace(from, to), "X", "").unwrap_err();
             assert!(error.to_string().contains(says), "{error}");

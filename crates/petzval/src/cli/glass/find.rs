@@ -34,17 +34,26 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let checks = [("--nd", args.nd, 1.0..5.0, "an index from 1 to 5"), ("--vd", args.vd, 1.0..1e3, "an Abbe number from 1")];
+    let checks = [
+        ("--nd", args.nd, 1.0..5.0, "an index from 1 to 5"),
+        ("--vd", args.vd, 1.0..1e3, "an Abbe number from 1"),
+    ];
     for (name, value, allowed, what) in checks {
         if !allowed.contains(&value) {
-            return Err(Failure::input(format!("{name} {value}: this is no {what}"), "for example --nd 1.6 --vd 50"));
+            return Err(Failure::input(
+                format!("{name} {value}: this is no {what}"),
+                "for example --nd 1.6 --vd 50",
+            ));
         }
     }
     let found = nearest(&built_in_assets().catalog()?, [args.nd, args.vd], args.count, |glass| {
         is_made_by(glass, args.maker.as_deref()) && (args.obsolete || glass.status != Some(Status::Obsolete))
     });
     if found.is_empty() && args.count > 0 {
-        return Err(Failure::input("there is no such glass", "`petzval glass list` shows every glass with its maker"));
+        return Err(Failure::input(
+            "there is no such glass",
+            "`petzval glass list` shows every glass with its maker",
+        ));
     }
     if args.json {
         let list = found.iter().map(|near| {

@@ -146,7 +146,11 @@ fn print(glass: &Glass, air: Option<(f64, f64)>, others: &[String]) {
     println!("  nd         {:>9.6}{}", glass.nd(), printed(glass.printed_nd));
     println!("  Vd         {:>9.4}{}", glass.abbe_vd(), printed(glass.printed_vd));
     println!("  nF, nC     {:>9.6}, {:.6}", glass.index(LINE_F_UM), glass.index(LINE_C_UM));
-    println!("  PgF        {:>9.4}   {:+.4} from the normal line", glass.partial_dispersion_gf(), anomaly(glass));
+    println!(
+        "  PgF        {:>9.4}   {:+.4} from the normal line",
+        glass.partial_dispersion_gf(),
+        anomaly(glass)
+    );
     if let Some([min, max]) = glass.range_um {
         println!("  range      {min} to {max} um");
     }
@@ -165,13 +169,16 @@ fn print(glass: &Glass, air: Option<(f64, f64)>, others: &[String]) {
     for (line, um) in lines(glass) {
         let dn_dt = dn_dt(glass, um).map_or("-".to_owned(), |v| format!("{:.2}", v * 1e6));
         let through = glass.internal_transmission(um, PATH_MM).map_or("-".to_owned(), |t| format!("{t:.4}"));
-        let warm = air.and_then(|(c, atm)| glass.index_at(um, c, atm)).map_or(String::new(), |n| format!("{n:>16.6}"));
+        let warm = air
+            .and_then(|(c, atm)| glass.index_at(um, c, atm))
+            .map_or(String::new(), |n| format!("{n:>16.6}"));
         let row = format!("  {line:<3} {um:>9.5} {:>11.6} {dn_dt:>14} {through:>19}{warm}", glass.index(um));
         println!("{}", row.trim_end());
     }
     // What a lens file would hold, without the long table of absorption.
     let table = table(glass);
-    let formula = table.lines().filter(|line| !line.starts_with("transmission") && !line.starts_with("extinction"));
+    let formula =
+        table.lines().filter(|line| !line.starts_with("transmission") && !line.starts_with("extinction"));
     println!("\n{}", formula.map(|line| format!("  {line}")).collect::<Vec<_>>().join("\n"));
     if !others.is_empty() {
         println!("\n  others of this name: {}", others.join(", "));
