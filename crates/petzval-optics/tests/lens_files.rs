@@ -63,6 +63,16 @@ fn data_lenses_read_and_survive_a_round_trip() {
 }
 
 #[test]
+fn a_written_lens_carries_all_that_is_known_of_its_glasses() {
+    let file = parse_lens(&nominal().replace("\"N-SF11\"", "\"SCHOTT:N-SF11\""), &catalog()).unwrap();
+    let flint = &file.lens.surfaces[2].glass;
+    assert!(flint.thermal.is_some() && flint.absorption.is_some() && flint.range_um.is_some());
+    let again = parse_lens(&write_lens(&file), &Catalog::default()).unwrap();
+    assert_eq!(again.lens.surfaces[2].glass, *flint);
+    assert_eq!(write_lens(&again), write_lens(&file));
+}
+
+#[test]
 fn the_nominal_triplet_says_what_may_move() {
     let file = parse_lens(&nominal(), &catalog()).unwrap();
     assert_eq!(file.lens.stop, 4);

@@ -101,6 +101,11 @@ fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, usize>
     }
     match places.get(&glass.name.to_uppercase()) {
         Some(place) => {
+            let is_obsolete = |glass: &Glass| glass.status == Some(Status::Obsolete);
+            if is_obsolete(&glass) && !is_obsolete(&file.glasses[*place]) {
+                file.warnings.push(line.error("an obsolete glass has the name of this one: left out"));
+                return Ok(());
+            }
             if file.glasses[*place] != glass {
                 file.warnings
                     .push(line.error("this glass is there already, with other figures: the later counts"));
@@ -424,6 +429,10 @@ mod tests {
         // The same glass again says nothing new; another of that name does.
         let twice = GLASS.to_owned() + GLASS;
         assert_eq!(parse_agf(&twice, "").map(|f| (f.glasses.len(), f.warnings.len())), Ok((1, 0)));
+        // What is not made any more does not take the place of what is.
+        let obsolete = GLASS.to_owned() + &GLASS.replace("36.37 0 1", "36.37 0 2");
+        let file = parse_agf(&obsolete, "").unwrap();
+        assert_eq!((file.glasses[0].status, file.warnings.len()), (Some(Status::Preferred), 1));
         let other = GLASS.to_owned() + &GLASS.replace("9.37357162", "9.4").replace("36.37", "36.38");
         assert_eq!(parse_agf(&other, "").map(|f| (f.glasses.len(), f.warnings.len())), Ok((1, 1)));
         let misprinted = parse_agf(&GLASS.replace("1.62004", "1.63004"), "").unwrap();

@@ -117,3 +117,64 @@ fn rows<const N: usize>(rows: &[[f64; N]]) -> String {
     let rows: Vec<String> = rows.iter().map(|row| numbers(row)).collect();
     format!("[{}]", rows.join(", "))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::glass::{Catalog, Expansion, Printed, Status, Thermal};
+
+    #[test]
+    fn every_formula_and_every_key_comes_back_to_the_last_bit() {
+        // Numbers without a short decimal.
+        let odd = |i: i32| (f64::from(i) + 1.0 / 3.0) * 10_f64.powi(-3 * i);
+        let six = [1, 2, 3, 4, 5, 6].map(odd);
+        let formulas = [
+            Dispersion::Constant(1.0 + odd(0)),
+            Dispersion::Sellmeier { b: vec![odd(0), odd(1)], c_um2: vec![odd(2), odd(3)] },
+            Dispersion::Schott(six),
+            Dispersion::Square {
+                powers: vec![[odd(0), 0.0], [-0.0, -2.5]],
+                resonances: vec![[odd(1), 2.0, odd(2), 2.0]],
+            },
+            Dispersion::Square { powers: Vec::new(), resonances: vec![[odd(1), 0.0, -odd(2), 1.0]] },
+            Dispersion::Powers(vec![[1.5, 0.0], [odd(1), -3.5]]),
+            Dispersion::Herzberger(six),
+            Dispersion::Gas { a: odd(4), terms: vec![[odd(1), 238.0185]] },
+            Dispersion::LorentzLorenz([odd(1), odd(2), odd(3), odd(4)]),
+            Dispersion::Exotic(six),
+            Dispersion::NdVd { nd: 1.0 + odd(0), vd: 60.0 + odd(0) },
+            Dispersion::Table { wavelength_um: vec![0.4, 0.5 + odd(1)], index: vec![1.5, odd(0)] },
+        ];
+        let glasses: Vec<Glass> = (0_i32..)
+            .zip(formulas)
+            .map(|(i, dispersion)| {
+                let mut glass = Glass::new(format!("g {i:02}"), dispersion);
+                glass.maker = "A \"maker\"".to_owned();
+                glass.source = "line\nline".to_owned();
+                glass.status = Some(Status::ALL[i as usize % Status::ALL.len()]);
+                // Beyond the visible there is no n_d that a misprint could be seen in.
+                glass.range_um = Some([1.0 + odd(1), 2.0]);
+                if !matches!(glass.dispersion, Dispersion::NdVd { .. }) {
+                    (glass.printed_nd, glass.printed_vd) =
+                        (Printed::parse("1.51680"), Printed::parse("64.0"));
+                }
+                glass.absorption = match i % 3 {
+                    0 => Some(Absorption::Transmittance(vec![[0.4, odd(0), 10.0], [0.5, 1.0, 10.0]])),
+                    1 => Some(Absorption::Transmittance(vec![[0.4, odd(0), 10.0], [0.5, 0.0, odd(0)]])),
+                    _ => Some(Absorption::Extinction(vec![[odd(1), odd(3)], [0.5, 0.0]])),
+                };
+                let (d, e) = ([odd(3), -odd(4), 0.0], [odd(3), odd(5)]);
+                glass.thermal = Some(Thermal { d, e, lambda_tk_um: odd(1), reference_c: 20.0 });
+                glass.expansion = vec![Expansion { range_c: [-30.0, 70.0], per_k: odd(3) }; (i % 3) as usize];
+                (glass.density_g_cm3, glass.relative_cost) = (Some(odd(0)), Some(0.0));
+                glass
+            })
+            .collect();
+        let text = write_catalog(&glasses);
+        let again = Catalog::parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let again: Vec<Glass> = again.glasses().map(|glass| glass.as_ref().clone()).collect();
+        assert_eq!(again, glasses);
+        // Zeros of either sign are equal, but not the same bits.
+        assert_eq!(write_catalog(&again), text);
+    }
+}
