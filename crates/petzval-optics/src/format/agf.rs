@@ -246,7 +246,7 @@ impl Entry {
             }
             // A blank record says that nothing is known.
             ("ED" | "TD" | "OD" | "LD" | "IT", Some([])) => {}
-            ("ED", Some([rest @ ..])) => {
+            ("ED", Some(rest)) => {
                 self.glass.expansion = (EXPANSION_C.iter().zip(rest))
                     .filter(|(_, ppm)| **ppm != 0.0 && **ppm != -1.0)
                     .map(|(range_c, ppm)| Expansion { range_c: *range_c, per_k: shifted(*ppm, -6) })

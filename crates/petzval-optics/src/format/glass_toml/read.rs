@@ -237,12 +237,15 @@ fn rows<const N: usize>(numbers: &[[Number; N]]) -> Vec<[f64; N]> {
     numbers.iter().map(|row| row.map(|n| n.0)).collect()
 }
 
-/// The coefficients of a formula that always has as many, with their place.
+/// Numbers with their place in the file.
+type PlacedNumbers<const N: usize> = (Range<usize>, [f64; N]);
+
+/// The coefficients of a formula that always has as many.
 fn coefficients<const N: usize>(
     text: &str,
     key: &str,
     numbers: &Option<Spanned<[Number; N]>>,
-) -> Result<Option<(Range<usize>, [f64; N])>, FileError> {
+) -> Result<Option<PlacedNumbers<N>>, FileError> {
     let Some(numbers) = numbers else { return Ok(None) };
     let a = numbers.get_ref().map(|n| n.0);
     check_finite(text, numbers.span(), key, a.into_iter())?;

@@ -103,10 +103,14 @@ fn reference_c(page: &Node) -> f64 {
     }
 }
 
+/// A formula with the wavelengths at which it holds, um.
 type Index = (Dispersion, Option<[f64; 2]>);
 
+/// Rows `[wavelength um, extinction coefficient]`.
+type Extinction = Vec<[f64; 2]>;
+
 /// Index and extinction of one entry of `DATA`.
-fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Vec<[f64; 2]>>), FileError> {
+fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Extinction>), FileError> {
     let table = |rows: Vec<[f64; 2]>| {
         let range_um = rows.first().zip(rows.last()).map(|(first, last)| [first[0], last[0]]);
         let (wavelength_um, index) = rows.into_iter().map(|[um, n]| (um, n)).unzip();
@@ -187,7 +191,7 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
 /// A formula by its number, or what is wrong with its coefficients.
 fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
     let pairs = || c[1..].chunks(2);
-    if matches!(number, "1" | "2" | "3" | "5" | "6") && c.len() % 2 == 0 {
+    if matches!(number, "1" | "2" | "3" | "5" | "6") && c.len().is_multiple_of(2) {
         return Err(format!("formula {number} has an odd number of coefficients, not {}", c.len()));
     }
     let at_most = |most: usize| match c.len() <= most {
@@ -229,8 +233,8 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             const RESONANT: usize = 9;
             const MOST: usize = 17;
             if c.len() > MOST
-                || (c.len() - 1) % 4 != 0 && c.len() < RESONANT
-                || c.len() > RESONANT && c.len() % 2 == 0
+                || !(c.len() - 1).is_multiple_of(4) && c.len() < RESONANT
+                || c.len() > RESONANT && c.len().is_multiple_of(2)
             {
                 return Err(format!(
                     "formula 4 has 1, 5 or 9 coefficients, or an odd number up to 17, not {}",
