@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use petzval_optics::format::{GlassFile, decode, parse_agf, parse_rii, write_catalog};
 use petzval_optics::glass::{Absorption, Catalog, Dispersion, Glass};
 use rand::seq::IndexedRandom;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// No text here takes a reader longer, by a wide margin: they are a few kilobytes.

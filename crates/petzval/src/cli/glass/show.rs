@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         let message = format!("nobody says how {} changes with temperature", glass.name);
         return Err(Failure::input(message, "leave --temperature out"));
     }
-    let others: Vec<String> = (catalog.all(&args.name).iter())
+    let others: Vec<String> = (catalog.all(&glass.name).iter())
         .filter(|other| **other != glass && !other.maker.is_empty())
         .map(|other| format!("{}:{}", other.maker.to_uppercase(), other.name))
         .collect();
