@@ -52,7 +52,7 @@ fn lens_of(v: &Value) -> Lens {
                     ..SurfaceShape::PLANE
                 },
                 thickness_mm: number(s, "thickness"),
-                glass: Arc::new(Glass { name: "as listed".into(), dispersion }),
+                glass: Arc::new(Glass::new("as listed", dispersion)),
                 semi_diameter_mm: 1e3,
                 ..Surface::default()
             }
