@@ -31,7 +31,6 @@ use crate::glass::{Catalog, Dispersion, Glass};
 pub(super) struct GlassText {
     #[serde(default)]
     aliases: Vec<Spanned<String>>,
-    #[expect(dead_code, reason = "for people who read the file")]
     maker: Option<String>,
     #[expect(dead_code, reason = "for people who read the file")]
     source: Option<String>,
@@ -86,6 +85,9 @@ pub(super) fn read_glasses(text: &str, tables: &GlassTables) -> Result<Catalog, 
                     .hint("upper and lower case are the same; AIR is always there"));
             }
             catalog.insert(called.get_ref(), glass.clone());
+            if let Some(maker) = &table.maker {
+                catalog.set_maker(called.get_ref(), maker);
+            }
         }
     }
     Ok(catalog)

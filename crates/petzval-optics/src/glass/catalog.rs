@@ -11,6 +11,8 @@ use crate::format::{FileError, parse_catalog};
 pub struct Catalog {
     /// By upper-case name.
     glasses: BTreeMap<String, Arc<Glass>>,
+    /// Who makes them, where that is known; by upper-case name.
+    makers: BTreeMap<String, String>,
 }
 
 /// There is no glass of that name.
@@ -26,7 +28,7 @@ pub struct UnknownGlass {
 impl Default for Catalog {
     /// A catalogue of nothing but air.
     fn default() -> Self {
-        Self { glasses: BTreeMap::from([("AIR".into(), Glass::air())]) }
+        Self { glasses: BTreeMap::from([("AIR".into(), Glass::air())]), makers: BTreeMap::new() }
     }
 }
 
@@ -38,11 +40,24 @@ impl Catalog {
 
     /// Add a glass under a name, which may be an alias. An earlier glass of that name gives way.
     pub fn insert(&mut self, name: &str, glass: Arc<Glass>) {
+        self.makers.remove(&name.to_uppercase());
         self.glasses.insert(name.to_uppercase(), glass);
+    }
+
+    /// Say who makes the glass of that name.
+    pub fn set_maker(&mut self, name: &str, maker: &str) {
+        self.makers.insert(name.to_uppercase(), maker.into());
+    }
+
+    /// Who makes the glass of that name, where that is known.
+    pub fn maker(&self, name: &str) -> Option<&str> {
+        self.makers.get(&name.to_uppercase()).map(String::as_str)
     }
 
     /// Add all glasses of another catalogue. Where both know a name, the other's glass counts.
     pub fn merge(&mut self, other: Self) {
+        self.makers.retain(|name, _| !other.glasses.contains_key(name) || name == "AIR");
+        self.makers.extend(other.makers);
         self.glasses.extend(other.glasses);
     }
 
