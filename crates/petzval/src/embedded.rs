@@ -1,13 +1,16 @@
 //! The `data/` folder, built into the program: an installed `petzval` works from any folder.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 use include_dir::{Dir, include_dir};
 use petzval_design::assets::Assets;
+use petzval_optics::format::Loss;
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../data");
 
-/// The built-in library of lenses, glasses, sensors, experiments, photographs and weights.
+/// The built-in library of lenses, glasses, sensors, experiments, photographs and weights. What lenses of other programs lose
+/// when they are read is told on stderr.
 pub fn built_in_assets() -> Assets {
     let (mut files, mut open) = (Vec::new(), vec![&DATA]);
     while let Some(folder) = open.pop() {
@@ -19,5 +22,14 @@ pub fn built_in_assets() -> Assets {
         );
     }
     files.sort();
-    Assets::new(files)
+    Assets::new(files).telling_losses(|path, loss| eprintln!("warning: {}", told(path, loss)))
+}
+
+/// A loss with the file it is from, as `FILE:LINE: ...`.
+pub fn told(path: &Path, loss: &Loss) -> String {
+    let placeless = Loss { line: None, ..loss.clone() };
+    match loss.line {
+        Some(line) => format!("{}:{line}: {placeless}", path.display()),
+        None => format!("{}: {placeless}", path.display()),
+    }
 }

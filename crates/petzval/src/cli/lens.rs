@@ -1,5 +1,6 @@
 //! `petzval lens`: look at a lens, or make it better.
 
+mod convert;
 mod optimize;
 mod show;
 mod trace;
@@ -15,6 +16,8 @@ use super::Failure;
 pub enum LensVerb {
     /// Prescription, first-order properties, Seidel sums and RMS spots
     Show(show::Args),
+    /// From one file format to another, with a report of what is lost
+    Convert(convert::Args),
     /// One ray through every surface
     Trace(trace::Args),
     /// Smaller spots within bounds, by descent or by a global search
@@ -25,6 +28,7 @@ pub enum LensVerb {
 pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
     match verb {
         LensVerb::Show(args) => show::run(&args),
+        LensVerb::Convert(args) => convert::run(&args),
         LensVerb::Trace(args) => trace::run(&args),
         LensVerb::Optimize(args) => optimize::run(&args),
     }
