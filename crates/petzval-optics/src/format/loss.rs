@@ -97,6 +97,14 @@ impl Losses {
         self.list.push(Loss { line: (line > 0).then_some(line), record, effect, message, more: 0 });
     }
 
+    /// Adds a loss of a part of the file; its records are one loss, whatever they begin with.
+    pub fn add_part(&mut self, line: u32, record: &str, message: &str) {
+        match self.list.iter_mut().find(|known| known.message == message) {
+            Some(known) => known.more += 1,
+            None => self.add(line, record, Effect::NoRay, message),
+        }
+    }
+
     /// The losses in the order of the file, those without a line at the end.
     pub fn into_list(mut self) -> Vec<Loss> {
         self.list.sort_by_key(|loss| loss.line.unwrap_or(u32::MAX));

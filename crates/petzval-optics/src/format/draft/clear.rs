@@ -12,8 +12,11 @@ const ROOM: f64 = 0.01;
 /// Fields that are looked at: the outermost and some between.
 const FIELDS: usize = 8;
 
-/// Points of the rim of the pupil that are looked at.
-const RIM: usize = 12;
+/// Directions of the pupil that are looked at.
+const AZIMUTHS: usize = 12;
+
+/// Radii of the pupil that are looked at: the rim, and within it for lenses through which the rim does not pass.
+const RADII: [f64; 3] = [1.0, 0.7, 0.3];
 
 /// The lens with clear semi-diameters everywhere.
 ///
@@ -94,17 +97,23 @@ fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
         let order = first_order(&sequence);
         for field in &looked_at {
             let field = field.to_radians();
-            for k in 0..RIM {
-                let (sin, cos) = (k as f64 / RIM as f64 * std::f64::consts::TAU).sin_cos();
-                let guess = paraxial_launch(&order, &sequence, field, [cos, sin]);
-                let target = [stop_radius * cos, stop_radius * sin];
-                let at = aim_at_stop(&sequence, field, target, guess).map_or(guess, |aimed| aimed.launch_mm);
-                let path = trace_ray(&sequence, launch(&sequence, field, at).ray);
-                for (height, passage) in heights.iter_mut().zip(&path.passages) {
-                    let [x, y, _] = passage.point;
-                    let here = x.hypot(y);
-                    if here.is_finite() {
-                        *height = height.max(here);
+            for k in 0..AZIMUTHS {
+                let (sin, cos) = (k as f64 / AZIMUTHS as f64 * std::f64::consts::TAU).sin_cos();
+                for radius in RADII {
+                    let p = [radius * cos, radius * sin];
+                    let guess = paraxial_launch(&order, &sequence, field, p);
+                    let aimed = aim_at_stop(&sequence, field, p.map(|v| v * stop_radius), guess);
+                    let at = aimed.map_or(guess, |aimed| aimed.launch_mm);
+                    let path = trace_ray(&sequence, launch(&sequence, field, at).ray);
+                    for (height, passage) in heights.iter_mut().zip(&path.passages) {
+                        let [x, y, _] = passage.point;
+                        let here = x.hypot(y);
+                        if here.is_finite() {
+                            *height = height.max(here);
+                        }
+                    }
+                    if path.fate.reaches_image() {
+                        break;
                     }
                 }
             }

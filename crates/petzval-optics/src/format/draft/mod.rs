@@ -10,7 +10,7 @@ mod place;
 
 pub(super) use aperture::Aperture;
 pub(super) use field::{FieldKind, Fields};
-pub(super) use place::{Break, is_bend, undone};
+pub(super) use place::{Break, check_angles, is_bend, undone};
 
 use super::loss::{Effect, Loss, Losses};
 use super::lens_toml::OPTICAL_UM;

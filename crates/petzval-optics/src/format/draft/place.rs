@@ -176,7 +176,7 @@ fn dummies(b: &Break) -> Vec<Drafted> {
 }
 
 /// Light along the axis must meet what is turned from in front.
-fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> Result<(), FileError> {
+pub(in crate::format) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> Result<(), FileError> {
     match x.cos() > 1e-6 && y.cos() > 1e-6 {
         true => Ok(()),
         false => {

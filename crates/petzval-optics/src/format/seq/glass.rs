@@ -147,12 +147,14 @@ fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>,
     match found[..] {
         [glass] => Ok(glass.clone()),
         [] => {
-            let asked = name.rsplit_once('_').map_or(name, |(glass, _)| glass);
-            let nearest = catalog.get(asked).err().map(|unknown| unknown.nearest.join(", ")).unwrap_or_default();
-            let message = match &suffix {
-                Some(maker) => format!("no glass of {maker} is called `{asked}`"),
-                None => format!("no glass is called `{name}`"),
+            let (asked, maker) = name.rsplit_once('_').unwrap_or((name, ""));
+            let message = match maker {
+                "" => format!("no glass is called `{name}`"),
+                maker => format!("no glass of {maker} is called `{asked}`"),
             };
+            // Where the name is another maker's, the whole may be near to a third one's.
+            let nearest = catalog.get(asked).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
+            let nearest = nearest.map(|unknown| unknown.nearest.join(", ")).unwrap_or_default();
             Err(record.error(message).hint(format!("the nearest names are {nearest}")))
         }
         _ => {

@@ -49,12 +49,7 @@ pub fn parse_seq(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     for command in Commands::new(text) {
         reader.read(&command?)?;
     }
-    let says_radii = reader.radius_mode.is_some();
-    reader.finish(catalog).map_err(|error| match (says_radii, error.hint.is_none()) {
-        // The commonest cause in a file written by hand.
-        (false, true) => error.hint("the file does not say RDM, so that its surfaces have curvatures, not radii"),
-        _ => error,
-    })
+    reader.finish(catalog)
 }
 
 /// What has been read so far.
@@ -179,7 +174,13 @@ impl Reader {
 
     fn finish(mut self, catalog: &Catalog) -> Result<Import, FileError> {
         let radii = self.radius_mode.unwrap_or(false);
-        if self.radius_mode.is_none() && !self.surfaces.is_empty() {
+        if self.radius_mode.is_none() {
+            // Radii of lenses are above a lens unit and curvatures below: what contradicts the default is not guessed.
+            if let Some(raw) = self.surfaces.iter().find(|raw| raw.is_hardly_a_curvature()) {
+                let message = "the file does not say whether its surfaces have radii or curvatures";
+                let hint = "write a line `RDM` for radii, or `RDM N` for curvatures, before the first surface";
+                return Err(raw.record.error(message).hint(hint));
+            }
             self.losses.add(0, "", Effect::Assumed, "the file does not say RDM; its surfaces have curvatures");
         }
         if self.system.mm == 0.0 {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::command::{Command, Word};
 use super::glass::PrivateGlasses;
 use crate::format::FileError;
-use crate::format::draft::{Break, Clear, Drafted, Record, is_bend};
+use crate::format::draft::{Break, Clear, Drafted, Record, check_angles, is_bend};
 use crate::format::loss::{Effect, Losses};
 use crate::glass::{Catalog, Glass};
 use crate::lens::{
@@ -78,6 +78,8 @@ pub(super) struct RawSurface {
     norm_radius: f64,
     decenter: [f64; 6],
     turn: (Turn, Record),
+    /// The last command that turns the surface.
+    turned: Record,
     is_placed: bool,
     edge: Option<f64>,
     half_widths: [f64; 2],
@@ -139,6 +141,7 @@ impl RawSurface {
             norm_radius: 0.0,
             decenter: [0.0; 6],
             turn: (Turn::Follow, command.record.clone()),
+            turned: command.record.clone(),
             is_placed: false,
             edge: None,
             half_widths: [0.0; 2],
@@ -183,6 +186,9 @@ impl RawSurface {
         if let Some(i) = place(&DECENTERS) {
             self.decenter[i] = value()?;
             self.is_placed = true;
+            if self.decenter[i] != 0.0 && i > 2 {
+                self.turned = command.record.clone();
+            }
             return Ok(());
         }
         match name {
@@ -314,6 +320,11 @@ impl RawSurface {
         Ok(())
     }
 
+    /// Whether the number of the surface's line would be the radius of a ball smaller than a lens unit, as a curvature.
+    pub fn is_hardly_a_curvature(&self) -> bool {
+        self.curvature.is_none() && self.radius_or_curvature.abs() > 1.0
+    }
+
     /// Curvature in the y-z section, in units of the file.
     fn curvature(&self, radii: bool) -> f64 {
         self.curvature.unwrap_or(if radii { curvature_of(self.radius_or_curvature) } else { self.radius_or_curvature })
@@ -383,6 +394,7 @@ impl RawSurface {
             tilt_rad: [0.0 - alpha.to_radians(), 0.0 - beta.to_radians(), gamma.to_radians()],
             axis: Axis::Follows,
         };
+        check_angles(&placed.tilt_rad, &self.turned)?;
         let along_mm = z * mm;
         let (turn, record) = &self.turn;
         let with = |axis: Axis| Some(Placement { axis, ..placed });

@@ -3,7 +3,7 @@
 use super::header::Header;
 use super::read_surface::{RawSurface, Shapes};
 use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
-use crate::format::draft::{Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
+use crate::format::draft::{Aperture, Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
 use crate::format::loss::{Effect, Losses};
 use crate::format::FileError;
 use crate::glass::Catalog;
@@ -75,7 +75,7 @@ fn read_behind(line: &Line<'_>, losses: &mut Losses) {
             return losses.add(line.number, line.text, Effect::NotUnderstood, message);
         }
     };
-    losses.add(line.number, line.text, Effect::NoRay, message);
+    losses.add_part(line.number, line.text, message);
 }
 
 fn finish(
@@ -131,9 +131,7 @@ fn finish(
         return Err(FileError::at_line(0, "", message).hint(hint));
     };
     let aperture = match aperture {
-        (crate::format::draft::Aperture::EntrancePupil(v), record) => {
-            (crate::format::draft::Aperture::EntrancePupil(v * mm), record)
-        }
+        (Aperture::EntrancePupil(v), record) => (Aperture::EntrancePupil(v * mm), record),
         other => other,
     };
     let draft = Draft {
