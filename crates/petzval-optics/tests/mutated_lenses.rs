@@ -7,7 +7,9 @@ mod common;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use petzval_optics::format::{FileError, Import, LensFile, decode, parse_seq, parse_zmx, write_seq, write_zmx};
+use petzval_optics::format::{
+    FileError, Import, LensFile, decode, parse_seq, parse_zmx, write_seq, write_zmx,
+};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::validate;
 use rand::{Rng, RngExt, SeedableRng};
@@ -35,19 +37,78 @@ sellmeier = { b = [1.73759695, 0.313747346, 1.89878101], c_um2 = [0.013188707, 0
 
 /// Words that mutations put in, so that they get far into a file.
 const WORDS: &[&str] = &[
-    "0", "-0.0", "1e308", "-1e308", "1e-320", "inf", "NaN", "INFINITY", "90", "1000000", "-1", "3.7", "\"", "'", ";", "&", "!",
-    "TYPE XPOLYNOM", "TYPE BINARY_2", "TYPE TOROIDAL", "TYPE COORDBRK", "TYPE PARAXIAL", "TYPE ODDASPHE", "XDAT 1 300",
-    "XDAT 299 1", "PARM 300 1", "GLAS MIRROR", "STOP", "FLOA", "FNUM 1e-9 1", "FTYP 3 0 99 99", "YFLN 89.9 -89.9", "MODE NSC",
-    "REFL", "BEN", "REV", "DAR", "ADE 89", "ZDE 1e9", "SPS XYP 1e-7", "SPS ODD 3", "SCO C200 1", "SCO AR31 1", "CYL", "YTO",
-    "AAS", "PRV", "END", "PWL 500", "S 1 1 517642", "S S S", "K SI 1", "YRI 1e6", "FNO 1e-300", "NA 2", "RDM N", "PIM", "DIM I",
+    "0",
+    "-0.0",
+    "1e308",
+    "-1e308",
+    "1e-320",
+    "inf",
+    "NaN",
+    "INFINITY",
+    "90",
+    "1000000",
+    "-1",
+    "3.7",
+    "\"",
+    "'",
+    ";",
+    "&",
+    "!",
+    "TYPE XPOLYNOM",
+    "TYPE BINARY_2",
+    "TYPE TOROIDAL",
+    "TYPE COORDBRK",
+    "TYPE PARAXIAL",
+    "TYPE ODDASPHE",
+    "XDAT 1 300",
+    "XDAT 299 1",
+    "PARM 300 1",
+    "GLAS MIRROR",
+    "STOP",
+    "FLOA",
+    "FNUM 1e-9 1",
+    "FTYP 3 0 99 99",
+    "YFLN 89.9 -89.9",
+    "MODE NSC",
+    "REFL",
+    "BEN",
+    "REV",
+    "DAR",
+    "ADE 89",
+    "ZDE 1e9",
+    "SPS XYP 1e-7",
+    "SPS ODD 3",
+    "SCO C200 1",
+    "SCO AR31 1",
+    "CYL",
+    "YTO",
+    "AAS",
+    "PRV",
+    "END",
+    "PWL 500",
+    "S 1 1 517642",
+    "S S S",
+    "K SI 1",
+    "YRI 1e6",
+    "FNO 1e-300",
+    "NA 2",
+    "RDM N",
+    "PIM",
+    "DIM I",
 ];
 
 fn seeds() -> (Vec<String>, Vec<String>) {
     let catalog = Catalog::parse(CATALOG).unwrap();
     let (mut zmx, mut seq) = (Vec::new(), Vec::new());
     for lens in common::special_lenses() {
-        let file =
-            LensFile { lens, expect: None, variables: vec![], pickups: vec![], efl_solve: None, length_solve: None };
+        let file = LensFile {
+            lens,
+            expect: None,
+            variables: vec![],
+            pickups: vec![],
+            efl_solve: None,
+            length_solve: None,
+        };
         for (to, export) in [(&mut zmx, write_zmx(&file, &catalog)), (&mut seq, write_seq(&file, &catalog))] {
             let Ok(export) = export else { continue };
             // Half of them without edges, so that beams are looked for.
@@ -120,7 +181,8 @@ fn mutated(seeds: &[String], random: &mut ChaCha8Rng) -> Vec<u8> {
 }
 
 fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileError>, what: &str) {
-    let mutations: u64 = std::env::var("PETZVAL_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
+    let mutations: u64 =
+        std::env::var("PETZVAL_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
     let catalog = Catalog::parse(CATALOG).unwrap();
     // The seeds themselves are read.
     for text in seeds {
@@ -140,7 +202,8 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
             match outcome {
                 Ok(import) => {
                     assert!(import.losses.len() <= 201 && import.file.lens.surfaces.len() <= 2000);
-                    validate(&import.file.lens).unwrap_or_else(|e| panic!("{what} {number}: {e}\n{}", text()));
+                    validate(&import.file.lens)
+                        .unwrap_or_else(|e| panic!("{what} {number}: {e}\n{}", text()));
                     (took, 1_u64)
                 }
                 Err(error) => {
@@ -151,8 +214,14 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
         })
         .reduce(|| (Duration::ZERO, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
     // Mutations must not all fail at the first line, nor all be harmless.
-    assert!(read > mutations / 50 && read < mutations - mutations / 50, "{what}: {read} of {mutations} are read");
-    println!("{what}: {mutations} mutations, {read} read, longest {longest:?}, peak memory {:?} kB", peak_memory_kb());
+    assert!(
+        read > mutations / 50 && read < mutations - mutations / 50,
+        "{what}: {read} of {mutations} are read"
+    );
+    println!(
+        "{what}: {mutations} mutations, {read} read, longest {longest:?}, peak memory {:?} kB",
+        peak_memory_kb()
+    );
     if let Some(kb) = peak_memory_kb() {
         assert!(kb < MOST_MEMORY_KB, "{kb} kB");
     }
@@ -182,7 +251,9 @@ fn huge_files_are_refused() {
         let start = Instant::now();
         assert!(parse(&much, &catalog).unwrap_err().to_string().contains("MB is not read"));
         // Below the limit: long lines, many commands on a line, many records that mean nothing.
-        for text in ["a;".repeat(7 << 20), "x ".repeat(7 << 20), "&\n".repeat(7 << 20), "Q1\n".repeat(5 << 20)] {
+        for text in
+            ["a;".repeat(7 << 20), "x ".repeat(7 << 20), "&\n".repeat(7 << 20), "Q1\n".repeat(5 << 20)]
+        {
             assert!(parse(&text, &catalog).is_err());
         }
         assert!(start.elapsed() < 4 * LONGEST, "{:?}", start.elapsed());

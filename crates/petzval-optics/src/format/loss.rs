@@ -77,7 +77,9 @@ impl Losses {
         let kind = |text: &str| text.split_whitespace().next().unwrap_or("").to_owned();
         let this = kind(record);
         let same = self.list.iter_mut().find(|known| {
-            known.effect == effect && known.message == message && known.line.is_some() == (line > 0)
+            known.effect == effect
+                && known.message == message
+                && known.line.is_some() == (line > 0)
                 && kind(&known.record) == this
         });
         if let Some(known) = same {

@@ -42,7 +42,9 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
             let message = format!(
                 "the field ({x}, {y}) lies off the y-z plane, and the lens is not rotationally symmetric"
             );
-            return Err(record.error(message).hint("fields are looked at in the y-z plane; take this one out"));
+            return Err(record
+                .error(message)
+                .hint("fields are looked at in the y-z plane; take this one out"));
         }
         turned |= x != 0.0;
         mirrored |= x == 0.0 && y < 0.0 && round;
@@ -70,7 +72,8 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
         losses.add(record.line, &record.text, Effect::NoRay, message);
     }
     if mirrored {
-        let message = "negative fields are the mirror images of positive ones: the lens is rotationally symmetric";
+        let message =
+            "negative fields are the mirror images of positive ones: the lens is rotationally symmetric";
         losses.add(record.line, &record.text, Effect::NoRay, message);
     }
     angles.sort_by(f64::total_cmp);

@@ -12,8 +12,8 @@ pub(super) use aperture::Aperture;
 pub(super) use field::{FieldKind, Fields};
 pub(super) use place::{Break, check_angles, is_bend, undone};
 
-use super::loss::{Effect, Loss, Losses};
 use super::lens_toml::OPTICAL_UM;
+use super::loss::{Effect, Loss, Losses};
 use super::{FileError, LensFile};
 use crate::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
 

@@ -3,6 +3,8 @@
 //! A break moves the axis: a shift and rotations about x, y and z as in [`Placement`], or in the reverse order (rotations about
 //! z, y and x, then the shift), which undoes a break of the first kind with all numbers negated.
 
+use std::sync::Arc;
+
 use super::{Clear, Drafted, FileError, Item, Record};
 use crate::glass::Glass;
 use crate::lens::{Action, Axis, Placement, Surface};
@@ -93,9 +95,8 @@ pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>,
                         *drafted
                     }
                     _ => {
-                        for dummy in dummies(&b) {
-                            push(&mut surfaces, dummy);
-                        }
+                        let front = surfaces.last().map_or_else(Glass::air, |d| d.surface.glass.clone());
+                        surfaces.extend(dummies(&b, &front));
                         continue;
                     }
                 }
@@ -132,7 +133,7 @@ pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>,
     Ok((surfaces, stop))
 }
 
-/// Adds a surface; behind a mirror or a dummy is what is in front.
+/// Adds a surface; behind a mirror is the medium that is in front.
 fn push(surfaces: &mut Vec<Drafted>, mut drafted: Drafted) {
     if drafted.surface.action == Action::Reflect {
         drafted.surface.glass = surfaces.last().map_or_else(Glass::air, |d| d.surface.glass.clone());
@@ -140,8 +141,8 @@ fn push(surfaces: &mut Vec<Drafted>, mut drafted: Drafted) {
     surfaces.push(drafted);
 }
 
-/// Planes that do nothing but move the axis.
-fn dummies(b: &Break) -> Vec<Drafted> {
+/// Planes that do nothing but move the axis, in the medium that is in front.
+fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
     let mut moves: Vec<Placement> = Vec::new();
     if b.moves_nothing() {
         moves.push(Placement { axis: Axis::Returns, ..Placement::default() });
@@ -155,11 +156,7 @@ fn dummies(b: &Break) -> Vec<Drafted> {
             }
         }
         if b.decenter_mm != [0.0; 2] {
-            moves.push(Placement {
-                decenter_mm: b.decenter_mm,
-                axis: Axis::Follows,
-                ..Placement::default()
-            });
+            moves.push(Placement { decenter_mm: b.decenter_mm, axis: Axis::Follows, ..Placement::default() });
         }
     }
     let last = moves.len() - 1;
@@ -167,6 +164,7 @@ fn dummies(b: &Break) -> Vec<Drafted> {
         surface: Surface {
             thickness_mm: if i == last { b.thickness_mm } else { 0.0 },
             placement: (placement.axis == Axis::Follows).then_some(placement),
+            glass: front.clone(),
             ..Surface::default()
         },
         clear: Clear::Open(0.0),

@@ -30,15 +30,16 @@ impl PrivateGlasses {
         if command.name == "PWL" && !command.quoted {
             let nm = command.words.iter().take(MOST_VALUES).map(|word| shifted(&word.text, -3));
             let um: Option<Vec<f64>> = nm.collect();
-            self.wavelengths_um = um.ok_or_else(|| command.error("the wavelengths must be numbers, in nm"))?;
+            self.wavelengths_um =
+                um.ok_or_else(|| command.error("the wavelengths must be numbers, in nm"))?;
             return Ok(());
         }
         if self.glasses.len() >= MOST_GLASSES {
             return Err(command.error(format!("more than {MOST_GLASSES} private glasses are not read")));
         }
-        let glass = self.dispersion(command).map(|dispersion| {
-            Arc::new(Glass { name: command.name.clone(), dispersion })
-        });
+        let glass = self
+            .dispersion(command)
+            .map(|dispersion| Arc::new(Glass { name: command.name.clone(), dispersion }));
         self.glasses.insert(command.name.clone(), glass);
         Ok(())
     }
@@ -91,7 +92,9 @@ impl PrivateGlasses {
         }
         if let Some((nd, vd)) = fictitious(&word.text) {
             return match nd > 1.0 && nd < 10.0 && vd > 0.0 {
-                true => Ok(Arc::new(Glass { name: word.text.clone(), dispersion: Dispersion::NdVd { nd, vd } })),
+                true => {
+                    Ok(Arc::new(Glass { name: word.text.clone(), dispersion: Dispersion::NdVd { nd, vd } }))
+                }
                 false => Err(record.error(format!("a glass with nd = {nd} and Vd = {vd} is none"))),
             };
         }
@@ -115,7 +118,11 @@ fn fictitious(text: &str) -> Option<(f64, f64)> {
     }
     let (index, abbe) = text.split_once('.')?;
     let is_code = index.len() >= 3 && digits(index) && digits(abbe);
-    if !is_code { None } else { Some((format!("1.{index}").parse().ok()?, shifted(&format!("0.{abbe}"), 2)?)) }
+    if !is_code {
+        None
+    } else {
+        Some((format!("1.{index}").parse().ok()?, shifted(&format!("0.{abbe}"), 2)?))
+    }
 }
 
 /// Letters and digits alone, in upper case: as the program spells names of glasses.
@@ -181,7 +188,8 @@ mod tests {
 
     #[test]
     fn names_are_matched_without_punctuation_but_never_guessed() {
-        let text = "[glass.N-BK7]\nnd=1.5168\nvd=64.17\nmaker=\"Schott\"\n[glass.SK16]\nn=1.6\nmaker=\"Hikari\"\n";
+        let text =
+            "[glass.N-BK7]\nnd=1.5168\nvd=64.17\nmaker=\"Schott\"\n[glass.SK16]\nn=1.6\nmaker=\"Hikari\"\n";
         let catalog = Catalog::parse(text).unwrap();
         let record = Record::new(7, "S 1 2 x");
         let get = |name: &str| by_name(name, &catalog, &record).map(|g| g.name.clone());

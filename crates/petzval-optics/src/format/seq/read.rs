@@ -12,8 +12,8 @@ use crate::glass::Catalog;
 /// Commands that say nothing about the lens: how the program starts, shows and ends, what may vary (codes of variables end in
 /// C: `CCY`, `THC`, `GLC`, `KC`, `AC`, ...), which apertures count in drawings.
 const BOOKKEEPING: &[&str] = &[
-    "LEN", "GO", "INI", "CWL", "CA", "CCY", "CCX", "THC", "GLC", "GL1", "GL2", "KC", "AC", "BC", "CC", "DC", "EC",
-    "FC", "GC", "HC", "JC", "CUC", "SCC", "XDC", "YDC", "ZDC", "ADC", "BDC", "CDC", "OUT", "VER", "DER", "DOR",
+    "LEN", "GO", "INI", "CWL", "CA", "CCY", "CCX", "THC", "GLC", "KC", "AC", "BC", "CC", "DC", "EC", "FC",
+    "GC", "HC", "JC", "CUC", "SCC", "XDC", "YDC", "ZDC", "ADC", "BDC", "CDC",
 ];
 
 /// Commands that bend light in ways that are not traced.
@@ -101,10 +101,18 @@ impl Reader {
             }
             "PIM" => {
                 self.paraxial_image = Some(command.record.clone());
-                self.lose(&command.record, Effect::NoRay, "the solve is not kept; the value that it found is");
+                self.lose(
+                    &command.record,
+                    Effect::NoRay,
+                    "the solve is not kept; the value that it found is",
+                );
             }
             "ZOO" => self.lose(&command.record, Effect::NoRay, "only the first zoom position is read"),
-            "PIK" => self.lose(&command.record, Effect::NoRay, "the pickup is not kept; the value that it found is"),
+            "PIK" => self.lose(
+                &command.record,
+                Effect::NoRay,
+                "the pickup is not kept; the value that it found is",
+            ),
             name if BOOKKEEPING.contains(&name) => {}
             name if is_surface_command(name) && !command.quoted => {
                 let (surface, words) = self.target(command)?;
@@ -130,7 +138,8 @@ impl Reader {
     fn add_surface(&mut self, command: &Command) -> Result<(), FileError> {
         let is_object = command.name == "SO" || command.name == "S0";
         if is_object != self.surfaces.is_empty() {
-            let message = if is_object { "the object is there already" } else { "the object, SO, comes first" };
+            let message =
+                if is_object { "the object is there already" } else { "the object, SO, comes first" };
             return Err(command.error(message));
         }
         if self.has_image {
@@ -178,10 +187,16 @@ impl Reader {
             // Radii of lenses are above a lens unit and curvatures below: what contradicts the default is not guessed.
             if let Some(raw) = self.surfaces.iter().find(|raw| raw.is_hardly_a_curvature()) {
                 let message = "the file does not say whether its surfaces have radii or curvatures";
-                let hint = "write a line `RDM` for radii, or `RDM N` for curvatures, before the first surface";
+                let hint =
+                    "write a line `RDM` for radii, or `RDM N` for curvatures, before the first surface";
                 return Err(raw.record.error(message).hint(hint));
             }
-            self.losses.add(0, "", Effect::Assumed, "the file does not say RDM; its surfaces have curvatures");
+            self.losses.add(
+                0,
+                "",
+                Effect::Assumed,
+                "the file does not say RDM; its surfaces have curvatures",
+            );
         }
         if self.system.mm == 0.0 {
             self.losses.add(0, "", Effect::Assumed, "the file says no unit; lengths are taken as mm");

@@ -9,9 +9,7 @@ use crate::format::FileError;
 use crate::format::draft::{Break, Clear, Drafted, Record, check_angles, is_bend};
 use crate::format::loss::{Effect, Losses};
 use crate::glass::{Catalog, Glass};
-use crate::lens::{
-    Action, Axis, Departure, ODD_TERMS, Placement, Surface, SurfaceShape, XY_TERMS,
-};
+use crate::lens::{Action, Axis, Departure, ODD_TERMS, Placement, Surface, SurfaceShape, XY_TERMS};
 
 /// Coefficients of r^4, r^6, ..., r^20.
 const LETTERS: [&str; 9] = ["A", "B", "C", "D", "E", "F", "G", "H", "J"];
@@ -28,9 +26,9 @@ const MOST_COEFFICIENTS: usize = 200;
 /// Whether a command is about a surface.
 pub(super) fn is_surface_command(name: &str) -> bool {
     const OTHERS: &[&str] = &[
-        "CON", "ASP", "SPH", "CYL", "YTO", "AAS", "SPS", "SCO", "K", "KX", "KY", "CUF", "RDY", "RDX", "CUY", "CUX",
-        "THI", "GLA", "RMD", "SLB", "DAR", "BEN", "REV", "XOD", "YOD", "ZOD", "CIR", "REX", "REY", "ELX", "ELY",
-        "ADX", "ADY", "ARO", "MLT", "COA",
+        "CON", "ASP", "SPH", "CYL", "YTO", "AAS", "SPS", "SCO", "K", "KX", "KY", "CUF", "RDY", "RDX", "CUY",
+        "CUX", "THI", "GLA", "RMD", "SLB", "DAR", "BEN", "REV", "XOD", "YOD", "ZOD", "CIR", "REX", "REY",
+        "ELX", "ELY", "ADX", "ADY", "ARO", "MLT", "COA",
     ];
     [OTHERS, &LETTERS, &ROUND, &UNROUND, &DECENTERS].iter().any(|list| list.contains(&name))
 }
@@ -155,7 +153,9 @@ impl RawSurface {
                 _ if i == 2 => raw.glass = Some((word.clone(), command.record.clone())),
                 other => {
                     let message = format!("`{other}` behind radius, thickness and glass is not read");
-                    return Err(command.error(message).hint("a glass of nd and Vd is one word, as 1.5168:64.17"));
+                    return Err(command
+                        .error(message)
+                        .hint("a glass of nd and Vd is one word, as 1.5168:64.17"));
                 }
             }
         }
@@ -167,7 +167,8 @@ impl RawSurface {
         let name = command.name.as_str();
         let value = || number(command, words.last());
         let is_number = words.first().is_some_and(|w| w.text.parse::<f64>().is_ok());
-        let mut lose = |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
+        let mut lose =
+            |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
         let place = |list: &[&str]| list.iter().position(|known| *known == name);
         if let Some(i) = place(&LETTERS) {
             self.even[i] = value()?;
@@ -180,7 +181,9 @@ impl RawSurface {
         if place(&UNROUND).is_some() {
             return match value()? {
                 0.0 => Ok(()),
-                _ => Err(command.error("terms of an anamorphic asphere that differ in x and y are not traced")),
+                _ => {
+                    Err(command.error("terms of an anamorphic asphere that differ in x and y are not traced"))
+                }
             };
         }
         if let Some(i) = place(&DECENTERS) {
@@ -274,7 +277,10 @@ impl RawSurface {
         let index = match name.as_str() {
             "K" => Some(1),
             "NRADIUS" => Some(norm),
-            _ => counted("AR").filter(|_| self.formula.0 == Formula::Odd).map(|n| n + 1).or_else(|| counted("C")),
+            _ => counted("AR")
+                .filter(|_| self.formula.0 == Formula::Odd)
+                .map(|n| n + 1)
+                .or_else(|| counted("C")),
         };
         match index {
             Some(1) => self.conic = value,
@@ -288,7 +294,12 @@ impl RawSurface {
     }
 
     /// `CIR [EDG|OBS|HOL|CLR] [L'label'] radius` and the like.
-    fn read_aperture(&mut self, command: &Command, words: &[Word], losses: &mut Losses) -> Result<(), FileError> {
+    fn read_aperture(
+        &mut self,
+        command: &Command,
+        words: &[Word],
+        losses: &mut Losses,
+    ) -> Result<(), FileError> {
         let says = |what: &str| words.iter().any(|w| w.text.eq_ignore_ascii_case(what));
         let value = number(command, words.last())?;
         // Edges are where a piece of glass ends, not where light is lost.
@@ -327,7 +338,11 @@ impl RawSurface {
 
     /// Curvature in the y-z section, in units of the file.
     fn curvature(&self, radii: bool) -> f64 {
-        self.curvature.unwrap_or(if radii { curvature_of(self.radius_or_curvature) } else { self.radius_or_curvature })
+        self.curvature.unwrap_or(if radii {
+            curvature_of(self.radius_or_curvature)
+        } else {
+            self.radius_or_curvature
+        })
     }
 
     /// Object and image are planes in air.
@@ -363,8 +378,11 @@ impl RawSurface {
         }
         let thickness_mm = self.thickness * mm - back_mm;
         let edge = self.edge.map(|edge| (edge + self.offset[0].hypot(self.offset[1])) * mm);
-        let does_nothing =
-            shape == SurfaceShape::PLANE && !self.mirror && glass == *front && edge.is_none() && placement.is_none();
+        let does_nothing = shape == SurfaceShape::PLANE
+            && !self.mirror
+            && glass == *front
+            && edge.is_none()
+            && placement.is_none();
         let surface = Surface {
             label: self.label.clone(),
             shape,
@@ -404,15 +422,16 @@ impl RawSurface {
                 Ok(Decenter { placement: with(Axis::Returns), along_mm, back_mm: along_mm, behind: None })
             }
             _ if along_mm != 0.0 => {
-                Err(record.error("a shift along the axis that is bent or turned back at the surface is not read"))
+                Err(record
+                    .error("a shift along the axis that is bent or turned back at the surface is not read"))
             }
             Turn::Bend => match with(Axis::Bends) {
-                Some(bend) if is_bend(&bend) => {
-                    Ok(Decenter { placement: Some(bend), ..Decenter::default() })
+                Some(bend) if is_bend(&bend) => Ok(Decenter { placement: Some(bend), ..Decenter::default() }),
+                _ => {
+                    Err(record.error("a mirror that bends the axis about two axes at once is not read").hint(
+                        "which of them comes first behind the mirror is not known; use two dummy surfaces",
+                    ))
                 }
-                _ => Err(record
-                    .error("a mirror that bends the axis about two axes at once is not read")
-                    .hint("which of them comes first behind the mirror is not known; use two dummy surfaces")),
             },
             Turn::Reverse => {
                 let behind = Break {
@@ -430,17 +449,18 @@ impl RawSurface {
     /// The shape, in mm.
     fn shape(&self, mm: f64, radii: bool) -> Result<SurfaceShape, FileError> {
         let (formula, record) = &self.formula;
-        let mut shape = SurfaceShape {
-            curvature: self.curvature(radii) / mm,
-            conic: self.conic,
-            ..SurfaceShape::PLANE
-        };
+        let mut shape =
+            SurfaceShape { curvature: self.curvature(radii) / mm, conic: self.conic, ..SurfaceShape::PLANE };
         for (i, value) in self.even.iter().enumerate() {
             match shape.asphere.get_mut(i + 1) {
                 Some(a) => *a = in_mm(*value, 2 * i + 4, mm),
                 None if *value == 0.0 => {}
                 None => {
-                    let message = format!("the term {} of r^{} is not traced: powers up to 16 are", LETTERS[i], 2 * i + 4);
+                    let message = format!(
+                        "the term {} of r^{} is not traced: powers up to 16 are",
+                        LETTERS[i],
+                        2 * i + 4
+                    );
                     return Err(record.error(message));
                 }
             }
@@ -454,7 +474,8 @@ impl RawSurface {
         if unround && *formula != Formula::Anamorphic {
             return Err(record.error("coefficients of an anamorphic asphere need AAS"));
         }
-        let unexpected = |what: &str| Err(record.error(format!("{what} of this kind of surface are not read")));
+        let unexpected =
+            |what: &str| Err(record.error(format!("{what} of this kind of surface are not read")));
         match formula {
             Formula::Asphere if self.curvature_x.is_some_and(|c| c != self.curvature(radii)) => {
                 return Err(record.error("a surface with another curvature in x must say which kind it is"));
@@ -497,7 +518,8 @@ impl RawSurface {
                         Some(to) => *to = value * mm,
                         None if *value == 0.0 => {}
                         None => {
-                            let message = format!("the coefficient C{index} is not traced: degrees up to 8 are");
+                            let message =
+                                format!("the coefficient C{index} is not traced: degrees up to 8 are");
                             return Err(record.error(message));
                         }
                     }

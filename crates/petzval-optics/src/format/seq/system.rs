@@ -27,7 +27,8 @@ pub(super) struct System {
 impl System {
     /// Reads a command; `false` if it is not one of these.
     pub fn read(&mut self, command: &Command, losses: &mut Losses) -> Result<bool, FileError> {
-        let mut lose = |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
+        let mut lose =
+            |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
         match command.name.as_str() {
             "TIT" => self.title = command.word(0).unwrap_or("").trim().to_owned(),
             "DIM" => {
@@ -35,7 +36,11 @@ impl System {
                     "M" | "MM" => 1.0,
                     "C" | "CM" => 10.0,
                     "I" | "IN" => 25.4,
-                    _ => return Err(command.error("no such unit").hint("M (mm), C (cm) and I (inches) are known")),
+                    _ => {
+                        return Err(command
+                            .error("no such unit")
+                            .hint("M (mm), C (cm) and I (inches) are known"));
+                    }
                 }
             }
             "EPD" => self.set_aperture(Aperture::EntrancePupil(command.number(0)?), command)?,
@@ -79,7 +84,8 @@ impl System {
             }
             "TEM" | "PRE" => {}
             "TEL" => {
-                let message = "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
+                let message =
+                    "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
                 return Err(command.error(message));
             }
             "AFO" => lose(Effect::Approximated, "afocal: the image plane is where the file puts it"),
@@ -143,7 +149,10 @@ impl System {
             None => {
                 let middle = um.len() / 2;
                 if um.len() > 1 {
-                    let message = format!("the file says no reference wavelength; the middle one, {}, is taken", middle + 1);
+                    let message = format!(
+                        "the file says no reference wavelength; the middle one, {}, is taken",
+                        middle + 1
+                    );
                     losses.add(0, "", Effect::Assumed, message);
                 }
                 middle

@@ -61,7 +61,10 @@ pub(super) struct Out<'a> {
 impl<'a> Out<'a> {
     /// Adds a line.
     pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
-        self.text.write_fmt(line).and_then(|()| self.text.write_char('\n')).expect("a string takes whatever is written");
+        self.text
+            .write_fmt(line)
+            .and_then(|()| self.text.write_char('\n'))
+            .expect("a string takes whatever is written");
     }
 
     /// A radius or a curvature, as the mode of the file asks.
@@ -183,15 +186,20 @@ impl<'a> Out<'a> {
                     lines.push(format!("  '{name}' LAU {}", a.join(" ")));
                 }
                 Dispersion::Constant(n) => lines.push(format!("  PWL 587.6\n  '{name}' {}", number(*n))),
-                Dispersion::Table { wavelength_um, index } if wavelength_um.len() <= crate::format::draft::MOST_VALUES => {
-                    let message = format!("between its wavelengths, programs compute the index of {name} in ways of their own");
+                Dispersion::Table { wavelength_um, index }
+                    if wavelength_um.len() <= crate::format::draft::MOST_VALUES =>
+                {
+                    let message = format!(
+                        "between its wavelengths, programs compute the index of {name} in ways of their own"
+                    );
                     self.losses.add(0, &format!("surface {}", i + 1), Effect::Approximated, message);
                     let nm: Vec<String> = wavelength_um.iter().map(|um| shifted_text(*um, 3)).collect();
                     let index: Vec<String> = index.iter().map(|n| number(*n)).collect();
                     lines.push(format!("  PWL {}\n  '{name}' {}", nm.join(" "), index.join(" ")));
                 }
                 _ => {
-                    let message = format!("the glass {} is not in the catalogue as it is in the lens", glass.name);
+                    let message =
+                        format!("the glass {} is not in the catalogue as it is in the lens", glass.name);
                     let hint = "of formulas the format holds Schott's; give `nd` and `vd`, or name a catalogue glass";
                     return Err(surface_error(i + 1, message).hint(hint));
                 }

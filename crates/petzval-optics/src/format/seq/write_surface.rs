@@ -12,13 +12,20 @@ use crate::lens::{Action, Axis, Departure, Placement, Surface, xy_powers};
 const LETTERS: [&str; 7] = ["A", "B", "C", "D", "E", "F", "G"];
 
 /// Writes a surface, and a dummy behind a mirror that bends the axis about two axes at once.
-pub(super) fn write_surface(out: &mut Out<'_>, index: usize, s: &Surface, stop: bool) -> Result<(), FileError> {
+pub(super) fn write_surface(
+    out: &mut Out<'_>,
+    index: usize,
+    s: &Surface,
+    stop: bool,
+) -> Result<(), FileError> {
     let compound = s.placement.filter(|p| p.axis == Axis::Bends && !is_bend(p));
     let glass = out.glass_name(index, &s.glass);
     let medium = match s.action {
         Action::Refract => glass.clone(),
         Action::Reflect => "REFL".to_owned(),
-        Action::ThinLens { .. } => return Err(surface_error(index + 1, "the format has no thin lenses that are read")),
+        Action::ThinLens { .. } => {
+            return Err(surface_error(index + 1, "the format has no thin lenses that are read"));
+        }
     };
     if s.phase.is_some() {
         let message = "diffractive structures are not written: which way their orders go is not known";
@@ -106,7 +113,11 @@ fn write_shape(out: &mut Out<'_>, index: usize, s: &Surface) -> Result<(), FileE
             if has(&shape.asphere[..1]) || has(&shape.asphere[5..]) {
                 return refused("an anamorphic asphere has terms of r^4 to r^10 only");
             }
-            out.line(format_args!("  AAS\n  {} {}", if out.radii { "RDX" } else { "CUX" }, out.curved(*curvature_x)));
+            out.line(format_args!(
+                "  AAS\n  {} {}",
+                if out.radii { "RDX" } else { "CUX" },
+                out.curved(*curvature_x)
+            ));
             out.line(format_args!("  KX {}; KY {}", number(*conic_x), number(shape.conic)));
             write_letters(out, &["AR", "BR", "CR", "DR"], &shape.asphere[1..5]);
         }
@@ -114,12 +125,18 @@ fn write_shape(out: &mut Out<'_>, index: usize, s: &Surface) -> Result<(), FileE
             if has(&shape.asphere[..1]) {
                 return refused("a toroid has no term of y^2 there");
             }
-            out.line(format_args!("  YTO\n  {} {}", if out.radii { "RDX" } else { "CUX" }, out.curved(*curvature_x)));
+            out.line(format_args!(
+                "  YTO\n  {} {}",
+                if out.radii { "RDX" } else { "CUX" },
+                out.curved(*curvature_x)
+            ));
             out.line(format_args!("  K {}", number(shape.conic)));
             write_letters(out, &LETTERS, &shape.asphere[1..]);
         }
         Departure::Qbfs { .. } | Departure::Qcon { .. } => {
-            return refused("Forbes surfaces are not written: how files name and order their numbers is not known");
+            return refused(
+                "Forbes surfaces are not written: how files name and order their numbers is not known",
+            );
         }
     }
     Ok(())

@@ -64,7 +64,10 @@ impl Header {
                 self.set_aperture(kind, line)?;
             }
             "FLOA" => self.set_aperture(Aperture::StopSize, line)?,
-            "GCAT" => self.catalogs = line.rest().split_whitespace().take(MOST_VALUES).map(str::to_uppercase).collect(),
+            "GCAT" => {
+                self.catalogs =
+                    line.rest().split_whitespace().take(MOST_VALUES).map(str::to_uppercase).collect()
+            }
             "ENVD" => {
                 let given = [line.number(0)?, line.number(1)?];
                 let adjusts = line.number(2)?.unwrap_or(0.0) != 0.0;
@@ -136,7 +139,9 @@ impl Header {
             3 => FieldKind::RealImageHeight,
             other => {
                 let message = format!("fields of type {other} are not read");
-                return Err(line.error(message).hint("angles (0), heights of object (1) or image (2, 3) are"));
+                return Err(line
+                    .error(message)
+                    .hint("angles (0), heights of object (1) or image (2, 3) are"));
             }
         };
         if line.number(1)?.unwrap_or(0.0) != 0.0 {
@@ -149,7 +154,7 @@ impl Header {
         if self.field_count.is_some_and(|n| n > MOST_VALUES) {
             return Err(line.error(format!("a lens with more than {MOST_VALUES} fields is not read")));
         }
-        if line.number(6)?.unwrap_or(0.0) != 0.0 && line.text.split_whitespace().count() <= 8 {
+        if line.number(6)?.unwrap_or(0.0) != 0.0 {
             let message = "afocal image space: the image plane is where the file puts it";
             losses.add(line.number, line.text, Effect::Approximated, message);
         }

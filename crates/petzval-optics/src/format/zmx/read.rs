@@ -3,9 +3,9 @@
 use super::header::Header;
 use super::read_surface::{RawSurface, Shapes};
 use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
+use crate::format::FileError;
 use crate::format::draft::{Aperture, Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
 use crate::format::loss::{Effect, Losses};
-use crate::format::FileError;
 use crate::glass::Catalog;
 
 /// Records that make a line behind the surfaces a line of the last surface, where a file is not set in.
@@ -67,7 +67,10 @@ fn read_behind(line: &Line<'_>, losses: &mut Losses) {
         }
         // Settings of an empty list of configurations, and comments of the merit function.
         "MNUM" | "MOFF" | "BLNK" | "DMFS" => return,
-        keyword if keyword.len() == 4 && keyword.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit()) => {
+        keyword
+            if keyword.len() == 4
+                && keyword.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit()) =>
+        {
             "merit functions and further configurations are not read"
         }
         _ => {

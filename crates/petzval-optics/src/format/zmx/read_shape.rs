@@ -2,9 +2,7 @@
 
 use super::read_surface::{RawSurface, Said, Shapes};
 use crate::format::FileError;
-use crate::lens::{
-    ASPHERE_TERMS, Departure, ODD_TERMS, PHASE_TERMS, Pattern, Phase, SurfaceShape, XY_TERMS,
-};
+use crate::lens::{ASPHERE_TERMS, Departure, ODD_TERMS, PHASE_TERMS, Pattern, Phase, SurfaceShape, XY_TERMS};
 
 /// The first extra value that is a coefficient: before it stand their number and a normalisation radius.
 const FIRST_COEFFICIENT: usize = 3;
@@ -60,7 +58,8 @@ impl RawSurface<'_> {
                 self.allow(&[1, 2])?;
                 // Lines per um, in decimals: the point moves by three digits.
                 let lines = self.parameters.get(&1).and_then(|(_, line)| line.word(1));
-                let lines_per_mm = lines.and_then(|text| crate::format::decimal::shifted(text, 3)).unwrap_or(0.0);
+                let lines_per_mm =
+                    lines.and_then(|text| crate::format::decimal::shifted(text, 3)).unwrap_or(0.0);
                 let pattern = Pattern::Grating { lines_per_mm };
                 phase = Some(Phase { order: self.order(2, 0)?, pattern });
             }
@@ -92,7 +91,8 @@ impl RawSurface<'_> {
         match odd {
             None => Ok(()),
             Some((index, (_, line))) => {
-                let message = format!("surfaces of type {} have no parameter {index} that is known", self.kind_name());
+                let message =
+                    format!("surfaces of type {} have no parameter {index} that is known", self.kind_name());
                 Err(line.error(message))
             }
         }
@@ -157,7 +157,9 @@ impl RawSurface<'_> {
         let count = value(1).clamp(0.0, 1e3) as usize;
         let norm_radius = match self.extra.get(&2) {
             Some((radius, _)) if *radius > 0.0 => *radius,
-            Some((_, line)) if count > 0 => return Err(line.error("the normalisation radius must be positive")),
+            Some((_, line)) if count > 0 => {
+                return Err(line.error("the normalisation radius must be positive"));
+            }
             _ => 1.0,
         };
         let terms = self.extra.iter().filter_map(|(index, said)| {
@@ -175,7 +177,8 @@ impl RawSurface<'_> {
                 Some(to) => *to = value * shapes.mm,
                 None if value == 0.0 => {}
                 None => {
-                    let message = format!("term {} of the polynomial is not traced: terms up to degree 8 are", i + 1);
+                    let message =
+                        format!("term {} of the polynomial is not traced: terms up to degree 8 are", i + 1);
                     return Err(self.kind_error(message));
                 }
             }

@@ -114,7 +114,8 @@ impl<'a> RawSurface<'a> {
             "OBDC" => {
                 self.offset = line.needed(0)?.hypot(line.needed(1)?);
                 if self.offset != 0.0 {
-                    let message = "the aperture is off the vertex; a circle around it about the vertex is taken";
+                    let message =
+                        "the aperture is off the vertex; a circle around it about the vertex is taken";
                     losses.add(line.number, line.text, Effect::Approximated, message);
                 }
             }
@@ -162,7 +163,9 @@ impl<'a> RawSurface<'a> {
     pub fn thickness_mm(&self, shapes: &Shapes<'_>) -> Result<f64, FileError> {
         match &self.thickness {
             None => Ok(0.0),
-            Some(line) if line.word(0).is_some_and(|w| w.eq_ignore_ascii_case("INFINITY")) => Ok(f64::INFINITY),
+            Some(line) if line.word(0).is_some_and(|w| w.eq_ignore_ascii_case("INFINITY")) => {
+                Ok(f64::INFINITY)
+            }
             Some(line) => Ok(line.needed(0)? * shapes.mm),
         }
     }
@@ -241,7 +244,8 @@ impl<'a> RawSurface<'a> {
             ("PARAXIAL", None) => Action::ThinLens { power_per_mm: self.power(shapes)? },
             ("PARAXIAL", Some(line)) => return Err(line.error("a thin lens that reflects is not traced")),
             (_, Some(line)) if phase.is_some() => {
-                let message = "a diffractive structure on a mirror is not read: which way its orders go is not known";
+                let message =
+                    "a diffractive structure on a mirror is not read: which way its orders go is not known";
                 return Err(line.error(message));
             }
             (_, Some(_)) => Action::Reflect,
@@ -298,7 +302,8 @@ impl<'a> RawSurface<'a> {
                 let dispersion = match vd {
                     0.0 => Dispersion::Constant(nd),
                     vd => {
-                        let message = "the model glass has the dispersion of its Abbe number by Cauchy's formula";
+                        let message =
+                            "the model glass has the dispersion of its Abbe number by Cauchy's formula";
                         losses.add(line.number, line.text, Effect::Approximated, message);
                         Dispersion::NdVd { nd, vd }
                     }

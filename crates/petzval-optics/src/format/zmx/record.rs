@@ -88,14 +88,14 @@ impl<'a> Line<'a> {
 /// Records of the header that say how the program shows and computes things, and nothing about the lens.
 pub(super) const HEADER_BOOKKEEPING: &[&str] = &[
     "VERS", "AUTH", "IWDP", "STUD", "PFIL", "LANG", "GFAC", "RAIM", "PUSH", "SDMA", "OMMA", "ROPD", "HYPR",
-    "PICB", "FCOM", "POLS", "GLRS", "GSTD", "NSCD", "COFN", "LUID", "EERA", "FWGT", "DBDT",
+    "PICB", "FCOM", "POLS", "GLRS", "GSTD", "NSCD", "COFN", "LUID", "EERA",
 ];
 
 /// Records of a surface that say how it is drawn, mounted, numbered or sampled, and nothing that a ray meets.
 ///
-/// `MEMA` is the semi-diameter of the mount, `FIMP` and empty lines stand for data that was not imported.
+/// `MEMA` is the semi-diameter of the mount, `VDSZ` and `VPAR` mark what may vary.
 pub(super) const SURFACE_BOOKKEEPING: &[&str] =
-    &["FIMP", "HIDE", "MIRR", "SLAB", "SSID", "POPS", "MEMA", "SCOL", "RCOL", "DSIZ", "CHZN", "VDSZ", "VPAR"];
+    &["FIMP", "HIDE", "MIRR", "SLAB", "SSID", "POPS", "MEMA", "SCOL", "VDSZ", "VPAR"];
 
 /// Records of a surface that change no ray, with what is said of them.
 pub(super) const SURFACE_LOST: &[(&str, &str)] = &[

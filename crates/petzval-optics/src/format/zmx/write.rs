@@ -36,7 +36,10 @@ pub(super) struct Out<'a> {
 impl Out<'_> {
     /// Adds a line.
     pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
-        self.text.write_fmt(line).and_then(|()| self.text.write_char('\n')).expect("a string takes whatever is written");
+        self.text
+            .write_fmt(line)
+            .and_then(|()| self.text.write_char('\n'))
+            .expect("a string takes whatever is written");
     }
 
     fn lens(&mut self, lens: &Lens) -> Result<(), FileError> {
@@ -183,7 +186,8 @@ impl Out<'_> {
             (_, true) => 0,
             (Dispersion::NdVd { .. } | Dispersion::Constant(_), false) => 1,
             _ => {
-                let message = format!("the glass {} is not in the catalogue as it is in the lens", glass.name);
+                let message =
+                    format!("the glass {} is not in the catalogue as it is in the lens", glass.name);
                 let hint = "a .zmx file names glasses and holds no formula; a .seq file holds some, or give `nd` and `vd`";
                 return Err(surface_error(surface, message).hint(hint));
             }
@@ -194,7 +198,9 @@ impl Out<'_> {
             _ => [glass.nd(), glass.abbe_vd()],
         };
         if state == 1 && matches!(glass.dispersion, Dispersion::NdVd { .. }) {
-            let message = format!("{name} becomes a model glass, whose dispersion programs compute in ways of their own");
+            let message = format!(
+                "{name} becomes a model glass, whose dispersion programs compute in ways of their own"
+            );
             self.losses.add(0, &format!("surface {surface}"), Effect::Approximated, message);
         }
         let name = if name.is_empty() { "___BLANK" } else { name.as_str() };

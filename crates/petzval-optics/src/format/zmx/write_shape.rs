@@ -49,7 +49,9 @@ pub(super) fn write_shape(out: &mut Out<'_>, number_of: usize, s: &Surface) -> R
         }
         "BINARY_2" => {
             parm.from(1, &shape.asphere);
-            if let Some(Phase { order, pattern: Pattern::Binary { norm_radius_mm, coefficients_rad } }) = s.phase {
+            if let Some(Phase { order, pattern: Pattern::Binary { norm_radius_mm, coefficients_rad } }) =
+                s.phase
+            {
                 parm.set(0, f64::from(order));
                 xdat.counted(norm_radius_mm, &coefficients_rad);
             }
@@ -129,7 +131,9 @@ fn kind(number_of: usize, s: &Surface) -> Result<&'static str, FileError> {
         };
     }
     if s.phase.is_some() && s.action == Action::Reflect {
-        return refused("a diffractive structure on a mirror is not written: which way its orders go is not known");
+        return refused(
+            "a diffractive structure on a mirror is not written: which way its orders go is not known",
+        );
     }
     match (&s.phase, &shape.departure) {
         (Some(Phase { pattern: Pattern::Grating { .. }, .. }), Departure::None) if !is_even => Ok("DGRATING"),
