@@ -494,6 +494,20 @@ fn apertures_that_are_not_round_or_off_the_vertex() {
     assert_eq!(clear("  CIR EDG 7; CIR 6; CIR OBS 1"), (6.0, 1));
 }
 
+/// A stop so large that no lens of these radii could fill it: what there is room for is let through, and that is said.
+#[test]
+fn beams_wider_than_the_lens_can_be_are_narrowed() {
+    let text = "MODE SEQ\nUNIT MM\nFLOA\nYFLN 0\nWAVM 1 0.5876 1\nPWAV 1\nSURF 0\n DISZ INFINITY\nSURF 1\n CURV 0.05\n DISZ 5\n \
+                GLAS N-BK7\nSURF 2\n CURV -0.05\n DISZ 10\nSURF 3\n STOP\n DISZ 20\n DIAM 8.5\nSURF 4\n";
+    let import = zmx(text);
+    assert!(losses(&import)[0].contains("wider than the surfaces can be"), "{:?}", losses(&import));
+    let semi = import.file.lens.surfaces[0].semi_diameter_mm;
+    // The spheres meet where each has a sag of 2.5 mm.
+    assert!(semi > 8.0 && semi < 9.69, "{semi}");
+    let sequence = import.file.lens.at_wavelength(0.5876);
+    assert!((first_order(&sequence).stop_radius_mm - 8.5).abs() < 1e-12);
+}
+
 /// What is refused says where and why.
 #[test]
 fn what_cannot_be_traced_is_refused_with_its_line() {

@@ -126,7 +126,7 @@ fn what_is_refused_leaves_nothing_behind() {
         "b.zemax",
         &["b.zemax: no lens format has this ending", "help: write .toml, .zmx or .seq"],
     );
-    fails(folder.path(), "no/such/b.seq", &["no/such/b.seq"]);
+    run_fails(folder.path(), &["lens", "convert", "a.zmx", "no/such/b.seq"], 1, &["no/such/b.seq"]);
     run_fails(
         folder.path(),
         &["lens", "convert", "missing.zmx", "b.seq"],

@@ -18,10 +18,13 @@ const AZIMUTHS: usize = 12;
 /// Radii of the pupil that are looked at: the rim, and within it for lenses through which the rim does not pass.
 const RADII: [f64; 3] = [1.0, 0.7, 0.3];
 
+/// Steps of 3 % by which beams are narrowed for surfaces that cannot be so large.
+const NARROWER: i32 = 60;
+
 /// The lens with clear semi-diameters everywhere.
 ///
-/// Surfaces without an edge get room for their beams, and at least what the file prints if the lens can exist like that. A lens
-/// that cannot exist even with the beams just let through is an error.
+/// Surfaces without an edge get room for their beams, and at least what the file prints if the lens can exist like that;
+/// beams that no such surfaces could let through are narrowed. A lens that cannot exist even so is an error.
 pub(super) fn with_semi_diameters(
     lens: Lens,
     drafted: &[Drafted],
@@ -46,6 +49,22 @@ pub(super) fn with_semi_diameters(
                 losses.add(0, "", Effect::Approximated, message);
             }
             break;
+        }
+    }
+    if outcome.is_ok() {
+        return outcome;
+    }
+    // Beams wider than the surfaces can be: take as much of them as there is room for.
+    for k in 1..=NARROWER {
+        let share = 0.97_f64.powi(k);
+        let lens = filled(&lens, drafted, |i, _| heights[i] * share);
+        if validate(&lens).is_ok() {
+            let message = format!(
+                "the beams are wider than the surfaces can be; the clear semi-diameters take {:.0} % of them",
+                100.0 * share
+            );
+            losses.add(0, "", Effect::Approximated, message);
+            return Ok(lens);
         }
     }
     outcome
