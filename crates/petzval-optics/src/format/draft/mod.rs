@@ -82,6 +82,9 @@ pub(super) enum Item {
     Break(Break),
 }
 
+/// Wavelengths, um, with their weights, in the order of the file.
+pub(super) type Wavelengths = (Vec<(f64, f64)>, Record);
+
 /// See the module.
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
@@ -93,8 +96,7 @@ pub(super) struct Draft {
     pub aperture: (Aperture, Record),
     /// Distance from the object to the first vertex, mm; may be infinite.
     pub object: (f64, Record),
-    /// Wavelengths, um, with their weights, in the order of the file.
-    pub wavelengths: (Vec<(f64, f64)>, Record),
+    pub wavelengths: Wavelengths,
     /// Index of the reference wavelength.
     pub reference: usize,
     pub fields: Fields,
@@ -169,7 +171,7 @@ fn at_fault(defect: &LensDefect, drafted: &[Drafted]) -> FileError {
 /// The wavelengths in which the lens is judged, ascending, and the reference. A wavelength of weight 0 is only looked at if it
 /// is the reference.
 fn wavelengths(
-    (list, record): &(Vec<(f64, f64)>, Record),
+    (list, record): &Wavelengths,
     reference: usize,
     losses: &mut Losses,
 ) -> Result<(Vec<f64>, f64), FileError> {

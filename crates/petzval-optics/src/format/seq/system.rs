@@ -3,7 +3,7 @@
 use super::command::Command;
 use crate::format::FileError;
 use crate::format::decimal::shifted;
-use crate::format::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record};
+use crate::format::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
 use crate::format::loss::{Effect, Losses};
 
 /// The wavelength of a file that names none, um.
@@ -132,7 +132,7 @@ impl System {
     }
 
     /// Wavelengths with their weights, and the index of the reference.
-    pub fn wavelengths(&self, losses: &mut Losses) -> Result<((Vec<(f64, f64)>, Record), usize), FileError> {
+    pub fn wavelengths(&self, losses: &mut Losses) -> Result<(Wavelengths, usize), FileError> {
         let (um, record) = match &self.wavelengths {
             Some((um, record)) if !um.is_empty() => (um.clone(), record.clone()),
             _ => {

@@ -2,7 +2,7 @@
 
 use super::record::{HEADER_BOOKKEEPING, Line};
 use crate::format::FileError;
-use crate::format::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record};
+use crate::format::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
 use crate::format::loss::{Effect, Losses};
 
 /// Temperature and pressure at which catalogues print indices: degrees Celsius and atmospheres.
@@ -189,7 +189,7 @@ impl Header {
     }
 
     /// The wavelengths with their weights; the program fills its table beyond the count with wavelengths that mean nothing.
-    pub fn wavelengths(&self) -> Result<(Vec<(f64, f64)>, Record), FileError> {
+    pub fn wavelengths(&self) -> Result<Wavelengths, FileError> {
         let count = self.wavelength_count.unwrap_or(self.waves.len()).min(self.waves.len());
         let listed: Option<Vec<(f64, f64)>> = self.waves[..count].iter().copied().collect();
         match listed.filter(|list| !list.is_empty()) {
