@@ -27,8 +27,8 @@ fn of_surface(quantity: Quantity, surface: usize, tolerance: f64) -> Perturbatio
 /// One of everything.
 fn one_of_everything() -> Vec<Perturbation> {
     use Quantity::{
-        Conic, DecenterX, DecenterY, Form, Index, Irregularity, Power, Radius, RadiusPercent, Shift, Thickness, TiltX,
-        TiltY,
+        Conic, DecenterX, DecenterY, Form, Index, Irregularity, Power, Radius, RadiusPercent, Shift,
+        Thickness, TiltX, TiltY,
     };
     let mut all = vec![
         of_surface(Radius, 0, 0.02),
@@ -52,7 +52,9 @@ fn one_of_everything() -> Vec<Perturbation> {
     all
 }
 
-/// Derivatives by every perturbation against central differences of the merit of made lenses, at `off` times the tolerances.
+/// Derivatives by every perturbation against central differences of the merit of made lenses, at `share` of the tolerances; of
+/// several steps the one that fits best counts. `rounding` is the share of the merit by which it repeats where a lens changes in
+/// the last bits: what a difference cannot show. Derivatives below a thousandth of the largest count as that.
 fn check_derivatives(lens: &Lens, merit: &dyn Merit, share: f64, steps: &[f64], rounding: f64) {
     let tolerances = Tolerances { perturbations: one_of_everything(), compensators: Vec::new() };
     let study = Study::new(lens, &tolerances, merit).unwrap();
@@ -79,7 +81,7 @@ fn check_derivatives(lens: &Lens, merit: &dyn Merit, share: f64, steps: &[f64], 
         let error = |step: &f64| (numeric(step) - exact).abs() - rounding * made.value.abs() / step;
         let best = steps.iter().map(error).fold(f64::INFINITY, f64::min);
         assert!(
-            best < 1e-5 * exact.abs().max(1e-4 * largest),
+            best < 1e-5 * exact.abs().max(1e-3 * largest),
             "{}, {}: {exact:e}, differences {:?}",
             merit.name(),
             p.freedom.name(),
@@ -109,8 +111,10 @@ fn derivatives_of_the_rms_spot() {
 fn derivatives_of_the_geometric_mtf() {
     for lens in two_lenses() {
         let fields = FieldSet::new(&lens, &[5.0, 12.0]);
-        let merit = Mtf::new(&lens, 30.0, PsfKind::Geometric).with_fields(fields);
-        check_derivatives(&lens, &merit, 0.5, &[1e-3, 3e-3, 1e-2, 1e-1], 1e-13);
+        // Splatted light has a slope everywhere but no curvature; finer pupil cells smooth what a difference sees of that.
+        let fine = Quadrature::grid(256).unwrap();
+        let merit = Mtf::new(&lens, 30.0, PsfKind::Geometric).with_fields(fields).with_quadrature(fine);
+        check_derivatives(&lens, &merit, 0.5, &[1e-3, 3e-3, 1e-2, 3e-2], 2e-11);
     }
 }
 
@@ -119,7 +123,7 @@ fn derivatives_of_the_mtf_by_diffraction() {
     let mut lens = nominal_triplet();
     lens.wavelengths_um = vec![0.55];
     let merit = Mtf::new(&lens, 60.0, PsfKind::Diffraction).with_fields(FieldSet::new(&lens, &[3.0]));
-    check_derivatives(&lens, &merit, 0.0, &[3e-3, 1e-2, 3e-2, 1e-1], 1e-12);
+    check_derivatives(&lens, &merit, 0.0, &[3e-3, 1e-2, 3e-2, 1e-1], 2e-11);
 }
 
 #[test]
@@ -155,7 +159,10 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 
 fn turn(tilt: [f64; 2]) -> [[f64; 3]; 3] {
     let ((sx, cx), (sy, cy)) = (tilt[0].sin_cos(), tilt[1].sin_cos());
-    product(&[[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]], &[[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    product(
+        &[[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]],
+        &[[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]],
+    )
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -271,7 +278,8 @@ fn a_concentric_meniscus_may_turn_about_its_centre() {
     lens.surfaces[2].thickness_mm = 60.0;
     lens.stop = 0;
     let turned = moved_rigidly(&lens, 1, 2, &RigidMotion::about(30.0, [0.11, -0.07]));
-    let about_vertex = moved_rigidly(&lens, 1, 2, &RigidMotion { tilt_rad: [0.11, -0.07], ..RigidMotion::default() });
+    let about_vertex =
+        moved_rigidly(&lens, 1, 2, &RigidMotion { tilt_rad: [0.11, -0.07], ..RigidMotion::default() });
     for ray in rays() {
         let at = |l: &Lens| trace_ray(&l.at_wavelength(0.55), ray).image.unwrap().position;
         let ([x, y, _], [tx, ty, _], [vx, vy, _]) = (at(&lens), at(&turned), at(&about_vertex));
@@ -284,7 +292,8 @@ fn a_concentric_meniscus_may_turn_about_its_centre() {
 fn a_near_object_stays_while_the_first_element_is_shifted() {
     let mut lens = nominal_triplet();
     lens.object = ObjectDistance::Finite(300.0);
-    let shifted = moved_rigidly(&lens, 0, 1, &RigidMotion { shift_mm: [0.0, 0.0, 0.5], ..RigidMotion::default() });
+    let shifted =
+        moved_rigidly(&lens, 0, 1, &RigidMotion { shift_mm: [0.0, 0.0, 0.5], ..RigidMotion::default() });
     let ObjectDistance::Finite(distance) = shifted.object else { panic!("a near object") };
     assert!((distance - 300.5).abs() < 1e-12);
     for (now, then) in shifted.fields_deg.iter().zip(&lens.fields_deg) {
@@ -314,7 +323,11 @@ fn the_stop_keeps_its_diameter() {
 fn draws_have_the_moments_of_their_distributions() {
     const COUNT: u64 = 40_000;
     for distribution in [Distribution::Uniform, Distribution::Normal, Distribution::Parabolic] {
-        let p = Perturbation { freedom: Freedom::of_surface(Quantity::Thickness, 0), tolerance: 0.5, distribution };
+        let p = Perturbation {
+            freedom: Freedom::of_surface(Quantity::Thickness, 0),
+            tolerance: 0.5,
+            distribution,
+        };
         let draws: Vec<f64> = (0..COUNT).map(|trial| draw(&[p], 7, trial)[0]).collect();
         assert!(draws.iter().all(|t| t.abs() <= 0.5));
         let mean = |power: i32| draws.iter().map(|t| t.powi(power)).sum::<f64>() / COUNT as f64;
@@ -323,7 +336,10 @@ fn draws_have_the_moments_of_their_distributions() {
         let z_square = (mean(2) - m2) / ((m4 - m2 * m2) / COUNT as f64).sqrt();
         assert!(z_mean.abs() < 4.5 && z_square.abs() < 4.5, "{distribution:?}: z {z_mean} {z_square}");
         // The fourth moment itself, whose spread is at most that of a coin.
-        assert!((mean(4) - m4).abs() < 4.5 * 0.5 * 0.5_f64.powi(4) / (COUNT as f64).sqrt(), "{distribution:?}");
+        assert!(
+            (mean(4) - m4).abs() < 4.5 * 0.5 * 0.5_f64.powi(4) / (COUNT as f64).sqrt(),
+            "{distribution:?}"
+        );
     }
     // Places in the list are independent of each other: their products have the mean zero.
     let p = of_surface(Quantity::Thickness, 0, 1.0);
@@ -572,7 +588,9 @@ fn a_grade_is_complete_and_tighter_than_the_one_before() {
     let sum = |all: &[Perturbation], quantity| -> f64 {
         all.iter().filter(|p| p.freedom.quantity == quantity).map(|p| p.tolerance).sum()
     };
-    for quantity in [Quantity::Thickness, Quantity::Index, Quantity::Abbe, Quantity::DecenterX, Quantity::TiltY] {
+    for quantity in
+        [Quantity::Thickness, Quantity::Index, Quantity::Abbe, Quantity::DecenterX, Quantity::TiltY]
+    {
         let [a, b, c] = [&commercial, &precision, &high].map(|all| sum(all, quantity));
         assert!(a > b && b > c && c > 0.0, "{quantity}: {a} {b} {c}");
     }
@@ -597,7 +615,8 @@ fn what_a_lens_does_not_have_is_refused() {
     assert!(says(Freedom::of_surface(Quantity::Form(5), 0), &lens).contains("not 5"));
     let breaks = special_lenses().into_iter().find(|l| l.name == "coordinate breaks").unwrap();
     assert!(says(Freedom::of_element(Quantity::TiltX, 2, 3), &breaks).contains("surface 3 leads the axis"));
-    let tolerances = Tolerances { perturbations: vec![of_surface(Quantity::Radius, 0, 0.0)], compensators: vec![] };
+    let tolerances =
+        Tolerances { perturbations: vec![of_surface(Quantity::Radius, 0, 0.0)], compensators: vec![] };
     let merit = RmsSpot::new(&lens);
     let refused = Study::new(&lens, &tolerances, &merit).err();
     assert!(matches!(refused, Some(ToleranceError::NotPositive { .. })));

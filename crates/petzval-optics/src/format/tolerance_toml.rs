@@ -221,7 +221,9 @@ impl Reader<'_> {
                 let (a, b) = (check("element", list.span(), first)?, check("element", list.span(), last)?);
                 match a <= b {
                     true => Ok((a, b)),
-                    false => Err(self.error("element", list.span(), "the last surface comes before the first")),
+                    false => {
+                        Err(self.error("element", list.span(), "the last surface comes before the first"))
+                    }
                 }
             }
             (Some(_), Some(list)) => Err(self
@@ -306,7 +308,11 @@ impl Reader<'_> {
         let Some((_, quantity)) = SETTINGS.iter().find(|(key, _)| key == name) else {
             let known: Vec<&str> = SETTINGS.iter().map(|(key, _)| *key).collect();
             return Err(self
-                .error("parameter", t.parameter.span(), format!("`{name}` is nothing that can be set on a lens"))
+                .error(
+                    "parameter",
+                    t.parameter.span(),
+                    format!("`{name}` is nothing that can be set on a lens"),
+                )
                 .hint(format!("one of {}", known.join(", "))));
         };
         let freedom = Freedom { quantity: *quantity, first, last };

@@ -70,13 +70,16 @@ pub(super) fn least<T>(
     let mut hessian = hessian.clone();
     for _ in 0..MOST_STEPS {
         // On a limit that the slope pushes against, nothing moves.
-        let held = |i: usize| limits[i].is_some_and(|limit| best.at[i].abs() >= limit && best.cost.by[i] * best.at[i] < 0.0);
+        let held = |i: usize| {
+            limits[i].is_some_and(|limit| best.at[i].abs() >= limit && best.cost.by[i] * best.at[i] < 0.0)
+        };
         let free: Vec<usize> = (0..best.at.len()).filter(|i| !held(*i)).collect();
         let part = DMatrix::from_fn(free.len(), free.len(), |r, c| hessian[(free[r], free[c])]);
         let slope: Vec<f64> = free.iter().map(|i| best.cost.by[*i]).collect();
         let wanted = step(&part, &slope);
         let promise = -0.5 * wanted.iter().zip(&slope).map(|(s, g)| s * g).sum::<f64>();
-        if free.is_empty() || !(promise > LEAST_GAIN * best.cost.value.abs()) {
+        let worth = promise > LEAST_GAIN * best.cost.value.abs();
+        if free.is_empty() || !worth {
             break;
         }
         let mut share = 1.0;

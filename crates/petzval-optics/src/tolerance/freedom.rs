@@ -132,9 +132,7 @@ impl Freedom {
         }
         let (s, surface) = (&lens.surfaces[self.first], self.first + 1);
         if self.quantity.is_motion() {
-            let moves = |s: &usize| {
-                lens.surfaces[*s].placement.is_some_and(|p| p.axis != Axis::Returns)
-            };
+            let moves = |s: &usize| lens.surfaces[*s].placement.is_some_and(|p| p.axis != Axis::Returns);
             return match (self.first..=self.last).find(moves) {
                 Some(at) => Err(ToleranceError::AxisMoves { surface: at + 1 }),
                 None => Ok(()),
@@ -146,7 +144,9 @@ impl Freedom {
         let has_shape = !matches!(s.action, Action::ThinLens { .. });
         let none = |what: &'static str| Err(ToleranceError::NoSuchNumber { surface, what });
         match self.quantity {
-            Quantity::Radius | Quantity::RadiusPercent if !has_shape || s.shape.curvature == 0.0 => none("radius"),
+            Quantity::Radius | Quantity::RadiusPercent if !has_shape || s.shape.curvature == 0.0 => {
+                none("radius")
+            }
             Quantity::Power if !has_shape => none("shape"),
             Quantity::Conic if !s.has_number(crate::number::Number::Conic) => none("conic constant"),
             Quantity::Irregularity | Quantity::Form(_)
@@ -158,7 +158,9 @@ impl Freedom {
                 Err(ToleranceError::NoSuchOrder { order: n })
             }
             Quantity::Index | Quantity::Abbe if s.glass.is_air() => none("glass behind it"),
-            Quantity::Index | Quantity::Abbe if s.action == Action::Reflect => none("glass of its own behind it"),
+            Quantity::Index | Quantity::Abbe if s.action == Action::Reflect => {
+                none("glass of its own behind it")
+            }
             Quantity::Abbe if !s.glass.abbe_vd().is_finite() => none("dispersion behind it"),
             _ => Ok(()),
         }

@@ -106,7 +106,8 @@ fn change_number(lens: &mut Lens, surface: usize, quantity: Quantity, value: f64
 /// wavelengths of the lens and at the lines d, F and C.
 fn change_glass(lens: &mut Lens, surface: usize, index: f64, abbe_percent: f64) {
     let glass = lens.surfaces[surface].glass.clone();
-    let mut at = [lens.wavelengths_um.as_slice(), &[lens.reference_um, LINE_D_UM, LINE_F_UM, LINE_C_UM]].concat();
+    let mut at =
+        [lens.wavelengths_um.as_slice(), &[lens.reference_um, LINE_D_UM, LINE_F_UM, LINE_C_UM]].concat();
     at.sort_by(f64::total_cmp);
     at.dedup();
     let nd = glass.nd();

@@ -53,7 +53,9 @@ pub enum ToleranceError {
     NoSuchOrder { order: usize },
     #[error("{what}: a group of surfaces can only be moved, this is a quantity of one surface")]
     NotOfAGroup { what: String },
-    #[error("surface {surface} leads the axis elsewhere: all that follows would move with it, and it has no place of its own")]
+    #[error(
+        "surface {surface} leads the axis elsewhere: all that follows would move with it, and it has no place of its own"
+    )]
     AxisMoves { surface: usize },
     #[error("{what}: the tolerance {tolerance} is no positive number")]
     NotPositive { what: String, tolerance: f64 },

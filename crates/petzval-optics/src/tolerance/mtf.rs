@@ -67,7 +67,8 @@ impl Mtf {
             frequency_per_mm,
             fields: FieldSet::of(lens),
             options: PsfOptions { grid: GRID, pitch_um, kind },
-            quadrature: Quadrature::grid(PUPIL_CELLS).unwrap_or_else(|_| unreachable!("a grid that is allowed")),
+            quadrature: Quadrature::grid(PUPIL_CELLS)
+                .unwrap_or_else(|_| unreachable!("a grid that is allowed")),
             loss,
         }
     }
@@ -75,6 +76,11 @@ impl Mtf {
     /// The same over other fields.
     pub fn with_fields(self, fields: FieldSet) -> Self {
         Self { fields, ..self }
+    }
+
+    /// The same with other pupil cells for geometric PSFs; 64 a side are the usual.
+    pub fn with_quadrature(self, quadrature: Quadrature) -> Self {
+        Self { quadrature, ..self }
     }
 
     /// Cosine and sine at the cells of one axis.

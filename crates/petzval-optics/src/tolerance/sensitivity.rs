@@ -87,7 +87,8 @@ pub fn sensitivities(study: &Study, progress: &(dyn Fn() + Sync)) -> Sensitiviti
         derivative: derivatives[i],
         at_plus: plus.as_ref().map(|e| e.made.value),
         at_minus: minus.as_ref().map(|e| e.made.value),
-        compensators: [plus, minus].map(|e| e.as_ref().map_or_else(Vec::new, |e| e.made.compensators.clone())),
+        compensators: [plus, minus]
+            .map(|e| e.as_ref().map_or_else(Vec::new, |e| e.made.compensators.clone())),
     };
     Sensitivities {
         nominal: study.nominal().value,
@@ -145,5 +146,10 @@ fn estimate(study: &Study, derivatives: &[f64], ends: &[[Option<End>; 2]]) -> Op
         Better::Lower => squares.sqrt(),
         Better::Higher => -squares.sqrt(),
     };
-    Some(Estimate { root_sum_square: nominal + worse, linear_spread: linear.sqrt(), mean, standard_deviation })
+    Some(Estimate {
+        root_sum_square: nominal + worse,
+        linear_spread: linear.sqrt(),
+        mean,
+        standard_deviation,
+    })
 }

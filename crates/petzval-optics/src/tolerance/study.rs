@@ -69,7 +69,11 @@ pub struct Study<'a> {
 
 impl<'a> Study<'a> {
     /// Makes it ready: sets the compensators of the nominal lens and learns how they follow each perturbation.
-    pub fn new(lens: &Lens, tolerances: &'a Tolerances, merit: &'a dyn Merit) -> Result<Self, ToleranceError> {
+    pub fn new(
+        lens: &Lens,
+        tolerances: &'a Tolerances,
+        merit: &'a dyn Merit,
+    ) -> Result<Self, ToleranceError> {
         tolerances.check(lens)?;
         let freedoms: Vec<Freedom> = (tolerances.perturbations.iter().map(|p| p.freedom))
             .chain(tolerances.compensators.iter().map(|(freedom, _)| *freedom))
@@ -134,7 +138,9 @@ impl<'a> Study<'a> {
             self.nominal.compensators.iter().zip(follows.iter()).map(|(at, moved)| at + moved).collect();
         let mut cost = |compensators: &[f64]| {
             let made = self.look(off, compensators)?;
-            let by = (perturbed..self.freedoms.len()).map(|k| self.by_compensator(off, &made, k)).collect::<Option<_>>()?;
+            let by = (perturbed..self.freedoms.len())
+                .map(|k| self.by_compensator(off, &made, k))
+                .collect::<Option<_>>()?;
             Some(Cost { value: self.better().cost(made.value), by, note: made })
         };
         // Where the first guess brings no light, the nominal place may.
@@ -195,8 +201,9 @@ impl<'a> Study<'a> {
         let still = vec![0.0; self.tolerances.perturbations.len()];
         let off = self.off(&still, &self.nominal.compensators);
         let per = self.better().slope(self.nominal.value);
-        let by_difference =
-            |k: usize| self.difference(&off, k).map_or(f64::NAN, |by| if per == 0.0 { 0.0 } else { by / per });
+        let by_difference = |k: usize| {
+            self.difference(&off, k).map_or(f64::NAN, |by| if per == 0.0 { 0.0 } else { by / per })
+        };
         let by_gradient = self.derivatives(&still, &self.nominal);
         by_gradient.into_iter().enumerate().map(|(k, by)| by.unwrap_or_else(|| by_difference(k))).collect()
     }
@@ -220,7 +227,8 @@ impl<'a> Study<'a> {
                 let more = (perturbed..count).map(|k| self.by_compensator(&still, &made, k));
                 by.map(Some).chain(more).collect::<Option<Vec<f64>>>()
             };
-            let (above, below) = (at(step).ok_or(ToleranceError::NoMerit)?, at(-step).ok_or(ToleranceError::NoMerit)?);
+            let (above, below) =
+                (at(step).ok_or(ToleranceError::NoMerit)?, at(-step).ok_or(ToleranceError::NoMerit)?);
             let bend = |(a, b): (&f64, &f64)| (a - b) / (2.0 * step);
             rows.push(above.iter().zip(&below).map(bend).collect());
         }

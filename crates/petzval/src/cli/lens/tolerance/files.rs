@@ -58,7 +58,9 @@ fn maybe(value: Option<f64>) -> String {
 }
 
 fn sensitivities_csv(findings: &Findings) -> String {
-    let mut out = String::from("quantity,first_surface,last_surface,unit,tolerance,merit_at_minus,merit_at_plus,derivative\n");
+    let mut out = String::from(
+        "quantity,first_surface,last_surface,unit,tolerance,merit_at_minus,merit_at_plus,derivative\n",
+    );
     for i in findings.by_effect() {
         let (row, p) = (&findings.table.rows[i], &findings.study.tolerances().perturbations[i]);
         let f = &p.freedom;
@@ -87,7 +89,12 @@ fn trials_csv(findings: &Findings, random: &MonteCarlo) -> String {
     };
     let merit = findings.study.merit();
     let mut head = vec!["trial".to_owned(), named(merit.name(), merit.unit())];
-    head.extend(tolerances.compensators.iter().map(|(f, _)| named(format!("set: {}", f.name()), f.quantity.unit())));
+    head.extend(
+        tolerances
+            .compensators
+            .iter()
+            .map(|(f, _)| named(format!("set: {}", findings.setting(f)), f.quantity.unit())),
+    );
     head.extend(tolerances.perturbations.iter().map(|p| named(p.freedom.name(), p.freedom.quantity.unit())));
     let mut out = head.join(",") + "\n";
     for (number, trial) in random.trials.iter().enumerate() {
@@ -128,7 +135,7 @@ fn yield_chart(findings: &Findings, random: &MonteCarlo) -> Chart {
     Chart {
         alt: format!("Yield of {} lenses over their {}", random.trials.len(), findings.study.merit().name()),
         x_axis: axis(findings, ""),
-        y_axis: format!("lenses with {} that, %", findings.way()),
+        y_axis: "lenses that reach it, %".into(),
         series,
         smooth: false,
         from_zero: true,

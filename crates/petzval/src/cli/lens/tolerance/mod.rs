@@ -120,7 +120,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let lens = built_in_assets().lens(&args.lens)?.lens;
     let tolerances = tolerance_file(args, &lens)?.tolerances(&lens, args.compensate == Compensate::Focus);
     if tolerances.perturbations.is_empty() {
-        return Err(Failure::input("nothing is off: there is no tolerance", "give a --grade, or name some in the file"));
+        return Err(Failure::input(
+            "nothing is off: there is no tolerance",
+            "give a --grade, or name some in the file",
+        ));
     }
     let merit = merit(args, &lens);
     let study = Study::new(&lens, &tolerances, merit.as_ref()).map_err(|error| {
@@ -135,8 +138,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     }
     let count = tolerances.perturbations.len() as u64;
     let table = watched("sensitivities", count, |tick| sensitivities(&study, tick));
-    let random = (args.trials > 0)
-        .then(|| watched("lenses", args.trials as u64, |tick| monte_carlo(&study, args.seed, args.trials, tick)));
+    let random = (args.trials > 0).then(|| {
+        watched("lenses", args.trials as u64, |tick| monte_carlo(&study, args.seed, args.trials, tick))
+    });
     let shared = args.inverse.map(|loss| watched("inverse", count, |tick| inverse(&study, loss, tick)));
     let findings = Findings { lens: &lens, study: &study, table, random, shared, limit: args.limit };
     if let Some(out) = &args.out {

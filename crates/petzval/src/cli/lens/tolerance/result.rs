@@ -31,6 +31,11 @@ impl Findings<'_> {
         rows
     }
 
+    /// What a compensator is called: behind the last surface a thickness is the image distance.
+    pub fn setting(&self, freedom: &Freedom) -> String {
+        if *freedom == Freedom::focus(self.lens) { "image distance".to_owned() } else { freedom.name() }
+    }
+
     /// Which end of the merit the worst percentiles are.
     pub fn way(&self) -> &'static str {
         match self.study.better() {
@@ -111,10 +116,8 @@ pub fn json(findings: &Findings, worst: usize) -> Value {
 
 fn random(findings: &Findings, found: &MonteCarlo, worst: usize) -> Value {
     let (mean, deviation) = found.mean_and_deviation();
-    let percentiles: Vec<Value> = PERCENTILES
-        .iter()
-        .map(|p| json!({ "percent": p, "merit": found.percentile(*p) }))
-        .collect();
+    let percentiles: Vec<Value> =
+        PERCENTILES.iter().map(|p| json!({ "percent": p, "merit": found.percentile(*p) })).collect();
     let travels: Vec<Value> = (findings.study.tolerances().compensators.iter().enumerate())
         .map(|(k, (f, _))| with(freedom(f), travel(findings, found, k)))
         .collect();

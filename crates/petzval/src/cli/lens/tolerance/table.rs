@@ -12,7 +12,7 @@ pub fn print(findings: &Findings, all: bool) {
     let (study, table) = (findings.study, &findings.table);
     let merit = study.merit();
     let unit = merit.unit();
-    let set: Vec<String> = study.tolerances().compensators.iter().map(|(f, _)| f.name()).collect();
+    let set: Vec<String> = study.tolerances().compensators.iter().map(|(f, _)| findings.setting(f)).collect();
     println!("{}: {}\n", findings.lens.name, merit.name());
     if set.is_empty() {
         println!("nothing is set anew on a lens");
@@ -37,14 +37,7 @@ fn sensitivities(findings: &Findings, all: bool) {
     let width = width.unwrap_or(0).max(8);
     let inverse = if findings.shared.is_some() { format!("{:>18}", "should be") } else { String::new() };
     println!("change of the merit{}, with one quantity off by its tolerance", of_unit(unit));
-    println!(
-        "{:<width$} {:>18} {:>10} {:>10} {:>11}{inverse}",
-        "",
-        "tolerance",
-        "minus",
-        "plus",
-        "by slope"
-    );
+    println!("{:<width$} {:>18} {:>10} {:>10} {:>11}{inverse}", "", "tolerance", "minus", "plus", "by slope");
     for i in &rows[..shown] {
         let (row, p) = (&table.rows[*i], &study.tolerances().perturbations[*i]);
         let change = |v: Option<f64>| {
@@ -80,7 +73,10 @@ fn estimate(findings: &Findings) {
     };
     println!("  root sum square          {:>9.4} {unit}", e.root_sum_square);
     println!("  mean, second order       {:>9.4} {unit}", e.mean);
-    println!("  standard deviation       {:>9.4} {unit}   (by slopes alone {:.4})", e.standard_deviation, e.linear_spread);
+    println!(
+        "  standard deviation       {:>9.4} {unit}   (by slopes alone {:.4})",
+        e.standard_deviation, e.linear_spread
+    );
 }
 
 /// What lenses made at random say.
@@ -99,14 +95,14 @@ fn lenses(findings: &Findings, random: &MonteCarlo) {
     }
     if let Some(limit) = findings.limit {
         let share = 100.0 * random.yield_at(limit);
-        println!("  yield at {} {limit} {unit}: {share:.1} %", findings.way());
+        println!("  yield: {share:.1} % have {} {limit} {unit}", findings.way());
     }
     for (k, (freedom, _)) in findings.study.tolerances().compensators.iter().enumerate() {
         let [mean, deviation, low, high] = travel_of(random, k);
         let unit = freedom.quantity.unit();
         println!(
             "  {} moves by {mean:+.4} +- {deviation:.4} {unit} ({low:+.4} ... {high:+.4})",
-            freedom.name()
+            findings.setting(freedom)
         );
     }
 }
