@@ -4,6 +4,7 @@
 mod common;
 
 use common::{nominal_triplet, special_lenses};
+use petzval_optics::format::{parse_tolerances, write_tolerances};
 use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::PsfKind;
@@ -638,4 +639,64 @@ fn lenses_without_an_image_count_as_failed() {
     assert!(found.trials[found.worst(1)[0]].value.is_none());
     assert!(table.estimate.is_none());
     assert!(table.rows[0].worst_loss(Better::Lower, table.nominal).is_infinite());
+}
+
+const FILE: &str = r#"grade = "high"
+distribution = "parabolic"
+
+[[tolerance]]
+surface = 1
+radius_mm = 0.02
+form_um = { r4 = 0.1, r12 = 0.05 }
+index = 0
+
+[[tolerance]]
+element = [3, 4]
+tilt_arcmin = 1.5
+shift_mm = 0.01
+distribution = "uniform"
+
+[[compensator]]
+surface = 4
+parameter = "thickness_mm"
+travel = 0.2
+"#;
+
+#[test]
+fn a_file_overrides_its_grade_and_survives_being_written() {
+    let lens = nominal_triplet();
+    let file = parse_tolerances(FILE, &lens).unwrap();
+    let tolerances = file.tolerances(&lens, true);
+    let of = |quantity, first, last| {
+        let same: Vec<&Perturbation> = (tolerances.perturbations.iter())
+            .filter(|p| p.freedom == Freedom { quantity, first, last })
+            .collect();
+        assert!(same.len() < 2);
+        same.first().map(|p| (p.tolerance, p.distribution))
+    };
+    // A radius in mm stands for what the grade says in percent or fringes, and a zero for nothing.
+    assert_eq!(of(Quantity::Radius, 0, 0), Some((0.02, Distribution::Parabolic)));
+    assert_eq!((of(Quantity::RadiusPercent, 0, 0), of(Quantity::Power, 0, 0)), (None, None));
+    assert_eq!(of(Quantity::Index, 0, 0), None);
+    assert_eq!(of(Quantity::Index, 2, 2), Some((1e-4, Distribution::Parabolic)));
+    assert_eq!(of(Quantity::Form(12), 0, 0), Some((0.05, Distribution::Parabolic)));
+    assert_eq!(of(Quantity::TiltY, 2, 3), Some((1.5, Distribution::Uniform)));
+    assert_eq!(of(Quantity::TiltY, 0, 1), Some((0.5, Distribution::Parabolic)));
+    assert_eq!(tolerances.compensators.len(), 2);
+    let again = parse_tolerances(&write_tolerances(&tolerances), &lens).unwrap();
+    assert_eq!(again.tolerances(&lens, false), tolerances);
+}
+
+#[test]
+fn mutilated_tolerance_files_never_panic() {
+    let lens = nominal_triplet();
+    for at in 0..FILE.len() {
+        let _ = parse_tolerances(&FILE[..at], &lens);
+        for put in ["", "-", "9", "\"", "[", "=", "e400", "\n"] {
+            let text = format!("{}{put}{}", &FILE[..at], &FILE[at + 1..]);
+            if let Ok(file) = parse_tolerances(&text, &lens) {
+                file.tolerances(&lens, true).check(&lens).unwrap();
+            }
+        }
+    }
 }

@@ -87,8 +87,10 @@ fn lenses(findings: &Findings, random: &MonteCarlo) {
     if random.failed() > 0 {
         println!("  without an image         {:>9}", random.failed());
     }
-    println!("  mean                     {mean:>9.4} {unit}");
-    println!("  standard deviation       {deviation:>9.4} {unit}");
+    // One lens has no spread, and none no mean.
+    let shown = |v: f64| if v.is_finite() { format!("{v:.4} {unit}") } else { "-".to_owned() };
+    println!("  mean                     {:>9}", shown(mean));
+    println!("  standard deviation       {:>9}", shown(deviation));
     for percent in PERCENTILES {
         let value = random.percentile(percent).map_or("no image".to_owned(), |v| format!("{v:.4} {unit}"));
         println!("  {percent:>2.0} % have {:<8}       {:>9}", findings.way(), value);
