@@ -186,6 +186,9 @@ pub struct RmsSpot {
 
 impl RmsSpot {
     /// Over the fields of a lens, see [`FieldSet::of`].
+    ///
+    /// Polynomials of degree 6 over the pupil: on triplets made at the commercial grade the RMS is within 5e-6 of that of degree
+    /// 16 (`examples/tolerance_accuracy.rs`), and within 2e-3 of that of a grid of traced rays, which the clear apertures cut.
     pub fn new(lens: &Lens) -> Self {
         Self { fields: FieldSet::of(lens), sampling: PupilSampling::Degree(6) }
     }
