@@ -89,10 +89,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "focus")]
     compensate: Compensate,
     /// Say how many lenses reach this merit
-    #[arg(long, value_name = "MERIT")]
+    #[arg(long, value_name = "MERIT", allow_negative_numbers = true)]
     limit: Option<f64>,
     /// Say how exactly each quantity must be made, if all together may cost this much of the merit
-    #[arg(long, value_name = "LOSS")]
+    #[arg(long, value_name = "LOSS", allow_negative_numbers = true)]
     inverse: Option<f64>,
     /// Seed of the random lenses
     #[arg(long, default_value_t = 1, value_name = "N")]

@@ -63,6 +63,14 @@ fn sensitivities(findings: &Findings, all: bool) {
     }
 }
 
+/// A named figure with its unit; one lens has no spread, and none no mean.
+fn figure(name: &str, value: Option<f64>, unit: &str) -> String {
+    match value.filter(|v| v.is_finite()) {
+        Some(v) => format!("  {name:<25} {v:>9.4} {unit}"),
+        None => format!("  {name:<25} {:>9}", "none"),
+    }
+}
+
 /// What the table says of lenses as built.
 fn estimate(findings: &Findings) {
     let unit = findings.study.merit().unit();
@@ -71,12 +79,10 @@ fn estimate(findings: &Findings) {
         println!("  nothing: a lens at a tolerance brings no image");
         return;
     };
-    println!("  root sum square          {:>9.4} {unit}", e.root_sum_square);
-    println!("  mean, second order       {:>9.4} {unit}", e.mean);
-    println!(
-        "  standard deviation       {:>9.4} {unit}   (by slopes alone {:.4})",
-        e.standard_deviation, e.linear_spread
-    );
+    println!("{}", figure("root sum square", Some(e.root_sum_square), unit));
+    println!("{}", figure("mean, second order", Some(e.mean), unit));
+    println!("{}", figure("standard deviation", Some(e.standard_deviation), unit));
+    println!("{}", figure("the same by slopes alone", Some(e.linear_spread), unit));
 }
 
 /// What lenses made at random say.
@@ -85,15 +91,13 @@ fn lenses(findings: &Findings, random: &MonteCarlo) {
     let (mean, deviation) = random.mean_and_deviation();
     println!("\n{} lenses at random, seed {}", random.trials.len(), random.seed);
     if random.failed() > 0 {
-        println!("  without an image         {:>9}", random.failed());
+        println!("  {:<25} {:>9}", "without an image", random.failed());
     }
-    // One lens has no spread, and none no mean.
-    let shown = |v: f64| if v.is_finite() { format!("{v:.4} {unit}") } else { "-".to_owned() };
-    println!("  mean                     {:>9}", shown(mean));
-    println!("  standard deviation       {:>9}", shown(deviation));
+    println!("{}", figure("mean", Some(mean), unit));
+    println!("{}", figure("standard deviation", Some(deviation), unit));
     for percent in PERCENTILES {
-        let value = random.percentile(percent).map_or("no image".to_owned(), |v| format!("{v:.4} {unit}"));
-        println!("  {percent:>2.0} % have {:<8}       {:>9}", findings.way(), value);
+        let name = format!("{percent:>2.0} % have {}", findings.way());
+        println!("{}", figure(&name, random.percentile(percent), unit));
     }
     if let Some(limit) = findings.limit {
         let share = 100.0 * random.yield_at(limit);
