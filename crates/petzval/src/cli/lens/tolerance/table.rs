@@ -49,7 +49,7 @@ fn sensitivities(findings: &Findings, all: bool) {
             let more = if s.is_free { ">" } else { "" };
             format!("{:>10} {quantity:<7}", format!("{more}{}", short(s.tolerance)))
         });
-        println!(
+        let line = format!(
             "{:<width$} {:>10} {quantity:<7} {} {} {:>+11.4}{should}",
             p.freedom.name(),
             short(p.tolerance),
@@ -57,6 +57,7 @@ fn sensitivities(findings: &Findings, all: bool) {
             change(row.at_plus),
             row.derivative * p.tolerance,
         );
+        println!("{}", line.trim_end());
     }
     if shown < rows.len() {
         println!("and {} more of less effect (--all)", rows.len() - shown);
