@@ -218,7 +218,7 @@ fn wrong_input_is_refused_with_its_place() {
     }
     // A lens that brings no light to its outermost field.
     let lens = read(&common::data("lenses/cooke-triplet-nominal.toml"));
-    let wide = lens.replace("angle_deg = [0.0, 5.0, 10.0, 15.0]", "angle_deg = [0.0, 60.0]");
+    let wide = lens.replace("angle_deg = [0.0, 5.0, 10.0, 15.0]", "angle_deg = [0.0, 5.0, 10.0, 60.0]");
     std::fs::write(folder.path().join("wide.toml"), wide).unwrap();
     let outcome = run(folder.path(), &["lens", "tolerance", "wide.toml"]);
     assert!(outcome.code == Some(2) && outcome.says("brings no light"), "{outcome:?}");
