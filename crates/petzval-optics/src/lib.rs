@@ -36,5 +36,6 @@ pub mod pupil;
 pub mod seidel;
 pub mod solve;
 pub mod spot;
+pub mod tolerance;
 pub mod trace;
 pub mod wave;

@@ -1,7 +1,10 @@
 //! Charts: curves over steps or fields as SVG on a white card.
 
 mod axis;
+mod bars;
 mod curve;
+
+pub use bars::{Bar, BarChart, bars_svg};
 
 use axis::{Axis, Scale};
 use curve::{smoothed, thinned};
@@ -56,10 +59,14 @@ pub fn chart_svg(chart: &Chart) -> String {
         let _ = draw(&root, chart);
         let _ = root.present();
     }
-    // Give the picture a description and sharp text in the page's own font.
+    stand_alone(&svg, &chart.alt, HEIGHT_PX)
+}
+
+/// A drawn picture with a description, and sharp text in the page's own font.
+fn stand_alone(svg: &str, alt: &str, height_px: u32) -> String {
     let body = svg.split_once('>').map_or("", |(_, body)| body);
-    let alt = maud::html! { (chart.alt) }.into_string();
-    let (w, h) = (WIDTH_PX * FINENESS, HEIGHT_PX * FINENESS);
+    let alt = maud::html! { (alt) }.into_string();
+    let (w, h) = (WIDTH_PX * FINENESS, height_px * FINENESS);
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" role=\"img\" aria-label=\"{alt}\" \
          viewBox=\"0 0 {w} {h}\" width=\"{WIDTH_PX}\" stroke-linejoin=\"round\" \

@@ -19,7 +19,7 @@ mod reading;
 mod sample;
 mod score_table;
 
-pub use chart::{Chart, Series, chart_svg};
+pub use chart::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 pub use layout::{Extent, LayoutOptions, layout_extent, layout_svg};
 
 use petzval_optics::lens::Lens;

@@ -12,6 +12,7 @@ pub mod lens_toml;
 mod loss;
 pub mod rii;
 pub mod seq;
+mod tolerance_toml;
 pub mod zmx;
 
 pub use agf::parse_agf;
@@ -26,4 +27,5 @@ pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, write
 pub use loss::{Effect, Loss};
 pub use rii::parse_rii;
 pub use seq::{parse_seq, write_seq};
+pub use tolerance_toml::{ToleranceFile, parse_tolerances, write_tolerances};
 pub use zmx::{parse_zmx, write_zmx};

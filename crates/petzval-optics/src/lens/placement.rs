@@ -43,6 +43,13 @@ impl Placement {
         product(product(about(0, x, false), about(1, y, false)), about(2, z, false))
     }
 
+    /// The three angles of a rotation `Rx Ry Rz`, the second within a quarter turn.
+    pub(crate) fn tilts_of(rotation: &Matrix3) -> [f64; 3] {
+        // Its first row is (cy cz, -cy sz, sy), its last column (sy, -sx cy, cx cy).
+        let [[a, b, sin_y], [_, _, c], [_, _, d]] = *rotation;
+        [(-c).atan2(d), sin_y.clamp(-1.0, 1.0).asin(), (-b).atan2(a)]
+    }
+
     /// Derivative of the rotation by each of the three angles.
     pub(crate) fn rotation_by_tilt(&self) -> [Matrix3; 3] {
         let angles = self.tilt_rad;
@@ -102,6 +109,17 @@ mod tests {
         let placed = Placement { tilt_rad: [0.3, 0.0, 0.0], ..Placement::default() };
         let y = apply(&placed.rotation(), [0.0, 1.0, 0.0]);
         assert!((y[1] - 0.3_f64.cos()).abs() < 1e-15 && (y[2] - 0.3_f64.sin()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn tilts_come_back_from_their_rotation() {
+        for tilt_rad in [[0.3, -0.2, 0.7], [-1e-9, 2e-9, 0.0], [0.0; 3], [0.4, 0.0, 0.0], [-2.0, 1.2, 3.0]] {
+            let placed = Placement { tilt_rad, ..Placement::default() };
+            let back = Placement::tilts_of(&placed.rotation());
+            for (a, b) in back.into_iter().zip(tilt_rad) {
+                assert!((a - b).abs() < 4e-16 + 1e-15 * b.abs(), "{back:?} {tilt_rad:?}");
+            }
+        }
     }
 
     #[test]

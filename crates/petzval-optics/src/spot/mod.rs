@@ -7,6 +7,7 @@
 mod sampled;
 mod traced;
 
+pub(crate) use sampled::field_mean_square_sampled;
 pub use sampled::{mean_square_spot, mean_square_spot_sampled};
 pub use traced::mean_square_spot_traced;
 

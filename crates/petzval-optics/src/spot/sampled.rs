@@ -41,7 +41,18 @@ pub fn mean_square_spot_sampled(
     sampling: PupilSampling,
 ) -> Option<(f64, LensGradient)> {
     let basis = PupilBasis::of(sampling);
-    mean_over_fields(lens, fields_rad, |field| field_spot(lens, field, basis))
+    mean_over_fields(lens, fields_rad, |field| field_spot(lens, field, basis, true))
+}
+
+/// The squared RMS spot radius of one field, um^2, over all wavelengths, and its gradient, which is left zero where it is not
+/// asked for. `None` if the field brings no light.
+pub(crate) fn field_mean_square_sampled(
+    lens: &Lens,
+    field_rad: f64,
+    sampling: PupilSampling,
+    with_gradient: bool,
+) -> Option<(f64, LensGradient)> {
+    field_spot(lens, field_rad, PupilBasis::of(sampling), with_gradient)
 }
 
 /// The light of a beam on the image plane.
@@ -221,7 +232,12 @@ impl Cloud {
     }
 }
 
-fn field_spot(lens: &Lens, field_rad: f64, basis: &'static PupilBasis) -> Option<(f64, LensGradient)> {
+fn field_spot(
+    lens: &Lens,
+    field_rad: f64,
+    basis: &'static PupilBasis,
+    with_gradient: bool,
+) -> Option<(f64, LensGradient)> {
     let reference = lens.at_wavelength(lens.reference_um);
     let stop_radius_mm = first_order(&reference).stop_radius_mm;
     let mut colours: Vec<(Sequence, Cloud)> = Vec::with_capacity(lens.wavelengths_um.len());
@@ -249,11 +265,16 @@ fn field_spot(lens: &Lens, field_rad: f64, basis: &'static PupilBasis) -> Option
     for ((sequence, cloud), m) in colours.iter().zip(&moments) {
         let mean_square = m.mean_square(centre);
         value += mean_square / count;
+        if !with_gradient {
+            continue;
+        }
         // The common centroid c is the mean of the wavelengths' own, so what the sum of squares asks of it vanishes.
         let wish = Wish { scale: UM2_PER_MM2 / (count * m.light), centre, mean_square };
         stop_radius_bar += cloud.pull_back(sequence, origin, wish, &mut gradient);
     }
-    let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
-    pull_back_first_order(&reference, wish, &mut gradient);
+    if with_gradient {
+        let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
+        pull_back_first_order(&reference, wish, &mut gradient);
+    }
     Some((UM2_PER_MM2 * value, gradient))
 }

@@ -3,6 +3,7 @@
 mod camera;
 mod joint;
 mod optics;
+mod tolerance;
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -55,6 +56,7 @@ fn scalar() -> &'static str {
 
 fn workloads() -> Vec<Workload> {
     let mut all = optics::workloads();
+    all.extend(tolerance::workloads());
     all.extend(camera::workloads());
     all.extend(joint::workloads());
     all

@@ -5,6 +5,7 @@ mod convert;
 mod focus;
 mod optimize;
 mod show;
+mod tolerance;
 mod trace;
 
 use std::process::ExitCode;
@@ -26,6 +27,8 @@ pub enum LensVerb {
     Trace(trace::Args),
     /// Smaller spots within bounds, by descent or by a global search
     Optimize(Box<optimize::Args>),
+    /// What becomes of a lens when it is made: sensitivities, random lenses, yield
+    Tolerance(tolerance::Args),
 }
 
 /// Runs a verb.
@@ -36,5 +39,6 @@ pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
         LensVerb::Convert(args) => convert::run(&args),
         LensVerb::Trace(args) => trace::run(&args),
         LensVerb::Optimize(args) => optimize::run(&args),
+        LensVerb::Tolerance(args) => tolerance::run(&args),
     }
 }

@@ -19,7 +19,7 @@ use super::{Failure, Prepared, Workload};
 use crate::cli::doctor::simd_level;
 
 /// What the ray kernels use: the widest vector unit, or what `PETZVAL_SIMD` asks for.
-fn ray_level() -> &'static str {
+pub(super) fn ray_level() -> &'static str {
     match std::env::var("PETZVAL_SIMD").as_deref() {
         Ok("scalar") => "scalar",
         Ok("avx2") if simd_level() == "avx512" => "avx2",
@@ -58,7 +58,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     ]
 }
 
-fn nominal() -> Result<Lens, Failure> {
+pub(super) fn nominal() -> Result<Lens, Failure> {
     Ok(built_in_assets().lens("cooke-triplet-nominal")?.lens)
 }
 

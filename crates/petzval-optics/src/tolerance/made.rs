@@ -1,0 +1,193 @@
+//! The lens as made: every freedom a little off, and the derivatives of a merit by each.
+
+use std::sync::Arc;
+
+use super::freedom::{ARCMIN_PER_RAD, FRINGE_UM};
+use super::motion::{RigidMotion, moved_rigidly};
+use super::{Freedom, Quantity};
+use crate::glass::{Dispersion, Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM};
+use crate::gradient::LensGradient;
+use crate::lens::{Action, Lens};
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+
+/// A freedom and how far it is off, in its unit.
+pub(super) type Off = (Freedom, f64);
+
+/// The lens as drawn, ready to be made: what may be moved has a placement.
+pub(super) fn drawn(lens: &Lens, freedoms: impl Iterator<Item = Freedom>) -> Lens {
+    let mut drawn = lens.clone();
+    for freedom in freedoms.filter(|f| f.quantity.is_motion()) {
+        for surface in &mut drawn.surfaces[freedom.first..=freedom.last] {
+            surface.placement.get_or_insert_default();
+        }
+    }
+    drawn
+}
+
+/// The lens with every freedom off by as much: first the numbers of the surfaces, then the surfaces that are moved alone, then
+/// groups, smaller ones first, so that an element sits askew in a barrel that sits askew.
+///
+/// The stop keeps the radius `stop_radius_mm`.
+pub(super) fn made(drawn: &Lens, off: &[Off], stop_radius_mm: f64) -> Lens {
+    let mut lens = displaced(drawn, off);
+    let stop = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+    let pupil_mm = lens.entrance_pupil_mm * stop_radius_mm / stop;
+    if pupil_mm.is_finite() && pupil_mm > 0.0 {
+        lens.entrance_pupil_mm = pupil_mm;
+    }
+    lens
+}
+
+fn displaced(drawn: &Lens, off: &[Off]) -> Lens {
+    let mut lens = drawn.clone();
+    // Glass: index and Abbe number of each surface.
+    let mut glass = vec![[0.0; 2]; lens.surfaces.len()];
+    let mut groups: Vec<(usize, usize)> = Vec::new();
+    for (freedom, value) in off.iter().filter(|(_, value)| *value != 0.0) {
+        match freedom.quantity {
+            Quantity::Index => glass[freedom.first][0] += value,
+            Quantity::Abbe => glass[freedom.first][1] += value,
+            quantity if quantity.is_motion() => groups.push((freedom.first, freedom.last)),
+            quantity => change_number(&mut lens, freedom.first, quantity, *value),
+        }
+    }
+    for (surface, [index, abbe_percent]) in glass.into_iter().enumerate() {
+        if index != 0.0 || abbe_percent != 0.0 {
+            change_glass(&mut lens, surface, index, abbe_percent);
+        }
+    }
+    groups.sort_by_key(|(first, last)| (last - first, *first));
+    groups.dedup();
+    for (first, last) in groups {
+        let motion = motion_of(off, first, last);
+        lens = moved_rigidly(&lens, first, last, &motion);
+    }
+    lens
+}
+
+/// All motions of a group, as one.
+fn motion_of(off: &[Off], first: usize, last: usize) -> RigidMotion {
+    let mut motion = RigidMotion::default();
+    for (freedom, value) in off.iter().filter(|(f, _)| (f.first, f.last) == (first, last)) {
+        match freedom.quantity {
+            Quantity::DecenterX => motion.shift_mm[0] += value,
+            Quantity::DecenterY => motion.shift_mm[1] += value,
+            Quantity::Shift => motion.shift_mm[2] += value,
+            Quantity::TiltX => motion.tilt_rad[0] += value / ARCMIN_PER_RAD,
+            Quantity::TiltY => motion.tilt_rad[1] += value / ARCMIN_PER_RAD,
+            _ => {}
+        }
+    }
+    motion
+}
+
+/// Changes a number of a surface.
+fn change_number(lens: &mut Lens, surface: usize, quantity: Quantity, value: f64) {
+    let s = &mut lens.surfaces[surface];
+    let clear = s.semi_diameter_mm;
+    let fringe_mm = 1e-3 * FRINGE_UM;
+    match quantity {
+        Quantity::Radius => s.shape.curvature /= 1.0 + value * s.shape.curvature,
+        Quantity::RadiusPercent => s.shape.curvature /= 1.0 + 0.01 * value,
+        Quantity::Power => s.shape.curvature += value * fringe_mm / (clear * clear),
+        Quantity::Conic => s.shape.conic += value,
+        Quantity::Irregularity => {
+            let amplitude = 2.0 * value * fringe_mm;
+            s.shape.asphere[0] -= amplitude / clear.powi(2);
+            s.shape.asphere[1] += amplitude / clear.powi(4);
+        }
+        Quantity::Form(n) => s.shape.asphere[n / 2 - 1] += 1e-3 * value / clear.powi(n as i32),
+        Quantity::Thickness => s.thickness_mm += value,
+        _ => {}
+    }
+}
+
+/// Exchanges the glass behind a surface, and behind mirrors that follow it in that glass, for another melt: a table at the
+/// wavelengths of the lens and at the lines d, F and C.
+fn change_glass(lens: &mut Lens, surface: usize, index: f64, abbe_percent: f64) {
+    let glass = lens.surfaces[surface].glass.clone();
+    let mut at =
+        [lens.wavelengths_um.as_slice(), &[lens.reference_um, LINE_D_UM, LINE_F_UM, LINE_C_UM]].concat();
+    at.sort_by(f64::total_cmp);
+    at.dedup();
+    let nd = glass.nd();
+    // At the same n_d, the spread of the indices goes as 1 / V.
+    let spread = 1.0 / (1.0 + 0.01 * abbe_percent) - 1.0;
+    let melt = at.iter().map(|w| {
+        let n = glass.index(*w);
+        n + index + if spread == 0.0 { 0.0 } else { (n - nd) * spread }
+    });
+    let name = format!("{}, n {index:+.6}, V {abbe_percent:+.4} %", glass.name);
+    let melt = Arc::new(Glass::new(name, Dispersion::Table { index: melt.collect(), wavelength_um: at }));
+    lens.surfaces[surface].glass = melt.clone();
+    let behind = lens.surfaces[surface + 1..].iter_mut();
+    for mirror in behind.take_while(|s| s.action == Action::Reflect && s.glass == glass) {
+        mirror.glass = melt.clone();
+    }
+}
+
+/// The gradient at a fixed diameter of the stop, from that at a fixed entrance pupil D: by a number x of the lens,
+/// `dD/dx = -(D / R) dR/dx`, with R the stop radius that goes with D.
+pub(super) fn at_fixed_stop(lens: &Lens, mut gradient: LensGradient) -> LensGradient {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let radius = first_order(&sequence).stop_radius_mm;
+    let asked = -gradient.entrance_pupil * lens.entrance_pupil_mm / radius;
+    if asked.is_finite() {
+        let wish = FirstOrderCotangent { stop_radius: asked, ..Default::default() };
+        pull_back_first_order(&sequence, wish, &mut gradient);
+        gradient.entrance_pupil = 0.0;
+    }
+    gradient
+}
+
+/// The derivative of a merit by freedom `k` of those in `off`, per unit of it, from the gradient at the made lens and a fixed
+/// stop; `None` for what has no place in the gradient: the Abbe number, and the distance of a near object.
+///
+/// How the numbers of the lens follow the freedom is a closed formula (angles of products of rotations, at worst), whose central
+/// differences are good to some 1e-9.
+pub(super) fn derivative(drawn: &Lens, off: &[Off], k: usize, gradient: &LensGradient) -> Option<f64> {
+    let (freedom, value) = off[k];
+    let quantity = freedom.quantity;
+    match quantity {
+        Quantity::Abbe => return None,
+        Quantity::Index => return Some(gradient.surfaces[freedom.first].index),
+        Quantity::Thickness if !off.iter().any(|(f, value)| f.quantity.is_motion() && *value != 0.0) => {
+            return Some(gradient.surfaces[freedom.first].thickness);
+        }
+        _ => {}
+    }
+    let step = quantity.step();
+    let at = |value: f64| {
+        let mut off = off.to_vec();
+        off[k].1 = value;
+        for (f, v) in &mut off {
+            // Glasses have no part in it.
+            if matches!(f.quantity, Quantity::Index | Quantity::Abbe) {
+                *v = 0.0;
+            }
+        }
+        displaced(drawn, &off)
+    };
+    let (above, below) = (at(value + step), at(value - step));
+    if above.object != below.object {
+        return None;
+    }
+    let mut sum = 0.0;
+    for ((a, b), g) in above.surfaces.iter().zip(&below.surfaces).zip(&gradient.surfaces) {
+        sum += (a.shape.curvature - b.shape.curvature) * g.curvature;
+        sum += (a.shape.conic - b.shape.conic) * g.conic;
+        sum += (a.thickness_mm - b.thickness_mm) * g.thickness;
+        for ((a, b), g) in a.shape.asphere.iter().zip(&b.shape.asphere).zip(&g.asphere) {
+            sum += (a - b) * g;
+        }
+        if let (Some(a), Some(b)) = (a.placement, b.placement) {
+            for axis in 0..2 {
+                sum += (a.decenter_mm[axis] - b.decenter_mm[axis]) * g.decenter[axis];
+            }
+            for axis in 0..3 {
+                sum += (a.tilt_rad[axis] - b.tilt_rad[axis]) * g.tilt[axis];
+            }
+        }
+    }
+    Some(sum / (2.0 * step))
+}

@@ -1,0 +1,64 @@
+//! Tolerances: what becomes of a lens when it is made, and how exactly it must be.
+//!
+//! A [`Freedom`] is a quantity of a surface or of an element that may be other than drawn; a [`Perturbation`] says how far and
+//! how often; a compensator is a freedom that is set anew on every lens, as the focus is. A [`Study`] holds them with the lens
+//! and a [`Merit`], any scalar of a lens. From it come
+//!
+//! - [`sensitivities`]: the merit at plus and minus each tolerance, its derivative, and what these say of the lens as built;
+//! - [`monte_carlo`]: the merit of lenses made at random, with its percentiles and the yield;
+//! - [`inverse`]: the tolerances that share an allowed loss evenly.
+//!
+//! The stop is a piece of metal: it keeps its diameter, and the entrance pupil follows from it.
+//!
+//! # What is of which order
+//!
+//! A merit has a slope by what keeps the symmetry of a lens (radii, thicknesses, indices), and the spread of the merit is
+//! `sqrt(sum (g_i sigma_i)^2)` as long as the perturbations are small. By decentres and tilts of a rotationally symmetric lens
+//! it has none, if fields on both sides of the axis count: there the second order rules, and only evaluations at plus and minus
+//! the tolerance show it. [`Estimate`] has both.
+
+mod compensator;
+mod freedom;
+mod grade;
+mod inverse;
+mod made;
+mod merit;
+mod monte_carlo;
+mod motion;
+mod mtf;
+mod perturbation;
+mod sensitivity;
+mod study;
+
+pub use freedom::{ARCMIN_PER_RAD, FRINGE_UM, Freedom, Quantity, elements};
+pub use grade::{Grade, default_tolerances};
+pub use inverse::{Shared, inverse};
+pub use merit::{Better, FieldSet, Merit, MeritOf, RmsSpot};
+pub use monte_carlo::{MonteCarlo, PERCENTILES, Trial, monte_carlo};
+pub use motion::{RigidMotion, moved_rigidly};
+pub use mtf::Mtf;
+pub use perturbation::{Distribution, Perturbation, draw};
+pub use sensitivity::{Estimate, Sensitivities, Sensitivity, sensitivities};
+pub use study::{Made, Study, Tolerances};
+
+/// Tolerances that a lens cannot have. Surfaces are counted from 1.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
+pub enum ToleranceError {
+    #[error("surface {surface} does not exist: the lens has {count} surfaces")]
+    NoSuchSurface { surface: usize, count: usize },
+    #[error("surface {surface} has no {what}")]
+    NoSuchNumber { surface: usize, what: &'static str },
+    #[error("a form error has an even order from 2 to 16, not {order}")]
+    NoSuchOrder { order: usize },
+    #[error("{what}: a group of surfaces can only be moved, this is a quantity of one surface")]
+    NotOfAGroup { what: String },
+    #[error(
+        "surface {surface} leads the axis elsewhere: all that follows would move with it, and it has no place of its own"
+    )]
+    AxisMoves { surface: usize },
+    #[error("{what}: the tolerance {tolerance} is no positive number")]
+    NotPositive { what: String, tolerance: f64 },
+    #[error("the merit of the nominal lens is not to be had: some field brings no light to the image")]
+    NoMerit,
+}

@@ -1,0 +1,157 @@
+//! Contrast at a spatial frequency, from PSFs.
+//!
+//! Along x, `O(f) = sum P(x, y) exp(-2 pi i f x)` over the grid, and alike along y; P is the mean PSF of the wavelengths about one
+//! point, so that lateral colour counts. The modulus of O is divided by what the grid itself takes away: splatted light is spread
+//! over cells by a quadratic B-spline, whose transform is `sinc(f p)^3` at a pitch p.
+
+use std::f64::consts::{PI, TAU};
+
+use super::{Better, FieldSet, Merit};
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::paraxial::first_order;
+use crate::psf::{PsfCotangent, PsfKind, PsfOptions, psf_with_tape};
+use crate::pupil::Quadrature;
+
+/// Cells a period of the frequency: by rays the grid then aliases less than 5e-4.
+const CELLS_PER_PERIOD: f64 = 16.0;
+
+/// Pitch of diffraction PSFs as a share of wavelength times f-number; their finest detail is as large as one of these.
+const SHARE_OF_DETAIL: f64 = 0.4;
+
+/// Cells a side.
+const GRID: usize = 128;
+
+/// Pupil cells a side of geometric PSFs.
+const PUPIL_CELLS: usize = 64;
+
+/// The mean over fields of the mean of the sagittal and the tangential MTF at one frequency, 0 ... 1.
+#[derive(Clone, Debug)]
+pub struct Mtf {
+    /// Spatial frequency on the image plane, cycles per mm.
+    frequency_per_mm: f64,
+    /// Fields.
+    fields: FieldSet,
+    options: PsfOptions,
+    quadrature: Quadrature,
+    /// What the grid takes away.
+    loss: f64,
+}
+
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
+}
+
+impl Mtf {
+    /// Over the fields of a lens, see [`FieldSet::of`]; `frequency_per_mm` is positive.
+    ///
+    /// By rays the grid is eight periods wide, by waves 51 times the finest detail of the nominal lens. Light beyond it is not
+    /// counted, neither as contrast nor as light.
+    pub fn new(lens: &Lens, frequency_per_mm: f64, kind: PsfKind) -> Self {
+        let by_rays = 1e3 / (CELLS_PER_PERIOD * frequency_per_mm);
+        let pitch_um = match kind {
+            PsfKind::Geometric => by_rays,
+            PsfKind::Diffraction => {
+                let shortest = lens.wavelengths_um.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+                let f_number = first_order(&lens.at_wavelength(lens.reference_um)).f_number.abs();
+                let fine = SHARE_OF_DETAIL * shortest * f_number;
+                if fine.is_finite() && fine > 0.0 { fine } else { by_rays }
+            }
+        };
+        let loss = match kind {
+            PsfKind::Geometric => sinc(1e-3 * frequency_per_mm * pitch_um).powi(3),
+            // Samples finer than the finest detail: nothing is averaged.
+            PsfKind::Diffraction => 1.0,
+        };
+        Self {
+            frequency_per_mm,
+            fields: FieldSet::of(lens),
+            options: PsfOptions { grid: GRID, pitch_um, kind },
+            quadrature: Quadrature::grid(PUPIL_CELLS)
+                .unwrap_or_else(|_| unreachable!("a grid that is allowed")),
+            loss,
+        }
+    }
+
+    /// The same over other fields.
+    pub fn with_fields(self, fields: FieldSet) -> Self {
+        Self { fields, ..self }
+    }
+
+    /// The same with other pupil cells for geometric PSFs; 64 a side are the usual.
+    pub fn with_quadrature(self, quadrature: Quadrature) -> Self {
+        Self { quadrature, ..self }
+    }
+
+    /// Cosine and sine at the cells of one axis.
+    fn phases(&self) -> Vec<[f64; 2]> {
+        let per_cell = TAU * 1e-3 * self.frequency_per_mm * self.options.pitch_um;
+        (0..self.options.grid)
+            .map(|i| {
+                let (sin, cos) = ((i as f64 - 0.5 * (self.options.grid as f64 - 1.0)) * per_cell).sin_cos();
+                [cos, sin]
+            })
+            .collect()
+    }
+
+    fn of_field(&self, lens: &Lens, field_rad: f64, with_gradient: bool) -> Option<(f64, LensGradient)> {
+        let (psf, tape) =
+            psf_with_tape(lens, field_rad, &lens.wavelengths_um, &self.quadrature, &self.options)?;
+        let (phases, grid) = (self.phases(), self.options.grid);
+        let share = 1.0 / (psf.values.len() as f64 * self.loss);
+        // Cosine and sine sums along x (sagittal) and y (tangential).
+        let mut sums = [[0.0; 2]; 2];
+        for values in &psf.values {
+            for (row, y) in values.chunks_exact(grid).zip(&phases) {
+                for (value, x) in row.iter().zip(&phases) {
+                    for k in 0..2 {
+                        sums[0][k] += share * value * x[k];
+                        sums[1][k] += share * value * y[k];
+                    }
+                }
+            }
+        }
+        let [sagittal, tangential] = sums.map(|[c, s]| c.hypot(s));
+        let value = 0.5 * (sagittal + tangential);
+        if !with_gradient {
+            return Some((value, LensGradient::zero(lens.surfaces.len())));
+        }
+        // d|O| = (C dC + S dS) / |O|
+        let direction = |section: usize, size: f64| match size > 0.0 {
+            true => sums[section].map(|v| 0.5 * share * v / size),
+            false => [0.0; 2],
+        };
+        let (by_x, by_y) = (direction(0, sagittal), direction(1, tangential));
+        let along = |by: [f64; 2], phase: &[f64; 2]| by[0] * phase[0] + by[1] * phase[1];
+        let mut wish = Vec::with_capacity(grid * grid);
+        for y in &phases {
+            wish.extend(phases.iter().map(|x| along(by_x, x) + along(by_y, y)));
+        }
+        let count = psf.values.len();
+        let cotangent = PsfCotangent { values: vec![wish; count], illumination: vec![0.0; count] };
+        Some((value, tape.gradient(&psf, &self.quadrature, &cotangent)))
+    }
+}
+
+impl Merit for Mtf {
+    fn name(&self) -> String {
+        format!("MTF at {}/mm", self.frequency_per_mm)
+    }
+
+    fn unit(&self) -> &str {
+        ""
+    }
+
+    fn better(&self) -> Better {
+        Better::Higher
+    }
+
+    fn value(&self, lens: &Lens) -> Option<f64> {
+        self.fields.mean(lens, |field| self.of_field(lens, field, false)).map(|(value, _)| value)
+    }
+
+    fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
+        let (value, gradient) = self.fields.mean(lens, |field| self.of_field(lens, field, true))?;
+        Some((value, Some(gradient)))
+    }
+}

@@ -1,0 +1,42 @@
+//! Workloads of tolerances: lenses made at random.
+
+use petzval::optics::tolerance::{
+    Distribution, Freedom, Grade, RmsSpot, Study, Tolerances, default_tolerances, monte_carlo,
+};
+
+use super::optics::{nominal, ray_level};
+use super::{Failure, Prepared, Workload};
+
+/// Lenses.
+const TRIALS: usize = 1000;
+
+pub(super) fn workloads() -> Vec<Workload> {
+    vec![Workload { name: "tolerance_1000", simd: ray_level, prepare: random_lenses }]
+}
+
+fn random_lenses() -> Result<Prepared, Failure> {
+    let lens = nominal()?;
+    let tolerances = Tolerances {
+        perturbations: default_tolerances(&lens, Grade::Commercial, Distribution::Normal, false),
+        compensators: vec![(Freedom::focus(&lens), None)],
+    };
+    let merit = RmsSpot::new(&lens);
+    let count = tolerances.perturbations.len();
+    Ok(Prepared {
+        work: format!(
+            "{TRIALS} triplets with {count} perturbations, decentres and tilts among them, focused; RMS spot of 7 fields (4, on \
+             both sides) x 3 wavelengths"
+        ),
+        units: None,
+        single_thread: false,
+        run: Box::new(move || {
+            let study = Study::new(&lens, &tolerances, &merit).map_err(|e| Failure::job(e.to_string()))?;
+            let found = monte_carlo(&study, 1, TRIALS, &|| {});
+            if found.failed() > 0 {
+                return Err(Failure::job(format!("{} lenses bring no image", found.failed())));
+            }
+            std::hint::black_box(found);
+            Ok(())
+        }),
+    })
+}
