@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::format::{FileError, LensFile, parse_lens};
@@ -15,7 +16,15 @@ use crate::experiment::Experiment;
 #[derive(Clone, Debug, Default)]
 pub struct Assets {
     files: Vec<(String, Cow<'static, [u8]>)>,
+    /// Glasses that win over the built-in ones.
+    chosen: Catalog,
+    /// All glasses, once they have been read.
+    catalog: OnceLock<Catalog>,
 }
+
+/// Built-in glass files: where several know a name, the first counts.
+const GLASS_FILES: [&str; 8] =
+    ["crystals", "polymers", "schott", "ohara", "hoya", "hikari", "sumita", "cdgm"];
 
 /// A text with the place it came from, for messages.
 pub struct Text {
@@ -28,7 +37,12 @@ pub struct Text {
 impl Assets {
     /// A library of these files.
     pub fn new(files: Vec<(String, Cow<'static, [u8]>)>) -> Self {
-        Self { files }
+        Self { files, ..Self::default() }
+    }
+
+    /// The library with these glasses, which win over the built-in ones.
+    pub fn with_glasses(self, chosen: Catalog) -> Self {
+        Self { chosen, catalog: OnceLock::new(), ..self }
     }
 
     /// All files below a folder on disk, for tests and for a changed library.
@@ -46,7 +60,7 @@ impl Assets {
             }
         }
         files.sort();
-        Ok(Self { files })
+        Ok(Self::new(files))
     }
 
     /// A built-in file.
@@ -90,15 +104,24 @@ impl Assets {
         Ok(Text { path: Path::new("data").join(built_in), text })
     }
 
-    /// The glass catalogue: every built-in file of `glasses/`.
+    /// The glass catalogue: every built-in file of `glasses/`, then the glasses that were chosen.
     pub fn catalog(&self) -> Result<Catalog, DesignError> {
+        if let Some(catalog) = self.catalog.get() {
+            return Ok(catalog.clone());
+        }
+        let mut names = self.names("glasses");
+        names.sort_by_key(|name| {
+            GLASS_FILES.iter().position(|known| known == name).unwrap_or(GLASS_FILES.len())
+        });
         let mut catalog = Catalog::default();
-        for name in self.names("glasses") {
+        // The last that comes counts.
+        for name in names.into_iter().rev() {
             let source = self.text("glass catalogue", "glasses", name)?;
             let part = Catalog::parse(&source.text).map_err(DesignError::input(&source.path))?;
             catalog.merge(part);
         }
-        Ok(catalog)
+        catalog.merge(self.chosen.clone());
+        Ok(self.catalog.get_or_init(|| catalog).clone())
     }
 
     /// A lens by path or built-in name, checked to be possible.

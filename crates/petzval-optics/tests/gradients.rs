@@ -158,10 +158,8 @@ fn shift_index(lens: &mut Lens, surface: usize, h: f64) {
     let mut at = at;
     at.sort_by(f64::total_cmp);
     let index = at.iter().map(|w| glass.index(*w) + h).collect();
-    lens.surfaces[surface].glass = std::sync::Arc::new(Glass {
-        name: glass.name.clone(),
-        dispersion: Dispersion::Table { wavelength_um: at, index },
-    });
+    lens.surfaces[surface].glass =
+        std::sync::Arc::new(Glass::new(glass.name.as_str(), Dispersion::Table { wavelength_um: at, index }));
 }
 
 /// Compares with fourth-order central differences, each knob's step times one of `steps`, the one that fits best: short

@@ -15,7 +15,7 @@ use petzval_optics::trace::{Path, Ray, RayBundle, Sequence, trace, trace_ray};
 const GLASS: f64 = 1.6;
 
 fn glass() -> std::sync::Arc<Glass> {
-    std::sync::Arc::new(Glass { name: "glass".into(), dispersion: Dispersion::Constant(GLASS) })
+    std::sync::Arc::new(Glass::new("glass", Dispersion::Constant(GLASS)))
 }
 
 fn lens(surfaces: Vec<Surface>) -> Lens {

@@ -1,13 +1,25 @@
 //! The `data/` folder, built into the program: an installed `petzval` works from any folder.
 
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
 use include_dir::{Dir, include_dir};
 use petzval_design::assets::Assets;
+use petzval_optics::glass::Catalog;
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../data");
 
-/// The built-in library of lenses, glasses, sensors, experiments, photographs and weights.
+/// What [`choose_glasses`] was called with.
+static CHOSEN: OnceLock<Catalog> = OnceLock::new();
+
+/// Lets these glasses win over the built-in ones in every library from now on. The first call counts; it is there for
+/// programs with a command line, whose user chooses once.
+pub fn choose_glasses(glasses: Catalog) {
+    let _ = CHOSEN.set(glasses);
+}
+
+/// The built-in library of lenses, glasses, sensors, experiments, photographs and weights, with the glasses that were
+/// chosen.
 pub fn built_in_assets() -> Assets {
     let (mut files, mut open) = (Vec::new(), vec![&DATA]);
     while let Some(folder) = open.pop() {
@@ -19,5 +31,5 @@ pub fn built_in_assets() -> Assets {
         );
     }
     files.sort();
-    Assets::new(files)
+    Assets::new(files).with_glasses(CHOSEN.get().cloned().unwrap_or_default())
 }

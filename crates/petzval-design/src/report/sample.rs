@@ -16,7 +16,7 @@ const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
 fn glass(name: &str, b: [f64; 3], c_um2: [f64; 3]) -> Arc<Glass> {
     let dispersion = Dispersion::Sellmeier { b: b.to_vec(), c_um2: c_um2.to_vec() };
-    Arc::new(Glass { name: name.into(), dispersion })
+    Arc::new(Glass::new(name, dispersion))
 }
 
 fn crown() -> Arc<Glass> {
@@ -29,7 +29,7 @@ fn flint() -> Arc<Glass> {
 
 fn plastic() -> Arc<Glass> {
     let terms = [2.1864582, -0.00024475348, 0.014155787, -0.00044329781, 7.7664259e-05, -2.9936382e-06];
-    Arc::new(Glass { name: "PMMA".into(), dispersion: Dispersion::Schott(terms) })
+    Arc::new(Glass::new("PMMA", Dispersion::Schott(terms)))
 }
 
 fn surface(radius_mm: f64, asphere: &[f64], thickness_mm: f64, glass: &Arc<Glass>, semi_mm: f64) -> Surface {

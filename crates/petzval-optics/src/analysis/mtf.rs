@@ -262,19 +262,12 @@ pub fn through_focus_mtf(
     })
 }
 
-/// Transfer functions of one colour in both sections, on image planes at equal distances.
+/// Transfer functions of one colour in both sections, on some image planes.
 fn over_focus(channel: &WaveChannel, defocus_mm: &[f64], frequency_per_mm: f64) -> Vec<[Complex64; 2]> {
-    let mut wave = channel.wave();
-    // From plane to plane every node turns by the same angle.
-    let step = defocus_mm.get(1).map_or(0.0, |second| second - defocus_mm[0]);
-    let turns = wave.turns(step);
-    wave.turn(&wave.turns(defocus_mm.first().copied().unwrap_or(0.0)));
-    defocus_mm
-        .iter()
-        .map(|_| {
-            let found = SECTIONS.map(|section| wave.line_spread(section).transfer(frequency_per_mm));
-            wave.turn(&turns);
-            found
-        })
-        .collect()
+    let wave = channel.wave();
+    let at = |dz: &f64| {
+        let there = wave.defocused(*dz);
+        SECTIONS.map(|section| there.line_spread(section).transfer(frequency_per_mm))
+    };
+    defocus_mm.iter().map(at).collect()
 }

@@ -93,16 +93,19 @@ impl AnalysisOptions {
 
 /// So many numbers from one to another.
 pub(super) fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
-    (0..count).map(|i| from + (to - from) * i as f64 / (count - 1) as f64).collect()
+    let last = (count - 1) as f64;
+    (0..count).map(|i| (from * (last - i as f64) + to * i as f64) / last).collect()
 }
 
-/// The next of 1, 2, 5, 10, ... that is not less.
+/// The next round number that is not less.
 pub(super) fn round_up(value: f64) -> f64 {
     if !(value > 0.0 && value.is_finite()) {
         return 1.0;
     }
     let decade = 10_f64.powf(value.log10().floor());
-    let digit = [1.0, 2.0, 5.0].into_iter().find(|d| d * decade >= value * (1.0 - 1e-9));
+    let digit = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0]
+        .into_iter()
+        .find(|d| d * decade >= value * (1.0 - 1e-9));
     digit.unwrap_or(10.0) * decade
 }
 

@@ -16,9 +16,13 @@ pub const ZERNIKE_TERMS: usize = 37;
 /// Cells a side of the pupil on which wavefronts are looked at.
 const CELLS: usize = 32;
 
+/// Points on its rim.
+const RIM: usize = 64;
+
 /// Wavefronts of a field, by wavelength.
 ///
-/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of its radius.
+/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of its radius,
+/// positive where the wavefront is ahead of the sphere.
 #[derive(Clone, Debug, Serialize)]
 pub struct Wavefront {
     /// The field, degrees.
@@ -86,7 +90,13 @@ struct Samples {
 }
 
 fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisError> {
-    let (points, areas) = pupil(CELLS).on(Sides::Both);
+    let (mut points, mut areas) = pupil(CELLS).on(Sides::Both);
+    // The very rim counts for the highest and the lowest value only.
+    for k in 0..RIM {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / RIM as f64).sin_cos();
+        points.push([sin, cos]);
+        areas.push(0.0);
+    }
     let found = opd(colour, field.field_rad, field.stop_radius_mm, &points, PupilPlane::Stop);
     let lost = AnalysisError::NoChiefRay { field_deg: field.field_deg, wavelength_um: colour.wavelength_um };
     let found = found.ok_or(lost)?;

@@ -138,7 +138,7 @@ fn position(text: &str, offset: usize) -> (u32, u32) {
 }
 
 /// The first line of a piece of the file, cut to a length that fits in a message.
-fn quote(piece: &str) -> String {
+pub(super) fn quote(piece: &str) -> String {
     const LONGEST: usize = 60;
     let first = piece.trim().lines().next().unwrap_or("").trim_end();
     match first.char_indices().nth(LONGEST) {

@@ -6,11 +6,13 @@ use std::sync::Arc;
 use super::Glass;
 use crate::format::{FileError, parse_catalog};
 
-/// Glasses by name, without regard to upper and lower case. `AIR` is always among them.
+/// Glasses by name, without regard to upper and lower case. `AIR` is always among them, and nothing else is called so.
+///
+/// Several makers may use one name. A name alone means the glass that came last; `MAKER:NAME` means that maker's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catalog {
-    /// By upper-case name.
-    glasses: BTreeMap<String, Arc<Glass>>,
+    /// By upper-case name, one for each maker; the last counts.
+    glasses: BTreeMap<String, Vec<Arc<Glass>>>,
 }
 
 /// There is no glass of that name.
@@ -23,10 +25,12 @@ pub struct UnknownGlass {
     pub nearest: Vec<String>,
 }
 
+const AIR: &str = "AIR";
+
 impl Default for Catalog {
     /// A catalogue of nothing but air.
     fn default() -> Self {
-        Self { glasses: BTreeMap::from([("AIR".into(), Glass::air())]) }
+        Self { glasses: BTreeMap::from([(AIR.into(), vec![Glass::air()])]) }
     }
 }
 
@@ -36,36 +40,80 @@ impl Catalog {
         parse_catalog(toml_text)
     }
 
-    /// Add a glass under a name, which may be an alias. An earlier glass of that name gives way.
+    /// Add a glass under a name, which may be an alias. An earlier glass of that name and maker is gone; one of
+    /// another maker can still be had as `MAKER:NAME`. Air stays air.
     pub fn insert(&mut self, name: &str, glass: Arc<Glass>) {
-        self.glasses.insert(name.to_uppercase(), glass);
+        let name = name.to_uppercase();
+        if name == AIR {
+            return;
+        }
+        let makers = self.glasses.entry(name).or_default();
+        makers.retain(|known| !known.maker.eq_ignore_ascii_case(&glass.maker));
+        makers.push(glass);
     }
 
-    /// Add all glasses of another catalogue. Where both know a name, the other's glass counts.
+    /// Add all glasses of another catalogue, whose glasses count where both know a name.
     pub fn merge(&mut self, other: Self) {
-        self.glasses.extend(other.glasses);
+        for (name, makers) in other.glasses {
+            for glass in makers {
+                self.insert(&name, glass);
+            }
+        }
     }
 
-    /// The glass of that name.
+    /// The glass of that name, or of `MAKER:NAME`.
     pub fn get(&self, name: &str) -> Result<Arc<Glass>, UnknownGlass> {
-        const HINTS: usize = 3;
         let wanted = name.to_uppercase();
-        if let Some(glass) = self.glasses.get(&wanted) {
+        if let Some(glass) = self.all(&wanted).last() {
             return Ok(glass.clone());
         }
-        // Fewest edits first; among equals a name that contains the wanted one, then the alphabet.
-        let mut nearest: Vec<&String> = self.glasses.keys().collect();
-        nearest.sort_by_cached_key(|known| {
-            (strsim::damerau_levenshtein(&wanted, known), !known.contains(&wanted))
-        });
-        let nearest = nearest.into_iter().take(HINTS).cloned().collect();
-        Err(UnknownGlass { name: name.into(), nearest })
+        let made_by = |maker: &str, glass: &Glass| glass.maker.to_uppercase() == maker;
+        let qualified = wanted.split_once(':').map(|(maker, name)| (maker.trim(), name.trim()));
+        if let Some((maker, name)) = qualified
+            && let Some(glass) = self.all(name).iter().find(|glass| made_by(maker, glass))
+        {
+            return Ok(glass.clone());
+        }
+        // Of a maker that is known, that maker's names are near.
+        let known: Vec<String> = match qualified {
+            Some((maker, _)) if self.glasses().any(|glass| made_by(maker, glass)) => {
+                let theirs =
+                    self.glasses.iter().filter(|(_, all)| all.iter().any(|glass| made_by(maker, glass)));
+                theirs.map(|(name, _)| format!("{maker}:{name}")).collect()
+            }
+            _ => self.glasses.keys().cloned().collect(),
+        };
+        Err(UnknownGlass { name: name.into(), nearest: nearest_names(&wanted, known) })
     }
 
-    /// All names and aliases in upper case, in alphabetical order, with their glasses.
-    pub fn iter(&self) -> impl Iterator<Item = (&str, &Arc<Glass>)> {
-        self.glasses.iter().map(|(name, glass)| (name.as_str(), glass))
+    /// All glasses of a name, one for each maker; the last is the one that counts.
+    pub fn all(&self, name: &str) -> &[Arc<Glass>] {
+        self.glasses.get(&name.to_uppercase()).map_or(&[], Vec::as_slice)
     }
+
+    /// All names and aliases in upper case, in alphabetical order, with the glasses that count.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Arc<Glass>)> {
+        self.glasses.iter().filter_map(|(name, all)| Some((name.as_str(), all.last()?)))
+    }
+
+    /// Every glass of every maker in alphabetical order, each once whatever its aliases. Air is none.
+    pub fn glasses(&self) -> impl Iterator<Item = &Arc<Glass>> {
+        self.glasses.iter().flat_map(|(name, all)| {
+            all.iter().filter(move |glass| *name == glass.name.to_uppercase() && !glass.is_air())
+        })
+    }
+}
+
+/// The three known names that are most like the wanted one: fewest edits first; among equals a name that contains the
+/// wanted one, then the alphabet.
+fn nearest_names(wanted: &str, mut known: Vec<String>) -> Vec<String> {
+    const HINTS: usize = 3;
+    // No glass has a name this long; the time to compare grows with it.
+    const LONGEST: usize = 64;
+    let wanted: String = wanted.chars().take(LONGEST).collect();
+    known.sort_by_cached_key(|known| (strsim::damerau_levenshtein(&wanted, known), !known.contains(&wanted)));
+    known.truncate(HINTS);
+    known
 }
 
 #[cfg(test)]
@@ -78,12 +126,17 @@ mod tests {
             .unwrap()
     }
 
+    fn of(maker: &str, name: &str, n: f64) -> Catalog {
+        Catalog::parse(&format!("[glass.{name}]\nmaker = \"{maker}\"\nn = {n:?}\n")).unwrap()
+    }
+
     #[test]
     fn names_and_aliases_ignore_case_and_air_is_always_there() {
         let catalog = catalog();
         assert_eq!(catalog.get("n-bk7").unwrap().name, "N-BK7");
         assert_eq!(catalog.get("FLINT").unwrap().name, "F2");
         assert!(catalog.get("air").unwrap().is_air());
+        assert_eq!(catalog.glasses().count(), 2);
     }
 
     #[test]
@@ -91,6 +144,7 @@ mod tests {
         let error = catalog().get("BK7").unwrap_err();
         assert_eq!(error.name, "BK7");
         assert_eq!(error.nearest, ["N-BK7", "AIR", "F2"]);
+        assert_eq!(catalog().get(&"x".repeat(1_000_000)).unwrap_err().nearest.len(), 3);
     }
 
     #[test]
@@ -99,5 +153,27 @@ mod tests {
         all.merge(Catalog::parse("[glass.f2]\nn = 1.7\n").unwrap());
         assert_eq!(all.get("F2").unwrap().dispersion, Dispersion::Constant(1.7));
         assert_eq!(all.iter().count(), 4);
+    }
+
+    #[test]
+    fn a_name_of_several_makers_is_told_apart_by_the_maker() {
+        let mut all = of("Schott", "F2", 1.62);
+        all.merge(of("Hoya", "F2", 1.61));
+        all.merge(of("Hoya", "F5", 1.60));
+        let index = |name: &str| all.get(name).map(|glass| glass.index(0.5));
+        assert_eq!((index("F2"), index("SCHOTT:F2"), index("hoya: f2")), (Ok(1.61), Ok(1.62), Ok(1.61)));
+        assert_eq!(all.all("f2").len(), 2);
+        assert_eq!(index("HOYA:F3").unwrap_err().nearest, ["HOYA:F2", "HOYA:F5"]);
+        assert_eq!(index("Nobody:F2").unwrap_err().nearest.len(), 3);
+        // A newer catalogue of the same maker takes the place of the older one.
+        all.merge(of("SCHOTT", "F2", 1.63));
+        assert_eq!((all.all("F2").len(), all.get("F2").unwrap().index(0.5)), (2, 1.63));
+    }
+
+    #[test]
+    fn nothing_takes_the_place_of_air() {
+        let mut all = Catalog::default();
+        all.insert("Air", Arc::new(Glass::new("Air", Dispersion::Constant(1.5))));
+        assert!(all.get("AIR").unwrap().is_air());
     }
 }

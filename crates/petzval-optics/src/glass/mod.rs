@@ -1,11 +1,20 @@
-//! Glass: the refractive index of a medium as a function of wavelength.
+//! Glass: the refractive index of a medium as a function of wavelength, and what else its maker says of it.
 
 mod catalog;
 mod dispersion;
+mod nearest;
+mod printed;
+mod thermal;
+mod transmission;
 
 pub use catalog::{Catalog, UnknownGlass};
 pub use dispersion::Dispersion;
+pub use nearest::{Near, map_distance, nearest};
+pub use printed::Printed;
+pub use thermal::{Expansion, Thermal, air_index};
+pub use transmission::Absorption;
 
+use std::fmt;
 use std::sync::{Arc, LazyLock};
 
 /// Fraunhofer d line (helium), um.
@@ -14,6 +23,8 @@ pub const LINE_D_UM: f64 = 0.587_561_8;
 pub const LINE_F_UM: f64 = 0.486_132_7;
 /// Fraunhofer C line (hydrogen), um.
 pub const LINE_C_UM: f64 = 0.656_272_5;
+/// Mercury's g line, um.
+pub const LINE_G_UM: f64 = 0.435_834_3;
 
 /// A named optical medium.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,13 +33,96 @@ pub struct Glass {
     pub name: String,
     /// Its dispersion formula with published coefficients.
     pub dispersion: Dispersion,
+    /// Who makes it; empty if unknown.
+    pub maker: String,
+    /// Where the figures are from; empty if unknown.
+    pub source: String,
+    /// Whether the maker still offers it.
+    pub status: Option<Status>,
+    /// Index at the d line as its source prints it.
+    pub printed_nd: Option<Printed>,
+    /// Abbe number V_d as its source prints it.
+    pub printed_vd: Option<Printed>,
+    /// Shortest and longest wavelength at which the formula holds, um.
+    pub range_um: Option<[f64; 2]>,
+    /// What it swallows.
+    pub absorption: Option<Absorption>,
+    /// How its index changes with temperature.
+    pub thermal: Option<Thermal>,
+    /// How it grows with temperature; no rows if unknown.
+    pub expansion: Vec<Expansion>,
+    /// Density, g/cm^3.
+    pub density_g_cm3: Option<f64>,
+    /// Price relative to the maker's reference glass.
+    pub relative_cost: Option<f64>,
+}
+
+/// How a maker offers a glass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// From stock, to be used first.
+    Preferred,
+    /// Made regularly.
+    Standard,
+    /// Made to order, or soon no more.
+    Special,
+    /// Not made any more.
+    Obsolete,
+    /// One melt as it was measured.
+    Melt,
+}
+
+impl Status {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Preferred, Self::Standard, Self::Special, Self::Obsolete, Self::Melt];
+
+    /// The word for it in files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Preferred => "preferred",
+            Self::Standard => "standard",
+            Self::Special => "special",
+            Self::Obsolete => "obsolete",
+            Self::Melt => "melt",
+        }
+    }
+
+    /// The status of a word, in upper or lower case.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|status| status.word().eq_ignore_ascii_case(word))
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
 }
 
 impl Glass {
+    /// A medium of which nothing but the formula is known.
+    pub fn new(name: impl Into<String>, dispersion: Dispersion) -> Self {
+        Self {
+            name: name.into(),
+            dispersion,
+            maker: String::new(),
+            source: String::new(),
+            status: None,
+            printed_nd: None,
+            printed_vd: None,
+            range_um: None,
+            absorption: None,
+            thermal: None,
+            expansion: Vec::new(),
+            density_g_cm3: None,
+            relative_cost: None,
+        }
+    }
+
     /// Air, whose index is the unit in which catalogues print all others.
     pub fn air() -> Arc<Self> {
         static AIR: LazyLock<Arc<Glass>> =
-            LazyLock::new(|| Arc::new(Glass { name: "AIR".into(), dispersion: Dispersion::Constant(1.0) }));
+            LazyLock::new(|| Arc::new(Glass::new("AIR", Dispersion::Constant(1.0))));
         AIR.clone()
     }
 
@@ -37,9 +131,39 @@ impl Glass {
         self.dispersion == Dispersion::Constant(1.0)
     }
 
-    /// Refractive index relative to air at a wavelength in um.
+    /// Refractive index at a wavelength in um, relative to air and at the temperature of the catalogue.
     pub fn index(&self, wavelength_um: f64) -> f64 {
         self.dispersion.index(wavelength_um)
+    }
+
+    /// Refractive index relative to the air around it, of glass and air at `temperature_c` (degrees Celsius) and
+    /// `pressure_atm`; `None` where nobody says how the glass changes with temperature.
+    ///
+    /// `wavelength_um` is the wavelength in air of catalogue conditions, by which lines are named: light keeps its
+    /// frequency, not its wavelength, when the air changes.
+    pub fn index_at(&self, wavelength_um: f64, temperature_c: f64, pressure_atm: f64) -> Option<f64> {
+        if self.is_air() {
+            return Some(1.0);
+        }
+        let thermal = self.thermal.as_ref()?;
+        let n = self.index(wavelength_um);
+        let absolute = n * air_index(wavelength_um, thermal.reference_c, 1.0)
+            + thermal.absolute_change(n, wavelength_um, temperature_c);
+        Some(absolute / air_index(wavelength_um, temperature_c, pressure_atm))
+    }
+
+    /// What is left of light behind a path in mm, without reflections at faces; `None` where nobody says. Air leaves
+    /// everything.
+    pub fn internal_transmission(&self, wavelength_um: f64, path_mm: f64) -> Option<f64> {
+        match self.is_air() {
+            true => Some(1.0),
+            false => self.absorption.as_ref()?.transmittance(wavelength_um, path_mm),
+        }
+    }
+
+    /// Whether the formula is known not to hold at a wavelength in um.
+    pub fn is_outside_range(&self, wavelength_um: f64) -> bool {
+        self.range_um.is_some_and(|[min, max]| !(min..=max).contains(&wavelength_um))
     }
 
     /// Index at the d line.
@@ -50,5 +174,30 @@ impl Glass {
     /// Abbe number `(n_d - 1) / (n_F - n_C)`; infinite for a medium without dispersion.
     pub fn abbe_vd(&self) -> f64 {
         (self.nd() - 1.0) / (self.index(LINE_F_UM) - self.index(LINE_C_UM))
+    }
+
+    /// Relative partial dispersion `P_gF = (n_g - n_F) / (n_F - n_C)`; NaN for a medium without dispersion.
+    pub fn partial_dispersion_gf(&self) -> f64 {
+        let n_f = self.index(LINE_F_UM);
+        (self.index(LINE_G_UM) - n_f) / (n_f - self.index(LINE_C_UM))
+    }
+
+    /// How far the formula is from the printed n_d and V_d, if by so much that one of them must be mistyped: `nd` or
+    /// `vd` and what the formula gives. Lines at which the formula does not hold count for nothing.
+    pub(crate) fn misprint(&self) -> Option<(&'static str, f64)> {
+        const ND_SLIP: f64 = 1e-3;
+        const VD_SLIP: f64 = 0.02;
+        if [LINE_F_UM, LINE_D_UM, LINE_C_UM].iter().any(|line| self.is_outside_range(*line)) {
+            return None;
+        }
+        let (nd, vd) = (self.nd(), self.abbe_vd());
+        let agrees = |off: f64, slip: f64| off.abs() <= slip;
+        if self.printed_nd.is_some_and(|printed| !agrees(nd - printed.value, ND_SLIP)) {
+            return Some(("nd", nd));
+        }
+        if self.printed_vd.is_some_and(|printed| !agrees(vd / printed.value - 1.0, VD_SLIP)) {
+            return Some(("vd", vd));
+        }
+        None
     }
 }

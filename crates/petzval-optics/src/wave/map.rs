@@ -21,7 +21,7 @@ const DEGREES: [usize; 4] = [8, 12, 16, 20];
 /// the wave is `exp(i k (W + n' x.d))`. The sphere goes through the exit pupil, where the rim of the beam is sharp.
 pub(crate) struct WaveMap {
     pub samples: PupilSamples,
-    sphere: ReferenceSphere,
+    pub sphere: ReferenceSphere,
     /// Middle of the direction cosines, and half their range with a margin.
     pub middle: [f64; 2],
     pub scale: [f64; 2],
@@ -64,6 +64,9 @@ pub(crate) struct WavePoint {
     pub amplitude: f64,
     /// Light per unit of q area through the apertures.
     pub light: f64,
+    /// Energy on the image plane per unit of q area: the light over the cosine to the axis. Where an edge is soft this is more
+    /// than the squared amplitude: light that a hard edge throws far away.
+    pub energy: f64,
 }
 
 /// What is asked of a point.
@@ -75,6 +78,8 @@ pub(crate) struct WavePointBar {
     pub amplitude: f64,
     /// By the light.
     pub light: f64,
+    /// By the energy.
+    pub energy: f64,
 }
 
 /// Cotangents of the map's coefficients, gathered while rows pass.
@@ -247,6 +252,7 @@ impl WaveMap {
             path_mm: fit::at(&row.path, q_x),
             amplitude: (density / self.slant(row.q_y, q_x)).sqrt() * share,
             light: density * share,
+            energy: density * share / self.slant(row.q_y, q_x),
         }
     }
 
@@ -282,7 +288,12 @@ impl WaveMap {
         let all = others(usize::MAX);
         let density = fit::at(&row.density, q_x).max(1e-300);
         let per_slant = 1.0 / self.slant(row.q_y, q_x).sqrt();
-        let (root, bar) = (density.sqrt(), WavePointBar { amplitude: bar.amplitude * per_slant, ..bar });
+        let root = density.sqrt();
+        let bar = WavePointBar {
+            amplitude: bar.amplitude * per_slant,
+            light: bar.light + bar.energy * per_slant * per_slant,
+            ..bar
+        };
         fit::add_moments(&mut row_bar.path, bar.path, q_x);
         let share = inside * all;
         let density_bar = bar.amplitude * share * 0.5 / root + bar.light * share;

@@ -45,6 +45,16 @@ impl ReferenceSphere {
 }
 
 impl ReferenceSphere {
+    /// How a wave from the sphere sees a point behind its centre by `dz`: the further way along the unit vector to the centre, whose z
+    /// component is `cosine`, and the distance over the radius.
+    ///
+    /// From `R t` the way is `R t + dz z`, of length `R s` with `s^2 = 1 + 2 cosine dz/R + (dz/R)^2`.
+    pub fn further(&self, cosine: f64, dz: f64) -> (f64, f64) {
+        let share = dz / self.radius_mm;
+        let scale = (1.0 + 2.0 * cosine * share + share * share).sqrt();
+        (dz * (2.0 * cosine + share) / (1.0 + scale), scale)
+    }
+
     /// The transpose of [`ReferenceSphere::run`]: cotangents of the place and of the direction, from those of the run and of the
     /// first two components of the unit vector.
     pub fn pull_back(
@@ -78,8 +88,8 @@ impl ReferenceSphere {
 /// Optical path differences of a field at one wavelength.
 #[derive(Clone, Debug)]
 pub struct Opd {
-    /// Of each point of the pupil, waves: path of the ray to the reference sphere less that of the chief ray; `None` where the
-    /// ray is lost.
+    /// Of each point of the pupil, waves: path of the chief ray to the reference sphere less that of the ray, which is positive
+    /// where the wavefront is ahead of the sphere; `None` where the ray is lost.
     pub waves: Vec<Option<f64>>,
     /// Where the ray through each point meets the image plane, mm; `None` where it is lost.
     pub landing_mm: Vec<Option<[f64; 2]>>,
@@ -159,7 +169,7 @@ pub fn opd_about(
     let chief = to_sphere(0);
     let of_points = 1..all.len();
     let waves = of_points.clone().map(|i| {
-        rays.fate(i).reaches_image().then(|| (to_sphere(i) - chief) / (1e-3 * sequence.wavelength_um))
+        rays.fate(i).reaches_image().then(|| (chief - to_sphere(i)) / (1e-3 * sequence.wavelength_um))
     });
     let landing = of_points.clone().map(|i| {
         let [x, y, _] = rays.ray(i).position;

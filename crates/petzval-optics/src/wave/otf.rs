@@ -22,13 +22,17 @@ pub(crate) enum Section {
     Tangential,
 }
 
-/// A line-spread function of unit sum.
+/// A line-spread function, as shares of all light.
 #[derive(Clone, Debug)]
 pub(crate) struct LineSpread {
     /// Distance of the points, mm.
     pub spacing_mm: f64,
     /// Light at `(k - half) spacing` from the origin, half of them on each side.
     pub values: Vec<f64>,
+    /// Light that lands further away than the points reach: what hard edges of the beam diffract.
+    beyond: f64,
+    /// Frequency from which on that light is not modulated, 1/mm.
+    beyond_fades_per_mm: f64,
 }
 
 impl LineSpread {
@@ -47,15 +51,20 @@ impl LineSpread {
                 phase *= step;
             }
         }
-        sum
+        sum + self.beyond * (1.0 - frequency_per_mm.abs() / self.beyond_fades_per_mm).max(0.0)
     }
 }
 
-/// The wave on the nodes of the pupil, `[row * nodes + column]`: evaluated once, looked at from many image planes.
+/// The wave on the nodes of the pupil, as an image plane sees it.
 #[derive(Clone)]
 pub(crate) struct PupilWave<'a> {
     channel: &'a WaveChannel,
+    /// `[row * nodes + column]`
     pub(super) values: Vec<Complex64>,
+    /// Energy of all nodes, in units of `|value|^2`.
+    energy: f64,
+    /// The image plane from that of the lens, mm along z.
+    defocus_mm: f64,
     fft: Arc<dyn Fft<f64>>,
 }
 
@@ -67,6 +76,8 @@ impl WaveChannel {
         PupilWave {
             channel: self,
             values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
+            energy: nodes.points.iter().map(|p| p.energy).sum(),
+            defocus_mm: 0.0,
             // A wave as wide as the pupil has a transform of twice that width.
             fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
         }
@@ -80,21 +91,25 @@ impl PupilWave<'_> {
         Self { values, ..self.clone() }
     }
 
-    /// What shifts the image plane by `defocus_mm` along z, by node: every plane wave turns by `k n' dz` times the cosine of its
-    /// slant.
-    pub fn turns(&self, defocus_mm: f64) -> Vec<Complex64> {
+    /// The wave of the lens as an image plane sees it that is shifted by `defocus_mm` along z: every wavelet of the reference
+    /// sphere has so much further to go.
+    pub fn defocused(&self, defocus_mm: f64) -> Self {
         let (channel, n) = (self.channel, self.channel.nodes);
-        let per_mm = channel.wavenumber * channel.map.n_image * defocus_mm;
-        let mut turns = vec![Complex64::ZERO; n * n];
-        for (k, turn) in turns.iter_mut().enumerate().filter(|(k, _)| self.values[*k] != Complex64::ZERO) {
-            *turn = Complex64::cis(per_mm * channel.map.slant(channel.q(k / n), channel.q(k % n)));
+        let per_mm = channel.wavenumber * channel.map.n_image;
+        let mut values = vec![Complex64::ZERO; n * n];
+        for j in 0..n {
+            for i in channel.columns() {
+                if self.values[j * n + i] == Complex64::ZERO {
+                    continue;
+                }
+                let slant = channel.map.slant(channel.q(j), channel.q(i));
+                let turn = Complex64::cis(per_mm * channel.map.sphere.further(slant, defocus_mm).0);
+                for column in channel.images_of(i) {
+                    values[j * n + column] = self.values[j * n + column] * turn;
+                }
+            }
         }
-        turns
-    }
-
-    /// Turns every node.
-    pub fn turn(&mut self, turns: &[Complex64]) {
-        self.values.iter_mut().zip(turns).for_each(|(v, turn)| *v *= turn);
+        Self { channel, values, energy: self.energy, defocus_mm, fft: self.fft.clone() }
     }
 
     /// The line-spread function of a section.
@@ -109,6 +124,7 @@ impl PupilWave<'_> {
             Section::Sagittal => 0..n,
             Section::Tangential => channel.columns(),
         };
+        let times = n as f64 / lines.len() as f64;
         for i in lines {
             line[n..].fill(Complex64::ZERO);
             for (k, to) in line[..n].iter_mut().enumerate() {
@@ -125,14 +141,21 @@ impl PupilWave<'_> {
         }
         // The second half of the transform is that of negative places.
         values.rotate_right(length / 2);
-        let total: f64 = values.iter().sum();
-        values.iter_mut().for_each(|v| *v /= total);
+        let unit = times / (self.energy * length as f64);
+        values.iter_mut().for_each(|v| *v *= unit);
         let axis = match section {
             Section::Sagittal => 0,
             Section::Tangential => 1,
         };
         let node = 2.0 * channel.map.scale[axis] / n as f64;
-        let spacing_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node * length as f64);
-        LineSpread { spacing_mm, values }
+        // From a plane further behind, the sphere looks smaller.
+        let (_, further) = channel.map.sphere.further(channel.map.slant(0.0, 0.0), self.defocus_mm);
+        let per_node_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node) * further;
+        LineSpread {
+            spacing_mm: per_node_mm / length as f64,
+            beyond: (1.0 - values.iter().sum::<f64>()).max(0.0),
+            beyond_fades_per_mm: 2.0 * channel.soft_nodes() / per_node_mm,
+            values,
+        }
     }
 }

@@ -13,6 +13,9 @@ use crate::trace::Sequence;
 /// Periods of the sampled wave's image over the extent that it has to hold.
 const ROOM: f64 = 2.5;
 
+/// Half-width of the soft rim of the stop, in nodes of a pupil that fills the grid.
+const SOFT_NODES: f64 = 0.7;
+
 /// With fewer periods light from one edge would show at the other.
 const LEAST_ROOM: f64 = 2.0;
 
@@ -100,7 +103,12 @@ impl WaveChannel {
 
     /// Softness of the rim of the stop, as a share of its radius.
     fn soft(&self) -> f64 {
-        0.7 * self.cell()
+        SOFT_NODES * self.cell()
+    }
+
+    /// Softness of the rim of the stop in nodes.
+    pub(super) fn soft_nodes(&self) -> f64 {
+        SOFT_NODES
     }
 
     /// Whether the half `q_x > 0` says everything.
@@ -133,7 +141,7 @@ impl WaveChannel {
     }
 
     /// A column and its mirror image.
-    fn images_of(&self, column: usize) -> impl Iterator<Item = usize> + use<> {
+    pub(super) fn images_of(&self, column: usize) -> impl Iterator<Item = usize> + use<> {
         let mirrored = self.is_half().then_some(self.nodes - 1 - column);
         std::iter::once(column).chain(mirrored)
     }
@@ -171,7 +179,7 @@ impl WaveChannel {
         let (field, per_pixel) = self.field(&nodes.wave, grid);
         let area = self.cell() * self.cell();
         let illumination = nodes.points.iter().map(|p| p.light).sum::<f64>() * area;
-        let all = nodes.points.iter().map(|p| p.amplitude * p.amplitude).sum::<f64>() * area;
+        let all = nodes.points.iter().map(|p| p.energy).sum::<f64>() * area;
         let unit = self.energy_per_sample(grid, per_pixel) * area * area / all;
         let mut values = vec![0.0; grid.cells * grid.cells];
         for y in 0..grid.cells * per_pixel {
@@ -203,7 +211,7 @@ impl WaveChannel {
         let nodes = self.nodes();
         let (field, per_pixel) = self.field(&nodes.wave, grid);
         let area = self.cell() * self.cell();
-        let all = nodes.points.iter().map(|p| p.amplitude * p.amplitude).sum::<f64>() * area;
+        let all = nodes.points.iter().map(|p| p.energy).sum::<f64>() * area;
         let unit = self.energy_per_sample(grid, per_pixel) * area * area / all;
         // E_bar = 2 bar E; the energies are also divided by that of all nodes.
         let places = grid.cells * per_pixel;
@@ -236,7 +244,8 @@ impl WaveChannel {
                     let point = &nodes.points[j * n + column];
                     let (sin, cos) = (self.wavenumber * point.path_mm).sin_cos();
                     let (re, im) = (wave_bar.re[(column, j)], wave_bar.im[(column, j)]);
-                    bar.amplitude += re * cos + im * sin + by_all / all * area * 2.0 * point.amplitude;
+                    bar.amplitude += re * cos + im * sin;
+                    bar.energy += by_all / all * area;
                     bar.path += self.wavenumber * point.amplitude * (im * cos - re * sin);
                     bar.light += illumination_bar * area;
                 }

@@ -11,7 +11,7 @@ use petzval_optics::lens::{
 /// The triplet of `data/lenses/cooke-triplet-nominal.toml`.
 #[allow(dead_code, reason = "each test file takes what it needs of this one")]
 pub fn nominal_triplet() -> Lens {
-    let glass = |name: &str, dispersion| Arc::new(Glass { name: name.into(), dispersion });
+    let glass = |name: &str, dispersion| Arc::new(Glass::new(name, dispersion));
     let pmma = glass(
         "PMMA",
         Dispersion::Schott([

@@ -8,12 +8,14 @@ mod device;
 mod doctor;
 mod evaluate;
 mod failure;
+mod glass;
 mod lens;
 mod psf;
 mod report;
 mod signals;
 mod simulate;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -34,6 +36,10 @@ pub struct Cli {
     /// Threads to use; 0 means one per core. Results do not depend on it.
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     threads: usize,
+    /// Glass catalogue whose glasses win over the built-in ones: .agf, .toml, a page of refractiveindex.info (.yml), or a
+    /// folder of them. May be repeated; later ones win. PETZVAL_GLASSES lists more, which come before
+    #[arg(long, global = true, value_name = "PATH")]
+    glasses: Vec<PathBuf>,
     #[command(subcommand)]
     verb: Verb,
 }
@@ -49,6 +55,9 @@ enum Verb {
     /// Look at a lens, or make it better
     #[command(subcommand)]
     Lens(lens::LensVerb),
+    /// Look glasses up, or find those with a given index and dispersion
+    #[command(subcommand)]
+    Glass(glass::GlassVerb),
     /// Write the point-spread functions of a lens
     Psf(psf::Args),
     /// Take photographs through a lens: photograph, raw frame, developed picture
@@ -78,11 +87,13 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
             .build_global()
             .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
     }
+    glass::choose(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
     match cli.verb {
         Verb::Design(args) => design::run(args),
         Verb::Report(args) => report::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Lens(verb) => lens::run(verb),
+        Verb::Glass(verb) => glass::run(verb),
         Verb::Psf(args) => psf::run(args),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Bench(args) => bench::run(args),

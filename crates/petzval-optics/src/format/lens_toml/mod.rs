@@ -57,6 +57,7 @@ mod write;
 pub use parameter::parameter_name;
 pub use read::parse_lens;
 pub(super) use text::Number;
+pub(super) use write::{number, numbers, quoted};
 pub use write::{special_lines, write_lens};
 
 use crate::design_space::{EflSolve, Pickup, Variable};

@@ -2,11 +2,12 @@
 
 use std::fmt::Write;
 
-use toml_writer::{ToTomlKey, ToTomlValue, TomlStringBuilder};
+use toml_writer::{ToTomlValue, TomlStringBuilder};
 
 use super::parameter::parameter_name;
 use super::{Expected, LensFile};
-use crate::glass::{Dispersion, Glass};
+use crate::format::glass_toml::write_glass;
+use crate::glass::Glass;
 use crate::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
 };
@@ -40,7 +41,7 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
 
     let glasses = named_glasses(lens);
     for (name, glass) in &glasses {
-        write_glass(name, &glass.dispersion, out)?;
+        write_glass(name, glass, out)?;
     }
     for (i, surface) in lens.surfaces.iter().enumerate() {
         write_surface(surface, i == lens.stop, &glasses, out)?;
@@ -113,22 +114,6 @@ fn named_glasses(lens: &Lens) -> Vec<(String, &Glass)> {
         named.push((name, glass));
     }
     named
-}
-
-fn write_glass(name: &str, dispersion: &Dispersion, out: &mut String) -> std::fmt::Result {
-    writeln!(out, "\n[glass.{}]", name.to_toml_key())?;
-    match dispersion {
-        Dispersion::Constant(n) => writeln!(out, "n = {}", number(*n)),
-        Dispersion::NdVd { nd, vd } => writeln!(out, "nd = {}\nvd = {}", number(*nd), number(*vd)),
-        Dispersion::Schott(a) => writeln!(out, "schott = {}", numbers(a)),
-        Dispersion::Sellmeier { b, c_um2 } => {
-            writeln!(out, "sellmeier = {{ b = {}, c_um2 = {} }}", numbers(b), numbers(c_um2))
-        }
-        Dispersion::Table { wavelength_um, index } => {
-            let (wavelength_um, index) = (numbers(wavelength_um), numbers(index));
-            writeln!(out, "table = {{ wavelength_um = {wavelength_um}, index = {index} }}")
-        }
-    }
 }
 
 fn write_surface(
@@ -283,19 +268,19 @@ fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
 }
 
 /// The shortest decimal that reads back as the same bits.
-fn number(value: f64) -> String {
+pub(in crate::format) fn number(value: f64) -> String {
     match value.is_nan() {
         true => "nan".into(),
         false => format!("{value:?}"),
     }
 }
 
-fn numbers(values: &[f64]) -> String {
+pub(in crate::format) fn numbers(values: &[f64]) -> String {
     let values: Vec<String> = values.iter().map(|v| number(*v)).collect();
     format!("[{}]", values.join(", "))
 }
 
 /// A one-line TOML string.
-fn quoted(text: &str) -> String {
+pub(in crate::format) fn quoted(text: &str) -> String {
     TomlStringBuilder::new(text).as_basic().to_toml_value()
 }

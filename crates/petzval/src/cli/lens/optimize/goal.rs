@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::format::LensFile;
-use petzval::optics::glass::{Catalog, Glass};
+use petzval::optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval::optics::lens::{Action, Lens};
 use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 use petzval::optics::paraxial::first_order;
@@ -165,7 +165,9 @@ impl Goal {
                 return Err(wrong("the surface was named already".to_owned()));
             }
             let mut candidates: Vec<Arc<Glass>> = match names.trim() {
-                "all" => catalog.iter().map(|(_, glass)| glass.clone()).filter(|g| !g.is_air()).collect(),
+                "all" => {
+                    one_of_each_kind(catalog.iter().map(|(_, glass)| glass).filter(|g| may_be_taken(g, lens)))
+                }
                 names => names
                     .split(',')
                     .map(|name| catalog.get(name.trim()).map_err(|e| wrong(e.to_string())))
@@ -258,6 +260,29 @@ impl Goal {
 
 /// Edges and gaps that are not asked for must still be there, mm.
 const LEAST_MM: f64 = 0.01;
+
+/// Whether a search over the whole catalogue may put a glass into a lens: it can be bought, and its formula holds.
+fn may_be_taken(glass: &Glass, lens: &Lens) -> bool {
+    !glass.is_air()
+        && glass.status != Some(Status::Obsolete)
+        && !lens.wavelengths_um.iter().any(|um| glass.is_outside_range(*um))
+}
+
+/// Of glasses that makers offer as each other's equivalents, one, the preferred one of its maker first. A search looks
+/// at a few neighbours on the glass map, and six kinds of BK7 are none.
+fn one_of_each_kind<'a>(glasses: impl Iterator<Item = &'a Arc<Glass>>) -> Vec<Arc<Glass>> {
+    const ALIKE: f64 = 0.3;
+    let mut glasses: Vec<&Arc<Glass>> = glasses.collect();
+    glasses.sort_by_key(|glass| glass.status.is_none_or(|status| status != Status::Preferred));
+    let mut kept: Vec<Arc<Glass>> = Vec::new();
+    for glass in glasses {
+        let place = [glass.nd(), glass.abbe_vd()];
+        if !kept.iter().any(|other| map_distance(other, place) < ALIKE) {
+            kept.push(glass.clone());
+        }
+    }
+    kept
+}
 
 fn check(name: &str, holds: bool, hint: &str) -> Result<(), Failure> {
     if holds { Ok(()) } else { Err(Failure::input(format!("{name}: out of range"), hint)) }

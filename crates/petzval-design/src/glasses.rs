@@ -1,0 +1,165 @@
+//! Glass catalogues that a user chose: AGF and TOML files, pages of refractiveindex.info, and folders of them.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use petzval_optics::format::{FileError, decode, parse_agf, parse_rii};
+use petzval_optics::glass::Catalog;
+
+use crate::error::DesignError;
+
+/// Glasses of some files, and what in these was not understood.
+#[derive(Clone, Debug, Default)]
+pub struct ChosenGlasses {
+    /// The glasses; those of later files count where a name is in several.
+    pub catalog: Catalog,
+    /// Lines that were left out, or look wrong, with their files.
+    pub warnings: Vec<(PathBuf, FileError)>,
+}
+
+const ENDINGS: &str = ".agf, .toml, .yml or .yaml";
+
+/// Reads glass files and folders of them, in their order, the files of a folder in the order of their paths.
+///
+/// The maker of an AGF file is its name without `.agf`. A page of refractiveindex.info is called as its file is, made by
+/// the folder below `specs`; a page in a folder `MATERIAL/nk` is called `MATERIAL-PAGE`. Pages in a folder that cannot be
+/// read, as those of media without an index, are warnings.
+pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
+    let mut chosen = ChosenGlasses::default();
+    for path in paths {
+        if !path.exists() {
+            return Err(wrong(
+                path,
+                "there is no such file or folder",
+                format!("glass files end in {ENDINGS}"),
+            ));
+        }
+        if !path.is_dir() {
+            read_file(path, &mut chosen)?;
+            continue;
+        }
+        let (mut files, before) = (glass_files(path)?, chosen.catalog.iter().count());
+        files.sort();
+        for file in files {
+            match read_file(&file, &mut chosen) {
+                Err(DesignError::Input { path, error }) if is_page(&file) => {
+                    chosen.warnings.push((path, *error))
+                }
+                other => other?,
+            }
+        }
+        if chosen.catalog.iter().count() == before {
+            return Err(wrong(
+                path,
+                "there is no glass in this folder",
+                format!("glass files end in {ENDINGS}"),
+            ));
+        }
+    }
+    Ok(chosen)
+}
+
+/// The glass files below a folder.
+fn glass_files(root: &Path) -> Result<Vec<PathBuf>, DesignError> {
+    let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
+            let entry = entry.map_err(DesignError::io(&folder))?;
+            let (path, kind) = (entry.path(), entry.file_type().map_err(DesignError::io(&folder))?);
+            if kind.is_dir() {
+                open.push(path);
+            } else if matches!(ending(&path).as_str(), "agf" | "toml") || is_page(&path) && !is_index(&path) {
+                files.push(path);
+            }
+        }
+    }
+    Ok(files)
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn is_page(path: &Path) -> bool {
+    matches!(ending(path).as_str(), "yml" | "yaml")
+}
+
+/// What the database of refractiveindex.info keeps beside its pages.
+fn is_index(path: &Path) -> bool {
+    let stem = stem(path);
+    stem == "about" || stem.starts_with("catalog-")
+}
+
+fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), DesignError> {
+    let known = matches!(ending(path).as_str(), "agf" | "toml") || is_page(path);
+    if path.exists() && !known {
+        return Err(wrong(path, "this is no glass catalogue", format!("glass files end in {ENDINGS}")));
+    }
+    let bytes = std::fs::read(path).map_err(DesignError::io(path))?;
+    let text = decode(&bytes);
+    let file = match ending(path).as_str() {
+        "agf" => parse_agf(&text, &stem(path)),
+        "toml" => {
+            let catalog = Catalog::parse(&text).map_err(DesignError::input(path))?;
+            chosen.catalog.merge(catalog);
+            return Ok(());
+        }
+        _ => {
+            let (name, maker) = page_name(path);
+            parse_rii(&text, &name, &maker)
+        }
+    };
+    let file = file.map_err(DesignError::input(path))?;
+    chosen.warnings.extend(file.warnings.iter().map(|warning| (path.to_path_buf(), warning.clone())));
+    chosen.catalog.merge(file.into_catalog());
+    Ok(())
+}
+
+/// Name and maker of a page by its place in the database.
+fn page_name(path: &Path) -> (String, String) {
+    let folders: Vec<&str> = path.iter().rev().skip(1).filter_map(OsStr::to_str).collect();
+    if let Some(below) = folders.iter().position(|folder| *folder == "specs").and_then(|i| i.checked_sub(1)) {
+        return (stem(path), folders[below].to_owned());
+    }
+    match folders[..] {
+        // `(C5H8O2)n - poly(methyl methacrylate)` has its formula before the dash.
+        ["nk", material, ..] => {
+            let formula = material.split(" - ").next().unwrap_or(material);
+            (format!("{formula}-{}", stem(path)), String::new())
+        }
+        _ => (stem(path), String::new()),
+    }
+}
+
+fn wrong(path: &Path, message: &str, hint: String) -> DesignError {
+    DesignError::input(path)(FileError {
+        line: None,
+        column: None,
+        key: String::new(),
+        value: String::new(),
+        message: message.to_owned(),
+        hint: Some(hint),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_are_called_by_their_place() {
+        for (path, name, maker) in [
+            ("rii/specs/schott/optical/N-BK7.yml", "N-BK7", "schott"),
+            ("rii/specs/corning/EagleXG.yml", "EagleXG", "corning"),
+            ("main/SiO2/nk/Malitson.yml", "SiO2-Malitson", ""),
+            ("organic/(C8H8)n - polystyrene/nk/Zhang.yml", "(C8H8)n-Zhang", ""),
+            ("melt.yml", "melt", ""),
+        ] {
+            assert_eq!(page_name(Path::new(path)), (name.to_owned(), maker.to_owned()));
+        }
+    }
+}

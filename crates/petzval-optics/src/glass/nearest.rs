@@ -1,0 +1,59 @@
+//! Glasses near a place in the n_d, V_d plane.
+
+use std::sync::Arc;
+
+use super::{Catalog, Glass};
+
+/// A glass and how far it is from what was asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Near {
+    /// The glass.
+    pub glass: Arc<Glass>,
+    /// `sqrt((dn_d / 0.01)^2 + dV_d^2)`: a hundredth of index counts as much as one of Abbe number, which is how glass
+    /// maps are drawn.
+    pub distance: f64,
+}
+
+/// Distance of a glass from a place on the glass map, as in [`Near`].
+pub fn map_distance(glass: &Glass, [nd, vd]: [f64; 2]) -> f64 {
+    const ND_UNIT: f64 = 0.01;
+    ((glass.nd() - nd) / ND_UNIT).hypot(glass.abbe_vd() - vd)
+}
+
+/// The glasses that are nearest to a place `[n_d, V_d]`, nearest first, at most `count`; `wanted` says which glasses count.
+/// Each glass of each maker comes once, under its own name; media without dispersion never come.
+pub fn nearest(
+    catalog: &Catalog,
+    place: [f64; 2],
+    count: usize,
+    wanted: impl Fn(&Glass) -> bool,
+) -> Vec<Near> {
+    let mut found: Vec<Near> = catalog
+        .glasses()
+        .filter(|glass| wanted(glass))
+        .map(|glass| Near { glass: glass.clone(), distance: map_distance(glass, place) })
+        .filter(|near| near.distance.is_finite())
+        .collect();
+    found.sort_by(|a, b| a.distance.total_cmp(&b.distance).then_with(|| a.glass.name.cmp(&b.glass.name)));
+    found.truncate(count);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_come_first_and_aliases_do_not_count_twice() {
+        let catalog = Catalog::parse(
+            "[glass.A]\nnd = 1.51\nvd = 64.0\naliases = [\"AA\"]\nmaker = \"One\"\n\
+             [glass.B]\nnd = 1.52\nvd = 62.0\n[glass.C]\nnd = 1.7\nvd = 30.0\n[glass.D]\nn = 1.5\n",
+        )
+        .unwrap();
+        let near = nearest(&catalog, [1.51, 62.0], 9, |_| true);
+        let names: Vec<&str> = near.iter().map(|n| n.glass.name.as_str()).collect();
+        assert_eq!(names, ["B", "A", "C"]);
+        assert!((near[0].distance - 1.0).abs() < 1e-9 && (near[1].distance - 2.0).abs() < 1e-9);
+        assert_eq!(nearest(&catalog, [1.51, 62.0], 1, |g| g.maker == "One")[0].glass.name, "A");
+    }
+}
