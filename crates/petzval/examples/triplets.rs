@@ -17,6 +17,9 @@ const NYQUIST_PER_MM: f64 = 85.32;
 /// Sides of the boxes of spots in the paper, um: sensor-sized field and larger field.
 const BOX_UM: [f64; 2] = [200.0, 400.0];
 
+/// Half the diagonals of the sensors, mm: 1920 x 1200 and 3480 x 2400 pixels of 5.86 um.
+const HALF_DIAGONAL_MM: [f64; 2] = [6.634, 12.386];
+
 /// Fields of the larger field of view, degrees.
 const LARGE_DEG: [f64; 4] = [0.0, 5.0, 15.0, 25.0];
 
@@ -74,20 +77,21 @@ fn main() -> Result<(), Failure> {
 
 /// All layouts on one scale, figure 26.
 fn layouts(lenses: &[Lens], out: &Path) -> Result<(), Failure> {
-    let options = |lens: &Lens| LayoutOptions {
+    let options = |lens: &Lens, is_large: bool| LayoutOptions {
         px_per_mm: 1.0,
         fields_rad: lens.fields_deg.iter().map(|f| f.to_radians()).collect(),
         rays: 5,
-        half_diagonal_mm: 6.634,
+        half_diagonal_mm: HALF_DIAGONAL_MM[usize::from(is_large)],
         ghost: None,
         extent: Extent::default(),
     };
-    let extent = lenses.iter().map(|l| layout_extent(l, &options(l))).fold(Extent::default(), Extent::union);
+    let all = || TRIPLETS.iter().zip(lenses).map(|(t, lens)| (t.name, lens, options(lens, t.is_large)));
+    let extent = all().map(|(_, lens, o)| layout_extent(lens, &o)).fold(Extent::default(), Extent::union);
     let px_per_mm = LAYOUT_PX / (extent.z_max_mm - extent.z_min_mm);
-    for (triplet, lens) in TRIPLETS.iter().zip(lenses) {
-        let svg = layout_svg(lens, &LayoutOptions { px_per_mm, extent, ..options(lens) });
+    for (name, lens, options) in all() {
+        let svg = layout_svg(lens, &LayoutOptions { px_per_mm, extent, ..options });
         let white = svg.replacen('>', "><rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>", 1);
-        std::fs::write(out.join(format!("layout-{}.svg", triplet.name)), white)?;
+        std::fs::write(out.join(format!("layout-{name}.svg")), white)?;
     }
     Ok(())
 }
