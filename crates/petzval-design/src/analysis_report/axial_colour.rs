@@ -3,7 +3,7 @@
 use maud::html;
 use petzval_optics::analysis::Analysis;
 
-use super::style::{WIDTH_PX, foot, wavelength_keys, wavelength_name, wavelength_pen};
+use super::style::{WIDTH_PX, axis_with_zero, foot, wavelength_keys, wavelength_name, wavelength_pen};
 use crate::plot::{Axis, Curve, Frame, INK, Names, Pen, Sheet, span};
 
 /// Height of both frames, px.
@@ -22,10 +22,13 @@ pub(super) fn axial_colour(analysis: &Analysis) -> Sheet {
         .map(|(i, mm)| Curve::beside(wavelength_pen(analysis, i), i, &crossings.pupil, mm.iter().copied()))
         .collect();
     let (low, high) = span(shift.wavelength_um.iter().copied()).unwrap_or((0.0, 1.0));
-    let frame = |left: f64, y: Axis, curves: &[Curve]| {
-        let (low, high) = span(curves.iter().flat_map(|c| c.values(0)).chain([0.0])).unwrap_or((0.0, 0.0));
-        let x = if high - low < 1e-9 { Axis::about_zero(1.0) } else { Axis::around(low, high, 5) };
-        Frame { left, top: 30.0, width: 360.0, height: HEIGHT_PX, x, y }
+    let frame = |left: f64, y: Axis, curves: &[Curve]| Frame {
+        left,
+        top: 30.0,
+        width: 360.0,
+        height: HEIGHT_PX,
+        x: axis_with_zero(curves),
+        y,
     };
     let focus = Names { head: "chromatic focal shift", x: "paraxial focus, mm", y: "wavelength, µm" };
     let zones = Names { head: "longitudinal aberration", x: "crossing from the image plane, mm", y: "pupil" };

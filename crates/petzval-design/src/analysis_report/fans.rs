@@ -3,7 +3,9 @@
 use maud::html;
 use petzval_optics::analysis::{Analysis, Fan};
 
-use super::style::{WIDTH_PX, field_name, foot, wavelength_keys, wavelength_name, wavelength_pen};
+use super::style::{
+    WIDTH_PX, are_own, field_name, foot, scales, wavelength_keys, wavelength_name, wavelength_pen,
+};
 use crate::plot::{Axis, Curve, Frame, INK, Names, Sheet, px, span};
 
 /// Size of a panel, distance of rows, px.
@@ -59,9 +61,12 @@ pub(super) fn opd_fans(analysis: &Analysis) -> Sheet {
 }
 
 fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
-    let all = analysis.fans.iter().flat_map(kind.of).flatten().flatten().flatten().copied();
-    let reach = span(all).map_or(1.0, |(low, high)| low.abs().max(high.abs()));
-    let (x, y) = (pupil_axis(), Axis::about_zero(reach));
+    let reach = |fan: &Fan| {
+        let all = (kind.of)(fan).into_iter().flatten().flatten().flatten().copied();
+        span(all).map_or(0.0, |(low, high)| low.abs().max(high.abs()))
+    };
+    let scales = scales(&analysis.fans.iter().map(reach).collect::<Vec<f64>>());
+    let x = pupil_axis();
     let last = analysis.fans.len().saturating_sub(1);
     let body = html! {
         @for (row, fan) in analysis.fans.iter().enumerate() {
@@ -71,7 +76,7 @@ fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
             }
             @for (side, curves) in (kind.of)(fan).into_iter().enumerate() {
                 @let frame = Frame {
-                    left: LEFT_PX[side], top, width: PANEL_PX[0], height: PANEL_PX[1], x: x.clone(), y: y.clone(),
+                    left: LEFT_PX[side], top, width: PANEL_PX[0], height: PANEL_PX[1], x: x.clone(), y: Axis::about_zero(scales[row]),
                 };
                 @let names = Names {
                     head: if row == 0 { ["tangential", "sagittal"][side] } else { "" },
@@ -88,7 +93,11 @@ fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
     Sheet {
         class: kind.class,
         title: kind.title.into(),
-        remark: kind.remark.clone(),
+        remark: format!(
+            "{}{}",
+            kind.remark,
+            if are_own(&scales) { " Each field has its own scale." } else { "" }
+        ),
         keys: wavelength_keys(analysis),
         alt: format!(
             "{} of {}, one row for each of {} fields",

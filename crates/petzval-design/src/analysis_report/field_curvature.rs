@@ -4,7 +4,8 @@ use maud::html;
 use petzval_optics::analysis::Analysis;
 
 use super::style::{
-    ONE_FIELD, WIDTH_PX, foot, has_one_field, section_keys, wavelength_keys, wavelength_name, wavelength_pen,
+    WIDTH_PX, axis_with_zero, foot, has_one_field, section_keys, wavelength_keys, wavelength_name,
+    wavelength_pen, without_curves,
 };
 use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
 
@@ -14,6 +15,10 @@ const HEIGHT_PX: f64 = 420.0;
 /// Where tangential and sagittal lines focus, and how the image is distorted.
 pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
     let data = &analysis.field_curves;
+    let (class, title) = ("field-curvature-distortion", "Field curvature and distortion");
+    if has_one_field(&data.field_deg) {
+        return without_curves(analysis, class, title);
+    }
     let mut foci: Vec<Curve> = Vec::new();
     let mut distortion: Vec<Curve> = Vec::new();
     for i in 0..analysis.wavelengths_um.len() {
@@ -32,16 +37,13 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
     };
     let mut keys = wavelength_keys(analysis);
     keys.extend(section_keys());
-    let remark = match has_one_field(&data.field_deg) {
-        true => ONE_FIELD.into(),
-        false => format!(
-            "Foci of rays close to the chief ray; distortion of the chief ray from f tan(field) at {}.",
-            wavelength_name(analysis.reference_um)
-        ),
-    };
+    let remark = format!(
+        "Foci of rays close to the chief ray; distortion of the chief ray from f tan(field) at {}.",
+        wavelength_name(analysis.reference_um)
+    );
     Sheet {
-        class: "field-curvature-distortion",
-        title: "Field curvature and distortion".into(),
+        class,
+        title: title.into(),
         remark,
         keys,
         alt: format!("Field curvature and distortion of {} over the field", analysis.name),
@@ -71,11 +73,8 @@ pub(super) fn panel(
     x_name: &str,
     curves: &[Curve],
 ) -> maud::Markup {
-    let (low, high) = span(curves.iter().flat_map(|c| c.values(0)).chain([0.0])).unwrap_or((0.0, 0.0));
-    // What is nothing but rounding is drawn as nothing.
-    let x = if high - low < 1e-9 { Axis::about_zero(1.0) } else { Axis::around(low, high, 5) };
     let (bottom, top) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
     let y = Axis::between(bottom, top, 4);
-    let frame = Frame { left, top: 30.0, width, height: HEIGHT_PX, x, y };
+    let frame = Frame { left, top: 30.0, width, height: HEIGHT_PX, x: axis_with_zero(curves), y };
     frame.draw(Names { head, x: x_name, y: "field, degrees" }, curves)
 }

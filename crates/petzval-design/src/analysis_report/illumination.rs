@@ -3,12 +3,16 @@
 use petzval_optics::analysis::Analysis;
 
 use super::mtf::{modulation_frame, sheet};
-use super::style::{ONE_FIELD, has_one_field, wavelength_keys, wavelength_pen};
+use super::style::{has_one_field, wavelength_keys, wavelength_pen, without_curves};
 use crate::plot::{Axis, Curve, Names, Sheet, span};
 
 /// Illumination of the image over that of the axis, by wavelength.
 pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
     let data = &analysis.field_curves;
+    let (class, title) = ("relative-illumination", "Relative illumination");
+    if has_one_field(&data.field_deg) {
+        return without_curves(analysis, class, title);
+    }
     let curves: Vec<Curve> = data
         .relative_illumination
         .iter()
@@ -25,10 +29,7 @@ pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
         frame.y = Axis::around(0.0, brightest, 6);
     }
     let names = Names { head: "", x: "field, degrees", y: "relative illumination" };
-    let remark = match has_one_field(&data.field_deg) {
-        true => ONE_FIELD,
-        false => "Light on the image plane over that on the axis of the same wavelength.",
-    };
+    let remark = "Light on the image plane over that on the axis of the same wavelength.";
     let keys = wavelength_keys(analysis);
     sheet(
         analysis,

@@ -4,7 +4,7 @@ use petzval_optics::analysis::Analysis;
 
 use super::field_curvature::{over_field, panel};
 use super::style::{
-    ONE_FIELD, WIDTH_PX, foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen,
+    WIDTH_PX, foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen, without_curves,
 };
 use crate::plot::{Curve, Key, MUTED, Pen, Sheet};
 use crate::report::number;
@@ -12,6 +12,10 @@ use crate::report::number;
 /// Heights of the chief rays of all wavelengths from that of the reference, between the edges of the Airy disk.
 pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
     let data = &analysis.field_curves;
+    let (class, title) = ("lateral-colour", "Lateral colour");
+    if has_one_field(&data.field_deg) {
+        return without_curves(analysis, class, title);
+    }
     let airy = analysis.first_order.airy_radius_um;
     let edge = Pen::thin(MUTED).dashed();
     let mut curves: Vec<Curve> =
@@ -21,16 +25,13 @@ pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
     }
     let mut keys = wavelength_keys(analysis);
     keys.push(Key::pen(edge, format!("Airy disk, ±{} µm", number::fixed(airy, 2))));
-    let remark = match has_one_field(&data.field_deg) {
-        true => ONE_FIELD.into(),
-        false => format!(
-            "Height of the chief ray in the image less that at {}.",
-            wavelength_name(analysis.reference_um)
-        ),
-    };
+    let remark = format!(
+        "Height of the chief ray in the image less that at {}.",
+        wavelength_name(analysis.reference_um)
+    );
     Sheet {
-        class: "lateral-colour",
-        title: "Lateral colour".into(),
+        class,
+        title: title.into(),
         remark,
         keys,
         alt: format!("Lateral colour of {} over the field", analysis.name),

@@ -1,8 +1,10 @@
 //! Modulation over frequency.
 
-use petzval_optics::analysis::{Analysis, FieldMtf, MtfCurve};
+use petzval_optics::analysis::{Analysis, MtfCurve};
 
-use super::style::{WIDTH_PX, field_keys, field_pen, foot, section_curves, section_keys};
+use super::style::{
+    WIDTH_PX, field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys,
+};
 use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet};
 
 /// The field between the axes, px.
@@ -10,30 +12,29 @@ const SIZE_PX: [f64; 2] = [816.0, 420.0];
 
 /// By waves, with the limit; by rays where there are no waves.
 pub(super) fn mtf(analysis: &Analysis) -> Sheet {
-    let diffraction: Option<Vec<&MtfCurve>> = analysis.mtf.iter().map(|m| m.diffraction.as_ref()).collect();
-    match diffraction {
-        Some(curves) => {
-            let remark = "By waves, mean of the wavelengths: tangential lines solid, sagittal lines dashed.";
-            let nearest = analysis.mtf.iter().min_by(|a, b| a.field_deg.abs().total_cmp(&b.field_deg.abs()));
-            let limit = nearest.and_then(|m| Some((m, m.limit.as_ref()?)));
-            draw(analysis, "mtf", "MTF", remark, &curves, limit)
-        }
-        None => {
-            let remark =
-                "By rays: at some field rays of the stop are lost or the wavefront is too rough for waves.";
-            draw(analysis, "mtf", "MTF", remark, &by_rays(analysis), None)
-        }
-    }
+    let has_waves: Vec<bool> = analysis.mtf.iter().map(|m| m.diffraction.is_some()).collect();
+    let fields: Vec<&MtfCurve> =
+        analysis.mtf.iter().map(|m| m.diffraction.as_ref().unwrap_or(&m.geometric)).collect();
+    let mut keys = field_keys_with_method(analysis, &has_waves);
+    keys.extend(section_keys());
+    // The limit hardly changes over the field: that next to the axis stands for all.
+    let limits = analysis.mtf.iter().filter_map(|m| Some((m, m.limit.as_ref()?)));
+    let limit =
+        limits.min_by(|a, b| a.0.field_deg.abs().total_cmp(&b.0.field_deg.abs())).map(|(at, limit)| {
+            let pen = Pen { width: 2.2, ..Pen::thin("#b3b9c1") };
+            keys.push(Key::pen(pen.clone(), "diffraction limit"));
+            Curve::over(pen, 0, &at.frequency_per_mm, limit.tangential.iter().copied().map(Some))
+        });
+    let remark = format!("{}; mean of the wavelengths.", method(&has_waves));
+    draw(analysis, "mtf", "MTF", &remark, keys, limit, &fields)
 }
 
 /// By rays.
 pub(super) fn geometric_mtf(analysis: &Analysis) -> Sheet {
-    let remark = "By rays, mean of the wavelengths: tangential lines solid, sagittal lines dashed.";
-    draw(analysis, "mtf-geometric", "Geometric MTF", remark, &by_rays(analysis), None)
-}
-
-fn by_rays(analysis: &Analysis) -> Vec<&MtfCurve> {
-    analysis.mtf.iter().map(|m| &m.geometric).collect()
+    let fields: Vec<&MtfCurve> = analysis.mtf.iter().map(|m| &m.geometric).collect();
+    let mut keys = field_keys(analysis);
+    keys.extend(section_keys());
+    draw(analysis, "mtf-geometric", "Geometric MTF", "By rays, mean of the wavelengths.", keys, None, &fields)
 }
 
 fn draw(
@@ -41,18 +42,11 @@ fn draw(
     class: &'static str,
     title: &str,
     remark: &str,
+    keys: Vec<Key>,
+    limit: Option<Curve>,
     fields: &[&MtfCurve],
-    limit: Option<(&FieldMtf, &MtfCurve)>,
 ) -> Sheet {
-    let mut curves: Vec<Curve> = Vec::new();
-    let mut keys = field_keys(analysis);
-    keys.extend(section_keys());
-    if let Some((at, limit)) = limit {
-        let pen = Pen { width: 2.2, ..Pen::thin("#b3b9c1") };
-        let over = |y: &[f64]| Curve::over(pen.clone(), 0, &at.frequency_per_mm, y.iter().copied().map(Some));
-        curves.push(over(&limit.tangential));
-        keys.push(Key::pen(pen, "diffraction limit"));
-    }
+    let mut curves: Vec<Curve> = limit.into_iter().collect();
     for (i, (curve, at)) in fields.iter().zip(&analysis.mtf).enumerate() {
         curves.extend(section_curves(&field_pen(i), i, &at.frequency_per_mm, curve));
     }

@@ -3,16 +3,17 @@
 use petzval_optics::analysis::Analysis;
 
 use super::mtf::{modulation_frame, sheet};
-use super::style::{ONE_FIELD, field_pen, has_one_field, section_curves, section_keys, short};
+use super::style::{field_pen, has_one_field, method, section_curves, section_keys, short, without_curves};
 use crate::plot::{Axis, Curve, Key, Names, Sheet, span};
 
 /// One pair of curves for each frequency.
 pub(super) fn mtf_by_field(analysis: &Analysis) -> Sheet {
     let data = &analysis.mtf_by_field;
-    let (curves, method) = match &data.diffraction {
-        Some(curves) => (curves, "By waves"),
-        None => (&data.geometric, "By rays"),
-    };
+    let (class, title) = ("mtf-by-field", "MTF over the field");
+    if has_one_field(&data.field_deg) {
+        return without_curves(analysis, class, title);
+    }
+    let curves = data.diffraction.as_ref().unwrap_or(&data.geometric);
     let mut keys: Vec<Key> = data
         .frequency_per_mm
         .iter()
@@ -28,9 +29,6 @@ pub(super) fn mtf_by_field(analysis: &Analysis) -> Sheet {
     let (low, high) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
     let frame = modulation_frame(Axis::between(low, high, 4));
     let names = Names { head: "", x: "field, degrees", y: "modulation" };
-    let remark = match has_one_field(&data.field_deg) {
-        true => ONE_FIELD.into(),
-        false => format!("{method}, mean of the wavelengths."),
-    };
-    sheet(analysis, "mtf-by-field", "MTF over the field", &remark, keys, frame.draw(names, &lines))
+    let remark = format!("{}; mean of the wavelengths.", method(&[data.diffraction.is_some()]));
+    sheet(analysis, class, title, &remark, keys, frame.draw(names, &lines))
 }

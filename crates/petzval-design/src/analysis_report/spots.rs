@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, SpotDiagram};
 
-use super::style::{WIDTH_PX, field_name, foot, short, wavelength_keys, wavelength_pen};
+use super::style::{WIDTH_PX, are_own, field_name, foot, scales, short, wavelength_keys, wavelength_pen};
 use crate::plot::{AXIS, INK, Key, KeyLine, MUTED, Sheet, px, round_up};
 use crate::report::number;
 
@@ -20,15 +20,25 @@ const MARKER_PX: f64 = 1.5;
 
 /// The matrix of spots, in boxes of a given side or one that holds them all.
 pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
-    let reach = analysis.spots.iter().map(|s| s.geometric_radius_um.max(1.2 * s.airy_radius_um));
-    let side_um = side_um.unwrap_or_else(|| round_up(2.06 * reach.fold(0.0, f64::max)));
+    let reach = |s: &SpotDiagram| s.geometric_radius_um.max(1.2 * s.airy_radius_um);
+    let sides_um: Vec<f64> = match side_um {
+        Some(side_um) => vec![side_um; analysis.spots.len()],
+        None => scales(&analysis.spots.iter().map(reach).collect::<Vec<f64>>())
+            .into_iter()
+            .map(|reach| round_up(2.06 * reach))
+            .collect(),
+    };
+    let boxes = match are_own(&sides_um) {
+        true => "Boxes, each on its own scale,".into(),
+        false => format!("Boxes {} µm wide", short(sides_um.first().copied().unwrap_or(f64::NAN), 3)),
+    };
     let columns = analysis.spots.len().clamp(1, COLUMNS);
     let left = 0.5 * (WIDTH_PX - columns as f64 * (BOX_PX + GAP_PX) + GAP_PX);
     let step = BOX_PX + TEXT_PX;
     let body = html! {
         @for (i, spot) in analysis.spots.iter().enumerate() {
             @let (x, y) = (left + (i % columns) as f64 * (BOX_PX + GAP_PX), 6.0 + (i / columns) as f64 * step);
-            g class="spot" transform=(format!("translate({} {})", px(x), px(y))) { (one(analysis, spot, side_um)) }
+            g class="spot" transform=(format!("translate({} {})", px(x), px(y))) { (one(analysis, spot, sides_um[i])) }
         }
     };
     let mut keys: Vec<Key> = wavelength_keys(analysis)
@@ -49,8 +59,7 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
         class: "spots",
         title: "Spot diagrams".into(),
         remark: format!(
-            "Boxes {} µm wide about the centroid of all light, y upwards; RMS and largest distance from there.",
-            short(side_um, 3)
+            "{boxes} about the centroid of all light, y upwards; RMS and largest distance from there."
         ),
         keys,
         alt: format!("Spot diagrams of {} at {} fields", analysis.name, analysis.spots.len()),

@@ -2,7 +2,7 @@
 
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
-use crate::plot::{Curve, INK, Key, KeyLine, Marker, Pen};
+use crate::plot::{Axis, Curve, INK, Key, KeyLine, Marker, Pen, Sheet, span};
 use crate::report::{number, palette};
 
 /// Width of a picture, px.
@@ -50,6 +50,46 @@ pub(super) fn field_keys(analysis: &Analysis) -> Vec<Key> {
     analysis.fields_deg.iter().enumerate().map(entry).collect()
 }
 
+/// One entry for each field; those without waves say that their curves are by rays, if others have waves.
+pub(super) fn field_keys_with_method(analysis: &Analysis, has_waves: &[bool]) -> Vec<Key> {
+    let mut keys = field_keys(analysis);
+    if has_waves.contains(&true) {
+        for (key, _) in keys.iter_mut().zip(has_waves).filter(|(_, has)| !**has) {
+            key.name += " (by rays)";
+        }
+    }
+    keys
+}
+
+/// How curves were computed, by which fields have waves.
+pub(super) fn method(has_waves: &[bool]) -> &'static str {
+    match (has_waves.contains(&true), has_waves.contains(&false)) {
+        (true, false) => "By waves",
+        (true, true) => "By waves where all rays of the stop arrive and the wavefront is smooth enough",
+        (false, _) => "By rays: rays of the stop are lost or wavefronts are too rough for waves",
+    }
+}
+
+/// Largest ratio of what the fields need on a common scale; beyond it each field has its own.
+pub(super) const COMMON: f64 = 12.0;
+
+/// The reach of every field's scale: the same for all, or each its own where a common one would show nothing of some fields.
+pub(super) fn scales(reach: &[f64]) -> Vec<f64> {
+    let largest = reach.iter().copied().filter(|r| r.is_finite()).fold(0.0, f64::max);
+    let least = reach.iter().copied().fold(f64::INFINITY, f64::min);
+    // A field without any aberration is not looked at closer than this.
+    let own = |r: &f64| r.max(1e-3 * largest);
+    match largest > COMMON * least.max(1e-3 * largest) {
+        true => reach.iter().map(own).collect(),
+        false => vec![largest; reach.len()],
+    }
+}
+
+/// Whether scales differ.
+pub(super) fn are_own(scales: &[f64]) -> bool {
+    scales.windows(2).any(|pair| pair[0] != pair[1])
+}
+
 /// One entry for each wavelength.
 pub(super) fn wavelength_keys(analysis: &Analysis) -> Vec<Key> {
     let entry = |(i, um): (usize, &f64)| Key::pen(wavelength_pen(analysis, i), wavelength_name(*um));
@@ -82,18 +122,47 @@ pub(super) fn section_curves(pen: &Pen, index: usize, x: &[f64], curve: &MtfCurv
     [over(pen.clone(), &curve.tangential), over(pen.clone().dashed(), &curve.sagittal)]
 }
 
+/// Anything smaller, mm, um or %, is rounding.
+const NOTHING: f64 = 1e-6;
+
+/// An axis that holds curves to the right of zero and to its left.
+pub(super) fn axis_with_zero(curves: &[Curve]) -> Axis {
+    let (low, high) = span(curves.iter().flat_map(|c| c.values(0)).chain([0.0])).unwrap_or((0.0, 0.0));
+    if high - low < NOTHING { Axis::about_zero(1.0) } else { Axis::around(low, high, 5) }
+}
+
 /// Whether a lens has but one field, so that curves over the field have no length.
 pub(super) fn has_one_field(field_deg: &[f64]) -> bool {
     field_deg.windows(2).all(|pair| pair[0] == pair[1])
 }
 
-/// What stands under a headline of curves over the field if there is but one field.
-pub(super) const ONE_FIELD: &str =
-    "The lens has the axis as its only field: there are no curves over the field.";
+/// What stands for curves over the field if there is but one field.
+pub(super) fn without_curves(analysis: &Analysis, class: &'static str, title: &str) -> Sheet {
+    Sheet {
+        class,
+        title: title.into(),
+        remark: "The lens has but one field: there are no curves over the field.".into(),
+        keys: Vec::new(),
+        alt: format!("{title} of {}: there is but one field", analysis.name),
+        width: WIDTH_PX,
+        height: 20.0,
+        body: maud::html! {},
+        foot: foot(analysis),
+    }
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fields_share_a_scale_unless_one_would_vanish_on_it() {
+        assert_eq!(scales(&[5.0, 50.0, 20.0]), [50.0; 3]);
+        assert_eq!(scales(&[5.0, 500.0, 20.0]), [5.0, 500.0, 20.0]);
+        assert_eq!(scales(&[0.0, 500.0]), [0.5, 500.0]);
+        assert_eq!(scales(&[0.0, 0.0]), [0.0, 0.0]);
+        assert!(!are_own(&scales(&[3.0])));
+    }
 
     #[test]
     fn numbers_are_as_short_as_they_can_be() {

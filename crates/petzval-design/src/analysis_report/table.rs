@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use petzval_optics::analysis::Analysis;
 
 use super::seidel::{SUMS, sums};
-use super::style::{field_name, short, wavelength_name};
+use super::style::{field_name, method, short, wavelength_name};
 use super::wavefront::nearest_to_reference;
 use crate::report::number;
 
@@ -51,7 +51,7 @@ pub(super) fn by_field(analysis: &Analysis) -> Markup {
     let shown = nearest_to_reference(analysis);
     let highest = analysis.mtf.first().and_then(|m| m.frequency_per_mm.last()).copied().unwrap_or(0.0);
     let um = analysis.wavelengths_um.get(shown).copied().unwrap_or(f64::NAN);
-    let has_waves = analysis.mtf.iter().all(|m| m.diffraction.is_some());
+    let has_waves: Vec<bool> = analysis.mtf.iter().map(|m| m.diffraction.is_some()).collect();
     let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
     html! {
         div.scroll {
@@ -72,7 +72,7 @@ pub(super) fn by_field(analysis: &Analysis) -> Markup {
                 tbody {
                     @for (i, field) in analysis.fields_deg.iter().enumerate() {
                         @let (spot, wave, mtf) = (&analysis.spots[i], &analysis.wavefronts[i], &analysis.mtf[i]);
-                        @let curve = mtf.diffraction.as_ref().filter(|_| has_waves).unwrap_or(&mtf.geometric);
+                        @let curve = mtf.diffraction.as_ref().unwrap_or(&mtf.geometric);
                         tr {
                             th { (field_name(*field)) }
                             td { (number::fixed(spot.chief_mm[1], 4)) }
@@ -89,8 +89,8 @@ pub(super) fn by_field(analysis: &Analysis) -> Markup {
             }
         }
         p.caption {
-            "Spots of all wavelengths about their common centroid; wavefronts at " (wavelength_name(um)) "; MTF by "
-            (if has_waves { "waves" } else { "rays" }) ", mean of the wavelengths."
+            "Spots of all wavelengths about their common centroid; wavefronts at " (wavelength_name(um))
+            ". MTF: " (method(&has_waves).to_lowercase()) "; mean of the wavelengths."
         }
     }
 }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, Wavefront, ZERNIKE_TERMS};
 
-use super::style::{WIDTH_PX, field_name, foot, short, wavelength_name};
+use super::style::{WIDTH_PX, field_name, foot, scales, short, wavelength_name};
 use crate::plot::{Axis, Frame, INK, MUTED, Names, Sheet, px, span};
 use crate::report::{number, palette};
 
@@ -23,8 +23,11 @@ const COLUMNS: [(f64, &str); 4] = [(676.0, "wavelength"), (750.0, "RMS"), (820.0
 pub(super) fn wavefront(analysis: &Analysis) -> Sheet {
     let shown = nearest_to_reference(analysis);
     let coefficients = |w: &Wavefront| w.zernike_waves.get(shown).cloned().flatten().unwrap_or_default();
-    let all = analysis.wavefronts.iter().flat_map(|w| coefficients(w).into_iter().skip(FIRST_TERM - 1));
-    let y = Axis::about_zero(span(all).map_or(1.0, |(low, high)| low.abs().max(high.abs())));
+    let reach = |w: &Wavefront| {
+        span(coefficients(w).into_iter().skip(FIRST_TERM - 1))
+            .map_or(0.0, |(low, high)| low.abs().max(high.abs()))
+    };
+    let scales = scales(&analysis.wavefronts.iter().map(reach).collect::<Vec<f64>>());
     let lines = LINE_PX * (analysis.wavelengths_um.len() + 1) as f64;
     let row_px = lines.max(BARS_PX[1]) + 36.0;
     let last = analysis.wavefronts.len().saturating_sub(1);
@@ -34,7 +37,7 @@ pub(super) fn wavefront(analysis: &Analysis) -> Sheet {
             text x="20" y=(px(top + 0.5 * BARS_PX[1] + 5.0)) fill=(INK) font-size="13.5" font-weight="600" {
                 (field_name(wave.field_deg))
             }
-            (bars(&coefficients(wave), &y, top, row == 0, row == last))
+            (bars(&coefficients(wave), scales[row], top, row == 0, row == last))
             (numbers(analysis, wave, top))
         }
     };
@@ -63,10 +66,11 @@ pub(super) fn nearest_to_reference(analysis: &Analysis) -> usize {
 }
 
 /// Coefficients as bars; terms of spherical aberration carry their numbers.
-fn bars(coefficients: &[f64], y: &Axis, top: f64, is_first: bool, is_last: bool) -> Markup {
+fn bars(coefficients: &[f64], reach: f64, top: f64, is_first: bool, is_last: bool) -> Markup {
     let mut x = Axis::between(FIRST_TERM as f64 - 0.7, ZERNIKE_TERMS as f64 + 0.7, 8);
     x.ticks = vec![4.0, 9.0, 16.0, 25.0, 36.0];
-    let frame = Frame { left: LEFT_PX, top, width: BARS_PX[0], height: BARS_PX[1], x, y: y.clone() };
+    let frame =
+        Frame { left: LEFT_PX, top, width: BARS_PX[0], height: BARS_PX[1], x, y: Axis::about_zero(reach) };
     let width = 0.66 * BARS_PX[0] / (ZERNIKE_TERMS - FIRST_TERM + 1) as f64;
     let zero = frame.at([0.0, 0.0])[1];
     let content = html! {

@@ -32,11 +32,15 @@ impl Axis {
 
     /// From the tick at or below one value to that at or above another.
     pub fn around(low: f64, high: f64, count: usize) -> Self {
-        let exact = Self::between(low, high, count);
-        let step = number::round_length((exact.high - exact.low) / count.max(1) as f64);
-        let down = (exact.low / step + 1e-9).floor() * step;
-        let up = (exact.high / step - 1e-9).ceil() * step;
-        Self::between(down, up, count)
+        let mut axis = Self::between(low, high, count);
+        // Ticks of the wider range may be farther apart than those of the narrower one: then it grows once more.
+        for _ in 0..3 {
+            let step = number::round_length((axis.high - axis.low) / count.max(1) as f64);
+            let down = (axis.low / step + 1e-9).floor() * step;
+            let up = (axis.high / step - 1e-9).ceil() * step;
+            axis = Self::between(down, up, count);
+        }
+        axis
     }
 
     /// From `-reach` to `reach`, widened to a round number.
@@ -101,6 +105,9 @@ mod tests {
         let axis = Axis::around(-0.37, 1.42, 4);
         assert_eq!((axis.low, axis.high), (-0.5, 1.5));
         assert_eq!(axis.share(0.5), 0.5);
+        // Between -7 and 1 ticks are 2 apart.
+        let wide = Axis::around(-6.9, 0.15, 5);
+        assert_eq!((wide.low, wide.high, wide.ticks.len()), (-8.0, 2.0, 6));
         let fits = Axis::around(0.0, 10.0, 5);
         assert_eq!((fits.low, fits.high), (0.0, 10.0));
     }

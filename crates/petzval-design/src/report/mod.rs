@@ -16,7 +16,7 @@ mod prescription;
 mod psf_table;
 mod reading;
 #[cfg(test)]
-mod sample;
+pub(crate) mod sample;
 mod score_table;
 
 pub use chart::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};

@@ -60,7 +60,7 @@ fn lens(name: &str, surfaces: Vec<Surface>, stop: usize, entrance_pupil_mm: f64)
 }
 
 /// A Cooke triplet with two plastic elements and four aspheric coefficients on two surfaces.
-pub(super) fn triplet() -> Lens {
+pub(crate) fn triplet() -> Lens {
     let (pmma, sf11, air) = (plastic(), flint(), Glass::air());
     let surfaces = vec![
         surface(11.34, &[0.0, -4.06e-5, 1.3e-7, -5.02e-9, -2.8e-11], 4.014, &pmma, 7.733),
@@ -75,7 +75,7 @@ pub(super) fn triplet() -> Lens {
 }
 
 /// A crown and a flint cemented together, the stop on the front.
-pub(super) fn cemented_doublet() -> Lens {
+pub(crate) fn cemented_doublet() -> Lens {
     let air = Glass::air();
     let surfaces = vec![
         surface(61.0, &[], 6.0, &crown(), 12.0),

@@ -109,7 +109,7 @@ fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisEr
         }
     }
     let all: f64 = kept.shares.iter().sum();
-    if !(all > 0.0) {
+    if all <= 0.0 || all.is_nan() {
         return Err(AnalysisError::NoLight { field_deg: field.field_deg });
     }
     kept.shares.iter_mut().for_each(|s| *s /= all);
@@ -175,7 +175,7 @@ pub fn fringe_zernike(k: usize, [x, y]: [f64; 2]) -> f64 {
 fn fringe_indices(k: usize) -> (usize, usize, bool) {
     // Group g holds n + m = 2 g: 2 g + 1 terms, m from g to 0.
     let (mut g, mut first) = (0, 0);
-    while k >= first + 2 * g + 1 {
+    while k > first + 2 * g {
         first += 2 * g + 1;
         g += 1;
     }

@@ -142,25 +142,24 @@ fn summary(analysis: &Analysis) -> String {
         first.push(format!("image plane {defocus:+.4} mm from the paraxial image"));
     }
     let reference = nearest(&analysis.wavelengths_um, analysis.reference_um);
-    let by_waves = analysis.mtf.iter().all(|m| m.diffraction.is_some());
     let highest = analysis.mtf.first().and_then(|m| m.frequency_per_mm.last()).copied().unwrap_or(0.0);
-    let method = if by_waves { "waves" } else { "rays" };
     let mut out = format!("{}\n  {}\n\n", analysis.name, first.join(", "));
     out += "  field deg   RMS spot um    MTF T    MTF S   Strehl\n";
     for (i, field) in analysis.fields_deg.iter().enumerate() {
         let mtf = &analysis.mtf[i];
-        let curve = mtf.diffraction.as_ref().filter(|_| by_waves).unwrap_or(&mtf.geometric);
+        let curve = mtf.diffraction.as_ref().unwrap_or(&mtf.geometric);
         let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
         let strehl = analysis.wavefronts[i].strehl[reference].map_or("-".into(), |s| format!("{s:.3}"));
         out += &format!(
-            "  {field:>9.2}   {:>11.2}   {:>6.3}   {:>6.3}   {strehl:>6}\n",
+            "  {field:>9.2}   {:>11.2}   {:>6.3}   {:>6.3}   {strehl:>6}{}\n",
             analysis.spots[i].rms_um,
             last(&curve.tangential),
             last(&curve.sagittal),
+            if mtf.diffraction.is_none() { "   MTF by rays" } else { "" },
         );
     }
     out += &format!(
-        "  spots and MTF of all wavelengths, MTF by {method} at {highest} cycles/mm; Strehl at {} um\n",
+        "  spots and MTF of all wavelengths, MTF at {highest} cycles/mm; Strehl at {} um\n",
         analysis.wavelengths_um[reference]
     );
     out

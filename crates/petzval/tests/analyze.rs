@@ -1,0 +1,252 @@
+//! `petzval lens analyze`: every file is there, reads as what it says it is, and shows the lens's own numbers.
+
+mod common;
+
+use std::path::Path;
+
+use common::{read, read_json, run, run_fails, run_ok};
+use serde_json::Value;
+
+const LENS: &str = "cooke-triplet-nominal";
+
+const PICTURES: [&str; 15] = [
+    "layout",
+    "spots",
+    "ray_fans",
+    "opd_fans",
+    "mtf",
+    "mtf_geometric",
+    "mtf_by_field",
+    "mtf_through_focus",
+    "field_curvature_distortion",
+    "lateral_colour",
+    "axial_colour",
+    "encircled_energy",
+    "relative_illumination",
+    "wavefront",
+    "seidel",
+];
+
+/// A telescope whose axis a flat mirror folds down.
+const NEWTONIAN: &str = r#"
+name = "Newton's <telescope> & \"fold\""
+source = "a test"
+units = "mm"
+[aperture]
+entrance_pupil_diameter_mm = 100.0
+[object]
+distance_mm = inf
+[wavelengths]
+um = [0.55]
+reference_um = 0.55
+[fields]
+angle_deg = [0.0]
+[[surface]]
+label = "primary"
+stop = true
+mirror = true
+radius_mm = -800.0
+conic = -1.0
+thickness_mm = -300.0
+semi_diameter_mm = 51.0
+[[surface]]
+label = "fold"
+mirror = true
+radius_mm = inf
+thickness_mm = 100.0
+semi_diameter_mm = 20.0
+placement = { tilt_deg = [45.0, 0.0, 0.0], axis = "bends" }
+"#;
+
+/// The SVG of a picture, parsed.
+fn with_svg<T>(folder: &Path, name: &str, look: impl Fn(roxmltree::Node) -> T) -> T {
+    let text = read(&folder.join(format!("{name}.svg")));
+    let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{name}.svg: {e}"));
+    look(document.root_element())
+}
+
+fn of_class(root: roxmltree::Node, class: &str) -> usize {
+    root.descendants().filter(|n| n.attribute("class") == Some(class)).count()
+}
+
+fn texts(root: roxmltree::Node) -> Vec<String> {
+    let texts = root.descendants().filter(|n| n.has_tag_name("text"));
+    texts.map(|n| n.descendants().filter_map(|t| t.text().filter(|_| t.is_text())).collect()).collect()
+}
+
+#[test]
+fn everything_is_written_and_well_formed() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run_ok(folder.path(), &["lens", "analyze", LENS]).stdout;
+    assert!(
+        said.contains("focal length 25.040 mm")
+            && said.contains("17 files in cooke-triplet-nominal-analysis"),
+        "{said}"
+    );
+    let out = folder.path().join("cooke-triplet-nominal-analysis");
+    let mut files: Vec<String> =
+        std::fs::read_dir(&out).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
+    files.sort();
+    let mut wanted: Vec<String> = PICTURES.iter().map(|p| format!("{p}.svg")).collect();
+    wanted.extend(["analysis.html".to_owned(), "analysis.json".to_owned()]);
+    wanted.sort();
+    assert_eq!(files, wanted);
+    for name in PICTURES {
+        with_svg(&out, name, |root| {
+            assert_eq!(root.attribute("role"), Some("img"));
+            assert!(
+                root.attribute("aria-label").is_some_and(|a| a.contains("Cooke triplet, nominal")),
+                "{name}"
+            );
+            assert!(texts(root).iter().any(|t| t == "Cooke triplet, nominal"), "{name}");
+        });
+        let size = std::fs::metadata(out.join(format!("{name}.svg"))).unwrap().len();
+        assert!(size < 400_000, "{name}: {size} bytes");
+    }
+    let page = read(&out.join("analysis.html"));
+    assert!(page.len() < 2_000_000 && page.matches("<figure>").count() == 15);
+
+    // Four fields in three colours.
+    with_svg(&out, "spots", |root| assert_eq!((of_class(root, "spot"), of_class(root, "rays")), (4, 12)));
+    with_svg(&out, "ray_fans", |root| assert_eq!(of_class(root, "curve"), 24));
+    with_svg(&out, "mtf", |root| assert_eq!(of_class(root, "curve"), 9));
+    with_svg(&out, "layout", |root| assert_eq!((of_class(root, "element"), of_class(root, "fan")), (3, 8)));
+}
+
+#[test]
+fn the_data_hold_every_analysis_and_the_pictures_show_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = run_ok(folder.path(), &["lens", "analyze", LENS, "--out", "here", "--json"]).json();
+    let out = folder.path().join("here");
+    assert_eq!(printed, read_json(&out.join("analysis.json")));
+    let keys: Vec<&str> = printed.as_object().unwrap().keys().map(String::as_str).collect();
+    for key in [
+        "name",
+        "wavelengths_um",
+        "reference_um",
+        "fields_deg",
+        "first_order",
+        "third_order",
+        "layout",
+        "spots",
+        "fans",
+        "wavefronts",
+        "mtf",
+        "mtf_by_field",
+        "mtf_through_focus",
+        "field_curves",
+        "axial_colour",
+        "longitudinal_aberration",
+        "encircled_energy",
+    ] {
+        assert!(keys.contains(&key), "no {key} in {keys:?}");
+    }
+    let spots: Vec<f64> =
+        printed["spots"].as_array().unwrap().iter().map(|s| s["rms_um"].as_f64().unwrap()).collect();
+    assert_eq!(spots.len(), 4);
+    let shown = with_svg(&out, "spots", texts);
+    for rms in spots {
+        assert!(shown.iter().any(|t| t.starts_with(&format!("RMS {rms:.2} µm"))), "{rms} in {shown:?}");
+    }
+    // Real-stop spots of `lens show` are the same numbers.
+    let show = run_ok(folder.path(), &["lens", "show", LENS, "--json"]).json();
+    for (a, b) in printed["spots"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(show["rms_spot_poly_real_stop_um"].as_array().unwrap())
+    {
+        assert!((a["rms_um"].as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn focus_and_frequencies_are_those_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let ask = [
+        "lens",
+        "analyze",
+        LENS,
+        "--out",
+        "a",
+        "--json",
+        "--max-frequency",
+        "85.32",
+        "--frequency",
+        "30",
+        "--focus",
+        "paraxial",
+    ];
+    let data = run_ok(folder.path(), &ask).json();
+    let last = |v: &Value| v.as_array().unwrap().last().unwrap().as_f64().unwrap();
+    assert_eq!(last(&data["mtf"][0]["frequency_per_mm"]), 85.32);
+    assert_eq!(data["mtf_through_focus"][0]["frequency_per_mm"], 30.0);
+    assert!(data["first_order"]["defocus_mm"].as_f64().unwrap().abs() < 1e-9);
+    let shown = with_svg(&folder.path().join("a"), "mtf_through_focus", texts);
+    assert!(shown.iter().any(|t| t.starts_with("At 30 cycles/mm.")), "{shown:?}");
+}
+
+#[test]
+fn only_what_was_asked_for_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    run_ok(folder.path(), &["lens", "analyze", LENS, "--out", "a", "--only", "mtf,spots,html"]);
+    let out = folder.path().join("a");
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
+    assert_eq!(read(&out.join("analysis.html")).matches("<figure>").count(), 2);
+}
+
+#[test]
+fn a_folded_lens_is_drawn_below_its_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("newton.toml"), NEWTONIAN).unwrap();
+    run_ok(folder.path(), &["lens", "analyze", "newton.toml"]);
+    let out = folder.path().join("newton-analysis");
+    for name in PICTURES {
+        with_svg(&out, name, |root| {
+            assert!(!root.descendants().any(|n| n.text().is_some_and(|t| t.contains("NaN"))), "{name}")
+        });
+    }
+    with_svg(&out, "layout", |root| {
+        assert_eq!(
+            (of_class(root, "mirror"), of_class(root, "mirror-back"), of_class(root, "element")),
+            (2, 2, 0)
+        );
+    });
+    let layout = &read_json(&out.join("analysis.json"))["layout"];
+    let end = |i: usize| {
+        layout["image"][i].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    // The fold lies 300 mm in front of the primary, the image 100 mm to its side, across the axis.
+    assert!((end(0)[1] + 200.0 - 100.0).abs() < 1e-9 || (end(0)[1] + 100.0).abs() < 1e-9, "{:?}", end(0));
+    assert!((end(0)[1] - end(1)[1]).abs() < 1e-9 && (0.5 * (end(0)[0] + end(1)[0]) + 300.0).abs() < 1e-9);
+    // One field: no curves over it.
+    with_svg(&out, "lateral_colour", |root| assert_eq!(of_class(root, "curve"), 0));
+}
+
+#[test]
+fn what_cannot_be_analysed_is_refused_with_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    for (more, needles) in [
+        (&["--max-frequency", "0"][..], ["--max-frequency 0", "cycles/mm"]),
+        (&["--frequency", "nan"], ["--frequency NaN", "cycles/mm"]),
+        (&["--only", "pictures"], ["invalid value 'pictures'", "field_curvature_distortion"]),
+        (&["--focus", "here"], ["invalid value 'here'", "paraxial"]),
+    ] {
+        let ask = [&["lens", "analyze", LENS, "--out", "a"], more].concat();
+        run_fails(folder.path(), &ask, 2, &needles);
+        assert!(!folder.path().join("a").exists());
+    }
+    run_fails(folder.path(), &["lens", "analyze", "no-such-lens"], 2, &["no-such-lens"]);
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    run_fails(folder.path(), &["lens", "analyze", LENS, "--out", "file"], 2, &["this is a file"]);
+    // A lens that makes no image.
+    let flat = NEWTONIAN.replace("radius_mm = -800.0\nconic = -1.0", "radius_mm = inf");
+    std::fs::write(folder.path().join("flat.toml"), flat).unwrap();
+    run_fails(folder.path(), &["lens", "analyze", "flat.toml"], 2, &["afocal"]);
+    // One whose first mirror is missed.
+    let far = NEWTONIAN.replace("angle_deg = [0.0]", "angle_deg = [0.0, 40.0]");
+    std::fs::write(folder.path().join("far.toml"), far).unwrap();
+    let refused = run(folder.path(), &["lens", "analyze", "far.toml"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(refused.says("at 40 degrees") && refused.says("lens show"), "{}", refused.stderr);
+}
