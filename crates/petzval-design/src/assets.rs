@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use petzval_camera::sensor::SensorModel;
-use petzval_optics::format::{FileError, LensFile, parse_lens};
+use petzval_optics::format::{FileError, Import, LensFile, Loss, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
@@ -20,6 +20,8 @@ pub struct Assets {
     chosen: Catalog,
     /// All glasses, once they have been read.
     catalog: OnceLock<Catalog>,
+    /// Told of what lenses of other programs lose when they are read.
+    on_loss: Option<fn(&Path, &Loss)>,
 }
 
 /// Built-in glass files: where several know a name, the first counts.
@@ -43,6 +45,11 @@ impl Assets {
     /// The library with these glasses, which win over the built-in ones.
     pub fn with_glasses(self, chosen: Catalog) -> Self {
         Self { chosen, catalog: OnceLock::new(), ..self }
+    }
+
+    /// The same library, telling what lenses of other programs lose whenever one is read.
+    pub fn telling_losses(self, on_loss: fn(&Path, &Loss)) -> Self {
+        Self { on_loss: Some(on_loss), ..self }
     }
 
     /// All files below a folder on disk, for tests and for a changed library.
@@ -124,10 +131,34 @@ impl Assets {
         Ok(self.catalog.get_or_init(|| catalog).clone())
     }
 
-    /// A lens by path or built-in name, checked to be possible.
+    /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`) or CODE V (`.seq`) will do.
     pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
-        let source = self.text("lens", "lenses", name)?;
-        parse_lens(&source.text, &self.catalog()?).map_err(DesignError::input(&source.path))
+        let Import { file, losses } = self.import(name)?;
+        if let Some(tell) = self.on_loss {
+            losses.iter().for_each(|loss| tell(Path::new(name), loss));
+        }
+        Ok(file)
+    }
+
+    /// A lens by path or built-in name, with what it lost if its file is that of another program.
+    pub fn import(&self, name: &str) -> Result<Import, DesignError> {
+        let path = Path::new(name);
+        let catalog = self.catalog()?;
+        let parse = match extension(path).as_str() {
+            "zmx" => parse_zmx,
+            "seq" => parse_seq,
+            _ => {
+                let source = self.text("lens", "lenses", name)?;
+                let file = parse_lens(&source.text, &catalog).map_err(DesignError::input(&source.path))?;
+                return Ok(Import { file, losses: Vec::new() });
+            }
+        };
+        let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
+        let mut import = parse(&decode(&bytes), &catalog).map_err(DesignError::input(path))?;
+        if import.file.lens.name.is_empty() {
+            import.file.lens.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        }
+        Ok(import)
     }
 
     /// A sensor by path or built-in name.
@@ -152,6 +183,11 @@ impl Assets {
     }
 }
 
+/// The ending of a path, in lower case.
+pub fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
 /// A file that was named as input and is no text, or may not be read.
 fn unreadable(path: &Path, error: &std::io::Error) -> DesignError {
     let error = FileError {
@@ -160,7 +196,7 @@ fn unreadable(path: &Path, error: &std::io::Error) -> DesignError {
         key: String::new(),
         value: String::new(),
         message: format!("cannot be read: {error}"),
-        hint: Some("give a TOML file".to_owned()),
+        hint: Some("give a file that exists and is text".to_owned()),
     };
     DesignError::input(path)(error)
 }

@@ -1,10 +1,12 @@
 //! The `data/` folder, built into the program: an installed `petzval` works from any folder.
 
 use std::borrow::Cow;
+use std::path::Path;
 use std::sync::OnceLock;
 
 use include_dir::{Dir, include_dir};
 use petzval_design::assets::Assets;
+use petzval_optics::format::Loss;
 use petzval_optics::glass::Catalog;
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../data");
@@ -19,7 +21,7 @@ pub fn choose_glasses(glasses: Catalog) {
 }
 
 /// The built-in library of lenses, glasses, sensors, experiments, photographs and weights, with the glasses that were
-/// chosen.
+/// chosen. What lenses of other programs lose when they are read is told on stderr.
 pub fn built_in_assets() -> Assets {
     let (mut files, mut open) = (Vec::new(), vec![&DATA]);
     while let Some(folder) = open.pop() {
@@ -31,5 +33,16 @@ pub fn built_in_assets() -> Assets {
         );
     }
     files.sort();
-    Assets::new(files).with_glasses(CHOSEN.get().cloned().unwrap_or_default())
+    Assets::new(files)
+        .with_glasses(CHOSEN.get().cloned().unwrap_or_default())
+        .telling_losses(|path, loss| eprintln!("warning: {}", told(path, loss)))
+}
+
+/// A loss with the file it is from, as `FILE:LINE: ...`.
+pub fn told(path: &Path, loss: &Loss) -> String {
+    let placeless = Loss { line: None, ..loss.clone() };
+    match loss.line {
+        Some(line) => format!("{}:{line}: {placeless}", path.display()),
+        None => format!("{}: {placeless}", path.display()),
+    }
 }

@@ -11,4 +11,4 @@ pub use petzval_optics as optics;
 
 mod embedded;
 
-pub use embedded::{built_in_assets, choose_glasses};
+pub use embedded::{built_in_assets, choose_glasses, told};

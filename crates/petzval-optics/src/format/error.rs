@@ -55,6 +55,18 @@ impl FileError {
         }
     }
 
+    /// An error about a whole line of a file that has no keys; the line is quoted.
+    pub fn at_line(line: u32, record: &str, message: impl Into<String>) -> Self {
+        Self {
+            line: (line > 0).then_some(line),
+            column: None,
+            key: String::new(),
+            value: quote(record),
+            message: message.into(),
+            hint: None,
+        }
+    }
+
     /// An error about the value at a path of keys, e.g. `["psf", "grid"]`, of a text that is valid TOML.
     pub fn at_key(text: &str, path: &[&str], message: impl Into<String>) -> Self {
         let key = path.last().copied().unwrap_or("");

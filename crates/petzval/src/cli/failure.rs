@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::camera::image::ImageError;
 use petzval::design::error::DesignError;
-use petzval::optics::format::FileError;
+use petzval::optics::format::{FileError, decode};
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;
@@ -70,7 +70,7 @@ impl Failure {
             diagnostic = diagnostic.with_help(hint.clone());
         }
         // Show the line itself, if the file is still there to be read.
-        let text = std::fs::read_to_string(path).ok();
+        let text = std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned());
         let report = match (text, error.line) {
             (Some(text), Some(line)) => {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();

@@ -1,6 +1,7 @@
 //! `petzval lens`: look at a lens, or make it better.
 
 mod analyze;
+mod convert;
 mod focus;
 mod optimize;
 mod show;
@@ -19,6 +20,8 @@ pub enum LensVerb {
     Show(show::Args),
     /// Layout, spots, fans, MTF and all else a designer looks at, as pictures and data
     Analyze(analyze::Args),
+    /// From one file format to another, with a report of what is lost
+    Convert(convert::Args),
     /// One ray through every surface
     Trace(trace::Args),
     /// Smaller spots within bounds, by descent or by a global search
@@ -30,6 +33,7 @@ pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
     match verb {
         LensVerb::Show(args) => show::run(&args),
         LensVerb::Analyze(args) => analyze::run(&args),
+        LensVerb::Convert(args) => convert::run(&args),
         LensVerb::Trace(args) => trace::run(&args),
         LensVerb::Optimize(args) => optimize::run(&args),
     }

@@ -20,7 +20,7 @@ use crate::solve::with_length;
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
 
 /// Wavelengths for which lenses are made, um.
-const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
+pub(in crate::format) const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
 
 /// A lens from its file. Glasses are looked up in the file's own tables first, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {

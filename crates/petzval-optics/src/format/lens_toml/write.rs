@@ -252,12 +252,12 @@ fn reciprocal([reciprocal_key, key]: [&str; 2], value: f64) -> String {
 }
 
 /// A number whose reciprocal is the given one to the last bit, the shortest to print; most but not all numbers have one.
-fn exact_reciprocal(value: f64) -> Option<f64> {
+pub(in crate::format) fn exact_reciprocal(value: f64) -> Option<f64> {
     shortest(1.0 / value, |candidate| (1.0 / candidate).to_bits() == value.to_bits())
 }
 
 /// An angle in degrees that is the given one in rad to the last bit.
-fn exact_degrees(rad: f64) -> Option<f64> {
+pub(in crate::format) fn exact_degrees(rad: f64) -> Option<f64> {
     shortest(rad.to_degrees(), |candidate| candidate.to_radians().to_bits() == rad.to_bits())
 }
 
