@@ -39,7 +39,8 @@ pub enum DesignError {
     /// A lens whose light does not reach the PSF's grid.
     #[error(
         "no light reaches the image at {field_deg:.2} degrees within the PSF's grid: rays miss a surface, are vignetted, or \
-         land further from the chief ray than the grid reaches (is the image in focus?)"
+         land further from the chief ray than the grid reaches (is the image in focus?); by diffraction also: rays of the \
+         stop are lost, or the wavefront is too rough"
     )]
     NoLight {
         /// Field angle, degrees.

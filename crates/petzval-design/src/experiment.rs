@@ -4,6 +4,7 @@ use petzval_camera::sensor::{Exposure, NoiseMode};
 use petzval_learn::loss::ImageLoss;
 use petzval_optics::constraint::Clearances;
 use petzval_optics::format::FileError;
+use petzval_optics::psf::PsfKind;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
@@ -72,6 +73,9 @@ pub struct ExposureConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PsfConfig {
+    /// Rays or waves.
+    #[serde(default)]
+    pub kind: PsfKind,
     /// Number of fields from the axis to the sensor's corner.
     pub fields: usize,
     /// Wavelengths of the red, green and blue channel, um.

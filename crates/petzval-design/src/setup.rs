@@ -103,7 +103,7 @@ impl Setup {
         let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
         let plan = |cells: usize| -> Result<PsfPlan, DesignError> {
             let psf = &experiment.psf;
-            let options = PsfOptions { grid: psf.grid, pitch_um: psf.pitch_um, ..PsfOptions::default() };
+            let options = PsfOptions { grid: psf.grid, pitch_um: psf.pitch_um, kind: psf.kind };
             let quadrature = Quadrature::grid(cells)?;
             Ok(PsfPlan::new(psf.fields, corner_mm, psf.wavelengths_um, options, quadrature))
         };

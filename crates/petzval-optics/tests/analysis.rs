@@ -4,33 +4,20 @@ mod common;
 
 use std::f64::consts::{PI, TAU};
 
-use common::{nominal_triplet, special_lenses, telescope};
+use common::{bessel_j1, nominal_triplet, paraboloid, special_lenses};
 use petzval_optics::analysis::{
     AnalysisOptions, LayoutElement, analyze, axial_colour, encircled_energy, fan, field_curves, field_mtf,
     first_order_table, layout, longitudinal_aberration, mtf_by_field, spot_diagram, third_order,
     through_focus_mtf, wavefront,
 };
-use petzval_optics::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface, SurfaceShape};
+use petzval_optics::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::wave::huygens_psf;
 
-/// A paraboloid: an image without aberration on its axis.
+/// A lens without aberration on its axis, in one colour and at that field alone.
 fn perfect(f_number: f64) -> Lens {
-    let mut lens = telescope();
-    lens.entrance_pupil_mm = 20.0;
-    let f = f_number * lens.entrance_pupil_mm;
-    lens.surfaces = vec![Surface {
-        shape: SurfaceShape { curvature: -0.5 / f, conic: -1.0, ..SurfaceShape::PLANE },
-        thickness_mm: -f,
-        semi_diameter_mm: 11.0,
-        action: Action::Reflect,
-        ..Surface::default()
-    }];
-    lens.wavelengths_um = vec![0.5];
-    lens.reference_um = 0.5;
-    lens.fields_deg = vec![0.0];
-    lens
+    Lens { wavelengths_um: vec![0.5], reference_um: 0.5, fields_deg: vec![0.0], ..paraboloid(f_number) }
 }
 
 /// A thin lens in the stop, perfect on its axis.
@@ -48,13 +35,6 @@ fn thin(f_number: f64) -> Lens {
 
 fn options() -> AnalysisOptions {
     AnalysisOptions::default()
-}
-
-/// Bessel function J1, by its integral.
-fn bessel_j1(x: f64) -> f64 {
-    let n = 400;
-    let at = |i: i32| PI * (f64::from(i) + 0.5) / f64::from(n);
-    (0..n).map(|i| (at(i) - x * at(i).sin()).cos() / f64::from(n)).sum()
 }
 
 #[test]

@@ -2,44 +2,17 @@
 
 mod common;
 
-use common::{nominal_triplet, special_lenses, telescope};
-use petzval_optics::lens::{Action, Lens, Surface, SurfaceShape};
+use common::{bessel_j1, nominal_triplet, paraboloid, special_lenses};
+use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{PsfKind, PsfMethod, PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::wave::huygens_psf;
 
-/// A paraboloid: an image without aberration on its axis.
-fn perfect(f_number: f64) -> Lens {
-    let mut lens = telescope();
-    lens.name = "paraboloid".into();
-    lens.entrance_pupil_mm = 20.0;
-    let f = f_number * lens.entrance_pupil_mm;
-    lens.surfaces = vec![Surface {
-        shape: SurfaceShape { curvature: -0.5 / f, conic: -1.0, ..SurfaceShape::PLANE },
-        thickness_mm: -f,
-        semi_diameter_mm: 11.0,
-        action: Action::Reflect,
-        ..Surface::default()
-    }];
-    lens
-}
-
-/// Bessel function J1, by its integral.
-fn bessel_j1(x: f64) -> f64 {
-    let n = 400;
-    (0..n)
-        .map(|i| {
-            let t = std::f64::consts::PI * (f64::from(i) + 0.5) / f64::from(n);
-            (t - x * t.sin()).cos() / f64::from(n)
-        })
-        .sum()
-}
-
 #[test]
 fn a_perfect_lens_makes_an_airy_pattern() {
     for f_number in [4.0, 8.0] {
-        let lens = perfect(f_number);
+        let lens = paraboloid(f_number);
         let pitch_um = 0.25 * f_number / 4.0;
         let options = PsfOptions { grid: 64, pitch_um, kind: PsfKind::Diffraction };
         let p = psf(&lens, 0.0, &[0.5], &Quadrature::grid(32).unwrap(), &options).unwrap();

@@ -14,6 +14,8 @@ mod traced;
 use polynomial::{Blocks, PolynomialChannel};
 use traced::TracedChannel;
 
+use serde::{Deserialize, Serialize};
+
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
@@ -22,7 +24,8 @@ use crate::trace::Sequence;
 use crate::wave::{ImageGrid, Shown, WaveChannel};
 
 /// What light is taken for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum PsfKind {
     /// Rays: right where aberrations spread light over many times the Airy disk.
     #[default]

@@ -222,3 +222,26 @@ pub fn mangin() -> Lens {
     lens.surfaces[2].thickness_mm = order.image_distance_mm;
     lens
 }
+
+/// A paraboloid of 20 mm: an image without aberration on its axis.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
+pub fn paraboloid(f_number: f64) -> Lens {
+    let entrance_pupil_mm = 20.0;
+    let f = f_number * entrance_pupil_mm;
+    let mirror = Surface {
+        shape: SurfaceShape { curvature: -0.5 / f, conic: -1.0, ..SurfaceShape::PLANE },
+        thickness_mm: -f,
+        semi_diameter_mm: 11.0,
+        action: Action::Reflect,
+        ..Surface::default()
+    };
+    Lens { name: "paraboloid".into(), surfaces: vec![mirror], entrance_pupil_mm, ..telescope() }
+}
+
+/// Bessel function J1, by its integral.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
+pub fn bessel_j1(x: f64) -> f64 {
+    let n = 400;
+    let at = |i: i32| std::f64::consts::PI * (f64::from(i) + 0.5) / f64::from(n);
+    (0..n).map(|i| (at(i) - x * at(i).sin()).cos() / f64::from(n)).sum()
+}
