@@ -74,6 +74,8 @@ pub struct AtField {
     pub opd_rms_by_the_sphere_waves: Option<f64>,
     pub rms_um: f64,
     pub rms_poly_um: f64,
+    /// Of ray-optics: sagittal and tangential focus by its Coddington trace, mm.
+    pub coddington_mm: Option<[f64; 2]>,
     /// Radius of the sphere that path differences count from, where it is not the one through the paraxial exit pupil.
     pub reference_sphere_mm: Option<f64>,
 }

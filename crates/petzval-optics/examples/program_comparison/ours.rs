@@ -71,6 +71,11 @@ impl Studied {
         Self::of(lens, self.close)
     }
 
+    /// From the last vertex to the paraxial image less that to the image plane, mm.
+    pub fn focus_beyond_mm(&self) -> f64 {
+        self.order.bfl_mm - self.lens.image_distance_mm()
+    }
+
     pub fn paraxial(&self) -> Paraxial {
         Paraxial {
             efl_mm: self.order.efl_mm,
@@ -179,6 +184,7 @@ impl Studied {
             opd_rms_by_the_sphere_waves: None,
             rms_um: rms_about_centroid_um(&landings(&self.reference)),
             rms_poly_um: rms_about_centroid_um(&all),
+            coddington_mm: None,
             reference_sphere_mm: sphere_mm,
         }
     }
@@ -299,8 +305,7 @@ impl Studied {
             let image = self.ray(&self.reference, 0.0, Aim::Paraxial, [0.0, h]).1.image.expect("a ray");
             -image.position[1] * image.direction[2] / image.direction[1]
         };
-        let paraxial = self.order.bfl_mm - self.lens.image_distance_mm();
-        let share = |h: f64| (crossing(h) - paraxial) / (h * h);
+        let share = |h: f64| (crossing(h) - self.focus_beyond_mm()) / (h * h);
         let [a, b, c] = [0.05, 0.1, 0.2].map(share);
         let (once, twice) = ((4.0 * a - b) / 3.0, (4.0 * b - c) / 3.0);
         let coefficient = (16.0 * once - twice) / 15.0;

@@ -14,6 +14,8 @@ pub enum Because {
     Aspheres,
     /// The exit pupil follows the image plane.
     ExitPupil,
+    /// A sign in the formula for the reference sphere.
+    Sphere,
 }
 
 impl Because {
@@ -23,6 +25,7 @@ impl Because {
             Self::SquareTerm => "a",
             Self::Aspheres => "b",
             Self::ExitPupil => "c",
+            Self::Sphere => "d",
         }
     }
 }
@@ -43,6 +46,8 @@ pub struct Row {
     pub quantity: String,
     pub unit: &'static str,
     pub digits: usize,
+    /// Petzval's, in its own way.
+    pub own: f64,
     /// Of each program, or of each way of aiming.
     pub pairs: Vec<Option<Pair>>,
 }
@@ -60,6 +65,8 @@ pub struct ModulationRow {
 /// All of a lens.
 pub struct Compared {
     pub name: String,
+    /// The built-in lens that it is.
+    pub file: Option<String>,
     pub first_order: Vec<Row>,
     /// By field.
     pub rays: Vec<(f64, Vec<Row>)>,
@@ -88,6 +95,7 @@ fn compare_lens(listed: &ListedLens, all: &Listed) -> Compared {
     let modulation = listed.fields_deg.par_iter().enumerate();
     Compared {
         name: listed.name.clone(),
+        file: listed.file.clone(),
         first_order: first_order_rows(listed, &studied),
         rays: rays.map(|(i, field)| (*field, ray_rows(listed, &studied, i))).collect(),
         modulation: modulation.flat_map(|(i, _)| modulation_rows(listed, all, &studied, i)).collect(),
@@ -101,7 +109,7 @@ fn first_order_rows(listed: &ListedLens, studied: &Studied) -> Vec<Row> {
     let square = has_square.then_some(Because::SquareTerm);
     let row = |quantity: &str, digits: usize, ours: f64, of: [(f64, f64, Option<Because>); 2]| {
         let pair = |(theirs, tolerance, because)| Some(Pair { ours, theirs, tolerance, because });
-        Row { quantity: quantity.into(), unit: "mm", digits, pairs: of.map(pair).to_vec() }
+        Row { quantity: quantity.into(), unit: "mm", digits, own: ours, pairs: of.map(pair).to_vec() }
     };
     let ours = studied.paraxial();
     let (p, q) = (&a.paraxial, &b.paraxial);
@@ -164,9 +172,10 @@ fn first_order_rows(listed: &ListedLens, studied: &Studied) -> Vec<Row> {
         let (ours, theirs) = worst.expect("surfaces");
         let pair = Pair { ours: *ours, theirs: *theirs, tolerance: 1e-7, because: None };
         rows.push(Row {
-            quantity: "Seidel sums by surface, the one furthest apart".into(),
+            quantity: "of the Seidel sums by surface, the one that differs most".into(),
             unit: "mm",
             digits: 10,
+            own: *ours,
             pairs: vec![None, Some(pair)],
         });
     }
@@ -177,36 +186,40 @@ fn ray_rows(listed: &ListedLens, studied: &Studied, i: usize) -> Vec<Row> {
     let field_deg = listed.fields_deg[i];
     let (a, b, c) =
         (&listed.optiland.paraxial_aim[i], &listed.rayoptics.shifted_aim[i], &listed.optiland.stop_aim[i]);
+    let own = studied.at_field(field_deg, Aim::Stop, None);
     let ours = [
         studied.at_field(field_deg, Aim::Paraxial, None),
         studied.at_field(field_deg, Aim::Shifted, b.reference_sphere_mm),
-        studied.at_field(field_deg, Aim::Stop, None),
+        studied.at_field(field_deg, Aim::TracedStop, None),
     ];
     let row = |quantity: &str, unit, digits, tolerance: [f64; 3], of: &dyn Fn(&AtField) -> f64| {
         let pair = |(k, theirs): (usize, &AtField)| {
             Some(Pair { ours: of(&ours[k]), theirs: of(theirs), tolerance: tolerance[k], because: None })
         };
-        Row { quantity: quantity.into(), unit, digits, pairs: [a, b, c].into_iter().enumerate().map(pair).collect() }
+        let pairs = [a, b, c].into_iter().enumerate().map(pair).collect();
+        Row { quantity: quantity.into(), unit, digits, own: of(&own), pairs }
     };
     let last = listed.wavelengths_um.len() - 1;
     let ideal = studied.paraxial().efl_mm * field_deg.to_radians().tan();
     let mut rows = Vec::new();
     if field_deg != 0.0 {
-        rows.push(row("chief ray, height", "mm", 7, [RAY, FAR_MM, FAR_MM], &|f| f.reference_chief_mm));
-        rows.push(row("distortion", "%", 6, [1e-7, 1e-4, 1e-4], &|f| 100.0 * (f.reference_chief_mm / ideal - 1.0)));
+        rows.push(row("chief ray, height", "mm", 7, [RAY, FAR_MM, RAY], &|f| f.reference_chief_mm));
+        rows.push(row("distortion", "%", 6, [1e-7, 1e-4, 1e-7], &|f| 100.0 * (f.reference_chief_mm / ideal - 1.0)));
         if last > 0 {
-            rows.push(row("lateral colour", "um", 5, [1e-5, 2e-3, 2e-3], &|f| {
+            rows.push(row("lateral colour", "um", 5, [1e-5, 1e-4, 1e-5], &|f| {
                 1e3 * (f.chief_mm[0] - f.chief_mm[last])
             }));
         }
     }
-    rows.push(row("sagittal focus", "mm", 7, [RAY, FAR_MM, FAR_MM], &|f| f.sagittal_focus_mm));
-    rows.push(row("tangential focus", "mm", 7, [RAY, FAR_MM, FAR_MM], &|f| f.tangential_focus_mm));
-    rows.push(row("RMS spot, one colour", "um", 5, [1e-6, 1e-3, 1e-3], &|f| f.rms_um));
+    rows.push(row("sagittal focus", "mm", 7, [RAY, FAR_MM, RAY], &|f| f.sagittal_focus_mm));
+    rows.push(row("tangential focus", "mm", 7, [RAY, FAR_MM, RAY], &|f| f.tangential_focus_mm));
+    rows.push(row("RMS spot, one colour", "um", 5, [1e-6, 1e-4, 1e-6], &|f| f.rms_um));
     if last > 0 {
-        rows.push(row("RMS spot, all colours", "um", 5, [1e-6, 1e-3, 1e-3], &|f| f.rms_poly_um));
+        rows.push(row("RMS spot, all colours", "um", 5, [1e-6, 1e-4, 1e-6], &|f| f.rms_poly_um));
     }
-    rows.push(row("RMS wavefront", "waves", 6, [1e-7, 1e-4, 1e-4], &|f| f.opd_rms_waves));
+    let mut waves = row("RMS wavefront", "waves", 6, [1e-8, 1e-6, 1e-7], &|f| f.opd_rms_waves);
+    waves.pairs[1].iter_mut().for_each(|p| p.because = Some(Because::Sphere));
+    rows.push(waves);
     rows
 }
 
