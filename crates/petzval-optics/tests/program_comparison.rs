@@ -20,7 +20,8 @@ use rows::{Because, Compared, Pair, compare};
 
 fn pairs(lenses: &[Compared]) -> impl Iterator<Item = (String, &Pair)> {
     lenses.iter().flat_map(|lens| {
-        let first_order = lens.first_order.iter().map(move |row| (format!("{} {}", lens.name, row.quantity), row));
+        let first_order =
+            lens.first_order.iter().map(move |row| (format!("{} {}", lens.name, row.quantity), row));
         let rays = lens.rays.iter().flat_map(move |(field, rows)| {
             rows.iter().map(move |row| (format!("{} {field} {}", lens.name, row.quantity), row))
         });
@@ -48,7 +49,9 @@ fn values_agree_to_the_tolerances_of_the_page() {
                 *most = most.max(apart / p.tolerance);
             }
             None if apart <= p.tolerance => {}
-            None => failures.push(format!("{name}: {} {} ({apart:.1e} > {:.0e})", p.ours, p.theirs, p.tolerance)),
+            None => {
+                failures.push(format!("{name}: {} {} ({apart:.1e} > {:.0e})", p.ours, p.theirs, p.tolerance))
+            }
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));

@@ -150,7 +150,7 @@ fn summary_text(lenses: &[Compared]) -> String {
             found.len() - 1
         });
         for ((largest, allowed), pairs) in found[at].from.iter_mut().zip(of) {
-            *largest = largest.into_iter().chain(difference(pairs.iter())).reduce(f64::max);
+            *largest = (*largest).into_iter().chain(difference(pairs.iter())).reduce(f64::max);
             let counted = pairs.iter().filter(|p| p.because.is_none());
             *allowed = counted.map(|p| p.tolerance).fold(*allowed, f64::max);
         }
@@ -181,7 +181,9 @@ fn summary_text(lenses: &[Compared]) -> String {
 }
 
 fn checks_text<'a>(checks: impl Iterator<Item = &'a Check>) -> String {
-    let mut text = String::from("| lens | one value | | another | | difference | tested to |\n|---|---|---|---|---|---|---|\n");
+    let mut text = String::from(
+        "| lens | one value | | another | | difference | tested to |\n|---|---|---|---|---|---|---|\n",
+    );
     for c in checks {
         let largest = apart(Some((c.value - c.other).abs()));
         let _ = writeln!(

@@ -194,7 +194,8 @@ impl Studied {
             Aim::Paraxial | Aim::Shifted => PupilPlane::Paraxial,
             Aim::Stop | Aim::TracedStop => PupilPlane::Stop,
         };
-        let found = opd(&self.reference, field_rad, self.stop_radius_mm(aim), points, plane).expect("a chief ray");
+        let found =
+            opd(&self.reference, field_rad, self.stop_radius_mm(aim), points, plane).expect("a chief ray");
         deviation(&found.waves.iter().map(|w| w.expect("a ray")).collect::<Vec<_>>())
     }
 

@@ -116,7 +116,12 @@ fn first_order_rows(listed: &ListedLens, studied: &Studied) -> Vec<Row> {
     let moved = ((q.exit_pupil_at_mm - ours.exit_pupil_at_mm).abs() > 1e-4).then_some(Because::ExitPupil);
     let mut rows = vec![
         row("focal length", 8, ours.efl_mm, [(p.efl_mm, FORMULA_MM, square), (q.efl_mm, FORMULA_MM, square)]),
-        row("back focal length", 8, ours.bfl_mm, [(p.bfl_mm, FORMULA_MM, square), (q.bfl_mm, FORMULA_MM, square)]),
+        row(
+            "back focal length",
+            8,
+            ours.bfl_mm,
+            [(p.bfl_mm, FORMULA_MM, square), (q.bfl_mm, FORMULA_MM, square)],
+        ),
         row(
             "entrance pupil, from the first vertex",
             8,
@@ -138,8 +143,18 @@ fn first_order_rows(listed: &ListedLens, studied: &Studied) -> Vec<Row> {
     ];
     let near = studied.near_axis();
     let (m, n) = (&a.near_axis, &b.near_axis);
-    rows.push(row("focal length, by a ray", 8, near.efl_mm, [(m.efl_mm, RAY, None), (n.efl_mm, FAR_MM, None)]));
-    rows.push(row("back focal length, by a ray", 8, near.bfl_mm, [(m.bfl_mm, RAY, None), (n.bfl_mm, FAR_MM, None)]));
+    rows.push(row(
+        "focal length, by a ray",
+        8,
+        near.efl_mm,
+        [(m.efl_mm, RAY, None), (n.efl_mm, FAR_MM, None)],
+    ));
+    rows.push(row(
+        "back focal length, by a ray",
+        8,
+        near.bfl_mm,
+        [(m.bfl_mm, RAY, None), (n.bfl_mm, FAR_MM, None)],
+    ));
     let last = near.focus_mm.len() - 1;
     if last > 0 {
         let colour = |focus: &[f64]| focus[0] - focus[last];
@@ -204,7 +219,9 @@ fn ray_rows(listed: &ListedLens, studied: &Studied, i: usize) -> Vec<Row> {
     let mut rows = Vec::new();
     if field_deg != 0.0 {
         rows.push(row("chief ray, height", "mm", 7, [RAY, FAR_MM, RAY], &|f| f.reference_chief_mm));
-        rows.push(row("distortion", "%", 6, [1e-7, 1e-4, 1e-7], &|f| 100.0 * (f.reference_chief_mm / ideal - 1.0)));
+        rows.push(row("distortion", "%", 6, [1e-7, 1e-4, 1e-7], &|f| {
+            100.0 * (f.reference_chief_mm / ideal - 1.0)
+        }));
         if last > 0 {
             rows.push(row("lateral colour", "um", 5, [1e-5, 1e-4, 1e-5], &|f| {
                 1e3 * (f.chief_mm[0] - f.chief_mm[last])
