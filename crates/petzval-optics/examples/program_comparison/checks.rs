@@ -83,7 +83,7 @@ fn of_lens(listed: &ListedLens, close: f64) -> Vec<Check> {
         }
     }
     let by_rays = studied.spherical_by_rays_mm();
-    check("b", ("S1, Petzval", studied.seidel_mm()[0]), ("of traced rays of the axis", by_rays), 1e-4);
+    check("b", ("S1, Petzval", studied.seidel_mm()[0]), ("of traced rays of the axis", by_rays), 1e-6);
     let from_image = b.paraxial.exit_pupil_at_mm - studied.focus_beyond_mm();
     if studied.focus_beyond_mm().abs() > 1e-4 && !has_square {
         let moved = ("ray-optics, less the distance from image plane to paraxial focus", from_image);

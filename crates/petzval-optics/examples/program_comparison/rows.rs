@@ -81,8 +81,8 @@ const RAY: f64 = 1e-8;
 /// mm.
 const FAR_MM: f64 = 3e-6;
 /// Modulation from histograms of 252 bins, and from 512 points across the pupil.
-const HISTOGRAM: f64 = 3e-3;
-const PUPIL_POINTS: f64 = 1e-3;
+const HISTOGRAM: f64 = 2e-3;
+const PUPIL_POINTS: f64 = 5e-4;
 
 /// The comparison of every lens.
 pub fn compare(listed: &Listed) -> Vec<Compared> {
