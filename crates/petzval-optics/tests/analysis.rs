@@ -484,3 +484,49 @@ fn wavefronts_have_the_sign_of_seidels() {
     let rim = found.tangential_waves[0].last().unwrap().unwrap();
     assert!(w040.abs() > 0.01 && (rim / w040 - 1.0).abs() < 0.02, "{rim} {w040}");
 }
+
+#[test]
+fn a_shifted_image_plane_alone_is_no_distortion() {
+    let lens = nominal_triplet();
+    let shifted = lens.with_image_distance(lens.image_distance_mm() + 0.5);
+    let options = AnalysisOptions { field_points: 4, ..options() };
+    for lens in [lens, shifted] {
+        let curves = field_curves(&lens, &options).unwrap();
+        // Colours between which the reference lies, at the axis: distortion there is lateral colour alone.
+        let axis: Vec<f64> = curves.distortion_percent.iter().map(|d| d[0]).collect();
+        assert!(axis.iter().all(|d| d.abs() < 0.2) && axis[0] * axis[2] < 0.0, "{axis:?}");
+    }
+    let mut one = nominal_triplet();
+    one.wavelengths_um = vec![one.reference_um];
+    let both = Lens { fields_deg: vec![-15.0, 0.0, 15.0], ..one.clone() };
+    let found = field_curves(&both, &AnalysisOptions { field_points: 7, ..options.clone() }).unwrap();
+    let half = field_curves(&one, &options).unwrap();
+    assert_eq!(found.field_deg, [-15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0]);
+    for k in 0..4 {
+        for there in [found.distortion_percent[0][3 + k], found.distortion_percent[0][3 - k]] {
+            assert!((there - half.distortion_percent[0][k]).abs() < 1e-8);
+        }
+    }
+    assert!(half.distortion_percent[0][0].abs() < 1e-6 && half.distortion_percent[0][3] < -1.0);
+}
+
+#[test]
+fn thin_lenses_have_no_waves() {
+    let found = analyze(&thin(4.0), &options()).unwrap();
+    assert!(found.mtf[0].diffraction.is_none() && found.encircled_energy[0].diffraction.is_none());
+    assert!(found.wavefronts[0].rms_waves[0].is_nan() && found.wavefronts[0].strehl[0].is_none());
+    assert!(found.fans[0].tangential_waves[0].iter().all(Option::is_none));
+    assert!(found.fans[0].tangential_um[0].iter().all(|v| v.unwrap().abs() < 1e-6));
+}
+
+#[test]
+fn nothing_is_resolved_beyond_the_cutoff() {
+    let lens = perfect(8.0);
+    let cutoff = first_order_table(&lens).cutoff_per_mm;
+    let options = AnalysisOptions { max_frequency_per_mm: Some(5.0 * cutoff), ..options() };
+    let mtf = field_mtf(&lens, 0.0, &options).unwrap();
+    let waves = mtf.diffraction.unwrap();
+    for (f, m) in mtf.frequency_per_mm.iter().zip(&waves.sagittal).filter(|(f, _)| **f > 1.01 * cutoff) {
+        assert!(*m < 1e-3, "{f}: {m}");
+    }
+}

@@ -31,7 +31,7 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 15] = [
+const WORKLOADS: [&str; 17] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
@@ -42,6 +42,8 @@ const WORKLOADS: [&str; 15] = [
     "spot_gradient",
     "lm_iteration",
     "triplet_recovery",
+    "tolerance_1000",
+    "lens_analyze",
     "render_1200x1920",
     "sensor_1200x1920",
     "isp_1200x1920",

@@ -71,7 +71,7 @@ fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
     let body = html! {
         @for (row, fan) in analysis.fans.iter().enumerate() {
             @let top = TOP_PX + row as f64 * ROW_PX;
-            text x="20" y=(px(top + 0.5 * PANEL_PX[1] + 5.0)) fill=(INK) font-size="13.5" font-weight="600" {
+            text x="4" y=(px(top + 0.5 * PANEL_PX[1] + 5.0)) fill=(INK) font-size="13.5" font-weight="600" {
                 (field_name(fan.field_deg))
             }
             @for (side, curves) in (kind.of)(fan).into_iter().enumerate() {

@@ -25,11 +25,7 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
         let pen = wavelength_pen(analysis, i);
         foci.push(over_field(data, pen.clone(), i, &data.tangential_focus_mm[i]));
         foci.push(over_field(data, pen.clone().dashed(), i, &data.sagittal_focus_mm[i]));
-        // On the axis there is no height to compare with: the curve begins at the next field.
-        let off_axis = data.field_deg.iter().map(|f| if *f == 0.0 { f64::NAN } else { 1.0 });
-        let percent: Vec<f64> =
-            data.distortion_percent[i].iter().zip(off_axis).map(|(d, is)| d * is).collect();
-        distortion.push(over_field(data, pen, i, &percent));
+        distortion.push(over_field(data, pen, i, &data.distortion_percent[i]));
     }
     let body = html! {
         (panel(data, 70.0, 400.0, "field curvature", "focus from the image plane, mm", &foci))
@@ -38,7 +34,7 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
     let mut keys = wavelength_keys(analysis);
     keys.extend(section_keys());
     let remark = format!(
-        "Foci of rays close to the chief ray; distortion of the chief ray from f tan(field) at {}.",
+        "Foci of rays close to the chief ray; distortion of the chief ray from the tangent of the field; near the axis {} has none.",
         wavelength_name(analysis.reference_um)
     );
     Sheet {

@@ -13,7 +13,7 @@ use crate::wave::{PupilPlane, opd_about};
 /// Ray aberrations are measured from the chief ray of the reference wavelength. Wavefronts are compared with the sphere about that
 /// point through the exit pupil, and with the path of their own colour's chief ray: lateral colour is a tilt. They are positive where
 /// the wavefront is ahead of the sphere, as Seidel's are. A value is `None`
-/// where the ray is lost or blocked.
+/// where the ray is lost or blocked, of wavefronts also in a system with thin lenses, which have no optical paths of their own.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fan {
     /// The field, degrees.
@@ -50,7 +50,8 @@ pub fn fan(lens: &Lens, field_deg: f64, options: &AnalysisOptions) -> Result<Fan
             let passes = |i: usize| rays.transmission[i] > 0.5;
             let from_chief = |i: usize| rays.landing_mm[i].map(|at| 1e3 * (at[axis] - field.chief_mm[axis]));
             um.push((0..points.len()).map(|i| from_chief(i).filter(|_| passes(i))).collect());
-            waves.push((0..points.len()).map(|i| rays.waves[i].filter(|_| passes(i))).collect());
+            let has_path = |i: usize| passes(i) && colour.has_optical_paths();
+            waves.push((0..points.len()).map(|i| rays.waves[i].filter(|_| has_path(i))).collect());
         }
     }
     Ok(Fan { field_deg, pupil, tangential_um, sagittal_um, tangential_waves, sagittal_waves })

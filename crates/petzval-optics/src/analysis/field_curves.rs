@@ -6,7 +6,6 @@ use serde::Serialize;
 use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
-use crate::paraxial::image_height_per_tangent;
 use crate::pupil::{chief_ray, paraxial_launch};
 use crate::trace::{Ray, Sequence, aim_at_stop, launch, trace_ray};
 
@@ -14,19 +13,22 @@ use crate::trace::{Ray, Sequence, aim_at_stop, launch, trace_ray};
 /// that aberrations (which go with its square) do not count, large enough to keep eight digits.
 const CLOSE: f64 = 1e-4;
 
+/// Field, as a share of the full one, whose chief rays are the measure of distortion.
+const NEAR: f64 = 1e-3;
+
 /// Curves over the field; lists by wavelength hold one value per field.
 #[derive(Clone, Debug, Serialize)]
 pub struct FieldCurves {
-    /// Fields from the axis outwards, degrees.
+    /// Fields from the axis outwards, or from one side to the other, degrees.
     pub field_deg: Vec<f64>,
     /// `[wavelength]`: where rays close to the chief ray in the plane of the fields cross it, z from the image plane, mm.
     pub tangential_focus_mm: Vec<Vec<f64>>,
     /// `[wavelength]`: where rays close to the chief ray across that plane cross it, z from the image plane, mm.
     pub sagittal_focus_mm: Vec<Vec<f64>>,
-    /// `[wavelength]`: chief-ray height over that of the paraxial image at the reference wavelength, `f tan(field)`, less one, %;
-    /// zero on the axis.
+    /// `[wavelength]`: height of the chief ray over the tangent of the field, less one, where chief rays of the reference wavelength
+    /// near the axis are the measure, %. Those are taken on the image plane: defocus alone is no distortion.
     pub distortion_percent: Vec<Vec<f64>>,
-    /// `[wavelength]`: the same over `f field`.
+    /// `[wavelength]`: the same with the field itself for its tangent.
     pub f_theta_distortion_percent: Vec<Vec<f64>>,
     /// `[wavelength]`: chief-ray height less that of the reference wavelength, um.
     pub lateral_colour_um: Vec<Vec<f64>>,
@@ -63,8 +65,14 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
         Ok(result)
     };
     let fields = field_deg.par_iter().map(at).collect::<Result<Vec<_>, _>>()?;
-    let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
-    let on_axis = fields[0].reference_height_mm;
+    let axis = at(&0.0)?;
+    let furthest = field_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let scale = |w: f64| {
+        let lost = AnalysisError::NoChiefRay { field_deg: 0.0, wavelength_um: w };
+        height_per_tangent(&lens.at_wavelength(w), furthest.to_radians()).ok_or(lost)
+    };
+    let reference_scale = scale(lens.reference_um)?;
+    let scales = lens.wavelengths_um.iter().map(|w| scale(*w)).collect::<Result<Vec<_>, _>>()?;
     let by_colour = |value: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
         (0..lens.wavelengths_um.len())
             .map(|colour| (0..fields.len()).map(|i| value(i, colour)).collect())
@@ -72,8 +80,12 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
     };
     let distortion = |ideal: &dyn Fn(f64) -> f64| {
         by_colour(&|i, colour| {
-            let wanted = per_tangent * ideal(field_deg[i].to_radians());
-            if wanted == 0.0 { 0.0 } else { 100.0 * ((fields[i].height_mm[colour] - on_axis) / wanted - 1.0) }
+            let measure = ideal(field_deg[i].to_radians());
+            let found = match measure == 0.0 {
+                true => scales[colour],
+                false => (fields[i].height_mm[colour] - axis.height_mm[colour]) / measure,
+            };
+            100.0 * (found / reference_scale - 1.0)
         })
     };
     Ok(FieldCurves {
@@ -85,10 +97,18 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
             1e3 * (fields[i].height_mm[colour] - fields[i].reference_height_mm)
         }),
         relative_illumination: by_colour(&|i, colour| {
-            fields[i].illumination[colour] / fields[0].illumination[colour]
+            fields[i].illumination[colour] / axis.illumination[colour]
         }),
         field_deg,
     })
+}
+
+/// Height of chief rays near the axis over the tangent of their field, mm; `None` if they are lost.
+fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
+    // Small enough that distortion, which goes with the square, is below the digits that are shown.
+    let near = if full_field_rad > 0.0 { NEAR * full_field_rad } else { NEAR };
+    let height = |field: f64| Some(chief_ray(sequence, field)?.y_mm);
+    Some((height(near)? - height(-near)?) / (2.0 * near.tan()))
 }
 
 /// Where rays close to the chief ray cross it across the plane of the fields and in it: z from the image plane, mm.

@@ -26,6 +26,7 @@ pub use first_order_table::{FirstOrderTable, first_order_table};
 pub use layout::{Layout, LayoutElement, LayoutLine, LayoutRay, LineKind, layout};
 pub use mtf::{FieldMtf, MtfByField, MtfCurve, ThroughFocusMtf, field_mtf, mtf_by_field, through_focus_mtf};
 pub use options::AnalysisOptions;
+pub(crate) use options::image_f_number;
 pub use spot_diagram::{SpotDiagram, spot_diagram};
 pub use third_order::{ThirdOrder, ThirdOrderSurface, third_order};
 pub use wavefront::{Wavefront, ZERNIKE_TERMS, fringe_zernike, wavefront};

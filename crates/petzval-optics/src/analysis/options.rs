@@ -14,9 +14,9 @@ pub struct AnalysisOptions {
     pub fan_points: usize,
     /// Rays of a fan in the layout.
     pub layout_rays: usize,
-    /// Points from the axis to the full field.
+    /// Points over the field.
     pub field_points: usize,
-    /// Highest frequency of MTF curves, cycles/mm; `None`: 100, or the cutoff of the lens if that is less.
+    /// Highest frequency of MTF curves, cycles/mm; `None`: 100, or about half of the cutoff of the lens if that is less.
     pub max_frequency_per_mm: Option<f64>,
     /// Points of an MTF curve.
     pub frequency_points: usize,
@@ -55,10 +55,14 @@ impl Default for AnalysisOptions {
 /// The highest frequency that is shown by itself, cycles/mm.
 const COMMON_FREQUENCY: f64 = 100.0;
 
+/// Share of the cutoff that is shown of a lens that resolves less.
+const SHOWN_OF_CUTOFF: f64 = 0.5;
+
 impl AnalysisOptions {
     /// Highest frequency of MTF curves, cycles/mm.
     pub fn highest_frequency(&self, lens: &Lens) -> f64 {
-        self.max_frequency_per_mm.unwrap_or_else(|| cutoff_per_mm(lens).min(COMMON_FREQUENCY))
+        let shown = || round_up(SHOWN_OF_CUTOFF * cutoff_per_mm(lens)).min(COMMON_FREQUENCY);
+        self.max_frequency_per_mm.unwrap_or_else(shown)
     }
 
     /// Frequencies of MTF over the field, cycles/mm.
@@ -84,10 +88,12 @@ impl AnalysisOptions {
         evenly(-range, range, self.focus_points.max(3))
     }
 
-    /// Fields from the axis to the full field, degrees.
+    /// Fields from the axis to the full field, degrees; from one end to the other where the lens has fields on both sides.
     pub(super) fn fields_deg(&self, lens: &Lens) -> Vec<f64> {
-        let full = lens.fields_deg.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a });
-        evenly(0.0, full, self.field_points.max(2))
+        let lowest = lens.fields_deg.iter().copied().fold(0.0, f64::min);
+        let highest = lens.fields_deg.iter().copied().fold(0.0, f64::max);
+        let count = self.field_points.max(2);
+        if highest == 0.0 { evenly(0.0, lowest, count) } else { evenly(lowest, highest, count) }
     }
 }
 
@@ -110,7 +116,7 @@ pub(super) fn round_up(value: f64) -> f64 {
 }
 
 /// Distance from the exit pupil to the image over the pupil's diameter: 1 / (2 NA) for the paraxial image.
-pub(super) fn image_f_number(lens: &Lens) -> f64 {
+pub(crate) fn image_f_number(lens: &Lens) -> f64 {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     let along = (order.image_distance_mm - order.exit_pupil_at_mm).abs();
     match along.is_finite() {

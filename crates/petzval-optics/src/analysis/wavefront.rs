@@ -22,7 +22,8 @@ const RIM: usize = 64;
 /// Wavefronts of a field, by wavelength.
 ///
 /// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of its radius,
-/// positive where the wavefront is ahead of the sphere.
+/// positive where the wavefront is ahead of the sphere. A system with thin lenses, which have no optical paths of their own, has no
+/// wavefronts: all is NaN (in JSON null) or `None`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Wavefront {
     /// The field, degrees.
@@ -56,6 +57,15 @@ pub fn wavefront(lens: &Lens, field_deg: f64) -> Result<Wavefront, AnalysisError
     };
     let mut like: Option<WaveChannel> = None;
     for colour in &field.colours {
+        if !colour.has_optical_paths() {
+            found.peak_to_valley_waves.push(f64::NAN);
+            found.rms_waves.push(f64::NAN);
+            found.rms_centroid_waves.push(f64::NAN);
+            found.strehl.push(None);
+            found.zernike_waves.push(None);
+            found.zernike_residual_waves.push(None);
+            continue;
+        }
         let Samples { points, waves, shares } = samples(&field, colour)?;
         let lowest = waves.iter().copied().fold(f64::INFINITY, f64::min);
         let highest = waves.iter().copied().fold(f64::NEG_INFINITY, f64::max);

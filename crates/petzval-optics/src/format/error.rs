@@ -175,6 +175,13 @@ fn key_before(text: &str, offset: usize) -> &str {
 
 /// Which known key was meant: the same quantity in another unit, or the nearest spelling.
 fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
+    // A letter too many or too few is no other unit.
+    let nearly = |key: &&&str| {
+        unknown.len().abs_diff(key.len()) == 1 && (unknown.starts_with(**key) || key.starts_with(unknown))
+    };
+    if let Some(key) = known.iter().find(nearly) {
+        return Some(format!("did you mean `{key}`?"));
+    }
     let stem = |key: &str| key.rsplit_once('_').map(|(stem, unit)| (stem.to_owned(), unit.to_owned()));
     if let Some((wrong_stem, wrong_unit)) = stem(unknown) {
         for key in known {
@@ -184,6 +191,10 @@ fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
             }
         }
     }
-    let nearest = known.iter().min_by_key(|key| strsim::damerau_levenshtein(unknown, key))?;
-    Some(format!("did you mean `{nearest}`?"))
+    let distance = |key: &&&str| strsim::damerau_levenshtein(unknown, key);
+    let nearest = known.iter().min_by_key(distance)?;
+    Some(match 2 * distance(&nearest) <= unknown.len() {
+        true => format!("did you mean `{nearest}`?"),
+        false => format!("the keys here are {}", known.join(", ")),
+    })
 }

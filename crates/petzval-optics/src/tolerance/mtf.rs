@@ -7,9 +7,9 @@
 use std::f64::consts::{PI, TAU};
 
 use super::{Better, FieldSet, Merit};
+use crate::analysis::image_f_number;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
-use crate::paraxial::first_order;
 use crate::psf::{PsfCotangent, PsfKind, PsfOptions, psf_with_tape};
 use crate::pupil::Quadrature;
 
@@ -43,7 +43,7 @@ fn sinc(x: f64) -> f64 {
 }
 
 impl Mtf {
-    /// Over the fields of a lens, see [`FieldSet::of`]; `frequency_per_mm` is positive.
+    /// Over the fields of a lens, see [`FieldSet::of`]; `frequency_per_mm` is positive, and below the cutoff of the lens.
     ///
     /// By rays the grid is eight periods wide, by waves 51 times the finest detail of the nominal lens. Light beyond it is not
     /// counted, neither as contrast nor as light.
@@ -53,8 +53,7 @@ impl Mtf {
             PsfKind::Geometric => by_rays,
             PsfKind::Diffraction => {
                 let shortest = lens.wavelengths_um.iter().fold(f64::INFINITY, |a, b| a.min(*b));
-                let f_number = first_order(&lens.at_wavelength(lens.reference_um)).f_number.abs();
-                let fine = SHARE_OF_DETAIL * shortest * f_number;
+                let fine = SHARE_OF_DETAIL * shortest * image_f_number(lens);
                 if fine.is_finite() && fine > 0.0 { fine } else { by_rays }
             }
         };

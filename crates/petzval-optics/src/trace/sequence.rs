@@ -160,6 +160,12 @@ impl SurfaceAtWavelength {
 }
 
 impl Sequence {
+    /// Whether rays have optical paths that waves can be made of. A thin lens has none of its own: which paths make it perfect
+    /// depends on the object that it images.
+    pub fn has_optical_paths(&self) -> bool {
+        !self.surfaces.iter().any(|s| matches!(s.bending, Bending::ThinLens { .. }))
+    }
+
     /// How the index behind a surface, signed, moves with those of the glasses: `by_glass` says how much each moves. A mirror
     /// has the medium in front behind it.
     pub(crate) fn index_change(&self, surface: usize, by_glass: impl Fn(usize) -> f64) -> f64 {

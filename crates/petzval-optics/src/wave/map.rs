@@ -96,8 +96,8 @@ pub(crate) struct WaveCotangent {
 }
 
 impl WaveMap {
-    /// The wave through polynomials of the least degree that is good enough; `None` if none is, or if rays of the stop are
-    /// lost. `like`, the same field at another wavelength, makes aiming quicker.
+    /// The wave through polynomials of the least degree that is good enough; `None` if none is, if rays of the stop are
+    /// lost, or in a system with thin lenses. `like`, the same field at another wavelength, makes aiming quicker.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -105,6 +105,9 @@ impl WaveMap {
         origin_mm: [f64; 2],
         like: Option<&Self>,
     ) -> Option<Self> {
+        if !sequence.has_optical_paths() {
+            return None;
+        }
         let least = like.map_or(0, |map| map.samples.basis.degree);
         DEGREES.into_iter().filter(|d| *d >= least).find_map(|degree| {
             let basis = PupilBasis::of_degree(degree);

@@ -33,11 +33,17 @@ pub(crate) struct LineSpread {
     beyond: f64,
     /// Frequency from which on that light is not modulated, 1/mm.
     beyond_fades_per_mm: f64,
+    /// Frequency by which the grid of the pupil is as wide as it is, 1/mm.
+    highest_per_mm: f64,
 }
 
 impl LineSpread {
     /// The transfer function at a frequency, 1/mm.
     pub fn transfer(&self, frequency_per_mm: f64) -> Complex64 {
+        // There the wave and its shifted self do not meet; the sum would begin again.
+        if frequency_per_mm.abs() >= self.highest_per_mm {
+            return Complex64::ZERO;
+        }
         let half = (self.values.len() / 2) as f64;
         let turn = TAU * frequency_per_mm * self.spacing_mm;
         // By the recurrence of sines, refreshed often enough to stay exact.
@@ -155,6 +161,7 @@ impl PupilWave<'_> {
             spacing_mm: per_node_mm / length as f64,
             beyond: (1.0 - values.iter().sum::<f64>()).max(0.0),
             beyond_fades_per_mm: 2.0 * channel.soft_nodes() / per_node_mm,
+            highest_per_mm: n as f64 / per_node_mm,
             values,
         }
     }

@@ -39,11 +39,11 @@ pub struct Args {
     /// Where the image plane goes
     #[arg(long, value_enum, default_value = "file")]
     focus: FocusAt,
-    /// Highest frequency of MTF curves, cycles/mm [default: 100, or the cutoff if that is less]
-    #[arg(long, value_name = "N")]
+    /// Highest frequency of MTF curves, cycles/mm [default: 100, or about half of the cutoff if that is less]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     max_frequency: Option<f64>,
     /// Frequency of MTF through focus, cycles/mm [default: half of the highest]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frequency: Option<f64>,
     /// Print the data as JSON
     #[arg(long)]

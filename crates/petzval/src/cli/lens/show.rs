@@ -3,9 +3,10 @@
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
+use petzval::optics::analysis::first_order_table;
 use petzval::optics::format::lens_toml::special_lines;
 use petzval::optics::glass::{Catalog, Glass};
-use petzval::optics::lens::{Lens, ObjectDistance, Surface};
+use petzval::optics::lens::{Action, Lens, ObjectDistance, Surface};
 use petzval::optics::paraxial::{FirstOrder, first_order};
 use petzval::optics::pupil::{Quadrature, paraxial_launch, trace_beam};
 use petzval::optics::seidel::seidel_total;
@@ -18,6 +19,9 @@ use crate::cli::{Failure, print_json};
 
 /// Pupil cells a side: spot radii are then good to 0.1 %.
 const PUPIL_CELLS: usize = 64;
+
+/// A stop that is so many times as wide as the beam is pointed out.
+const WIDE_STOP: f64 = 3.0;
 
 /// Show a lens: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
@@ -55,6 +59,18 @@ fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<Str
              the entrance pupil counts",
             lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
         ));
+    }
+    if stop.semi_diameter_mm > WIDE_STOP * order.stop_radius_mm.abs() {
+        found.push(format!(
+            "an entrance pupil of {} mm fills {:.4} mm of the stop's radius, its clear semi-diameter is {} mm; \
+             the entrance pupil counts",
+            lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
+        ));
+    }
+    if lens.surfaces.iter().filter(|s| s.action == Action::Reflect && s.placement.is_none()).count() > 1 {
+        found.push(
+            "a mirror in front of another takes no light from it: there are no obscurations".to_owned(),
+        );
     }
     let last = lens.surfaces.len() - 1;
     let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
@@ -290,11 +306,19 @@ fn print(lens: &Lens, found: &Figures) {
     println!("\n  object              {object}");
     println!("  focal length        {:>9.4} mm at {} um", o.efl_mm, lens.reference_um);
     println!("  back focal length   {:>9.4} mm", o.bfl_mm);
-    println!("  f-number            {:>9.4}    entrance pupil {} mm", o.f_number, lens.entrance_pupil_mm);
+    println!("  f-number            {:>9.4}    entrance pupil {:.4} mm", o.f_number, lens.entrance_pupil_mm);
+    let table = first_order_table(lens);
+    if let Some(magnification) = table.magnification {
+        println!(
+            "  magnification       {magnification:>+9.4}    working f-number {:.4}",
+            table.working_f_number
+        );
+    }
+    let image = if table.magnification.is_some() { "image" } else { "focus" };
     let track = lens.total_track_mm() - lens.image_distance_mm() + o.image_distance_mm;
-    println!("  total track         {track:>9.4} mm to the paraxial focus");
+    println!("  total track         {track:>9.4} mm to the paraxial {image}");
     let defocus = lens.image_distance_mm() - o.image_distance_mm;
-    println!("  image plane         {defocus:>+9.4} mm from the paraxial focus");
+    println!("  image plane         {defocus:>+9.4} mm from the paraxial {image}");
     match found.seidel {
         Some([s1, s2, s3, s4, s5]) => println!(
             "\n  Seidel sums, mm     S1 {s1:+.5}  S2 {s2:+.5}  S3 {s3:+.5}  S4 {s4:+.5}  S5 {s5:+.5}"

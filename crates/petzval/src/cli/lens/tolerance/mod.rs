@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
 use petzval::design::error::DesignError;
+use petzval::optics::analysis::first_order_table;
 use petzval::optics::format::{ToleranceFile, parse_tolerances};
 use petzval::optics::lens::Lens;
 use petzval::optics::psf::PsfKind;
@@ -123,6 +124,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         return Err(Failure::input(
             "nothing is off: there is no tolerance",
             "give a --grade, or name some in the file",
+        ));
+    }
+    let cutoff = first_order_table(&lens).cutoff_per_mm;
+    if matches!(args.merit, MeritName::Mtf) && args.frequency >= cutoff {
+        return Err(Failure::input(
+            format!("--frequency {}: the lens resolves nothing beyond {cutoff:.1} cycles/mm", args.frequency),
+            "the cutoff is 1 / (wavelength x working f-number)",
         ));
     }
     let merit = merit(args, &lens);
