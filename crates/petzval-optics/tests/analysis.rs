@@ -290,7 +290,7 @@ fn colours_near_the_axis_are_those_of_the_chromatic_sums() {
     lens.wavelengths_um = vec![0.5874, 0.5878];
     let sums = third_order(&lens).unwrap().total.chromatic_mm;
     let slope = 0.5 / first_order(&lens.at_wavelength(lens.reference_um)).f_number;
-    let axial = axial_colour(&lens, &options());
+    let axial = axial_colour(&lens);
     let (first, last) = (axial.shift_mm[0].unwrap(), axial.shift_mm.last().unwrap().unwrap());
     let wanted = -sums[0] / (slope * slope);
     assert!(((first - last) / wanted - 1.0).abs() < 0.01, "{} {wanted}", first - last);
@@ -378,7 +378,15 @@ fn the_first_order_table_knows_near_objects_and_front_foci() {
     assert!(table.defocus_mm.unwrap().abs() < 1e-9);
     // A spherical mirror: Petzval radius R / 2, hollow towards the light.
     let table = first_order_table(&perfect(4.0));
-    assert!((table.petzval_radius_mm.unwrap().abs() - 80.0).abs() < 1e-9);
+    assert!((table.petzval_radius_mm.unwrap() + 80.0).abs() < 1e-9);
+    // In a medium the cone is wider by its index.
+    let mut immersed = nominal_triplet();
+    immersed.surfaces[6].glass = immersed.surfaces[2].glass.clone();
+    let immersed = petzval_optics::solve::with_paraxial_focus(&immersed, 0.0);
+    let table = first_order_table(&immersed);
+    let order = first_order(&immersed.at_wavelength(immersed.reference_um));
+    // NA = n' u' is the height of the marginal ray over the focal length, whatever is behind.
+    assert!((table.working_f_number / (order.efl_mm / 5.7) - 1.0).abs() < 1e-9);
 }
 
 #[test]

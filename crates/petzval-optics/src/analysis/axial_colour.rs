@@ -31,7 +31,7 @@ pub struct LongitudinalAberration {
 }
 
 /// Paraxial focus over the wavelength; at a lens of one wavelength over a tenth of it to both sides.
-pub fn axial_colour(lens: &Lens, _options: &AnalysisOptions) -> AxialColour {
+pub fn axial_colour(lens: &Lens) -> AxialColour {
     let (low, high) =
         lens.wavelengths_um.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), w| (a.min(*w), b.max(*w)));
     let (low, high) = if high > low { (low, high) } else { (0.9 * low, 1.1 * high) };

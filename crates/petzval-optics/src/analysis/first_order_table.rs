@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::options::{cutoff_per_mm, image_f_number};
+use super::options::{airy_radius_um, cutoff_per_mm, image_f_number};
 use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray};
 use crate::seidel::marginal_and_chief;
@@ -47,7 +47,7 @@ pub struct FirstOrderTable {
     pub image_height_mm: Option<f64>,
     /// Lagrange's invariant `n (u ybar - ubar y)` of the full field, mm.
     pub lagrange_invariant_mm: f64,
-    /// Radius of the Petzval surface, mm, negative where it is hollow towards the lens.
+    /// Radius of the Petzval surface, mm, negative where its centre lies at smaller z: of most lenses it does, hollow towards them.
     pub petzval_radius_mm: Option<f64>,
     /// Radius of the first dark ring of a perfect lens, um.
     pub airy_radius_um: f64,
@@ -96,7 +96,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         image_height_mm: exists(per_tangent * full.tan()),
         lagrange_invariant_mm: marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0],
         petzval_radius_mm: exists(1.0 / (n_image * bends.sum::<f64>())),
-        airy_radius_um: 1.219_67 * lens.reference_um * image_f_number(lens),
+        airy_radius_um: airy_radius_um(lens),
         cutoff_per_mm: cutoff_per_mm(lens),
     }
 }

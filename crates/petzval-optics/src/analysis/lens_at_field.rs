@@ -49,10 +49,9 @@ impl<'a> LensAtField<'a> {
             .collect()
     }
 
-    /// Diameter of the stop's image in which light of the axis interferes: radius of the first dark ring of the paraxial cone at
-    /// the reference wavelength, um.
+    /// Radius of the first dark ring of a perfect image with the paraxial cone of the axis, at the reference wavelength, um.
     pub fn airy_radius_um(&self) -> f64 {
-        1.219_67 * self.lens.reference_um * super::options::image_f_number(self.lens)
+        super::options::airy_radius_um(self.lens)
     }
 }
 

@@ -109,7 +109,7 @@ pub fn analyze(lens: &Lens, options: &AnalysisOptions) -> Result<Analysis, Analy
         encircled_energy: per_field.into_iter().map(|f| f.5).collect(),
         mtf_by_field: mtf_by_field?,
         field_curves: field_curves?,
-        axial_colour: axial_colour(lens, options),
+        axial_colour: axial_colour(lens),
         longitudinal_aberration: longitudinal_aberration(lens, options),
     })
 }

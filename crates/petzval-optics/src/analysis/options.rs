@@ -115,12 +115,14 @@ pub(super) fn round_up(value: f64) -> f64 {
     digit.unwrap_or(10.0) * decade
 }
 
-/// Distance from the exit pupil to the image over the pupil's diameter: 1 / (2 NA) for the paraxial image.
+/// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil over the pupil's diameter and the index there.
 pub(crate) fn image_f_number(lens: &Lens) -> f64 {
-    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&sequence);
+    let index = sequence.surfaces.last().map_or(1.0, |s| s.n_after.abs());
     let along = (order.image_distance_mm - order.exit_pupil_at_mm).abs();
     match along.is_finite() {
-        true => along / order.exit_pupil_mm,
+        true => along / (order.exit_pupil_mm * index),
         // The exit pupil is at infinity: the cone is that of the marginal ray from the rear focus.
         false => order.f_number.abs(),
     }
@@ -130,4 +132,9 @@ pub(crate) fn image_f_number(lens: &Lens) -> f64 {
 /// reference wavelength.
 pub(super) fn cutoff_per_mm(lens: &Lens) -> f64 {
     1e3 / (lens.reference_um * image_f_number(lens))
+}
+
+/// Radius of the first dark ring of a perfect image with the paraxial cone of the axis, um: `0.61 wavelength / NA`.
+pub(super) fn airy_radius_um(lens: &Lens) -> f64 {
+    1.219_67 * lens.reference_um * image_f_number(lens)
 }

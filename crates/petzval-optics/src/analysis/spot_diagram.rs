@@ -19,8 +19,8 @@ pub struct SpotDiagram {
     pub field_deg: f64,
     /// Where the chief ray of the reference wavelength lands, mm.
     pub chief_mm: [f64; 2],
-    /// `[wavelength][ray]`: (x, y) from there of rays through rings of the stop that each stand for the same area, um; rays that
-    /// are lost or blocked are left out.
+    /// `[wavelength][ray]`: (x, y) from there of rays that fill the stop evenly in rings, um; rays that are lost or blocked are
+    /// left out.
     pub points_um: Vec<Vec<[f64; 2]>>,
     /// Centroid of all light from the chief ray, um.
     pub centroid_um: [f64; 2],
@@ -35,7 +35,7 @@ pub struct SpotDiagram {
     pub airy_radius_um: f64,
 }
 
-/// Rings of equally many rays per area about the middle of the unit disk: one point, then 6, 12, 18, ...
+/// Points of equal density over the unit disk, in rings: one point, then 6, 12, 18, ...
 fn hexapolar(rings: usize) -> Vec<[f64; 2]> {
     let mut points = vec![[0.0; 2]];
     for ring in 1..=rings {

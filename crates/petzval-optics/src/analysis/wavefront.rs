@@ -16,6 +16,9 @@ pub const ZERNIKE_TERMS: usize = 37;
 /// Cells a side of the pupil on which wavefronts are looked at.
 const CELLS: usize = 32;
 
+/// Least ratio of the singular values of a fit: over the whole stop it is about 0.1.
+const LEAST_CONDITION: f64 = 1e-2;
+
 /// Points on its rim.
 const RIM: usize = 64;
 
@@ -37,7 +40,8 @@ pub struct Wavefront {
     /// `[wavelength]`: peak of the PSF over that of the same beam without aberrations; `None` where the wavefront is too rough for
     /// its polynomials or rays of the stop are lost.
     pub strehl: Vec<Option<f64>>,
-    /// `[wavelength][term]`: fringe Zernike coefficients, waves; `None` where too few rays arrive.
+    /// `[wavelength][term]`: fringe Zernike coefficients, waves; `None` where so much of the stop is dark that the terms
+    /// cannot be told apart.
     pub zernike_waves: Vec<Option<Vec<f64>>>,
     /// `[wavelength]`: root mean square of what the coefficients leave of the wavefront, waves.
     pub zernike_residual_waves: Vec<Option<f64>>,
@@ -143,7 +147,7 @@ fn left_over(points: &[[f64; 2]], waves: &[f64], coefficients: &[f64]) -> Vec<f6
 
 /// Coefficients of the first so many fringe terms, by least squares weighed by light.
 fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Option<Vec<f64>> {
-    if points.len() < 2 * terms {
+    if shares.iter().filter(|s| **s > 0.0).count() < 2 * terms {
         return None;
     }
     let root: Vec<f64> = shares.iter().map(|s| s.sqrt()).collect();
@@ -151,8 +155,9 @@ fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Opti
     let wanted = DVector::from_iterator(points.len(), waves.iter().zip(&root).map(|(w, r)| w * r));
     let qr = matrix.qr();
     let r = qr.r();
-    let widest = (0..terms).map(|k| r[(k, k)].abs()).fold(0.0, f64::max);
-    if (0..terms).any(|k| r[(k, k)].abs() < 1e-9 * widest) {
+    // Over a part of the stop the terms are alike, and large coefficients cancel.
+    let singular = r.singular_values();
+    if singular.min() < LEAST_CONDITION * singular.max() {
         return None;
     }
     let found = r.solve_upper_triangular(&(qr.q().transpose() * wanted))?;

@@ -8,6 +8,7 @@
 
 use super::freedom::{ARCMIN_PER_RAD, FRINGE_UM, Freedom, Quantity, elements};
 use super::{Distribution, Perturbation};
+use crate::glass::Glass;
 use crate::lens::{Action, Lens};
 
 /// How exactly a lens is made.
@@ -101,8 +102,8 @@ pub fn default_tolerances(
     let last = lens.surfaces.len().saturating_sub(1);
     let bends_light = |i: usize| {
         let s = &lens.surfaces[i];
-        let front_is_air = i == 0 || lens.surfaces[i - 1].glass.is_air();
-        s.action == Action::Reflect || !(front_is_air && s.glass.is_air())
+        let front = if i == 0 { Glass::air() } else { lens.surfaces[i - 1].glass.clone() };
+        s.action == Action::Reflect || front != s.glass
     };
     for (i, s) in lens.surfaces.iter().enumerate() {
         if bends_light(i) {

@@ -59,6 +59,9 @@ pub enum ToleranceError {
     AxisMoves { surface: usize },
     #[error("{what}: the tolerance {tolerance} is no positive number")]
     NotPositive { what: String, tolerance: f64 },
-    #[error("the merit of the nominal lens is not to be had: some field brings no light to the image")]
+    #[error(
+        "the merit of the nominal lens is not to be had: some field brings no light to the image or, by diffraction, its wavefront is \
+         too rough or rays of the stop are lost"
+    )]
     NoMerit,
 }

@@ -80,6 +80,9 @@ impl ReferenceSphere {
     /// The same sphere with a radius rounded to two digits: small changes of a lens do not move it, and which sphere it is makes
     /// little difference.
     pub fn rounded(self) -> Self {
+        if !self.radius_mm.is_normal() {
+            return self;
+        }
         let unit = 10f64.powf(self.radius_mm.abs().log10().floor() - 1.0);
         Self { radius_mm: (self.radius_mm / unit).round() * unit, ..self }
     }

@@ -46,17 +46,21 @@ pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
             first += 1;
             continue;
         }
-        // Follow the glass to the next air; glass that reaches the image has no rear surface to draw.
-        let Some(length) = media[first..].iter().position(|glass| glass.is_air()) else { break };
-        let last = first + length;
-        let divides =
-            |i: usize| i == first || media[i] != media[i - 1] || surfaces[i].action == Action::Reflect;
+        // Follow the glass to the next air, or to the image plane.
+        let length = media[first..].iter().position(|glass| glass.is_air());
+        let last = length.map_or(surfaces.len(), |length| first + length);
+        let divides = |i: usize| {
+            i == first || i == last || media[i] != media[i - 1] || surfaces[i].action == Action::Reflect
+        };
         let walls: Vec<usize> = (first..=last).filter(|i| divides(*i)).collect();
-        let height_mm = walls.iter().map(|i| surfaces[*i].semi_diameter_mm).fold(0.0, f64::max);
-        let wall = |i: usize| Wall {
-            surface: &surfaces[i],
-            place: &places[i],
-            is_cemented: i != first && i != last && surfaces[i].action != Action::Reflect,
+        let of_lens = |i: usize| surfaces.get(i);
+        let heights = walls.iter().filter_map(|i| of_lens(*i)).map(|s| s.semi_diameter_mm);
+        let height_mm = heights.fold(0.0, f64::max);
+        let image = Surface { semi_diameter_mm: height_mm, ..Surface::default() };
+        let wall = |i: usize| {
+            let surface = of_lens(i).unwrap_or(&image);
+            let is_cemented = i != first && i != last && surface.action != Action::Reflect;
+            Wall { surface, place: &places[i], is_cemented }
         };
         for pair in walls.windows(2) {
             let glass = &media[pair[0]];

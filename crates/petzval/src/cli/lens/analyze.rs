@@ -16,6 +16,9 @@ use crate::cli::Failure;
 const PAGE: &str = "html";
 const DATA: &str = "json";
 
+/// A lens with less power over its length is afocal but for rounding.
+const LEAST_POWER: f64 = 1e-9;
+
 /// Highest frequency that can be asked for, cycles/mm: beyond the cutoff of any lens for light.
 const MOST_PER_MM: f64 = 2e4;
 
@@ -66,10 +69,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         }
     }
     let lens = focused(built_in_assets().lens(&args.lens)?.lens, args.focus)?;
-    if !first_order_table(&lens).cutoff_per_mm.is_normal() {
+    // Rounding leaves an afocal lens some power.
+    let table = first_order_table(&lens);
+    let power = table.efl_mm.map_or(0.0, |efl| (lens.total_track_mm() / efl).abs());
+    if power < LEAST_POWER || !table.cutoff_per_mm.is_normal() {
         return Err(Failure::input(
-            format!("{}: the lens is afocal in the y-z plane and makes no image to analyse", args.lens),
-            "`lens show` and `lens trace` take it; a thin lens of known focal length behind it makes an image",
+            format!(
+                "{}: the lens is afocal in the y-z plane, or telecentric on the side of its object",
+                args.lens
+            ),
+            "neither has an entrance pupil and a focus to start from; a thin lens of known focal length behind an afocal lens makes an \
+             image",
         ));
     }
     let options = AnalysisOptions {

@@ -116,6 +116,9 @@ fn lenses(findings: &Findings, random: &MonteCarlo) {
 
 /// Three significant digits without needless zeros.
 pub fn short(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
     let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
     let text = format!("{value:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
