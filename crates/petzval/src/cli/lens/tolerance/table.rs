@@ -107,6 +107,10 @@ fn lenses(findings: &Findings, random: &MonteCarlo) {
     for (k, (freedom, _)) in findings.study.tolerances().compensators.iter().enumerate() {
         let [mean, deviation, low, high] = travel_of(random, k);
         let unit = freedom.quantity.unit();
+        if !deviation.is_finite() {
+            println!("  {}: too few lenses to say how it moves", findings.setting(freedom));
+            continue;
+        }
         println!(
             "  {} moves by {mean:+.4} +- {deviation:.4} {unit} ({low:+.4} ... {high:+.4})",
             findings.setting(freedom)
