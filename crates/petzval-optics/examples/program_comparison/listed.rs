@@ -144,7 +144,7 @@ impl ListedLens {
                     ..SurfaceShape::PLANE
                 },
                 thickness_mm: s.thickness_mm,
-                glass: Arc::new(Glass { name: "as listed".into(), dispersion }),
+                glass: Arc::new(Glass::new("as listed", dispersion)),
                 semi_diameter_mm: 1e3,
                 ..Surface::default()
             }
