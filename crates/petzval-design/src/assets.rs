@@ -11,6 +11,7 @@ use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
 use crate::experiment::Experiment;
+use crate::glass_warnings::glass_warnings;
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Debug, Default)]
@@ -22,6 +23,8 @@ pub struct Assets {
     catalog: OnceLock<Catalog>,
     /// Told of what lenses of other programs lose when they are read.
     on_loss: Option<fn(&Path, &Loss)>,
+    /// Told of what is odd about the glasses of a lens when it is read.
+    on_glass: Option<fn(&Path, &str)>,
 }
 
 /// Built-in glass files: where several know a name, the first counts.
@@ -50,6 +53,11 @@ impl Assets {
     /// The same library, telling what lenses of other programs lose whenever one is read.
     pub fn telling_losses(self, on_loss: fn(&Path, &Loss)) -> Self {
         Self { on_loss: Some(on_loss), ..self }
+    }
+
+    /// The same library, telling what is odd about the glasses of a lens ([`glass_warnings`]) whenever one is read.
+    pub fn telling_glass_warnings(self, on_glass: fn(&Path, &str)) -> Self {
+        Self { on_glass: Some(on_glass), ..self }
     }
 
     /// All files below a folder on disk, for tests and for a changed library.
@@ -137,10 +145,14 @@ impl Assets {
         if let Some(tell) = self.on_loss {
             losses.iter().for_each(|loss| tell(Path::new(name), loss));
         }
+        if let Some(tell) = self.on_glass {
+            let warnings = glass_warnings(&file.lens, &self.catalog()?);
+            warnings.iter().for_each(|warning| tell(Path::new(name), warning));
+        }
         Ok(file)
     }
 
-    /// A lens by path or built-in name, with what it lost if its file is that of another program.
+    /// A lens by path or built-in name, with what it lost if its file is that of another program. Nothing is told.
     pub fn import(&self, name: &str) -> Result<Import, DesignError> {
         let path = Path::new(name);
         let catalog = self.catalog()?;

@@ -22,8 +22,8 @@ const ENDINGS: &str = ".agf, .toml, .yml or .yaml";
 /// Reads glass files and folders of them, in their order, the files of a folder in the order of their paths.
 ///
 /// The maker of an AGF file is its name without `.agf`. A page of refractiveindex.info is called as its file is, made by
-/// the folder below `specs`; a page in a folder `MATERIAL/nk` is called `MATERIAL-PAGE`. Pages in a folder that cannot be
-/// read, as those of media without an index, are warnings.
+/// the folder below `specs`; a page in a folder `MATERIAL/nk` is called `MATERIAL-PAGE`. Files in a folder that hold no
+/// glass, such as pages of media without an index and lens files, are warnings.
 pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
     let mut chosen = ChosenGlasses::default();
     for path in paths {
@@ -38,17 +38,21 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
             read_file(path, &mut chosen)?;
             continue;
         }
-        let (mut files, before) = (glass_files(path)?, chosen.catalog.iter().count());
+        let (mut files, mut is_empty) = (glass_files(path)?, true);
         files.sort();
         for file in files {
             match read_file(&file, &mut chosen) {
-                Err(DesignError::Input { path, error }) if is_page(&file) => {
-                    chosen.warnings.push((path, *error))
+                Err(DesignError::Input { path, mut error }) if !is_broken_catalogue(&file) => {
+                    error.message += ": the file is left out";
+                    chosen.warnings.push((path, *error));
                 }
-                other => other?,
+                other => {
+                    other?;
+                    is_empty = false;
+                }
             }
         }
-        if chosen.catalog.iter().count() == before {
+        if is_empty {
             return Err(wrong(
                 path,
                 "there is no glass in this folder",
@@ -74,6 +78,14 @@ fn glass_files(root: &Path) -> Result<Vec<PathBuf>, DesignError> {
         }
     }
     Ok(files)
+}
+
+/// Whether a file that could not be read is a glass catalogue in TOML all the same: what is wrong there is for its author
+/// to mend, while a file about something else, as a lens, has merely its place in the same folder.
+fn is_broken_catalogue(path: &Path) -> bool {
+    let Ok(bytes) = std::fs::read(path) else { return true };
+    let is_catalogue = |table: toml::Table| !table.is_empty() && table.keys().all(|key| key == "glass");
+    ending(path) == "toml" && toml::from_str(&decode(&bytes)).map_or(true, is_catalogue)
 }
 
 fn ending(path: &Path) -> String {

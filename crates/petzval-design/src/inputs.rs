@@ -29,7 +29,9 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
 /// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it.
 pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<(), DesignError> {
     let experiment = &setup.experiment;
-    write_atomically(&run.nominal_lens(), write_lens(&assets.lens(&experiment.lens)?).as_bytes())?;
+    // The setup has read the lens already, and told of it.
+    let lens = assets.import(&experiment.lens)?.file;
+    write_atomically(&run.nominal_lens(), write_lens(&lens).as_bytes())?;
     let sensor = assets.text("sensor", "sensors", &experiment.sensor)?;
     write_atomically(&run.sensor(), sensor.text.as_bytes())?;
     write_atomically(&run.fingerprint(), format!("{}\n", fingerprint(setup)?).as_bytes())?;

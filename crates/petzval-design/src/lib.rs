@@ -11,6 +11,7 @@ pub mod cameras;
 pub mod design_loop;
 pub mod error;
 pub mod experiment;
+pub mod glass_warnings;
 pub mod glasses;
 pub mod inputs;
 pub mod joint;

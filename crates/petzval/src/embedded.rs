@@ -21,7 +21,8 @@ pub fn choose_glasses(glasses: Catalog) {
 }
 
 /// The built-in library of lenses, glasses, sensors, experiments, photographs and weights, with the glasses that were
-/// chosen. What lenses of other programs lose when they are read is told on stderr.
+/// chosen. What lenses of other programs lose when they are read, and what is odd about the glasses of any lens, is told
+/// on stderr.
 pub fn built_in_assets() -> Assets {
     let (mut files, mut open) = (Vec::new(), vec![&DATA]);
     while let Some(folder) = open.pop() {
@@ -36,6 +37,7 @@ pub fn built_in_assets() -> Assets {
     Assets::new(files)
         .with_glasses(CHOSEN.get().cloned().unwrap_or_default())
         .telling_losses(|path, loss| eprintln!("warning: {}", told(path, loss)))
+        .telling_glass_warnings(|path, warning| eprintln!("warning: {}: {warning}", path.display()))
 }
 
 /// A loss with the file it is from, as `FILE:LINE: ...`.

@@ -46,7 +46,12 @@ fn find_gives_the_nearest_glasses_first() {
     }
     let few = run_ok(folder.path(), &["glass", "find", "--nd", "1.6", "--vd", "50", "--count", "3"]);
     assert_eq!(few.stdout.lines().count(), 4, "{}", few.stdout);
-    run_fails(folder.path(), &["glass", "find", "--nd", "0.5", "--vd", "50"], 2, &["--nd 0.5"]);
+    let refused =
+        [("0.5", "50", "--nd 0.5: an index is between 1 and 5"), ("1.5", "-5", "--vd -5: an Abbe number is")];
+    for (nd, vd, says) in refused {
+        run_fails(folder.path(), &["glass", "find", "--nd", nd, "--vd", vd], 2, &[says]);
+    }
+    run_ok(folder.path(), &["glass", "find", "--nd", "5", "--vd", "50"]);
     run_fails(folder.path(), &["glass", "find", "--nd", "1.5", "--vd", "nan"], 2, &["--vd"]);
     run_fails(
         folder.path(),
@@ -81,7 +86,16 @@ fn show_says_what_the_data_sheet_says() {
         text.contains("sellmeier = {") && text.contains("-40 C, 0 atm") && !text.contains("extinction"),
         "{text}"
     );
-    run_fails(folder.path(), &["glass", "show", "NBK7"], 2, &["no glass is called `NBK7`", "N-BK7"]);
+    run_fails(
+        folder.path(),
+        &["glass", "show", "NBK7"],
+        2,
+        &["no glass is called `NBK7`", "names are N-BK7"],
+    );
+    let far = run_fails(folder.path(), &["glass", "show", "GERMANIUM"], 2, &["glass list"]);
+    assert!(!far.says("AIR"), "{}", far.stderr);
+    let air = run_ok(folder.path(), &["glass", "show", "AIR"]).stdout;
+    assert!(air.contains("PgF                -\n") && !air.contains("NaN") && !air.contains("inf"), "{air}");
     run_fails(
         folder.path(),
         &["glass", "show", "SILICA", "--temperature", "30"],
@@ -107,6 +121,24 @@ fn names_of_several_makers_are_told_apart_and_said() {
         warnings.contains("the formula of N-SF11 holds from 0.37 to 0.6 um, not at 0.62 um"),
         "{warnings}"
     );
+    // So says every verb that reads a lens, once, and not in what it prints for programs.
+    for args in [
+        &["lens", "show", LENS][..],
+        &["lens", "show", LENS, "--json"],
+        &["lens", "analyze", LENS, "--out", "analysis", "--json"],
+        &["lens", "tolerance", LENS, "--trials", "0", "--json"],
+        &["lens", "optimize", LENS, "--out", "better", "--iterations", "1"],
+        &["psf", LENS, "--out", "psf", "--fields", "2", "--pupil-cells", "32", "--json"],
+    ] {
+        let done = run_ok(folder.path(), &[&["--glasses", "mine"], args].concat());
+        for once in ["N-SF11 is that of Own", "the formula of N-SF11 holds"] {
+            assert_eq!(done.stderr.matches(once).count(), 1, "{args:?}\n{}", done.stderr);
+            assert!(args.contains(&"--json") || !done.stdout.contains(once), "{}", done.stdout);
+        }
+        if args.contains(&"--json") {
+            done.json();
+        }
+    }
     let shown = run_ok(folder.path(), &["--glasses", "mine", "glass", "show", "N-SF11", "--json"]).json();
     assert_eq!(
         (&shown["maker"], &shown["others_of_this_name"][0]),
@@ -182,6 +214,42 @@ fn pages_of_refractiveindex_info_are_called_by_their_place() {
     // By itself, a page that cannot be read is an error.
     let args = ["--glasses", "rii/main/Au/nk/K-only.yml", "glass", "list"];
     run_fails(folder.path(), &args, 2, &["K-only.yml:2", "no refractive index"]);
+}
+
+#[test]
+fn a_folder_may_hold_other_files_and_glasses_that_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "mine/Own.agf", &("NM NOTHING 2 0 1.6 50 0 0\nCD 0 0 0 0 0 0\n".to_owned() + AGF));
+    write(folder.path(), "mine/lens.toml", &read(&data(&format!("lenses/{LENS}.toml"))));
+    write(folder.path(), "mine/prose.agf", "nothing but words\n");
+    let listed = ["--glasses", "mine", "glass", "list", "--maker", "own"];
+    let done = run_ok(folder.path(), &listed);
+    assert!(done.stdout.contains("ONLY-HERE") && !done.stdout.contains("NOTHING"), "{}", done.stdout);
+    for says in [
+        "Own.agf: line 2: `CD 0 0 0 0 0 0`: the formula of `NOTHING` has no term: the glass is left out",
+        "lens.toml: line",
+        "expected `glass`: the file is left out",
+        "prose.agf: line 1: there is no glass in this file: the file is left out",
+    ] {
+        assert!(done.says(says), "{says}\n{}", done.stderr);
+    }
+    // By itself such a file is an error, and so is a catalogue with a mistake in it anywhere.
+    let alone = ["--glasses", "mine/lens.toml", "glass", "list"];
+    run_fails(folder.path(), &alone, 2, &["lens.toml", "expected `glass`"]);
+    write(folder.path(), "mine/bad.toml", "[glass.A]\nnd = 1.5\n");
+    run_fails(folder.path(), &listed, 2, &["bad.toml", "glass `A` has no formula"]);
+}
+
+#[test]
+fn a_lens_with_a_misprinted_glass_can_be_written_and_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "mine.agf", &AGF.replace("ONLY-HERE 1 0 1.5168 64.2", "ONLY-HERE 1 0 1.6 50"));
+    let lens = read(&data(&format!("lenses/{LENS}.toml"))).replace("\"N-SF11\"", "\"ONLY-HERE\"");
+    write(folder.path(), "lens.toml", &lens);
+    let with = ["--glasses", "mine.agf", "lens", "convert", "lens.toml", "again.toml"];
+    assert!(run_ok(folder.path(), &with).says("the formula gives nd = 1.51680, not 1.6"));
+    let shown = run_ok(folder.path(), &["lens", "show", "again.toml", "--json"]).json();
+    assert!((flint_nd(&shown) - 1.5168).abs() < 1e-5, "{}", flint_nd(&shown));
 }
 
 #[test]

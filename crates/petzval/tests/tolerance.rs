@@ -202,6 +202,14 @@ fn wrong_input_is_refused_with_its_place() {
             table("surface = 1\nconic = 0.1\n[[tolerance]]\nsurface = 1\nconic = 0.2"),
             &["t.toml:7", "already"],
         ),
+        (
+            table("surface = 1\nradius_mm = 0.1\npower_fringes = 2"),
+            &["t.toml:5", "`power_fringes = 2`", "already"],
+        ),
+        (
+            table("surface = 1\nradius_percent = 0.1\n[[tolerance]]\nsurface = 1\nradius_mm = 0.1"),
+            &["t.toml:7", "already"],
+        ),
         ("grade = \"good\"".to_owned(), &["t.toml:1", "no grade `good`", "\"precision\""]),
         (
             "[[compensator]]\nsurface = 1\nparameter = \"index\"".to_owned(),

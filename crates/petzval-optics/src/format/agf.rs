@@ -30,8 +30,9 @@
 //! | 12 Extended 2 | 1 Schott with `+ a6 w^4 + a7 w^6` |
 //! | 13 Extended 3 | `n^2 = a0 + a1 w^2 + a2 w^4 + a3 w^-2 + a4 w^-4 + a5 w^-6 + a6 w^-8 + a7 w^-10 + a8 w^-12` |
 //!
-//! A glass without a usable formula is an error. A line that can be left out without a change of any index, such as a
-//! row of transmittance with a blank in it, is left out with a warning; the resistances are left out always.
+//! A glass without a usable formula is left out with a warning, and is an error where the file has no other. A line that
+//! can be left out without a change of any index, such as a row of transmittance with a blank in it, is left out with a
+//! warning; the resistances are left out always.
 
 use std::collections::HashMap;
 
@@ -39,7 +40,7 @@ use super::glass_file::{GlassFile, shifted};
 use super::{FileError, error::quote};
 use crate::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Status, Thermal};
 
-/// The glasses of an AGF file, all of one maker.
+/// The glasses of an AGF file, all of one maker. Warnings of glasses that are lost come first.
 ///
 /// ```
 /// # use petzval_optics::format::parse_agf;
@@ -55,6 +56,8 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
     let mut file = GlassFile::default();
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut entry: Option<Entry> = None;
+    // Why glasses are lost, and whether the records at hand are those of a lost one.
+    let (mut lost, mut in_lost) = (Vec::new(), false);
     for (i, line) in text.lines().enumerate() {
         let line = Line { number: i + 1, text: line.trim() };
         let (record, _) = line.text.split_once(char::is_whitespace).unwrap_or((line.text, ""));
@@ -63,17 +66,22 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
             (comment, _) if comment.starts_with('!') => {}
             ("NM", _) => {
                 if let Some(done) = entry.take() {
-                    close(done, &mut file, &mut places)?;
+                    lost.extend(close(done, &mut file, &mut places).err());
                 }
-                entry = Some(Entry::begin(&line, maker, &mut file.warnings)?);
+                let begun = Entry::begin(&line, maker, &mut file.warnings);
+                in_lost = begun.is_err();
+                entry = begun.map_err(|error| lost.push(error)).ok();
             }
-            ("GC" | "ED" | "CD" | "TD" | "OD" | "LD" | "IT", Some(entry)) => {
-                entry.record(record, &line, &mut file.warnings)?;
+            ("GC" | "ED" | "CD" | "TD" | "OD" | "LD" | "IT", Some(open)) => {
+                if let Err(error) = open.record(record, &line, &mut file.warnings) {
+                    lost.push(error);
+                    (entry, in_lost) = (None, true);
+                }
             }
+            ("GC" | "ED" | "CD" | "TD" | "OD" | "LD" | "IT", None) if in_lost => {}
             ("CD", None) => {
-                return Err(line
-                    .error("these are the coefficients of no glass")
-                    .hint("a glass begins with `NM`"));
+                let error = line.error("these are the coefficients of no glass");
+                lost.push(error.hint("a glass begins with `NM`"));
             }
             ("GC" | "ED" | "TD" | "OD" | "LD" | "IT", None) => {
                 file.warnings.push(line.error("this belongs to no glass: left out"));
@@ -82,12 +90,19 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
         }
     }
     if let Some(done) = entry {
-        close(done, &mut file, &mut places)?;
+        lost.extend(close(done, &mut file, &mut places).err());
+    }
+    if file.glasses.is_empty() && !lost.is_empty() {
+        return Err(lost.swap_remove(0));
     }
     if file.glasses.is_empty() {
         let hint = "an AGF file has a line `NM name formula ...` for each glass";
         return Err(Line { number: 1, text: "" }.error("there is no glass in this file").hint(hint));
     }
+    for error in &mut lost {
+        error.message += ": the glass is left out";
+    }
+    file.warnings.splice(0..0, lost);
     Ok(file)
 }
 
@@ -297,10 +312,8 @@ impl Entry {
         if !self.transmittance.is_empty() {
             self.glass.absorption = Some(Absorption::Transmittance(self.transmittance));
         }
-        if let Some((what, gives)) = self.glass.misprint() {
-            let message = format!("the formula gives {what} = {gives:.5}, which is not what is printed");
-            warnings.push(at(self.line).error(message));
-        }
+        let misprints = self.glass.drop_misprints();
+        warnings.extend(misprints.into_iter().map(|message| at(self.line).error(message)));
         Ok(self.glass)
     }
 }
@@ -435,12 +448,22 @@ mod tests {
         assert_eq!((file.glasses[0].status, file.warnings.len()), (Some(Status::Preferred), 1));
         let other = GLASS.to_owned() + &GLASS.replace("9.37357162", "9.4").replace("36.37", "36.38");
         assert_eq!(parse_agf(&other, "").map(|f| (f.glasses.len(), f.warnings.len())), Ok((1, 1)));
-        let misprinted = parse_agf(&GLASS.replace("1.62004", "1.63004"), "").unwrap();
-        assert!(misprinted.warnings[0].message.contains("gives nd = 1.62004"), "{:?}", misprinted.warnings);
+        // What is printed and cannot be is left out, so that our own files hold nothing that they refuse.
+        let misprinted = parse_agf(&GLASS.replace("1.62004 36.37", "1.63004 63.37"), "").unwrap();
+        let says: Vec<_> = misprinted.warnings.iter().map(|w| (w.line, w.message.as_str())).collect();
+        assert!(
+            says[0].1.contains("gives nd = 1.62004") && says[1].1.contains("gives vd = 36.37"),
+            "{says:?}"
+        );
+        assert_eq!((says.len(), says[0].0), (2, Some(3)));
+        let glass = &misprinted.glasses[0];
+        assert_eq!((glass.printed_nd, glass.printed_vd), (None, None));
+        let again = crate::glass::Catalog::parse(&crate::format::write_catalog([glass])).unwrap();
+        assert_eq!(*again.get("F2").unwrap(), *glass);
     }
 
     #[test]
-    fn a_glass_that_would_be_lost_is_an_error() {
+    fn a_glass_that_is_lost_is_a_warning_among_others_and_an_error_alone() {
         for (from, to, line, says) in [
             ("F2 2 620364.360", "F2 14", Some(3), "there is no formula 14"),
             ("F2 2 620364.360 1.62004 36.37 0 1", "F2", Some(3), "needs a name and the number"),
@@ -448,10 +471,23 @@ mod tests {
             ("CD", "CC", Some(3), "`F2` has no coefficients"),
             ("NM F2", "CC F2", Some(6), "of no glass"),
             ("CD 1.34533359", "CD 1e999", Some(6), "no coefficients of `F2`"),
+            (
+                "CD 1.34533359 0.00997743871 0.209073176 0.0470450767 0.937357162",
+                "CD 0 1 0 1 0",
+                Some(6),
+                "formula of `F2` has no term",
+            ),
         ] {
-            let error = parse_agf(&GLASS.replace(from, to), "").unwrap_err();
+            let bad = GLASS.replace(from, to);
+            let error = parse_agf(&bad, "").unwrap_err();
             assert_eq!(error.line, line, "{error}");
             assert!(error.to_string().contains(says), "{error}");
+            let file = parse_agf(&(bad + &GLASS.replace("NM F2", "NM F3")), "").unwrap();
+            let names: Vec<_> = file.glasses.iter().map(|glass| glass.name.as_str()).collect();
+            assert_eq!(names, ["F3"]);
+            let warning = &file.warnings[0];
+            assert_eq!(warning.line, line, "{warning}");
+            assert!(warning.message.contains(says) && warning.message.ends_with("is left out"), "{warning}");
         }
         assert!(parse_agf("", "").is_err() && parse_agf("CC nothing", "").is_err());
     }

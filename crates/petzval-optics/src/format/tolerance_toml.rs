@@ -71,15 +71,7 @@ impl ToleranceFile {
             Some(grade) => default_tolerances(lens, grade, self.distribution, !focus),
             None => Vec::new(),
         };
-        // Radius in mm, in percent and power in fringes are one and the same.
-        let kind = |quantity: Quantity| match quantity {
-            Quantity::RadiusPercent | Quantity::Power => Quantity::Radius,
-            other => other,
-        };
-        let same = |a: &Freedom, b: &Freedom| {
-            (kind(a.quantity), a.first, a.last) == (kind(b.quantity), b.first, b.last)
-        };
-        perturbations.retain(|p| !self.entries.iter().any(|e| same(&e.freedom, &p.freedom)));
+        perturbations.retain(|p| !self.entries.iter().any(|e| is_same(&e.freedom, &p.freedom)));
         perturbations.extend(self.entries.iter().filter(|e| e.tolerance > 0.0));
         let mut compensators = self.compensators.clone();
         let image = Freedom::focus(lens);
@@ -88,6 +80,15 @@ impl ToleranceFile {
         }
         Tolerances { perturbations, compensators }
     }
+}
+
+/// Whether two freedoms are the same error, in whatever unit: a radius in mm, in percent and a power in fringes are one.
+fn is_same(a: &Freedom, b: &Freedom) -> bool {
+    let kind = |quantity: Quantity| match quantity {
+        Quantity::RadiusPercent | Quantity::Power => Quantity::Radius,
+        other => other,
+    };
+    (kind(a.quantity), a.first, a.last) == (kind(b.quantity), b.first, b.last)
 }
 
 #[derive(Deserialize)]
@@ -292,8 +293,8 @@ impl Reader<'_> {
             }
             let freedom = Freedom { quantity, first, last };
             self.check(&key, value.span(), &freedom)?;
-            if entries.iter().any(|e| e.freedom == freedom) {
-                let message = format!("{} has a tolerance already", freedom.name());
+            if let Some(known) = entries.iter().find(|e| is_same(&e.freedom, &freedom)) {
+                let message = format!("{} has a tolerance already", known.freedom.name());
                 return Err(self.error(&key, value.span(), message).hint("keep one of the two"));
             }
             entries.push(Perturbation { freedom, tolerance, distribution });

@@ -104,14 +104,21 @@ impl Catalog {
     }
 }
 
-/// The three known names that are most like the wanted one: fewest edits first; among equals a name that contains the
-/// wanted one, then the alphabet.
+/// The three known names that are most like the wanted one: by letters and digits alone, as punctuation is what programs
+/// spell differently, and by how they begin before how they end (Jaro and Winkler); then the alphabet.
 fn nearest_names(wanted: &str, mut known: Vec<String>) -> Vec<String> {
     const HINTS: usize = 3;
     // No glass has a name this long; the time to compare grows with it.
     const LONGEST: usize = 64;
-    let wanted: String = wanted.chars().take(LONGEST).collect();
-    known.sort_by_cached_key(|known| (strsim::damerau_levenshtein(&wanted, known), !known.contains(&wanted)));
+    // A maker in front is not what is compared.
+    let plain = |name: &str| -> String {
+        let bare = name.rsplit(':').next().unwrap_or(name);
+        bare.chars().filter(|c| c.is_alphanumeric()).take(LONGEST).collect()
+    };
+    let wanted = plain(wanted);
+    // Likeness from 0 to 1, as a whole number that can be sorted by.
+    let likeness = |known: &str| (1e9 * strsim::jaro_winkler(&wanted, &plain(known))) as u32;
+    known.sort_by_cached_key(|known| std::cmp::Reverse(likeness(known)));
     known.truncate(HINTS);
     known
 }
@@ -145,6 +152,27 @@ mod tests {
         assert_eq!(error.name, "BK7");
         assert_eq!(error.nearest, ["N-BK7", "AIR", "F2"]);
         assert_eq!(catalog().get(&"x".repeat(1_000_000)).unwrap_err().nearest.len(), 3);
+    }
+
+    #[test]
+    fn names_that_begin_alike_are_nearest_and_punctuation_does_not_count() {
+        let known =
+            ["AIR", "BK7", "GE", "H-K9L", "H-ZK9", "K9", "LASF9", "N-BK10", "N-BK7", "N-LASF9", "TIFN5"];
+        for (wanted, first) in [
+            ("GERMANIUM", "GE"),
+            ("NBK7", "N-BK7"),
+            ("M-BK7", "N-BK7"),
+            ("HK9L", "H-K9L"),
+            ("N_LASF9", "N-LASF9"),
+        ] {
+            let nearest = nearest_names(wanted, known.map(str::to_owned).to_vec());
+            assert_eq!((nearest.len(), nearest[0].as_str()), (3, first), "{wanted}: {nearest:?}");
+        }
+    }
+
+    #[test]
+    fn air_has_no_dispersion() {
+        assert_eq!(Glass::air().abbe_vd(), f64::INFINITY);
     }
 
     #[test]

@@ -173,7 +173,9 @@ impl Glass {
 
     /// Abbe number `(n_d - 1) / (n_F - n_C)`; infinite for a medium without dispersion.
     pub fn abbe_vd(&self) -> f64 {
-        (self.nd() - 1.0) / (self.index(LINE_F_UM) - self.index(LINE_C_UM))
+        let spread = self.index(LINE_F_UM) - self.index(LINE_C_UM);
+        // Air would be 0 / 0.
+        if spread == 0.0 { f64::INFINITY } else { (self.nd() - 1.0) / spread }
     }
 
     /// Relative partial dispersion `P_gF = (n_g - n_F) / (n_F - n_C)`; NaN for a medium without dispersion.
@@ -199,5 +201,19 @@ impl Glass {
             return Some(("vd", vd));
         }
         None
+    }
+
+    /// Forgets what is printed and cannot be, as files of others have it, and says so: a glass in a file of our own must
+    /// agree with its formula.
+    pub(crate) fn drop_misprints(&mut self) -> Vec<String> {
+        let mut said = Vec::new();
+        while let Some((what, gives)) = self.misprint() {
+            let printed = if what == "nd" { self.printed_nd.take() } else { self.printed_vd.take() };
+            let Some(printed) = printed else { break };
+            said.push(format!(
+                "the formula gives {what} = {gives:.5}, not {printed}: what is printed is left out"
+            ));
+        }
+        said
     }
 }

@@ -83,7 +83,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     println!("experiments  {}", experiments.join(", "));
     // Every built-in file must be readable by this build.
     for lens in &lenses {
-        assets.lens(lens)?;
+        assets.import(lens)?;
     }
     for sensor in &sensors {
         assets.sensor(sensor)?;

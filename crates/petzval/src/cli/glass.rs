@@ -61,6 +61,11 @@ fn is_made_by(glass: &Glass, maker: Option<&str>) -> bool {
     maker.is_none_or(|maker| glass.maker.to_lowercase().contains(&maker.to_lowercase()))
 }
 
+/// A figure with so many decimals; a dash for one that the glass does not have, as a medium without dispersion.
+fn figure(value: f64, decimals: usize) -> String {
+    if value.is_finite() { format!("{value:.decimals$}") } else { "-".to_owned() }
+}
+
 /// The word for a status, or nothing.
 fn status(glass: &Glass) -> &'static str {
     glass.status.map_or("", |status| status.word())

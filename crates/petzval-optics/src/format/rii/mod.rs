@@ -83,10 +83,7 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
     if let Some(properties) = page.get("PROPERTIES") {
         read_properties(properties, reference_c(&page), &mut glass, &mut warnings)?;
     }
-    if let Some((what, gives)) = glass.misprint() {
-        let message = format!("the formula gives {what} = {gives:.5}, which is not what is printed");
-        warnings.push(data.error("DATA", message));
-    }
+    warnings.extend(glass.drop_misprints().into_iter().map(|message| data.error("DATA", message)));
     Ok(GlassFile { glasses: vec![glass], warnings })
 }
 
@@ -419,6 +416,14 @@ PROPERTIES:
         assert_eq!(file.glasses[0].absorption, Some(Absorption::Extinction(vec![[0.39, 1.3731e-8]])));
         assert_eq!(file.warnings[0].line, Some(8));
         assert!(file.warnings[0].message.contains("0 at least"), "{}", file.warnings[0]);
+    }
+
+    #[test]
+    fn what_is_printed_and_cannot_be_is_left_out() {
+        let file = parse_rii(&PAGE.replace("Vd: 64.17", "Vd: 46.17"), "X", "").unwrap();
+        let glass = &file.glasses[0];
+        assert_eq!((glass.printed_nd.is_some(), glass.printed_vd), (true, None));
+        assert!(file.warnings[0].message.contains("gives vd = 64.167"), "{:?}", file.warnings);
     }
 
     #[test]

@@ -6,17 +6,17 @@ use petzval::built_in_assets;
 use petzval::optics::glass::{Status, nearest};
 use serde_json::json;
 
-use super::{is_made_by, status};
+use super::{figure, is_made_by, status};
 use crate::cli::{Failure, print_json};
 
 /// Find glasses. The distance is sqrt((dnd / 0.01)^2 + dVd^2): 0.01 of index counts as much as 1 of Abbe number.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Index at the d line, 587.6 nm
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     nd: f64,
     /// Abbe number (nd - 1) / (nF - nC)
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     vd: f64,
     /// How many to print
     #[arg(long, default_value_t = 10, value_name = "N")]
@@ -35,15 +35,12 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let checks = [
-        ("--nd", args.nd, 1.0..5.0, "an index from 1 to 5"),
-        ("--vd", args.vd, 1.0..1e3, "an Abbe number from 1"),
+        ("--nd", args.nd, 1.0..=5.0, "an index is between 1 and 5"),
+        ("--vd", args.vd, 1.0..=1e3, "an Abbe number is between 1 and 1000"),
     ];
     for (name, value, allowed, what) in checks {
         if !allowed.contains(&value) {
-            return Err(Failure::input(
-                format!("{name} {value}: this is no {what}"),
-                "for example --nd 1.6 --vd 50",
-            ));
+            return Err(Failure::input(format!("{name} {value}: {what}"), "for example --nd 1.6 --vd 50"));
         }
     }
     let found = nearest(&built_in_assets().catalog()?, [args.nd, args.vd], args.count, |glass| {
@@ -75,12 +72,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     for near in &found {
         let glass = &near.glass;
         let line = format!(
-            "{:<17} {:<10} {:>8.5} {:>7.2}  {:>8.4}  {:>8.3}  {}",
+            "{:<17} {:<10} {:>8.5} {:>7}  {:>8}  {:>8.3}  {}",
             glass.name,
             glass.maker,
             glass.nd(),
-            glass.abbe_vd(),
-            glass.partial_dispersion_gf(),
+            figure(glass.abbe_vd(), 2),
+            figure(glass.partial_dispersion_gf(), 4),
             near.distance,
             status(glass)
         );

@@ -7,7 +7,7 @@ use petzval::built_in_assets;
 use petzval::optics::glass::Glass;
 use serde_json::json;
 
-use super::{is_made_by, status};
+use super::{figure, is_made_by, status};
 use crate::cli::{Failure, print_json};
 
 /// List glasses, those that a name alone does not mean as MAKER:NAME.
@@ -52,9 +52,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     }
     println!("glass                  maker            nd       Vd  status");
     for glass in &listed {
-        let (nd, vd) = (glass.nd(), glass.abbe_vd());
-        let line =
-            format!("{:<22} {:<12} {nd:>8.5} {vd:>8.2}  {}", called(glass), glass.maker, status(glass));
+        let (nd, vd) = (glass.nd(), figure(glass.abbe_vd(), 2));
+        let line = format!("{:<22} {:<12} {nd:>8.5} {vd:>8}  {}", called(glass), glass.maker, status(glass));
         println!("{}", line.trim_end());
     }
     Ok(ExitCode::SUCCESS)

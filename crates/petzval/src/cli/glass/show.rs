@@ -7,6 +7,7 @@ use petzval::optics::format::write_catalog;
 use petzval::optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM, Printed};
 use serde_json::{Value, json};
 
+use super::figure;
 use crate::cli::{Failure, print_json};
 
 /// Show a glass of the catalogue.
@@ -56,7 +57,8 @@ const NORMAL_LINE: [f64; 2] = [0.6438, -0.001682];
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let catalog = built_in_assets().catalog()?;
     let glass = catalog.get(&args.name).map_err(|unknown| {
-        let hint = format!("the nearest names are {}", unknown.nearest.join(", "));
+        let nearest = unknown.nearest.join(", ");
+        let hint = format!("the nearest names are {nearest}; `petzval glass list` shows every glass");
         Failure::input(format!("no glass is called `{}`", unknown.name), hint)
     })?;
     let air = match (args.temperature, args.pressure.unwrap_or(1.0)) {
@@ -144,13 +146,13 @@ fn print(glass: &Glass, air: Option<(f64, f64)>, others: &[String]) {
     println!("{}  {}\n", glass.name, about.join(", "));
     let printed = |printed: Option<Printed>| printed.map_or(String::new(), |p| format!("   printed {p}"));
     println!("  nd         {:>9.6}{}", glass.nd(), printed(glass.printed_nd));
-    println!("  Vd         {:>9.4}{}", glass.abbe_vd(), printed(glass.printed_vd));
+    println!("  Vd         {:>9}{}", figure(glass.abbe_vd(), 4), printed(glass.printed_vd));
     println!("  nF, nC     {:>9.6}, {:.6}", glass.index(LINE_F_UM), glass.index(LINE_C_UM));
-    println!(
-        "  PgF        {:>9.4}   {:+.4} from the normal line",
-        glass.partial_dispersion_gf(),
-        anomaly(glass)
-    );
+    let anomaly = match anomaly(glass) {
+        off if off.is_finite() => format!("   {off:+.4} from the normal line"),
+        _ => String::new(),
+    };
+    println!("  PgF        {:>9}{anomaly}", figure(glass.partial_dispersion_gf(), 4));
     if let Some([min, max]) = glass.range_um {
         println!("  range      {min} to {max} um");
     }

@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
+use petzval::design::glass_warnings::glass_warnings;
 use petzval::optics::analysis::first_order_table;
 use petzval::optics::format::lens_toml::special_lines;
-use petzval::optics::glass::{Catalog, Glass};
 use petzval::optics::lens::{Action, Lens, ObjectDistance, Surface};
 use petzval::optics::paraxial::{FirstOrder, first_order};
 use petzval::optics::pupil::{Quadrature, paraxial_launch, trace_beam};
@@ -87,7 +87,6 @@ fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<Str
                 .to_owned(),
         );
     }
-    found.extend(outside_range(lens));
     let reference = lens.at_wavelength(lens.reference_um);
     for field_deg in &lens.fields_deg {
         let beam = trace_beam(&reference, field_deg.to_radians(), order.stop_radius_mm, quadrature);
@@ -101,45 +100,6 @@ fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<Str
         }
     }
     found
-}
-
-/// The glasses of a lens, each once.
-fn glasses(lens: &Lens) -> Vec<&Glass> {
-    let mut all: Vec<&Glass> = Vec::new();
-    for surface in &lens.surfaces {
-        if !all.contains(&surface.glass.as_ref()) {
-            all.push(&surface.glass);
-        }
-    }
-    all
-}
-
-/// Wavelengths at which nobody says that the formula of a glass holds.
-fn outside_range(lens: &Lens) -> Vec<String> {
-    let used = || lens.wavelengths_um.iter().chain([&lens.reference_um]);
-    let warning = |glass: &Glass| {
-        let um = used().find(|um| glass.is_outside_range(**um))?;
-        let [min, max] = glass.range_um?;
-        Some(format!("the formula of {} holds from {min} to {max} um, not at {um} um", glass.name))
-    };
-    glasses(lens).into_iter().filter_map(warning).collect()
-}
-
-/// Names that several makers have given to different glasses.
-fn shared_names(lens: &Lens, catalog: &Catalog) -> Vec<String> {
-    let warning = |glass: &Glass| {
-        let (counts, others) = catalog.all(&glass.name).split_last()?;
-        let others: Vec<&str> = (others.iter())
-            .filter(|other| other.dispersion != glass.dispersion && !other.maker.is_empty())
-            .map(|other| other.maker.as_str())
-            .collect();
-        (**counts == *glass && !others.is_empty()).then(|| {
-            let (name, maker) = (&glass.name, if glass.maker.is_empty() { "nobody" } else { &glass.maker });
-            let (all, first) = (others.join(", "), others[0]);
-            format!("{name} is that of {maker}; {all} has another of this name: write {first}:{name} for it")
-        })
-    };
-    glasses(lens).into_iter().filter_map(warning).collect()
 }
 
 fn figures(name: &str, lens: &Lens) -> Result<Figures, Failure> {
@@ -199,8 +159,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
             return Err(failure);
         }
     };
-    found.warnings.extend(shared_names(&lens, &assets.catalog()?));
     if args.json {
+        // On stderr they have been told with the reading.
+        found.warnings.extend(glass_warnings(&lens, &assets.catalog()?));
         return print_json(&to_json(&lens, &found));
     }
     print(&lens, &found);
