@@ -42,7 +42,8 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
         && lens.object == ObjectDistance::Infinity
         && fields.points.iter().any(|point| *point != [0.0; 2])
     {
-        let message = "heights of the object need an object at a finite distance, and this one is at infinity";
+        let message =
+            "heights of the object need an object at a finite distance, and this one is at infinity";
         return Err(record.error(message).hint("give the fields as angles"));
     }
     let point = |x: f64, y: f64| format!("({}, {})", shown(x), shown(y));

@@ -61,7 +61,8 @@ const REFUSED: &[(&str, &str)] = &[
 
 const HOLOGRAM: &str = "holograms are not traced";
 
-const EDIT: &str = "commands that change the lens once it is there are not read; write the lens that they make";
+const EDIT: &str =
+    "commands that change the lens once it is there are not read; write the lens that they make";
 
 /// A lens from its file; glasses are looked up in the file's private catalogue, then in `catalog`, by their exact name or by
 /// the program's spelling of it, as `NBK7_SCHOTT`.
@@ -329,8 +330,9 @@ fn surface_name(word: &str) -> Option<&str> {
         matches!(name, "O" | "I" | "S" | "A") || name.bytes().all(|b| b.is_ascii_digit()) && !name.is_empty()
     };
     let label = of.starts_with(['\'', '"']);
-    (label || of.split("..").all(|name| one(name.strip_prefix('S').filter(|n| !n.is_empty()).unwrap_or(name))))
-        .then_some(of)
+    (label
+        || of.split("..").all(|name| one(name.strip_prefix('S').filter(|n| !n.is_empty()).unwrap_or(name))))
+    .then_some(of)
 }
 
 /// Thickness behind what stands last, mm.

@@ -110,8 +110,9 @@ pub(super) struct Decenter {
 impl RawSurface {
     /// `S radius thickness [glass] [REFL]`.
     pub fn new(command: &Command) -> Result<Self, FileError> {
-        let infinite =
-            |index: usize| is_infinite(command.words.get(index..=index).unwrap_or(&[])).then_some(f64::INFINITY);
+        let infinite = |index: usize| {
+            is_infinite(command.words.get(index..=index).unwrap_or(&[])).then_some(f64::INFINITY)
+        };
         let is_object = command.name == "SO" || command.name == "S0";
         let radius = infinite(0).map_or_else(|| command.number(0), Ok)?;
         let thickness = match (command.words.len(), infinite(1)) {

@@ -183,7 +183,10 @@ impl<'a> Out<'a> {
                 continue;
             }
             let mut name = one_word(&glass.name.to_uppercase()).replace(['\'', '"', '!', ';', '&'], "_");
-            while name.is_empty() || TAKEN.contains(&name.as_str()) || self.private.iter().any(|(known, _)| *known == name) {
+            while name.is_empty()
+                || TAKEN.contains(&name.as_str())
+                || self.private.iter().any(|(known, _)| *known == name)
+            {
                 name.push('-');
                 name.push('2');
             }

@@ -324,7 +324,8 @@ impl<'a> RawSurface<'a> {
                         Dispersion::NdVd { nd, vd }
                     }
                 };
-                let name = if name == "___BLANK" { format!("{}:{}", shown(nd), shown(vd)) } else { name.to_owned() };
+                let name =
+                    if name == "___BLANK" { format!("{}:{}", shown(nd), shown(vd)) } else { name.to_owned() };
                 return Ok(Arc::new(Glass::new(&name, dispersion)));
             }
             0.0 | 3.0 => {}
