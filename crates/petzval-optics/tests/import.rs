@@ -546,6 +546,31 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         ("SURF 3\n", "SURF 3\n  CURV 0.01\n", &["line 25: `CURV 0.01`", "curved image"]),
         ("  DISZ INFINITY", "  DISZ 0", &["line 11: `DISZ 0`", "object"]),
         ("  DISZ INFINITY", "  DISZ INFINITY\n  CURV 0.1", &["line 12", "curved object"]),
+        ("  DISZ INFINITY", "  TYPE COORDBRK\n  DISZ 90", &["line 11: `TYPE COORDBRK`", "object cannot be"]),
+        (
+            "  DISZ INFINITY",
+            "  TYPE EVENASPH\n  PARM 2 1e-3\n  DISZ 90",
+            &["line 11", "object that is no plane"],
+        ),
+        (
+            "SURF 3\n  TYPE STANDARD",
+            "SURF 3\n  TYPE EVENASPH\n  PARM 2 1e-3",
+            &["line 24", "image that is no plane"],
+        ),
+        ("SURF 3\n", "SURF 3\n  STOP\n", &["line 24: `STOP`", "neither object nor image"]),
+        ("SURF 2\n", "TOL TOFF 0\nSURF 2\n", &["line 21: `SURF 2`", "behind merit function"]),
+        ("SURF 2\n", "surf 2\n", &["line 20: `surf 2`", "capitals"]),
+        ("  CURV 0.02", "  curv 0.02", &["line 15: `curv 0.02", "capitals"]),
+        ("GLAS N-BK7 0", "GLAS N-BK7 4", &["line 17", "offsets"]),
+        ("GLAS N-BK7 0", "GLAS N-BK7 9", &["line 17", "state 9"]),
+        ("UNIT MM", "UNIT MM\nUNIT IN", &["line 5: `UNIT IN`", "line 4 has said"]),
+        ("YFLN 0 2", "YFLN 0 2\nYFLD 0 9", &["line 8: `YFLD 0 9`", "line 7 has said"]),
+        ("PWAV 1", "WAVM 1 0.6 1\nPWAV 1", &["line 9: `WAVM 1 0.6 1`", "already"]),
+        ("  DISZ 4", "  DISZ 4\n  DISZ 5", &["line 17: `DISZ 5`", "already"]),
+        ("  DISZ 4", "  DISZ 4\n  CURV 0.03", &["line 17: `CURV 0.03`", "already"]),
+        ("  DISZ 4", "  DISZ 4\n  PARM 1 0\n  PARM 1 0", &["line 18: `PARM 1 0`", "line 17 has said"]),
+        ("ENPD 10", "ENPD 1e300", &["line 5: `ENPD 1e300`", "1e300 mm, and 1e-6 to 1000000 mm"]),
+        ("ENPD 10", "ENPD 1e-300", &["line 5", "1e-300 mm"]),
     ] {
         refused(parse_zmx(&changed(ZMX, from, to), &catalog()), needles);
     }
@@ -567,6 +592,27 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         ("  STO\n", "  STO\n  RET S1\n", &["line 10: `RET S1`"]),
         ("  STO\n", "  STO\n  K S9 1\n", &["line 10: `K S9 1`", "no surface S9"]),
         ("  STO\n", "  STO\n  K x\n", &["line 10: `K x`", "number is missing"]),
+        ("  STO\n", "  STO\n  ADE 10 20\n", &["line 10: `ADE 10 20`", "one value is read, and there are 2"]),
+        ("  STO\n", "  STO\n  THI S1 4 5\n", &["line 10: `THI S1 4 5`", "one value"]),
+        ("  STO\n", "  STO\n  THI INF\n", &["line 10: `THI INF`", "only the object"]),
+        ("  STO\n", "  STO\n  CUY SA 0.01\n", &["line 10", "no surface SA"]),
+        ("  STO\n", "  STO\n  K S1..2 1\n", &["line 10", "no surface S1..2"]),
+        ("  CIR 6\n", "  CIR 6 7\n", &["line 10: `CIR 6 7`", "one number"]),
+        ("  STO\n", "  STO\n  HWL 632.8\n", &["line 10: `HWL 632.8`", "holograms"]),
+        ("GO\n", "SCA S1..3 2\n", &["line 13: `SCA S1..3 2`", "change the lens"]),
+        ("GO\n", "DEL S1\n", &["line 13: `DEL S1`", "change the lens"]),
+        ("EPD 10", "EPD 10; RED 0.5", &["line 3: `RED 0.5`", "magnification"]),
+        ("EPD 10", "EPD 10 20", &["line 3: `EPD 10 20`", "one value"]),
+        ("EPD 10", "EPD 1e300", &["line 3: `EPD 1e300`", "1e300 mm, and 1e-6 to 1000000 mm"]),
+        ("YAN 0 2", "YOB 0 2", &["line 6: `YOB 0 2`", "object at a finite distance", "angles"]),
+        ("SO 0.0 0.1e14\n", "SO 0.0 100\n ASP; A 1e-3\n", &["line 8: `ASP`", "object that is no plane"]),
+        ("SO 0.0 0.1e14\n", "SO 0.0 100\n ADE 5\n", &["line 8: `ADE 5`", "turned object"]),
+        (
+            "SI 0 0\n",
+            "SI 0 0\n SPS ODD 0; SCO AR3 1e-3\n",
+            &["line 13: `SPS ODD 0`", "image that is no plane"],
+        ),
+        ("NBK7_SCHOTT", "1.5:inf", &["line 8", "nd = 1.5 and Vd = inf"]),
         ("NBK7_SCHOTT", "NBK8_SCHOTT", &["line 8", "no glass of SCHOTT is called `NBK8`", "N-BK7"]),
         ("NBK7_SCHOTT", "NBK7_OHARA", &["line 8", "no glass of OHARA"]),
         ("NBK7_SCHOTT", "1.5168 64.17", &["line 8", "64.17"]),
@@ -615,6 +661,131 @@ fn records_that_are_lost_are_named() {
         (13, "ZOO THI S2 1 2", Effect::NoRay),
     ];
     assert_eq!(found, expected);
+}
+
+/// Between surfaces an unknown record is reported, and every surface stays.
+#[test]
+fn unknown_records_among_surfaces_end_nothing() {
+    let import = zmx(&changed(ZMX, "SURF 2\n", "NEWREC 1 2\nQQQQ 3\nSURF 2\n"));
+    assert_eq!(import.file.lens, zmx(ZMX).file.lens);
+    let found: Vec<_> = import.losses.iter().map(|l| (l.line.unwrap(), l.effect)).collect();
+    assert_eq!(found, [(20, Effect::NotUnderstood), (21, Effect::NotUnderstood)]);
+}
+
+#[test]
+fn older_records_missing_ones_and_filling() {
+    let older = changed(ZMX, "YFLN 0 2", "XFLD 0 0\nYFLD 0 2\nFWGT 1 1");
+    let import = zmx(&older);
+    assert_eq!((&import.file.lens.fields_deg[..], import.losses.len()), (&[0.0, 2.0][..], 0));
+    let import = zmx(&changed(ZMX, "YFLN 0 2\n", ""));
+    assert_eq!((&import.file.lens.fields_deg[..], import.losses[0].effect), (&[0.0][..], Effect::Assumed));
+    // Without a count the wavelengths that fill the table are not wavelengths of the lens.
+    let waves = "WAVM 1 0.48 1\nWAVM 2 0.65 1\nWAVM 3 0.55 1\nWAVM 4 0.55 1\nWAVM 5 0.55 1";
+    let uncounted = changed(&changed(ZMX, "FTYP 0 0 2 1 0 0 0", "FTYP 0 0"), "WAVM 1 0.5876 1", waves);
+    let import = zmx(&uncounted);
+    assert_eq!(import.file.lens.wavelengths_um, [0.48, 0.65]);
+    assert!(losses(&import)[0].contains("taken for filling"), "{:?}", losses(&import));
+    assert_eq!(import.losses[0].effect, Effect::Assumed);
+    // The primary wavelength is none of them.
+    let lens = zmx(&changed(&uncounted, "PWAV 1", "PWAV 3")).file.lens;
+    assert_eq!((&lens.wavelengths_um[..], lens.reference_um), (&[0.48, 0.55, 0.65][..], 0.55));
+    // Lines may end in carriage returns alone.
+    assert_eq!(zmx(&ZMX.replace('\n', "\r")).file.lens, zmx(ZMX).file.lens);
+    assert_eq!(seq(&SEQ.replace('\n', "\r")).file.lens, seq(SEQ).file.lens);
+    assert_eq!(zmx(&ZMX.replace('\n', "\r\n")).file.lens, zmx(ZMX).file.lens);
+}
+
+#[test]
+fn what_becomes_of_a_shifted_aperture_is_said_as_it_is() {
+    let said = |records: &str| {
+        let import = zmx(&changed(ZMX, "  CLAP 0 6 0", records));
+        (import.file.lens.surfaces[0].semi_diameter_mm, losses(&import).join("\n"))
+    };
+    let (semi, told) = said("  CLAP 0 6\n  OBDC 0 2");
+    assert!(semi == 8.0 && told.contains("circle around it"), "{told}");
+    let (semi, told) = said("  FLAP 0 6\n  OBDC 0 2");
+    assert!(semi == 6.0 && told.contains("stays about the vertex"), "{told}");
+    assert!(said("  OBDC 0 2").1.contains("no aperture that is kept"));
+}
+
+#[test]
+fn answers_infinities_and_quotes_of_code_v() {
+    let same = |from: &str, to: &str| {
+        let (a, b) = (seq(&changed(SEQ, from, to)), seq(SEQ));
+        assert_eq!((a.file.lens, a.losses.len()), (b.file.lens, 0), "{to}");
+    };
+    same("EPD 10", "EPD 10; TEL N; AFO N");
+    same("SI 0 0", "RDY INF\nSI 0 0");
+    same("SO 0.0 0.1e14", "SO 0.0 100\n THI INF");
+    same("SO 0.0 0.1e14", "SO INF INF");
+    same("SI 0 0", "SI INF 0");
+    same("S 50 4 NBK7_SCHOTT", "S 50 4\n GLA NBK7_SCHOTT");
+    let glass = |text: &str| seq(text).file.lens.surfaces[0].glass.name.clone();
+    // A glass whose name begins as that of a surface does.
+    assert_eq!(glass(&changed(SEQ, "S 50 4 NBK7_SCHOTT", "S 50 4\n GLA SF5")), "SF5");
+    // Private glasses have whole names, with or without quotes, and one called END ends nothing.
+    let private = "PRV\n PWL 550\n glueball 1.5\n 'END' 1.6\n 'REFL' 1.7\nEND\nSO";
+    let text = changed(SEQ, "SO", private);
+    for name in ["GLUEBALL", "'END'", "'REFL'"] {
+        let lens = seq(&changed(&text, "NBK7_SCHOTT", name)).file.lens;
+        assert_eq!(
+            (&*lens.surfaces[0].glass.name, lens.surfaces[0].action),
+            (name.trim_matches('\''), Action::Refract)
+        );
+    }
+    // A quoted word is no command.
+    let import = seq(&changed(SEQ, "  CIR 6", "  CIR 6\n'K' 5"));
+    assert_eq!((import.losses.len(), import.losses[0].effect), (1, Effect::NotUnderstood));
+}
+
+/// A mirror that turns light by 90 degrees: the image that faces this light is edge-on to the mirror's axis.
+#[test]
+fn an_image_edge_on_to_the_axis_is_refused_and_two_halves_are_read() {
+    let text = |turn: &str| {
+        format!(
+            "RDM;LEN\nEPD 20\nDIM M\nWL 587.6\nYAN 0\nSO 0 1e14\nS 0 150\n STO\nS -177.8 -88.9 REFL\n K -1\n YDE -177.8\n\
+             S 0 0\n YDE 177.8\nS 0 0\n YDE -177.8\n{turn}SI 0 0\n"
+        )
+    };
+    let error = parse_seq(&text(" ADE 90\n"), &catalog()).unwrap_err().to_string();
+    assert!(
+        error.contains("`ADE 90`") && error.contains("edge-on") && error.contains("half the angle"),
+        "{error}"
+    );
+    assert!(parse_seq(&text(" ADE 45\nS 0 0\n ADE 45\n"), &catalog()).is_ok());
+}
+
+/// Names that mean something else in a file, or would break its lines, are changed, and that is said.
+#[test]
+fn glasses_with_impossible_names_come_back_under_others() {
+    let catalog = catalog();
+    for name in ["MIRROR", "AIR", "REFL", "END", "PWL", "___BLANK", "a\nSURF 9", "a\u{1}b", "it's", "x y"] {
+        let mut lens = nominal_triplet();
+        lens.surfaces[0].glass = Arc::new(Glass::new(name, Dispersion::Constant(1.61)));
+        for (export, parse) in [
+            (write_zmx(&file(lens.clone()), &catalog).unwrap(), parse_zmx as fn(&str, &Catalog) -> _),
+            (write_seq(&file(lens.clone()), &catalog).unwrap(), parse_seq),
+        ] {
+            let read: Result<Import, FileError> = parse(&export.text, &catalog);
+            let read = read.unwrap_or_else(|e| panic!("{name:?}: {e}\n{}", export.text)).file.lens;
+            assert_eq!(read.surfaces[0].glass.dispersion, Dispersion::Constant(1.61), "{name:?}");
+            let told = export.losses.iter().any(|l| l.message.contains("is called"));
+            assert!(told || read.surfaces[0].glass.name == name, "{name:?} {:?}", export.losses);
+            same_numbers(&lens, &read);
+        }
+    }
+    // A catalogue glass without a maker is named.
+    let own =
+        Catalog::parse("[glass.own-1]\nsellmeier = { b = [1.0, 0.2], c_um2 = [0.006, 0.02] }\n").unwrap();
+    let mut lens = nominal_triplet();
+    let glass = own.get("own-1").unwrap();
+    for surface in &mut lens.surfaces {
+        if !surface.glass.is_air() {
+            surface.glass = glass.clone();
+        }
+    }
+    let export = write_seq(&file(lens), &own).unwrap();
+    assert_eq!(parse_seq(&export.text, &own).unwrap().file.lens.surfaces[0].glass, glass);
 }
 
 fn file(lens: Lens) -> LensFile {

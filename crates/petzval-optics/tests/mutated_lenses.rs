@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use petzval_optics::format::{
-    FileError, Import, LensFile, decode, parse_seq, parse_zmx, write_seq, write_zmx,
+    FileError, Import, LensFile, decode, parse_lens, parse_seq, parse_zmx, write_lens, write_seq, write_zmx,
 };
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::validate;
@@ -204,6 +204,11 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
                     assert!(import.losses.len() <= 201 && import.file.lens.surfaces.len() <= 2000);
                     validate(&import.file.lens)
                         .unwrap_or_else(|e| panic!("{what} {number}: {e}\n{}", text()));
+                    // What is accepted can be written and is the same lens when read again.
+                    let written = write_lens(&import.file);
+                    let again = parse_lens(&written, &catalog)
+                        .unwrap_or_else(|e| panic!("{what} {number}: {e}\n{written}\n{}", text()));
+                    assert_eq!(again.lens.surfaces.len(), import.file.lens.surfaces.len(), "{what} {number}");
                     (took, 1_u64)
                 }
                 Err(error) => {

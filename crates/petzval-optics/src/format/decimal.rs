@@ -26,6 +26,12 @@ pub(super) fn shifted_text(value: f64, power: i32) -> String {
     }
 }
 
+/// A number for messages: one that decimals would make long has an exponent.
+pub(super) fn shown(value: f64) -> String {
+    let plain = value == 0.0 || !value.is_finite() || (1e-4..1e7).contains(&value.abs());
+    if plain { format!("{value}") } else { format!("{value:e}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -33,6 +39,7 @@ mod tests {
     #[test]
     fn the_point_moves_and_no_digit_is_lost() {
         assert_eq!(shifted("587.6", -3), Some(0.5876));
+        assert_eq!([0.0, -2.5, 1e300, 1e-9].map(shown), ["0", "-2.5", "1e300", "1e-9"]);
         assert_eq!(shifted("-5.5e+2", -3), Some(-0.55));
         assert_eq!(shifted("nan", -3), None);
         assert_eq!(shifted("1e400", -3), None);

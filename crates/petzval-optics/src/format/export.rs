@@ -41,6 +41,12 @@ pub(super) fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// Text without spaces or control characters, as a name among other words must be.
+pub(super) fn one_word(text: &str) -> String {
+    let visible: String = text.chars().map(|c| if c.is_control() { '_' } else { c }).collect();
+    visible.split_whitespace().collect::<Vec<_>>().join("_")
+}
+
 /// Degrees that read as the same angle in rad, or the nearest; whether they are exact.
 pub(super) fn degrees(rad: f64) -> (f64, bool) {
     exact_degrees(rad).map_or((rad.to_degrees(), false), |deg| (deg, true))

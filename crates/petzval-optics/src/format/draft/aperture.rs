@@ -2,6 +2,7 @@
 
 use super::{Clear, Record};
 use crate::format::FileError;
+use crate::format::decimal::shown;
 use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, paraxial_ray};
 
@@ -25,6 +26,9 @@ pub(in crate::format) enum Aperture {
     /// The clear semi-diameter of the stop says it.
     StopSize,
 }
+
+/// Diameters of entrance pupils that lenses have, mm: beyond them the squares of a ray's coordinates are no numbers any more.
+const PUPILS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
 /// The diameter of the entrance pupil, mm.
 ///
@@ -71,10 +75,15 @@ pub(super) fn entrance_pupil_mm(
             semi / order.stop_radius_mm.abs() * lens.entrance_pupil_mm
         }
     };
-    match diameter > 0.0 && diameter.is_finite() {
+    match PUPILS_MM.contains(&diameter) {
         true => Ok(diameter),
         false => {
-            let message = format!("this aperture makes an entrance pupil of {diameter} mm");
+            let message = format!(
+                "this aperture makes an entrance pupil of {} mm, and {} to {} mm are traced",
+                shown(diameter),
+                shown(*PUPILS_MM.start()),
+                shown(*PUPILS_MM.end())
+            );
             Err(record.error(message).hint("is the lens afocal, or the stop at a focus?"))
         }
     }

@@ -1,6 +1,7 @@
 //! Fields of every kind, as angles in the y-z plane.
 
 use super::{Effect, FileError, Losses, Record};
+use crate::format::decimal::shown;
 use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent};
 use crate::pupil::field_imaged_at;
@@ -37,10 +38,20 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
     let round = lens.is_rotationally_symmetric();
     let (mut turned, mut mirrored) = (false, false);
     let mut angles = Vec::with_capacity(fields.points.len());
+    if fields.kind == FieldKind::ObjectHeight
+        && lens.object == ObjectDistance::Infinity
+        && fields.points.iter().any(|point| *point != [0.0; 2])
+    {
+        let message =
+            "heights of the object need an object at a finite distance, and this one is at infinity";
+        return Err(record.error(message).hint("give the fields as angles"));
+    }
+    let point = |x: f64, y: f64| format!("({}, {})", shown(x), shown(y));
     for &[x, y] in &fields.points {
         if x != 0.0 && !round {
             let message = format!(
-                "the field ({x}, {y}) lies off the y-z plane, and the lens is not rotationally symmetric"
+                "the field {} lies off the y-z plane, and the lens is not rotationally symmetric",
+                point(x, y)
             );
             return Err(record
                 .error(message)
@@ -62,7 +73,7 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
             // No sign on the axis.
             Some(angle) => angles.push(angle + 0.0),
             None => {
-                let message = format!("no ray from below 90 degrees belongs to the field ({x}, {y})");
+                let message = format!("no ray from below 90 degrees belongs to the field {}", point(x, y));
                 return Err(record.error(message));
             }
         }

@@ -38,6 +38,11 @@ pub struct Import {
     pub losses: Vec<Loss>,
 }
 
+/// What ends a line: in files of old Macintoshes a carriage return alone.
+pub(super) fn line_end(text: &str) -> char {
+    if text.contains('\n') { '\n' } else { '\r' }
+}
+
 /// A line of a file, for messages.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Record {
@@ -178,7 +183,8 @@ fn wavelengths(
     for (um, _) in list {
         if !OPTICAL_UM.contains(um) {
             let message = format!(
-                "a wavelength of {um} um is not optical ({} to {} um)",
+                "a wavelength of {} um is not optical ({} to {} um)",
+                super::decimal::shown(*um),
                 OPTICAL_UM.start(),
                 OPTICAL_UM.end()
             );

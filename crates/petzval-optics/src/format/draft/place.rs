@@ -178,8 +178,12 @@ pub(in crate::format) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> 
     match x.cos() > 1e-6 && y.cos() > 1e-6 {
         true => Ok(()),
         false => {
-            let message = "what is turned by 90 degrees or more is never met by light along the axis";
-            Err(record.error(message).hint("turn the axis in two steps, with a distance between them"))
+            let message = "what is turned by 90 degrees or more is edge-on to light along the axis in front of it, \
+                           and only what such light meets is traced";
+            Err(record.error(message).hint(
+                "nothing else may be put in its place: an image square to that axis is another image; a plane that \
+                 only turns the axis can be two planes at the same place, each with half the angle",
+            ))
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::format::FileError;
-use crate::format::draft::Record;
+use crate::format::draft::{Record, line_end};
 
 /// Characters that a command with its continuations may have.
 const LONGEST: usize = 64 << 10;
@@ -23,6 +23,8 @@ pub(super) struct Command {
     pub record: Record,
     /// Its name in upper case; names are told apart by three letters, and longer forms are cut to them.
     pub name: String,
+    /// The whole name in upper case, as private glasses have it.
+    pub full: String,
     /// Whether the name stood in quotes, as that of a glass does.
     pub quoted: bool,
     /// The values.
@@ -38,10 +40,10 @@ impl Command {
         let first = words.remove(0);
         let upper = first.text.to_uppercase();
         let name = match first.quoted || !upper.bytes().all(|b| b.is_ascii_alphabetic()) {
-            true => upper,
+            true => upper.clone(),
             false => upper.chars().take(3).collect(),
         };
-        Some(Self { record: Record::new(line, text.trim()), name, quoted: first.quoted, words })
+        Some(Self { record: Record::new(line, text.trim()), name, full: upper, quoted: first.quoted, words })
     }
 
     pub fn error(&self, message: impl Into<String>) -> FileError {
@@ -59,6 +61,19 @@ impl Command {
             Some(word) => self.parse(word),
             None => Err(self.error(format!("value {} is missing", index + 1))),
         }
+    }
+
+    /// The only value, as a finite number.
+    pub fn only_number(&self) -> Result<f64, FileError> {
+        match self.words.len() {
+            0 | 1 => self.number(0),
+            count => Err(self.error(format!("one value is read, and there are {count}"))),
+        }
+    }
+
+    /// Whether the only value is a no.
+    pub fn says_no(&self) -> bool {
+        matches!(&self.words[..], [no] if no.text.eq_ignore_ascii_case("N") || no.text.eq_ignore_ascii_case("NO"))
     }
 
     /// All values as finite numbers, `most` at most.
@@ -85,7 +100,7 @@ pub(super) struct Commands<'a> {
 
 impl<'a> Commands<'a> {
     pub fn new(text: &'a str) -> Self {
-        Self { lines: text.split('\n').zip(1..), waiting: VecDeque::new() }
+        Self { lines: text.split(line_end(text)).zip(1..), waiting: VecDeque::new() }
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::command::{Command, Word};
 use crate::format::FileError;
-use crate::format::decimal::shifted;
+use crate::format::decimal::{shifted, shown};
 use crate::format::draft::{MOST_VALUES, Record};
 use crate::glass::{Catalog, Dispersion, Glass};
 
@@ -27,19 +27,20 @@ pub(super) struct PrivateGlasses {
 impl PrivateGlasses {
     /// Reads one line of the catalogue.
     pub fn read(&mut self, command: &Command) -> Result<(), FileError> {
-        if command.name == "PWL" && !command.quoted {
+        if command.full == "PWL" && !command.quoted {
             let nm = command.words.iter().take(MOST_VALUES).map(|word| shifted(&word.text, -3));
             let um: Option<Vec<f64>> = nm.collect();
-            self.wavelengths_um =
-                um.ok_or_else(|| command.error("the wavelengths must be numbers, in nm"))?;
+            self.wavelengths_um = um
+                .filter(|list| list.iter().all(|um| *um > 0.0))
+                .ok_or_else(|| command.error("the wavelengths must be positive numbers, in nm"))?;
             return Ok(());
         }
         if self.glasses.len() >= MOST_GLASSES {
             return Err(command.error(format!("more than {MOST_GLASSES} private glasses are not read")));
         }
         let glass =
-            self.dispersion(command).map(|dispersion| Arc::new(Glass::new(&command.name, dispersion)));
-        self.glasses.insert(command.name.clone(), glass);
+            self.dispersion(command).map(|dispersion| Arc::new(Glass::new(&command.full, dispersion)));
+        self.glasses.insert(command.full.clone(), glass);
         Ok(())
     }
 
@@ -68,6 +69,9 @@ impl PrivateGlasses {
             let message = format!("{} indices for {} wavelengths", index.len(), self.wavelengths_um.len());
             return Err(command.error(message).hint("PWL lists the wavelengths before the glasses"));
         }
+        if index.iter().any(|n| *n < 1.0) {
+            return Err(command.error("an index is a number from 1"));
+        }
         if index.windows(2).all(|n| n[0] == n[1]) {
             return Ok(Dispersion::Constant(index[0]));
         }
@@ -90,9 +94,13 @@ impl PrivateGlasses {
             return Ok(Glass::air());
         }
         if let Some((nd, vd)) = fictitious(&word.text) {
-            return match nd > 1.0 && nd < 10.0 && vd > 0.0 {
+            return match nd > 1.0 && nd < 10.0 && vd > 0.0 && vd.is_finite() {
                 true => Ok(Arc::new(Glass::new(&word.text, Dispersion::NdVd { nd, vd }))),
-                false => Err(record.error(format!("a glass with nd = {nd} and Vd = {vd} is none"))),
+                false => Err(record.error(format!(
+                    "a glass with nd = {} and Vd = {} is none",
+                    shown(nd),
+                    shown(vd)
+                ))),
             };
         }
         if word.text.starts_with(|c: char| c.is_ascii_digit()) && word.text.parse::<f64>().is_ok() {

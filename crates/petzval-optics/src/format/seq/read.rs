@@ -34,7 +34,35 @@ const REFUSED: &[(&str, &str)] = &[
     ("RET", "returns to an earlier surface are not read"),
     ("GLB", "positions against an earlier surface are not read"),
     ("FRZ", "Fresnel surfaces are not traced"),
+    ("HCO", HOLOGRAM),
+    ("HCT", HOLOGRAM),
+    ("HWL", HOLOGRAM),
+    ("HOR", HOLOGRAM),
+    ("HTO", HOLOGRAM),
+    ("HX1", HOLOGRAM),
+    ("HY1", HOLOGRAM),
+    ("HZ1", HOLOGRAM),
+    ("HX2", HOLOGRAM),
+    ("HY2", HOLOGRAM),
+    ("HZ2", HOLOGRAM),
+    ("HV1", HOLOGRAM),
+    ("HV2", HOLOGRAM),
+    ("ZRN", "Zernike surfaces are not traced"),
+    ("INT", "measured and computed deformations of surfaces are not traced"),
+    ("BIR", "birefringent media are not traced"),
+    ("RED", "a magnification from which the program finds the object is not read"),
+    ("SCA", EDIT),
+    ("DEL", EDIT),
+    ("INS", EDIT),
+    ("COP", EDIT),
+    ("FLP", EDIT),
+    ("INV", EDIT),
 ];
+
+const HOLOGRAM: &str = "holograms are not traced";
+
+const EDIT: &str =
+    "commands that change the lens once it is there are not read; write the lens that they make";
 
 /// A lens from its file; glasses are looked up in the file's private catalogue, then in `catalog`, by their exact name or by
 /// the program's spelling of it, as `NBK7_SCHOTT`.
@@ -76,8 +104,13 @@ impl Reader {
     }
 
     fn read(&mut self, command: &Command) -> Result<(), FileError> {
-        if self.in_private && command.name != "END" {
+        if self.in_private && (command.full != "END" || command.quoted) {
             return self.private.read(command);
+        }
+        if command.quoted {
+            let message = "this is no command: it stands in quotes";
+            self.lose(&command.record, Effect::NotUnderstood, message);
+            return Ok(());
         }
         if self.is_surface(command) {
             return self.add_surface(command);
@@ -114,7 +147,7 @@ impl Reader {
                 "the pickup is not kept; the value that it found is",
             ),
             name if BOOKKEEPING.contains(&name) => {}
-            name if is_surface_command(name) && !command.quoted => {
+            name if is_surface_command(name) => {
                 let (surface, words) = self.target(command)?;
                 let raw = &mut self.surfaces[surface];
                 raw.read(command, words, &mut self.losses)?;
@@ -132,7 +165,7 @@ impl Reader {
     /// Whether a command adds a surface: `SO`, `S`, `S12`, `SI`, with at least a radius and a thickness.
     fn is_surface(&self, command: &Command) -> bool {
         let numbered = command.name.strip_prefix('S').is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit()));
-        !command.quoted && (numbered || matches!(command.name.as_str(), "SO" | "SI"))
+        numbered || matches!(command.name.as_str(), "SO" | "SI")
     }
 
     fn add_surface(&mut self, command: &Command) -> Result<(), FileError> {
@@ -164,7 +197,7 @@ impl Reader {
             return Err(command.error("this is about a surface, and there is none yet"));
         }
         let named = command.words.first().filter(|word| !word.quoted).map(|word| word.text.to_uppercase());
-        let Some(of) = named.as_deref().and_then(|name| name.strip_prefix('S')) else {
+        let Some(of) = named.as_deref().and_then(surface_name) else {
             return Ok((self.current, &command.words));
         };
         let surface = match of {
@@ -209,8 +242,11 @@ impl Reader {
             return Err(FileError::at_line(0, "", message).hint("they are SO, S and SI"));
         }
         let (object, image) = (&self.surfaces[0], &self.surfaces[count - 1]);
-        object.check_plane(radii, "object")?;
-        image.check_plane(radii, "image")?;
+        object.check_plane(mm, radii, "object")?;
+        image.check_plane(mm, radii, "image")?;
+        if object.is_moved() {
+            return Err(object.turned.error("a shifted or turned object is not traced"));
+        }
         let stop_surface = match &self.stop {
             Some((surface, _)) if (1..count - 1).contains(surface) => *surface,
             Some((_, record)) => return Err(record.error("neither object nor image can be the stop")),
@@ -284,6 +320,19 @@ impl Reader {
         };
         draft.finish(self.losses)
     }
+}
+
+/// What a word that names surfaces says behind its `S`: object, image, stop, all, a number, a label, or a range of these. Other
+/// words, as the glass SF5, name none.
+fn surface_name(word: &str) -> Option<&str> {
+    let of = word.strip_prefix('S')?;
+    let one = |name: &str| {
+        matches!(name, "O" | "I" | "S" | "A") || name.bytes().all(|b| b.is_ascii_digit()) && !name.is_empty()
+    };
+    let label = of.starts_with(['\'', '"']);
+    (label
+        || of.split("..").all(|name| one(name.strip_prefix('S').filter(|n| !n.is_empty()).unwrap_or(name))))
+    .then_some(of)
 }
 
 /// Thickness behind what stands last, mm.

@@ -60,6 +60,7 @@ enum Turn {
 #[derive(Debug)]
 pub(super) struct RawSurface {
     pub record: Record,
+    is_object: bool,
     /// Radius or curvature, as the mode of the file says, unless a command has said which.
     radius_or_curvature: f64,
     curvature: Option<f64>,
@@ -77,7 +78,7 @@ pub(super) struct RawSurface {
     decenter: [f64; 6],
     turn: (Turn, Record),
     /// The last command that turns the surface.
-    turned: Record,
+    pub turned: Record,
     is_placed: bool,
     edge: Option<f64>,
     half_widths: [f64; 2],
@@ -110,12 +111,12 @@ impl RawSurface {
     /// `S radius thickness [glass] [REFL]`.
     pub fn new(command: &Command) -> Result<Self, FileError> {
         let infinite = |index: usize| {
-            let word = command.word(index).unwrap_or("").to_uppercase();
-            matches!(word.as_str(), "INF" | "INFINITY").then_some(f64::INFINITY)
+            is_infinite(command.words.get(index..=index).unwrap_or(&[])).then_some(f64::INFINITY)
         };
+        let is_object = command.name == "SO" || command.name == "S0";
         let radius = infinite(0).map_or_else(|| command.number(0), Ok)?;
         let thickness = match (command.words.len(), infinite(1)) {
-            (_, Some(_)) if command.name != "SO" && command.name != "S0" => {
+            (_, Some(_)) if !is_object => {
                 return Err(command.error("only the object may be at infinity"));
             }
             (_, Some(far)) => far,
@@ -124,6 +125,7 @@ impl RawSurface {
         };
         let mut raw = Self {
             record: command.record.clone(),
+            is_object,
             radius_or_curvature: radius,
             curvature: None,
             curvature_x: None,
@@ -148,6 +150,7 @@ impl RawSurface {
         };
         for (i, word) in command.words.iter().enumerate().skip(2) {
             match word.text.to_uppercase().as_str() {
+                _ if word.quoted && i == 2 => raw.glass = Some((word.clone(), command.record.clone())),
                 "REFL" => raw.mirror = true,
                 "REFR" => {}
                 _ if i == 2 => raw.glass = Some((word.clone(), command.record.clone())),
@@ -165,8 +168,8 @@ impl RawSurface {
     /// Reads a command about the surface.
     pub fn read(&mut self, command: &Command, words: &[Word], losses: &mut Losses) -> Result<(), FileError> {
         let name = command.name.as_str();
-        let value = || number(command, words.last());
-        let is_number = words.first().is_some_and(|w| w.text.parse::<f64>().is_ok());
+        let value = || only_number(command, words);
+        let is_number = is_infinite(words) || words.first().is_some_and(|w| w.text.parse::<f64>().is_ok());
         let mut lose =
             |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
         let place = |list: &[&str]| list.iter().position(|known| *known == name);
@@ -209,7 +212,7 @@ impl RawSurface {
                     }
                 };
                 if words.len() > 1 {
-                    self.norm_radius = value()?;
+                    self.norm_radius = only_number(command, &words[1..])?;
                 }
                 self.formula = (formula, command.record.clone());
             }
@@ -222,15 +225,21 @@ impl RawSurface {
                 lose(Effect::NoRay, "the solve is not kept; the value that it found is");
             }
             "RDY" | "RDX" => {
-                let curvature = curvature_of(value()?);
+                let curvature = curvature_of(if is_infinite(words) { f64::INFINITY } else { value()? });
                 let to = if name == "RDY" { &mut self.curvature } else { &mut self.curvature_x };
                 *to = Some(curvature);
             }
             "CUY" => self.curvature = Some(value()?),
             "CUX" => self.curvature_x = Some(value()?),
+            "THI" if is_infinite(words) => {
+                if !self.is_object {
+                    return Err(command.error("only the object may be at infinity"));
+                }
+                self.thickness = f64::INFINITY;
+            }
             "THI" => self.thickness = value()?,
             "GLA" => {
-                let word = words.first().ok_or_else(|| command.error("the glass has no name"))?;
+                let [word] = words else { return Err(command.error("the glass must be one word")) };
                 self.glass = Some((word.clone(), command.record.clone()));
             }
             "RMD" => {
@@ -256,8 +265,13 @@ impl RawSurface {
                 }
             }
             "CIR" | "REX" | "REY" | "ELX" | "ELY" => self.read_aperture(command, words, losses)?,
-            "ADX" => self.offset[0] = value()?,
-            "ADY" => self.offset[1] = value()?,
+            "ADX" | "ADY" => {
+                let value = qualified_number(command, words)?;
+                // Where an edge or an obscuration sits is as little kept as they are.
+                if !["EDG", "OBS", "HOL"].iter().any(|what| says(words, what)) {
+                    self.offset[usize::from(name == "ADY")] = value;
+                }
+            }
             "ARO" => {}
             _ => lose(Effect::NoRay, "coatings are not read"),
         }
@@ -271,7 +285,7 @@ impl RawSurface {
     /// `SCO name value`: `K`, `AR3` (of r^3), `C4` or `NRADIUS`.
     fn read_coefficient(&mut self, command: &Command, words: &[Word]) -> Result<(), FileError> {
         let name = words.first().map(|w| w.text.to_uppercase()).unwrap_or_default();
-        let value = number(command, words.get(1))?;
+        let value = only_number(command, words.get(1..).unwrap_or(&[]))?;
         let counted = |prefix: &str| name.strip_prefix(prefix).and_then(|n| n.parse::<usize>().ok());
         let norm = if self.formula.0 == Formula::Odd { 33 } else { 67 };
         let index = match name.as_str() {
@@ -300,8 +314,8 @@ impl RawSurface {
         words: &[Word],
         losses: &mut Losses,
     ) -> Result<(), FileError> {
-        let says = |what: &str| words.iter().any(|w| w.text.eq_ignore_ascii_case(what));
-        let value = number(command, words.last())?;
+        let says = |what: &str| says(words, what);
+        let value = qualified_number(command, words)?;
         // Edges are where a piece of glass ends, not where light is lost.
         if says("EDG") {
             return Ok(());
@@ -338,7 +352,8 @@ impl RawSurface {
 
     /// Curvature in the y-z section, in units of the file.
     fn curvature(&self, radii: bool) -> f64 {
-        self.curvature.unwrap_or(if radii {
+        // `INF` says a plane whatever the mode.
+        self.curvature.unwrap_or(if radii || self.radius_or_curvature.is_infinite() {
             curvature_of(self.radius_or_curvature)
         } else {
             self.radius_or_curvature
@@ -346,15 +361,25 @@ impl RawSurface {
     }
 
     /// Object and image are planes in air.
-    pub fn check_plane(&self, radii: bool, what: &str) -> Result<(), FileError> {
-        let curved = self.curvature(radii) != 0.0 && self.curvature(radii).is_finite();
-        if curved || self.even.iter().any(|a| *a != 0.0) || !self.coefficients.is_empty() {
-            return Err(self.record.error(format!("a curved {what} is not traced")));
+    pub fn check_plane(&self, mm: f64, radii: bool, what: &str) -> Result<(), FileError> {
+        if self.curvature(radii) != 0.0 {
+            return Err(self.record.error(format!("a curved {what} is not traced")).hint("make it a plane"));
+        }
+        // A plane has any conic constant.
+        let shape = SurfaceShape { conic: 0.0, ..self.shape(mm, radii)? };
+        if shape != SurfaceShape::PLANE {
+            let message = format!("a {what} that is no plane is not traced");
+            return Err(self.formula.1.error(message).hint("make it a plane"));
         }
         match &self.glass {
             Some((_, record)) if what == "object" => Err(record.error("an object in glass is not traced")),
             _ => Ok(()),
         }
+    }
+
+    /// Whether the surface is shifted or turned.
+    pub fn is_moved(&self) -> bool {
+        self.decenter != [0.0; 6]
     }
 
     /// The surface, in mm.
@@ -570,11 +595,38 @@ impl RawSurface {
     }
 }
 
-fn number(command: &Command, word: Option<&Word>) -> Result<f64, FileError> {
-    match word.and_then(|w| w.text.parse::<f64>().ok()).filter(|v| v.is_finite()) {
-        Some(value) => Ok(value),
-        None => Err(command.error("a finite number is missing")),
+/// The only value of a command.
+fn only_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
+    match words {
+        [word] => finite(word),
+        _ => None,
     }
+    .ok_or_else(|| match words.len() {
+        0 | 1 => command.error("a finite number is missing"),
+        count => command.error(format!("one value is read, and there are {count}")),
+    })
+}
+
+/// The only number of a command, behind words that say what it is about.
+fn qualified_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
+    let (last, before) = words.split_last().ok_or_else(|| command.error("a finite number is missing"))?;
+    match before.iter().any(|word| finite(word).is_some()) {
+        true => Err(command.error("one number is read, and there are more")),
+        false => only_number(command, std::slice::from_ref(last)),
+    }
+}
+
+fn finite(word: &Word) -> Option<f64> {
+    word.text.parse().ok().filter(|v: &f64| v.is_finite() && !word.quoted)
+}
+
+fn says(words: &[Word], what: &str) -> bool {
+    words.iter().any(|w| w.text.eq_ignore_ascii_case(what))
+}
+
+/// Whether the only value is infinity.
+fn is_infinite(words: &[Word]) -> bool {
+    matches!(words, [word] if ["INF", "INFINITY"].iter().any(|name| word.text.eq_ignore_ascii_case(name)))
 }
 
 /// The curvature of a radius; 0 and infinity stand for a plane.

@@ -43,10 +43,10 @@ impl System {
                     }
                 }
             }
-            "EPD" => self.set_aperture(Aperture::EntrancePupil(command.number(0)?), command)?,
-            "FNO" => self.set_aperture(Aperture::ImageFNumber(command.number(0)?), command)?,
-            "NA" => self.set_aperture(Aperture::ImageNa(command.number(0)?), command)?,
-            "NAO" => self.set_aperture(Aperture::ObjectNa(command.number(0)?), command)?,
+            "EPD" => self.set_aperture(Aperture::EntrancePupil(command.only_number()?), command)?,
+            "FNO" => self.set_aperture(Aperture::ImageFNumber(command.only_number()?), command)?,
+            "NA" => self.set_aperture(Aperture::ImageNa(command.only_number()?), command)?,
+            "NAO" => self.set_aperture(Aperture::ObjectNa(command.only_number()?), command)?,
             "WL" => {
                 // From nm, in decimals.
                 command.numbers(MOST_VALUES)?;
@@ -55,7 +55,7 @@ impl System {
             }
             "WTW" => self.weights = Some(command.numbers(MOST_VALUES)?),
             "REF" => {
-                let value = command.number(0)?;
+                let value = command.only_number()?;
                 if !(1.0..=MOST_VALUES as f64).contains(&value) || value.fract() != 0.0 {
                     return Err(command.error("the reference is the number of a wavelength, from 1"));
                 }
@@ -76,13 +76,14 @@ impl System {
                     lose(Effect::Approximated, message);
                 }
             }
-            "TEM" if command.number(0)? != 20.0 => {
+            "TEM" if command.only_number()? != 20.0 => {
                 lose(Effect::Approximated, "glass has its index at 20 degrees Celsius");
             }
-            "PRE" if command.number(0)? != 760.0 => {
+            "PRE" if command.only_number()? != 760.0 => {
                 lose(Effect::Approximated, "glass has its index at 760 mm of mercury");
             }
             "TEM" | "PRE" => {}
+            "TEL" | "AFO" if command.says_no() => {}
             "TEL" => {
                 let message =
                     "chief rays parallel to the axis in front of the lens (telecentric) are not traced";

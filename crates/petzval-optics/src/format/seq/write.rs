@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::write_surface::write_surface;
 use crate::format::decimal::shifted_text;
-use crate::format::export::{lose_the_rest, object_heights, surface_error, weighted_wavelengths};
+use crate::format::export::{lose_the_rest, object_heights, one_word, surface_error, weighted_wavelengths};
 use crate::format::lens_toml::{exact_reciprocal, number};
 use crate::format::loss::{Effect, Losses};
 use crate::format::{Export, FileError, LensFile};
@@ -13,6 +13,9 @@ use crate::lens::{Departure, Lens, ObjectDistance};
 
 /// The distance of an object at infinity, as the program writes it.
 const INFINITY: &str = "0.1e14";
+
+/// Words that mean something else where a glass may stand.
+const TAKEN: &[&str] = &["AIR", "REFL", "REFR", "PWL", "END"];
 
 /// A lens as a file in mm, with radii where all of them are exact, else with curvatures. Glasses of `catalog` are named as the
 /// program names them; those by Schott's formula, a constant index or a table go into a private catalogue.
@@ -139,15 +142,20 @@ impl<'a> Out<'a> {
             return Some(format!("{}:{}", number(*nd), number(*vd)));
         }
         self.catalog.get(&glass.name).ok().filter(|known| **known == *glass)?;
+        // The reader must find the same glass. What has no maker has its very name, in quotes.
+        let found = |text: &str, quoted: bool| {
+            let word = super::command::Word { text: text.to_owned(), quoted };
+            let found =
+                super::glass::PrivateGlasses::default().medium(&word, self.catalog, &Default::default());
+            found.is_ok_and(|found| *found == *glass)
+        };
         if glass.maker.is_empty() {
-            return None;
+            let fits = one_word(&glass.name) == glass.name && !glass.name.contains(['\'', '"']);
+            return (fits && found(&glass.name, true)).then(|| format!("'{}'", glass.name));
         }
         let name =
             format!("{}_{}", super::glass::bare(&glass.name), super::glass::maker_suffix(&glass.maker));
-        // The reader must find the same glass.
-        let word = super::command::Word { text: name.clone(), quoted: false };
-        let found = super::glass::PrivateGlasses::default().medium(&word, self.catalog, &Default::default());
-        found.is_ok_and(|found| *found == *glass).then_some(name)
+        found(&name, false).then_some(name)
     }
 
     /// What the glass behind a surface is called; empty for air.
@@ -174,8 +182,11 @@ impl<'a> Out<'a> {
             if !is_new || self.known_name(glass).is_some() {
                 continue;
             }
-            let mut name = glass.name.to_uppercase().replace(['\'', '"', '!', ';', '&'], "_");
-            while name.is_empty() || name == "AIR" || self.private.iter().any(|(known, _)| *known == name) {
+            let mut name = one_word(&glass.name.to_uppercase()).replace(['\'', '"', '!', ';', '&'], "_");
+            while name.is_empty()
+                || TAKEN.contains(&name.as_str())
+                || self.private.iter().any(|(known, _)| *known == name)
+            {
                 name.push('-');
                 name.push('2');
             }

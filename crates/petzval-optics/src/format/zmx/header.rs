@@ -30,11 +30,26 @@ pub(super) struct Header {
     /// um and weight; a place that the file left out has no wavelength.
     waves: Vec<Option<(f64, f64)>>,
     waves_at: Record,
+    /// Records of [`ONCE`] that were there, and their lines.
+    said: Vec<(&'static str, u32)>,
 }
+
+/// Records that a header has once, with the older names of some.
+const ONCE: &[(&str, &str)] = &[
+    ("UNIT", ""),
+    ("FTYP", ""),
+    ("XFLN", "XFLD"),
+    ("YFLN", "YFLD"),
+    ("FWGN", "FWGT"),
+    ("PWAV", ""),
+    ("WAVN", "WAVL"),
+    ("WWGN", "WWGT"),
+];
 
 impl Header {
     /// Reads one line.
     pub fn read(&mut self, line: &Line<'_>, losses: &mut Losses) -> Result<(), FileError> {
+        self.check_once(line)?;
         match line.keyword {
             "MODE" if line.word(0) != Some("SEQ") => {
                 return Err(line.error("only sequential lenses are read").hint("the mode must be SEQ"));
@@ -77,12 +92,12 @@ impl Header {
                 }
             }
             "FTYP" => self.read_field_type(line, losses)?,
-            "XFLN" => self.x = line.numbers(MOST_VALUES)?,
-            "YFLN" => {
+            "XFLN" | "XFLD" => self.x = line.numbers(MOST_VALUES)?,
+            "YFLN" | "YFLD" => {
                 self.y = line.numbers(MOST_VALUES)?;
                 self.fields_at = line.record();
             }
-            "FWGN" => self.field_weights = Some((line.numbers(MOST_VALUES)?, line.record())),
+            "FWGN" | "FWGT" => self.field_weights = Some((line.numbers(MOST_VALUES)?, line.record())),
             "VDXN" | "VDYN" | "VCXN" | "VCYN" | "VANN" => {
                 if self.vignetting.len() < MOST_VALUES {
                     self.vignetting.push((line.numbers(MOST_VALUES)?, line.record()));
@@ -107,6 +122,21 @@ impl Header {
         Ok(())
     }
 
+    fn check_once(&mut self, line: &Line<'_>) -> Result<(), FileError> {
+        let known = ONCE.iter().find(|(name, older)| [*name, *older].contains(&line.keyword));
+        let Some((name, _)) = known else { return Ok(()) };
+        match self.said.iter().find(|(said, _)| said == name) {
+            Some((_, earlier)) => {
+                let message = format!("line {earlier} has said this already");
+                Err(line.error(message).hint("keep one of the two"))
+            }
+            None => {
+                self.said.push((name, line.number));
+                Ok(())
+            }
+        }
+    }
+
     fn set_aperture(&mut self, aperture: Aperture, line: &Line<'_>) -> Result<(), FileError> {
         if let Some((_, earlier)) = &self.aperture {
             let message = format!("line {} has said the aperture already", earlier.line);
@@ -125,6 +155,10 @@ impl Header {
         }
         if number == 1 || self.waves_at.line == 0 {
             self.waves_at = line.record();
+        }
+        if line.keyword == "WAVM" && self.waves[number - 1].is_some() {
+            let message = format!("wavelength {number} is there already");
+            return Err(line.error(message).hint("keep one of the two"));
         }
         self.waves[number - 1] = Some((um, weight));
         Ok(())
@@ -167,6 +201,9 @@ impl Header {
     /// The fields, heights in mm; what is not kept of them is lost.
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
         let given = self.x.len().max(self.y.len());
+        if given == 0 {
+            losses.add(0, "", Effect::Assumed, "the file says no fields; the axis is the only one");
+        }
         let count = self.field_count.unwrap_or(given).min(given).max(1);
         let scale = if self.field_kind == FieldKind::Angle { 1.0 } else { mm };
         let at = |list: &[f64], i: usize| list.get(i).map_or(0.0, |v| v * scale);
@@ -188,9 +225,27 @@ impl Header {
         }
     }
 
+    /// How many wavelengths stand before a run of equal ones at the end, up to the primary one at least.
+    fn without_filling(&self) -> usize {
+        let all = self.waves.len();
+        let equal = self.waves.iter().rev().take_while(|wave| Some(*wave) == self.waves.last()).count();
+        let primary = self.primary.as_ref().map_or(1, |(number, _)| *number);
+        if equal < 2 { all } else { (all - equal).max(primary.max(1)).min(all) }
+    }
+
     /// The wavelengths with their weights; the program fills its table beyond the count with wavelengths that mean nothing.
-    pub fn wavelengths(&self) -> Result<Wavelengths, FileError> {
-        let count = self.wavelength_count.unwrap_or(self.waves.len()).min(self.waves.len());
+    pub fn wavelengths(&self, losses: &mut Losses) -> Result<Wavelengths, FileError> {
+        let all = self.waves.len();
+        let count = match self.wavelength_count {
+            Some(count) => count.min(all),
+            None => self.without_filling(),
+        };
+        if self.wavelength_count.is_none() && count < all {
+            let message = format!(
+                "the file does not count its wavelengths; equal ones at the end are taken for filling, {count} for meant"
+            );
+            losses.add(self.waves_at.line, &self.waves_at.text, Effect::Assumed, message);
+        }
         let listed: Option<Vec<(f64, f64)>> = self.waves[..count].iter().copied().collect();
         match listed.filter(|list| !list.is_empty()) {
             Some(list) => Ok((list, self.waves_at.clone())),

@@ -14,6 +14,9 @@ const SURFACE_RECORDS: &[&str] = &[
     "ELAP", "OBSC", "SQOB", "ELOB", "OBDC", "SCBD", "UDAD", "SPID",
 ];
 
+/// Records that begin what comes behind the surfaces.
+const REST: &[&str] = &["TOL", "MNUM", "MOFF", "BLNK", "DMFS"];
+
 /// A lens from its file; glasses are looked up in `catalog` by their exact name.
 ///
 /// Errors name the first record that cannot be traced as it stands, with its line.
@@ -25,8 +28,15 @@ pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     let (mut header, mut losses) = (Header::default(), Losses::default());
     let mut surfaces: Vec<RawSurface<'_>> = Vec::new();
     let mut behind = false;
+    let last_surface = Line::all(text).filter(|line| line.keyword == "SURF").last();
+    let last_surface = last_surface.map_or(0, |line| line.number);
     for line in Line::all(text) {
-        if line.keyword == "SURF" && !behind {
+        check_capitals(&line)?;
+        if line.keyword == "SURF" {
+            if behind {
+                let message = "a surface behind merit function, tolerances or configurations is not read";
+                return Err(line.error(message).hint("surfaces come first"));
+            }
             if line.count(0)? != surfaces.len() {
                 let message = format!("this is not the next surface, which is {}", surfaces.len());
                 return Err(line.error(message));
@@ -42,13 +52,27 @@ pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
             Some(surface) if !behind && (line.indented || is_of_surface(line.keyword)) => {
                 surface.read(line, &mut losses)?;
             }
-            Some(_) => {
+            Some(_) if behind || REST.contains(&line.keyword) || line.number > last_surface => {
                 behind = true;
                 read_behind(&line, &mut losses);
+            }
+            // A record among the surfaces that nobody knows does not end them.
+            Some(_) => {
+                let message = "this record is not understood";
+                losses.add(line.number, line.text, Effect::NotUnderstood, message);
             }
         }
     }
     finish(header, surfaces, catalog, losses)
+}
+
+/// Keywords are capitals: a file without them would lose its surfaces.
+fn check_capitals(line: &Line<'_>) -> Result<(), FileError> {
+    let upper = line.keyword.to_ascii_uppercase();
+    match upper != line.keyword && (upper == "SURF" || is_of_surface(&upper)) {
+        true => Err(line.error(format!("keywords are written in capitals: {upper}"))),
+        false => Ok(()),
+    }
 }
 
 fn is_of_surface(keyword: &str) -> bool {
@@ -96,8 +120,11 @@ fn finish(
     }
     let mm = if header.mm == 0.0 { 1.0 } else { header.mm };
     let shapes = Shapes { mm, catalog, catalogs: &header.catalogs };
-    object.check_object()?;
-    image.check_image(&shapes)?;
+    object.check_end(&shapes, "object")?;
+    image.check_end(&shapes, "image")?;
+    if let Some(line) = object.stop.as_ref().or(image.stop.as_ref()) {
+        return Err(line.error("neither object nor image can be the aperture stop"));
+    }
     let mut items = Vec::with_capacity(between.len());
     let mut stop = None;
     for (index, raw) in between.iter().enumerate() {
@@ -112,11 +139,10 @@ fn finish(
         });
     }
     let Some(stop) = stop else {
-        let line = object.stop.as_ref().or(image.stop.as_ref());
         let message = "no surface between object and image is the aperture stop";
-        return Err(line.map_or_else(|| FileError::at_line(0, "", message), |l| l.error(message)));
+        return Err(FileError::at_line(0, "", message).hint("a line `STOP` makes its surface the stop"));
     };
-    let wavelengths = header.wavelengths()?;
+    let wavelengths = header.wavelengths(&mut losses)?;
     let primary = match &header.primary {
         None => {
             losses.add(0, "", Effect::Assumed, "the file says no primary wavelength; the first is taken");

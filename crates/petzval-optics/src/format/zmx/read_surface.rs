@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
 use crate::format::FileError;
+use crate::format::decimal::shown;
 use crate::format::draft::{Break, Clear, Drafted};
 use crate::format::loss::{Effect, Losses};
 use crate::glass::{Catalog, Dispersion, Glass};
-use crate::lens::{Action, Surface};
+use crate::lens::{Action, Surface, SurfaceShape};
 
 /// The highest number of a parameter or an extra value.
 const MOST_PARAMETERS: usize = 300;
@@ -44,10 +45,15 @@ pub(super) struct RawSurface<'a> {
     comment: String,
     /// The edge that light meets: half-widths or radius, and how far it is off the vertex.
     aperture: Option<(f64, Line<'a>)>,
-    offset: f64,
+    offset: Option<Said<'a>>,
     floats: bool,
     turned: Option<Line<'a>>,
+    /// Records of [`ONCE`] that were there.
+    said: Vec<&'a str>,
 }
+
+/// Records that a surface has once.
+const ONCE: &[&str] = &["TYPE", "CURV", "CONI", "DISZ", "GLAS", "DIAM", "STOP", "OBDC"];
 
 impl<'a> RawSurface<'a> {
     pub fn new(line: Line<'a>) -> Self {
@@ -64,14 +70,22 @@ impl<'a> RawSurface<'a> {
             stop: None,
             comment: String::new(),
             aperture: None,
-            offset: 0.0,
+            offset: None,
             floats: false,
             turned: None,
+            said: Vec::new(),
         }
     }
 
     /// Reads one record.
     pub fn read(&mut self, line: Line<'a>, losses: &mut Losses) -> Result<(), FileError> {
+        if ONCE.contains(&line.keyword) {
+            if self.said.contains(&line.keyword) {
+                let message = format!("the surface has another line {} already", line.keyword);
+                return Err(line.error(message).hint("keep one of the two"));
+            }
+            self.said.push(line.keyword);
+        }
         match line.keyword {
             "TYPE" => self.kind = Some(line),
             "CURV" => {
@@ -89,7 +103,10 @@ impl<'a> RawSurface<'a> {
                 }
                 let value = line.needed(1)?;
                 let to = if line.keyword == "PARM" { &mut self.parameters } else { &mut self.extra };
-                to.insert(index, (value, line));
+                if let Some((_, earlier)) = to.insert(index, (value, line.clone())) {
+                    let message = format!("line {} has said this number already", earlier.number);
+                    return Err(line.error(message).hint("keep one of the two"));
+                }
             }
             "DISZ" => self.thickness = Some(line),
             "GLAS" => self.glass = Some(line),
@@ -112,11 +129,9 @@ impl<'a> RawSurface<'a> {
                 self.aperture = Some((around, line));
             }
             "OBDC" => {
-                self.offset = line.needed(0)?.hypot(line.needed(1)?);
-                if self.offset != 0.0 {
-                    let message =
-                        "the aperture is off the vertex; a circle around it about the vertex is taken";
-                    losses.add(line.number, line.text, Effect::Approximated, message);
+                let offset = line.needed(0)?.hypot(line.needed(1)?);
+                if offset != 0.0 {
+                    self.offset = Some((offset, line));
                 }
             }
             "OBSC" | "SQOB" | "ELOB" | "SPID" | "UDAD" => {
@@ -179,34 +194,25 @@ impl<'a> RawSurface<'a> {
         }
     }
 
-    /// Surfaces of the object space: a plane in air.
-    pub fn check_object(&self) -> Result<(), FileError> {
+    /// Object and image are planes, the object in air.
+    pub fn check_end(&self, shapes: &Shapes<'_>, what: &str) -> Result<(), FileError> {
         self.check_not_turned()?;
+        if matches!(self.kind_name(), "COORDBRK" | "PARAXIAL") {
+            let message = format!("the {what} cannot be of this type");
+            return Err(self.kind_error(message).hint("make it a plane, STANDARD"));
+        }
         if let Some((_, line)) = self.curvature.as_ref().filter(|c| c.0 != 0.0) {
-            return Err(line.error("a curved object is not traced"));
+            return Err(line.error(format!("a curved {what} is not traced")).hint("make it a plane"));
+        }
+        let (shape, phase) = self.shape(shapes)?;
+        // A plane has any conic constant.
+        if phase.is_some() || (SurfaceShape { conic: 0.0, ..shape }) != SurfaceShape::PLANE {
+            let message = format!("a {what} that is no plane is not traced");
+            return Err(self.kind_error(message).hint("make it a plane"));
         }
         match &self.glass {
-            Some(line) => Err(line.error("an object in glass is not traced")),
-            None => Ok(()),
-        }
-    }
-
-    /// The image: a plane.
-    pub fn check_image(&self, shapes: &Shapes<'_>) -> Result<(), FileError> {
-        self.check_not_turned()?;
-        if self.kind_name() == "COORDBRK" {
-            return Err(self.kind_error("the image cannot be a coordinate break"));
-        }
-        if let Some((_, line)) = self.curvature.as_ref().filter(|c| c.0 != 0.0) {
-            return Err(line.error("a curved image surface is not traced").hint("make the image a plane"));
-        }
-        if matches!(self.kind_name(), "STANDARD" | "PARAXIAL") {
-            return Ok(());
-        }
-        let (shape, _) = self.shape(shapes)?;
-        match shape == crate::lens::SurfaceShape::PLANE {
-            true => Ok(()),
-            false => Err(self.kind_error("an image surface that is no plane is not traced")),
+            Some(line) if what == "object" => Err(line.error("an object in glass is not traced")),
+            _ => Ok(()),
         }
     }
 
@@ -265,17 +271,26 @@ impl<'a> RawSurface<'a> {
             ..Surface::default()
         };
         let record = self.kind.as_ref().unwrap_or(&self.line).record();
-        Ok(Drafted { surface, clear: self.clear(shapes)?, record })
+        Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record })
     }
 
     /// Where light is lost: at an aperture. A semi-diameter without one loses none.
-    fn clear(&self, shapes: &Shapes<'_>) -> Result<Clear, FileError> {
+    fn clear(&self, shapes: &Shapes<'_>, losses: &mut Losses) -> Result<Clear, FileError> {
+        if let Some((_, line)) = &self.offset {
+            let message = match self.aperture {
+                Some(_) => "the aperture is off the vertex; a circle around it about the vertex is taken",
+                None if self.floats => "a floating aperture stays about the vertex; its shift is not kept",
+                None => "this shifts no aperture that is kept",
+            };
+            losses.add(line.number, line.text, Effect::Approximated, message);
+        }
+        let offset = self.offset.as_ref().map_or(0.0, |said| said.0);
         let printed = match &self.semi_diameter {
             None => 0.0,
             Some(line) => line.needed(0)?.abs() * shapes.mm,
         };
         match &self.aperture {
-            Some((radius, line)) => match (radius + self.offset) * shapes.mm {
+            Some((radius, line)) => match (radius + offset) * shapes.mm {
                 edge if edge > 0.0 => Ok(Clear::Edge(edge)),
                 _ => Err(line.error("the aperture must be positive")),
             },
@@ -300,7 +315,8 @@ impl<'a> RawSurface<'a> {
                     return Err(line.error("a model glass has an index from 1 and an Abbe number from 0"));
                 }
                 let dispersion = match vd {
-                    0.0 => Dispersion::Constant(nd),
+                    // What bends no colour has no Abbe number either.
+                    vd if vd == 0.0 || nd == 1.0 => Dispersion::Constant(nd),
                     vd => {
                         let message =
                             "the model glass has the dispersion of its Abbe number by Cauchy's formula";
@@ -308,11 +324,17 @@ impl<'a> RawSurface<'a> {
                         Dispersion::NdVd { nd, vd }
                     }
                 };
-                let name = if name == "___BLANK" { format!("{nd}:{vd}") } else { name.to_owned() };
+                let name =
+                    if name == "___BLANK" { format!("{}:{}", shown(nd), shown(vd)) } else { name.to_owned() };
                 return Ok(Arc::new(Glass::new(&name, dispersion)));
             }
             0.0 | 3.0 => {}
-            _ => report_solve(line, losses),
+            2.0 => report_solve(line, losses),
+            4.0 => return Err(line.error("a glass with offsets of its index and Abbe number is not read")),
+            other => {
+                let message = format!("what state {} of a glass does is not known", shown(other));
+                return Err(line.error(message).hint("0 is a fixed glass, 1 a model glass"));
+            }
         }
         // Of makers that share the name, the one that the file's catalogues are of.
         let of_file = |glass: &&Arc<Glass>| shapes.catalogs.iter().any(|c| is_of(c, &glass.maker));

@@ -1,7 +1,7 @@
 //! Lines of a file, and the records that are known to change no ray.
 
 use crate::format::FileError;
-use crate::format::draft::Record;
+use crate::format::draft::{Record, line_end};
 
 /// A line: a keyword and its values.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub(super) struct Line<'a> {
 impl<'a> Line<'a> {
     /// The lines that say something.
     pub fn all(text: &'a str) -> impl Iterator<Item = Self> {
-        text.split('\n').zip(1..).filter_map(|(whole, number)| {
+        text.split(line_end(text)).zip(1..).filter_map(|(whole, number)| {
             let text = whole.trim();
             let keyword = text.split_whitespace().next()?;
             Some(Self { number, indented: whole.starts_with([' ', '\t']), text, keyword })

@@ -5,13 +5,16 @@ use std::fmt::Write;
 use super::write_shape::write_shape;
 use crate::format::draft::undone;
 use crate::format::export::{
-    degrees, lose_the_rest, object_heights, one_line, surface_error, weighted_wavelengths,
+    degrees, lose_the_rest, object_heights, one_line, one_word, surface_error, weighted_wavelengths,
 };
 use crate::format::lens_toml::number;
 use crate::format::loss::{Effect, Losses};
 use crate::format::{Export, FileError, LensFile};
 use crate::glass::{Catalog, Dispersion, Glass};
 use crate::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface};
+
+/// Words that mean something else where a glass may stand.
+const TAKEN: &[&str] = &["MIRROR", "AIR", "___BLANK"];
 
 /// A lens as a file in mm. Glasses are named, and must be in `catalog` as they are in the lens; an index with an Abbe number
 /// becomes a model glass.
@@ -76,7 +79,7 @@ impl Out<'_> {
     fn catalogs(&mut self, lens: &Lens) {
         let mut makers: Vec<String> = Vec::new();
         for surface in &lens.surfaces {
-            let maker = surface.glass.maker.to_uppercase();
+            let maker = one_word(&surface.glass.maker.to_uppercase());
             let maker = if maker == "GENERIC" { "MISC".to_owned() } else { maker };
             if !maker.is_empty() && !makers.contains(&maker) {
                 makers.push(maker);
@@ -176,9 +179,12 @@ impl Out<'_> {
     }
 
     fn glass(&mut self, surface: usize, glass: &Glass) -> Result<(), FileError> {
-        let name: String = glass.name.split_whitespace().collect::<Vec<_>>().join("_");
+        let mut name = one_word(&glass.name);
+        if TAKEN.contains(&name.as_str()) {
+            name.push_str("-2");
+        }
         if name != glass.name {
-            let message = format!("the glass {} is called {name}: names have no spaces", glass.name);
+            let message = format!("the glass {} is called {name}", one_line(&glass.name));
             self.losses.add(0, &format!("surface {surface}"), Effect::NoRay, message);
         }
         let known = self.catalog.get(&name).is_ok_and(|known| *known == *glass);
