@@ -228,14 +228,14 @@ fn a_folder_may_hold_other_files_and_glasses_that_are_none() {
     for says in [
         "Own.agf: line 2: `CD 0 0 0 0 0 0`: the formula of `NOTHING` has no term: the glass is left out",
         "lens.toml: line",
-        "expected `glass`: the file is left out",
+        "no such key here: the file is left out",
         "prose.agf: line 1: there is no glass in this file: the file is left out",
     ] {
         assert!(done.says(says), "{says}\n{}", done.stderr);
     }
     // By itself such a file is an error, and so is a catalogue with a mistake in it anywhere.
     let alone = ["--glasses", "mine/lens.toml", "glass", "list"];
-    run_fails(folder.path(), &alone, 2, &["lens.toml", "expected `glass`"]);
+    run_fails(folder.path(), &alone, 2, &["lens.toml", "no such key here"]);
     write(folder.path(), "mine/bad.toml", "[glass.A]\nnd = 1.5\n");
     run_fails(folder.path(), &listed, 2, &["bad.toml", "glass `A` has no formula"]);
 }

@@ -161,7 +161,7 @@ mod tests {
         for (wanted, first) in [
             ("GERMANIUM", "GE"),
             ("NBK7", "N-BK7"),
-            ("M-BK7", "N-BK7"),
+            ("M-BK7", "BK7"),
             ("HK9L", "H-K9L"),
             ("N_LASF9", "N-LASF9"),
         ] {
