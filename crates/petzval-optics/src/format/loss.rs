@@ -78,14 +78,18 @@ pub(super) struct Losses {
 impl Losses {
     /// Adds a loss; line 0 stands for none.
     pub fn add(&mut self, line: u32, record: &str, effect: Effect, message: impl Into<String>) {
-        let message = message.into();
+        self.place(line, record, effect, message.into());
+    }
+
+    /// Adds a loss, and says where in the list it is.
+    fn place(&mut self, line: u32, record: &str, effect: Effect, message: String) -> usize {
         let word = cut(record.split_whitespace().next().unwrap_or(""));
         let kind = (word, effect, message.clone(), line > 0);
         // Beyond the cap all kinds are one, the last.
         let full = (self.list.len() > MOST_KINDS).then_some(MOST_KINDS);
         if let Some(known) = self.kinds.get(&kind).copied().or(full) {
             self.list[known].more += 1;
-            return;
+            return known;
         }
         self.kinds.insert(kind, self.list.len());
         let (record, message) = match self.list.len() {
@@ -93,6 +97,7 @@ impl Losses {
             _ => (cut(record), message),
         };
         self.list.push(Loss { line: (line > 0).then_some(line), record, effect, message, more: 0 });
+        self.list.len() - 1
     }
 
     /// Adds a loss of a part of the file; its records are one loss, whatever they begin with.
@@ -100,8 +105,8 @@ impl Losses {
         match self.parts.get(message) {
             Some(known) => self.list[*known].more += 1,
             None => {
-                self.parts.insert(message.to_owned(), self.list.len().min(MOST_KINDS));
-                self.add(line, record, Effect::NoRay, message);
+                let place = self.place(line, record, Effect::NoRay, message.to_owned());
+                self.parts.insert(message.to_owned(), place);
             }
         }
     }

@@ -181,8 +181,7 @@ pub(in crate::format) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> 
             let message = "what is turned by 90 degrees or more is edge-on to light along the axis in front of it, \
                            and only what such light meets is traced";
             Err(record.error(message).hint(
-                "nothing else may be put in its place: an image square to that axis is another image; a plane that \
-                 only turns the axis can be two planes at the same place, each with half the angle",
+                "it cannot be left out: a plane square to that axis in its place would be another image",
             ))
         }
     }

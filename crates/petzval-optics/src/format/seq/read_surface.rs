@@ -368,7 +368,7 @@ impl RawSurface {
         // A plane has any conic constant.
         let shape = SurfaceShape { conic: 0.0, ..self.shape(mm, radii)? };
         if shape != SurfaceShape::PLANE {
-            let message = format!("a {what} that is no plane is not traced");
+            let message = format!("an {what} that is no plane is not traced");
             return Err(self.formula.1.error(message).hint("make it a plane"));
         }
         match &self.glass {

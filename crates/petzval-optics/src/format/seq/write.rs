@@ -141,20 +141,21 @@ impl<'a> Out<'a> {
         if let Dispersion::NdVd { nd, vd } = &glass.dispersion {
             return Some(format!("{}:{}", number(*nd), number(*vd)));
         }
-        self.catalog.get(&glass.name).ok().filter(|known| **known == *glass)?;
+        let same = |known: &&std::sync::Arc<Glass>| known.dispersion == glass.dispersion;
+        let known = self.catalog.all(&glass.name).iter().rfind(same)?;
         // The reader must find the same glass. What has no maker has its very name, in quotes.
         let found = |text: &str, quoted: bool| {
             let word = super::command::Word { text: text.to_owned(), quoted };
             let found =
                 super::glass::PrivateGlasses::default().medium(&word, self.catalog, &Default::default());
-            found.is_ok_and(|found| *found == *glass)
+            found.is_ok_and(|found| found.dispersion == glass.dispersion)
         };
-        if glass.maker.is_empty() {
+        if known.maker.is_empty() {
             let fits = one_word(&glass.name) == glass.name && !glass.name.contains(['\'', '"']);
             return (fits && found(&glass.name, true)).then(|| format!("'{}'", glass.name));
         }
         let name =
-            format!("{}_{}", super::glass::bare(&glass.name), super::glass::maker_suffix(&glass.maker));
+            format!("{}_{}", super::glass::bare(&glass.name), super::glass::maker_suffix(&known.maker));
         found(&name, false).then_some(name)
     }
 

@@ -207,7 +207,7 @@ impl<'a> RawSurface<'a> {
         let (shape, phase) = self.shape(shapes)?;
         // A plane has any conic constant.
         if phase.is_some() || (SurfaceShape { conic: 0.0, ..shape }) != SurfaceShape::PLANE {
-            let message = format!("a {what} that is no plane is not traced");
+            let message = format!("an {what} that is no plane is not traced");
             return Err(self.kind_error(message).hint("make it a plane"));
         }
         match &self.glass {

@@ -187,7 +187,7 @@ impl Out<'_> {
             let message = format!("the glass {} is called {name}", one_line(&glass.name));
             self.losses.add(0, &format!("surface {surface}"), Effect::NoRay, message);
         }
-        let known = self.catalog.get(&name).is_ok_and(|known| *known == *glass);
+        let known = self.catalog.get(&name).is_ok_and(|known| known.dispersion == glass.dispersion);
         let state = match (&glass.dispersion, known) {
             (_, true) => 0,
             (Dispersion::NdVd { .. } | Dispersion::Constant(_), false) => 1,
