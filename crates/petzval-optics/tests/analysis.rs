@@ -502,7 +502,7 @@ fn a_shifted_image_plane_alone_is_no_distortion() {
         let curves = field_curves(&lens, &options).unwrap();
         // Colours between which the reference lies, at the axis: distortion there is lateral colour alone.
         let axis: Vec<f64> = curves.distortion_percent.iter().map(|d| d[0]).collect();
-        assert!(axis.iter().all(|d| d.abs() < 0.2) && axis[0] * axis[2] < 0.0, "{axis:?}");
+        assert!(axis.iter().all(|d| d.abs() < 0.4) && axis[0] * axis[2] < 0.0, "{axis:?}");
     }
     let mut one = nominal_triplet();
     one.wavelengths_um = vec![one.reference_um];
