@@ -164,7 +164,7 @@ fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Opti
     Some(found.iter().copied().collect())
 }
 
-/// Term k (from 0: piston, x tilt, y tilt, defocus, ...) of the fringe Zernike polynomials at a point of the unit disk, each of
+/// Term k (from 0: piston, x tilt, y tilt, defocus, ... to 36) of the fringe Zernike polynomials at a point of the unit disk, each of
 /// greatest value 1: `R_n^m(r) cos(m t)` and `R_n^m(r) sin(m t)`, t from the x axis.
 ///
 /// The terms go by n + |m|, then by falling |m|, cosine before sine; the last is the twelfth-order spherical term.
@@ -188,6 +188,9 @@ pub fn fringe_zernike(k: usize, [x, y]: [f64; 2]) -> f64 {
 
 /// Radial order, azimuthal order, and whether the term is a sine.
 fn fringe_indices(k: usize) -> (usize, usize, bool) {
+    if k + 1 == ZERNIKE_TERMS {
+        return (12, 0, false);
+    }
     // Group g holds n + m = 2 g: 2 g + 1 terms, m from g to 0.
     let (mut g, mut first) = (0, 0);
     while k > first + 2 * g {
