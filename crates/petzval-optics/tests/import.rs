@@ -563,7 +563,7 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         ("  CURV 0.02", "  curv 0.02", &["line 15: `curv 0.02", "capitals"]),
         ("GLAS N-BK7 0", "GLAS N-BK7 4", &["line 17", "offsets"]),
         ("GLAS N-BK7 0", "GLAS N-BK7 9", &["line 17", "state 9"]),
-        ("UNIT MM", "UNIT MM\nUNIT IN", &["line 5: `UNIT IN`", "line 4 has said"]),
+        ("UNIT MM", "UNIT MM\nUNIT IN", &["line 5: `UNIT IN ", "line 4 has said"]),
         ("YFLN 0 2", "YFLN 0 2\nYFLD 0 9", &["line 8: `YFLD 0 9`", "line 7 has said"]),
         ("PWAV 1", "WAVM 1 0.6 1\nPWAV 1", &["line 9: `WAVM 1 0.6 1`", "already"]),
         ("  DISZ 4", "  DISZ 4\n  DISZ 5", &["line 17: `DISZ 5`", "already"]),
