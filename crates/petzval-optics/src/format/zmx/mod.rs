@@ -40,7 +40,7 @@
 //! ";
 //! let read = parse_zmx(text, &catalog)?;
 //! assert_eq!(read.file.lens.total_track_mm(), 98.0);
-//! assert_eq!(read.losses[0].to_string(), "line 17: `COAT AR`: coatings are not read");
+//! assert_eq!(read.losses[0].to_string(), "line 18: `COAT AR`: coatings are not read");
 //! # Ok::<(), FileError>(())
 //! ```
 
