@@ -7,10 +7,12 @@ mod aperture;
 mod clear;
 mod field;
 mod place;
+mod power;
 
 pub(super) use aperture::Aperture;
 pub(super) use field::{FieldKind, Fields};
 pub(super) use place::{Break, check_angles, is_bend, undone};
+pub(super) use power::{in_mm, set_powers};
 
 use super::lens_toml::OPTICAL_UM;
 use super::loss::{Effect, Loss, Losses};
@@ -145,15 +147,7 @@ impl Draft {
         lens.fields_deg = field::angles_deg(&lens, &self.fields, &mut losses)?;
         let lens = clear::with_semi_diameters(lens, &drafted, &mut losses)
             .map_err(|defect| at_fault(&defect, &drafted))?;
-        let file = LensFile {
-            lens,
-            expect: None,
-            variables: Vec::new(),
-            pickups: Vec::new(),
-            efl_solve: None,
-            length_solve: None,
-        };
-        Ok(Import { file, losses: losses.into_list() })
+        Ok(Import { file: LensFile::of(lens), losses: losses.into_list() })
     }
 }
 

@@ -81,6 +81,20 @@ pub struct LensFile {
     pub length_solve: Option<(usize, f64)>,
 }
 
+impl LensFile {
+    /// A lens of which nothing is free, solved for or expected.
+    pub fn of(lens: Lens) -> Self {
+        Self {
+            lens,
+            expect: None,
+            variables: Vec::new(),
+            pickups: Vec::new(),
+            efl_solve: None,
+            length_solve: None,
+        }
+    }
+}
+
 /// Published properties, against which the lens is tested.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expect {

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use super::command::{Command, Word};
 use super::glass::PrivateGlasses;
 use crate::format::FileError;
-use crate::format::draft::{Break, Clear, Drafted, Record, check_angles, is_bend};
+use crate::format::draft::{Break, Clear, Drafted, Record, check_angles, in_mm, is_bend, set_powers};
 use crate::format::loss::{Effect, Losses};
 use crate::glass::{Catalog, Glass};
-use crate::lens::{Action, Axis, Departure, ODD_TERMS, Placement, Surface, SurfaceShape, XY_TERMS};
+use crate::lens::{Action, Axis, Departure, Placement, Surface, SurfaceShape, XY_TERMS};
 
 /// Coefficients of r^4, r^6, ..., r^20.
 const LETTERS: [&str; 9] = ["A", "B", "C", "D", "E", "F", "G", "H", "J"];
@@ -567,31 +567,9 @@ impl RawSurface {
 
     /// Coefficient i + 1 is that of r^i.
     fn powers(&self, shape: &mut SurfaceShape, mm: f64) -> Result<(), FileError> {
-        let mut odd = [0.0; ODD_TERMS];
-        for (index, value) in &self.coefficients {
-            let power = index - 1;
-            let plain = match self.norm_radius_or_one() {
-                1.0 => *value,
-                radius => value / radius.powi(power as i32),
-            };
-            let value = in_mm(plain, power, mm);
-            let place = match power % 2 {
-                0 => shape.asphere.get_mut(power / 2 - 1),
-                _ => odd.get_mut(power / 2),
-            };
-            match place {
-                Some(place) => *place = value,
-                None if value == 0.0 => {}
-                None => {
-                    let message = format!("the term of r^{power} is not traced: powers up to 16 are");
-                    return Err(self.formula.1.error(message));
-                }
-            }
-        }
-        if odd.iter().any(|b| b.to_bits() != 0) {
-            shape.departure = Departure::Odd(odd);
-        }
-        Ok(())
+        let terms = self.coefficients.iter().map(|(index, value)| (index - 1, *value));
+        set_powers(shape, terms, self.norm_radius_or_one(), mm)
+            .map_err(|message| self.formula.1.error(message))
     }
 }
 
@@ -632,9 +610,4 @@ fn is_infinite(words: &[Word]) -> bool {
 /// The curvature of a radius; 0 and infinity stand for a plane.
 fn curvature_of(radius: f64) -> f64 {
     if radius == 0.0 { 0.0 } else { 1.0 / radius }
-}
-
-/// A coefficient of r^power, from lens units to mm.
-fn in_mm(value: f64, power: usize, mm: f64) -> f64 {
-    if mm == 1.0 { value } else { value * mm.powi(1 - power as i32) }
 }

@@ -2,7 +2,8 @@
 
 use super::read_surface::{RawSurface, Said, Shapes};
 use crate::format::FileError;
-use crate::lens::{ASPHERE_TERMS, Departure, ODD_TERMS, PHASE_TERMS, Pattern, Phase, SurfaceShape, XY_TERMS};
+use crate::format::draft::{in_mm, set_powers};
+use crate::lens::{ASPHERE_TERMS, Departure, PHASE_TERMS, Pattern, Phase, SurfaceShape, XY_TERMS};
 
 /// The first extra value that is a coefficient: before it stand their number and a normalisation radius.
 const FIRST_COEFFICIENT: usize = 3;
@@ -111,7 +112,7 @@ impl RawSurface<'_> {
     /// `PARM first ...` as coefficients of r^2, r^4, ...
     fn even_parameters(&self, shape: &mut SurfaceShape, first: usize, terms: usize, shapes: &Shapes<'_>) {
         for (i, a) in shape.asphere.iter_mut().take(terms).enumerate() {
-            *a = in_mm(self.parameter(first + i), 2 * i + 2, shapes);
+            *a = in_mm(self.parameter(first + i), 2 * i + 2, shapes.mm);
         }
     }
 
@@ -123,30 +124,7 @@ impl RawSurface<'_> {
         norm_radius: f64,
         shapes: &Shapes<'_>,
     ) -> Result<(), FileError> {
-        let mut odd = [0.0; ODD_TERMS];
-        for (power, value) in terms {
-            let plain = match norm_radius {
-                1.0 => value,
-                radius => value / radius.powi(power as i32),
-            };
-            let value = in_mm(plain, power, shapes);
-            let place = match power % 2 {
-                0 => shape.asphere.get_mut(power / 2 - 1),
-                _ => odd.get_mut(power / 2),
-            };
-            match place {
-                Some(place) => *place = value,
-                None if value == 0.0 => {}
-                None => {
-                    let message = format!("the term of r^{power} is not traced: powers up to 16 are");
-                    return Err(self.kind_error(message));
-                }
-            }
-        }
-        if odd.iter().any(|b| b.to_bits() != 0) {
-            shape.departure = Departure::Odd(odd);
-        }
-        Ok(())
+        set_powers(shape, terms, norm_radius, shapes.mm).map_err(|message| self.kind_error(message))
     }
 
     /// The normalisation radius and the coefficients among the extra values, counted from 0; terms beyond the stated
@@ -230,13 +208,5 @@ impl RawSurface<'_> {
             true => Ok(*value as i32),
             false => Err(line.error("an order of diffraction must be a whole number")),
         }
-    }
-}
-
-/// A coefficient of r^power, from lens units to mm.
-fn in_mm(value: f64, power: usize, shapes: &Shapes<'_>) -> f64 {
-    match shapes.mm {
-        1.0 => value,
-        mm => value * mm.powi(1 - power as i32),
     }
 }

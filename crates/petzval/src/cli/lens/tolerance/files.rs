@@ -35,15 +35,7 @@ pub fn write(findings: &Findings, out: &Path, worst: usize) -> Result<(), Failur
         let mut lens = made.lens;
         lens.name = format!("{}, lens {number} of seed {}", findings.lens.name, random.seed);
         lens.source = format!("petzval lens tolerance: {} {:.4}", findings.study.merit().name(), made.value);
-        let file = LensFile {
-            lens,
-            expect: None,
-            variables: Vec::new(),
-            pickups: Vec::new(),
-            efl_solve: None,
-            length_solve: None,
-        };
-        write(&format!("lens-{number:05}.toml"), &write_lens(&file))?;
+        write(&format!("lens-{number:05}.toml"), &write_lens(&LensFile::of(lens)))?;
     }
     Ok(())
 }
