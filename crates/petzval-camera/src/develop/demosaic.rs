@@ -77,11 +77,13 @@ fn neighbours(
         (i, step) => i.wrapping_add_signed(step),
     };
     let at = |dr: isize, dc: isize| mirror(row, dr, height) * width + mirror(col, dc, width);
-    let colour = |dr: usize, dc: usize| cfa.channel(placement.row + row + dr, placement.col + col + dc);
+    let colour =
+        |dr: usize, dc: usize| cfa.colour(placement.row + row + dr, placement.col + col + dc).plane();
+    let channel = Some(channel);
     // Phases repeat every two pixels, so the next row and column stand for both sides.
     if colour(0, 0) == channel {
         (1, [at(0, 0), 0, 0, 0])
-    } else if channel == 1 {
+    } else if channel == Some(1) {
         (4, [at(-1, 0), at(0, -1), at(0, 1), at(1, 0)])
     } else if colour(0, 1) == channel {
         (2, [at(0, -1), at(0, 1), 0, 0])

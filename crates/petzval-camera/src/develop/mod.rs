@@ -32,8 +32,8 @@ pub fn develop(raw: &Raw, sensor: &SensorModel) -> Result<LinearImage, SensorErr
     let placement = raw.capture.placement;
     let mut mosaic = vec![0.0f32; n];
     for (i, (value, dn)) in mosaic.iter_mut().zip(&raw.dn).enumerate() {
-        let channel = sensor.cfa.channel(placement.row + i / raw.width, placement.col + i % raw.width);
-        *value = ((*dn as f64 - dark) * scale[channel]) as f32;
+        let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
+        *value = ((*dn as f64 - dark) * colour.plane().map_or(1.0, |c| scale[c])) as f32;
     }
     demosaic_bilinear(&mosaic, raw.height, raw.width, sensor.cfa, placement)
 }
@@ -50,8 +50,8 @@ pub fn develop_adjoint(
     let placement = capture.placement;
     let mut d_dn = demosaic_bilinear_adjoint(d_rgb, sensor.cfa, placement)?;
     for (i, value) in d_dn.iter_mut().enumerate() {
-        let channel = sensor.cfa.channel(placement.row + i / d_rgb.width, placement.col + i % d_rgb.width);
-        *value = (*value as f64 * scale[channel]) as f32;
+        let colour = sensor.cfa.colour(placement.row + i / d_rgb.width, placement.col + i % d_rgb.width);
+        *value = (*value as f64 * colour.plane().map_or(1.0, |c| scale[c])) as f32;
     }
     Ok(d_dn)
 }

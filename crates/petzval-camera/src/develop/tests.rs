@@ -22,7 +22,7 @@ fn bilinear_demosaic_matches_colour_demosaicing() {
     // colour_demosaicing 0.2.7, demosaicing_CFA_Bayer_bilinear; its borders follow another rule, so one pixel is left out.
     let text = include_str!("../../tests/fixtures/demosaic_bilinear.json");
     let fixture: serde_json::Value = serde_json::from_str(text).unwrap();
-    for (name, cfa) in [("RGGB", CfaPattern::Rggb), ("GBRG", CfaPattern::Gbrg)] {
+    for (name, cfa) in [("RGGB", CfaPattern::RGGB), ("GBRG", CfaPattern::GBRG)] {
         let (mosaic, expected) = (&fixture[name]["mosaic"], &fixture[name]["bilinear"]);
         let number = |v: &serde_json::Value| v.as_f64().unwrap() as f32;
         let (height, width) = (12, 14);

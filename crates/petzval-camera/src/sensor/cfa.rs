@@ -1,32 +1,193 @@
 //! The colour filter array: which colour each pixel sees.
 
+use std::fmt;
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
-/// Arrangement of the 2x2 Bayer tile, read row by row from the sensor's pixel (0, 0).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-pub enum CfaPattern {
-    /// Red, green / green, blue.
-    Rggb,
-    /// Green, red / blue, green.
-    Grbg,
-    /// Green, blue / red, green.
-    Gbrg,
-    /// Blue, green / green, red.
-    Bggr,
+/// What a pixel's filter lets pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Colour {
+    /// Red light.
+    Red,
+    /// Green light.
+    Green,
+    /// Blue light.
+    Blue,
+    /// No colour filter: a monochrome or "white" pixel.
+    Clear,
 }
 
+impl Colour {
+    /// All colours, in the order red, green, blue, clear.
+    pub const ALL: [Self; 4] = [Self::Red, Self::Green, Self::Blue, Self::Clear];
+
+    /// Plane of an RGB picture that holds this colour; `None` for clear pixels, which see all three.
+    pub fn plane(self) -> Option<usize> {
+        match self {
+            Self::Red => Some(0),
+            Self::Green => Some(1),
+            Self::Blue => Some(2),
+            Self::Clear => None,
+        }
+    }
+
+    /// Letter in the name of a pattern; `W` is clear.
+    pub fn letter(self) -> char {
+        match self {
+            Self::Red => 'R',
+            Self::Green => 'G',
+            Self::Blue => 'B',
+            Self::Clear => 'W',
+        }
+    }
+
+    fn from_letter(letter: char) -> Option<Self> {
+        Self::ALL.into_iter().find(|c| c.letter() == letter.to_ascii_uppercase())
+    }
+}
+
+/// Longest side of a tile, pixels; X-Trans mosaics have 6, quad Bayer mosaics 4.
+const MAX_SIDE: usize = 8;
+
+/// Colour filter array: a tile of colours that repeats over the sensor from its pixel (0, 0).
+///
+/// Written as its rows from top to bottom, letters `R`, `G`, `B`, `W` (clear), with `/` between rows: `RG/GB`,
+/// `RRGG/RRGG/GGBB/GGBB` (quad Bayer), `WR/GW`. Four letters without `/` are a 2x2 tile (`RGGB`), `mono` is `W`.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct CfaPattern {
+    rows: usize,
+    cols: usize,
+    /// Row by row; beyond `rows * cols` all clear, so that equal patterns compare equal.
+    tile: [Colour; MAX_SIDE * MAX_SIDE],
+}
+
+/// A text that names no colour filter array.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{0}` is no colour filter array; give its rows from the top, as RGGB, GRBG, RG/GB, RRGG/RRGG/GGBB/GGBB, or mono \
+     (letters R, G, B, W for clear; up to 8x8)"
+)]
+pub struct UnknownPattern(String);
+
 impl CfaPattern {
-    /// Colour of the sensor pixel `(row, col)`: 0 red, 1 green, 2 blue.
-    pub fn channel(self, row: usize, col: usize) -> usize {
-        let (red_row, red_col) = match self {
-            Self::Rggb => (0, 0),
-            Self::Grbg => (0, 1),
-            Self::Gbrg => (1, 0),
-            Self::Bggr => (1, 1),
+    /// Red, green / green, blue.
+    pub const RGGB: Self = Self::bayer([Colour::Red, Colour::Green, Colour::Green, Colour::Blue]);
+    /// Green, red / blue, green.
+    pub const GRBG: Self = Self::bayer([Colour::Green, Colour::Red, Colour::Blue, Colour::Green]);
+    /// Green, blue / red, green.
+    pub const GBRG: Self = Self::bayer([Colour::Green, Colour::Blue, Colour::Red, Colour::Green]);
+    /// Blue, green / green, red.
+    pub const BGGR: Self = Self::bayer([Colour::Blue, Colour::Green, Colour::Green, Colour::Red]);
+    /// No filters.
+    pub const MONO: Self = Self { rows: 1, cols: 1, tile: [Colour::Clear; MAX_SIDE * MAX_SIDE] };
+
+    const fn bayer(colours: [Colour; 4]) -> Self {
+        let mut tile = [Colour::Clear; MAX_SIDE * MAX_SIDE];
+        let mut i = 0;
+        while i < 4 {
+            tile[i] = colours[i];
+            i += 1;
+        }
+        Self { rows: 2, cols: 2, tile }
+    }
+
+    /// Rows of the tile.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Columns of the tile.
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+
+    /// Colour of the sensor pixel `(row, col)`.
+    pub fn colour(&self, row: usize, col: usize) -> Colour {
+        self.tile[row % self.rows * self.cols + col % self.cols]
+    }
+
+    /// True for the four arrangements of the 2x2 Bayer tile.
+    pub fn is_bayer(&self) -> bool {
+        [Self::RGGB, Self::GRBG, Self::GBRG, Self::BGGR].contains(self)
+    }
+
+    /// The colours that occur, in the order red, green, blue, clear.
+    pub fn colours(&self) -> Vec<Colour> {
+        let tile = &self.tile[..self.rows * self.cols];
+        Colour::ALL.into_iter().filter(|c| tile.contains(c)).collect()
+    }
+}
+
+impl FromStr for CfaPattern {
+    type Err = UnknownPattern;
+
+    fn from_str(text: &str) -> Result<Self, UnknownPattern> {
+        let unknown = || UnknownPattern(text.chars().take(80).collect());
+        let name = text.trim();
+        if name.eq_ignore_ascii_case("mono") {
+            return Ok(Self::MONO);
+        }
+        let rows: Vec<String> = match name.contains('/') {
+            true => name.split('/').map(str::to_owned).collect(),
+            false if name.chars().count() == 4 => {
+                let letters: Vec<char> = name.chars().collect();
+                letters.chunks(2).map(|row| row.iter().collect()).collect()
+            }
+            false => vec![name.to_owned()],
         };
-        // Red sits on one parity of rows and columns, blue on the opposite of both.
-        ((row + red_row) % 2) + ((col + red_col) % 2)
+        let cols = rows[0].chars().count();
+        if rows.len() > MAX_SIDE || !(1..=MAX_SIDE).contains(&cols) {
+            return Err(unknown());
+        }
+        let mut tile = [Colour::Clear; MAX_SIDE * MAX_SIDE];
+        for (r, row) in rows.iter().enumerate() {
+            if row.chars().count() != cols {
+                return Err(unknown());
+            }
+            for (c, letter) in row.chars().enumerate() {
+                tile[r * cols + c] = Colour::from_letter(letter).ok_or_else(unknown)?;
+            }
+        }
+        Ok(Self { rows: rows.len(), cols, tile })
+    }
+}
+
+impl TryFrom<String> for CfaPattern {
+    type Error = UnknownPattern;
+
+    fn try_from(text: String) -> Result<Self, UnknownPattern> {
+        text.parse()
+    }
+}
+
+impl From<CfaPattern> for String {
+    fn from(pattern: CfaPattern) -> Self {
+        pattern.to_string()
+    }
+}
+
+impl fmt::Display for CfaPattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if *self == Self::MONO {
+            return f.write_str("mono");
+        }
+        for row in 0..self.rows {
+            if row > 0 && !self.is_bayer() {
+                f.write_str("/")?;
+            }
+            for col in 0..self.cols {
+                write!(f, "{}", self.colour(row, col).letter())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for CfaPattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "CfaPattern({self})")
     }
 }
 
@@ -37,14 +198,31 @@ mod tests {
     #[test]
     fn tiles_read_as_their_names() {
         for (pattern, name) in [
-            (CfaPattern::Rggb, "RGGB"),
-            (CfaPattern::Grbg, "GRBG"),
-            (CfaPattern::Gbrg, "GBRG"),
-            (CfaPattern::Bggr, "BGGR"),
+            (CfaPattern::RGGB, "RGGB"),
+            (CfaPattern::GRBG, "GRBG"),
+            (CfaPattern::GBRG, "GBRG"),
+            (CfaPattern::BGGR, "BGGR"),
         ] {
-            let read: String = (0..4).map(|i| ['R', 'G', 'B'][pattern.channel(i / 2, i % 2)]).collect();
+            let read: String = (0..4).map(|i| pattern.colour(i / 2, i % 2).letter()).collect();
             assert_eq!(read, name);
-            assert_eq!(pattern.channel(0, 0), pattern.channel(6, 4));
+            assert_eq!(pattern.colour(0, 0), pattern.colour(6, 4));
+            assert_eq!((name.parse(), pattern.to_string()), (Ok(pattern), name.to_owned()));
+        }
+        assert_eq!("RG/GB".parse(), Ok(CfaPattern::RGGB));
+        assert_eq!("w".parse(), Ok(CfaPattern::MONO));
+    }
+
+    #[test]
+    fn any_tile_survives_its_name() {
+        for name in
+            ["RRGG/RRGG/GGBB/GGBB", "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG", "WR/GW", "RGB", "mono"]
+        {
+            let pattern: CfaPattern = name.parse().unwrap();
+            assert_eq!(pattern.to_string(), name);
+            assert!(!pattern.is_bayer());
+        }
+        for wrong in ["", "RG/G", "RGXB", "/", "RGGBRGGBR", "R/G/B/R/G/B/R/G/B"] {
+            assert!(wrong.parse::<CfaPattern>().is_err(), "{wrong}");
         }
     }
 }

@@ -16,8 +16,8 @@ pub fn expose(
     Ok(expose_with_tape(irradiance, sensor, capture, noise)?.0)
 }
 
-/// As [`expose`], with the tape: per pixel the derivative of its digital number with respect to the irradiance of the
-/// one colour it sees, DN per unit. The shot-noise factor is that of the [`NoiseMode`], rounding passes the gradient
+/// As [`expose`], with the tape: per pixel the derivative of its digital number with respect to the light it sees
+/// ([`SensorModel::response`] times irradiance), DN per unit. The shot-noise factor is that of the [`NoiseMode`], rounding passes the gradient
 /// through, full well, converter limits and negative irradiance block it.
 pub fn expose_with_tape(
     irradiance: &LinearImage,
@@ -60,7 +60,7 @@ fn expose_row(
     let (width, plane) = (irradiance.width, irradiance.height * irradiance.width);
     let (sensor_row, first_col) = (capture.placement.row + row, capture.placement.col);
     let mut streams = RowStreams::new(noise.seed, capture.frame, sensor_row, first_col);
-    let electrons_per_unit = sensor.relative_qe.map(|qe| qe * capture.exposure.white_e as f64);
+    let white_e = capture.exposure.white_e as f64;
     let dark_e = sensor.dark_current_e_per_s * capture.exposure.time_s as f64;
     let gain = sensor.gain_dn_per_e * capture.exposure.linear_gain as f64;
     let (noisy, max_dn) = (noise.mode != NoiseMode::Off, sensor.max_dn());
@@ -68,10 +68,11 @@ fn expose_row(
     let passes = |v: f64| if (0.0..=max_dn).contains(&v) { 1.0 } else { 0.0 };
     for col in 0..width {
         // Photons become electrons in the colour that the filter lets pass; the dark current adds its own.
-        let channel = sensor.cfa.channel(sensor_row, first_col + col);
-        let light = irradiance.data[channel * plane + row * width + col] as f64;
-        let lambda = light.max(0.0) * electrons_per_unit[channel] + dark_e;
-        let mut slope = if light < 0.0 { 0.0 } else { electrons_per_unit[channel] };
+        let response = sensor.response(sensor.cfa.colour(sensor_row, first_col + col));
+        let at = |channel: usize| irradiance.data[channel * plane + row * width + col] as f64;
+        let light: f64 = (0..CHANNELS).map(|c| response[c] * at(c)).sum();
+        let lambda = light.max(0.0) * white_e + dark_e;
+        let mut slope = if light < 0.0 { 0.0 } else { white_e };
 
         // Electrons arrive one by one, until the well is full.
         let dither = if noise.mode == NoiseMode::Dequantised { streams.next_dither() } else { 0.0 };

@@ -18,13 +18,17 @@ mod cfa;
 mod expose;
 mod model;
 mod noise;
+mod nonuniformity;
+mod quantum_efficiency;
 
 pub use capture::{Capture, Exposure, Raw, SensorError};
-pub use cfa::CfaPattern;
+pub use cfa::{CfaPattern, Colour, UnknownPattern};
 pub(crate) use expose::{check_capture, expose_checked};
 pub use expose::{expose, expose_with_tape};
 pub use model::{Electronics, OutOfRange, SensorModel};
 pub use noise::{Noise, NoiseMode};
+pub use nonuniformity::NonUniformity;
+pub use quantum_efficiency::QuantumEfficiency;
 
 #[cfg(test)]
 mod tests;

@@ -3,7 +3,9 @@
 use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
 
-use super::cfa::CfaPattern;
+use super::cfa::{CfaPattern, Colour};
+use super::nonuniformity::NonUniformity;
+use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
 
 /// Where the electronics noise enters.
@@ -54,6 +56,22 @@ pub struct SensorModel {
     pub cfa: CfaPattern,
     /// Where the electronics noise enters.
     pub electronics: Electronics,
+    /// Electrons of a clear (unfiltered) pixel per unit of red, green and blue light, where a green pixel has 1 for white.
+    #[serde(default = "even_response")]
+    pub clear_response: [f64; CHANNELS],
+    /// Linear gains that the sensor offers; empty if it can be set to any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gain_steps: Vec<f64>,
+    /// How its pixels differ.
+    #[serde(default)]
+    pub nonuniformity: NonUniformity,
+    /// Quantum efficiency over the spectrum, if it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantum_efficiency: Option<QuantumEfficiency>,
+}
+
+fn even_response() -> [f64; CHANNELS] {
+    [1.0 / 3.0; CHANNELS]
 }
 
 /// A number of a sensor outside its physical range.
@@ -85,6 +103,16 @@ impl SensorModel {
     /// Largest digital number, `2^bits - 1`.
     pub fn max_dn(&self) -> f64 {
         (2.0f64).powi(self.bits as i32) - 1.0
+    }
+
+    /// Electrons of a pixel of `colour` per unit of red, green and blue light, where a green pixel has 1 for white.
+    pub fn response(&self, colour: Colour) -> [f64; CHANNELS] {
+        let mut response = [0.0; CHANNELS];
+        match colour.plane() {
+            Some(plane) => response[plane] = self.relative_qe[plane],
+            None => response = self.clear_response,
+        }
+        response
     }
 
     /// Checks that every number is finite and in its physical range.
@@ -200,7 +228,7 @@ mod tests {
         let syntax = error("bits = 12", "bits = = 12");
         assert_eq!(syntax.line, line("bits"));
         assert!(error("0.14", "nan").to_string().contains("gain_dn_per_e"));
-        assert!(error("RGGB", "RGB").to_string().contains("RGGB"));
+        assert!(error("RGGB", "RGX").to_string().contains("RGGB"));
     }
 
     proptest::proptest! {

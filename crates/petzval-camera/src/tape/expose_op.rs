@@ -85,9 +85,12 @@ impl HostKernel for ExposeKernel {
             let placement = self.captures[i].placement;
             for pixel in 0..plane {
                 let (row, col) = (placement.row + pixel / width, placement.col + pixel % width);
-                let channel = self.sensor.cfa.channel(row, col);
+                let response = self.sensor.response(self.sensor.cfa.colour(row, col));
                 let k = i * plane + pixel;
-                d_irradiance[(i * CHANNELS + channel) * plane + pixel] = tape[k] * d_output[k];
+                for c in 0..CHANNELS {
+                    d_irradiance[(i * CHANNELS + c) * plane + pixel] =
+                        tape[k] * d_output[k] * response[c] as f32;
+                }
             }
         }
         vec![d_irradiance]

@@ -1,0 +1,35 @@
+//! How pixels of one sensor differ from each other, and what is common to the pixels of a row or column.
+
+use serde::{Deserialize, Serialize};
+
+/// Non-uniformity of a sensor. All zero by default.
+///
+/// What is fixed (DSNU, PRNU, hot pixels) belongs to one specimen of the sensor, drawn by `specimen`; what is not (row
+/// and column noise) is drawn anew for every frame. Standard deviations as EMVA 1288 splits them: a pixel's offset is
+/// the sum of an independent part of its own, one of its row and one of its column.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NonUniformity {
+    /// Which specimen: seed of everything that is fixed.
+    pub specimen: u64,
+    /// DSNU of single pixels, electrons.
+    pub dsnu_pixel_e: f64,
+    /// DSNU of rows, electrons.
+    pub dsnu_row_e: f64,
+    /// DSNU of columns, electrons.
+    pub dsnu_column_e: f64,
+    /// PRNU of single pixels, percent of the signal.
+    pub prnu_pixel_percent: f64,
+    /// PRNU of rows, percent of the signal.
+    pub prnu_row_percent: f64,
+    /// PRNU of columns, percent of the signal.
+    pub prnu_column_percent: f64,
+    /// Share of the pixels that are hot, 0..1.
+    pub hot_pixel_share: f64,
+    /// Mean dark current of hot pixels above that of the others, electrons per second; it is exponentially distributed.
+    pub hot_pixel_e_per_s: f64,
+    /// Temporal noise that the pixels of a row share, electrons.
+    pub row_noise_e: f64,
+    /// Temporal noise that the pixels of a column share, electrons.
+    pub column_noise_e: f64,
+}
