@@ -63,7 +63,7 @@ pub mod render;
 pub mod sensor;
 pub mod tape;
 
-pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint};
+pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint, develop_stops_adjoint};
 pub use image::{
     CHANNELS, ImageError, LinearImage, load_image, load_image_bytes, save_png, srgb_decode, srgb_encode,
 };
@@ -73,5 +73,6 @@ pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
 pub use sensor::{
-    Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_with_tape,
+    Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, Slopes, expose,
+    expose_pixel, expose_with_tape, score_function_gradient,
 };

@@ -1,15 +1,19 @@
-//! Bilinear demosaicing: the mean of the nearest pixels that saw the colour.
+//! Bilinear demosaicing: the mean of the nearest pixels that saw the colour. Arrays that are not Bayer's go to [`super::tent`].
 
 use rayon::prelude::*;
 
+use super::tent::Tents;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
 
-/// Fills in the two colours that each pixel did not see, from a mosaic whose top-left pixel is at `placement`.
+/// Fills in the colours that each pixel did not see, from a mosaic whose top-left pixel is at `placement`.
 ///
-/// Green: the mean of the four edge neighbours; red and blue: of the two or four nearest of their colour. Borders
+/// Of a Bayer array, green: the mean of the four edge neighbours; red and blue: of the two or four nearest of their colour. Borders
 /// mirror about the outermost pixel, which keeps the phase of the mosaic. At least 2x2 pixels.
+///
+/// Of any other array of R x C pixels: the mean of the pixels within one tile that saw the colour, with weights
+/// `(1 - |dr| / R) (1 - |dc| / C)`; a colour that the array does not have comes from its clear pixels. At least one tile.
 pub fn demosaic_bilinear(
     mosaic: &[f32],
     height: usize,
@@ -18,6 +22,9 @@ pub fn demosaic_bilinear(
     placement: Placement,
 ) -> Result<LinearImage, SensorError> {
     check(mosaic.len(), height, width)?;
+    if !cfa.is_bayer() {
+        return Ok(Tents::new(cfa, placement, height, width)?.fill(mosaic, height, width));
+    }
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     out.data.par_chunks_exact_mut(width).enumerate().for_each(|(line, values)| {
         let (channel, row) = (line / height, line % height);
@@ -45,6 +52,9 @@ pub fn demosaic_bilinear_adjoint(
         });
     }
     check(height * width, height, width)?;
+    if !cfa.is_bayer() {
+        return Ok(Tents::new(cfa, placement, height, width)?.gather(d_rgb));
+    }
     // Each colour hands its gradient to the pixels it came from; the three add up in order.
     let planes: Vec<Vec<f32>> = (0..CHANNELS)
         .into_par_iter()

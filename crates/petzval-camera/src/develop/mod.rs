@@ -1,21 +1,23 @@
 //! From digital numbers back to light: the linear, colour-filled picture that a raw frame holds.
 //!
 //! ```text
-//! raw - dark mean -> / (K g white_e) -> / relative QE (white balance) -> bilinear demosaic -> linear RGB
+//! raw - dark mean -> / (K g white_e) -> / answer to white (white balance) -> bilinear demosaic -> linear RGB
 //! ```
 //!
 //! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`].
 
 mod demosaic;
+mod tent;
 
 pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
 
 use crate::image::{CHANNELS, LinearImage};
-use crate::sensor::{Capture, Exposure, Raw, SensorError, SensorModel};
+use crate::render::Placement;
+use crate::sensor::{Capture, CfaPattern, Colour, Exposure, Raw, SensorError, SensorModel};
 
 /// Mean digital number of a dark pixel, `BL + K g (mu_r + mu_I t) + mu_el`, DN.
 ///
-/// This, not the black level alone, is what development subtracts.
+/// This, not the black level alone, is what development subtracts. It is that of an ordinary pixel: hot pixels stay bright.
 pub fn dark_mean_dn(sensor: &SensorModel, exposure: &Exposure) -> f64 {
     let dark_e = sensor.read_noise_mean_e + sensor.dark_current_e_per_s * exposure.time_s as f64;
     let gain = sensor.gain_dn_per_e * exposure.linear_gain as f64;
@@ -33,7 +35,7 @@ pub fn develop(raw: &Raw, sensor: &SensorModel) -> Result<LinearImage, SensorErr
     let mut mosaic = vec![0.0f32; n];
     for (i, (value, dn)) in mosaic.iter_mut().zip(&raw.dn).enumerate() {
         let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
-        *value = ((*dn as f64 - dark) * colour.plane().map_or(1.0, |c| scale[c])) as f32;
+        *value = ((*dn as f64 - dark) * scale[colour as usize]) as f32;
     }
     demosaic_bilinear(&mosaic, raw.height, raw.width, sensor.cfa, placement)
 }
@@ -51,9 +53,43 @@ pub fn develop_adjoint(
     let mut d_dn = demosaic_bilinear_adjoint(d_rgb, sensor.cfa, placement)?;
     for (i, value) in d_dn.iter_mut().enumerate() {
         let colour = sensor.cfa.colour(placement.row + i / d_rgb.width, placement.col + i % d_rgb.width);
-        *value = (*value as f64 * colour.plane().map_or(1.0, |c| scale[c])) as f32;
+        *value = (*value as f64 * scale[colour as usize]) as f32;
     }
     Ok(d_dn)
+}
+
+/// Gradient of a development with respect to the exposure that it is told, in stops: of the linear gain, and of the
+/// exposure (`white_e` and `time_s` together). `d_rgb` is the gradient of the developed picture of `raw`.
+///
+/// A picture is the raw frame less the dark mean, over `K g white_e`; both change with the exposure, by
+/// `d picture / d log2 g = -ln 2 M (dn - dark + K g (mu_r + mu_I t))` and, for the exposure, without mu_r. M is what
+/// [`develop_adjoint`] is the transpose of.
+pub fn develop_stops_adjoint(
+    d_rgb: &LinearImage,
+    raw: &Raw,
+    sensor: &SensorModel,
+) -> Result<[f64; 2], SensorError> {
+    let d_dn = develop_adjoint(d_rgb, sensor, &raw.capture)?;
+    check(sensor, &raw.capture, "raw frame", d_dn.len(), raw.dn.len())?;
+    let exposure = &raw.capture.exposure;
+    let dark = dark_mean_dn(sensor, exposure);
+    let gain = sensor.gain_dn_per_e * exposure.linear_gain as f64;
+    let current = gain * sensor.dark_current_e_per_s * exposure.time_s as f64;
+    let (mut signal, mut total) = (0.0, 0.0);
+    for (&d, &dn) in d_dn.iter().zip(&raw.dn) {
+        signal += d as f64 * (dn as f64 - dark);
+        total += d as f64;
+    }
+    let of = |dark: f64| -std::f64::consts::LN_2 * (signal + total * dark);
+    Ok([of(gain * sensor.read_noise_mean_e + current), of(current)])
+}
+
+/// Checks that colours can be filled in for a mosaic of this size.
+pub(crate) fn check_colours(cfa: CfaPattern, height: usize, width: usize) -> Result<(), SensorError> {
+    if cfa.is_bayer() {
+        return Ok(());
+    }
+    tent::Tents::new(cfa, Placement::default(), height, width).map(|_| ())
 }
 
 /// Lifts the dim corners: divides by relative illumination, at most by `1 / floor`.
@@ -75,10 +111,11 @@ pub fn correct_shading(
     Ok(LinearImage { data, ..*image })
 }
 
-/// Linear light per digital number of each colour, `1 / (K g white_e s_c)`.
-fn light_per_dn(sensor: &SensorModel, exposure: &Exposure) -> [f64; CHANNELS] {
+/// Linear light per digital number of red, green, blue and clear pixels, `1 / (K g white_e s)`, where `s` is the answer
+/// of a pixel to white light.
+fn light_per_dn(sensor: &SensorModel, exposure: &Exposure) -> [f64; Colour::ALL.len()] {
     let dn_per_unit = sensor.gain_dn_per_e * exposure.linear_gain as f64 * exposure.white_e as f64;
-    sensor.relative_qe.map(|qe| 1.0 / (dn_per_unit * qe))
+    Colour::ALL.map(|colour| 1.0 / (dn_per_unit * sensor.response(colour).iter().sum::<f64>()))
 }
 
 fn check(

@@ -1,6 +1,5 @@
 use super::*;
-use crate::render::Placement;
-use crate::sensor::{CfaPattern, Noise, NoiseMode, expose};
+use crate::sensor::{Noise, NoiseMode, expose};
 
 fn sensor() -> SensorModel {
     SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()

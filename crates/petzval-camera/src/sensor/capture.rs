@@ -56,6 +56,30 @@ pub enum SensorError {
         /// What it must be.
         need: &'static str,
     },
+    /// The sensor does not offer this gain.
+    #[error("linear gain {value} is none of the sensor's steps; the nearest is {nearest}")]
+    GainStep {
+        /// The gain asked for.
+        value: f32,
+        /// The sensor's step nearest to it, in stops.
+        nearest: f64,
+    },
+    /// The share of a gradient that saturated pixels let through is out of range.
+    #[error("the leak of saturated pixels is {value}; it must be between 0 and 1")]
+    Leak {
+        /// The leak given.
+        value: f32,
+    },
+    /// A picture cannot be developed because the sensor does not see a colour.
+    #[error(
+        "the colour filter array {cfa} has neither {colour} nor clear pixels to develop a colour picture from"
+    )]
+    UnseenColour {
+        /// The array.
+        cfa: super::CfaPattern,
+        /// The missing colour.
+        colour: &'static str,
+    },
     /// A buffer does not have the needed shape.
     #[error("{what}: expected {expected}, got {got}")]
     Shape {
@@ -103,6 +127,16 @@ pub enum SensorError {
 }
 
 impl Exposure {
+    /// The exposure changed by so many stops (factors of two): `gain` of the linear gain, `exposure` of the light and the
+    /// time together.
+    pub fn with_stops(&self, gain: f32, exposure: f32) -> Self {
+        Self {
+            white_e: self.white_e * exposure.exp2(),
+            time_s: self.time_s * exposure.exp2(),
+            linear_gain: self.linear_gain * gain.exp2(),
+        }
+    }
+
     /// Checks that the settings are finite and in range.
     pub fn validate(&self) -> Result<(), SensorError> {
         let bad = |what, value, need| Err(SensorError::Exposure { what, value, need });

@@ -1,17 +1,19 @@
-//! From light to digital numbers: an EMVA 1288 sensor with a Bayer mosaic.
+//! From light to digital numbers: an EMVA 1288 sensor with any colour filter array.
 //!
-//! Per pixel of colour `c`, with linear gain `g` and exposure time `t`:
+//! Per pixel of colour `c` in row `i` and column `j`, with linear gain `g` and exposure time `t`:
 //!
 //! ```text
-//! lambda = white_e s_c E + mu_I t            [e-]  E relative irradiance, s_c relative quantum efficiency
-//! n  ~ Poisson(lambda), n = min(n, FWC)      [e-]  shot noise and dark current, full well
-//! e  = n + mu_r + sigma_r z1                 [e-]  read noise; no clip at zero
+//! lambda = white_e s_c E P + (mu_I + h) t    [e-]  E relative irradiance, s_c relative quantum efficiency, P = PRNU
+//! n  ~ Poisson(lambda), n = min(n, FWC)      [e-]  shot noise and dark current (h of hot pixels), full well
+//! e  = n + mu_r + D + r_i + c_j + sigma_r z1 [e-]  read noise; D = DSNU, noise of row and column; no clip at zero
 //! v  = K g e + BL + mu_el + sigma_el z2      [DN]  gain, electronics noise, black level
 //! y  = clip(round(v), 0, 2^bits - 1)         [DN]  analog-to-digital converter
 //! ```
 //!
-//! so `E y = K g (lambda + mu_r) + BL + mu_el` and `Var y = (K g)^2 (lambda + sigma_r^2) + sigma_el^2 + 1/12` away from
-//! the limits. Source: EMVA 1288 release 4.0 (linear camera model).
+//! so that, on a sensor of equal pixels and away from the limits, `E y = K g (lambda + mu_r) + BL + mu_el` and
+//! `Var y = (K g)^2 (lambda + sigma_r^2) + sigma_el^2 + 1/12`. Source: EMVA 1288 release 4.0 (linear camera model).
+//!
+//! [`expose_pixel`] says it for one pixel; [`expose()`] does it for a frame, with the same bits.
 
 mod capture;
 mod cfa;
@@ -19,16 +21,21 @@ mod expose;
 mod model;
 mod noise;
 mod nonuniformity;
+mod pixel;
 mod quantum_efficiency;
+mod random;
+mod score_function;
 
 pub use capture::{Capture, Exposure, Raw, SensorError};
 pub use cfa::{CfaPattern, Colour, UnknownPattern};
-pub(crate) use expose::{check_capture, expose_checked};
-pub use expose::{expose, expose_with_tape};
+pub use expose::{Slopes, expose, expose_with_tape};
+pub(crate) use expose::{check_capture, check_leak, check_placement, expose_checked};
 pub use model::{Electronics, OutOfRange, SensorModel};
 pub use noise::{Noise, NoiseMode};
-pub use nonuniformity::NonUniformity;
+pub use nonuniformity::{FixedPattern, NonUniformity};
+pub use pixel::{PixelReading, expose_pixel};
 pub use quantum_efficiency::QuantumEfficiency;
+pub use score_function::score_function_gradient;
 
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,7 @@
 use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
 
+use super::SensorError;
 use super::cfa::{CfaPattern, Colour};
 use super::nonuniformity::NonUniformity;
 use super::quantum_efficiency::QuantumEfficiency;
@@ -95,7 +96,8 @@ impl SensorModel {
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
         let sensor: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
         sensor.validate().map_err(|wrong| {
-            FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
+            let path: Vec<&str> = wrong.key.split('.').collect();
+            FileError::at_key(text, &path, wrong.to_string()).hint(format!("give {}", wrong.meaning))
         })?;
         Ok(sensor)
     }
@@ -113,6 +115,22 @@ impl SensorModel {
             None => response = self.clear_response,
         }
         response
+    }
+
+    /// The gain that the sensor offers nearest to `linear_gain`, in stops; itself where every gain can be set.
+    pub fn nearest_gain(&self, linear_gain: f64) -> f64 {
+        let stops_off = |step: f64| (step / linear_gain).log2().abs();
+        let steps = self.gain_steps.iter().copied();
+        steps.min_by(|a, b| stops_off(*a).total_cmp(&stops_off(*b))).unwrap_or(linear_gain)
+    }
+
+    /// Checks that the sensor offers a linear gain, to one part in 10,000.
+    pub fn check_gain(&self, linear_gain: f32) -> Result<(), SensorError> {
+        let nearest = self.nearest_gain(linear_gain as f64);
+        if (nearest / linear_gain as f64 - 1.0).abs() <= 1e-4 {
+            return Ok(());
+        }
+        Err(SensorError::GainStep { value: linear_gain, nearest })
     }
 
     /// Checks that every number is finite and in its physical range.
@@ -166,12 +184,17 @@ impl SensorModel {
             ("relative_qe", green, 1e-3, 1e3, "the efficiency of green, usually 1"),
             ("relative_qe", blue, 1e-3, 1e3, "the efficiency of blue relative to green"),
         ];
-        for (key, value, low, high, meaning) in checks {
+        let of_clear = "the electrons of a clear pixel per unit of red, green and blue light";
+        let clear = self.clear_response.map(|value| ("clear_response", value, 0.0, 1e3, of_clear));
+        let sum = [("clear_response", self.clear_response.iter().sum(), 1e-3, 3e3, of_clear)];
+        let of_step = "the linear gains that the sensor offers, 1 = system gain K";
+        let steps = self.gain_steps.iter().map(|&value| ("gain_steps", value, 1e-3, 1e6, of_step));
+        for (key, value, low, high, meaning) in checks.into_iter().chain(clear).chain(sum).chain(steps) {
             if !(low..=high).contains(&value) {
                 return Err(OutOfRange { key, value, low, high, meaning });
             }
         }
-        Ok(())
+        self.nonuniformity.validate()
     }
 }
 

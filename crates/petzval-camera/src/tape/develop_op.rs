@@ -5,10 +5,11 @@ use std::sync::Arc;
 use burn::prelude::*;
 use rayon::prelude::*;
 
-use super::host_kernel::{HostKernel, apply};
+use super::expose_op::{changed, check_stops};
+use super::host_kernel::{HostKernel, apply, apply_two};
 use super::picture;
-use crate::develop::{develop, develop_adjoint};
-use crate::image::CHANNELS;
+use crate::develop::{check_colours, develop, develop_adjoint, develop_stops_adjoint};
+use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Capture, Raw, SensorError, SensorModel};
 
 /// Develops a batch: digital numbers `[B,1,H,W]` to linear, white-balanced, demosaiced RGB `[B,3,H,W]`.
@@ -19,28 +20,51 @@ pub fn develop_op(
     sensor: &SensorModel,
     captures: &[Capture],
 ) -> Result<Tensor<4>, SensorError> {
-    let [batch, channels, height, width] = raw.dims();
-    if channels != 1 || batch != captures.len() || height < 2 || width < 2 {
-        let expected = format!("[{}, 1, H, W], one capture each, at least 2x2 pixels", captures.len());
-        return Err(SensorError::Shape { what: "raw frames", expected, got: format!("{:?}", raw.dims()) });
-    }
-    sensor.validate()?;
-    for capture in captures {
-        capture.exposure.validate()?;
-    }
-    let kernel = DevelopKernel {
-        sensor: sensor.clone(),
-        captures: captures.to_vec(),
-        shape: [batch, CHANNELS, height, width],
-    };
-    Ok(apply(Arc::new(kernel), raw))
+    Ok(apply(Arc::new(DevelopKernel::new(raw.dims(), sensor, captures)?), raw))
 }
 
+/// [`develop_op`] at exposures that are differentiable: development divides by gain and exposure, so it is told the stops
+/// of [`super::expose_with_stops_op`], and a scene keeps its brightness whatever they are.
+pub fn develop_with_stops_op(
+    raw: Tensor<4>,
+    stops: Tensor<2>,
+    sensor: &SensorModel,
+    captures: &[Capture],
+) -> Result<Tensor<4>, SensorError> {
+    check_stops(&stops, captures)?;
+    Ok(apply_two(Arc::new(DevelopKernel::new(raw.dims(), sensor, captures)?), raw, stops))
+}
+
+/// Inputs: digital numbers, and stops where they are differentiable.
 #[derive(Debug)]
 struct DevelopKernel {
     sensor: SensorModel,
     captures: Vec<Capture>,
     shape: [usize; 4],
+}
+
+impl DevelopKernel {
+    fn new(dims: [usize; 4], sensor: &SensorModel, captures: &[Capture]) -> Result<Self, SensorError> {
+        let [batch, channels, height, width] = dims;
+        if channels != 1 || batch != captures.len() || height < 2 || width < 2 {
+            let expected = format!("[{}, 1, H, W], one capture each, at least 2x2 pixels", captures.len());
+            return Err(SensorError::Shape { what: "raw frames", expected, got: format!("{dims:?}") });
+        }
+        sensor.validate()?;
+        check_colours(sensor.cfa, height, width)?;
+        for capture in captures {
+            capture.exposure.validate()?;
+        }
+        let shape = [batch, CHANNELS, height, width];
+        Ok(Self { sensor: sensor.clone(), captures: captures.to_vec(), shape })
+    }
+
+    /// Picture `i` of the raw frames.
+    fn raw(&self, i: usize, dn: &[f32], capture: Capture) -> Raw {
+        let [_, _, height, width] = self.shape;
+        let n = height * width;
+        Raw { height, width, dn: dn[i * n..(i + 1) * n].to_vec(), capture }
+    }
 }
 
 const CHECKED: &str = "sizes were checked when the operation was made";
@@ -51,23 +75,39 @@ impl HostKernel for DevelopKernel {
     }
 
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
-        let [_, _, height, width] = self.shape;
-        let one = |(dn, capture): (&[f32], &Capture)| {
-            let raw = Raw { height, width, dn: dn.to_vec(), capture: *capture };
-            develop(&raw, &self.sensor).expect(CHECKED).data
+        let [_, channels, height, width] = self.shape;
+        let one = |(i, capture): (usize, &Capture)| {
+            // Stops that leave no exposure leave no picture.
+            if capture.exposure.validate().is_err() {
+                return vec![f32::NAN; channels * height * width];
+            }
+            develop(&self.raw(i, inputs[0], *capture), &self.sensor).expect(CHECKED).data
         };
         let pictures: Vec<Vec<f32>> =
-            inputs[0].par_chunks_exact(height * width).zip(&self.captures).map(one).collect();
+            changed(&self.captures, inputs).par_iter().enumerate().map(one).collect();
         pictures.concat()
     }
 
-    fn adjoint(&self, _: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
-        let [batch, channels, height, width] = self.shape;
-        let one = |i: usize| {
-            let gradient = picture(d_output, i, channels, height, width);
-            develop_adjoint(&gradient, &self.sensor, &self.captures[i]).expect(CHECKED)
+    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+        let [_, channels, height, width] = self.shape;
+        let one = |(i, capture): (usize, &Capture)| {
+            if capture.exposure.validate().is_err() {
+                return (vec![f32::NAN; height * width], vec![f32::NAN; 2]);
+            }
+            let gradient: LinearImage = picture(d_output, i, channels, height, width);
+            let d_dn = develop_adjoint(&gradient, &self.sensor, capture).expect(CHECKED);
+            if inputs.len() == 1 {
+                return (d_dn, Vec::new());
+            }
+            let raw = self.raw(i, inputs[0], *capture);
+            let d_stops = develop_stops_adjoint(&gradient, &raw, &self.sensor).expect(CHECKED);
+            (d_dn, d_stops.map(|v| v as f32).to_vec())
         };
-        let parts: Vec<Vec<f32>> = (0..batch).into_par_iter().map(one).collect();
-        vec![parts.concat()]
+        let (d_dn, d_stops): (Vec<Vec<f32>>, Vec<Vec<f32>>) =
+            changed(&self.captures, inputs).par_iter().enumerate().map(one).unzip();
+        match inputs.len() {
+            1 => vec![d_dn.concat()],
+            _ => vec![d_dn.concat(), d_stops.concat()],
+        }
     }
 }

@@ -3,11 +3,15 @@
 use std::sync::{Arc, OnceLock};
 
 use burn::prelude::*;
+use rayon::prelude::*;
 
-use super::host_kernel::{HostKernel, apply};
+use super::host_kernel::{HostKernel, apply, apply_two};
 use super::picture;
 use crate::image::CHANNELS;
-use crate::sensor::{Capture, Noise, SensorError, SensorModel, check_capture, expose_checked};
+use crate::sensor::{
+    Capture, Noise, SensorError, SensorModel, Slopes, check_capture, check_leak, check_placement,
+    expose_checked,
+};
 
 /// Exposes a batch: irradiance `[B,3,H,W]` to digital numbers `[B,1,H,W]`, one capture per picture.
 ///
@@ -19,49 +23,112 @@ pub fn expose_op(
     captures: &[Capture],
     noise: &Noise,
 ) -> Result<Tensor<4>, SensorError> {
-    let [batch, channels, height, width] = irradiance.dims();
-    if channels != CHANNELS || batch != captures.len() {
-        let expected = format!("[{}, {CHANNELS}, H, W], one capture each", captures.len());
-        return Err(SensorError::Shape {
-            what: "irradiance",
-            expected,
-            got: format!("{:?}", irradiance.dims()),
-        });
-    }
+    let [_, _, height, width] = irradiance.dims();
     for capture in captures {
         check_capture(sensor, capture, height, width)?;
     }
-    let kernel = ExposeKernel {
-        sensor: sensor.clone(),
-        captures: captures.to_vec(),
-        noise: *noise,
-        shape: [batch, 1, height, width],
-        tape: OnceLock::new(),
-    };
-    Ok(apply(Arc::new(kernel), irradiance))
+    Ok(apply(Arc::new(ExposeKernel::new(irradiance.dims(), sensor, captures, noise, 0.0)?), irradiance))
 }
 
+/// [`expose_op`] whose exposures are differentiable too: picture `b` is taken at the exposure of its capture, changed by
+/// `stops[b] = [gain, exposure]` factors of two (see [`crate::sensor::Exposure::with_stops`]).
+///
+/// Full wells and converters at their limits let `leak` (0..1; 0 is the true derivative) of a gradient through. Gains are
+/// continuous here, whatever steps the sensor has: round to [`SensorModel::nearest_gain`] when the optimum is found. Stops
+/// that leave no valid exposure make their picture NaN.
+pub fn expose_with_stops_op(
+    irradiance: Tensor<4>,
+    stops: Tensor<2>,
+    sensor: &SensorModel,
+    captures: &[Capture],
+    noise: &Noise,
+    leak: f32,
+) -> Result<Tensor<4>, SensorError> {
+    let [_, _, height, width] = irradiance.dims();
+    check_leak(leak)?;
+    check_stops(&stops, captures)?;
+    sensor.validate()?;
+    for capture in captures {
+        capture.exposure.validate()?;
+        check_placement(sensor, capture, height, width)?;
+    }
+    let kernel = ExposeKernel::new(irradiance.dims(), sensor, captures, noise, leak)?;
+    Ok(apply_two(Arc::new(kernel), irradiance, stops))
+}
+
+/// Checks that there are two numbers of stops for each capture.
+pub(super) fn check_stops(stops: &Tensor<2>, captures: &[Capture]) -> Result<(), SensorError> {
+    if stops.dims() == [captures.len(), 2] {
+        return Ok(());
+    }
+    let (expected, got) = (format!("[{}, 2]", captures.len()), format!("{:?}", stops.dims()));
+    Err(SensorError::Shape { what: "stops of gain and exposure", expected, got })
+}
+
+/// The captures at their exposures changed by stops, if there are any.
+pub(super) fn changed(captures: &[Capture], inputs: &[&[f32]]) -> Vec<Capture> {
+    match inputs {
+        [_, stops] => captures
+            .iter()
+            .zip(stops.chunks_exact(2))
+            .map(|(c, s)| Capture { exposure: c.exposure.with_stops(s[0], s[1]), ..*c })
+            .collect(),
+        _ => captures.to_vec(),
+    }
+}
+
+/// Inputs: irradiance, and stops where they are differentiable.
 #[derive(Debug)]
 struct ExposeKernel {
     sensor: SensorModel,
     captures: Vec<Capture>,
     noise: Noise,
+    leak: f32,
     shape: [usize; 4],
-    /// Derivative per pixel. A kernel serves one call, so what the forward pass found holds for the backward pass.
-    tape: OnceLock<Vec<f32>>,
+    /// Derivatives per picture. A kernel serves one call, so what the forward pass found holds for the backward pass.
+    tape: OnceLock<Vec<Slopes>>,
 }
 
 impl ExposeKernel {
-    fn expose(&self, irradiance: &[f32]) -> (Vec<f32>, Vec<f32>) {
-        let [batch, _, height, width] = self.shape;
-        let (mut dn, mut tape) = (Vec::new(), Vec::new());
-        for i in 0..batch {
-            let light = picture(irradiance, i, CHANNELS, height, width);
-            let (raw, slope) = expose_checked(&light, &self.sensor, &self.captures[i], &self.noise);
-            dn.extend(raw.dn);
-            tape.extend(slope);
+    fn new(
+        dims: [usize; 4],
+        sensor: &SensorModel,
+        captures: &[Capture],
+        noise: &Noise,
+        leak: f32,
+    ) -> Result<Self, SensorError> {
+        let [batch, channels, height, width] = dims;
+        if channels != CHANNELS || batch != captures.len() {
+            let expected = format!("[{}, {CHANNELS}, H, W], one capture each", captures.len());
+            return Err(SensorError::Shape { what: "irradiance", expected, got: format!("{dims:?}") });
         }
-        (dn, tape)
+        Ok(Self {
+            sensor: sensor.clone(),
+            captures: captures.to_vec(),
+            noise: *noise,
+            leak,
+            shape: [batch, 1, height, width],
+            tape: OnceLock::new(),
+        })
+    }
+
+    fn expose(&self, inputs: &[&[f32]]) -> (Vec<f32>, Vec<Slopes>) {
+        let [_, _, height, width] = self.shape;
+        let one = |(i, capture): (usize, &Capture)| {
+            if capture.exposure.validate().is_err() {
+                let unknown = || vec![f32::NAN; height * width];
+                return (
+                    unknown(),
+                    Slopes { light: unknown(), log2_gain: unknown(), log2_exposure: unknown() },
+                );
+            }
+            let light = picture(inputs[0], i, CHANNELS, height, width);
+            let (raw, slopes) = expose_checked(&light, &self.sensor, capture, &self.noise, self.leak);
+            (raw.dn, slopes)
+        };
+        let (dn, slopes): (Vec<Vec<f32>>, _) =
+            changed(&self.captures, inputs).par_iter().enumerate().map(one).unzip();
+        (dn.concat(), slopes)
     }
 }
 
@@ -71,28 +138,35 @@ impl HostKernel for ExposeKernel {
     }
 
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
-        let (dn, tape) = self.expose(inputs[0]);
+        let (dn, tape) = self.expose(inputs);
         self.tape.get_or_init(|| tape);
         dn
     }
 
     fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
-        let [batch, _, height, width] = self.shape;
-        let tape = self.tape.get_or_init(|| self.expose(inputs[0]).1);
-        let mut d_irradiance = vec![0.0f32; inputs[0].len()];
+        let [_, _, height, width] = self.shape;
+        let tape = self.tape.get_or_init(|| self.expose(inputs).1);
         let plane = height * width;
-        for i in 0..batch {
-            let placement = self.captures[i].placement;
-            for pixel in 0..plane {
+        let mut d_irradiance = vec![0.0f32; inputs[0].len()];
+        let mut d_stops = Vec::new();
+        for (i, (slopes, capture)) in tape.iter().zip(&self.captures).enumerate() {
+            let d_dn = &d_output[i * plane..(i + 1) * plane];
+            let placement = capture.placement;
+            for (pixel, (slope, d)) in slopes.light.iter().zip(d_dn).enumerate() {
                 let (row, col) = (placement.row + pixel / width, placement.col + pixel % width);
                 let response = self.sensor.response(self.sensor.cfa.colour(row, col));
-                let k = i * plane + pixel;
                 for c in 0..CHANNELS {
-                    d_irradiance[(i * CHANNELS + c) * plane + pixel] =
-                        tape[k] * d_output[k] * response[c] as f32;
+                    d_irradiance[(i * CHANNELS + c) * plane + pixel] = slope * d * response[c] as f32;
                 }
             }
+            for slopes in [&slopes.log2_gain, &slopes.log2_exposure] {
+                let sum: f64 = slopes.iter().zip(d_dn).map(|(slope, d)| *slope as f64 * *d as f64).sum();
+                d_stops.push(sum as f32);
+            }
         }
-        vec![d_irradiance]
+        match inputs.len() {
+            1 => vec![d_irradiance],
+            _ => vec![d_irradiance, d_stops],
+        }
     }
 }

@@ -5,6 +5,9 @@
 //!            --expose_op--> raw [B,1,H,W] --develop_op--> linear RGB [B,3,H,W] --> network
 //! ```
 //!
+//! Exposure can be a leaf tensor as well: [`expose_with_stops_op`] and [`develop_with_stops_op`] take `stops [B,2]`, the
+//! change of gain and exposure of each picture.
+//!
 //! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]; a [`HostKernel`]
 //! carries it, with its hand-written adjoint, into the framework on any backend.
 
@@ -13,8 +16,8 @@ mod expose_op;
 mod host_kernel;
 mod render_op;
 
-pub use develop_op::develop_op;
-pub use expose_op::expose_op;
+pub use develop_op::{develop_op, develop_with_stops_op};
+pub use expose_op::{expose_op, expose_with_stops_op};
 pub use host_kernel::{HostKernel, apply, apply_two};
 pub use render_op::{PlacedScene, illumination_op, render_op};
 

@@ -1,0 +1,159 @@
+//! One pixel of one exposure: the physics, step by step. [`crate::sensor::expose()`] takes whole rows through the same
+//! steps.
+
+use super::noise::FrameStreams;
+use super::nonuniformity::{Pattern, PixelPattern};
+use super::random::place;
+use super::{Capture, Electronics, Noise, SensorModel};
+use crate::image::CHANNELS;
+
+/// A pixel's digital number and its derivatives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelReading {
+    /// Digital number.
+    pub dn: f32,
+    /// Its derivative by the light that the pixel sees ([`SensorModel::response`] times irradiance), DN per unit.
+    pub by_light: f32,
+    /// Its derivative by the binary logarithm of the linear gain, DN per stop.
+    pub by_log2_gain: f32,
+    /// Its derivative by the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
+    pub by_log2_exposure: f32,
+}
+
+/// The reading of sensor pixel `(row, col)` under `irradiance` (red, green, blue; 1.0 = white): the readable reference of
+/// [`crate::sensor::expose_with_tape`], which gives the same bits.
+///
+/// `capture.placement` is not used; `leak` as there. A light that is not finite reads NaN.
+pub fn expose_pixel(
+    irradiance: [f32; CHANNELS],
+    sensor: &SensorModel,
+    capture: &Capture,
+    noise: &Noise,
+    leak: f32,
+    (row, col): (usize, usize),
+) -> PixelReading {
+    let streams = FrameStreams::new(noise, capture);
+    let chain = Chain::new(sensor, capture, streams.noisy(), leak);
+    let pattern = Pattern::new(&sensor.nonuniformity, Some(&streams)).pixel(row, col);
+    let at = place(row, col);
+    let light = light(sensor.response(sensor.cfa.colour(row, col)), irradiance);
+    let rate = chain.rate_e(light, &pattern);
+    let (electrons, d_rate) = streams.electrons(rate, at);
+    let z = if streams.noisy() { streams.read.normals(at) } else { [0.0; 2] };
+    chain.read_out(&Charge { light, rate, electrons, d_rate }, &pattern, z)
+}
+
+/// The light of the colour that the filter lets pass.
+#[inline(always)]
+pub(super) fn light(response: [f64; CHANNELS], irradiance: [f32; CHANNELS]) -> f64 {
+    response[0] * irradiance[0] as f64
+        + response[1] * irradiance[1] as f64
+        + response[2] * irradiance[2] as f64
+}
+
+/// What a pixel has collected at the end of the exposure.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Charge {
+    /// Light, 1.0 = white in green.
+    pub light: f64,
+    /// Mean electrons.
+    pub rate: f64,
+    /// Electrons, and their derivative by the mean.
+    pub electrons: f64,
+    pub d_rate: f64,
+}
+
+/// The numbers of sensor and exposure that every pixel needs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Chain {
+    white_e: f64,
+    time_s: f64,
+    dark_current_e_per_s: f64,
+    full_well_e: f64,
+    read_mean_e: f64,
+    read_noise_e: f64,
+    gain_dn_per_e: f64,
+    black_level_dn: f64,
+    electronics_mean_dn: f64,
+    electronics_noise_dn: f64,
+    after_adc: bool,
+    rounds: bool,
+    max_dn: f64,
+    leak: f64,
+}
+
+impl Chain {
+    pub fn new(sensor: &SensorModel, capture: &Capture, noisy: bool, leak: f32) -> Self {
+        Self {
+            white_e: capture.exposure.white_e as f64,
+            time_s: capture.exposure.time_s as f64,
+            dark_current_e_per_s: sensor.dark_current_e_per_s,
+            full_well_e: sensor.full_well_e,
+            read_mean_e: sensor.read_noise_mean_e,
+            read_noise_e: sensor.read_noise_e,
+            gain_dn_per_e: sensor.gain_dn_per_e * capture.exposure.linear_gain as f64,
+            black_level_dn: sensor.black_level_dn,
+            electronics_mean_dn: sensor.electronics_mean_dn,
+            electronics_noise_dn: sensor.electronics_noise_dn,
+            after_adc: sensor.electronics == Electronics::AfterAdc,
+            rounds: noisy,
+            max_dn: sensor.max_dn(),
+            leak: leak as f64,
+        }
+    }
+
+    /// Mean electrons: light becomes charge with the pixel's own response, and dark current adds its share.
+    #[inline(always)]
+    pub fn rate_e(&self, light: f64, pattern: &PixelPattern) -> f64 {
+        let known = if light.is_finite() { light.max(0.0) } else { 0.0 };
+        known * self.white_e * pattern.response
+            + (self.dark_current_e_per_s + pattern.dark_e_per_s) * self.time_s
+    }
+
+    /// From charge to digital number, with two standard normal numbers for read and electronics noise.
+    #[inline(always)]
+    pub fn read_out(
+        &self,
+        charge: &Charge,
+        pattern: &PixelPattern,
+        [z_read, z_el]: [f64; 2],
+    ) -> PixelReading {
+        // The well holds so many electrons and no more.
+        let well_passes = if charge.electrons < self.full_well_e { 1.0 } else { self.leak };
+        let n = charge.electrons.min(self.full_well_e);
+
+        // Reading adds the pixel's offset and noise; the amplifier turns electrons into digital numbers.
+        let e = n + self.read_mean_e + pattern.offset_e + self.read_noise_e * z_read;
+        let signal = self.gain_dn_per_e * e + self.black_level_dn;
+        let electronics = self.electronics_mean_dn + self.electronics_noise_dn * z_el;
+
+        // The converter rounds and clips; electronics behind it is rounded into whole numbers again.
+        let (value, passes) = if self.after_adc {
+            let (digital, first) = self.convert(signal);
+            let (value, second) = self.convert(digital + electronics);
+            (value, first * second)
+        } else {
+            self.convert(signal + electronics)
+        };
+
+        // Backwards: what a change of light, gain or exposure does to the number. Rounding passes changes through.
+        let per_electron = passes * self.gain_dn_per_e;
+        let by_rate = per_electron * well_passes * charge.d_rate;
+        let by_light = if charge.light < 0.0 { 0.0 } else { by_rate * self.white_e * pattern.response };
+        let known = |v: f64| if charge.light.is_finite() { v as f32 } else { f32::NAN };
+        PixelReading {
+            dn: known(value),
+            by_light: known(by_light),
+            by_log2_gain: known(std::f64::consts::LN_2 * per_electron * e),
+            by_log2_exposure: known(std::f64::consts::LN_2 * by_rate * charge.rate),
+        }
+    }
+
+    /// The converter's number for a voltage, and what it lets through of a change: all inside its range, `leak` outside.
+    #[inline(always)]
+    fn convert(&self, v: f64) -> (f64, f64) {
+        let passes = if (v >= 0.0) & (v <= self.max_dn) { 1.0 } else { self.leak };
+        let rounded = if self.rounds { v.round_ties_even() } else { v };
+        (rounded.max(0.0).min(self.max_dn), passes)
+    }
+}

@@ -1,0 +1,174 @@
+//! Gradient estimators of shot noise against an independent study: 2 million NumPy draws each, and exact sums.
+
+use serde_json::Value;
+
+use super::*;
+use crate::sensor::noise::{FrameStreams, ShotScratch};
+use crate::sensor::random::place;
+
+/// The functions of the study: name, value, derivative.
+type Function = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
+
+fn sigmoid(x: f64) -> f64 {
+    1.0 / (1.0 + (-(x - 10.0) / 3.0).exp())
+}
+
+const FUNCTIONS: [Function; 5] = [
+    ("identity", |x| x, |_| 1.0),
+    ("square", |x| x * x, |x| 2.0 * x),
+    (
+        "root",
+        |x| (x + 1.0).max(0.0).sqrt(),
+        |x| if x > -1.0 { 0.5 / (x + 1.0).max(1e-9).sqrt() } else { 0.0 },
+    ),
+    ("clip", |x| x.min(40.0), |x| if x < 40.0 { 1.0 } else { 0.0 }),
+    ("sigmoid", sigmoid, |x| sigmoid(x) * (1.0 - sigmoid(x)) / 3.0),
+];
+
+const MODES: [(NoiseMode, &str); 4] = [
+    (NoiseMode::StraightThrough, "straight_through"),
+    (NoiseMode::HalfStep, "half_step"),
+    (NoiseMode::Gaussian, "gaussian"),
+    (NoiseMode::Dequantised, "dequantised"),
+];
+
+const ROWS: usize = 20;
+const WIDTH: usize = 50_000;
+const STUDY: f64 = 2e6;
+
+/// Two-sided normal quantile of the family-wise alpha 1e-4 over 25 cases with 6 estimators and up to three tests each.
+const Z: f64 = 5.1;
+
+/// A million electrons of a rate, and their derivatives by it.
+fn draws(mode: NoiseMode, rate: f64) -> (Vec<f64>, Vec<f64>) {
+    let frame = Capture { frame: rate.to_bits(), ..capture(1.0, 1.0, 1.0) };
+    let streams = FrameStreams::new(&noise(mode), &frame);
+    let (rates, mut scratch) = (vec![rate; WIDTH], ShotScratch::default());
+    let (mut x, mut d) = (vec![0.0; ROWS * WIDTH], vec![0.0; ROWS * WIDTH]);
+    for (row, (x, d)) in x.chunks_exact_mut(WIDTH).zip(d.chunks_exact_mut(WIDTH)).enumerate() {
+        streams.electrons_row(&rates, place(row, 0), &mut scratch, x, d);
+    }
+    (x, d)
+}
+
+fn study() -> Vec<Value> {
+    let text = include_str!("../../../tests/fixtures/poisson_estimators.json");
+    let fixture: Value = serde_json::from_str(text).unwrap();
+    assert_eq!(fixture["samples"].as_f64(), Some(STUDY));
+    let rows = fixture["results"].as_array().unwrap().clone();
+    assert_eq!(rows.len(), 25);
+    rows
+}
+
+/// Holds the mean and the spread of draws to those of the study; returns the mean and its standard error.
+fn agrees(what: &str, draws: impl Iterator<Item = f64> + Clone, study: &Value) -> (f64, f64) {
+    let [study_mean, study_std] = [0, 1].map(|i| study[i].as_f64().unwrap());
+    let (n, mean, variance, fourth) = moments(draws);
+    // Draws that are all alike must be those of the study; the mean of its million equal numbers has rounding.
+    if study_std < 1e-12 {
+        assert!(variance < 1e-24 && (mean - study_mean).abs() <= 1e-12, "{what}: {mean} {study_mean}");
+        return (mean, 0.0);
+    }
+    let inverse = 1.0 / n + 1.0 / STUDY;
+    let z_mean = (mean - study_mean) / (variance * inverse).sqrt();
+    assert!(z_mean.abs() < Z, "{what}: mean {mean} {study_mean}, z {z_mean}");
+    // Where rare draws make up the spread, a million of them do not tell its error.
+    let kurtosis = fourth / (variance * variance);
+    if kurtosis < 100.0 {
+        let error = ((fourth - variance * variance) * inverse).sqrt() / (2.0 * variance.sqrt());
+        let z_std = (variance.sqrt() - study_std) / error.max(1e-12);
+        assert!(z_std.abs() < Z, "{what}: std {} {study_std}, z {z_std}", variance.sqrt());
+    }
+    (mean, (variance / n).sqrt())
+}
+
+#[test]
+fn every_mode_has_the_bias_and_spread_of_the_study() {
+    for chunk in study().chunks(5) {
+        let rate = chunk[0]["lambda"].as_f64().unwrap();
+        for (mode, name) in MODES {
+            let (x, d) = draws(mode, rate);
+            for (row, (function, _, derivative)) in chunk.iter().zip(FUNCTIONS) {
+                assert_eq!(row["f"], function);
+                let what = format!("{function} at {rate}, {name}");
+                let exact = row["exact"].as_f64().unwrap();
+                let gradients = x.iter().zip(&d).map(|(x, d)| derivative(*x) * d);
+                // Far outside a function's reach its gradient is nothing but the rarest of draws.
+                if exact.abs() < 1e-20 {
+                    assert!(gradients.sum::<f64>().abs() / (ROWS * WIDTH) as f64 <= 1e-15, "{what}");
+                    continue;
+                }
+                let (mean, error) = agrees(&what, gradients, &row[name]);
+                // The dequantised mode is unbiased for the mean of what it draws.
+                if mode == NoiseMode::Dequantised {
+                    let drawn = row["exact_dequantised"].as_f64().unwrap();
+                    assert!((mean - drawn).abs() < Z * error, "{what}: {mean} {drawn}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn biases_are_as_documented() {
+    // Percent of the exact gradient of whole counts for sqrt(N + 1), as the documentation of the modes states them.
+    let stated: [(f64, [f64; 4]); 3] =
+        [(0.3, [18.7, -1.2, -6.8, 1.5]), (3.0, [8.1, -0.3, 1.0, 0.4]), (40.0, [0.6, 0.0, 0.0, 0.0])];
+    let study = study();
+    for (rate, biases) in stated {
+        let row = study.iter().find(|r| r["lambda"].as_f64() == Some(rate) && r["f"] == "root").unwrap();
+        let exact = row["exact"].as_f64().unwrap();
+        for ((mode, name), bias) in MODES.into_iter().zip(biases) {
+            let (x, d) = draws(mode, rate);
+            let (n, mean, variance, _) =
+                moments(x.iter().zip(&d).map(|(x, d)| FUNCTIONS[2].2(*x) * d / exact * 100.0));
+            let off = mean - 100.0 - bias;
+            assert!(off.abs() < 0.051 + 4.0 * (variance / n).sqrt(), "{name} at {rate}: {}", mean - 100.0);
+        }
+    }
+}
+
+#[test]
+fn the_score_function_is_unbiased_and_noisy() {
+    for chunk in study().chunks(5) {
+        let rate = chunk[0]["lambda"].as_f64().unwrap();
+        let (counts, _) = draws(NoiseMode::Exact, rate);
+        let most = (rate + 40.0 * rate.sqrt() + 60.0) as usize;
+        let law = |k: usize| (k as f64 * rate.ln() - rate - libm::lgamma(k as f64 + 1.0)).exp();
+        for (row, (function, value, _)) in chunk.iter().zip(FUNCTIONS) {
+            let mean_value: f64 = (0..most).map(|k| law(k) * value(k as f64)).sum();
+            let exact = row["exact"].as_f64().unwrap();
+            for (name, baseline) in [("score_function", 0.0), ("score_function_with_baseline", mean_value)] {
+                let what = format!("{function} at {rate}, {name}");
+                let gradients = counts.iter().map(|&n| score_function_gradient(value(n), baseline, n, rate));
+                // A baseline that takes off everything leaves rounding.
+                if exact.abs() < 1e-20 && baseline != 0.0 {
+                    assert!(gradients.sum::<f64>().abs() / (ROWS * WIDTH) as f64 <= 1e-9, "{what}");
+                    continue;
+                }
+                let (mean, error) = agrees(&what, gradients, &row[name]);
+                assert!((mean - exact).abs() < Z * error, "{what}: {mean} {exact}");
+            }
+        }
+    }
+}
+
+#[test]
+fn electrons_have_the_moments_of_their_mode() {
+    // Mean and variance of what is drawn; ten tests, family-wise alpha 1e-4.
+    for (mode, shift, extra) in [
+        (NoiseMode::Exact, 0.0, 0.0),
+        (NoiseMode::StraightThrough, 0.0, 0.0),
+        (NoiseMode::HalfStep, 0.5, 0.0),
+        (NoiseMode::Dequantised, 0.0, 1.0 / 12.0),
+        (NoiseMode::Gaussian, 0.0, 0.0),
+    ] {
+        let rate = 30.0;
+        let (x, d) = draws(mode, rate);
+        let (n, mean, variance, fourth) = moments(x.iter().copied());
+        let z_mean = (mean - rate - shift) / (variance / n).sqrt();
+        let z_variance = (variance - rate - extra) / ((fourth - variance * variance) / n).sqrt();
+        assert!(z_mean.abs() < 4.42 && z_variance.abs() < 4.42, "{mode:?}: {z_mean} {z_variance}");
+        assert_eq!(d.iter().all(|d| *d == 0.0), mode == NoiseMode::Exact);
+    }
+}
