@@ -49,6 +49,73 @@ fn a_gray_scene_comes_back_at_any_phase_of_the_mosaic() {
     }
 }
 
+const TILES: [&str; 6] =
+    ["mono", "RRGG/RRGG/GGBB/GGBB", "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG", "WR/GB", "RGB", "WWRG/WWGB"];
+
+fn with_tile(tile: &str) -> SensorModel {
+    SensorModel { cfa: tile.parse().unwrap(), clear_response: [0.4, 0.9, 0.5], ..sensor() }
+}
+
+#[test]
+fn a_gray_scene_comes_back_through_any_array() {
+    let light = LinearImage::filled(CHANNELS, 9, 11, 0.37);
+    for tile in TILES {
+        let sensor = with_tile(tile);
+        for place in 0..36 {
+            let noise = Noise { mode: NoiseMode::Off, seed: 0 };
+            let raw = expose(&light, &sensor, &capture(place / 6, place % 6), &noise).unwrap();
+            let rgb = develop(&raw, &sensor).unwrap();
+            assert!(rgb.data.iter().all(|v| (v - 0.37).abs() < 1e-6), "{tile}, {place}");
+        }
+    }
+}
+
+#[test]
+fn pixels_keep_the_colour_they_saw_and_mono_gives_three_equal_planes() {
+    let mosaic = uniform(4, 9 * 11);
+    for tile in TILES {
+        let (cfa, origin): (CfaPattern, _) = (tile.parse().unwrap(), Placement { row: 2, col: 5 });
+        let rgb = demosaic_bilinear(&mosaic, 9, 11, cfa, origin).unwrap();
+        for (i, value) in mosaic.iter().enumerate() {
+            if let Some(plane) = cfa.colour(2 + i / 11, 5 + i % 11).plane() {
+                assert_eq!(rgb.plane(plane)[i], *value, "{tile}");
+            }
+        }
+    }
+    let rgb = demosaic_bilinear(&mosaic, 9, 11, CfaPattern::MONO, Placement::default()).unwrap();
+    assert!((0..CHANNELS).all(|c| rgb.plane(c) == mosaic));
+}
+
+#[test]
+fn the_tent_of_a_bayer_tile_is_bilinear_interpolation() {
+    let (height, width, mosaic) = (10, 12, uniform(6, 120));
+    for (cfa, origin) in
+        [(CfaPattern::RGGB, Placement { row: 0, col: 0 }), (CfaPattern::GBRG, Placement { row: 1, col: 4 })]
+    {
+        let tents = tent::Tents::new(cfa, origin, height, width).unwrap().fill(&mosaic, height, width);
+        let bilinear = demosaic_bilinear(&mosaic, height, width, cfa, origin).unwrap();
+        for r in 1..height - 1 {
+            for c in 1..width - 1 {
+                for channel in 0..CHANNELS {
+                    assert!((tents.get(channel, r, c) - bilinear.get(channel, r, c)).abs() < 1e-6);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_array_that_lacks_a_colour_is_an_error() {
+    let develop_with = |tile: &str, height, width| {
+        let sensor = with_tile(tile);
+        let raw = Raw { height, width, dn: vec![200.0; height * width], capture: capture(0, 0) };
+        develop(&raw, &sensor)
+    };
+    assert!(matches!(develop_with("RG/GR", 6, 6), Err(SensorError::UnseenColour { colour: "blue", .. })));
+    assert!(matches!(develop_with("RRGG/RRGG/GGBB/GGBB", 3, 9), Err(SensorError::Shape { .. })));
+    assert!(develop_with("RRGG/RRGG/GGBB/GGBB", 4, 9).is_ok());
+}
+
 #[test]
 fn noisy_development_is_unbiased() {
     let light = LinearImage::filled(CHANNELS, 400, 400, 0.02);
@@ -64,10 +131,11 @@ fn noisy_development_is_unbiased() {
 
 #[test]
 fn the_adjoint_is_the_transpose() {
-    let (sensor, (height, width)) = (sensor(), (9, 12));
-    for (row, col) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        let capture = capture(row, col);
-        let linear = |dn: Vec<f32>| develop(&Raw { height, width, dn, capture }, &sensor).unwrap();
+    let (height, width) = (9, 12);
+    let places = [(0, 0), (0, 1), (1, 0), (1, 1), (3, 5)];
+    for (tile, (row, col)) in TILES.into_iter().chain(["RGGB"]).flat_map(|t| places.map(|p| (t, p))) {
+        let (sensor, capture) = (&with_tile(tile), capture(row, col));
+        let linear = |dn: Vec<f32>| develop(&Raw { height, width, dn, capture }, sensor).unwrap();
         let (a, b) = (uniform(1, height * width), uniform(2, height * width));
         // The offset cancels in a difference.
         let sum: Vec<f32> = a.iter().zip(&b).map(|(x, y)| 1000.0 + 100.0 * (x - y)).collect();
@@ -76,7 +144,7 @@ fn the_adjoint_is_the_transpose() {
             LinearImage::from_data(CHANNELS, height, width, uniform(3, CHANNELS * height * width)).unwrap();
         let forward: f64 =
             (0..y.data.len()).map(|i| y.data[i] as f64 * (high.data[i] as f64 - low.data[i] as f64)).sum();
-        let back = develop_adjoint(&y, &sensor, &capture).unwrap();
+        let back = develop_adjoint(&y, sensor, &capture).unwrap();
         let backward: f64 = back.iter().zip(&sum).map(|(g, s)| *g as f64 * (*s as f64 - 1000.0)).sum();
         let size: f64 = back.iter().zip(&sum).map(|(g, s)| (*g as f64 * (*s as f64 - 1000.0)).abs()).sum();
         assert!((forward - backward).abs() < 1e-5 * size, "{forward} {backward}");
@@ -85,16 +153,18 @@ fn the_adjoint_is_the_transpose() {
 
 #[test]
 fn the_same_bits_on_one_thread_and_on_two() {
-    let (sensor, capture) = (sensor(), capture(1, 0));
-    let raw =
-        Raw { height: 40, width: 50, dn: uniform(5, 2000).iter().map(|v| v * 4000.0).collect(), capture };
-    let run = |threads: usize| {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-            let rgb = develop(&raw, &sensor).unwrap();
-            (develop_adjoint(&rgb, &sensor, &capture).unwrap(), rgb)
-        })
-    };
-    assert!(run(1) == run(2));
+    for tile in ["RGGB", "RRGG/RRGG/GGBB/GGBB"] {
+        let (sensor, capture) = (with_tile(tile), capture(1, 0));
+        let raw =
+            Raw { height: 40, width: 50, dn: uniform(5, 2000).iter().map(|v| v * 4000.0).collect(), capture };
+        let run = |threads: usize| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                let rgb = develop(&raw, &sensor).unwrap();
+                (develop_adjoint(&rgb, &sensor, &capture).unwrap(), rgb)
+            })
+        };
+        assert!(run(1) == run(2));
+    }
 }
 
 #[test]

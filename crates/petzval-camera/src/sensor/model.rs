@@ -254,6 +254,31 @@ mod tests {
         assert!(error("RGGB", "RGX").to_string().contains("RGGB"));
     }
 
+    #[test]
+    fn errors_of_non_uniformity_gains_and_clear_pixels_carry_their_line() {
+        let uneven = format!(
+            "{FITTED}clear_response = [0.3, 0.4, 0.3]\ngain_steps = [1.0, 2.0]\n[nonuniformity]\nspecimen = 3\n\
+             dsnu_pixel_e = 2.0\nhot_pixel_share = 0.01\n"
+        );
+        let sensor = SensorModel::from_toml(&uneven).unwrap();
+        assert_eq!((sensor.gain_steps.len(), sensor.nonuniformity.specimen), (2, 3));
+        assert_eq!(SensorModel::from_toml(&toml::to_string(&sensor).unwrap()).unwrap(), sensor);
+        for (from, to, key) in [
+            ("dsnu_pixel_e = 2.0", "dsnu_pixel_e = -2.0", "dsnu_pixel_e"),
+            ("hot_pixel_share = 0.01", "hot_pixel_share = 1.5", "hot_pixel_share"),
+            ("hot_pixel_share = 0.01", "prnu_row_percent = nan", "prnu_row_percent"),
+            ("[1.0, 2.0]", "[1.0, 0.0]", "gain_steps"),
+            ("[0.3, 0.4, 0.3]", "[0.3, -0.4, 0.3]", "clear_response"),
+            ("[0.3, 0.4, 0.3]", "[0.0, 0.0, 0.0]", "clear_response"),
+            ("dsnu_pixel_e = 2.0", "dsnu_pixels_e = 2.0", "dsnu_pixels_e"),
+        ] {
+            let text = uneven.replace(from, to);
+            let error = SensorModel::from_toml(&text).unwrap_err();
+            let line = text.lines().position(|l| l.starts_with(key)).map(|i| i as u32 + 1);
+            assert_eq!((error.line, error.key.as_str()), (line, key), "{error}");
+        }
+    }
+
     proptest::proptest! {
         #[test]
         fn no_text_makes_the_reader_panic(line in 0usize..24, text in "\\PC{0,40}", newline in proptest::bool::ANY) {

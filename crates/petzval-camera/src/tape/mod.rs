@@ -30,4 +30,6 @@ fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: u
 }
 
 #[cfg(test)]
+mod exposure_tests;
+#[cfg(test)]
 mod tests;

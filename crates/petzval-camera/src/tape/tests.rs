@@ -9,7 +9,7 @@ use crate::psf::{PsfBank, PsfLayout};
 use crate::render::{Placement, RenderGeometry, kernel_radius, render_adjoint};
 use crate::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel};
 
-fn uniform(seed: u64, n: usize) -> Vec<f32> {
+pub(super) fn uniform(seed: u64, n: usize) -> Vec<f32> {
     use rand::{RngExt, SeedableRng};
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     (0..n).map(|_| rng.random::<f32>()).collect()
@@ -19,11 +19,11 @@ fn device() -> Device {
     Device::flex().autodiff()
 }
 
-fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
+pub(super) fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
     Tensor::from_data(TensorData::new(values, shape), (&device(), DType::F32))
 }
 
-fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+pub(super) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().convert::<f32>().try_to_vec().unwrap()
 }
 

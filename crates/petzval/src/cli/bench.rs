@@ -49,11 +49,6 @@ struct Prepared {
     run: Box<dyn FnMut() -> Result<(), Failure>>,
 }
 
-/// Hot loops that have no vector code of their own.
-fn scalar() -> &'static str {
-    "scalar"
-}
-
 fn workloads() -> Vec<Workload> {
     let mut all = optics::workloads();
     all.extend(tolerance::workloads());

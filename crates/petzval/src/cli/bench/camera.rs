@@ -3,13 +3,13 @@
 use petzval::built_in_assets;
 use petzval::camera::image::LinearImage;
 use petzval::camera::render::{Placement, RenderGeometry, kernel_radius, render};
-use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose};
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 
-use super::{Failure, Prepared, Workload, scalar};
+use super::{Failure, Prepared, Workload};
 use crate::cli::doctor::simd_level;
 
 const FRAME: (usize, usize) = (1200, 1920);
@@ -18,7 +18,7 @@ const ORIGIN: Placement = Placement { row: 0, col: 0 };
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
         Workload { name: "render_1200x1920", simd: simd_level, prepare: rendering },
-        Workload { name: "sensor_1200x1920", simd: scalar, prepare: sensor },
+        Workload { name: "sensor_1200x1920", simd: simd_level, prepare: sensor },
     ]
 }
 
@@ -51,20 +51,39 @@ fn rendering() -> Result<Prepared, Failure> {
     })
 }
 
+/// A frame of an uneven specimen with every noise on, on one thread.
 fn sensor() -> Result<Prepared, Failure> {
-    let sensor = built_in_assets().sensor("imx249-fitted")?;
+    let nonuniformity = NonUniformity {
+        specimen: 1,
+        dsnu_pixel_e: 3.0,
+        dsnu_row_e: 0.5,
+        dsnu_column_e: 0.8,
+        prnu_pixel_percent: 1.0,
+        prnu_row_percent: 0.1,
+        prnu_column_percent: 0.2,
+        hot_pixel_share: 1e-3,
+        hot_pixel_e_per_s: 500.0,
+        row_noise_e: 0.5,
+        column_noise_e: 0.5,
+    };
+    let sensor = SensorModel { nonuniformity, ..built_in_assets().sensor("imx249-fitted")? };
     let light = texture(FRAME.0, FRAME.1);
     let exposure = Exposure { white_e: 16000.0, time_s: 0.005, linear_gain: 1.0 };
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let alone = alone.map_err(|e| Failure::job(format!("no thread for the bench: {e}")))?;
     let mut frame = 0;
     Ok(Prepared {
-        work: "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise".to_owned(),
+        work: "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise, DSNU, PRNU, hot pixels, row and \
+               column noise"
+            .to_owned(),
         units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
-        single_thread: false,
+        single_thread: true,
         run: Box::new(move || {
             frame += 1;
             let capture = Capture { exposure, placement: ORIGIN, frame };
             let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
-            std::hint::black_box(expose(&light, &sensor, &capture, &noise).map_err(DesignError::from)?);
+            let raw = alone.install(|| expose(&light, &sensor, &capture, &noise));
+            std::hint::black_box(raw.map_err(DesignError::from)?);
             Ok(())
         }),
     })
