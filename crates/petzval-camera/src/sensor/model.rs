@@ -78,7 +78,7 @@ fn even_response() -> [f64; CHANNELS] {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{key} is {value}, outside {low}..{high}")]
 pub struct OutOfRange {
-    /// Which number.
+    /// Which number; keys of a table in the file carry its name and a dot.
     pub key: &'static str,
     /// Its value.
     pub value: f64,
@@ -95,7 +95,8 @@ impl SensorModel {
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
         let sensor: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
         sensor.validate().map_err(|wrong| {
-            FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
+            let path: Vec<&str> = wrong.key.split('.').collect();
+            FileError::at_key(text, &path, wrong.to_string()).hint(format!("give {}", wrong.meaning))
         })?;
         Ok(sensor)
     }
@@ -171,7 +172,7 @@ impl SensorModel {
                 return Err(OutOfRange { key, value, low, high, meaning });
             }
         }
-        Ok(())
+        self.quantum_efficiency.as_ref().map_or(Ok(()), QuantumEfficiency::validate)
     }
 }
 
