@@ -5,6 +5,7 @@
 //! | scene in linear light | [`image`] | [`LinearImage`] |
 //! | what the lens does to a point | [`psf`] | [`PsfBank`] |
 //! | light on the sensor | [`mod@render`] | [`LinearImage`] (irradiance) |
+//! | light over the spectrum, photons | [`spectral`] | [`spectral::SpectralImage`], [`spectral::ColourElectrons`] |
 //! | digital numbers | [`sensor`] | [`Raw`] |
 //! | linear colour picture | [`mod@develop`] | [`LinearImage`] |
 //! | how good it is | [`quality`] | numbers |
@@ -61,6 +62,7 @@ pub mod quality;
 pub mod raw_file;
 pub mod render;
 pub mod sensor;
+pub mod spectral;
 pub mod tape;
 
 pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint, develop_stops_adjoint};

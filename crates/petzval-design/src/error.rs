@@ -70,6 +70,15 @@ pub enum DesignError {
     /// A picture could not be read or written.
     #[error(transparent)]
     Image(#[from] petzval_camera::image::ImageError),
+    /// A spectral image could not be read or written.
+    #[error(transparent)]
+    SpectralFile(#[from] petzval_camera::spectral::file::SpectralFileError),
+    /// There is no such light.
+    #[error(transparent)]
+    Illuminant(#[from] petzval_camera::spectral::IlluminantError),
+    /// Light and sensor give no number of electrons.
+    #[error(transparent)]
+    Electrons(#[from] petzval_camera::spectral::ElectronsError),
     /// The pictures do not make a data set.
     #[error(transparent)]
     Dataset(#[from] petzval_learn::dataset::DatasetError),
@@ -145,6 +154,9 @@ impl DesignError {
                 | Self::Pupil(_)
                 | Self::Dataset(_)
                 | Self::Image(_)
+                | Self::SpectralFile(_)
+                | Self::Illuminant(_)
+                | Self::Electrons(_)
                 | Self::NoLight { .. }
                 | Self::Run { .. }
         )

@@ -26,4 +26,5 @@ pub mod run;
 pub mod run_report;
 pub mod scoring;
 pub mod setup;
+pub mod spectral_light;
 pub mod spot_design;

@@ -79,7 +79,7 @@ fn even_response() -> [f64; CHANNELS] {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{key} is {value}, outside {low}..{high}")]
 pub struct OutOfRange {
-    /// Which number.
+    /// Which number; keys of a table in the file carry its name and a dot.
     pub key: &'static str,
     /// Its value.
     pub value: f64,
@@ -194,7 +194,8 @@ impl SensorModel {
                 return Err(OutOfRange { key, value, low, high, meaning });
             }
         }
-        self.nonuniformity.validate()
+        self.nonuniformity.validate()?;
+        self.quantum_efficiency.as_ref().map_or(Ok(()), QuantumEfficiency::validate)
     }
 }
 

@@ -1,9 +1,19 @@
 //! Quantum efficiency over the spectrum: how many electrons a photon gives.
 
+use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
 
+use super::cfa::Colour;
+use super::model::OutOfRange;
+use crate::spectral::{PixelOptics, Spectrum};
+
 /// Quantum efficiency curves, 0..1, on common wavelengths; between samples linear, outside zero.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+///
+/// A pixel of colour c has the efficiency `scale s_c Q_c(l)`, with `s_R = alpha`, `s_G = 1`, `s_B = beta`, `s_clear = 1`:
+/// the electrons are `sum_l Q_c(l) s_c N(l)` of N photons. `alpha` and `beta` correct the published curves so that the ratio
+/// of red to green and of blue to green signal matches what a camera gives (Tseng et al. 2021, supplement section 2.4.1;
+/// 0.82 and 1.25 for their camera); [`matched`](Self::matched) finds them from measured ratios.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QuantumEfficiency {
     /// Wavelengths, um, ascending.
@@ -20,4 +30,219 @@ pub struct QuantumEfficiency {
     /// Pixels without a colour filter.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub clear: Vec<f64>,
+    /// Factor on all curves, for curves that are known only relative to their peak.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Factor on the red curve.
+    #[serde(default = "one")]
+    pub alpha: f64,
+    /// Factor on the blue curve.
+    #[serde(default = "one")]
+    pub beta: f64,
+}
+
+impl Default for QuantumEfficiency {
+    fn default() -> Self {
+        let (wavelength_um, red, green, blue, clear) = Default::default();
+        Self { wavelength_um, red, green, blue, clear, scale: 1.0, alpha: 1.0, beta: 1.0 }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl QuantumEfficiency {
+    /// Reads and checks a file of curves: the keys of a sensor file's `[quantum_efficiency]`, at the top level.
+    pub fn from_toml(text: &str) -> Result<Self, FileError> {
+        let curves: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        curves.validate().map_err(|wrong| {
+            let key = wrong.key.rsplit('.').next().unwrap_or(wrong.key);
+            FileError::at_key(text, &[key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
+        })?;
+        Ok(curves)
+    }
+
+    /// Checks lengths and ranges. Keys of errors begin with `quantum_efficiency.`, as in a sensor file.
+    pub fn validate(&self) -> Result<(), OutOfRange> {
+        let wrong = |key, value, low, high, meaning| Err(OutOfRange { key, value, low, high, meaning });
+        let n = self.wavelength_um.len();
+        let wavelengths = "quantum_efficiency.wavelength_um";
+        if n < 2 {
+            let meaning = "at least two wavelengths (the value is how many there are)";
+            return wrong(wavelengths, n as f64, 2.0, 1e6, meaning);
+        }
+        for (i, &um) in self.wavelength_um.iter().enumerate() {
+            let low = if i == 0 { 0.01 } else { self.wavelength_um[i - 1] };
+            if !(low..=100.0).contains(&um) || (i > 0 && um == low) {
+                return wrong(
+                    wavelengths,
+                    um,
+                    low,
+                    100.0,
+                    "wavelengths in um, each larger than the one before",
+                );
+            }
+        }
+        for (key, curve) in [
+            ("quantum_efficiency.red", &self.red),
+            ("quantum_efficiency.green", &self.green),
+            ("quantum_efficiency.blue", &self.blue),
+            ("quantum_efficiency.clear", &self.clear),
+        ] {
+            if !curve.is_empty() && curve.len() != n {
+                let meaning = "one efficiency per wavelength (the value is how many there are)";
+                return wrong(key, curve.len() as f64, n as f64, n as f64, meaning);
+            }
+            if let Some(value) = curve.iter().find(|v| !(0.0..=1.0).contains(*v)) {
+                return wrong(key, *value, 0.0, 1.0, "efficiencies in electrons per photon, not in percent");
+            }
+        }
+        if Colour::ALL.into_iter().all(|c| self.samples(c).is_empty()) {
+            return wrong(
+                "quantum_efficiency.green",
+                0.0,
+                n as f64,
+                n as f64,
+                "the curve of at least one colour",
+            );
+        }
+        for (key, value) in [
+            ("quantum_efficiency.scale", self.scale),
+            ("quantum_efficiency.alpha", self.alpha),
+            ("quantum_efficiency.beta", self.beta),
+        ] {
+            if !(1e-3..=1e3).contains(&value) {
+                return wrong(key, value, 1e-3, 1e3, "a factor; 1 leaves the curve as it is");
+            }
+        }
+        Ok(())
+    }
+
+    /// Efficiency of the pixels of a colour, factors included; `None` if it has no curve or the curves are not valid.
+    pub fn curve(&self, colour: Colour) -> Option<Spectrum> {
+        let factor = match colour {
+            Colour::Red => self.alpha,
+            Colour::Blue => self.beta,
+            Colour::Green | Colour::Clear => 1.0,
+        };
+        let samples = self.samples(colour);
+        Spectrum::new(self.wavelength_um.clone(), samples.iter().map(|v| v * factor * self.scale).collect())
+            .ok()
+    }
+
+    /// The same curves with the `alpha` and `beta` for which red over green and blue over green signal under `radiance`
+    /// (W m-2 sr-1 nm-1) are `red_over_green` and `blue_over_green`, as measured on a white surface.
+    ///
+    /// `None` if a curve is missing or gives no signal.
+    pub fn matched(
+        &self,
+        optics: &PixelOptics,
+        radiance: &Spectrum,
+        red_over_green: f64,
+        blue_over_green: f64,
+    ) -> Option<Self> {
+        let plain = Self { alpha: 1.0, beta: 1.0, ..self.clone() };
+        let signal = |colour| Some(optics.electrons(radiance, &plain.curve(colour)?));
+        let (red, green, blue) = (signal(Colour::Red)?, signal(Colour::Green)?, signal(Colour::Blue)?);
+        let matched =
+            Self { alpha: red_over_green * green / red, beta: blue_over_green * green / blue, ..plain };
+        matched.validate().is_ok().then_some(matched)
+    }
+
+    fn samples(&self, colour: Colour) -> &[f64] {
+        match colour {
+            Colour::Red => &self.red,
+            Colour::Green => &self.green,
+            Colour::Blue => &self.blue,
+            Colour::Clear => &self.clear,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::SensorModel;
+    use super::*;
+    use crate::spectral::Illuminant;
+
+    const SENSOR: &str = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    const CURVES: &str = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+
+    #[test]
+    fn the_shipped_curves_read() {
+        for text in [CURVES, include_str!("../../../../data/quantum-efficiency/ov5647.toml")] {
+            let curves = QuantumEfficiency::from_toml(text).unwrap();
+            assert!(curves.curve(Colour::Clear).is_none());
+            let [red, green, blue] =
+                [Colour::Red, Colour::Green, Colour::Blue].map(|c| curves.curve(c).unwrap());
+            assert!(
+                red.at(0.62) > green.at(0.62)
+                    && green.at(0.53) > blue.at(0.53)
+                    && blue.at(0.45) > red.at(0.45)
+            );
+        }
+    }
+
+    #[test]
+    fn the_shipped_monochrome_sensors_give_the_figures_that_they_cite() {
+        for (text, snr_db, range_db) in [
+            (include_str!("../../../../data/sensors/imx250-mono.toml"), 40.3, 71.2),
+            (include_str!("../../../../data/sensors/imx273-mono.toml"), 40.2, 71.4),
+            (include_str!("../../../../data/sensors/imx535-mono.toml"), 39.7, 69.8),
+            (include_str!("../../../../data/sensors/mt9m034-mono.toml"), 37.7, 63.4),
+        ] {
+            let sensor = SensorModel::from_toml(text).unwrap();
+            assert!(sensor.quantum_efficiency.is_none() && sensor.source.starts_with("https://"));
+            // SNR_max = sqrt(u_e.sat), DR = u_e.sat / u_e.min, u_e.min = s_y.dark / K + 1/2.
+            let dark_dn = ((sensor.gain_dn_per_e * sensor.read_noise_e).powi(2) + 1.0 / 12.0).sqrt();
+            let least_e = dark_dn / sensor.gain_dn_per_e + 0.5;
+            assert!((10.0 * sensor.full_well_e.log10() - snr_db).abs() < 0.005, "{}", sensor.name);
+            assert!(
+                (20.0 * (sensor.full_well_e / least_e).log10() - range_db).abs() < 0.02,
+                "{}",
+                sensor.name
+            );
+        }
+    }
+
+    #[test]
+    fn a_sensor_file_may_hold_curves_and_names_what_is_wrong_with_them() {
+        let with = |table: &str| SensorModel::from_toml(&format!("{SENSOR}\n[quantum_efficiency]\n{table}"));
+        let good = with("wavelength_um = [0.4, 0.7]\ngreen = [0.5, 0.6]\nalpha = 0.82\n").unwrap();
+        let curves = good.quantum_efficiency.clone().unwrap();
+        assert_eq!((curves.alpha, curves.beta, curves.scale), (0.82, 1.0, 1.0));
+        assert_eq!(SensorModel::from_toml(&toml::to_string(&good).unwrap()).unwrap(), good);
+
+        let lines = SENSOR.lines().count() as u32;
+        for (table, key, line, needle) in [
+            ("wavelength_um = [0.4]\ngreen = [0.5]\n", "wavelength_um", 2, "two wavelengths"),
+            (
+                "wavelength_um = [0.7, 0.4]\ngreen = [0.5, 0.5]\n",
+                "wavelength_um",
+                2,
+                "larger than the one before",
+            ),
+            ("wavelength_um = [400, 700]\ngreen = [0.5, 0.5]\n", "wavelength_um", 2, "in um"),
+            ("wavelength_um = [0.4, 0.7]\ngreen = [50, 60]\n", "green", 3, "not in percent"),
+            ("wavelength_um = [0.4, 0.7]\ngreen = [0.5]\n", "green", 3, "one efficiency per wavelength"),
+            ("wavelength_um = [0.4, 0.7]\ngreen = [0.5, 0.5]\nbeta = -1\n", "beta", 4, "a factor"),
+        ] {
+            let error = with(table).unwrap_err();
+            assert_eq!((error.key.as_str(), error.line), (key, Some(lines + line + 1)), "{error}");
+            assert!(error.to_string().contains(needle), "{error}");
+        }
+        assert!(with("wavelength_um = [0.4, 0.7]\n").is_err());
+    }
+
+    #[test]
+    fn matched_factors_give_the_measured_ratios() {
+        let curves = QuantumEfficiency::from_toml(CURVES).unwrap();
+        let optics = PixelOptics { pixel_um: 5.86, f_number: 2.8, time_s: 0.01, transmission: None };
+        let white = Illuminant::named("D65").unwrap().white_radiance(500.0);
+        let matched = curves.matched(&optics, &white, 0.82, 1.25).unwrap();
+        let signal = |colour| optics.electrons(&white, &matched.curve(colour).unwrap());
+        assert!((signal(Colour::Red) / signal(Colour::Green) - 0.82).abs() < 1e-12);
+        assert!((signal(Colour::Blue) / signal(Colour::Green) - 1.25).abs() < 1e-12);
+    }
 }

@@ -1,4 +1,6 @@
-//! `petzval simulate`: photographs through a lens onto a sensor.
+//! `petzval simulate`: photographs and scenes through a lens onto a sensor.
+
+mod spectral;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -14,6 +16,7 @@ use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, 
 use petzval::design::error::DesignError;
 use petzval::design::light_path::SHADING_FLOOR;
 use petzval::design::optics::PsfPlan;
+use petzval::optics::lens::Lens;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
@@ -36,13 +39,17 @@ enum Isp {
     Linear,
 }
 
-/// Take photographs through a lens: photograph, raw frame, developed picture.
+/// Take photographs and scenes through a lens: scene, raw frame, developed picture.
 ///
 /// For each image NAME two files are written: NAME-raw.tiff, 16 bit, the Bayer frame in digital numbers, and
 /// NAME-developed.png, 8 bit sRGB.
+///
+/// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
+/// scene:slanted-edge, scene:siemens-star) and photographs under --illuminant or --illuminance-lux are simulated over the
+/// spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Photographs (PNG, JPEG, TIFF)
+    /// Photographs (PNG, JPEG, TIFF), spectral images, or scene:NAME
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// Lens file, or a built-in name
@@ -57,8 +64,8 @@ pub struct Args {
     /// How a photograph lands on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
-    /// Photoelectrons that white gives in a green pixel on the axis
-    #[arg(long, default_value_t = 16000.0, value_name = "E")]
+    /// Photoelectrons that white gives in a green pixel on the axis; over the spectrum the light says how many
+    #[arg(long, default_value_t = 16000.0, value_name = "E", conflicts_with_all = ["illuminant", "illuminance_lux"])]
     white_e: f32,
     /// Exposure time, s
     #[arg(long, default_value_t = 0.005, value_name = "S")]
@@ -72,6 +79,8 @@ pub struct Args {
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    spectral: spectral::Args,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
@@ -86,6 +95,8 @@ struct Camera {
     bank: PsfBank,
     sensor: SensorModel,
     border: usize,
+    lens: Lens,
+    plan: PsfPlan,
 }
 
 /// Runs the verb.
@@ -108,6 +119,9 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             format!("{}: another image is called `{}` too", twice.display(), stem(twice)),
             "results are named by their image; simulate the two into different folders with --out",
         ));
+    }
+    if spectral::wanted(&args) {
+        return spectral::run(&args);
     }
     // Every image is read before anything is written.
     let photos: Vec<(String, LinearImage)> = args
@@ -137,7 +151,11 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Name of the results: that of the file or of the scene.
 fn stem(path: &Path) -> String {
+    if let Some(scene) = spectral::scene_name(path) {
+        return scene.to_owned();
+    }
     path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
 }
 
@@ -156,7 +174,7 @@ fn camera(args: &Args) -> Result<Camera, Failure> {
     let plan = PsfPlan::new(13, corner_mm, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
     let bank = plan.bank(&lens)?;
     let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
-    Ok(Camera { geometry, bank, sensor, border })
+    Ok(Camera { geometry, bank, sensor, border, lens, plan })
 }
 
 /// Takes one photograph and writes its raw frame and its developed picture.

@@ -1,0 +1,48 @@
+//! Light over the spectrum: scenes as radiance per wavelength, and how many electrons they give in each pixel.
+//!
+//! ```text
+//! illuminant x reflectance = radiance -> lens (a PSF per band) -> photons -> quantum efficiency -> electrons per colour
+//! RGB photograph -> three smooth reflectances -> the same, or at once by a 3x3 matrix
+//! ```
+//!
+//! A [`Spectrum`] is linear between its samples and zero outside; integrals of products are exact for that. Radiance is in
+//! W m-2 sr-1 nm-1, wavelengths are in um. The sums over the spectrum of [`ThreeBand`] and of a [`SpectralImage`] made by
+//! [`upsample`] are the same, so RGB stays as the fast path.
+
+mod bands;
+mod colour;
+mod colour_checker;
+mod colour_matrix;
+mod electrons;
+pub mod file;
+mod illuminant;
+mod image;
+mod observer;
+mod photons;
+mod scene;
+mod spectrum;
+mod table;
+mod three_band;
+mod upsampling;
+
+pub use bands::{band_mean, even_bands};
+pub use colour::{
+    Matrix3, SRGB_PRIMARIES, apply, bradford, delta_e_1976, inverse, lab, product, srgb_from_xyz,
+    xyz_from_srgb,
+};
+pub use colour_checker::{CHART_COLUMNS, CHART_ROWS, ChartData, colour_checker};
+pub use colour_matrix::{ColourMatrix, fit_colour_matrix};
+pub use electrons::{ColourElectrons, ElectronsError, band_weights};
+pub use illuminant::{
+    Illuminant, IlluminantError, blackbody, daylight, daylight_chromaticity, illuminant_names,
+};
+pub use image::{SpectralImage, SpectralImageError};
+pub use observer::{LUMENS_PER_WATT, chromaticity, cie1931, luminous, xyz, xyz_of_reflectance};
+pub use photons::{LIGHT_M_PER_S, OpticsError, PLANCK_J_S, PixelOptics};
+pub use scene::{ReflectanceScene, SceneKind};
+pub use spectrum::{Spectrum, SpectrumError, integral};
+pub use table::SpectrumTable;
+pub use three_band::ThreeBand;
+pub use upsampling::{
+    basis_bands, d65_white, reflectance_of_srgb, srgb_basis, srgb_of_reflectance, upsample,
+};

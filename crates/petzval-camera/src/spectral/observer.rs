@@ -1,0 +1,68 @@
+//! The CIE 1931 observer: from a spectrum to XYZ, luminance and chromaticity.
+
+use std::sync::OnceLock;
+
+use super::spectrum::{Spectrum, integral};
+use super::table::SpectrumTable;
+
+/// Maximum luminous efficacy K_m, lm/W. CIE 15 allows 683 for 683.002, which belongs to the wavelength in standard air.
+pub const LUMENS_PER_WATT: f64 = 683.0;
+
+/// Colour-matching functions x, y, z of the CIE 1931 2 degree observer, 360..830 nm every 1 nm (CIE 15); y is the luminous
+/// efficiency V.
+pub fn cie1931() -> &'static [Spectrum; 3] {
+    static OBSERVER: OnceLock<[Spectrum; 3]> = OnceLock::new();
+    OBSERVER.get_or_init(|| {
+        let table = SpectrumTable::built_in(include_str!("../../../../data/spectra/cie1931.csv"));
+        match table.into_curves() {
+            Some(curves) => curves,
+            None => unreachable!("the observer has three functions"),
+        }
+    })
+}
+
+/// Tristimulus values of a stimulus per nm: `X = int S(l) x(l) dl`, l in nm, likewise Y and Z.
+///
+/// For radiance in W m-2 sr-1 nm-1, `LUMENS_PER_WATT * Y` is the luminance in cd/m2; for irradiance the illuminance in lux.
+pub fn xyz(stimulus: &Spectrum) -> [f64; 3] {
+    cie1931().each_ref().map(|curve| 1000.0 * integral(&[stimulus, curve]))
+}
+
+/// Tristimulus values of a reflectance under an illuminant, with Y = 1 for the perfect diffuser.
+///
+/// The illuminant must have light in the visible; without any the result is not finite.
+pub fn xyz_of_reflectance(reflectance: &Spectrum, illuminant: &Spectrum) -> [f64; 3] {
+    let [x, y, z] = cie1931();
+    let white = integral(&[illuminant, y]);
+    [x, y, z].map(|curve| integral(&[reflectance, illuminant, curve]) / white)
+}
+
+/// Luminance, cd/m2, of a radiance in W m-2 sr-1 nm-1; or illuminance, lux, of an irradiance in W m-2 nm-1.
+pub fn luminous(stimulus: &Spectrum) -> f64 {
+    LUMENS_PER_WATT * 1000.0 * integral(&[stimulus, &cie1931()[1]])
+}
+
+/// Chromaticity `(x, y)` of tristimulus values.
+pub fn chromaticity(xyz: [f64; 3]) -> (f64, f64) {
+    let sum: f64 = xyz.iter().sum();
+    (xyz[0] / sum, xyz[1] / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_watt_at_555_nm_is_683_lumens() {
+        // A line of 1 W as a narrow tent of unit area in nm.
+        let line = Spectrum::new(vec![0.5545, 0.555, 0.5555], vec![0.0, 2.0, 0.0]).unwrap();
+        assert!((luminous(&line) / 683.0 - 1.0).abs() < 1e-3, "{}", luminous(&line));
+    }
+
+    #[test]
+    fn equal_energy_is_white_for_the_observer() {
+        let even = Spectrum::new(vec![0.36, 0.83], vec![1.0, 1.0]).unwrap();
+        let (x, y) = chromaticity(xyz(&even));
+        assert!((x - 1.0 / 3.0).abs() < 2e-5 && (y - 1.0 / 3.0).abs() < 2e-5, "{x} {y}");
+    }
+}

@@ -1,0 +1,200 @@
+//! Built-in scenes of measured reflectances: a ColorChecker, a flat field, a slanted edge, a Siemens star.
+
+use rayon::prelude::*;
+
+use super::bands::band_mean;
+use super::colour_checker::{CHART_COLUMNS, CHART_ROWS, ChartData, colour_checker};
+use super::illuminant::Illuminant;
+use super::image::SpectralImage;
+use super::spectrum::Spectrum;
+
+/// A built-in scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SceneKind {
+    /// The 24 patches of a ColorChecker Classic (Ohta's reflectances) on black, around it mid gray.
+    ColourChecker,
+    /// The perfect diffuser: reflectance 1 at all wavelengths.
+    Flat,
+    /// An edge between the chart's black and white, 5 degrees from the vertical.
+    SlantedEdge,
+    /// 36 pairs of black and white sectors.
+    SiemensStar,
+}
+
+/// Inclination of the slanted edge, degrees from the vertical.
+const EDGE_DEG: f64 = 5.0;
+/// Pairs of sectors of the Siemens star.
+const STAR_CYCLES: f64 = 36.0;
+/// Points along a pixel's side at which an edge is looked at.
+const SUPERSAMPLING: usize = 8;
+
+/// A scene of matt surfaces: at every pixel a mixture of two materials.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReflectanceScene {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Reflectances, 0..1.
+    pub materials: Vec<Spectrum>,
+    /// Per pixel the two materials, and the share of the second, 0..1.
+    pub pixels: Vec<(u8, u8, f32)>,
+}
+
+impl SceneKind {
+    /// All scenes.
+    pub const ALL: [Self; 4] = [Self::ColourChecker, Self::Flat, Self::SlantedEdge, Self::SiemensStar];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ColourChecker => "colorchecker",
+            Self::Flat => "flat",
+            Self::SlantedEdge => "slanted-edge",
+            Self::SiemensStar => "siemens-star",
+        }
+    }
+
+    /// The scene of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Draws the scene on `height` x `width` pixels.
+    pub fn draw(self, height: usize, width: usize) -> ReflectanceScene {
+        let patches = colour_checker(ChartData::Ohta);
+        let (white, black) = (patches[18].1.clone(), patches[23].1.clone());
+        let (h, w) = (height as f64, width as f64);
+        match self {
+            Self::ColourChecker => chart(height, width),
+            Self::Flat => {
+                let even = Spectrum::new(vec![0.3, 1.1], vec![1.0, 1.0]).into_iter().collect();
+                ReflectanceScene { height, width, materials: even, pixels: vec![(0, 0, 0.0); height * width] }
+            }
+            Self::SlantedEdge => {
+                // White to the right of a line through the middle.
+                let slope = EDGE_DEG.to_radians().tan();
+                let bright = move |y: f64, x: f64| x - 0.5 * w > -(y - 0.5 * h) * slope;
+                two_tone(height, width, [black, white], bright)
+            }
+            Self::SiemensStar => {
+                let radius = 0.45 * h.min(w);
+                let bright = move |y: f64, x: f64| {
+                    let (y, x) = (y - 0.5 * h, x - 0.5 * w);
+                    x.hypot(y) > radius || (STAR_CYCLES * y.atan2(x)).sin() > 0.0
+                };
+                two_tone(height, width, [black, white], bright)
+            }
+        }
+    }
+}
+
+/// Squares of the chart, in a black frame with gaps of a fifth of a square, on the gray of its patch "neutral 5".
+fn chart(height: usize, width: usize) -> ReflectanceScene {
+    let patches = colour_checker(ChartData::Ohta);
+    let (gray, black) = (21u8, 23u8);
+    // A cell is a square and its gap; the frame leaves room around the chart.
+    let (rows, columns) = (CHART_ROWS as f64, CHART_COLUMNS as f64);
+    let cell = (0.9 * height as f64 / (rows + 0.2)).min(0.9 * width as f64 / (columns + 0.2));
+    let gap = 0.2 * cell;
+    let top = 0.5 * (height as f64 - rows * cell - gap);
+    let left = 0.5 * (width as f64 - columns * cell - gap);
+    let material = |row: usize, col: usize| {
+        let (y, x) = (row as f64 + 0.5 - top, col as f64 + 0.5 - left);
+        if y < 0.0 || x < 0.0 || y >= rows * cell + gap || x >= columns * cell + gap {
+            return gray;
+        }
+        let (r, c) = ((y / cell) as usize, (x / cell) as usize);
+        let inside = |v: f64, i: usize| v - i as f64 * cell >= gap;
+        if r < CHART_ROWS && c < CHART_COLUMNS && inside(y, r) && inside(x, c) {
+            (r * CHART_COLUMNS + c) as u8
+        } else {
+            black
+        }
+    };
+    let pixels = (0..height * width).map(|i| (material(i / width, i % width), 0, 0.0)).collect();
+    let materials = patches.iter().map(|(_, reflectance)| reflectance.clone()).collect();
+    ReflectanceScene { height, width, materials, pixels }
+}
+
+/// Two materials; a pixel's share of the second is that of its points where `second(y, x)` holds, in pixels from the corner.
+fn two_tone(
+    height: usize,
+    width: usize,
+    materials: [Spectrum; 2],
+    second: impl Fn(f64, f64) -> bool + Sync,
+) -> ReflectanceScene {
+    let step = 1.0 / SUPERSAMPLING as f64;
+    let share = |i: usize| {
+        let (row, col) = ((i / width) as f64, (i % width) as f64);
+        let points = (0..SUPERSAMPLING * SUPERSAMPLING).map(|k| {
+            let (y, x) = (k / SUPERSAMPLING, k % SUPERSAMPLING);
+            second(row + (y as f64 + 0.5) * step, col + (x as f64 + 0.5) * step)
+        });
+        (0, 1, points.filter(|p| *p).count() as f32 / (SUPERSAMPLING * SUPERSAMPLING) as f32)
+    };
+    let pixels = (0..height * width).into_par_iter().map(share).collect();
+    ReflectanceScene { height, width, materials: materials.to_vec(), pixels }
+}
+
+impl ReflectanceScene {
+    /// The scene under `light` with an illuminance of `lux`: radiance `E(l) rho(l) / pi` in the bands around `band_um`
+    /// (ascending, at least two), each the mean over its hat function.
+    pub fn under(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
+        let white = light.white_radiance(lux);
+        let bands: Vec<Vec<f64>> =
+            self.materials.iter().map(|reflectance| band_mean(&[&white, reflectance], band_um)).collect();
+        let n = self.height * self.width;
+        let mut data = vec![0.0f32; n * band_um.len()];
+        data.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(band, plane)| {
+            let of: Vec<f32> = bands.iter().map(|material| material[band] as f32).collect();
+            for (value, (a, b, share)) in plane.iter_mut().zip(&self.pixels) {
+                *value = (1.0 - share) * of[*a as usize] + share * of[*b as usize];
+            }
+        });
+        SpectralImage { wavelength_um: band_um.to_vec(), height: self.height, width: self.width, data }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bands::even_bands;
+    use super::*;
+
+    #[test]
+    fn the_chart_shows_its_patches_in_order() {
+        let scene = SceneKind::ColourChecker.draw(240, 384);
+        let count = |m: u8| scene.pixels.iter().filter(|(a, _, _)| *a == m).count();
+        for patch in 0..23u8 {
+            assert!(count(patch) > 1000, "patch {patch}: {}", count(patch));
+        }
+        // White lies at the left of the bottom row, cyan at the right of the third.
+        let at = |row: usize, col: usize| scene.pixels[row * 384 + col].0;
+        assert_eq!((at(200, 60), at(0, 0)), (18, 21));
+        let third: Vec<u8> = (0..384).map(|c| at(148, c)).collect();
+        assert!(third.contains(&17) && third.contains(&12));
+    }
+
+    #[test]
+    fn flat_white_has_the_luminance_of_the_perfect_diffuser() {
+        let light = Illuminant::named("D65").unwrap();
+        let bands = even_bands(0.38, 0.78, 81);
+        let image = SceneKind::Flat.draw(2, 3).under(&light, 1000.0, &bands);
+        image.validate().unwrap();
+        let spectrum = Spectrum::new(bands, (0..81).map(|b| f64::from(image.plane(b)[4])).collect()).unwrap();
+        let luminance = super::super::observer::luminous(&spectrum);
+        assert!((luminance / (1000.0 / std::f64::consts::PI) - 1.0).abs() < 1e-3, "{luminance}");
+    }
+
+    #[test]
+    fn edge_and_star_are_half_bright() {
+        for kind in [SceneKind::SlantedEdge, SceneKind::SiemensStar] {
+            let scene = kind.draw(200, 200);
+            let inner = |i: usize| ((i / 200) as f64 - 99.5).hypot((i % 200) as f64 - 99.5) < 85.0;
+            let shares: Vec<f32> = (0..40_000).filter(|i| inner(*i)).map(|i| scene.pixels[i].2).collect();
+            let mean = shares.iter().sum::<f32>() / shares.len() as f32;
+            assert!((mean - 0.5).abs() < 5e-3, "{kind:?}: {mean}");
+            assert_eq!(SceneKind::named(kind.name()), Some(kind));
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Tables of spectra: wavelengths in nm in the first column, one named curve in each of the others.
+
+use petzval_optics::format::FileError;
+
+use super::spectrum::Spectrum;
+
+/// Named curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpectrumTable {
+    /// Name and curve of each column.
+    pub curves: Vec<(String, Spectrum)>,
+}
+
+impl SpectrumTable {
+    /// Reads comma-separated values: a head line of names (the first names the wavelengths, which are in nm), then one line
+    /// per wavelength. Empty cells are not tabulated; lines that begin with `#` are comments.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        let mut lines = text
+            .lines()
+            .enumerate()
+            .map(|(i, line)| (i as u32 + 1, line.trim()))
+            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+        let hint =
+            "give a head line `wavelength_nm,NAME,...` and then lines of numbers, wavelengths ascending";
+        let (head_line, head) =
+            lines.next().ok_or_else(|| FileError::at_line(0, "", "the table is empty").hint(hint))?;
+        let names: Vec<&str> = head.split(',').map(str::trim).collect();
+        if names.len() < 2 || names[0].parse::<f64>().is_ok() {
+            return Err(FileError::at_line(head_line, head, "this is no head line of a table").hint(hint));
+        }
+        let mut samples: Vec<(Vec<f64>, Vec<f64>)> = vec![Default::default(); names.len() - 1];
+        for (number, line) in lines {
+            let wrong = |message: String| FileError::at_line(number, line, message).hint(hint);
+            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+            if cells.len() != names.len() {
+                return Err(wrong(format!("{} cells where the head line has {}", cells.len(), names.len())));
+            }
+            let read = |cell: &str| -> Result<f64, FileError> {
+                cell.parse::<f64>()
+                    .ok()
+                    .filter(|v| v.is_finite())
+                    .ok_or_else(|| wrong(format!("`{cell}` is no finite number")))
+            };
+            let um = read(cells[0])? / 1000.0;
+            for (cell, (at, value)) in cells[1..].iter().zip(&mut samples) {
+                if !cell.is_empty() {
+                    at.push(um);
+                    value.push(read(cell)?);
+                }
+            }
+        }
+        let curves = names[1..]
+            .iter()
+            .zip(samples)
+            .map(|(name, (at, value))| {
+                let curve = Spectrum::new(at, value).map_err(|e| {
+                    FileError::at_line(head_line, head, format!("column `{name}`: {e}")).hint(hint)
+                })?;
+                Ok(((*name).to_owned(), curve))
+            })
+            .collect::<Result<_, FileError>>()?;
+        Ok(Self { curves })
+    }
+
+    /// A table of the program itself, whose text the tests have read.
+    pub(super) fn built_in(text: &str) -> Self {
+        match Self::parse(text) {
+            Ok(table) => table,
+            Err(error) => unreachable!("a built-in table of spectra is malformed: {error}"),
+        }
+    }
+
+    /// The curve of a name.
+    pub fn get(&self, name: &str) -> Option<&Spectrum> {
+        self.curves.iter().find(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, curve)| curve)
+    }
+
+    /// All curves of a table of `N` columns.
+    pub(super) fn into_curves<const N: usize>(self) -> Option<[Spectrum; N]> {
+        self.curves.into_iter().map(|(_, curve)| curve).collect::<Vec<_>>().try_into().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_reads_with_empty_cells_and_comments() {
+        let table = SpectrumTable::parse("# lamps\nnm, a ,b\n400,1,\n500,2,3\n600,4,5\n").unwrap();
+        assert_eq!(table.get("A").unwrap().at(0.45), 1.5);
+        assert_eq!(table.get("b").unwrap().range_um(), (0.5, 0.6));
+        assert!(table.get("c").is_none());
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        for (text, line, needle) in [
+            ("", None, "empty"),
+            ("400,1\n500,2", Some(1), "head line"),
+            ("nm,a\n400,1\n500,x", Some(3), "`x`"),
+            ("nm,a\n400,1\n500", Some(3), "1 cells"),
+            ("nm,a\n500,1\n400,2", Some(1), "ascend"),
+            ("nm,a\n400,1\n500,inf", Some(3), "inf"),
+        ] {
+            let error = SpectrumTable::parse(text).unwrap_err();
+            assert_eq!(error.line, line, "{error}");
+            assert!(error.to_string().contains(needle), "{error}");
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_text_makes_the_reader_panic(text in "[nma0-9.,\\-e#\n ]{0,200}") {
+            let _ = SpectrumTable::parse(&text);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Smooth spectra for RGB colours.
+//!
+//! Three reflectances `rho_R, rho_G, rho_B`, smooth, within 0..1 and with the sum 1, have the colours of the sRGB primaries
+//! under D65. The reflectance of a linear sRGB colour is their mixture `r rho_R + g rho_G + b rho_B`: it has just that colour
+//! under D65, white is the perfect diffuser, and the map is linear. Method: I. Mallett and C. Yuksel, "Spectral primary
+//! decomposition for rendering with sRGB reflectance", EGSR 2019. The three curves are computed by the example `srgb_basis`
+//! as the smoothest ones, in the sense of the least sum of squared second differences.
+
+use std::sync::OnceLock;
+
+use super::bands::band_mean;
+use super::colour::{Matrix3, apply, srgb_from_xyz, xyz_from_srgb};
+use super::illuminant::Illuminant;
+use super::image::SpectralImage;
+use super::observer::xyz_of_reflectance;
+use super::spectrum::Spectrum;
+use super::table::SpectrumTable;
+use crate::image::{CHANNELS, LinearImage};
+
+/// The three reflectances, 380..780 nm every 5 nm.
+pub fn srgb_basis() -> &'static [Spectrum; 3] {
+    static BASIS: OnceLock<[Spectrum; 3]> = OnceLock::new();
+    BASIS.get_or_init(|| {
+        let table = SpectrumTable::built_in(include_str!("../../../../data/spectra/srgb-basis.csv"));
+        match table.into_curves() {
+            Some(curves) => curves,
+            None => unreachable!("the basis has three curves"),
+        }
+    })
+}
+
+/// Reflectance of a linear sRGB colour; within 0..1 for colours within 0..1.
+pub fn reflectance_of_srgb(rgb: [f64; 3]) -> Spectrum {
+    let [r, g, b] = srgb_basis();
+    let mixed =
+        (0..r.value().len()).map(|i| rgb[0] * r.value()[i] + rgb[1] * g.value()[i] + rgb[2] * b.value()[i]);
+    match Spectrum::new(
+        r.wavelength_um().to_vec(),
+        mixed.map(|v| if v.is_finite() { v } else { 0.0 }).collect(),
+    ) {
+        Ok(curve) => curve,
+        Err(error) => unreachable!("a mixture of the basis is finite: {error}"),
+    }
+}
+
+/// XYZ of D65 (Y = 1) over the range of the basis, and the matrices between XYZ and linear sRGB with that white.
+pub fn d65_white() -> ([f64; 3], Matrix3, Matrix3) {
+    static WHITE: OnceLock<([f64; 3], Matrix3, Matrix3)> = OnceLock::new();
+    *WHITE.get_or_init(|| {
+        let white = xyz_of_reflectance(&reflectance_of_srgb([1.0; 3]), &d65());
+        (white, xyz_from_srgb(white), srgb_from_xyz(white))
+    })
+}
+
+/// Linear sRGB colour of a reflectance under D65.
+pub fn srgb_of_reflectance(reflectance: &Spectrum) -> [f64; 3] {
+    apply(&d65_white().2, xyz_of_reflectance(reflectance, &d65()))
+}
+
+/// A photograph as the spectral image of a matt print under `light` with an illuminance of `lux`: radiance
+/// `E(l) rho(l) / pi` in the bands around `band_um` (ascending, at least two), each the mean over its hat function.
+pub fn upsample(photo: &LinearImage, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
+    let bands = basis_bands(light, lux, band_um);
+    let n = photo.height * photo.width;
+    let mut data = Vec::with_capacity(n * band_um.len());
+    for band in 0..band_um.len() {
+        let weight = [0, 1, 2].map(|c| bands[c][band] as f32);
+        let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
+        let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
+        data.extend((0..n).map(|i| weight[0] * r[i] + weight[1] * g[i] + weight[2] * b[i]));
+    }
+    SpectralImage { wavelength_um: band_um.to_vec(), height: photo.height, width: photo.width, data }
+}
+
+/// Radiance of each basis reflectance in each band, W m-2 sr-1 nm-1, `[colour][band]`.
+pub fn basis_bands(light: &Illuminant, lux: f64, band_um: &[f64]) -> [Vec<f64>; 3] {
+    let white = light.white_radiance(lux);
+    srgb_basis().each_ref().map(|basis| band_mean(&[&white, basis], band_um))
+}
+
+fn d65() -> Spectrum {
+    match Illuminant::named("D65") {
+        Ok(light) => light.power,
+        Err(error) => unreachable!("D65 is tabulated: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn the_basis_is_a_partition_of_white_within_zero_and_one() {
+        let basis = srgb_basis();
+        for i in 0..basis[0].value().len() {
+            let values = basis.each_ref().map(|b| b.value()[i]);
+            assert!(values.iter().all(|v| (-1e-9..=1.0 + 1e-9).contains(v)), "{values:?}");
+            assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn the_basis_is_smooth() {
+        for basis in srgb_basis() {
+            let v = basis.value();
+            let jump = v.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+            let kink = v.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).fold(0.0, f64::max);
+            println!("largest step {jump:.4} per 5 nm, largest second difference {kink:.5}");
+            assert!(jump < 0.08 && kink < 0.012, "{jump} {kink}");
+        }
+    }
+
+    #[test]
+    fn rgb_survives_the_way_through_spectrum_and_xyz() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let mut colours = vec![[0.0; 3], [1.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        colours.extend((0..200).map(|_| [0; 3].map(|_| rng.random::<f64>())));
+        let mut worst = 0.0f64;
+        for rgb in colours {
+            let back = srgb_of_reflectance(&reflectance_of_srgb(rgb));
+            worst = (0..3).map(|c| (back[c] - rgb[c]).abs()).fold(worst, f64::max);
+        }
+        println!("worst round trip of linear sRGB: {worst:.2e}");
+        assert!(worst < 1e-6, "{worst}");
+        // The white point of the standard, which has four decimals.
+        let (x, y) = super::super::observer::chromaticity(d65_white().0);
+        assert!((x - 0.3127).abs() < 1e-4 && (y - 0.3290).abs() < 1e-4, "{x} {y}");
+    }
+}
