@@ -13,8 +13,12 @@
 //! knowable. Each channel is fitted to the *mosaic's* own pixels of its colour: nothing is demosaiced.
 //!
 //! The fit is Richardson and Lucy's, with the read noise as the offset of Snyder et al. (J. Opt. Soc. Am. A 10, 1014,
-//! 1993): `x <- x A'[(y + b)/(A x + b)] / A'1`, `b = var(y) T - y` in electrons. It stops when the residuals are as large
-//! as the noise (mean squared residual over variance at 1), or at 2000 rounds. Cells beyond half the crop stay dark.
+//! 1993): `u <- u B'[(y + b)/(B u + b)] / B'1`, `b = var(y) T - y` in electrons. There are more cells than pixels, so the
+//! cells are a sum of round blobs, `x = G u` and `B = A G` (the method of sieves, Snyder & Miller 1985), of a standard
+//! deviation of 1.25 cells: nothing finer than 2.4 um is made up on pixels of 5.86 um. The renderer's PSF is that of a
+//! rotationally symmetric lens, so u is kept symmetric about the field's own axis and, in the middle of the image, seen at eight
+//! azimuths. The fit stops when 20 rounds lower the mean squared residual over variance by less than 0.1 %, or at 600
+//! rounds. Cells beyond half the crop stay dark but for the blobs' rim.
 //!
 //! The middle of the grid is the green centroid, not the chief ray, which a measured spot does not show: lateral colour between
 //! channels is kept, the distance between chief ray and centroid is lost, as distortion is.
@@ -34,7 +38,19 @@ pub const CELLS_PER_PIXEL: usize = 3;
 pub const GRID: usize = CROP * CELLS_PER_PIXEL;
 
 /// Rounds of the fit at most.
-const ROUNDS: usize = 2000;
+const ROUNDS: usize = 600;
+
+/// The fit is looked at so often, in rounds, ...
+const LOOK: usize = 20;
+
+/// ... and ends when it gained less than this share since.
+const GAIN: f64 = 1e-3;
+
+/// Standard deviation of a blob, cells.
+const BLOB_CELLS: f64 = 1.25;
+
+/// Azimuths at which a position on the axis counts.
+const AXIS_AZIMUTHS: usize = 8;
 
 /// Two positions closer in radius than this are of one field, mm.
 pub const SAME_FIELD_MM: f64 = 0.05;
@@ -101,9 +117,15 @@ pub fn estimate_bank(
     for field in &fields {
         let count = field.len() as f64;
         let radius_mm = field.iter().map(|p| p.field_radius_mm).sum::<f64>() / count;
-        let landings: Vec<Landing> = field.iter().map(|p| landing(p, pixel_um)).collect();
+        // On the axis no azimuth is special.
+        let turns = if radius_mm < SAME_FIELD_MM { AXIS_AZIMUTHS } else { 1 };
+        let turn = |k: usize| std::f64::consts::TAU * k as f64 / turns as f64;
+        let seen: Vec<Place> = (0..turns)
+            .flat_map(|k| field.iter().map(move |p| Place { azimuth_rad: p.azimuth_rad + turn(k), ..**p }))
+            .collect();
+        let landings: Vec<Landing> = seen.iter().map(|p| landing(p, pixel_um)).collect();
         let channels: Vec<(Vec<f64>, f64, usize)> =
-            (0..CHANNELS).into_par_iter().map(|c| fit(field, &landings, c)).collect();
+            (0..CHANNELS).into_par_iter().map(|c| fit(&seen, &landings, c)).collect();
         for (c, (cells, _, _)) in channels.iter().enumerate() {
             let sum: f64 = cells.iter().sum::<f64>().max(f64::MIN_POSITIVE);
             bank.values.extend(cells.iter().map(|v| (v / sum) as f32));
@@ -144,50 +166,79 @@ fn landing(place: &Place, pixel_um: f64) -> Landing {
 }
 
 /// Fits the cells of one channel; returns them with the mean squared residual over variance and the rounds.
-fn fit(field: &[&Place], landings: &[Landing], channel: usize) -> (Vec<f64>, f64, usize) {
+fn fit(seen: &[Place], landings: &[Landing], channel: usize) -> (Vec<f64>, f64, usize) {
     // Of each position: its pixels of this colour in electrons, offset by the read noise.
-    let data: Vec<Vec<Datum>> = field.iter().map(|p| pixels(p, channel)).collect();
-    let centre = 0.5 * (GRID as f64 - 1.0);
-    let mut cells: Vec<f64> = (0..GRID * GRID)
-        .map(|i| {
-            let distance = ((i / GRID) as f64 - centre).hypot((i % GRID) as f64 - centre);
-            if distance < 0.5 * GRID as f64 { 1.0 / (GRID * GRID) as f64 } else { 0.0 }
-        })
-        .collect();
-    let spread = |values: &dyn Fn(&Datum) -> f64, landing: &Landing, data: &[Datum]| {
-        let mut window = vec![0.0; landing.height * landing.width];
-        data.iter().for_each(|d| window[d.pixel] = values(d));
-        landing.gather(&window)
+    let data: Vec<Vec<Datum>> = seen.iter().map(|p| pixels(p, channel)).collect();
+    let gather = |values: &dyn Fn(&Datum, f64) -> f64, landed: &[Vec<f64>]| {
+        let mut sum = vec![0.0; GRID * GRID];
+        for ((landing, data), landed) in landings.iter().zip(&data).zip(landed) {
+            let mut window = vec![0.0; landing.height * landing.width];
+            data.iter().for_each(|d| window[d.pixel] = d.electrons * values(d, d.electrons * landed[d.pixel]));
+            sum.iter_mut().zip(landing.gather(&window)).for_each(|(s, p)| *s += p);
+        }
+        mirrored(blurred(&sum))
     };
-    let add = |sum: &mut Vec<f64>, part: Vec<f64>| sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
-    let mut seen = vec![0.0; cells.len()];
-    for (landing, data) in landings.iter().zip(&data) {
-        add(&mut seen, spread(&|d| d.electrons, landing, data));
-    }
-    let count: usize = data.iter().map(Vec::len).sum();
-    let mut chi2 = f64::INFINITY;
-    let mut rounds = 0;
+    let land = |cells: &[f64]| landings.iter().map(|l| l.land(cells)).collect::<Vec<_>>();
+    let count = data.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+
+    // Start from even light within the circle that the crop holds at any azimuth.
+    let centre = 0.5 * (GRID as f64 - 1.0);
+    let mut blobs: Vec<f64> = (0..GRID * GRID)
+        .map(|i| ((i / GRID) as f64 - centre).hypot((i % GRID) as f64 - centre))
+        .map(|distance| if distance < 0.5 * GRID as f64 { 1.0 / (GRID * GRID) as f64 } else { 0.0 })
+        .collect();
+    let mut cells = blurred(&blobs);
+    let mut landed = land(&cells);
+    let sensitivity = gather(&|_, _| 1.0, &landed);
+    let (mut chi2, mut looked, mut rounds) = (f64::INFINITY, f64::INFINITY, 0);
     while rounds < ROUNDS {
-        let (mut square, mut ratio) = (0.0, vec![0.0; cells.len()]);
-        for (landing, data) in landings.iter().zip(&data) {
-            let landed = landing.land(&cells);
-            let expected = |d: &Datum| d.electrons * landed[d.pixel];
-            square += data.iter().map(|d| (d.value - expected(d)).powi(2) / d.variance).sum::<f64>();
-            let quotient = |d: &Datum| {
-                d.electrons * ((d.value + d.offset).max(0.0) / (expected(d) + d.offset).max(f64::MIN_POSITIVE))
-            };
-            add(&mut ratio, spread(&quotient, landing, data));
+        let ratio = gather(
+            &|d, expected| (d.value + d.offset).max(0.0) / (expected + d.offset).max(f64::MIN_POSITIVE),
+            &landed,
+        );
+        for ((blob, ratio), sensitivity) in blobs.iter_mut().zip(&ratio).zip(&sensitivity) {
+            *blob *= if *sensitivity > 0.0 { ratio / sensitivity } else { 0.0 };
         }
-        chi2 = square / count.max(1) as f64;
-        if chi2 <= 1.0 {
-            break;
-        }
-        for ((cell, ratio), seen) in cells.iter_mut().zip(&ratio).zip(&seen) {
-            *cell *= if *seen > 0.0 { ratio / seen } else { 0.0 };
-        }
+        cells = blurred(&blobs);
+        landed = land(&cells);
         rounds += 1;
+        if rounds % LOOK == 0 {
+            let residual = |d: &Datum, at: f64| (d.value - d.electrons * at).powi(2) / d.variance;
+            let of = |(data, landed): (&Vec<Datum>, &Vec<f64>)| -> f64 {
+                data.iter().map(|d| residual(d, landed[d.pixel])).sum()
+            };
+            chi2 = data.iter().zip(&landed).map(of).sum::<f64>() / count;
+            if chi2 > (1.0 - GAIN) * looked {
+                break;
+            }
+            looked = chi2;
+        }
     }
     (cells, chi2, rounds)
+}
+
+/// Every cell as a round blob: a Gaussian along rows and columns. Its own transpose, as long as nothing reaches the rim.
+fn blurred(cells: &[f64]) -> Vec<f64> {
+    const REACH: usize = 4;
+    let weights: Vec<f64> =
+        (0..=2 * REACH).map(|k| (-0.5 * ((k as f64 - REACH as f64) / BLOB_CELLS).powi(2)).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let along = |cells: &[f64], step: usize, place: &dyn Fn(usize) -> usize| {
+        let mut out = vec![0.0; cells.len()];
+        for (i, out) in out.iter_mut().enumerate() {
+            let at = place(i);
+            let (from, to) = (at.saturating_sub(REACH), (at + REACH).min(GRID - 1));
+            *out = (from..=to).map(|k| weights[k + REACH - at] * cells[i + k * step - at * step]).sum::<f64>() / sum;
+        }
+        out
+    };
+    let rows = along(cells, 1, &|i| i % GRID);
+    along(&rows, GRID, &|i| i / GRID)
+}
+
+/// The mean of a grid and its mirror image across the field's own axis.
+fn mirrored(cells: Vec<f64>) -> Vec<f64> {
+    (0..GRID * GRID).map(|i| 0.5 * (cells[i] + cells[i / GRID * GRID + GRID - 1 - i % GRID])).collect()
 }
 
 /// A pixel of the mosaic, in electrons over the whole time that it gathered light.

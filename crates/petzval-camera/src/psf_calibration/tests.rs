@@ -95,8 +95,9 @@ fn light_is_conserved_and_lands_where_it_is_sent() {
     let col = planes[1].iter().enumerate().map(|(i, v)| v * (i % SIDE) as f64).sum::<f64>() / total;
     let [across, outward] = psf.centroid_um(1).map(|um| um / 5.86);
     let (sin, cos) = SPOT.azimuth_rad.sin_cos();
-    assert!((row - (SPOT.row + outward * sin - across * cos)).abs() < 1e-9);
-    assert!((col - (SPOT.col + outward * cos + across * sin)).abs() < 1e-9);
+    // Pixels a little smaller than the spot keep its centroid but for their beat with it.
+    assert!((row - (SPOT.row + outward * sin - across * cos)).abs() < 1e-3);
+    assert!((col - (SPOT.col + outward * cos + across * sin)).abs() < 1e-3);
 }
 
 #[test]
@@ -114,7 +115,7 @@ fn gathering_is_the_transpose_of_landing() {
 #[test]
 fn without_noise_the_fair_psf_is_measured_exactly_and_demosaicing_is_what_remains() {
     let psf = fine();
-    let taken = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.05, 1);
+    let taken = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
     let comparison = against(&psf, &taken, SPOT);
     for c in 0..CHANNELS {
         assert!(comparison.l1[c] < 2e-3, "channel {c}: {}", comparison.l1[c]);
@@ -132,7 +133,7 @@ fn without_noise_the_fair_psf_is_measured_exactly_and_demosaicing_is_what_remain
 fn a_known_psf_is_recovered_within_its_noise_floor() {
     let psf = fine();
     let mut errors = Vec::new();
-    for (k, brightness) in [0.02, 0.02, 0.05, 0.05, 0.5].into_iter().enumerate() {
+    for (k, brightness) in [0.1, 0.3, 0.8, 0.8, 4.0].into_iter().enumerate() {
         let spot = Spot {
             row: 31.0 + 0.23 * k as f64,
             col: 32.0 - 0.19 * k as f64,
@@ -145,6 +146,7 @@ fn a_known_psf_is_recovered_within_its_noise_floor() {
         for c in 0..CHANNELS {
             // The L1 distance sums 529 pixels: its own spread is a few percent of it, and half as much again is far out.
             let ratio = comparison.l1[c] / floor.l1[c];
+            println!("{k} {c}: l1 {} floor {} demosaic {} ideal {}", comparison.l1[c], floor.l1[c], comparison.demosaic_l1[c], comparison.l1_ideal[c]);
             assert!((0.6..1.5).contains(&ratio), "place {k}, channel {c}: {ratio}");
             assert!(comparison.l1_ideal[c] < comparison.demosaic_l1[c] + 1.5 * floor.l1[c]);
             for axis in 0..2 {
@@ -170,8 +172,8 @@ fn a_known_psf_is_recovered_within_its_noise_floor() {
 fn the_modelled_variance_is_that_of_the_merged_rates() {
     let psf = fine();
     let sensor = sensor();
-    let truth = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.05, 1);
-    let taken = take(&psf, SPOT, CORNER, NoiseMode::Exact, 0.05, 9);
+    let truth = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
+    let taken = take(&psf, SPOT, CORNER, NoiseMode::Exact, 0.8, 9);
     let rates = taken.merged.rate_e_per_s.iter().zip(&truth.merged.rate_e_per_s);
     let z: Vec<f64> = rates.zip(&taken.merged.variance).map(|((a, b), v)| (a - b) / v.sqrt()).collect();
     let count = z.len() as f64;
@@ -190,14 +192,14 @@ fn the_modelled_variance_is_that_of_the_merged_rates() {
 #[test]
 fn clipped_pixels_come_from_shorter_exposures() {
     let psf = fine();
-    let dim = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.05, 1);
-    let bright = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.5, 1);
+    let dim = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
+    let bright = take(&psf, SPOT, CORNER, NoiseMode::Off, 8.0, 1);
     assert!(bright.exposures[2].light.clipped.iter().any(|c| *c), "the longest exposure clips");
     assert!(bright.merged.saturated.iter().all(|s| !s));
     for (a, b) in dim.merged.rate_e_per_s.iter().zip(&bright.merged.rate_e_per_s) {
         assert!((10.0 * a - b).abs() < 1e-3 * b.abs() + 30.0, "{a} {b}");
     }
-    let blinding = take(&psf, SPOT, CORNER, NoiseMode::Exact, 20.0, 1);
+    let blinding = take(&psf, SPOT, CORNER, NoiseMode::Exact, 200.0, 1);
     assert!(blinding.merged.saturated.iter().any(|s| *s), "told of, not hidden");
 }
 
@@ -206,7 +208,7 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, [f6
         .map(|k| {
             let azimuth_rad = [std::f64::consts::FRAC_PI_2, 0.0, 0.65][k];
             let spot = Spot { row: 31.2 + 0.3 * k as f64, col: 32.3 - 0.4 * k as f64, azimuth_rad };
-            (take(psf, spot, Placement { row: 200 + k, col: 300 }, noise, 0.05, k as u64), spot)
+            (take(psf, spot, Placement { row: 200 + k, col: 300 }, noise, 0.8, k as u64), spot)
         })
         .collect();
     let inputs: Vec<Place> = places
@@ -245,6 +247,7 @@ fn the_bank_renders_back_to_the_measured_psf() {
         for c in 0..CHANNELS {
             let error = l1(&again.values[c], &taken.measured.psf.values[c]);
             let floor = taken.measured.floor.l1[c];
+            println!("channel {c}: {error} floor {floor} {chi2:?}");
             assert!(error < 1.5 * floor, "channel {c}: {error} beside a floor of {floor}");
         }
     }
@@ -295,6 +298,7 @@ fn a_rendered_point_is_the_true_psf_integrated_once() {
     }
     let twice = rendered(&naive);
     for c in 0..CHANNELS {
+        println!("channel {c}: {} {}", l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
         let (error, error_twice) = (l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
         assert!(error < 0.12, "channel {c}: {error}");
         assert!(error < 0.5 * error_twice, "channel {c}: {error} beside {error_twice}");

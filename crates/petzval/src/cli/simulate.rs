@@ -9,6 +9,7 @@ use petzval::built_in_assets;
 use petzval::camera::develop::{correct_shading, develop};
 use petzval::camera::image::{LinearImage, load_image, save_png, save_raw16};
 use petzval::camera::psf::PsfBank;
+use petzval::camera::psf_calibration::psf_file::load_psfs;
 use petzval::camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::design::error::DesignError;
@@ -18,7 +19,7 @@ use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 use serde_json::json;
 
-use super::{Failure, print_json};
+use super::{Failure, print_json, psf_calibrate};
 
 /// How a photograph lands on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -48,6 +49,9 @@ pub struct Args {
     /// Lens file, or a built-in name
     #[arg(long, default_value = "cooke-triplet-nominal")]
     lens: String,
+    /// Measured PSFs in place of the lens: a folder of psf-calibrate, or its psfs.toml. They bring their own illumination
+    #[arg(long, value_name = "PATH", conflicts_with = "lens")]
+    psfs: Option<PathBuf>,
     /// Sensor file, or a built-in name
     #[arg(long, default_value = "imx249-fitted")]
     sensor: String,
@@ -143,7 +147,6 @@ fn stem(path: &Path) -> String {
 
 fn camera(args: &Args) -> Result<Camera, Failure> {
     let assets = built_in_assets();
-    let lens = assets.lens(&args.lens)?.lens;
     let sensor = assets.sensor(&args.sensor)?;
     let geometry = RenderGeometry {
         sensor_height: sensor.height,
@@ -151,12 +154,21 @@ fn camera(args: &Args) -> Result<Camera, Failure> {
         pixel_um: sensor.pixel_um,
         patches: (7, 7),
     };
+    let bank = match &args.psfs {
+        Some(path) => load_psfs(path).map_err(|e| psf_calibrate::failure(e, path))?,
+        None => traced(args, &sensor)?,
+    };
+    let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
+    Ok(Camera { geometry, bank, sensor, border })
+}
+
+/// The PSFs of the lens over the sensor.
+fn traced(args: &Args, sensor: &SensorModel) -> Result<PsfBank, Failure> {
+    let lens = built_in_assets().lens(&args.lens)?.lens;
     let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
     let quadrature = Quadrature::grid(128).map_err(DesignError::from)?;
     let plan = PsfPlan::new(13, corner_mm, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
-    let bank = plan.bank(&lens)?;
-    let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
-    Ok(Camera { geometry, bank, sensor, border })
+    Ok(plan.bank(&lens)?)
 }
 
 /// Takes one photograph and writes its raw frame and its developed picture.
