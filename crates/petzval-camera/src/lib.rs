@@ -58,6 +58,7 @@
 pub mod develop;
 pub mod image;
 pub mod psf;
+pub mod psf_calibration;
 pub mod quality;
 pub mod raw_file;
 pub mod render;

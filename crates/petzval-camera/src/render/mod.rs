@@ -149,4 +149,4 @@ pub(crate) fn check_placement(
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -11,6 +11,8 @@ mod failure;
 mod glass;
 mod lens;
 mod psf;
+mod psf_calibrate;
+mod psf_capture;
 mod report;
 mod signals;
 mod simulate;
@@ -60,6 +62,10 @@ enum Verb {
     Glass(glass::GlassVerb),
     /// Write the point-spread functions of a lens
     Psf(psf::Args),
+    /// Measure point-spread functions from captures of a pinhole
+    PsfCalibrate(psf_calibrate::Args),
+    /// Simulate captures of a pinhole for psf-calibrate
+    PsfCapture(psf_capture::Args),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
     /// Measure standard workloads
@@ -95,6 +101,8 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Lens(verb) => lens::run(verb),
         Verb::Glass(verb) => glass::run(verb),
         Verb::Psf(args) => psf::run(args),
+        Verb::PsfCalibrate(args) => psf_calibrate::run(args),
+        Verb::PsfCapture(args) => psf_capture::run(args),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args),

@@ -1,5 +1,6 @@
 //! `petzval simulate`: photographs and scenes through a lens onto a sensor.
 
+mod camera;
 mod spectral;
 
 use std::path::{Path, PathBuf};
@@ -7,20 +8,15 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use petzval::built_in_assets;
 use petzval::camera::develop::{correct_shading, develop};
 use petzval::camera::image::{LinearImage, load_image, save_png, save_raw16};
-use petzval::camera::psf::PsfBank;
-use petzval::camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
-use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+use petzval::camera::render::{Placement, illumination_map, render};
+use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
 use petzval::design::error::DesignError;
 use petzval::design::light_path::SHADING_FLOOR;
-use petzval::design::optics::PsfPlan;
-use petzval::optics::lens::Lens;
-use petzval::optics::psf::PsfOptions;
-use petzval::optics::pupil::Quadrature;
 use serde_json::json;
 
+use self::camera::{Camera, camera};
 use super::{Failure, print_json};
 
 /// How a photograph lands on the sensor.
@@ -55,6 +51,9 @@ pub struct Args {
     /// Lens file, or a built-in name
     #[arg(long, default_value = "cooke-triplet-nominal")]
     lens: String,
+    /// Measured PSFs in place of the lens: a folder of psf-calibrate, or its psfs.toml. They bring their own illumination
+    #[arg(long, value_name = "PATH", conflicts_with = "lens")]
+    psfs: Option<PathBuf>,
     /// Sensor file, or a built-in name
     #[arg(long, default_value = "imx249-fitted")]
     sensor: String,
@@ -87,16 +86,6 @@ pub struct Args {
     /// Print what was written as JSON
     #[arg(long)]
     json: bool,
-}
-
-/// Everything that all photographs share.
-struct Camera {
-    geometry: RenderGeometry,
-    bank: PsfBank,
-    sensor: SensorModel,
-    border: usize,
-    lens: Lens,
-    plan: PsfPlan,
 }
 
 /// Runs the verb.
@@ -157,24 +146,6 @@ fn stem(path: &Path) -> String {
         return scene.to_owned();
     }
     path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
-}
-
-fn camera(args: &Args) -> Result<Camera, Failure> {
-    let assets = built_in_assets();
-    let lens = assets.lens(&args.lens)?.lens;
-    let sensor = assets.sensor(&args.sensor)?;
-    let geometry = RenderGeometry {
-        sensor_height: sensor.height,
-        sensor_width: sensor.width,
-        pixel_um: sensor.pixel_um,
-        patches: (7, 7),
-    };
-    let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
-    let quadrature = Quadrature::grid(128).map_err(DesignError::from)?;
-    let plan = PsfPlan::new(13, corner_mm, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
-    let bank = plan.bank(&lens)?;
-    let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
-    Ok(Camera { geometry, bank, sensor, border, lens, plan })
 }
 
 /// Takes one photograph and writes its raw frame and its developed picture.

@@ -19,7 +19,9 @@ use petzval::camera::spectral::{
 use petzval::design::assets::Assets;
 use petzval::design::error::DesignError;
 use petzval::design::light_path::SHADING_FLOOR;
+use petzval::design::optics::PsfPlan;
 use petzval::design::spectral_light::render_spectral;
+use petzval::optics::lens::Lens;
 use petzval::optics::paraxial::first_order;
 use serde_json::{Value, json};
 
@@ -91,7 +93,13 @@ pub fn run(args: &super::Args) -> Result<ExitCode, Failure> {
         let read = QuantumEfficiency::from_toml(&source.text).map_err(DesignError::input(&source.path))?;
         camera.sensor.quantum_efficiency = Some(read);
     }
-    let light = light(args, &camera, &assets)?;
+    let Some((lens, plan)) = camera.traced.take() else {
+        return Err(Failure::input(
+            "--psfs: measured PSFs are those of three colours, not of every wavelength",
+            "name a lens with --lens, or leave the spectral scene, --illuminant, --illuminance-lux, --qe and --transmission",
+        ));
+    };
+    let light = light(args, &camera, &lens, &assets)?;
     // Every image is read before anything is written.
     let scenes: Vec<(String, SpectralImage)> = args
         .images
@@ -106,7 +114,7 @@ pub fn run(args: &super::Args) -> Result<ExitCode, Failure> {
     let mut written = Vec::new();
     for (frame, (name, scene)) in scenes.iter().enumerate() {
         bar.set_message(name.clone());
-        written.push(take(args, &camera, &light, name, scene, frame as u64, &bar)?);
+        written.push(take(args, &camera, (&lens, &plan), &light, name, scene, frame as u64, &bar)?);
     }
     bar.finish_and_clear();
     if args.json {
@@ -134,7 +142,7 @@ pub fn run(args: &super::Args) -> Result<ExitCode, Failure> {
 }
 
 /// Checks the request and prepares what all images share.
-fn light(args: &super::Args, camera: &Camera, assets: &Assets) -> Result<Light, Failure> {
+fn light(args: &super::Args, camera: &Camera, lens: &Lens, assets: &Assets) -> Result<Light, Failure> {
     let over = &args.spectral;
     let lux = over.illuminance_lux.unwrap_or(500.0);
     if !(lux > 0.0 && lux <= 1e9) {
@@ -151,7 +159,6 @@ fn light(args: &super::Args, camera: &Camera, assets: &Assets) -> Result<Light, 
     }
     let illuminant = illuminant(over.illuminant.as_deref().unwrap_or("D65"))?;
     let transmission = over.transmission.as_deref().map(transmission).transpose()?;
-    let lens = &camera.lens;
     let f_number = first_order(&lens.at_wavelength(lens.reference_um)).f_number.abs();
     let optics = PixelOptics {
         pixel_um: camera.sensor.pixel_um,
@@ -244,6 +251,7 @@ fn scene(args: &super::Args, path: &Path, camera: &Camera, light: &Light) -> Res
 fn take(
     args: &super::Args,
     camera: &Camera,
+    (lens, plan): (&Lens, &PsfPlan),
     light: &Light,
     name: &str,
     scene: &SpectralImage,
@@ -256,7 +264,7 @@ fn take(
         band_weights(&camera.sensor, &light.optics, &scene.wavelength_um).map_err(DesignError::from)?;
     let done = |_band: usize| bar.inc(1);
     let electrons =
-        render_spectral(&camera.lens, &camera.plan, &camera.geometry, scene, &weights, placement, &done)?;
+        render_spectral(lens, plan, &camera.geometry, scene, &weights, placement, &done)?;
     let white_e = light.white.white_e();
     let seen = electrons.as_light(&light.sensor, white_e, placement);
     let exposure = Exposure { white_e: white_e as f32, time_s: args.time_s, linear_gain: args.gain };

@@ -1,0 +1,277 @@
+//! PSFs for the renderer from measured ones: cells smaller than a pixel, the axis of the field up.
+//!
+//! A pixel has integrated the light over its area already. The renderer integrates what it is given over pixels *again*,
+//! and turns it first; measured pixels used as its cells would be blurred twice as soon as they are turned. So the bank
+//! holds not the pixels but the light that explains them: cells `x >= 0` of a third of a pixel with
+//!
+//! ```text
+//! y_j = (A_j x)_j + noise,    A_j: turn to the azimuth of position j, put at its centroid, integrate over pixels
+//! ```
+//!
+//! `A_j` is the renderer's own operator ([`Landing`]), so rendering a point returns what was measured. Positions
+//! of one field radius at several azimuths and sub-pixel phases see the same x, which is what makes cells below a pixel
+//! knowable. Each channel is fitted to the *mosaic's* own pixels of its colour: nothing is demosaiced.
+//!
+//! The fit is Richardson and Lucy's, with the read noise as the offset of Snyder et al. (J. Opt. Soc. Am. A 10, 1014,
+//! 1993): `u <- u B'[(y + b)/(B u + b)] / B'1`, `b = var(y) T - y` in electrons. There are more cells than pixels, so the
+//! cells are a sum of round blobs, `x = G u` and `B = A G` (the method of sieves, Snyder & Miller 1985), of a standard
+//! deviation of 1.25 cells: nothing finer than 2.4 um is made up on pixels of 5.86 um. The renderer's PSF is that of a
+//! rotationally symmetric lens, so u is kept symmetric about the field's own axis and, in the middle of the image, seen at eight
+//! azimuths. The fit stops when 20 rounds lower the mean squared residual over variance by less than 0.1 %, or at 600
+//! rounds. Cells beyond half the crop stay dark but for the blobs' rim.
+//!
+//! The middle of the grid is the green centroid, not the chief ray, which a measured spot does not show: lateral colour between
+//! channels is kept, the distance between chief ray and centroid is lost, as distortion is.
+
+use rayon::prelude::*;
+
+use super::landing::{Landing, Spot};
+use super::measure::{CROP, Frame, Measured};
+use super::merge::Merged;
+use crate::image::CHANNELS;
+use crate::psf::{PsfBank, PsfError};
+
+/// Cells of the bank along a pixel.
+pub const CELLS_PER_PIXEL: usize = 3;
+
+/// Cells along a side of the bank's grid.
+pub const GRID: usize = CROP * CELLS_PER_PIXEL;
+
+/// Rounds of the fit at most.
+const ROUNDS: usize = 600;
+
+/// The fit is looked at so often, in rounds, ...
+const LOOK: usize = 20;
+
+/// ... and ends when it gained less than this share since.
+const GAIN: f64 = 1e-3;
+
+/// Standard deviation of a blob, cells.
+const BLOB_CELLS: f64 = 1.25;
+
+/// Azimuths at which a position on the axis counts.
+const AXIS_AZIMUTHS: usize = 8;
+
+/// Two positions closer in radius than this are of one field, mm.
+pub const SAME_FIELD_MM: f64 = 0.05;
+
+/// One measured place, as the estimate needs it.
+#[derive(Debug, Clone, Copy)]
+pub struct Place<'a> {
+    /// Radius of the field, mm.
+    pub field_radius_mm: f64,
+    /// Direction away from the axis, rad from the columns towards higher rows.
+    pub azimuth_rad: f64,
+    /// Factor from the light of the source to relative illumination before it is divided by that of the innermost field.
+    pub light_factor: f64,
+    /// The window.
+    pub frame: &'a Frame,
+    /// Rates and variances.
+    pub merged: &'a Merged,
+    /// PSF and centroid.
+    pub measured: &'a Measured,
+}
+
+/// How the cells of a field came out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldEstimate {
+    /// Mean radius of its positions, mm.
+    pub field_radius_mm: f64,
+    /// Positions that see it.
+    pub positions: usize,
+    /// Mean squared residual over the variance, per channel; 1 where the bank explains the pixels down to noise.
+    pub chi2: [f64; CHANNELS],
+    /// Rounds of the fit, per channel.
+    pub rounds: [usize; CHANNELS],
+}
+
+/// The bank of measured PSFs, and how each field was fitted.
+///
+/// The field nearest to the axis also stands for the axis if no position is on it.
+pub fn estimate_bank(
+    places: &[Place],
+    pixel_um: f64,
+) -> Result<(PsfBank, Vec<FieldEstimate>), PsfError> {
+    let mut order: Vec<&Place> = places.iter().collect();
+    order.sort_by(|a, b| a.field_radius_mm.total_cmp(&b.field_radius_mm));
+    let mut fields: Vec<Vec<&Place>> = Vec::new();
+    for place in order {
+        match fields.last_mut() {
+            Some(field) if place.field_radius_mm - field[0].field_radius_mm < SAME_FIELD_MM => field.push(place),
+            _ => fields.push(vec![place]),
+        }
+    }
+    if fields.is_empty() {
+        return Err(PsfError::NoField);
+    }
+    let pitch_um = pixel_um / CELLS_PER_PIXEL as f64;
+    let mut bank = PsfBank {
+        field_radius_mm: Vec::new(),
+        grid: GRID,
+        pitch_um,
+        values: Vec::new(),
+        illumination: Vec::new(),
+    };
+    let mut axis_light = [0.0; CHANNELS];
+    let mut estimates = Vec::new();
+    for field in &fields {
+        let count = field.len() as f64;
+        let radius_mm = field.iter().map(|p| p.field_radius_mm).sum::<f64>() / count;
+        // On the axis no azimuth is special.
+        let turns = if radius_mm < SAME_FIELD_MM { AXIS_AZIMUTHS } else { 1 };
+        let turn = |k: usize| std::f64::consts::TAU * k as f64 / turns as f64;
+        let seen: Vec<Place> = (0..turns)
+            .flat_map(|k| field.iter().map(move |p| Place { azimuth_rad: p.azimuth_rad + turn(k), ..**p }))
+            .collect();
+        let landings: Vec<Landing> = seen.iter().map(|p| landing(p, pixel_um)).collect();
+        let channels: Vec<(Vec<f64>, f64, usize)> =
+            (0..CHANNELS).into_par_iter().map(|c| fit(&seen, &landings, c)).collect();
+        for (c, (cells, _, _)) in channels.iter().enumerate() {
+            let sum: f64 = cells.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+            bank.values.extend(cells.iter().map(|v| (v / sum) as f32));
+            let light =
+                field.iter().map(|p| p.light_factor * p.measured.psf.light_e_per_s[c]).sum::<f64>() / count;
+            if estimates.is_empty() {
+                axis_light[c] = light;
+            }
+            bank.illumination.push((light / axis_light[c]) as f32);
+        }
+        bank.field_radius_mm.push(radius_mm);
+        estimates.push(FieldEstimate {
+            field_radius_mm: radius_mm,
+            positions: field.len(),
+            chi2: [0, 1, 2].map(|c| channels[c].1),
+            rounds: [0, 1, 2].map(|c| channels[c].2),
+        });
+    }
+    // The renderer's fields start on the axis.
+    if bank.field_radius_mm[0] < SAME_FIELD_MM {
+        bank.field_radius_mm[0] = 0.0;
+    } else {
+        let first = CHANNELS * GRID * GRID;
+        bank.field_radius_mm.insert(0, 0.0);
+        bank.values = [&bank.values[..first], &bank.values[..]].concat();
+        bank.illumination = [&bank.illumination[..CHANNELS], &bank.illumination[..]].concat();
+    }
+    bank.validate()?;
+    Ok((bank, estimates))
+}
+
+/// The renderer's operator for one position: cells to pixels of the window.
+fn landing(place: &Place, pixel_um: f64) -> Landing {
+    let [row, col] = place.measured.psf.centroid_px[1];
+    let spot = Spot { row, col, azimuth_rad: place.azimuth_rad };
+    let size = (place.frame.height, place.frame.width);
+    Landing::new((GRID, pixel_um / CELLS_PER_PIXEL as f64), spot, 0.0, pixel_um, size)
+}
+
+/// Fits the cells of one channel; returns them with the mean squared residual over variance and the rounds.
+fn fit(seen: &[Place], landings: &[Landing], channel: usize) -> (Vec<f64>, f64, usize) {
+    // Of each position: its pixels of this colour in electrons, offset by the read noise.
+    let data: Vec<Vec<Datum>> = seen.iter().map(|p| pixels(p, channel)).collect();
+    let gather = |values: &dyn Fn(&Datum, f64) -> f64, landed: &[Vec<f64>]| {
+        let mut sum = vec![0.0; GRID * GRID];
+        for ((landing, data), landed) in landings.iter().zip(&data).zip(landed) {
+            let mut window = vec![0.0; landing.height * landing.width];
+            data.iter().for_each(|d| window[d.pixel] = d.electrons * values(d, d.electrons * landed[d.pixel]));
+            sum.iter_mut().zip(landing.gather(&window)).for_each(|(s, p)| *s += p);
+        }
+        mirrored(blurred(&sum))
+    };
+    let land = |cells: &[f64]| landings.iter().map(|l| l.land(cells)).collect::<Vec<_>>();
+    let count = data.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+
+    // Start from even light within the circle that the crop holds at any azimuth.
+    let centre = 0.5 * (GRID as f64 - 1.0);
+    let mut blobs: Vec<f64> = (0..GRID * GRID)
+        .map(|i| ((i / GRID) as f64 - centre).hypot((i % GRID) as f64 - centre))
+        .map(|distance| if distance < 0.5 * GRID as f64 { 1.0 / (GRID * GRID) as f64 } else { 0.0 })
+        .collect();
+    let mut cells = blurred(&blobs);
+    let mut landed = land(&cells);
+    let sensitivity = gather(&|_, _| 1.0, &landed);
+    let (mut chi2, mut looked, mut rounds) = (f64::INFINITY, f64::INFINITY, 0);
+    while rounds < ROUNDS {
+        let ratio = gather(
+            &|d, expected| (d.value + d.offset).max(0.0) / (expected + d.offset).max(f64::MIN_POSITIVE),
+            &landed,
+        );
+        for ((blob, ratio), sensitivity) in blobs.iter_mut().zip(&ratio).zip(&sensitivity) {
+            *blob *= if *sensitivity > 0.0 { ratio / sensitivity } else { 0.0 };
+        }
+        cells = blurred(&blobs);
+        landed = land(&cells);
+        rounds += 1;
+        if rounds % LOOK == 0 {
+            let residual = |d: &Datum, at: f64| (d.value - d.electrons * at).powi(2) / d.variance;
+            let of = |(data, landed): (&Vec<Datum>, &Vec<f64>)| -> f64 {
+                data.iter().map(|d| residual(d, landed[d.pixel])).sum()
+            };
+            chi2 = data.iter().zip(&landed).map(of).sum::<f64>() / count;
+            if chi2 > (1.0 - GAIN) * looked {
+                break;
+            }
+            looked = chi2;
+        }
+    }
+    (cells, chi2, rounds)
+}
+
+/// Every cell as a round blob: a Gaussian along rows and columns. Its own transpose, as long as nothing reaches the rim.
+fn blurred(cells: &[f64]) -> Vec<f64> {
+    const REACH: usize = 4;
+    let weights: Vec<f64> =
+        (0..=2 * REACH).map(|k| (-0.5 * ((k as f64 - REACH as f64) / BLOB_CELLS).powi(2)).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let along = |cells: &[f64], step: usize, place: &dyn Fn(usize) -> usize| {
+        let mut out = vec![0.0; cells.len()];
+        for (i, out) in out.iter_mut().enumerate() {
+            let at = place(i);
+            let (from, to) = (at.saturating_sub(REACH), (at + REACH).min(GRID - 1));
+            *out = (from..=to).map(|k| weights[k + REACH - at] * cells[i + k * step - at * step]).sum::<f64>() / sum;
+        }
+        out
+    };
+    let rows = along(cells, 1, &|i| i % GRID);
+    along(&rows, GRID, &|i| i / GRID)
+}
+
+/// The mean of a grid and its mirror image across the field's own axis.
+fn mirrored(cells: Vec<f64>) -> Vec<f64> {
+    (0..GRID * GRID).map(|i| 0.5 * (cells[i] + cells[i / GRID * GRID + GRID - 1 - i % GRID])).collect()
+}
+
+/// A pixel of the mosaic, in electrons over the whole time that it gathered light.
+struct Datum {
+    pixel: usize,
+    /// Signal.
+    value: f64,
+    /// Its variance.
+    variance: f64,
+    /// What of the variance is no shot noise of the signal.
+    offset: f64,
+    /// Electrons of the whole source in this colour.
+    electrons: f64,
+}
+
+/// Pixels of the crop with the channel's colour that were not saturated.
+fn pixels(place: &Place, channel: usize) -> Vec<Datum> {
+    let (row, col) = place.measured.psf.corner;
+    let of_crop = (0..CROP * CROP).map(|i| (row + i / CROP) * place.frame.width + col + i % CROP);
+    let usable = of_crop
+        .filter(|i| place.frame.is_colour(*i, channel) && !place.merged.saturated[*i]);
+    usable
+        .map(|pixel| {
+            let time_s = place.merged.time_s[pixel];
+            let value = place.measured.mosaic_e_per_s[pixel] * time_s;
+            let variance = place.merged.variance[pixel] * time_s * time_s;
+            Datum {
+                pixel,
+                value,
+                variance,
+                offset: (variance - value.max(0.0)).max(1e-3 * variance),
+                electrons: place.measured.psf.light_e_per_s[channel] * time_s,
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,131 @@
+//! A bank of PSFs as two files: `psfs.toml` with the axes, and the values beside it as `.npy`.
+
+use std::path::{Path, PathBuf};
+
+use npyz::WriterBuilder;
+use petzval_optics::format::FileError;
+use serde::{Deserialize, Serialize};
+
+use super::PsfCalibrationError;
+use crate::image::CHANNELS;
+use crate::psf::{PsfBank, PsfError, PsfLayout};
+
+/// Name of the file with the axes.
+pub const AXES_FILE: &str = "psfs.toml";
+
+/// Most values of a bank: 1 GiB in single precision.
+const MOST_VALUES: usize = 1 << 28;
+
+/// The axes of a bank of PSFs, as in `psfs.toml`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PsfAxes {
+    /// Where the PSFs come from.
+    pub source: String,
+    /// File of the values beside this one: float32 `[field][channel][row][col]`, unit sum each.
+    pub values: String,
+    /// Cells along a side.
+    pub grid: usize,
+    /// Cell size, um.
+    pub pitch_um: f64,
+    /// Image radius of each field, mm, ascending from 0.
+    pub field_radius_mm: Vec<f64>,
+    /// Relative illumination of each field in red, green and blue.
+    pub illumination: Vec<[f32; CHANNELS]>,
+}
+
+/// Writes a bank to a folder: the values first, then the axes that name them, each under a temporary name.
+pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf, PsfCalibrationError> {
+    bank.validate()?;
+    let values = folder.join("psfs.npy");
+    let shape = [bank.field_radius_mm.len() as u64, CHANNELS as u64, bank.grid as u64, bank.grid as u64];
+    write_then_rename(&values, |out| {
+        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
+        writer.extend(bank.values.iter().copied())?;
+        writer.finish()
+    })?;
+    let axes = PsfAxes {
+        source: source.to_owned(),
+        values: "psfs.npy".to_owned(),
+        grid: bank.grid,
+        pitch_um: bank.pitch_um,
+        field_radius_mm: bank.field_radius_mm.clone(),
+        illumination: bank.illumination.chunks_exact(CHANNELS).map(|v| [v[0], v[1], v[2]]).collect(),
+    };
+    let path = folder.join(AXES_FILE);
+    let text = toml::to_string(&axes)
+        .map_err(|e| PsfCalibrationError::Values { path: path.clone(), reason: e.to_string() })?;
+    let head = "# Point-spread functions, measured or traced, for `petzval simulate --psfs`.\n\
+                # Rows of each PSF run away from the axis; the image point is in the middle of the grid.\n";
+    write_then_rename(&path, |mut out| std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes()))?;
+    Ok(path)
+}
+
+/// Reads a bank from its `psfs.toml`, or from the folder that holds one.
+pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
+    let path = if path.is_dir() { path.join(AXES_FILE) } else { path.to_owned() };
+    let text = std::fs::read_to_string(&path).map_err(PsfCalibrationError::io(&path))?;
+    let axes: PsfAxes =
+        toml::from_str(&text).map_err(|e| PsfCalibrationError::file(&path)(FileError::from_toml(&text, &e)))?;
+    let wrong = |key: &str, message: String, hint: &str| {
+        PsfCalibrationError::file(&path)(FileError::at_key(&text, &[key], message).hint(hint))
+    };
+    let layout = PsfLayout {
+        field_radius_mm: axes.field_radius_mm.clone(),
+        grid: axes.grid,
+        pitch_um: axes.pitch_um,
+    };
+    layout.validate().map_err(|e| match e {
+        PsfError::Grid { .. } => wrong("grid", e.to_string(), "cells a side, and their size in um"),
+        _ => wrong("field_radius_mm", e.to_string(), "radii in mm from 0 upwards"),
+    })?;
+    let fields = axes.field_radius_mm.len();
+    let cells = axes.grid.checked_mul(axes.grid).and_then(|n| n.checked_mul(CHANNELS * fields));
+    if cells.is_none_or(|n| n > MOST_VALUES) {
+        return Err(wrong("grid", format!("{fields} fields of this grid are too many values"), "a smaller grid"));
+    }
+    if axes.illumination.len() != fields {
+        let message = format!("{} fields, but {fields} radii", axes.illumination.len());
+        return Err(wrong("illumination", message, "three numbers for each field"));
+    }
+    // The values stand beside their axes, wherever the folder is.
+    let values_path = path.parent().unwrap_or(Path::new("")).join(&axes.values);
+    let values_wrong = |reason: String| PsfCalibrationError::Values { path: values_path.clone(), reason };
+    let bytes = std::fs::read(&values_path).map_err(PsfCalibrationError::io(&values_path))?;
+    let npy = npyz::NpyFile::new(&bytes[..]).map_err(|e| values_wrong(e.to_string()))?;
+    let shape = [fields as u64, CHANNELS as u64, axes.grid as u64, axes.grid as u64];
+    if npy.shape() != shape || npy.order() != npyz::Order::C {
+        let (found, order) = (npy.shape().to_vec(), npy.order());
+        return Err(values_wrong(format!("holds {found:?} ({order:?} order); {shape:?} (C order) are needed")));
+    }
+    let values: Vec<f32> = npy.into_vec().map_err(|e| values_wrong(format!("no float32 values: {e}")))?;
+    let bank = PsfBank {
+        field_radius_mm: axes.field_radius_mm,
+        grid: axes.grid,
+        pitch_um: axes.pitch_um,
+        values,
+        illumination: axes.illumination.into_iter().flatten().collect(),
+    };
+    bank.validate().map_err(|e| match e {
+        PsfError::Value { what: "the illumination", .. } => {
+            wrong("illumination", e.to_string(), "numbers from 0, 1 on the axis")
+        }
+        e => values_wrong(e.to_string()),
+    })?;
+    Ok(bank)
+}
+
+/// Writes a file under a temporary name beside it and renames it when it is whole.
+pub fn write_then_rename(
+    path: &Path,
+    write: impl FnOnce(std::io::BufWriter<std::fs::File>) -> std::io::Result<()>,
+) -> Result<(), PsfCalibrationError> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    let part = path.with_file_name(name);
+    let all = || {
+        write(std::io::BufWriter::new(std::fs::File::create(&part)?))?;
+        std::fs::rename(&part, path)
+    };
+    all().map_err(PsfCalibrationError::io(path))
+}

@@ -1,0 +1,172 @@
+//! What a lens makes of a pinhole lit by a white diode: the PSFs that a calibration by captures should find.
+//!
+//! The lens is traced with the object where the pinhole is, at many wavelengths, which the sensor's colours weigh. The image of
+//! the pinhole is a disc of `pinhole |m|`, with m the paraxial magnification: 1.3 um for 75 um at 1.5 m and 25 mm.
+//!
+//! The camera turns towards a source that stands still, as on a tripod head. The source then keeps its distance to the lens
+//! and not to its object plane: at field angle theta that plane is at `D cos(theta)`, which moves the image by up to 15 um along the
+//! axis. And of the four cosines in the relative illumination of a flat scene only the pupil's own remains, so the light of
+//! the PSF is the illumination over `cos^3(theta)`.
+
+use petzval_camera::image::CHANNELS;
+use petzval_camera::psf_calibration::FinePsf;
+use petzval_camera::psf_calibration::led::{channel_weights, led_wavelengths_um};
+use petzval_camera::sensor::SensorModel;
+use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::paraxial::{first_order, image_height_per_tangent};
+use petzval_optics::psf::{PsfOptions, psf};
+use petzval_optics::pupil::Quadrature;
+
+use crate::error::DesignError;
+
+/// Pupil cells a side: splatting error below 0.5 %.
+const PUPIL_CELLS: usize = 128;
+
+/// Where the image plane goes when the source is near.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refocus {
+    /// As far as the paraxial image moves, so that the designer's defocus is kept.
+    OnSource,
+    /// By this much from where the lens file has it, mm; 0 leaves a lens that is focused at infinity so.
+    Mm(f64),
+}
+
+/// A lens, a sensor and a pinhole.
+#[derive(Clone, Debug)]
+pub struct PinholeView {
+    lens: Lens,
+    distance_mm: Option<f64>,
+    camera_turned: bool,
+    wavelengths_um: Vec<f64>,
+    weights: [Vec<f64>; CHANNELS],
+    quadrature: Quadrature,
+    /// Shift of the image plane from where the lens file has it, mm.
+    pub refocus_mm: f64,
+    /// Paraxial image height over the tangent of the field angle, mm.
+    pub image_scale_mm: f64,
+    /// Diameter of the pinhole's image, um.
+    pub disc_um: f64,
+}
+
+/// The PSF of a field, and where it lies.
+#[derive(Clone, Debug)]
+pub struct PinholePsf {
+    /// The PSF; its light is 1 in the green channel of an axial field without losses.
+    pub psf: FinePsf,
+    /// Distance of the reference chief ray from the axis, mm: the ideal radius and distortion.
+    pub chief_mm: f64,
+}
+
+impl PinholeView {
+    /// A source `distance_mm` from the first vertex, or far away; turned towards or moved over a plane.
+    pub fn new(
+        lens: &Lens,
+        sensor: &SensorModel,
+        distance_mm: Option<f64>,
+        pinhole_um: f64,
+        camera_turned: bool,
+        refocus: Refocus,
+    ) -> Result<Self, DesignError> {
+        if !lens.is_rotationally_symmetric() {
+            return Err(DesignError::NotSymmetric(lens.name.clone()));
+        }
+        let object = distance_mm.map_or(ObjectDistance::Infinity, ObjectDistance::Finite);
+        let near = Lens { object, ..lens.clone() };
+        let image_at = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um)).image_distance_mm;
+        let refocus_mm = match refocus {
+            Refocus::OnSource => image_at(&near) - image_at(lens),
+            Refocus::Mm(mm) => mm,
+        };
+        let near = near.with_image_distance(lens.image_distance_mm() + refocus_mm);
+        let image_scale_mm = image_height_per_tangent(&near.at_wavelength(near.reference_um)).abs();
+        let wavelengths_um = led_wavelengths_um();
+        Ok(Self {
+            weights: channel_weights(sensor, &wavelengths_um),
+            wavelengths_um,
+            quadrature: Quadrature::grid(PUPIL_CELLS)?,
+            disc_um: distance_mm.map_or(0.0, |distance| pinhole_um * image_scale_mm / distance),
+            lens: near,
+            distance_mm,
+            camera_turned,
+            refocus_mm,
+            image_scale_mm,
+        })
+    }
+
+    /// The PSF whose ideal image lies `radius_mm` from the axis.
+    pub fn psf(&self, radius_mm: f64) -> Result<PinholePsf, DesignError> {
+        let field_rad = (radius_mm / self.image_scale_mm).atan();
+        let cos = field_rad.cos();
+        let mut lens = self.lens.clone();
+        if let (Some(distance), true) = (self.distance_mm, self.camera_turned) {
+            lens.object = ObjectDistance::Finite(distance * cos);
+        }
+        let options = PsfOptions::default();
+        let traced = psf(&lens, field_rad, &self.wavelengths_um, &self.quadrature, &options)
+            .ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
+        let turned = if self.camera_turned { cos.powi(3) } else { 1.0 };
+
+        // Every colour adds the wavelengths as the diode sends and the filter passes them.
+        let mut light = [0.0; CHANNELS];
+        let values: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| {
+            let mut sum = vec![0.0; options.grid * options.grid];
+            for (k, values) in traced.values.iter().enumerate() {
+                let weight = self.weights[c][k] * traced.illumination[k] * traced.captured[k] / turned;
+                sum.iter_mut().zip(values).for_each(|(s, v)| *s += weight * v);
+                light[c] += weight;
+            }
+            sum.iter_mut().for_each(|v| *v /= light[c].max(f64::MIN_POSITIVE));
+            sum
+        });
+        let psf = FinePsf { grid: options.grid, pitch_um: options.pitch_um, values, light, disc_um: self.disc_um };
+        Ok(PinholePsf { psf, chief_mm: traced.chief_y_mm })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assets::Assets;
+
+    fn view(refocus: Refocus) -> PinholeView {
+        let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+        let assets = Assets::from_folder(&data).unwrap();
+        let lens = assets.lens("cooke-triplet-nominal").unwrap().lens;
+        let sensor = assets.sensor("imx249-calibrated").unwrap();
+        PinholeView::new(&lens, &sensor, Some(1500.0), 75.0, true, refocus).unwrap()
+    }
+
+    /// RMS distance of green light from the middle of the grid, um.
+    fn spread_um(psf: &FinePsf) -> f64 {
+        let centre = 0.5 * (psf.grid as f64 - 1.0);
+        let square = |i: usize| {
+            ((i / psf.grid) as f64 - centre).powi(2) + ((i % psf.grid) as f64 - centre).powi(2)
+        };
+        psf.values[1].iter().enumerate().map(|(i, v)| v * square(i)).sum::<f64>().sqrt() * psf.pitch_um
+    }
+
+    #[test]
+    fn focusing_on_the_pinhole_moves_the_sensor_by_newtons_formula() {
+        let near = view(Refocus::OnSource);
+        // z' = f^2 / z with z from the front focal point, some 20 mm in front of the lens.
+        assert!((near.refocus_mm - 25.04f64.powi(2) / 1485.0).abs() < 0.01, "{}", near.refocus_mm);
+        // The pinhole's image is far below a pixel: the paper says about 1 um.
+        assert!((near.disc_um - 1.28).abs() < 0.03, "{}", near.disc_um);
+        // Left at infinity, the axial spot is the pupil's shadow: 0.42 mm at f/4.4, RMS radius D / sqrt(8).
+        let far = view(Refocus::Mm(0.0)).psf(0.0).unwrap();
+        let shadow_um = 1e3 * near.refocus_mm / 4.39 / 8.0f64.sqrt();
+        let ratio = spread_um(&far.psf) / shadow_um;
+        assert!((0.6..1.2).contains(&ratio), "{ratio}");
+        assert!(spread_um(&near.psf(0.0).unwrap().psf) < 0.4 * spread_um(&far.psf));
+    }
+
+    #[test]
+    fn light_falls_slowly_when_the_camera_turns() {
+        let turned = view(Refocus::OnSource);
+        let still = PinholeView { camera_turned: false, ..turned.clone() };
+        let ratio = |v: &PinholeView| v.psf(5.0).unwrap().psf.light[1] / v.psf(0.0).unwrap().psf.light[1];
+        let cos = (5.0 / turned.image_scale_mm).atan().cos();
+        assert!((ratio(&still) / ratio(&turned) / cos.powi(3) - 1.0).abs() < 2e-3);
+        assert!(ratio(&turned) > ratio(&still));
+    }
+}

@@ -1,0 +1,274 @@
+//! The page: PSFs side by side, errors beside what noise and demosaicing do, and what was odd. One self-contained file.
+
+use std::collections::BTreeMap;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use petzval_camera::image::CHANNELS;
+
+use super::sheet::{DECADES, Tone, kinds, picture, png};
+use super::{Calibration, by_direction};
+use crate::plot::plain;
+
+const STYLE: &str = include_str!("page.css");
+
+/// The page. It needs nothing but itself, and prints well.
+pub fn page(calibration: &Calibration) -> String {
+    let title = plain(&calibration.captures);
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "PSF calibration – " (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                header {
+                    p.mark { "Petzval" }
+                    h1 { "PSF calibration" }
+                    p.subtitle { (subtitle(calibration)) }
+                }
+                main {
+                    @for (direction, members) in by_direction(calibration) {
+                        section { h2 { "PSFs, " (direction) } (pictures(calibration, &members)) }
+                    }
+                    p.caption {
+                        "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
+                        "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
+                        @if calibration.lens.is_some() {
+                            "“Same mosaic”: the simulated PSF landed at the measured centroid, kept by the same colours and "
+                            "demosaiced. “Ideal pixels”: every colour in every pixel."
+                        }
+                    }
+                    @if calibration.lens.is_some() {
+                        section { h2 { "L1 distance from the simulated PSF" } (distances(calibration)) }
+                    }
+                    section { h2 { "Centroids and light" } (centroids(calibration)) }
+                    section { h2 { "Exposures" } (exposures(calibration)) }
+                    section { h2 { "Bank for the renderer" } (fields(calibration)) }
+                    section { h2 { "Warnings" } (warnings(calibration)) }
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+fn subtitle(calibration: &Calibration) -> Markup {
+    html! {
+        (plain(&calibration.captures)) ": " (calibration.positions.len()) " positions through "
+        (plain(&calibration.sensor))
+        @if let Some(lens) = &calibration.lens { ", beside " (plain(lens)) " as traced" }
+        "."
+    }
+}
+
+fn pictures(calibration: &Calibration, members: &[usize]) -> Markup {
+    let names: Vec<&str> =
+        members.first().map_or(Vec::new(), |i| kinds(calibration, *i).into_iter().map(|k| k.0).collect());
+    html! {
+        div.scroll {
+            table.psfs {
+                thead {
+                    tr {
+                        th {}
+                        @for i in members { th { (format!("{:.2}", calibration.positions[*i].0.field_radius_mm)) " mm" } }
+                    }
+                }
+                tbody {
+                    @for tone in [Tone::Linear, Tone::Log] {
+                        @for (k, name) in names.iter().enumerate() {
+                            tr class=[(tone == Tone::Log && k == 0).then_some("log-first")] {
+                                th { (name) br; @if tone == Tone::Log { "log" } @else { "linear" } }
+                                @for i in members {
+                                    td { (cell(calibration, *i, k, tone)) }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn cell(calibration: &Calibration, index: usize, kind: usize, tone: Tone) -> Markup {
+    let shown = kinds(calibration, index);
+    let Some((name, values)) = shown.get(kind) else { return html! { "–" } };
+    let alt = format!("{}: {name}", plain(&calibration.positions[index].0.name));
+    let data = STANDARD.encode(png(&picture(values, tone)));
+    html! { img src=(format!("data:image/png;base64,{data}")) alt=(alt); }
+}
+
+/// Three numbers, one per channel.
+fn triple(values: [f64; CHANNELS], digits: usize) -> Markup {
+    html! { @for v in values { td { (format!("{v:.digits$}")) } } }
+}
+
+fn distances(calibration: &Calibration) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "position" }
+                        th colspan="3" { "same mosaic" }
+                        th colspan="3" { "noise floor" }
+                        th colspan="3" { "ideal pixels" }
+                        th colspan="3" { "demosaicing alone" }
+                    }
+                    tr { th {} @for _ in 0..4 { th { "R" } th { "G" } th { "B" } } }
+                }
+                tbody {
+                    @for (position, comparison) in &calibration.positions {
+                        @if let Some(c) = comparison {
+                            tr {
+                                th { (plain(&position.name)) }
+                                (triple(c.l1, 4)) (triple(position.measured.floor.l1, 4)) (triple(c.l1_ideal, 4))
+                                (triple(c.demosaic_l1, 4))
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        p.caption {
+            "Sum of absolute differences of PSFs of unit sum: 0 for equal, 2 for disjoint ones. Right sensor, lens and model put “same "
+            "mosaic” on the noise floor. The floor is the mean distance that draws of the merged noise cause, background and "
+            "normalisation included."
+        }
+    }
+}
+
+fn centroids(calibration: &Calibration) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "position" }
+                        th { "row" span.unit { "px" } }
+                        th { "column" span.unit { "px" } }
+                        th { "standard error" span.unit { "10⁻³ px" } }
+                        @if calibration.lens.is_some() {
+                            th { "green error" span.unit { "10⁻³ px" } }
+                            th { "red – green" span.unit { "error, 10⁻³ px" } }
+                            th { "blue – green" span.unit { "error, 10⁻³ px" } }
+                        }
+                        th { "light R, G, B" span.unit { "Me⁻/s" } }
+                        th { "its error" span.unit { "%" } }
+                    }
+                }
+                tbody {
+                    @for (position, comparison) in &calibration.positions {
+                        @let m = &position.measured;
+                        tr {
+                            th { (plain(&position.name)) }
+                            td { (format!("{:.3}", position.frame.placement.row as f64 + m.psf.centroid_px[1][0])) }
+                            td { (format!("{:.3}", position.frame.placement.col as f64 + m.psf.centroid_px[1][1])) }
+                            td { (pair(m.centroid_se_px)) }
+                            @if calibration.lens.is_some() {
+                                @match comparison {
+                                    Some(c) => {
+                                        @let e = c.centroid_error_px;
+                                        td { @if c.is_placed { (pair(e[1])) } @else { "–" } }
+                                        @for channel in [0, 2] {
+                                            td { (pair([0, 1].map(|axis| e[channel][axis] - e[1][axis]))) }
+                                        }
+                                    }
+                                    None => { td { "–" } td { "–" } td { "–" } }
+                                }
+                            }
+                            td { (m.psf.light_e_per_s.map(|v| format!("{:.3}", 1e-6 * v)).join(", ")) }
+                            td { (m.floor.light.map(|v| format!("{:.2}", 100.0 * v)).join(", ")) }
+                        }
+                    }
+                }
+            }
+        }
+        p.caption { "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the "
+            "chief ray should land." }
+    }
+}
+
+fn pair(values: [f64; 2]) -> String {
+    values.map(|v| format!("{:.1}", 1e3 * v)).join(", ")
+}
+
+fn exposures(calibration: &Calibration) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "position" } th { "exposure" span.unit { "ms" } } th { "frames" } th { "dark frames" }
+                        th { "saturated" span.unit { "pixels" } }
+                        th { "variance" span.unit { "measured / modelled" } }
+                    }
+                }
+                tbody {
+                    @for (position, _) in &calibration.positions {
+                        @for e in &position.exposures {
+                            tr {
+                                th { (plain(&position.name)) } td { (e.exposure_ms) } td { (e.frames) } td { (e.dark_frames) }
+                                td { (e.saturated_pixels) }
+                                td { @match e.variance_ratio { Some(r) => (format!("{r:.3}")), None => "–" } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn fields(calibration: &Calibration) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "field radius" span.unit { "mm" } } th { "positions" }
+                        th { "χ² per pixel R, G, B" } th { "rounds R, G, B" }
+                    }
+                }
+                tbody {
+                    @for f in &calibration.fields {
+                        tr {
+                            th { (format!("{:.3}", f.field_radius_mm)) } td { (f.positions) }
+                            td { (f.chi2.map(|v| format!("{v:.2}")).join(", ")) }
+                            td { (f.rounds.map(|v| v.to_string()).join(", ")) }
+                        }
+                    }
+                }
+            }
+        }
+        p.caption { "Light on cells of a third of a pixel that explains the mosaics of all directions of a radius. χ² well above 1 "
+            "says that they disagree: a lens that is not rotationally symmetric, or a wrong azimuth." }
+    }
+}
+
+fn warnings(calibration: &Calibration) -> Markup {
+    // The same words about several positions are said once.
+    let mut said: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (position, _) in &calibration.positions {
+        for warning in &position.warnings {
+            said.entry(warning).or_default().push(&position.name);
+        }
+    }
+    html! {
+        @if said.is_empty() { p { "None." } }
+        ul.warnings {
+            @for (warning, positions) in said {
+                li {
+                    (plain(warning)) " ("
+                    @if positions.len() == calibration.positions.len() { "all positions" } @else { (plain(&positions.join(", "))) }
+                    ")"
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,358 @@
+//! `petzval psf-capture`: simulated captures of a pinhole, as a laboratory would take them.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use petzval::built_in_assets;
+use petzval::camera::image::save_raw16;
+use petzval::camera::psf_calibration::capture::{WindowLight, take_frame};
+use petzval::camera::psf_calibration::manifest::{
+    ExposureFiles, MANIFEST_FILE, Manifest, Position, Source, unspanned,
+};
+use petzval::camera::psf_calibration::psf_file::write_then_rename;
+use petzval::camera::psf_calibration::{CROP, Spot};
+use petzval::camera::render::Placement;
+use petzval::camera::sensor::{Noise, NoiseMode, SensorModel};
+use petzval::design::error::DesignError;
+use petzval::design::pinhole::{PinholePsf, PinholeView, Refocus};
+use serde_json::json;
+
+use super::psf_calibrate::failure;
+use super::{Failure, print_json};
+
+/// Where the lens is focused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Focus {
+    /// On the source: the sensor moves as far as the paraxial image.
+    Source,
+    /// Where the lens file has it, for most lenses at infinity: a near source is then out of focus.
+    File,
+}
+
+/// A direction from the axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Axis {
+    /// Along the columns of the sensor, downwards.
+    Vertical,
+    /// Along its rows, to the right.
+    Horizontal,
+    /// To its corner.
+    Diagonal,
+}
+
+/// Simulate captures of a pinhole: frames and their manifest, ready for psf-calibrate.
+///
+/// A pinhole lit by a white diode of 4900 K is put at field radii along the vertical, horizontal and diagonal of the
+/// sensor; fields that the sensor does not reach are left out. The camera turns towards the source. At each place frames are
+/// taken at several exposure times with the sensor's noise; only a window around the source is written. The source is
+/// adjusted so that the brightest pixel of all places is at --peak of the converter's range at the longest time.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Lens file, or a built-in name
+    lens: String,
+    /// Folder for the captures
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Sensor file, or a built-in name
+    #[arg(long, default_value = "imx249-calibrated")]
+    sensor: String,
+    /// Distance of the pinhole from the lens, mm
+    #[arg(long, default_value_t = 1500.0)]
+    distance_mm: f64,
+    /// Diameter of the pinhole, um
+    #[arg(long, default_value_t = 75.0)]
+    pinhole_um: f64,
+    /// Where the lens is focused
+    #[arg(long, value_enum, default_value = "source")]
+    focus: Focus,
+    /// Fields from the axis to --radius-mm
+    #[arg(long, default_value_t = 9)]
+    fields: usize,
+    /// Image radius of the last field, mm
+    #[arg(long, default_value_t = 6.4)]
+    radius_mm: f64,
+    /// Directions in which the source is moved
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Axis::Vertical, Axis::Horizontal, Axis::Diagonal])]
+    axes: Vec<Axis>,
+    /// Exposure times, ms, the shortest first
+    #[arg(long, value_delimiter = ',', default_values_t = [1.0, 4.0, 16.0])]
+    exposures_ms: Vec<f64>,
+    /// Frames of each exposure time
+    #[arg(long, default_value_t = 20)]
+    frames: usize,
+    /// Dark frames of each exposure time and place
+    #[arg(long, default_value_t = 0)]
+    dark_frames: usize,
+    /// Brightest pixel at the longest exposure over the converter's range; above 1 it clips
+    #[arg(long, default_value_t = 0.8)]
+    peak: f64,
+    /// Pixels a side of the window that is written
+    #[arg(long, default_value_t = 64)]
+    window: usize,
+    /// Seed of noise and of how far the alignment is off (up to half a pixel)
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print what was taken as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A place of the source: its PSF on the window.
+struct Place {
+    name: String,
+    field_radius_mm: f64,
+    azimuth_deg: f64,
+    chief_px: [f64; 2],
+    light: WindowLight,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    check(&args)?;
+    let assets = built_in_assets();
+    let lens = assets.lens(&args.lens)?.lens;
+    let sensor = assets.sensor(&args.sensor)?;
+    if !sensor.cfa.is_bayer() {
+        return Err(Failure::input(
+            format!("{}: its mosaic is {}, not a Bayer mosaic", args.sensor, sensor.cfa),
+            "PSFs of three colours are measured through RGGB, GRBG, GBRG or BGGR",
+        ));
+    }
+    let refocus = match args.focus {
+        Focus::Source => Refocus::OnSource,
+        Focus::File => Refocus::Mm(0.0),
+    };
+    let view = PinholeView::new(&lens, &sensor, Some(args.distance_mm), args.pinhole_um, true, refocus)?;
+    let mut places = places(&args, &view, &sensor)?;
+    set_brightness(&args, &sensor, &mut places);
+    Failure::folder(&args.out)?;
+    let manifest = Manifest {
+        sensor: sensor_name(&args)?,
+        linear_gain: unspanned(1.0),
+        source: Source {
+            distance_mm: Some(unspanned(args.distance_mm)),
+            pinhole_um: args.pinhole_um,
+            camera_turned: true,
+            image_scale_mm: Some(unspanned(view.image_scale_mm)),
+            refocus_mm: Some(unspanned(view.refocus_mm)),
+        },
+        position: take_all(&args, &sensor, &places)?,
+    };
+    let path = args.out.join(MANIFEST_FILE);
+    let text = manifest.to_toml().map_err(|e| Failure::job(format!("{}: {e}", path.display())))?;
+    let head = format!("# Simulated: {} through {}.\n", sensor.name, lens.name);
+    write_then_rename(&path, |mut out| std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes()))
+        .map_err(|e| failure(e, &args.out))?;
+    let per_place = args.exposures_ms.len() * (args.frames + args.dark_frames);
+    eprintln!(
+        "{} positions, {} frames in {}; measure them with `petzval psf-calibrate {} --lens {}`",
+        places.len(),
+        places.len() * per_place,
+        args.out.display(),
+        args.out.display(),
+        args.lens
+    );
+    if args.json {
+        return print_json(&json!({
+            "manifest": path.display().to_string(),
+            "refocus_mm": view.refocus_mm,
+            "image_scale_mm": view.image_scale_mm,
+            "pinhole_image_um": view.disc_um,
+            "positions": places.iter().map(|p| json!({
+                "name": p.name,
+                "field_radius_mm": p.field_radius_mm,
+                "azimuth_deg": p.azimuth_deg,
+                "chief_ray_px": p.chief_px,
+            })).collect::<Vec<_>>(),
+        }));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn check(args: &Args) -> Result<(), Failure> {
+    for (name, ok, hint) in [
+        ("--distance-mm", (10.0..=1e7).contains(&args.distance_mm), "10 mm to 10 km; the paper has 1500"),
+        ("--pinhole-um", (0.0..=1e4).contains(&args.pinhole_um), "a diameter in um; 0 for a point"),
+        ("--fields", (1..=99).contains(&args.fields), "1 to 99 fields"),
+        ("--radius-mm", args.radius_mm > 0.0 && args.radius_mm < 1e3, "an image radius in mm"),
+        ("--frames", (1..=1000).contains(&args.frames), "1 to 1000 frames"),
+        ("--dark-frames", args.dark_frames <= 1000, "0 to 1000 frames"),
+        ("--peak", (0.001..=1000.0).contains(&args.peak), "0.8 uses the range well and does not clip"),
+        ("--window", (48..=1024).contains(&args.window), "48 to 1024 pixels"),
+        (
+            "--exposures-ms",
+            args.exposures_ms.iter().all(|t| (1e-3..=1e5).contains(t))
+                && args.exposures_ms.windows(2).all(|t| t[0] < t[1]),
+            "times in ms, each longer than the one before, as 1,4,16",
+        ),
+    ] {
+        if !ok {
+            return Err(Failure::input(format!("{name}: out of range"), hint));
+        }
+    }
+    Ok(())
+}
+
+/// The sensor as the manifest names it: a file is copied beside the manifest, so that the folder stands alone.
+fn sensor_name(args: &Args) -> Result<String, Failure> {
+    let path = std::path::Path::new(&args.sensor);
+    if !path.is_file() {
+        return Ok(args.sensor.clone());
+    }
+    let copy = args.out.join("sensor.toml");
+    std::fs::copy(path, &copy).map_err(DesignError::io(&copy))?;
+    Ok("sensor.toml".to_owned())
+}
+
+/// The places that the sensor reaches, each with its light; the axis counts once.
+fn places(args: &Args, view: &PinholeView, sensor: &SensorModel) -> Result<Vec<Place>, Failure> {
+    let mut places = Vec::new();
+    let last = args.fields.saturating_sub(1).max(1) as f64;
+    let radii: Vec<f64> = (0..args.fields).map(|i| args.radius_mm * i as f64 / last).collect();
+    let psfs: Vec<PinholePsf> = radii.iter().map(|r| view.psf(*r)).collect::<Result<_, _>>()?;
+    let mut axes: Vec<Axis> = Vec::new();
+    args.axes.iter().for_each(|axis| {
+        if !axes.contains(axis) {
+            axes.push(*axis);
+        }
+    });
+    for axis in axes {
+        let (name, azimuth_rad) = match axis {
+            Axis::Vertical => ("vertical", std::f64::consts::FRAC_PI_2),
+            Axis::Horizontal => ("horizontal", 0.0),
+            Axis::Diagonal => ("diagonal", (sensor.height as f64).atan2(sensor.width as f64)),
+        };
+        for (radius, psf) in radii.iter().zip(&psfs) {
+            if *radius == 0.0 && !places.is_empty() {
+                continue;
+            }
+            let number = places.len() as u64;
+            if let Some(place) = place(args, sensor, (name, azimuth_rad), *radius, psf, number) {
+                places.push(place);
+            }
+        }
+    }
+    if places.is_empty() {
+        return Err(Failure::input(
+            format!("no field up to {} mm lies on the sensor", args.radius_mm),
+            "a smaller --window or --radius-mm",
+        ));
+    }
+    Ok(places)
+}
+
+/// One place; `None` if its window leaves the sensor.
+fn place(
+    args: &Args,
+    sensor: &SensorModel,
+    (name, azimuth_rad): (&str, f64),
+    radius_mm: f64,
+    psf: &PinholePsf,
+    number: u64,
+) -> Option<Place> {
+    // The chief ray lands where distortion puts it, and alignment is off by up to half a pixel either way.
+    let pixels = 1e3 * psf.chief_mm / sensor.pixel_um;
+    let off = [0, 1].map(|axis| misalignment(args.seed, 2 * number + axis));
+    let chief_px = [
+        0.5 * (sensor.height as f64 - 1.0) + pixels * azimuth_rad.sin() + off[0],
+        0.5 * (sensor.width as f64 - 1.0) + pixels * azimuth_rad.cos() + off[1],
+    ];
+    let half = args.window as f64 / 2.0;
+    let start = |at: f64, size: usize| {
+        let first = (at - half).round();
+        // Towards the border of the sensor the window stays inside, as long as the PSF's crop fits.
+        let most = size.checked_sub(args.window)? as f64;
+        let room = CROP as f64;
+        (at >= room && at <= size as f64 - room).then(|| first.clamp(0.0, most) as usize)
+    };
+    let placement = Placement { row: start(chief_px[0], sensor.height)?, col: start(chief_px[1], sensor.width)? };
+    let spot = Spot {
+        row: chief_px[0] - placement.row as f64,
+        col: chief_px[1] - placement.col as f64,
+        azimuth_rad,
+    };
+    let size = (args.window, args.window);
+    Some(Place {
+        name: if radius_mm == 0.0 { "axis".to_owned() } else { format!("{name}-{radius_mm:.2}") },
+        field_radius_mm: radius_mm,
+        azimuth_deg: azimuth_rad.to_degrees(),
+        chief_px,
+        light: WindowLight {
+            height: args.window,
+            width: args.window,
+            placement,
+            rate_e_per_s: psf.psf.land(spot, sensor.pixel_um, size),
+        },
+    })
+}
+
+/// An even number in -1/2..1/2 for a seed and a place (splitmix64).
+fn misalignment(seed: u64, number: u64) -> f64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(number.wrapping_mul(0xd1b5_4a32_d192_ed03));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+}
+
+/// Turns the source up until the brightest pixel reaches its share of the range at the longest exposure.
+fn set_brightness(args: &Args, sensor: &SensorModel, places: &mut [Place]) {
+    let longest_s = 1e-3 * args.exposures_ms.last().copied().unwrap_or(1.0);
+    let range_e = ((sensor.max_dn() - sensor.black_level_dn) / sensor.gain_dn_per_e).min(sensor.full_well_e);
+    let brightest = places
+        .iter()
+        .flat_map(|p| p.light.rate_e_per_s.iter().flatten())
+        .fold(f64::MIN_POSITIVE, |a, b| a.max(*b));
+    let scale = args.peak * range_e / (longest_s * brightest);
+    for place in places {
+        place.light.rate_e_per_s.iter_mut().flatten().for_each(|v| *v *= scale);
+    }
+}
+
+/// Takes and writes all frames.
+fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<Position>, Failure> {
+    let per_exposure = args.frames + args.dark_frames;
+    let bar = ProgressBar::new((places.len() * args.exposures_ms.len() * per_exposure) as u64);
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    let noise = Noise { mode: NoiseMode::Exact, seed: args.seed };
+    let mut number = 0u64;
+    let mut positions = Vec::new();
+    for place in places {
+        bar.set_message(place.name.clone());
+        Failure::folder(&args.out.join(&place.name))?;
+        let night =
+            WindowLight { rate_e_per_s: place.light.rate_e_per_s.clone().map(|p| vec![0.0; p.len()]), ..place.light.clone() };
+        let mut exposure = Vec::new();
+        for time_ms in &args.exposures_ms {
+            let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String, Failure> {
+                let raw = take_frame(light, sensor, 1e-3 * time_ms, 1.0, &noise, number)
+                    .map_err(DesignError::from)?;
+                number += 1;
+                let name = format!("{}/{time_ms}ms-{kind}{n:02}.png", place.name);
+                save_raw16(&raw.dn, raw.height, raw.width, &args.out.join(&name)).map_err(DesignError::from)?;
+                bar.inc(1);
+                Ok(name)
+            };
+            let frames = (0..args.frames).map(|n| take(&place.light, "", n)).collect::<Result<_, _>>()?;
+            let dark_frames = (0..args.dark_frames).map(|n| take(&night, "dark-", n)).collect::<Result<_, _>>()?;
+            exposure.push(ExposureFiles {
+                exposure_ms: unspanned(*time_ms),
+                frames: unspanned(frames),
+                dark_frames,
+            });
+        }
+        positions.push(Position {
+            name: unspanned(place.name.clone()),
+            field_radius_mm: Some(unspanned(place.field_radius_mm)),
+            azimuth_deg: Some(unspanned(place.azimuth_deg)),
+            origin: unspanned([place.light.placement.row, place.light.placement.col]),
+            expected_px: Some(unspanned(place.chief_px)),
+            exposure,
+        });
+    }
+    bar.finish_and_clear();
+    Ok(positions)
+}
