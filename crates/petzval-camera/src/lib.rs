@@ -62,6 +62,7 @@ pub mod raw_file;
 pub mod render;
 pub mod sensor;
 pub mod tape;
+mod whole_file;
 
 pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint};
 pub use image::{
@@ -72,6 +73,8 @@ pub use quality::{psnr, ssim_gaussian_wang};
 pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
+pub use raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw};
 pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_with_tape,
 };
+pub use whole_file::write_whole;
