@@ -70,10 +70,10 @@ pub use image::{
 };
 pub use psf::{PsfBank, PsfError, PsfLayout};
 pub use quality::{psnr, ssim_gaussian_wang};
+pub use raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw};
 pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
-pub use raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw};
 pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, expose, expose_with_tape,
 };

@@ -21,7 +21,10 @@ pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Re
     let mut list = SmallVec::new();
     for (name, values) in channels {
         if values.len() != pixels {
-            return Err(format!("channel {name}: {} values do not fill {height}x{width} pixels", values.len()));
+            return Err(format!(
+                "channel {name}: {} values do not fill {height}x{width} pixels",
+                values.len()
+            ));
         }
         let Some(name) = exr::prelude::Text::new_or_none(name) else {
             return Err(format!("channel {name}: the name is not Latin text"));
@@ -89,8 +92,13 @@ mod tests {
             let back = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
             assert_eq!(back.layer_data.size, exr::prelude::Vec2(7, 5));
             for (c, name) in names.iter().enumerate() {
-                let channel =
-                    back.layer_data.channel_data.list.iter().find(|ch| ch.name.to_string() == **name).unwrap();
+                let channel = back
+                    .layer_data
+                    .channel_data
+                    .list
+                    .iter()
+                    .find(|ch| ch.name.to_string() == **name)
+                    .unwrap();
                 let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
                 assert_eq!(values, image.plane(c), "{name}");
             }

@@ -22,9 +22,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     let chain = directories::check(bytes).map_err(unreadable)?;
     // The reader ends some damaged files with a panic.
     let read = catch_unwind(AssertUnwindSafe(|| read(bytes, chain)));
-    let (image, exposure_s) = read
-        .unwrap_or_else(|_| Err("the reader of DNG files broke off".to_owned()))
-        .map_err(unreadable)?;
+    let (image, exposure_s) =
+        read.unwrap_or_else(|_| Err("the reader of DNG files broke off".to_owned())).map_err(unreadable)?;
     if image.cpp != 1 {
         return Err(unreadable(format!("{} numbers per pixel: the frame is no mosaic any more", image.cpp)));
     }
@@ -43,7 +42,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     let fits =
         |start: usize, size: usize, all: usize| size > 0 && start.checked_add(size).is_some_and(|e| e <= all);
     if !fits(top, height, image.height) || !fits(left, width, image.width) {
-        let reason = format!("an active area of {height}x{width} at row {top}, column {left} of a smaller frame");
+        let reason =
+            format!("an active area of {height}x{width} at row {top}, column {left} of a smaller frame");
         return Err(unreadable(reason));
     }
     let rows = dn.chunks_exact(image.width).skip(top).take(height);
@@ -55,7 +55,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
 /// The frame and its exposure time, s.
 fn read(bytes: &[u8], chain: usize) -> Result<(RawImage, Option<f64>), String> {
     let source = RawSource::new_from_slice(bytes);
-    let tiff = GenericTiffReader::new(&mut source.reader(), 0, 0, Some(chain), &[]).map_err(|e| e.to_string())?;
+    let tiff =
+        GenericTiffReader::new(&mut source.reader(), 0, 0, Some(chain), &[]).map_err(|e| e.to_string())?;
     let decoder = DngDecoder::new(&source, tiff, rawler::global_loader()).map_err(|e| e.to_string())?;
     let params = RawDecodeParams::default();
     let image = decoder.raw_image(&source, &params, false).map_err(|e| e.to_string())?;

@@ -20,6 +20,7 @@ mod npy;
 mod packing;
 mod picture;
 mod sidecar;
+mod statistics;
 
 use std::path::Path;
 
@@ -28,6 +29,7 @@ pub use format::RawFormat;
 pub use info::RawInfo;
 pub use packing::{PackedLayout, Packing, PackingError};
 pub use sidecar::{Sidecar, sidecar_path};
+pub use statistics::{ColourStatistics, colour_statistics};
 
 use crate::sensor::{Raw, SensorModel};
 use crate::whole_file::write_whole;

@@ -4,7 +4,8 @@ use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
 use super::{RawFrame, RawInfo, Unreadable};
 
-const HINT: &str = "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16";
+const HINT: &str =
+    "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16";
 
 /// Longest header that is read, bytes; NumPy writes 128 for two axes.
 const MOST_HEADER: usize = 1024;
@@ -29,8 +30,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     let each = kind.num_bytes().unwrap_or(0);
     let held = array.into_inner();
     if held.len() as u64 != pixels * each as u64 {
-        let reason =
-            format!("{} bytes of data, and {height}x{width} numbers take {}", held.len(), pixels * each as u64);
+        let reason = format!(
+            "{} bytes of data, and {height}x{width} numbers take {}",
+            held.len(),
+            pixels * each as u64
+        );
         return Err(unreadable(reason));
     }
     let stored = numbers(bytes, &kind.descr()).map_err(unreadable)?;

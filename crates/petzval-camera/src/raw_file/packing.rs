@@ -30,6 +30,15 @@ pub enum Packing {
 }
 
 impl Packing {
+    /// The usual packing of so many bits: that of MIPI where it has them, else contiguous bits, two whole bytes for 16.
+    pub fn for_bits(bits: u32) -> Self {
+        match bits {
+            8 | 10 | 12 | 14 => Self::Mipi,
+            16.. => Self::U16le,
+            _ => Self::Lsb,
+        }
+    }
+
     /// The name in a sidecar.
     pub fn name(self) -> &'static str {
         match self {
@@ -296,9 +305,8 @@ mod tests {
     /// The byte layouts of MIPI CSI-2 (RAW10, RAW12, RAW14) and PFNC (Mono12p), written out.
     #[test]
     fn groups_lie_as_the_standards_say() {
-        let pack_row_of = |bits, packing, dn: &[u16]| {
-            pack(&PackedLayout::tight(1, dn.len(), bits, packing), dn).unwrap()
-        };
+        let pack_row_of =
+            |bits, packing, dn: &[u16]| pack(&PackedLayout::tight(1, dn.len(), bits, packing), dn).unwrap();
         // 10 bits: 0b11_0000_0001, 0b00_1111_1110, ...: upper bytes, then 2 bits of each from the lowest on.
         let ten = [0b11_0000_0001, 0b00_1111_1110, 0b10_1010_1011, 0b01_0101_0100];
         assert_eq!(

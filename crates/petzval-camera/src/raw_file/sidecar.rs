@@ -133,8 +133,9 @@ impl Sidecar {
                 ];
                 if let Some((key, _)) = lost.iter().find(|(_, value)| value.is_some()) {
                     let message = "this key is about packed files, and `packing` is missing";
-                    return Err(FileError::at_key(text, &[key], message)
-                        .hint("add packing = \"mipi\", \"lsb\", \"u16le\" or \"u16be\", or take the line out"));
+                    return Err(FileError::at_key(text, &[key], message).hint(
+                        "add packing = \"mipi\", \"lsb\", \"u16le\" or \"u16be\", or take the line out",
+                    ));
                 }
                 None
             }
@@ -205,13 +206,21 @@ impl Sidecar {
         }
         for (key, said, is) in [("height", self.height, frame.height), ("width", self.width, frame.width)] {
             if said.is_some_and(|said| said != is) {
-                return at(key, format!("{name} has the {key} {is}"), "is this the sidecar of another frame?");
+                return at(
+                    key,
+                    format!("{name} has the {key} {is}"),
+                    "is this the sidecar of another frame?",
+                );
             }
         }
         let frame = RawFrame { info: self.info.clone().or(frame.info), ..frame };
         if let Some((row, col, dn)) = frame.info.bits.and_then(|bits| frame.beyond(bits)) {
             let message = format!("{name} has the value {dn} at row {row}, column {col}");
-            return at("bits", message, "give the bits that the numbers have in the file; are they shifted up?");
+            return at(
+                "bits",
+                message,
+                "give the bits that the numbers have in the file; are they shifted up?",
+            );
         }
         Ok(frame)
     }

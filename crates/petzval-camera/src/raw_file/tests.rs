@@ -85,8 +85,7 @@ proptest! {
 
 #[test]
 fn a_simulated_frame_carries_its_camera() {
-    let sensor =
-        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+    let sensor = SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
     let exposure = Exposure { white_e: 1e4, time_s: 0.005, linear_gain: 2.0 };
     let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 };
     let raw = Raw { height: 1, width: 3, dn: vec![-4.0, 119.5, 70000.0], capture };
@@ -195,8 +194,9 @@ fn a_sidecar_beside_a_picture_adds_to_it_and_must_fit_it() {
 fn frames_that_cannot_be_written_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let good = frame(2, 4, 12);
-    let write =
-        |frame: &RawFrame, name: &str, format| save_raw(frame, &folder.path().join(name), format).unwrap_err();
+    let write = |frame: &RawFrame, name: &str, format| {
+        save_raw(frame, &folder.path().join(name), format).unwrap_err()
+    };
     let short = RawFrame { dn: vec![0; 7], ..good.clone() };
     assert!(write(&short, "a.tiff", RawFormat::Tiff).to_string().contains("7 numbers do not fill 2x4"));
     let large = RawFrame { dn: vec![4096; 8], ..good.clone() };

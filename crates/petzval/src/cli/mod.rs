@@ -11,6 +11,7 @@ mod failure;
 mod glass;
 mod lens;
 mod psf;
+mod raw;
 mod report;
 mod signals;
 mod simulate;
@@ -62,6 +63,9 @@ enum Verb {
     Psf(psf::Args),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
+    /// Look at raw frames, or write them in another format
+    #[command(subcommand)]
+    Raw(raw::RawVerb),
     /// Measure standard workloads
     Bench(bench::Args),
     /// Say what this machine offers
@@ -96,6 +100,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Glass(verb) => glass::run(verb),
         Verb::Psf(args) => psf::run(args),
         Verb::Simulate(args) => simulate::run(args),
+        Verb::Raw(verb) => raw::run(verb),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args),
     }

@@ -7,8 +7,9 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
 use petzval::camera::develop::{correct_shading, develop};
-use petzval::camera::image::{LinearImage, load_image, save_png, save_raw16};
+use petzval::camera::image::{ImageError, LinearImage, load_image, save_exr, save_npy, save_png};
 use petzval::camera::psf::PsfBank;
+use petzval::camera::raw_file::{Packing, RawFormat, RawFrame, save_raw, sidecar_path};
 use petzval::camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::design::error::DesignError;
@@ -36,10 +37,45 @@ enum Isp {
     Linear,
 }
 
+/// How the raw frame is written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RawAs {
+    /// 16-bit gray TIFF.
+    Tiff,
+    /// 16-bit gray PNG.
+    Png,
+    /// `.raw`, packed as MIPI CSI-2 does where the sensor has 8, 10, 12 or 14 bits, else contiguous bits.
+    Packed,
+    /// NumPy array, uint16.
+    Npy,
+}
+
+/// How the developed picture is written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PictureAs {
+    /// 8-bit sRGB PNG.
+    Png,
+    /// OpenEXR, 32-bit floats, linear light.
+    Exr,
+    /// NumPy array, float32 [plane, row, column], linear light.
+    Npy,
+}
+
+impl RawAs {
+    fn format(self, bits: u32) -> RawFormat {
+        match self {
+            Self::Tiff => RawFormat::Tiff,
+            Self::Png => RawFormat::Png,
+            Self::Packed => RawFormat::Packed(Packing::for_bits(bits)),
+            Self::Npy => RawFormat::Npy,
+        }
+    }
+}
+
 /// Take photographs through a lens: photograph, raw frame, developed picture.
 ///
-/// For each image NAME two files are written: NAME-raw.tiff, 16 bit, the Bayer frame in digital numbers, and
-/// NAME-developed.png, 8 bit sRGB.
+/// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the Bayer frame in digital numbers;
+/// NAME-raw.tiff.toml, which says how it was taken; and NAME-developed.png, 8 bit sRGB.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Photographs (PNG, JPEG, TIFF)
@@ -72,6 +108,12 @@ pub struct Args {
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Format of the raw frame
+    #[arg(long, value_enum, default_value = "tiff", value_name = "FORMAT")]
+    raw_format: RawAs,
+    /// Format of the developed picture
+    #[arg(long, value_enum, default_value = "png", value_name = "FORMAT")]
+    picture_format: PictureAs,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
@@ -188,13 +230,21 @@ fn take(
     let developed = develop(&raw, &camera.sensor).map_err(DesignError::from)?;
     let developed = correct_shading(&developed, &map, SHADING_FLOOR).map_err(DesignError::from)?;
 
-    let raw_path = args.out.join(format!("{name}-raw.tiff"));
-    let developed_path = args.out.join(format!("{name}-developed.png"));
-    save_raw16(&raw.dn, height, width, &raw_path).map_err(DesignError::from)?;
-    save_png(&developed, &developed_path).map_err(DesignError::from)?;
+    let format = args.raw_format.format(camera.sensor.bits);
+    let raw_path = args.out.join(format!("{name}-raw.{}", format.extension()));
+    save_raw(&RawFrame::from_raw(&raw, &camera.sensor), &raw_path, format)?;
+    let (extension, save): (_, fn(&LinearImage, &Path) -> Result<(), ImageError>) = match args.picture_format
+    {
+        PictureAs::Png => ("png", save_png),
+        PictureAs::Exr => ("exr", save_exr),
+        PictureAs::Npy => ("npy", save_npy),
+    };
+    let developed_path = args.out.join(format!("{name}-developed.{extension}"));
+    save(&developed, &developed_path).map_err(DesignError::from)?;
     Ok(json!({
         "image": name,
         "raw": raw_path.display().to_string(),
+        "sidecar": sidecar_path(&raw_path).display().to_string(),
         "developed": developed_path.display().to_string(),
         "black_level_dn": camera.sensor.black_level_dn,
         "cfa": camera.sensor.cfa,

@@ -113,7 +113,8 @@ pub(super) fn check(bytes: &[u8]) -> Result<usize, String> {
                 return Err(format!("{height}x{width} pixels in a file of {} bytes", bytes.len()));
             }
         }
-        if chained && let Some(next) = numbers.u32(start + 12 * u64::from(entries)).filter(|next| *next != 0) {
+        if chained && let Some(next) = numbers.u32(start + 12 * u64::from(entries)).filter(|next| *next != 0)
+        {
             open.push((next, true));
         }
     }
