@@ -8,7 +8,7 @@ use common::{data, read, run_fails, run_ok};
 
 /// A mosaic of 4 rows and 6 columns of 12 bits as a 16-bit TIFF.
 fn write_tiff(path: &Path) -> Vec<u16> {
-    let dn: Vec<u16> = (0..24).map(|i| 119 + 173 * i).collect();
+    let dn: Vec<u16> = (0..24).map(|i| (119 + 173 * i).min(4095)).collect();
     image::ImageBuffer::<image::Luma<u16>, _>::from_raw(6, 4, dn.clone()).unwrap().save(path).unwrap();
     dn
 }

@@ -78,6 +78,8 @@ const MOST_THREADS: usize = 1024;
 /// Runs a parsed command line.
 pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     end_quietly_on_broken_pipe()?;
+    #[cfg(feature = "dng")]
+    leave_panics_of_the_dng_reader_to_its_caller();
     failure::keep_lines_whole();
     if cli.threads > MOST_THREADS {
         return Err(Failure::input(
@@ -104,6 +106,18 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args),
     }
+}
+
+/// The reader of DNG files ends some damaged ones with a panic, which its caller turns into an error: the message of the
+/// panic would stand in front of ours.
+#[cfg(feature = "dng")]
+fn leave_panics_of_the_dng_reader_to_its_caller() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic.location().is_some_and(|place| place.file().contains("rawler-")) {
+            usual(panic);
+        }
+    }));
 }
 
 /// `petzval ... | head` ends the command when `head` has read enough, as it does any other.
