@@ -55,6 +55,7 @@
 //! does not know how a PSF was made. Derivatives are hand-written adjoints; only [`tape`] knows the tensor framework.
 
 pub mod develop;
+pub mod emva;
 pub mod image;
 pub mod psf;
 pub mod quality;

@@ -65,8 +65,8 @@ impl RawFrame {
                 cfa: Some(sensor.cfa),
                 black_level_dn: Some(sensor.black_level_dn),
                 white_level_dn: Some(sensor.max_dn()),
-                exposure_s: Some(f64::from(exposure.time_s)),
-                linear_gain: Some(f64::from(exposure.linear_gain)),
+                exposure_s: Some(shortest(exposure.time_s)),
+                linear_gain: Some(shortest(exposure.linear_gain)),
                 pixel_um: Some(sensor.pixel_um),
                 temperature_c: None,
             },
@@ -79,6 +79,11 @@ impl RawFrame {
         let at = self.dn.iter().position(|dn| *dn > max)?;
         Some((at / self.width, at % self.width, self.dn[at]))
     }
+}
+
+/// The number that was meant: 0.005 rather than the 32-bit float next to it.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
 }
 
 /// Reads a frame of digital numbers of any known format, told by the file's first bytes and, for packed frames, by its

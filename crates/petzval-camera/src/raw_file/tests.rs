@@ -93,6 +93,7 @@ fn a_simulated_frame_carries_its_camera() {
     assert_eq!(frame.dn, [0, 120, 65535]);
     assert_eq!((frame.info.bits, frame.info.cfa), (Some(12), Some(CfaPattern::RGGB)));
     assert_eq!((frame.info.black_level_dn, frame.info.white_level_dn), (Some(119.0), Some(4095.0)));
+    assert_eq!(frame.info.exposure_s, Some(0.005));
     assert_eq!((frame.info.linear_gain, frame.info.pixel_um), (Some(2.0), Some(5.86)));
 }
 

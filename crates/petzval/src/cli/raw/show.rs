@@ -62,15 +62,10 @@ fn facts(frame: &RawFrame) -> Vec<(&'static str, String)> {
         ("mosaic", info.cfa.map(|cfa| cfa.to_string())),
         ("black level", number(info.black_level_dn, " DN")),
         ("white level", number(info.white_level_dn, " DN")),
-        ("exposure time", number(info.exposure_s.map(to_six_digits), " s")),
-        ("linear gain", number(info.linear_gain.map(to_six_digits), "")),
+        ("exposure time", number(info.exposure_s, " s")),
+        ("linear gain", number(info.linear_gain, "")),
         ("pixel pitch", number(info.pixel_um, " um")),
         ("temperature", number(info.temperature_c, " degrees C")),
     ];
     all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
-}
-
-/// Settings that were 32-bit floats have no more digits than that.
-fn to_six_digits(value: f64) -> f64 {
-    format!("{value:.5e}").parse().unwrap_or(value)
 }
