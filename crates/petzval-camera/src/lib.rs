@@ -56,6 +56,7 @@
 //! does not know how a PSF was made. Derivatives are hand-written adjoints; only [`tape`] knows the tensor framework.
 
 pub mod develop;
+pub mod emva;
 pub mod image;
 pub mod psf;
 pub mod psf_calibration;
@@ -65,6 +66,7 @@ pub mod render;
 pub mod sensor;
 pub mod spectral;
 pub mod tape;
+mod whole_file;
 
 pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint, develop_stops_adjoint};
 pub use image::{
@@ -72,6 +74,7 @@ pub use image::{
 };
 pub use psf::{PsfBank, PsfError, PsfLayout};
 pub use quality::{psnr, ssim_gaussian_wang};
+pub use raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw};
 pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
@@ -79,3 +82,4 @@ pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, Slopes, expose,
     expose_pixel, expose_with_tape, score_function_gradient,
 };
+pub use whole_file::write_whole;

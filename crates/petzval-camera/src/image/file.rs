@@ -3,9 +3,10 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use ::image::{DynamicImage, ExtendedColorType, GenericImageView, ImageBuffer, ImageFormat, ImageReader};
+use ::image::{DynamicImage, ExtendedColorType, GenericImageView, ImageFormat, ImageReader};
 
 use super::{CHANNELS, LinearImage, srgb_decode};
+use crate::whole_file::write_whole;
 
 /// Why a picture could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -109,26 +110,6 @@ pub fn save_png(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
     write(path, &png_bytes(image)?)
 }
 
-/// Writes digital numbers as a 16-bit gray picture without any curve: TIFF if the path ends in `.tif` or `.tiff`, else
-/// PNG. Values are rounded and clipped to 0..65535.
-pub fn save_raw16(dn: &[f32], height: usize, width: usize, path: &Path) -> Result<(), ImageError> {
-    let name = path.display().to_string();
-    let samples: Vec<u16> = dn.iter().map(|v| v.round().clamp(0.0, 65535.0) as u16).collect();
-    let buffer: ImageBuffer<::image::Luma<u16>, Vec<u16>> =
-        ImageBuffer::from_raw(width as u32, height as u32, samples)
-            .filter(|b| b.as_raw().len() == height * width)
-            .ok_or_else(|| ImageError::Encode {
-                name: name.clone(),
-                reason: format!("{} values do not fill {height}x{width} pixels", dn.len()),
-            })?;
-    let tiff =
-        path.extension().is_some_and(|e| e.eq_ignore_ascii_case("tif") || e.eq_ignore_ascii_case("tiff"));
-    let format = if tiff { ImageFormat::Tiff } else { ImageFormat::Png };
-    let mut out = Cursor::new(Vec::new());
-    buffer.write_to(&mut out, format).map_err(|e| ImageError::Encode { name, reason: e.to_string() })?;
-    write(path, out.get_ref())
-}
-
 fn encode(
     bytes: &[u8],
     height: usize,
@@ -144,11 +125,13 @@ fn encode(
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
-    std::fs::write(path, bytes).map_err(|source| ImageError::Io { path: path.to_owned(), source })
+    write_whole(path, bytes).map_err(|source| ImageError::Io { path: path.to_owned(), source })
 }
 
 #[cfg(test)]
 mod tests {
+    use ::image::ImageBuffer;
+
     use super::*;
 
     #[test]
@@ -174,22 +157,10 @@ mod tests {
     }
 
     #[test]
-    fn sixteen_bit_raw_round_trips_through_png_and_tiff() {
-        let dir = tempfile::tempdir().unwrap();
-        for name in ["raw.png", "raw.tiff"] {
-            let path = dir.path().join(name);
-            save_raw16(&[0.0, 119.0, 4095.0, 65535.0, 70000.0, -3.0], 2, 3, &path).unwrap();
-            let back = ::image::open(&path).unwrap();
-            assert_eq!(back.into_luma16().into_raw(), vec![0, 119, 4095, 65535, 65535, 0]);
-        }
-    }
-
-    #[test]
     fn errors_name_the_file_and_the_reason() {
         let missing = load_image(Path::new("no/such/picture.png")).unwrap_err().to_string();
         assert!(missing.starts_with("no/such/picture.png: "), "{missing}");
         let garbage = load_image_bytes(b"not a picture", "note.txt").unwrap_err().to_string();
         assert!(garbage.starts_with("note.txt: cannot decode"), "{garbage}");
-        assert!(save_raw16(&[0.0], 2, 3, Path::new("x.png")).is_err());
     }
 }

@@ -4,10 +4,12 @@
 //! ([`srgb_encode`], [`srgb_decode`]).
 
 mod file;
+mod float_file;
 mod place;
 mod srgb;
 
-pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_raw16};
+pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png};
+pub use float_file::{exr_bytes, save_exr, save_npy};
 pub use srgb::{srgb_decode, srgb_encode};
 
 /// Colour planes of a camera image, in the order red, green, blue.

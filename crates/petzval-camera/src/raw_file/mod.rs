@@ -1,12 +1,44 @@
 //! Raw frames from and to files: digital numbers, never a display curve.
+//!
+//! | file | read | written | what the file itself says |
+//! |---|---|---|---|
+//! | `.tif`, `.tiff`, `.png` | gray, 8 or 16 bits | 16 bits | size |
+//! | `.raw`, `.bin` | any [`Packing`], by its sidecar | any [`Packing`] | nothing |
+//! | `.npy` | two axes of whole numbers | `<u2` | size |
+//! | `.exr` | no | one channel `Y` of 32-bit floats | size |
+//! | `.dng` | with the cargo feature `dng` | no | size, mosaic, black and white level |
+//!
+//! Everything else that is known of a frame ([`RawInfo`]) stands in a [`Sidecar`]: a TOML file of the same name with
+//! `.toml` behind it. What a sidecar says wins over what the file says.
 
-use std::io::Cursor;
-use std::path::{Path, PathBuf};
+#[cfg(feature = "dng")]
+mod dng;
+mod error;
+mod format;
+mod info;
+mod npy;
+mod packing;
+mod picture;
+mod sidecar;
+mod statistics;
 
-use ::image::{DynamicImage, ImageReader};
+use std::path::Path;
 
-/// A frame as its file holds it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+pub use error::RawFileError;
+pub use format::RawFormat;
+pub use info::RawInfo;
+pub use packing::{PackedLayout, Packing, PackingError};
+pub use sidecar::{Sidecar, sidecar_path};
+pub use statistics::{ColourStatistics, colour_statistics};
+
+use crate::sensor::{Raw, SensorModel};
+use crate::whole_file::write_whole;
+
+/// Most pixels of a frame, 2^28: 512 MiB of digital numbers.
+pub(crate) const MOST_PIXELS: u64 = 1 << 28;
+
+/// A frame of digital numbers, and what is known of it.
+#[derive(Debug, Clone, PartialEq)]
 pub struct RawFrame {
     /// Rows.
     pub height: usize,
@@ -14,50 +46,136 @@ pub struct RawFrame {
     pub width: usize,
     /// Digital numbers, row by row.
     pub dn: Vec<u16>,
+    /// What the file and its sidecar say of the camera and the exposure.
+    pub info: RawInfo,
 }
 
-/// Why a raw frame could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum RawFileError {
-    /// The file cannot be opened, read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The content is not what its name says.
-    #[error("{}: {reason}; hint: {hint}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-        /// What would be right.
-        hint: &'static str,
-    },
-}
-
-/// Reads a frame of digital numbers: gray PNG or TIFF of 8 or 16 bits.
-pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
-    let bytes = std::fs::read(path).map_err(|source| RawFileError::Io { path: path.to_owned(), source })?;
-    let content = |reason: String| RawFileError::Content {
-        path: path.to_owned(),
-        reason,
-        hint: "a raw frame is a gray TIFF or PNG of 8 or 16 bits",
-    };
-    let reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| content(e.to_string()))?;
-    let picture = reader.decode().map_err(|e| content(e.to_string()))?;
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let dn = match picture {
-        DynamicImage::ImageLuma16(gray) => gray.into_raw(),
-        DynamicImage::ImageLuma8(gray) => gray.into_raw().into_iter().map(u16::from).collect(),
-        other => return Err(content(format!("a picture of {:?}, not of digital numbers", other.color()))),
-    };
-    if dn.is_empty() {
-        return Err(content("the picture is empty".to_owned()));
+impl RawFrame {
+    /// An exposed frame with all that its sensor and its exposure are. Digital numbers are rounded (those of a simulation
+    /// without noise are fractions) and clipped to 0..65535.
+    pub fn from_raw(raw: &Raw, sensor: &SensorModel) -> Self {
+        let exposure = &raw.capture.exposure;
+        Self {
+            height: raw.height,
+            width: raw.width,
+            dn: raw.dn.iter().map(|v| v.round().clamp(0.0, 65535.0) as u16).collect(),
+            info: RawInfo {
+                sensor: Some(sensor.name.clone()),
+                bits: Some(sensor.bits),
+                cfa: Some(sensor.cfa),
+                black_level_dn: Some(sensor.black_level_dn),
+                white_level_dn: Some(sensor.max_dn()),
+                exposure_s: Some(shortest(exposure.time_s)),
+                linear_gain: Some(shortest(exposure.linear_gain)),
+                pixel_um: Some(sensor.pixel_um),
+                temperature_c: None,
+            },
+        }
     }
-    Ok(RawFrame { height, width, dn })
+
+    /// The first digital number that `bits` cannot hold: its row, column and value.
+    pub fn beyond(&self, bits: u32) -> Option<(usize, usize, u16)> {
+        let max = info::largest_dn(bits);
+        let at = self.dn.iter().position(|dn| *dn > max)?;
+        Some((at / self.width, at % self.width, self.dn[at]))
+    }
 }
+
+/// The number that was meant: 0.005 rather than the 32-bit float next to it.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// Reads a frame of digital numbers of any known format, told by the file's first bytes and, for packed frames, by its
+/// sidecar.
+pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
+    let bytes = std::fs::read(path).map_err(RawFileError::io(path))?;
+    let sidecar = Sidecar::beside(path)?;
+    let said = |frame: RawFrame| match &sidecar {
+        Some(sidecar) => sidecar.apply(path, frame),
+        None => Ok(frame),
+    };
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    match RawFormat::of(path, &bytes) {
+        Some(RawFormat::Packed(_)) => match &sidecar {
+            Some(sidecar) => sidecar.unpack(path, &bytes),
+            None => Err(RawFileError::content(
+                path,
+                format!("no sidecar {} says how its numbers are packed", sidecar_path(path).display()),
+                sidecar::EXAMPLE,
+            )),
+        },
+        Some(RawFormat::Npy) => said(npy::decode(&bytes).map_err(content)?),
+        Some(RawFormat::Dng) => said(decode_dng(&bytes).map_err(content)?),
+        Some(RawFormat::Exr) => Err(RawFileError::content(
+            path,
+            "OpenEXR files are written, not read, as raw frames".to_owned(),
+            "convert from the TIFF, PNG, NPY or packed file",
+        )),
+        Some(RawFormat::Tiff | RawFormat::Png) | None => said(picture::decode(&bytes).map_err(content)?),
+    }
+}
+
+/// Writes a frame and its sidecar. The file's name does not matter: `format` decides.
+///
+/// The sidecar always comes with it, so that what another frame of the same name left there is not read with this one.
+pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    if frame.height == 0 || frame.width == 0 || frame.dn.len() != frame.height * frame.width {
+        let reason =
+            format!("{} numbers do not fill {}x{} pixels", frame.dn.len(), frame.height, frame.width);
+        return Err(RawFileError::content(path, reason, "give one number per pixel, and at least one pixel"));
+    }
+    let mut sidecar = Sidecar::of(frame);
+    let bytes = match format {
+        RawFormat::Tiff => picture::encode(frame, ::image::ImageFormat::Tiff).map_err(content)?,
+        RawFormat::Png => picture::encode(frame, ::image::ImageFormat::Png).map_err(content)?,
+        RawFormat::Npy => npy::encode(frame).map_err(content)?,
+        RawFormat::Exr => crate::image::exr_bytes(
+            frame.height,
+            frame.width,
+            &[("Y", &frame.dn.iter().map(|v| f32::from(*v)).collect::<Vec<_>>())],
+        )
+        .map_err(|reason| RawFileError::content(path, reason, "write a TIFF"))?,
+        RawFormat::Packed(packing) => {
+            let bits = frame.info.bits.unwrap_or(16);
+            let layout = PackedLayout::tight(frame.height, frame.width, bits, packing);
+            sidecar.layout = Some(layout);
+            let fits = "give a packing and a number of bits that hold every digital number";
+            packing::pack(&layout, &frame.dn)
+                .map_err(|error| RawFileError::content(path, error.to_string(), fits))?
+        }
+        RawFormat::Dng => {
+            return Err(RawFileError::content(
+                path,
+                "DNG files are read, not written".to_owned(),
+                "write .tiff, .png, .npy or .raw",
+            ));
+        }
+    };
+    let beside = sidecar_path(path);
+    write_whole(path, &bytes).map_err(RawFileError::io(path))?;
+    write_whole(&beside, sidecar.to_toml().as_bytes()).map_err(RawFileError::io(&beside))
+}
+
+/// Why bytes are no raw frame, or a frame no bytes; the caller adds the file.
+struct Unreadable {
+    reason: String,
+    hint: &'static str,
+}
+
+#[cfg(feature = "dng")]
+fn decode_dng(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+    dng::decode(bytes)
+}
+
+#[cfg(not(feature = "dng"))]
+fn decode_dng(_: &[u8]) -> Result<RawFrame, Unreadable> {
+    Err(Unreadable {
+        reason: "this build does not read DNG files".to_owned(),
+        hint: "build with the cargo feature `dng`, or convert the file to a 16-bit gray TIFF without any curve",
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::camera::image::ImageError;
+use petzval::camera::raw_file::RawFileError;
 use petzval::design::error::DesignError;
 use petzval::optics::format::{FileError, decode};
 
@@ -95,6 +96,20 @@ impl From<DesignError> for Failure {
             _ => {
                 let code = if error.is_input() { EXIT_INPUT } else { EXIT_JOB };
                 Self { report: Report::new(MietteDiagnostic::new(error.to_string())), code }
+            }
+        }
+    }
+}
+
+impl From<RawFileError> for Failure {
+    fn from(error: RawFileError) -> Self {
+        match &error {
+            RawFileError::Sidecar { path, error } => Self::in_file(path, error),
+            RawFileError::Content { path, reason, hint } => {
+                Self::input(format!("{}: {reason}", path.display()), *hint)
+            }
+            RawFileError::Io { .. } => {
+                Self::input(error.to_string(), "give a file that can be read, or a place that can be written")
             }
         }
     }

@@ -13,6 +13,7 @@ mod lens;
 mod psf;
 mod psf_calibrate;
 mod psf_capture;
+mod raw;
 mod report;
 mod signals;
 mod simulate;
@@ -68,6 +69,9 @@ enum Verb {
     PsfCapture(psf_capture::Args),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
+    /// Look at raw frames, or write them in another format
+    #[command(subcommand)]
+    Raw(raw::RawVerb),
     /// Measure standard workloads
     Bench(bench::Args),
     /// Say what this machine offers
@@ -80,6 +84,8 @@ const MOST_THREADS: usize = 1024;
 /// Runs a parsed command line.
 pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     end_quietly_on_broken_pipe()?;
+    #[cfg(feature = "dng")]
+    leave_panics_of_the_dng_reader_to_its_caller();
     failure::keep_lines_whole();
     if cli.threads > MOST_THREADS {
         return Err(Failure::input(
@@ -104,9 +110,22 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::PsfCalibrate(args) => psf_calibrate::run(args),
         Verb::PsfCapture(args) => psf_capture::run(args),
         Verb::Simulate(args) => simulate::run(args),
+        Verb::Raw(verb) => raw::run(verb),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args),
     }
+}
+
+/// The reader of DNG files ends some damaged ones with a panic, which its caller turns into an error: the message of the
+/// panic would stand in front of ours.
+#[cfg(feature = "dng")]
+fn leave_panics_of_the_dng_reader_to_its_caller() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic.location().is_some_and(|place| place.file().contains("rawler-")) {
+            usual(panic);
+        }
+    }));
 }
 
 /// `petzval ... | head` ends the command when `head` has read enough, as it does any other.

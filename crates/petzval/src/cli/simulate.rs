@@ -1,6 +1,7 @@
 //! `petzval simulate`: photographs and scenes through a lens onto a sensor.
 
 mod camera;
+mod output;
 mod spectral;
 
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::camera::develop::{correct_shading, develop};
-use petzval::camera::image::{LinearImage, load_image, save_png, save_raw16};
+use petzval::camera::image::{LinearImage, load_image};
 use petzval::camera::render::{Placement, illumination_map, render};
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
 use petzval::design::error::DesignError;
@@ -37,8 +38,8 @@ enum Isp {
 
 /// Take photographs and scenes through a lens: scene, raw frame, developed picture.
 ///
-/// For each image NAME two files are written: NAME-raw.tiff, 16 bit, the Bayer frame in digital numbers, and
-/// NAME-developed.png, 8 bit sRGB.
+/// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers;
+/// NAME-raw.tiff.toml, which says how it was taken; and NAME-developed.png, 8 bit sRGB.
 ///
 /// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
 /// scene:slanted-edge, scene:siemens-star) and photographs under --illuminant or --illuminance-lux are simulated over the
@@ -80,6 +81,8 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     spectral: spectral::Args,
+    #[command(flatten)]
+    formats: output::Formats,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
@@ -177,15 +180,6 @@ fn take(
     let developed = develop(&raw, &camera.sensor).map_err(DesignError::from)?;
     let developed = correct_shading(&developed, &map, SHADING_FLOOR).map_err(DesignError::from)?;
 
-    let raw_path = args.out.join(format!("{name}-raw.tiff"));
-    let developed_path = args.out.join(format!("{name}-developed.png"));
-    save_raw16(&raw.dn, height, width, &raw_path).map_err(DesignError::from)?;
-    save_png(&developed, &developed_path).map_err(DesignError::from)?;
-    Ok(json!({
-        "image": name,
-        "raw": raw_path.display().to_string(),
-        "developed": developed_path.display().to_string(),
-        "black_level_dn": camera.sensor.black_level_dn,
-        "cfa": camera.sensor.cfa,
-    }))
+    let facts = output::write(&args.formats, &args.out, name, &raw, &camera.sensor, &developed)?;
+    Ok(json!(facts))
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
 use petzval::camera::develop::{correct_shading, develop};
-use petzval::camera::image::{LinearImage, load_image, save_png, save_raw16};
+use petzval::camera::image::{LinearImage, load_image};
 use petzval::camera::render::{Placement, illumination_map};
 use petzval::camera::sensor::{
     Capture, Exposure, Noise, NoiseMode, QuantumEfficiency, SensorError, SensorModel, expose,
@@ -25,7 +25,7 @@ use petzval::optics::lens::Lens;
 use petzval::optics::paraxial::first_order;
 use serde_json::{Value, json};
 
-use super::{Camera, Failure, Place, camera, print_json, stem};
+use super::{Camera, Failure, Place, camera, output, print_json, stem};
 
 /// Bands of scenes and photographs lie within these wavelengths, um.
 const BAND_RANGE_UM: (f64, f64) = (0.40, 0.70);
@@ -291,22 +291,14 @@ fn take(
         }
     }
 
-    let raw_path = args.out.join(format!("{name}-raw.tiff"));
-    let developed_path = args.out.join(format!("{name}-developed.png"));
-    save_raw16(&raw.dn, height, width, &raw_path).map_err(DesignError::from)?;
-    save_png(&developed, &developed_path).map_err(DesignError::from)?;
     let white_of: serde_json::Map<String, Value> = light
         .white
         .rows
         .iter()
         .map(|(colour, row)| (colour.letter().to_string(), json!(row.iter().sum::<f64>())))
         .collect();
-    Ok(json!({
-        "image": name,
-        "raw": raw_path.display().to_string(),
-        "developed": developed_path.display().to_string(),
-        "black_level_dn": camera.sensor.black_level_dn,
-        "cfa": camera.sensor.cfa,
+    let mut facts = output::write(&args.formats, &args.out, name, &raw, &light.sensor, &developed)?;
+    let under = json!({
         "illuminant": light.illuminant.name,
         "illuminance_lux": light.lux,
         "f_number": light.optics.f_number,
@@ -320,5 +312,9 @@ fn take(
             "mean_delta_e_1976": m.mean_delta_e,
             "worst_delta_e_1976": m.worst_delta_e,
         })),
-    }))
+    });
+    if let Value::Object(under) = under {
+        facts.extend(under);
+    }
+    Ok(json!(facts))
 }

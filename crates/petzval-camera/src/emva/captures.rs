@@ -1,0 +1,270 @@
+//! A series of captures: which frames there are, and how each was taken.
+//!
+//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::manifest)), or
+//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::descriptor)).
+
+use std::path::{Path, PathBuf};
+
+use petzval_optics::format::{FileError, decode};
+use serde::Serialize;
+
+use super::{descriptor, manifest};
+use crate::raw_file::RawFileError;
+use crate::sensor::CfaPattern;
+
+/// Name of our list of captures.
+pub const MANIFEST: &str = "captures.toml";
+/// Name of the list of captures of the EMVA 1288 Python library.
+pub const DESCRIPTOR: &str = "EMVA1288descriptor.txt";
+
+/// What the owner of the camera knows about its sensor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SensorFacts {
+    /// Name of the sensor.
+    pub name: String,
+    /// Bits of the converter.
+    pub bits: u32,
+    /// Pixel pitch, um, if it is known.
+    pub pixel_um: Option<f64>,
+    /// Colour filter array; mono if there is none.
+    pub cfa: CfaPattern,
+    /// Black level BL that the camera is set to, DN.
+    pub black_level_dn: Option<f64>,
+    /// Full well capacity of the data sheet, electrons.
+    pub full_well_e: Option<f64>,
+    /// f-number of the lens or of the light source, if one matters.
+    pub f_number: Option<f64>,
+    /// Wavelength of the light, um.
+    pub wavelength_um: Option<f64>,
+    /// Temperature of the sensor, degrees Celsius.
+    pub temperature_c: Option<f64>,
+}
+
+/// Whether light falls on the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Uniform light.
+    Flat,
+    /// None.
+    Dark,
+}
+
+/// Frames taken under one setting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Whether light falls on the sensor.
+    pub kind: Kind,
+    /// Linear gain g.
+    pub linear_gain: f64,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Mean number of photons per pixel; `None` if it was not measured, 0 for dark points.
+    pub photons: Option<f64>,
+    /// The frames.
+    pub frames: Vec<PathBuf>,
+    /// Line of the list where the point begins.
+    pub line: u32,
+}
+
+impl Point {
+    /// Two frames serve the photon transfer, more than two the spatial non-uniformity.
+    pub fn is_stack(&self) -> bool {
+        self.frames.len() > 2
+    }
+
+    /// The setting in words.
+    pub fn label(&self) -> String {
+        let kind = match self.kind {
+            Kind::Flat => "flat",
+            Kind::Dark => "dark",
+        };
+        let photons = match (self.kind, self.photons) {
+            (Kind::Flat, Some(p)) => format!(", {p} photons"),
+            _ => String::new(),
+        };
+        let frames = self.frames.len();
+        format!("{kind}, gain {}, {} ms{photons}, {frames} frames", self.linear_gain, 1e3 * self.exposure_s)
+    }
+}
+
+/// A series of captures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Captures {
+    /// The folder.
+    pub folder: PathBuf,
+    /// The list of captures that was read.
+    pub list: PathBuf,
+    /// What is known about the sensor.
+    pub sensor: SensorFacts,
+    /// Rows and columns, where the list states them.
+    pub size: Option<(usize, usize)>,
+    /// The points in the order of the list.
+    pub points: Vec<Point>,
+}
+
+/// Why a series of captures cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// There is no list of captures.
+    #[error("{}: neither {MANIFEST} nor {DESCRIPTOR} is in this folder", .0.display())]
+    NoList(PathBuf),
+    /// A file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The list says something that cannot be used.
+    #[error("{}: {error}", path.display())]
+    List {
+        /// The list.
+        path: PathBuf,
+        /// What is wrong and where.
+        error: Box<FileError>,
+    },
+    /// A frame cannot be read.
+    #[error(transparent)]
+    Frame(#[from] RawFileError),
+    /// A frame has another size than the others.
+    #[error("{}: {height}x{width} pixels, the other frames have {expected_height}x{expected_width}", path.display())]
+    Size {
+        /// The frame.
+        path: PathBuf,
+        /// Its rows.
+        height: usize,
+        /// Its columns.
+        width: usize,
+        /// Rows of the others.
+        expected_height: usize,
+        /// Columns of the others.
+        expected_width: usize,
+    },
+    /// A frame has a digital number that its converter cannot give.
+    #[error("{}: digital number {value} at row {row}, column {col}; a converter of {bits} bits gives at most {max}", path.display())]
+    Value {
+        /// The frame.
+        path: PathBuf,
+        /// The number.
+        value: u16,
+        /// Its row.
+        row: usize,
+        /// Its column.
+        col: usize,
+        /// Bits of the converter.
+        bits: u32,
+        /// Largest number it gives.
+        max: u16,
+    },
+    /// Another series is in the folder.
+    #[error("{}: the folder holds another series of captures ({what})", path.display())]
+    OtherSeries {
+        /// The file that tells.
+        path: PathBuf,
+        /// How it differs.
+        what: String,
+    },
+    /// A frame cannot be simulated.
+    #[error(transparent)]
+    Sensor(#[from] crate::sensor::SensorError),
+    /// A frame cannot be written.
+    #[error(transparent)]
+    Image(#[from] crate::image::ImageError),
+    /// The plan of a series is out of range.
+    #[error("{what}: {problem}")]
+    Plan {
+        /// Which number of the plan.
+        what: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+impl Captures {
+    /// Reads the list of captures of a folder and looks that every frame is there.
+    pub fn open(folder: &Path) -> Result<Self, CaptureError> {
+        let (ours, theirs) = (folder.join(MANIFEST), folder.join(DESCRIPTOR));
+        let (list, parse): (_, fn(&str, &Path) -> Result<Self, FileError>) = match () {
+            () if ours.is_file() => (ours, manifest::parse),
+            () if theirs.is_file() => (theirs, descriptor::parse),
+            () if folder.is_dir() => return Err(CaptureError::NoList(folder.to_owned())),
+            () => {
+                let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
+                return Err(CaptureError::Io { path: folder.to_owned(), source });
+            }
+        };
+        let bytes = std::fs::read(&list).map_err(|source| CaptureError::Io { path: list.clone(), source })?;
+        let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
+        let captures = parse(&decode(&bytes), folder).map_err(wrong)?;
+        captures.check().map_err(wrong)?;
+        for point in &captures.points {
+            if let Some(missing) = point.frames.iter().find(|path| !path.is_file()) {
+                let name = missing.strip_prefix(folder).unwrap_or(missing).display().to_string();
+                let error = FileError::at_line(point.line, "", format!("the frame {name} is not there"));
+                return Err(wrong(
+                    error.hint("copy the frame into the folder, or take the point off the list"),
+                ));
+            }
+        }
+        Ok(captures)
+    }
+
+    /// The linear gains, ascending.
+    pub fn gains(&self) -> Vec<f64> {
+        let mut gains: Vec<f64> = self.points.iter().map(|p| p.linear_gain).collect();
+        gains.sort_by(f64::total_cmp);
+        gains.dedup();
+        gains
+    }
+
+    /// Frames in all.
+    pub fn frames(&self) -> usize {
+        self.points.iter().map(|p| p.frames.len()).sum()
+    }
+
+    /// What both kinds of list must hold: frames enough at every point, and no point twice.
+    fn check(&self) -> Result<(), FileError> {
+        if self.points.is_empty() {
+            return Err(FileError::at_line(0, "", "the list has no captures").hint("add points with frames"));
+        }
+        for (i, point) in self.points.iter().enumerate() {
+            let at = |message: String| FileError::at_line(point.line, "", message);
+            if point.frames.len() < 2 {
+                let frames = match point.frames.len() {
+                    0 => "no frame",
+                    _ => "one frame",
+                };
+                return Err(at(format!("{} has {frames} where two are needed", point.label()))
+                    .hint("noise is measured from the difference of two frames of one setting"));
+            }
+            if point.frames.len() > MAX_FRAMES {
+                return Err(
+                    at(format!("{} is more than {MAX_FRAMES}", point.label())).hint("use fewer frames")
+                );
+            }
+            let mut names: Vec<_> = point.frames.iter().collect();
+            names.sort();
+            if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
+                return Err(at(format!("the frame {} is listed twice", twice[0].display()))
+                    .hint("two frames of one setting are two exposures"));
+            }
+            let same = |other: &&Point| {
+                other.kind == point.kind
+                    && other.linear_gain == point.linear_gain
+                    && other.exposure_s == point.exposure_s
+                    && other.photons == point.photons
+                    && other.is_stack() == point.is_stack()
+            };
+            if let Some(first) = self.points[..i].iter().find(same) {
+                return Err(at(format!("{} is listed already in line {}", point.label(), first.line))
+                    .hint("list all frames of one setting as one point"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// More frames than a point can have: sums stay within whole numbers of 64 bits.
+const MAX_FRAMES: usize = 4096;

@@ -1,0 +1,341 @@
+//! From captures to a sensor: everything that a series tells, as plain data.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::captures::{CaptureError, Captures, Kind, Point, SensorFacts};
+use super::dark::{DarkPoint, DarkSeries, dark_series};
+use super::figures::{Basis, Figure, figures};
+use super::high_pass::HighPass;
+use super::histogram_fit::{HistogramFit, fit_histograms};
+use super::joint::{GainInput, JointFit, joint_fit};
+use super::point::{Counts, PointStatistics, Stack, reduce};
+use super::spatial::{Spatial, spatial};
+use super::transfer::{CLIPPED_SHARE, PhotonTransfer, Rules, TransferPoint, photon_transfer};
+use super::warning::{Warning, of_point};
+use crate::raw_file::load_raw;
+use crate::sensor::Colour;
+
+/// How a series is evaluated.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Options {
+    /// The filter before non-uniformity (of the corrected values).
+    pub high_pass: HighPass,
+    /// Take the variance of the frames' means from the temporal variance (release 4); without it, Eq. 6 of Tseng et al.
+    pub mean_difference: bool,
+    /// Fit the remaining parameters of the model to the histograms.
+    pub fit_histograms: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { high_pass: HighPass::R4, mean_difference: true, fit_histograms: false }
+    }
+}
+
+/// Everything that a series of captures tells.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Characterization {
+    /// What was known before.
+    pub sensor: SensorFacts,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// How it was evaluated.
+    pub options: Options,
+    /// What is odd.
+    pub warnings: Vec<Warning>,
+    /// Each linear gain, ascending.
+    pub gains: Vec<GainResult>,
+    /// All gains together.
+    pub joint: JointFit,
+    /// The fit to the histograms, if it was asked for and possible.
+    pub histogram_fit: Option<HistogramFit>,
+    /// Captured histograms of the points of two frames; too long for the results file.
+    #[serde(skip)]
+    pub histograms: Vec<PointHistogram>,
+}
+
+/// One linear gain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GainResult {
+    /// Linear gain g.
+    pub linear_gain: f64,
+    /// Dark series over all pixels.
+    pub dark: DarkSeries,
+    /// Each colour; mono sensors have the one colour `clear`. Empty if the gain has no flat points.
+    pub channels: Vec<ChannelResult>,
+}
+
+/// One colour at one gain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelResult {
+    /// Colour.
+    pub colour: Colour,
+    /// Points with flat and dark frames, light ascending.
+    pub points: Vec<TransferPoint>,
+    /// Photon transfer by our rules.
+    pub transfer: PhotonTransfer,
+    /// Photon transfer by the rules of the EMVA 1288 Python library.
+    pub library_transfer: PhotonTransfer,
+    /// Non-uniformity, if there are stacks.
+    pub spatial: Option<Spatial>,
+    /// Figures under the names of the library.
+    pub figures: Vec<Figure>,
+}
+
+impl ChannelResult {
+    /// A figure by its name.
+    pub fn figure(&self, name: &str) -> Option<&Figure> {
+        self.figures.iter().find(|f| f.name == name)
+    }
+}
+
+/// The captured histogram of one colour at one point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PointHistogram {
+    /// Whether light fell on the sensor.
+    pub kind: Kind,
+    /// Linear gain.
+    pub linear_gain: f64,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Photons per pixel, if they are known.
+    pub photons: Option<f64>,
+    /// Colour; `None` for dark frames, where all pixels are alike.
+    pub colour: Option<Colour>,
+    /// Pixels; each contributes one sample per frame.
+    pub pixels: usize,
+    /// The counts.
+    pub counts: Counts,
+}
+
+/// Evaluates a series. `read` is told of every frame that was read; points are read in parallel, gain by gain, and the
+/// result does not depend on the number of threads.
+pub fn characterize(
+    captures: &Captures,
+    options: &Options,
+    read: &(dyn Fn() + Sync),
+) -> Result<Characterization, CaptureError> {
+    let size = frame_size(captures)?;
+    let (mut warnings, mut gains, mut histograms) = (Vec::new(), Vec::new(), Vec::new());
+    for linear_gain in captures.gains() {
+        let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
+        let reduced: Vec<(&Point, PointStatistics)> = points
+            .into_par_iter()
+            .map(|point| Ok((point, reduce(captures, point, size, read)?)))
+            .collect::<Result<_, CaptureError>>()?;
+        for (point, found) in &reduced {
+            warnings.extend(of_point(captures, point, found));
+        }
+        histograms.extend(reduced.iter().filter(|(p, _)| !p.is_stack()).flat_map(|(p, s)| captured(p, s)));
+        gains.push(one_gain(captures, options, linear_gain, &reduced, &mut warnings));
+    }
+    let joint = {
+        let inputs: Vec<GainInput<'_>> = gains.iter().map(input).collect();
+        joint_fit(&inputs, captures.sensor.black_level_dn)
+    };
+    warnings.extend(not_proportional(&joint));
+    let mut histogram_fit = None;
+    if options.fit_histograms {
+        histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
+        if let Some(fit) = &histogram_fit {
+            warnings.extend(fit.dark_tails());
+        }
+    }
+    Ok(Characterization {
+        sensor: captures.sensor.clone(),
+        height: size.0,
+        width: size.1,
+        options: *options,
+        warnings,
+        gains,
+        joint,
+        histogram_fit,
+        histograms,
+    })
+}
+
+/// Rows and columns: as the list says, or as the first frame has.
+fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
+    match (captures.size, captures.points.first().and_then(|p| p.frames.first())) {
+        (Some(size), _) => Ok(size),
+        (None, Some(path)) => {
+            let frame = load_raw(path)?;
+            Ok((frame.height, frame.width))
+        }
+        (None, None) => Err(CaptureError::NoList(captures.folder.clone())),
+    }
+}
+
+fn captured(point: &Point, found: &PointStatistics) -> Vec<PointHistogram> {
+    let of = |colour, moments: &super::point::Moments| PointHistogram {
+        kind: point.kind,
+        linear_gain: point.linear_gain,
+        exposure_s: point.exposure_s,
+        photons: point.photons,
+        colour,
+        pixels: moments.pixels,
+        counts: moments.histogram.clone(),
+    };
+    match point.kind {
+        Kind::Dark => vec![of(None, &found.all)],
+        Kind::Flat => found.colours.iter().map(|(colour, m)| of(Some(*colour), m)).collect(),
+    }
+}
+
+fn input(gain: &GainResult) -> GainInput<'_> {
+    GainInput {
+        linear_gain: gain.linear_gain,
+        gains: gain.channels.iter().map(|c| c.transfer.gain_dn_per_e).collect(),
+        dark: &gain.dark,
+        points: gain.channels.iter().map(|c| (c.colour, &c.points[..])).collect(),
+    }
+}
+
+/// Points that serve the photon transfer: pairs, and stacks where there is no pair of their setting.
+fn temporal<'a>(
+    reduced: &'a [(&'a Point, PointStatistics)],
+    kind: Kind,
+) -> Vec<&'a (&'a Point, PointStatistics)> {
+    let setting = |p: &Point| (p.exposure_s, p.photons);
+    let of_kind = || reduced.iter().filter(move |(p, _)| p.kind == kind);
+    of_kind()
+        .filter(|(p, _)| !p.is_stack() || !of_kind().any(|(q, _)| !q.is_stack() && setting(q) == setting(p)))
+        .collect()
+}
+
+fn one_gain(
+    captures: &Captures,
+    options: &Options,
+    linear_gain: f64,
+    reduced: &[(&Point, PointStatistics)],
+    warnings: &mut Vec<Warning>,
+) -> GainResult {
+    let (mut flats, darks) = (temporal(reduced, Kind::Flat), temporal(reduced, Kind::Dark));
+    let light = |p: &Point| (p.photons.unwrap_or(p.exposure_s), p.exposure_s);
+    flats.sort_by(|(a, _), (b, _)| light(a).0.total_cmp(&light(b).0).then(light(a).1.total_cmp(&light(b).1)));
+    let dark = dark_series(
+        darks.iter().map(|(p, s)| DarkPoint::new(p.exposure_s, &s.all, options.mean_difference)).collect(),
+    );
+
+    // Each flat point needs the dark one of its exposure time.
+    let dark_of = |p: &Point| {
+        let same =
+            |(q, _): &&&(&Point, PointStatistics)| (q.exposure_s - p.exposure_s).abs() <= 1e-9 * p.exposure_s;
+        darks.iter().find(same).map(|(_, s)| s)
+    };
+    let mut pairs = Vec::new();
+    for (point, flat) in flats {
+        match dark_of(point) {
+            None => warnings.push(Warning::NoDark { point: point.label() }),
+            Some(dark) if flat.all.mean_dn <= dark.all.mean_dn => {
+                warnings.push(Warning::NoSignal { point: point.label() });
+            }
+            Some(dark) => pairs.push((*point, flat, dark)),
+        }
+    }
+    if !pairs.is_empty() && pairs.len() < 3 {
+        warnings.push(Warning::TooFewPoints { linear_gain, points: pairs.len() });
+    }
+    let clipped =
+        pairs.iter().filter(|(_, f, _)| f.colours.iter().any(|(_, m)| m.share_at_max > CLIPPED_SHARE));
+    let clipped = clipped.count();
+    if clipped > 0 {
+        warnings.push(Warning::Saturated { linear_gain, points: clipped, of: pairs.len() });
+    }
+    for pair in pairs.windows(2) {
+        let ((_, darker, d0), (point, brighter, d1)) = (&pair[0], &pair[1]);
+        let (low, high) = (darker.all.mean_dn - d0.all.mean_dn, brighter.all.mean_dn - d1.all.mean_dn);
+        let noise = darker.all.mean_se_dn.hypot(brighter.all.mean_se_dn);
+        if high < low - 6.0 * noise && darker.all.share_at_max < 0.5 {
+            warnings.push(Warning::NotMonotonic { point: point.label() });
+        }
+    }
+    let stacks = stacks(reduced, warnings);
+    let channels = captures
+        .sensor
+        .cfa
+        .colours()
+        .into_iter()
+        .filter_map(|colour| one_channel(captures, options, colour, &pairs, stacks.as_ref()))
+        .collect();
+    GainResult { linear_gain, dark, channels }
+}
+
+/// A flat and a dark stack of one exposure time.
+struct Stacks<'a> {
+    flat: &'a Stack,
+    dark: &'a Stack,
+    exposure_s: f64,
+}
+
+fn stacks<'a>(
+    reduced: &'a [(&'a Point, PointStatistics)],
+    warnings: &mut Vec<Warning>,
+) -> Option<Stacks<'a>> {
+    let mut chosen: Option<Stacks<'a>> = None;
+    for (point, found) in reduced.iter().filter(|(p, _)| p.kind == Kind::Flat) {
+        let Some(flat) = &found.stack else { continue };
+        let dark = reduced
+            .iter()
+            .filter(|(p, _)| p.kind == Kind::Dark && p.exposure_s == point.exposure_s)
+            .find_map(|(_, s)| s.stack.as_ref());
+        match (dark, &chosen) {
+            (None, _) => warnings.push(Warning::LoneStack { point: point.label() }),
+            (Some(_), Some(_)) => warnings.push(Warning::MoreStacks { point: point.label() }),
+            (Some(dark), None) => chosen = Some(Stacks { flat, dark, exposure_s: point.exposure_s }),
+        }
+    }
+    chosen
+}
+
+fn one_channel(
+    captures: &Captures,
+    options: &Options,
+    colour: Colour,
+    pairs: &[(&Point, &PointStatistics, &PointStatistics)],
+    stacks: Option<&Stacks<'_>>,
+) -> Option<ChannelResult> {
+    let points: Vec<TransferPoint> = pairs
+        .iter()
+        .filter_map(|(point, flat, dark)| {
+            let (flat, dark) = (flat.colour(colour)?, dark.colour(colour)?);
+            Some(TransferPoint::new(point.exposure_s, point.photons, flat, dark, options.mean_difference))
+        })
+        .collect();
+    let transfer = photon_transfer(&points, Rules::Ours)?;
+    let library_transfer = photon_transfer(&points, Rules::Library)?;
+    let spatial = stacks
+        .and_then(|s| spatial(s.flat, s.dark, s.exposure_s, &captures.sensor.cfa, colour, options.high_pass));
+    let figures = figures(&Basis {
+        points: &points,
+        library: &library_transfer,
+        ours: &transfer,
+        spatial: spatial.as_ref(),
+        pixel_area_um2: captures.sensor.pixel_um.map(|p| p * p),
+    });
+    Some(ChannelResult { colour, points, transfer, library_transfer, spatial, figures })
+}
+
+/// Gains whose `K_g / g` is off the weighted mean of the others by more than five standard errors and 2 %.
+fn not_proportional(joint: &JointFit) -> Vec<Warning> {
+    let mut found = Vec::new();
+    for (i, row) in joint.rows.iter().enumerate() {
+        let others =
+            joint.rows.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, r)| r.gain_at_unit_dn_per_e);
+        let expected = super::fit::weighted_mean(others);
+        if let (Some(k), Some(e)) = (row.gain_at_unit_dn_per_e.value(), expected.value()) {
+            let se = row.gain_at_unit_dn_per_e.error_or_zero().hypot(expected.error_or_zero());
+            if (k - e).abs() > 5.0 * se && (k - e).abs() > 0.02 * e {
+                found.push(Warning::GainNotProportional {
+                    linear_gain: row.linear_gain,
+                    gain_dn_per_e: k,
+                    expected_dn_per_e: e,
+                });
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,72 @@
+//! The dark series of one gain: how mean and variance of dark frames grow with exposure time.
+//!
+//! ```text
+//! mean     = K (mu_I t + mu_r) + BL + mu_el                  [DN]
+//! variance = K^2 (mu_I t + sigma_r^2) + sigma_el^2 + 1/12    [DN^2]
+//! ```
+
+use serde::Serialize;
+
+use super::fit::{Line, line};
+use super::measured::Unresolved;
+use super::point::Moments;
+
+/// Dark frames of one exposure time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DarkPoint {
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Mean, DN.
+    pub mean_dn: f64,
+    /// Its standard error, DN.
+    pub mean_se_dn: f64,
+    /// Temporal variance, DN^2.
+    pub variance_dn2: f64,
+    /// Its standard error, DN^2.
+    pub variance_se_dn2: f64,
+}
+
+impl DarkPoint {
+    /// Of the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`].
+    pub fn new(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
+        Self {
+            exposure_s,
+            mean_dn: dark.mean_dn,
+            mean_se_dn: dark.mean_se_dn,
+            variance_dn2: if mean_difference { dark.variance_dn2 } else { dark.variance_uncorrected_dn2 },
+            variance_se_dn2: dark.variance_se_dn2,
+        }
+    }
+}
+
+/// A dark series with its lines.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DarkSeries {
+    /// The points, exposure times ascending.
+    pub points: Vec<DarkPoint>,
+    /// Mean over exposure time: DN/s and DN.
+    pub mean: Line,
+    /// Variance over exposure time: DN^2/s and DN^2.
+    pub variance: Line,
+}
+
+/// Exposure times that a slope needs.
+const EXPOSURES: usize = 3;
+
+/// Fits ordinary least-squares lines through a dark series.
+pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
+    points.sort_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
+    let mut times: Vec<f64> = points.iter().map(|p| p.exposure_s).collect();
+    let of = |f: fn(&DarkPoint) -> f64| points.iter().map(f).collect::<Vec<f64>>();
+    let fit = |y: Vec<f64>, se: Vec<f64>| line(&times, &y, &vec![1.0; times.len()], &se);
+    let (mut mean, mut variance) = (
+        fit(of(|p| p.mean_dn), of(|p| p.mean_se_dn)),
+        fit(of(|p| p.variance_dn2), of(|p| p.variance_se_dn2)),
+    );
+    times.dedup();
+    if times.len() < EXPOSURES {
+        let none = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
+        (mean, variance) = (none, none);
+    }
+    DarkSeries { points, mean, variance }
+}

@@ -1,0 +1,166 @@
+//! The high-pass that EMVA 1288 puts before non-uniformity: shading of the light is not the sensor's.
+//!
+//! A filter is `h = delta - l` with a separable low-pass `l`. What it takes from the variance is known exactly and given
+//! back: white noise keeps the share `sum(h^2)`, a pattern of columns `sum over x of (sum over y of h)^2`, which for
+//! a separable `l` of unit sum is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) has a 5x5 box, release 4
+//! a 7x7 box, an 11x11 box and a 3x3 binomial kernel one after the other.
+
+use serde::Serialize;
+
+/// A picture of numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plane {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Values, row by row.
+    pub values: Vec<f64>,
+}
+
+/// Which high-pass goes before the evaluation of non-uniformity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum HighPass {
+    /// None, as the EMVA 1288 Python library.
+    #[serde(rename = "none")]
+    None,
+    /// That of release 3.1.
+    #[serde(rename = "r3.1")]
+    R31,
+    /// That of release 4.
+    #[serde(rename = "r4")]
+    R4,
+}
+
+/// Shares of the variance that a filter leaves.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Passed {
+    /// Of independent pixels.
+    pub pixel: f64,
+    /// Of a pattern of rows or of columns.
+    pub line: f64,
+}
+
+impl HighPass {
+    /// One-dimensional low-pass kernel, of unit sum.
+    pub fn kernel(self) -> Vec<f64> {
+        let boxes = |n: usize| vec![1.0 / n as f64; n];
+        match self {
+            Self::None => Vec::new(),
+            Self::R31 => boxes(5),
+            Self::R4 => convolve(&convolve(&boxes(7), &boxes(11)), &[0.25, 0.5, 0.25]),
+        }
+    }
+
+    /// Pixels that are lost at each border.
+    pub fn border(self) -> usize {
+        self.kernel().len() / 2
+    }
+
+    /// Shares of the variance that the filter leaves.
+    pub fn passed(self) -> Passed {
+        let kernel = self.kernel();
+        if kernel.is_empty() {
+            return Passed { pixel: 1.0, line: 1.0 };
+        }
+        let centre = kernel[kernel.len() / 2];
+        let power: f64 = kernel.iter().map(|k| k * k).sum();
+        Passed { pixel: 1.0 - 2.0 * centre * centre + power * power, line: 1.0 - 2.0 * centre + power }
+    }
+
+    /// The filtered picture without its border; `None` if nothing is left.
+    pub fn apply(self, plane: &Plane) -> Option<Plane> {
+        let (kernel, border) = (self.kernel(), self.border());
+        if kernel.is_empty() {
+            return Some(plane.clone());
+        }
+        if plane.height <= 2 * border || plane.width <= 2 * border {
+            return None;
+        }
+        let (height, width) = (plane.height - 2 * border, plane.width - 2 * border);
+        // Columns first, then rows; the mean goes first, so that no digits are lost.
+        let mean = plane.values.iter().sum::<f64>() / plane.values.len() as f64;
+        let mut along = vec![0.0; height * plane.width];
+        for row in 0..height {
+            for (k, weight) in kernel.iter().enumerate() {
+                let source = &plane.values[(row + k) * plane.width..(row + k + 1) * plane.width];
+                let target = &mut along[row * plane.width..(row + 1) * plane.width];
+                target.iter_mut().zip(source).for_each(|(t, s)| *t += weight * (s - mean));
+            }
+        }
+        let mut values = Vec::with_capacity(height * width);
+        for row in 0..height {
+            let line = &along[row * plane.width..(row + 1) * plane.width];
+            let centre = &plane.values[(row + border) * plane.width + border..][..width];
+            values.extend(centre.iter().enumerate().map(|(col, y)| {
+                let low: f64 = kernel.iter().zip(&line[col..]).map(|(k, v)| k * v).sum();
+                (y - mean) - low
+            }));
+        }
+        Some(Plane { height, width, values })
+    }
+}
+
+fn convolve(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            out[i + j] += x * y;
+        }
+    }
+    out
+}
+
+/// The 5x5 high-pass of release 3.1 in whole numbers, 25 times as large: `25 y - sum of the 5x5 neighbours`, without the
+/// border of two pixels. Returns the picture with its rows and columns.
+pub fn high_pass_5x5_times_25(values: &[i64], height: usize, width: usize) -> (Vec<i64>, usize, usize) {
+    let (rows, cols) = (height.saturating_sub(4), width.saturating_sub(4));
+    let mut out = Vec::with_capacity(rows * cols);
+    for row in 0..rows {
+        for col in 0..cols {
+            let sum: i64 = (row..row + 5).map(|r| values[r * width + col..][..5].iter().sum::<i64>()).sum();
+            out.push(25 * values[(row + 2) * width + col + 2] - sum);
+        }
+    }
+    (out, rows, cols)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_those_of_patterns_that_are_filtered() {
+        for filter in [HighPass::R31, HighPass::R4] {
+            let size = 101;
+            // One pixel, one row and one column that stand out: what is left of their squares.
+            let left = |on: fn(usize, usize) -> bool| {
+                let values = (0..size * size).map(|i| f64::from(on(i / size, i % size))).collect();
+                let filtered = filter.apply(&Plane { height: size, width: size, values }).unwrap();
+                (filtered.values.iter().map(|v| v * v).sum::<f64>(), filtered.width)
+            };
+            let passed = filter.passed();
+            assert!((left(|r, c| r == 50 && c == 50).0 - passed.pixel).abs() < 1e-12);
+            let (row, width) = left(|r, _| r == 50);
+            assert!((row / width as f64 - passed.line).abs() < 1e-12);
+            let (col, height) = left(|_, c| c == 50);
+            assert!((col / height as f64 - passed.line).abs() < 1e-12);
+            // A slope is gone.
+            assert!(
+                filter
+                    .apply(&Plane {
+                        height: size,
+                        width: size,
+                        values: (0..size * size).map(|i| (3 * (i / size) + i % size) as f64).collect(),
+                    })
+                    .unwrap()
+                    .values
+                    .iter()
+                    .all(|v| v.abs() < 1e-9)
+            );
+        }
+        assert!((HighPass::R31.passed().pixel - 0.96).abs() < 1e-12);
+        assert!((HighPass::R4.kernel().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(HighPass::R4.border(), 9);
+    }
+}

@@ -1,0 +1,534 @@
+//! The paper's fourth step as an optimisation: the parameters with which simulated histograms match captured ones.
+//!
+//! Nothing is drawn at random: the exact distribution of digital numbers ([`pmf`](super::pmf)) is compared with the counts by
+//! maximum likelihood (Fisher scoring with a damped step). Free are K, mu_r, mu_el, sigma_el, the ratios of the colours
+//! and the light of every gain; sigma_r and mu_I, which histograms of single gains hardly tell, stay as the joint fit found
+//! them. What lies outside the core of a histogram (median +- 4 standard deviations by its quantiles) does not
+//! count in the fit: a tail of hot pixels is not made into noise, but is reported ([`Warning::DarkTail`]).
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::captures::{Kind, SensorFacts};
+use super::characterize::PointHistogram;
+use super::joint::JointFit;
+use super::measured::Measured;
+use super::pmf::{Response, digital_numbers};
+use super::point::Counts;
+use super::warning::Warning;
+use crate::sensor::Colour;
+
+/// Parameters of the model that the fit starts from or ends with.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModelParameters {
+    /// K at linear gain 1, DN/e-.
+    pub gain_dn_per_e: f64,
+    /// mu_r, e-.
+    pub read_noise_mean_e: f64,
+    /// BL + mu_el, DN.
+    pub dark_offset_dn: f64,
+    /// sigma_el, DN.
+    pub electronics_noise_dn: f64,
+    /// Signal of red over green.
+    pub red_over_green: f64,
+    /// Signal of blue over green.
+    pub blue_over_green: f64,
+    /// sigma_r, e-; held.
+    pub read_noise_e: f64,
+    /// mu_I, e-/s; held.
+    pub dark_current_e_per_s: f64,
+    /// Full well, e-; held.
+    pub full_well_e: f64,
+}
+
+/// Electrons per unit of light in a green (or clear) pixel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LightLevel {
+    /// Linear gain of the points.
+    pub linear_gain: f64,
+    /// Electrons per photon where photons are known, else per second; of a single point where neither tells points apart.
+    pub electrons: Measured,
+}
+
+/// How well a distribution describes a histogram.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GoodnessOfFit {
+    /// `sum (c - e)^2 / e` over bins of at least ten expected samples, over their number less one.
+    pub reduced_chi2: f64,
+    /// Largest difference of the cumulative distributions (Kolmogorov-Smirnov), 0..1.
+    pub kolmogorov_smirnov: f64,
+    /// Half the sum of the absolute differences of the probabilities, 0..1.
+    pub total_variation: f64,
+}
+
+/// A captured histogram beside the simulated ones.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HistogramComparison {
+    /// Whether light fell on the sensor.
+    pub kind: Kind,
+    /// Linear gain.
+    pub linear_gain: f64,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Colour; `None` for dark frames.
+    pub colour: Option<Colour>,
+    /// First digital number of the three lists.
+    pub first_dn: u32,
+    /// Captured samples per digital number.
+    pub captured: Vec<u64>,
+    /// Expected samples with the parameters before the fit.
+    pub expected_before: Vec<f64>,
+    /// Expected samples with the fitted parameters.
+    pub expected_after: Vec<f64>,
+    /// Before the fit.
+    pub before: GoodnessOfFit,
+    /// After it.
+    pub after: GoodnessOfFit,
+    /// Samples brighter than the core beyond what the model has there, as a share of all.
+    pub tail_share: f64,
+    /// Standard error of that share.
+    pub tail_share_se: f64,
+    /// Mean of the samples in the tail above the mean of the histogram, DN.
+    pub tail_mean_dn: f64,
+}
+
+/// Result of the fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HistogramFit {
+    /// Parameters before.
+    pub start: ModelParameters,
+    /// Parameters after.
+    pub fitted: ModelParameters,
+    /// K with its standard error, DN/e-.
+    pub gain_dn_per_e: Measured,
+    /// mu_r, e-.
+    pub read_noise_mean_e: Measured,
+    /// BL + mu_el, DN.
+    pub dark_offset_dn: Measured,
+    /// sigma_el, DN.
+    pub electronics_noise_dn: Measured,
+    /// alpha.
+    pub red_over_green: Measured,
+    /// beta.
+    pub blue_over_green: Measured,
+    /// The light.
+    pub light: Vec<LightLevel>,
+    /// Steps taken.
+    pub steps: usize,
+    /// Whether the last step was smaller than a thousandth of the standard errors.
+    pub converged: bool,
+    /// Every histogram.
+    pub histograms: Vec<HistogramComparison>,
+}
+
+impl HistogramFit {
+    /// Warnings of dark histograms with a tail that is no noise: more than five standard errors and 1e-5 of the pixels.
+    pub fn dark_tails(&self) -> Vec<Warning> {
+        let dark = self.histograms.iter().filter(|h| h.kind == Kind::Dark);
+        dark.filter(|h| h.tail_share > 5.0 * h.tail_share_se && h.tail_share > 1e-5)
+            .map(|h| Warning::DarkTail {
+                point: format!("dark, gain {}, {} ms", h.linear_gain, 1e3 * h.exposure_s),
+                share: h.tail_share,
+                mean_dn: h.tail_mean_dn,
+            })
+            .collect()
+    }
+}
+
+/// Number of parameters before the light levels.
+const SHARED: usize = 6;
+/// Half width of the core of a histogram in standard deviations.
+const CORE_SIGMAS: f64 = 4.0;
+/// Steps after which the fit gives up.
+const MOST_STEPS: usize = 40;
+
+/// One histogram as the fit sees it.
+struct Sample<'a> {
+    histogram: &'a PointHistogram,
+    /// Index of its light level among the parameters, and its light in units of the level.
+    light: Option<(usize, f64)>,
+    /// First and last digital number of the core.
+    core: (u32, u32),
+}
+
+/// Fits from what the joint fit found. `None` if it did not find gain, read noise or offset, or no histogram is usable.
+pub fn fit_histograms(
+    sensor: &SensorFacts,
+    joint: &JointFit,
+    histograms: &[PointHistogram],
+) -> Option<HistogramFit> {
+    let start = ModelParameters {
+        gain_dn_per_e: joint.gain_dn_per_e.value()?,
+        read_noise_mean_e: joint.read_noise_mean_e.value()?,
+        dark_offset_dn: joint.dark_offset_dn.value()?,
+        electronics_noise_dn: joint.electronics_noise_dn.value().unwrap_or(0.1),
+        red_over_green: joint.red_over_green.value().unwrap_or(1.0),
+        blue_over_green: joint.blue_over_green.value().unwrap_or(1.0),
+        read_noise_e: joint.read_noise_e.value()?,
+        dark_current_e_per_s: joint.dark_current_e_per_s.value().unwrap_or(0.0),
+        full_well_e: sensor.full_well_e.unwrap_or(f64::INFINITY),
+    };
+    fit_histograms_from(&start, sensor.bits, histograms)
+}
+
+/// Fits from given parameters.
+pub fn fit_histograms_from(
+    start: &ModelParameters,
+    bits: u32,
+    histograms: &[PointHistogram],
+) -> Option<HistogramFit> {
+    let max_dn = (1u32 << bits) - 1;
+    let usable: Vec<&PointHistogram> =
+        histograms.iter().filter(|h| h.counts.last_dn() < max_dn && h.counts.first_dn > 0).collect();
+    let (samples, mut theta, level_gains) = arrange(start, &usable)?;
+    let free = free_parameters(&samples, theta.len());
+
+    // Fisher scoring: the step is the inverse information times the slope of the log likelihood.
+    let first_theta = theta.clone();
+    let mut state = score(start, max_dn, &samples, &theta);
+    let (mut damping, mut steps, mut converged) = (0.0, 0, false);
+    while steps < MOST_STEPS && !converged {
+        steps += 1;
+        let Some(step) = solve(&state, &free, damping) else {
+            damping = if damping == 0.0 { 1e-4 } else { 10.0 * damping };
+            continue;
+        };
+        let mut trial = theta.clone();
+        free.iter().zip(step.iter()).for_each(|(i, d)| trial[*i] += d);
+        if !plausible(&trial) {
+            damping = if damping == 0.0 { 1e-3 } else { 10.0 * damping };
+            continue;
+        }
+        let next = score(start, max_dn, &samples, &trial);
+        let gain = next.log_likelihood - state.log_likelihood;
+        if !gain.is_finite() || gain < -1e-6 * state.log_likelihood.abs().min(1.0) {
+            damping = if damping == 0.0 { 1e-3 } else { 10.0 * damping };
+            continue;
+        }
+        // The expected gain of the step is half its square in standard errors.
+        let decrement: f64 = free.iter().zip(step.iter()).map(|(i, d)| state.slope[*i] * d).sum();
+        converged = decrement < 1e-6;
+        (theta, state, damping) = (trial, next, 0.1 * damping);
+    }
+
+    let covariance = information(&state, &free).try_inverse();
+    let measured = |i: usize| match (free.iter().position(|f| *f == i), &covariance) {
+        (Some(k), Some(c)) => Measured::new(theta[i], c[(k, k)].max(0.0).sqrt()),
+        _ => Measured::exact(theta[i]),
+    };
+    let comparisons =
+        samples.par_iter().map(|sample| compare(sample, start, max_dn, &first_theta, &theta)).collect();
+    Some(HistogramFit {
+        start: start.clone(),
+        fitted: parameters(start, &theta),
+        gain_dn_per_e: measured(0),
+        read_noise_mean_e: measured(1),
+        dark_offset_dn: measured(2),
+        electronics_noise_dn: measured(3),
+        red_over_green: measured(4),
+        blue_over_green: measured(5),
+        light: level_gains
+            .iter()
+            .enumerate()
+            .map(|(i, g)| LightLevel { linear_gain: *g, electrons: measured(SHARED + i) })
+            .collect(),
+        steps,
+        converged,
+        histograms: comparisons,
+    })
+}
+
+/// The samples, the parameters to start from, and the linear gain of each light level.
+fn arrange<'a>(
+    start: &ModelParameters,
+    histograms: &[&'a PointHistogram],
+) -> Option<(Vec<Sample<'a>>, Vec<f64>, Vec<f64>)> {
+    let mut theta = vec![
+        start.gain_dn_per_e,
+        start.read_noise_mean_e,
+        start.dark_offset_dn,
+        start.electronics_noise_dn,
+        start.red_over_green,
+        start.blue_over_green,
+    ];
+    // Points of one gain share one level if their exposure times or photons say how their light compares.
+    let mut levels: Vec<(f64, Option<f64>)> = Vec::new();
+    let mut samples = Vec::new();
+    for histogram in histograms {
+        let light = match histogram.kind {
+            Kind::Dark => None,
+            Kind::Flat => {
+                let told = |h: &PointHistogram| h.photons.unwrap_or(h.exposure_s);
+                let mean = mean_dn(&histogram.counts);
+                let twins = |h: &&&PointHistogram| {
+                    h.kind == Kind::Flat
+                        && h.colour == histogram.colour
+                        && h.linear_gain == histogram.linear_gain
+                        && told(h) == told(histogram)
+                };
+                let alone = histograms.iter().filter(twins).count() > 1;
+                let key = (histogram.linear_gain, alone.then_some(mean));
+                let unit = told(histogram).max(1e-12);
+                let index = levels.iter().position(|l| *l == key).unwrap_or_else(|| {
+                    let e = (mean - start.dark_offset_dn) / (start.gain_dn_per_e * histogram.linear_gain)
+                        - start.read_noise_mean_e
+                        - start.dark_current_e_per_s * histogram.exposure_s;
+                    theta.push(e.max(1.0) / (unit * ratio(&theta, histogram.colour)));
+                    levels.push(key);
+                    levels.len() - 1
+                });
+                Some((SHARED + index, unit))
+            }
+        };
+        samples.push(Sample { histogram, light, core: core(&histogram.counts) });
+    }
+    let gains = levels.iter().map(|l| l.0).collect();
+    (!samples.is_empty()).then_some((samples, theta, gains))
+}
+
+fn ratio(theta: &[f64], colour: Option<Colour>) -> f64 {
+    match colour {
+        Some(Colour::Red) => theta[4],
+        Some(Colour::Blue) => theta[5],
+        _ => 1.0,
+    }
+}
+
+fn mean_dn(counts: &Counts) -> f64 {
+    let sum: f64 = counts.counts.iter().enumerate().map(|(i, c)| i as f64 * *c as f64).sum();
+    f64::from(counts.first_dn) + sum / counts.total().max(1) as f64
+}
+
+/// Median +- so many standard deviations, half the distance of the 16 % and 84 % quantiles.
+fn core(counts: &Counts) -> (u32, u32) {
+    let total = counts.total() as f64;
+    let quantile = |share: f64| {
+        let mut below = 0.0;
+        for (i, c) in counts.counts.iter().enumerate() {
+            // Within a bin the samples are taken as evenly spread.
+            if below + *c as f64 >= share * total {
+                return f64::from(counts.first_dn) + i as f64 - 0.5
+                    + (share * total - below) / (*c as f64).max(1.0);
+            }
+            below += *c as f64;
+        }
+        f64::from(counts.last_dn())
+    };
+    let (median, sigma) = (quantile(0.5), 0.5 * (quantile(0.8413) - quantile(0.1587)));
+    let reach = CORE_SIGMAS * sigma.max(0.5);
+    (
+        ((median - reach).floor().max(0.0) as u32).max(counts.first_dn),
+        ((median + reach).ceil() as u32).min(counts.last_dn()),
+    )
+}
+
+/// Which parameters the histograms can tell: K and light need flat frames, mu_r a second gain, the ratios their colours.
+fn free_parameters(samples: &[Sample<'_>], count: usize) -> Vec<usize> {
+    let flat = samples.iter().any(|s| s.light.is_some());
+    let has = |colour| samples.iter().any(|s| s.histogram.colour == Some(colour));
+    let green = has(Colour::Green);
+    let mut gains: Vec<f64> = samples.iter().map(|s| s.histogram.linear_gain).collect();
+    gains.sort_by(f64::total_cmp);
+    gains.dedup();
+    let told = [flat, gains.len() > 1, true, true, green && has(Colour::Red), green && has(Colour::Blue)];
+    (0..count).filter(|i| told.get(*i).copied().unwrap_or(true)).collect()
+}
+
+fn plausible(theta: &[f64]) -> bool {
+    let positive = |i: usize| theta[i] > 0.0;
+    theta.iter().all(|t| t.is_finite())
+        && [0, 3, 4, 5].into_iter().all(positive)
+        && (SHARED..theta.len()).all(positive)
+}
+
+fn parameters(start: &ModelParameters, theta: &[f64]) -> ModelParameters {
+    ModelParameters {
+        gain_dn_per_e: theta[0],
+        read_noise_mean_e: theta[1],
+        dark_offset_dn: theta[2],
+        electronics_noise_dn: theta[3],
+        red_over_green: theta[4],
+        blue_over_green: theta[5],
+        ..*start
+    }
+}
+
+/// Distribution of a sample under the parameters.
+fn distribution(sample: &Sample<'_>, held: &ModelParameters, max_dn: u32, theta: &[f64]) -> Vec<f64> {
+    let h = sample.histogram;
+    let light = sample.light.map_or(0.0, |(i, unit)| theta[i] * unit * ratio(theta, h.colour));
+    let response = Response {
+        gain_dn_per_e: theta[0] * h.linear_gain,
+        read_noise_mean_e: theta[1],
+        read_noise_e: held.read_noise_e,
+        offset_dn: theta[2],
+        electronics_noise_dn: theta[3],
+        full_well_e: held.full_well_e,
+        max_dn,
+    };
+    digital_numbers(light + held.dark_current_e_per_s * h.exposure_s, &response)
+}
+
+/// Log likelihood of the cores, its slope and its information.
+struct Score {
+    log_likelihood: f64,
+    slope: Vec<f64>,
+    information: DMatrix<f64>,
+}
+
+fn score(held: &ModelParameters, max_dn: u32, samples: &[Sample<'_>], theta: &[f64]) -> Score {
+    let parts: Vec<(f64, Vec<(usize, Vec<f64>)>, Vec<f64>)> =
+        samples.par_iter().map(|s| derivatives(s, held, max_dn, theta)).collect();
+    let n = theta.len();
+    let mut total = Score { log_likelihood: 0.0, slope: vec![0.0; n], information: DMatrix::zeros(n, n) };
+    for (sample, (log_likelihood, slopes, p)) in samples.iter().zip(&parts) {
+        total.log_likelihood += log_likelihood;
+        let counts = |k: usize| sample.histogram.counts.at(i64::from(sample.core.0) + k as i64) as f64;
+        let all: f64 = (0..p.len()).map(counts).sum();
+        for (i, di) in slopes {
+            total.slope[*i] += di.iter().enumerate().map(|(k, d)| counts(k) * d).sum::<f64>();
+            for (j, dj) in slopes {
+                total.information[(*i, *j)] +=
+                    all * p.iter().zip(di.iter().zip(dj)).map(|(p, (a, b))| p * a * b).sum::<f64>();
+            }
+        }
+    }
+    total
+}
+
+/// Log likelihood of a core, the derivative of the logarithm of each of its probabilities, and the probabilities.
+fn derivatives(
+    sample: &Sample<'_>,
+    held: &ModelParameters,
+    max_dn: u32,
+    theta: &[f64],
+) -> (f64, Vec<(usize, Vec<f64>)>, Vec<f64>) {
+    let (low, high) = (sample.core.0 as usize, sample.core.1 as usize);
+    let within = |theta: &[f64]| {
+        let p = distribution(sample, held, max_dn, theta);
+        let total: f64 = p[low..=high].iter().sum::<f64>().max(1e-300);
+        p[low..=high].iter().map(|p| (p / total).max(1e-300)).collect::<Vec<f64>>()
+    };
+    let p = within(theta);
+    let log_likelihood =
+        p.iter().enumerate().map(|(k, p)| sample.histogram.counts.at((low + k) as i64) as f64 * p.ln()).sum();
+    let mut touched = vec![0, 1, 2, 3];
+    if let Some((level, _)) = sample.light {
+        touched.push(level);
+        match sample.histogram.colour {
+            Some(Colour::Red) => touched.push(4),
+            Some(Colour::Blue) => touched.push(5),
+            _ => {}
+        }
+    }
+    let slopes = touched
+        .into_iter()
+        .map(|i| {
+            // Central differences: the distribution is smooth and good to 1e-11.
+            let step = match i {
+                1..=3 => 1e-4,
+                _ => 1e-5 * theta[i].abs(),
+            };
+            let at = |d: f64| {
+                let mut moved = theta.to_vec();
+                moved[i] += d;
+                within(&moved)
+            };
+            let (up, down) = (at(step), at(-step));
+            (i, up.iter().zip(&down).map(|(u, d)| (u.ln() - d.ln()) / (2.0 * step)).collect())
+        })
+        .collect();
+    (log_likelihood, slopes, p)
+}
+
+fn information(state: &Score, free: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(free.len(), free.len(), |i, j| state.information[(free[i], free[j])])
+}
+
+/// Solves for a step, with the diagonal raised by the damping.
+fn solve(state: &Score, free: &[usize], damping: f64) -> Option<DVector<f64>> {
+    // Scaled to a unit diagonal, so that the units of the parameters do not matter.
+    let raw = information(state, free);
+    let scale: Vec<f64> = (0..free.len()).map(|i| raw[(i, i)].sqrt()).collect();
+    if scale.iter().any(|s| !s.is_finite() || *s == 0.0) {
+        return None;
+    }
+    let matrix = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+        raw[(i, j)] / (scale[i] * scale[j]) + if i == j { damping } else { 0.0 }
+    });
+    let slope = DVector::from_fn(free.len(), |i, _| state.slope[free[i]] / scale[i]);
+    let step = matrix.cholesky()?.solve(&slope);
+    Some(DVector::from_fn(free.len(), |i, _| step[i] / scale[i]))
+}
+
+fn compare(
+    sample: &Sample<'_>,
+    held: &ModelParameters,
+    max_dn: u32,
+    before: &[f64],
+    after: &[f64],
+) -> HistogramComparison {
+    let h = sample.histogram;
+    let n = h.counts.total() as f64;
+    let [p_before, p_after] = [before, after].map(|theta| distribution(sample, held, max_dn, theta));
+    // What the model has beyond the captured range belongs to the picture too.
+    let visible = |p: &f64| n * p >= 0.5;
+    let first = (h.counts.first_dn as usize).min(p_after.iter().position(visible).unwrap_or(usize::MAX));
+    let last = (h.counts.last_dn() as usize).max(p_after.iter().rposition(visible).unwrap_or(0));
+    let captured: Vec<u64> = (first..=last).map(|y| h.counts.at(y as i64)).collect();
+    let expected = |p: &[f64]| p[first..=last].iter().map(|p| n * p).collect::<Vec<f64>>();
+    let (expected_before, expected_after) = (expected(&p_before), expected(&p_after));
+
+    let beyond = sample.core.1 as usize + 1;
+    let in_tail: Vec<(f64, f64)> =
+        (beyond..=last.max(beyond)).map(|y| (y as f64, h.counts.at(y as i64) as f64)).collect();
+    let (found, mean) = (in_tail.iter().map(|(_, c)| c).sum::<f64>(), mean_dn(&h.counts));
+    let explained: f64 = n * p_after.iter().skip(beyond).sum::<f64>();
+    let above: f64 = in_tail.iter().map(|(y, c)| (y - mean) * c).sum();
+    HistogramComparison {
+        kind: h.kind,
+        linear_gain: h.linear_gain,
+        exposure_s: h.exposure_s,
+        colour: h.colour,
+        first_dn: first as u32,
+        before: goodness(&captured, &expected_before, n),
+        after: goodness(&captured, &expected_after, n),
+        captured,
+        expected_before,
+        expected_after,
+        tail_share: (found - explained) / n,
+        tail_share_se: (explained + 1.0).sqrt() / n,
+        tail_mean_dn: if found > 0.0 { above / found } else { 0.0 },
+    }
+}
+
+/// Compares counts with expected counts of the same digital numbers; `n` samples in all.
+pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
+    let (mut chi2, mut bins) = (0.0, 0usize);
+    let (mut c_bin, mut e_bin) = (0.0, 0.0);
+    let (mut c_sum, mut e_sum, mut ks, mut variation) = (0.0, 0.0, 0.0_f64, 0.0);
+    let mut close = |c: f64, e: f64| {
+        chi2 += (c - e).powi(2) / e;
+        bins += 1;
+    };
+    for (i, (c, e)) in captured.iter().map(|c| *c as f64).zip(expected).enumerate() {
+        c_sum += c;
+        e_sum += e;
+        ks = ks.max((c_sum - e_sum).abs() / n);
+        variation += 0.5 * (c - e).abs() / n;
+        c_bin += c;
+        e_bin += e;
+        // Neighbouring digital numbers share a bin until ten samples are expected; what is left at the end joins as it is.
+        let last = i + 1 == captured.len();
+        if e_bin >= 10.0 || (last && e_bin > 0.0) {
+            close(c_bin, e_bin.max(1e-3));
+            (c_bin, e_bin) = (0.0, 0.0);
+        }
+    }
+    GoodnessOfFit {
+        reduced_chi2: chi2 / bins.saturating_sub(1).max(1) as f64,
+        kolmogorov_smirnov: ks,
+        total_variation: variation,
+    }
+}

@@ -1,0 +1,202 @@
+//! All gains together: what read noise, electronics noise and dark current are, and the ratios of the colours.
+//!
+//! Electronics noise does not grow with the gain, read noise does. So the intercepts of the dark series over the gains tell
+//! them apart:
+//!
+//! ```text
+//! I_g = sigma_r^2 K_g^2 + (sigma_el^2 + 1/12)        intercept of the dark variance [DN^2]
+//! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
+//! ```
+//!
+//! Each is a line with weights `1/s^2`, where `s` holds the error of the intercept and that of `K_g`. Averages of what single
+//! gains give (Tseng et al. 2021, supplement 2.3.2) cannot separate them. BL and mu_el are one number to the captures: BL
+//! is taken from the setting of the camera.
+
+use serde::Serialize;
+
+use super::dark::DarkSeries;
+use super::figures::QUANTISATION_DN2;
+use super::fit::{Line, line, through_origin, weighted_mean};
+use super::measured::{Measured, Unresolved};
+use super::transfer::{CLIPPED_SHARE, TransferPoint};
+use crate::sensor::Colour;
+
+/// What one linear gain contributes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GainRow {
+    /// Linear gain g.
+    pub linear_gain: f64,
+    /// K_g, DN/e-: the weighted mean of the colours.
+    pub gain_dn_per_e: Measured,
+    /// `K_g / g`, DN/e-.
+    pub gain_at_unit_dn_per_e: Measured,
+    /// Dark current from the mean, e-/s.
+    pub dark_current_mean_e_per_s: Measured,
+    /// Dark current from the variance, e-/s.
+    pub dark_current_variance_e_per_s: Measured,
+    /// Intercept of the dark variance, DN^2.
+    pub dark_variance_dn2: Measured,
+    /// Intercept of the dark mean, DN.
+    pub dark_mean_dn: Measured,
+    /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
+    pub naive_read_variance_e2: Measured,
+}
+
+/// The joint fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JointFit {
+    /// The gains.
+    pub rows: Vec<GainRow>,
+    /// K at linear gain 1, DN/e-.
+    pub gain_dn_per_e: Measured,
+    /// mu_I from the mean of dark frames, e-/s.
+    pub dark_current_e_per_s: Measured,
+    /// mu_I from their variance, e-/s.
+    pub dark_current_variance_e_per_s: Measured,
+    /// Line of dark variance over `K_g^2`: slope e-^2, intercept DN^2.
+    pub variance_line: Line,
+    /// Line of dark mean over `K_g`: slope e-, intercept DN.
+    pub mean_line: Line,
+    /// sigma_r^2, e-^2.
+    pub read_variance_e2: Measured,
+    /// sigma_r, e-.
+    pub read_noise_e: Measured,
+    /// mu_r, e-.
+    pub read_noise_mean_e: Measured,
+    /// sigma_el, DN.
+    pub electronics_noise_dn: Measured,
+    /// BL + mu_el, DN.
+    pub dark_offset_dn: Measured,
+    /// BL as the camera is set, DN.
+    pub black_level_dn: Option<f64>,
+    /// mu_el, DN, if BL is known.
+    pub electronics_mean_dn: Measured,
+    /// Signal of red over that of green in the light of the captures, alpha.
+    pub red_over_green: Measured,
+    /// Signal of blue over that of green, beta.
+    pub blue_over_green: Measured,
+}
+
+/// One gain as the joint fit takes it.
+pub struct GainInput<'a> {
+    /// Linear gain.
+    pub linear_gain: f64,
+    /// K_g of each colour, DN/e-.
+    pub gains: Vec<Measured>,
+    /// Dark series over all pixels.
+    pub dark: &'a DarkSeries,
+    /// Points of each colour.
+    pub points: Vec<(Colour, &'a [TransferPoint])>,
+}
+
+/// Gains that a line over the gains needs: two would leave nothing to check it by.
+const GAINS: usize = 3;
+
+/// Fits all gains together.
+pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> JointFit {
+    let rows: Vec<GainRow> = inputs.iter().map(row).collect();
+    let gain_dn_per_e = weighted_mean(rows.iter().map(|r| r.gain_at_unit_dn_per_e));
+    let dark_current = |f: fn(&GainRow) -> Measured| weighted_mean(rows.iter().map(f)).if_above_noise();
+
+    let (variance_line, mean_line) = (
+        line_over_gains(&rows, |k| k * k, |k| 2.0 * k, |r| r.dark_variance_dn2),
+        line_over_gains(&rows, |k| k, |_| 1.0, |r| r.dark_mean_dn),
+    );
+    let read_variance_e2 = variance_line.slope.if_above_noise();
+    let electronics = variance_line.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).if_above_noise();
+    let dark_offset_dn = mean_line.intercept;
+    let electronics_mean_dn = match black_level_dn {
+        Some(black) => dark_offset_dn.map(|v| v - black, |_| 1.0),
+        None => Measured::none(Unresolved::NotStated("black_level_dn")),
+    };
+    JointFit {
+        gain_dn_per_e,
+        dark_current_e_per_s: dark_current(|r| r.dark_current_mean_e_per_s),
+        dark_current_variance_e_per_s: dark_current(|r| r.dark_current_variance_e_per_s),
+        variance_line,
+        mean_line,
+        read_variance_e2,
+        read_noise_e: read_variance_e2.root(),
+        read_noise_mean_e: mean_line.slope,
+        electronics_noise_dn: electronics.root(),
+        dark_offset_dn,
+        black_level_dn,
+        electronics_mean_dn,
+        red_over_green: ratio(inputs, Colour::Red),
+        blue_over_green: ratio(inputs, Colour::Blue),
+        rows,
+    }
+}
+
+fn row(input: &GainInput<'_>) -> GainRow {
+    let k = weighted_mean(input.gains.iter().copied());
+    let k = if k.value().is_some() { k } else { Measured::none(Unresolved::FollowsFrom("K")) };
+    let (mean, variance) = (&input.dark.mean, &input.dark.variance);
+    GainRow {
+        linear_gain: input.linear_gain,
+        gain_dn_per_e: k,
+        gain_at_unit_dn_per_e: k.scale(1.0 / input.linear_gain),
+        dark_current_mean_e_per_s: mean.slope.over(k),
+        dark_current_variance_e_per_s: variance.slope.over(k).over(k),
+        dark_variance_dn2: variance.intercept,
+        dark_mean_dn: mean.intercept,
+        naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k).over(k),
+    }
+}
+
+/// Weighted line of `y` over `x(K_g)`; the error of `K_g` counts as one of `y` with the slope of a first fit.
+fn line_over_gains(
+    rows: &[GainRow],
+    x: fn(f64) -> f64,
+    dx: fn(f64) -> f64,
+    y: fn(&GainRow) -> Measured,
+) -> Line {
+    let usable: Vec<(f64, f64, f64, f64)> = rows
+        .iter()
+        .filter_map(|r| {
+            let (k, k_se) = (r.gain_dn_per_e.value()?, r.gain_dn_per_e.standard_error()?);
+            let (v, v_se) = (y(r).value()?, y(r).standard_error().filter(|s| *s > 0.0)?);
+            Some((x(k), dx(k) * k_se, v, v_se))
+        })
+        .collect();
+    if usable.len() < GAINS {
+        return Line::none(Unresolved::TooFewPoints { got: usable.len(), need: GAINS });
+    }
+    let of = |f: fn(&(f64, f64, f64, f64)) -> f64| usable.iter().map(f).collect::<Vec<f64>>();
+    let (xs, ys) = (of(|u| u.0), of(|u| u.2));
+    let mut errors = of(|u| u.3);
+    let mut fitted = Line::none(Unresolved::NotFinite);
+    for _ in 0..3 {
+        let weights: Vec<f64> = errors.iter().map(|s| 1.0 / (s * s)).collect();
+        fitted = line(&xs, &ys, &weights, &errors);
+        let slope = fitted.slope.value().unwrap_or(0.0);
+        errors = usable.iter().map(|u| u.3.hypot(slope * u.1)).collect();
+    }
+    fitted
+}
+
+/// Signal of a colour over that of green, over all points where neither is clipped.
+fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
+    let mut found = Vec::new();
+    for input in inputs {
+        let points = |c: Colour| input.points.iter().find(|(k, _)| *k == c).map(|(_, p)| *p);
+        let (Some(ours), Some(green)) = (points(colour), points(Colour::Green)) else { continue };
+        let pairs: Vec<(&TransferPoint, &TransferPoint)> = ours
+            .iter()
+            .zip(green)
+            .filter(|(a, b)| a.share_at_max <= CLIPPED_SHARE && b.share_at_max <= CLIPPED_SHARE)
+            .collect();
+        if pairs.is_empty() {
+            continue;
+        }
+        let of = |f: fn(&TransferPoint) -> f64, second: bool| {
+            pairs.iter().map(|(a, b)| f(if second { b } else { a })).collect::<Vec<f64>>()
+        };
+        let (signal, se) = (TransferPoint::signal_dn, TransferPoint::signal_se_dn);
+        found.push(through_origin(&of(signal, true), &of(signal, false), &of(se, true), &of(se, false)));
+    }
+    match found.is_empty() {
+        true => Measured::none(Unresolved::NotStated("red, green and blue pixels")),
+        false => weighted_mean(found),
+    }
+}

@@ -1,0 +1,222 @@
+//! A measured number with its standard error, or the reason why the captures do not tell it.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// Multiple of the standard error within which a slope or a variance counts as zero.
+pub const RESOLVED_SIGMAS: f64 = 2.0;
+
+/// A result of a measurement. Never NaN: what cannot be told says why.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Measured {
+    /// A number.
+    Value {
+        /// The number, in the unit that its name or its figure states.
+        value: f64,
+        /// Its standard error in the same unit; absent where none can be stated.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        standard_error: Option<f64>,
+    },
+    /// The captures do not tell.
+    NotResolved {
+        /// Why not.
+        not_resolved: Unresolved,
+    },
+}
+
+/// Why a number could not be resolved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Unresolved {
+    /// There are fewer points than the fit needs.
+    TooFewPoints {
+        /// Points there are.
+        got: usize,
+        /// Points that are needed.
+        need: usize,
+    },
+    /// The exposure times do not differ enough.
+    TooFewExposures {
+        /// Different exposure times there are.
+        got: usize,
+        /// Different exposure times that are needed.
+        need: usize,
+    },
+    /// The number is the root of a variance that came out negative.
+    NegativeVariance(f64),
+    /// The number is within two standard errors of zero.
+    WithinNoise {
+        /// What was found.
+        value: f64,
+        /// Its standard error.
+        standard_error: f64,
+    },
+    /// No point says how many photons fell on a pixel.
+    NoPhotons,
+    /// There is no stack of more than two frames of this kind.
+    NoStack,
+    /// The series does not reach saturation.
+    NotSaturated,
+    /// The converter clips before the pixel is full.
+    ConverterSaturates,
+    /// The frames are smaller than the filter.
+    TooSmall,
+    /// The manifest does not state a fact of the sensor that is needed.
+    NotStated(&'static str),
+    /// Another number that this one follows from is not resolved.
+    FollowsFrom(&'static str),
+    /// The arithmetic has no finite result: a division by a signal of zero, for example.
+    NotFinite,
+}
+
+impl fmt::Display for Unresolved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooFewPoints { got, need } => write!(f, "{got} usable points, {need} are needed"),
+            Self::TooFewExposures { got, need } => {
+                write!(f, "{got} different exposure times, {need} are needed")
+            }
+            Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
+            Self::WithinNoise { value, standard_error } => {
+                write!(f, "{value:.4e} is within two standard errors ({standard_error:.2e}) of zero")
+            }
+            Self::NoPhotons => f.write_str("no point states its photons per pixel"),
+            Self::NoStack => f.write_str("no stack of more than two flat and two dark frames"),
+            Self::NotSaturated => f.write_str("the series does not reach saturation"),
+            Self::ConverterSaturates => f.write_str("the converter clips before the pixel is full"),
+            Self::TooSmall => f.write_str("the frames are smaller than the high-pass filter"),
+            Self::NotStated(fact) => write!(f, "the captures do not state {fact}"),
+            Self::FollowsFrom(name) => write!(f, "{name} is not resolved"),
+            Self::NotFinite => f.write_str("a division by zero signal"),
+        }
+    }
+}
+
+impl Serialize for Unresolved {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl Measured {
+    /// A number with its standard error.
+    pub fn new(value: f64, standard_error: f64) -> Self {
+        match (value.is_finite(), standard_error.is_finite()) {
+            (true, true) => Self::Value { value, standard_error: Some(standard_error) },
+            (true, false) => Self::Value { value, standard_error: None },
+            _ => Self::none(Unresolved::NotFinite),
+        }
+    }
+
+    /// A number without a standard error.
+    pub fn exact(value: f64) -> Self {
+        Self::new(value, f64::NAN)
+    }
+
+    /// Not resolved.
+    pub fn none(not_resolved: Unresolved) -> Self {
+        Self::NotResolved { not_resolved }
+    }
+
+    /// The number, if it is resolved.
+    pub fn value(&self) -> Option<f64> {
+        match self {
+            Self::Value { value, .. } => Some(*value),
+            Self::NotResolved { .. } => None,
+        }
+    }
+
+    /// The standard error, if there is one.
+    pub fn standard_error(&self) -> Option<f64> {
+        match self {
+            Self::Value { standard_error, .. } => *standard_error,
+            Self::NotResolved { .. } => None,
+        }
+    }
+
+    /// Why there is no number.
+    pub fn reason(&self) -> Option<Unresolved> {
+        match self {
+            Self::Value { .. } => None,
+            Self::NotResolved { not_resolved } => Some(*not_resolved),
+        }
+    }
+
+    /// Standard error as a number: zero where none is stated.
+    pub(super) fn error_or_zero(&self) -> f64 {
+        self.standard_error().unwrap_or(0.0)
+    }
+
+    /// `f(x)` with the standard error `|f'(x)| s`.
+    pub fn map(self, f: impl FnOnce(f64) -> f64, slope: impl FnOnce(f64) -> f64) -> Self {
+        match self {
+            Self::Value { value, standard_error } => {
+                Self::new(f(value), standard_error.map_or(f64::NAN, |s| (slope(value) * s).abs()))
+            }
+            none => none,
+        }
+    }
+
+    /// The number times an exact factor.
+    pub fn scale(self, factor: f64) -> Self {
+        self.map(|v| v * factor, |_| factor)
+    }
+
+    /// `x y` of independent numbers: relative variances add.
+    pub fn times(self, other: Self) -> Self {
+        match (self.value(), other.value()) {
+            (Some(x), Some(y)) => {
+                let known = self.standard_error().or(other.standard_error()).is_some();
+                let error = (y * self.error_or_zero()).hypot(x * other.error_or_zero());
+                Self::new(x * y, if known { error } else { f64::NAN })
+            }
+            (None, _) => self,
+            (_, None) => other,
+        }
+    }
+
+    /// `x / y` of independent numbers: relative variances add.
+    pub fn over(self, other: Self) -> Self {
+        self.times(other.map(|y| 1.0 / y, |y| 1.0 / (y * y)))
+    }
+
+    /// `sqrt(x)` of a variance, with the standard error `s / (2 sqrt(x))`.
+    pub fn root(self) -> Self {
+        match self.value() {
+            Some(v) if v < 0.0 => Self::none(Unresolved::NegativeVariance(v)),
+            Some(0.0) => Self::new(0.0, f64::NAN),
+            _ => self.map(f64::sqrt, |v| 0.5 / v.sqrt()),
+        }
+    }
+
+    /// Not resolved if the number is not more than two standard errors above zero.
+    pub fn if_above_noise(self) -> Self {
+        match (self.value(), self.standard_error()) {
+            (Some(value), Some(standard_error)) if value <= RESOLVED_SIGMAS * standard_error => {
+                Self::none(Unresolved::WithinNoise { value, standard_error })
+            }
+            _ => self,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_propagate_and_reasons_stay() {
+        let (x, y) = (Measured::new(8.0, 0.4), Measured::new(2.0, 0.1));
+        let q = x.over(y);
+        assert_eq!(q.value(), Some(4.0));
+        assert!((q.standard_error().unwrap() - 4.0 * (2.0_f64).sqrt() * 0.05).abs() < 1e-12);
+        assert!((Measured::new(16.0, 0.8).root().standard_error().unwrap() - 0.1).abs() < 1e-12);
+        let none = Measured::none(Unresolved::NoPhotons);
+        assert_eq!(x.times(none), none);
+        assert!(matches!(Measured::new(-1.0, 0.1).root().reason(), Some(Unresolved::NegativeVariance(_))));
+        assert!(Measured::new(0.19, 0.1).if_above_noise().value().is_none());
+        assert!(Measured::new(0.21, 0.1).if_above_noise().value().is_some());
+        assert!(Measured::new(f64::NAN, 0.1).value().is_none());
+    }
+}

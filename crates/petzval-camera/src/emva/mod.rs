@@ -1,0 +1,45 @@
+//! EMVA 1288 characterisation: from captures of flat and dark frames to the numbers of a sensor, and back.
+//!
+//! | step | module |
+//! |---|---|
+//! | which captures there are | [`captures`], [`manifest`], [`descriptor`] |
+//! | frames to sums, one at a time | [`point`] |
+//! | signal, noise and light: R, K, QE, saturation, linearity | [`transfer`] |
+//! | dark frames over exposure time | [`dark`] |
+//! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
+//! | figures under the names of the EMVA 1288 Python library | [`figures`] |
+//! | all gains together | [`joint`] |
+//! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
+//! | all of it | [`mod@characterize`] |
+//!
+//! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
+//! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.
+
+pub mod captures;
+pub mod characterize;
+pub mod dark;
+pub mod descriptor;
+pub mod figures;
+pub mod fit;
+pub mod high_pass;
+pub mod histogram;
+pub mod histogram_fit;
+pub mod joint;
+pub mod manifest;
+pub mod measured;
+pub mod pmf;
+pub mod point;
+pub mod spatial;
+pub mod spectrogram;
+pub mod transfer;
+pub mod warning;
+
+pub use captures::{CaptureError, Captures, Kind, Point, SensorFacts};
+pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
+pub use figures::Figure;
+pub use high_pass::HighPass;
+pub use histogram_fit::{HistogramComparison, HistogramFit};
+pub use joint::JointFit;
+pub use measured::{Measured, Unresolved};
+pub use spatial::Spatial;
+pub use warning::Warning;

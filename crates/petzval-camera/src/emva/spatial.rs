@@ -1,0 +1,357 @@
+//! Spatial non-uniformity from a stack of flat and a stack of dark frames.
+//!
+//! The mean of `L` frames still holds `1/L` of the temporal variance `s2_stack`. Its variance over the `M x N` pixels, that of
+//! its column means and that of its row means are split into what single pixels, columns and rows contribute:
+//!
+//! ```text
+//! V  = var(mean frame)       = P + C + R       P = pixel variance + s2_stack / L
+//! Ac = var(column means)     = C + P / M
+//! Ar = var(row means)        = R + P / N
+//! ```
+//!
+//! After a high-pass the three parts count with the shares that it leaves (`g_p`, `g_l`, [`HighPass::passed`]):
+//! `C = Ac/g_l - P/M`, `R = Ar/g_l - P/N`, `P = (V - Ac - Ar) / (g_p - g_l/M - g_l/N)`. With `g = 1` these are the formulas
+//! of EMVA 1288 release 4, except that release and library count the little of `P` that row and column means share.
+
+use serde::Serialize;
+
+use super::high_pass::{HighPass, Plane, high_pass_5x5_times_25};
+use super::histogram::{Histogram, MOST_BINS, accumulated, histogram};
+use super::measured::{Measured, Unresolved};
+use super::point::Stack;
+use super::spectrogram::{column_spectrogram, row_spectrogram};
+use crate::sensor::{CfaPattern, Colour};
+
+/// Variances of the mean of a stack without a high-pass, as release 4 and the library split them, DN^2.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct StackVariances {
+    /// Frames L.
+    pub frames: usize,
+    /// Mean, DN.
+    pub mean_dn: f64,
+    /// Mean temporal variance.
+    pub temporal: f64,
+    /// Variance of the mean frame.
+    pub measured: f64,
+    /// The same less the temporal variance that is left in it.
+    pub total: f64,
+    /// Variance of the column means, less temporal variance.
+    pub column_means: f64,
+    /// Variance of the row means, less temporal variance.
+    pub row_means: f64,
+    /// Of columns.
+    pub column: f64,
+    /// Of rows.
+    pub row: f64,
+    /// Of single pixels.
+    pub pixel: f64,
+}
+
+/// Variances after the high-pass, corrected for what it takes, DN^2.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Components {
+    /// All three.
+    pub total: Measured,
+    /// Of rows.
+    pub row: Measured,
+    /// Of columns.
+    pub column: Measured,
+    /// Of single pixels.
+    pub pixel: Measured,
+}
+
+/// Rows or columns of a picture seen from the side.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Profile {
+    /// The middle row (column).
+    pub middle_dn: Vec<f64>,
+    /// Mean over the rows (columns).
+    pub mean_dn: Vec<f64>,
+    /// Least of the rows (columns).
+    pub min_dn: Vec<f64>,
+    /// Largest of the rows (columns).
+    pub max_dn: Vec<f64>,
+}
+
+/// What the plots of one stack need.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct StackPlots {
+    /// Power along rows at the frequencies `k / (2 (n - 1))` periods per pixel (for even widths), DN^2.
+    pub horizontal_spectrogram_dn2: Vec<f64>,
+    /// Power along columns, DN^2.
+    pub vertical_spectrogram_dn2: Vec<f64>,
+    /// Along a row.
+    pub horizontal_profile: Profile,
+    /// Along a column.
+    pub vertical_profile: Profile,
+    /// Histogram of the defects over their deviation, DN.
+    pub histogram: Histogram,
+    /// Percent of pixels that deviate by so many DN or more.
+    pub accumulated: Histogram,
+}
+
+/// Non-uniformity of one gain and colour.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Spatial {
+    /// Exposure time of the stacks, s.
+    pub exposure_s: f64,
+    /// The filter before [`flat_components`](Self::flat_components) and [`dark_components`](Self::dark_components).
+    pub high_pass: HighPass,
+    /// Flat stack, no filter.
+    pub flat: StackVariances,
+    /// Dark stack, no filter.
+    pub dark: StackVariances,
+    /// Flat stack after the filter.
+    pub flat_components: Components,
+    /// Dark stack after the filter.
+    pub dark_components: Components,
+    /// Plots of the flat stack less the dark one (PRNU).
+    pub prnu: StackPlots,
+    /// Plots of the dark stack (DSNU).
+    pub dsnu: StackPlots,
+}
+
+/// Evaluates two stacks of the same size for the pixels of one colour. Each place of the colour in the tile is a picture of
+/// its own; variances are their means.
+pub fn spatial(
+    flat: &Stack,
+    dark: &Stack,
+    exposure_s: f64,
+    cfa: &CfaPattern,
+    colour: Colour,
+    high_pass: HighPass,
+) -> Option<Spatial> {
+    let places: Vec<(usize, usize)> = (0..cfa.rows())
+        .flat_map(|row| (0..cfa.cols()).map(move |col| (row, col)))
+        .filter(|(row, col)| cfa.colour(*row, *col) == colour && *row < flat.height && *col < flat.width)
+        .collect();
+    let sub = |stack: &Stack| places.iter().map(|place| Sub::of(stack, cfa, *place)).collect::<Vec<_>>();
+    let (flat, dark) = (sub(flat), sub(dark));
+    let smallest = flat.iter().map(|s| s.height.min(s.width)).min()?;
+    if smallest < 3 {
+        return None;
+    }
+    Some(Spatial {
+        exposure_s,
+        high_pass,
+        flat: mean_of(&flat),
+        dark: mean_of(&dark),
+        flat_components: components(&flat, high_pass),
+        dark_components: components(&dark, high_pass),
+        prnu: prnu_plots(&flat, &dark),
+        dsnu: dsnu_plots(&dark),
+    })
+}
+
+/// One place of the tile over the whole stack.
+struct Sub {
+    height: usize,
+    width: usize,
+    frames: usize,
+    sum_dn: Vec<i64>,
+    temporal: f64,
+    temporal_se: f64,
+}
+
+impl Sub {
+    fn of(stack: &Stack, cfa: &CfaPattern, (first_row, first_col): (usize, usize)) -> Self {
+        let rows = (first_row..stack.height).step_by(cfa.rows());
+        let cols = (first_col..stack.width).step_by(cfa.cols());
+        let (height, width) = (rows.len(), cols.len());
+        let pixels = || rows.clone().flat_map(|row| cols.clone().map(move |col| row * stack.width + col));
+        let n = (height * width) as f64;
+        let temporal = pixels().map(|i| f64::from(stack.variance_dn2[i])).sum::<f64>() / n;
+        let squares = pixels().map(|i| (f64::from(stack.variance_dn2[i]) - temporal).powi(2)).sum::<f64>();
+        Self {
+            height,
+            width,
+            frames: stack.frames,
+            sum_dn: pixels().map(|i| i64::from(stack.sum_dn[i])).collect(),
+            temporal,
+            temporal_se: squares.sqrt() / n,
+        }
+    }
+
+    /// The mean frame.
+    fn mean(&self) -> Plane {
+        let l = self.frames as f64;
+        let values = self.sum_dn.iter().map(|s| *s as f64 / l).collect();
+        Plane { height: self.height, width: self.width, values }
+    }
+}
+
+/// Moments of a picture: mean, variance, fourth moment, variance of the column means and of the row means.
+struct PlaneMoments {
+    mean: f64,
+    variance: f64,
+    variance_se: f64,
+    column_means: f64,
+    row_means: f64,
+}
+
+fn moments(plane: &Plane) -> PlaneMoments {
+    let (m, n) = (plane.height as f64, plane.width as f64);
+    let mean = plane.values.iter().sum::<f64>() / (m * n);
+    let (mut second, mut fourth) = (0.0, 0.0);
+    let mut columns = vec![0.0; plane.width];
+    let mut row_means = 0.0;
+    for row in plane.values.chunks_exact(plane.width) {
+        let mut sum = 0.0;
+        for (column, v) in columns.iter_mut().zip(row) {
+            let d = v - mean;
+            sum += d;
+            *column += d;
+            second += d * d;
+            fourth += d * d * d * d;
+        }
+        row_means += (sum / n).powi(2);
+    }
+    let variance = second / (m * n - 1.0);
+    PlaneMoments {
+        mean,
+        variance,
+        variance_se: ((fourth / (m * n) - variance * variance).max(0.0) / (m * n)).sqrt(),
+        column_means: columns.iter().map(|c| (c / m).powi(2)).sum::<f64>() / n,
+        row_means: row_means / m,
+    }
+}
+
+/// The split of release 4 without a filter.
+fn variances(sub: &Sub) -> StackVariances {
+    let (m, n, l) = (sub.height as f64, sub.width as f64, sub.frames as f64);
+    let found = moments(&sub.mean());
+    let total = found.variance - sub.temporal / l;
+    let column_means = found.column_means - sub.temporal / (l * m);
+    let row_means = found.row_means - sub.temporal / (l * n);
+    let free = m * n - m - n;
+    StackVariances {
+        frames: sub.frames,
+        mean_dn: found.mean,
+        temporal: sub.temporal,
+        measured: found.variance,
+        total,
+        column_means,
+        row_means,
+        column: ((m * n - m) * column_means - n * (total - row_means)) / free,
+        row: ((m * n - n) * row_means - m * (total - column_means)) / free,
+        pixel: m * n / free * (total - column_means - row_means),
+    }
+}
+
+fn mean_of(subs: &[Sub]) -> StackVariances {
+    let parts: Vec<StackVariances> = subs.iter().map(variances).collect();
+    let mean = |f: fn(&StackVariances) -> f64| parts.iter().map(f).sum::<f64>() / parts.len() as f64;
+    StackVariances {
+        frames: parts.first().map_or(0, |p| p.frames),
+        mean_dn: mean(|p| p.mean_dn),
+        temporal: mean(|p| p.temporal),
+        measured: mean(|p| p.measured),
+        total: mean(|p| p.total),
+        column_means: mean(|p| p.column_means),
+        row_means: mean(|p| p.row_means),
+        column: mean(|p| p.column),
+        row: mean(|p| p.row),
+        pixel: mean(|p| p.pixel),
+    }
+}
+
+/// The split after a high-pass, with standard errors: the variance from its fourth moment, `n` means of variance `A` as
+/// `A sqrt(2/n)`.
+fn components(subs: &[Sub], high_pass: HighPass) -> Components {
+    let none = Measured::none(Unresolved::TooSmall);
+    let passed = high_pass.passed();
+    let mut parts: Vec<[(f64, f64); 4]> = Vec::new();
+    for sub in subs {
+        let Some(plane) = high_pass.apply(&sub.mean()).filter(|p| p.height >= 8 && p.width >= 8) else {
+            return Components { total: none, row: none, column: none, pixel: none };
+        };
+        let (m, n, l) = (plane.height as f64, plane.width as f64, sub.frames as f64);
+        let found = moments(&plane);
+        let (ac, ar) = (found.column_means, found.row_means);
+        let shares = passed.pixel - passed.line / m - passed.line / n;
+        let (ac_se, ar_se) = (ac * (2.0 / n).sqrt(), ar * (2.0 / m).sqrt());
+        let p = (found.variance - ac - ar) / shares;
+        let p_se = found.variance_se.hypot(ac_se).hypot(ar_se) / shares;
+        let (pixel, pixel_se) = (p - sub.temporal / l, p_se.hypot(sub.temporal_se / l));
+        let (column, column_se) = (ac / passed.line - p / m, (ac_se / passed.line).hypot(p_se / m));
+        let (row, row_se) = (ar / passed.line - p / n, (ar_se / passed.line).hypot(p_se / n));
+        let total_se = pixel_se.hypot(column_se).hypot(row_se);
+        parts.push([(pixel + column + row, total_se), (row, row_se), (column, column_se), (pixel, pixel_se)]);
+    }
+    let count = parts.len() as f64;
+    let of = |k: usize| {
+        let value = parts.iter().map(|p| p[k].0).sum::<f64>() / count;
+        let se = parts.iter().map(|p| p[k].1 * p[k].1).sum::<f64>().sqrt() / count;
+        Measured::new(value, se)
+    };
+    Components { total: of(0), row: of(1), column: of(2), pixel: of(3) }
+}
+
+fn profiles(plane: &Plane) -> (Profile, Profile) {
+    let (height, width) = (plane.height, plane.width);
+    let at = |row: usize, col: usize| plane.values[row * width + col];
+    let along = |length: usize, across: usize, at: &dyn Fn(usize, usize) -> f64| {
+        let over = |f: fn(f64, f64) -> f64, start: f64| {
+            (0..length).map(|i| (0..across).fold(start, |s, k| f(s, at(i, k)))).collect::<Vec<f64>>()
+        };
+        Profile {
+            middle_dn: (0..length).map(|i| at(i, across / 2)).collect(),
+            mean_dn: over(|s, v| s + v, 0.0).into_iter().map(|s| s / across as f64).collect(),
+            min_dn: over(f64::min, f64::INFINITY),
+            max_dn: over(f64::max, f64::NEG_INFINITY),
+        }
+    };
+    (along(width, height, &|col, row| at(row, col)), along(height, width, &|row, col| at(row, col)))
+}
+
+fn mean_spectrum(planes: &[Plane], spectrum: fn(&Plane) -> Vec<f64>) -> Vec<f64> {
+    let all: Vec<Vec<f64>> = planes.iter().map(spectrum).collect();
+    let length = all.iter().map(Vec::len).min().unwrap_or(0);
+    (0..length).map(|i| all.iter().map(|s| s[i]).sum::<f64>() / all.len() as f64).collect()
+}
+
+fn plots(planes: &[Plane], histogram: Histogram, accumulated: Histogram) -> StackPlots {
+    let (horizontal_profile, vertical_profile) = planes.first().map(profiles).unwrap_or_default();
+    StackPlots {
+        horizontal_spectrogram_dn2: mean_spectrum(planes, row_spectrogram),
+        vertical_spectrogram_dn2: mean_spectrum(planes, column_spectrogram),
+        horizontal_profile,
+        vertical_profile,
+        histogram,
+        accumulated,
+    }
+}
+
+/// Defects in the dark: sums of the frames, whole numbers, so that bins are exact.
+fn dsnu_plots(dark: &[Sub]) -> StackPlots {
+    let planes: Vec<Plane> = dark.iter().map(Sub::mean).collect();
+    let sums: Vec<i64> = dark.iter().flat_map(|s| s.sum_dn.iter().copied()).collect();
+    let l = dark.first().map_or(1.0, |s| s.frames as f64);
+    let mean = sums.iter().map(|v| *v as f64).sum::<f64>() / sums.len() as f64;
+    plots(
+        &planes,
+        histogram(&sums, MOST_BINS).rescaled(l, mean / l),
+        accumulated(&sums, MOST_BINS).rescaled(l, 0.0),
+    )
+}
+
+/// Defects in the light: flat less dark sums, after the 5x5 high-pass of release 3.1 in whole numbers.
+fn prnu_plots(flat: &[Sub], dark: &[Sub]) -> StackPlots {
+    let (mut planes, mut filtered) = (Vec::new(), Vec::new());
+    let mut divisor = 25.0;
+    for (f, d) in flat.iter().zip(dark) {
+        // Stacks of different lengths are brought to a common one.
+        let (a, b) = if f.frames == d.frames { (1, 1) } else { (d.frames as i64, f.frames as i64) };
+        let difference: Vec<i64> = f.sum_dn.iter().zip(&d.sum_dn).map(|(x, y)| a * x - b * y).collect();
+        let l = (f.frames as i64 * a) as f64;
+        divisor = 25.0 * l;
+        filtered.extend(high_pass_5x5_times_25(&difference, f.height, f.width).0);
+        let values = difference.iter().map(|v| *v as f64 / l).collect();
+        planes.push(Plane { height: f.height, width: f.width, values });
+    }
+    plots(
+        &planes,
+        histogram(&filtered, MOST_BINS).rescaled(divisor, 0.0),
+        accumulated(&filtered, MOST_BINS).rescaled(divisor, 0.0),
+    )
+}

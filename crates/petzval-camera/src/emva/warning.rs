@@ -1,0 +1,283 @@
+//! What is odd about captures that can be used all the same.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+use super::captures::{Captures, Kind, Point};
+use super::point::{Moments, PointStatistics};
+use super::transfer::CLIPPED_SHARE;
+
+/// A warning, by name.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Warning {
+    /// Flat points are clipped at the largest digital number.
+    Saturated {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Clipped points.
+        points: usize,
+        /// Flat points in all.
+        of: usize,
+    },
+    /// Samples are clipped at digital number 0, so that dark mean and noise are wrong.
+    ClippedAtZero {
+        /// The point.
+        point: String,
+        /// Share of the samples.
+        share: f64,
+    },
+    /// The light (or the offset) changes from frame to frame.
+    Flicker {
+        /// The point.
+        point: String,
+        /// Largest difference of the frames' means, DN.
+        difference_dn: f64,
+        /// Its standard error from noise alone, DN.
+        standard_error_dn: f64,
+    },
+    /// Frames of one point differ by more than noise in places: the scene or the camera moved.
+    Moved {
+        /// The point.
+        point: String,
+        /// Largest difference of a block's mean, DN.
+        difference_dn: f64,
+        /// Its standard error from noise alone, DN.
+        standard_error_dn: f64,
+    },
+    /// Dark frames are brighter in places: light leaks in, or the sensor glows.
+    LightLeak {
+        /// The point.
+        point: String,
+        /// Largest difference of the means of two blocks, DN.
+        difference_dn: f64,
+    },
+    /// The flat field is not flat, which shows in PRNU without a high-pass.
+    NotUniform {
+        /// The point.
+        point: String,
+        /// Largest difference of two blocks' means, percent of the signal.
+        percent: f64,
+    },
+    /// A flat point has no dark one of its gain and exposure time, and does not count.
+    NoDark {
+        /// The point.
+        point: String,
+    },
+    /// Flat frames are no brighter than the dark ones.
+    NoSignal {
+        /// The point.
+        point: String,
+    },
+    /// A fit has few points.
+    TooFewPoints {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Flat points there are.
+        points: usize,
+    },
+    /// More light gives a smaller signal.
+    NotMonotonic {
+        /// The brighter point.
+        point: String,
+    },
+    /// The system gain is not in proportion to the linear gain.
+    GainNotProportional {
+        /// Linear gain.
+        linear_gain: f64,
+        /// `K_g / g`, DN/e-.
+        gain_dn_per_e: f64,
+        /// What the other gains tell, DN/e-.
+        expected_dn_per_e: f64,
+    },
+    /// The dark histogram has a tail of bright pixels that the model has not: DSNU, hot pixels.
+    DarkTail {
+        /// The point.
+        point: String,
+        /// Share of the pixels beyond what the model explains.
+        share: f64,
+        /// Their mean signal above the dark mean, DN.
+        mean_dn: f64,
+    },
+    /// More than one stack of a kind: only the first is evaluated.
+    MoreStacks {
+        /// The stack that is not evaluated.
+        point: String,
+    },
+    /// Stacks of one gain without a partner of the other kind and the same exposure time.
+    LoneStack {
+        /// The stack that is not evaluated.
+        point: String,
+    },
+}
+
+impl Warning {
+    /// Name of the warning.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Saturated { .. } => "saturated",
+            Self::ClippedAtZero { .. } => "clipped-at-zero",
+            Self::Flicker { .. } => "flicker",
+            Self::Moved { .. } => "moved",
+            Self::LightLeak { .. } => "light-leak",
+            Self::NotUniform { .. } => "not-uniform",
+            Self::NoDark { .. } => "no-dark",
+            Self::NoSignal { .. } => "no-signal",
+            Self::TooFewPoints { .. } => "too-few-points",
+            Self::NotMonotonic { .. } => "not-monotonic",
+            Self::GainNotProportional { .. } => "gain-not-proportional",
+            Self::DarkTail { .. } => "dark-tail",
+            Self::MoreStacks { .. } => "more-stacks",
+            Self::LoneStack { .. } => "lone-stack",
+        }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.name())?;
+        match self {
+            Self::Saturated { linear_gain, points, of } => {
+                write!(
+                    f,
+                    "at gain {linear_gain} {points} of {of} flat points are clipped at the largest digital number"
+                )
+            }
+            Self::ClippedAtZero { point, share } => {
+                write!(f, "{point}: {:.2} % of the samples are 0; raise the black level", 100.0 * share)
+            }
+            Self::Flicker { point, difference_dn, standard_error_dn } => write!(
+                f,
+                "{point}: the means of the frames differ by {difference_dn:.3} DN, noise explains {standard_error_dn:.3}"
+            ),
+            Self::Moved { point, difference_dn, standard_error_dn } => write!(
+                f,
+                "{point}: the first two frames differ by {difference_dn:.2} DN in a part of the picture, noise explains \
+                 {standard_error_dn:.3}; something moved"
+            ),
+            Self::LightLeak { point, difference_dn } => write!(
+                f,
+                "{point}: parts of the dark frames differ by {difference_dn:.2} DN; light leaks in, or the sensor glows"
+            ),
+            Self::NotUniform { point, percent } => {
+                write!(f, "{point}: parts of the flat field differ by {percent:.1} %")
+            }
+            Self::NoDark { point } => {
+                write!(f, "{point}: no dark frames of this gain and exposure time; the point does not count")
+            }
+            Self::NoSignal { point } => {
+                write!(f, "{point}: no brighter than the dark frames; the point does not count")
+            }
+            Self::TooFewPoints { linear_gain, points } => {
+                write!(
+                    f,
+                    "at gain {linear_gain} there are {points} flat points; 50 are usual, 3 the least for a straight line"
+                )
+            }
+            Self::NotMonotonic { point } => write!(f, "{point}: darker than a point with less light"),
+            Self::GainNotProportional { linear_gain, gain_dn_per_e, expected_dn_per_e } => write!(
+                f,
+                "at linear gain {linear_gain} the system gain is {gain_dn_per_e:.5} DN/e- per unit of linear gain, the \
+                 other gains have {expected_dn_per_e:.5}"
+            ),
+            Self::DarkTail { point, share, mean_dn } => write!(
+                f,
+                "{point}: {:.3} % of the pixels are brighter than the model of the noise explains, by {mean_dn:.1} DN on \
+                 average; this is dark signal non-uniformity, which the fit leaves out",
+                100.0 * share
+            ),
+            Self::MoreStacks { point } => {
+                write!(f, "{point}: another stack of this gain is evaluated already")
+            }
+            Self::LoneStack { point } => {
+                write!(
+                    f,
+                    "{point}: no stack of the other kind with this gain and exposure time; it is not evaluated"
+                )
+            }
+        }
+    }
+}
+
+impl Serialize for Warning {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Multiple of the standard error from which a difference is no noise: 64 blocks of a hundred points chance upon it once in
+/// ten thousand series.
+const NOT_NOISE_SIGMAS: f64 = 6.0;
+
+/// What the frames of a single point tell.
+pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let label = || point.label();
+    if found.all.share_at_zero > CLIPPED_SHARE {
+        warnings.push(Warning::ClippedAtZero { point: label(), share: found.all.share_at_zero });
+    }
+
+    // Frames of one setting have one mean, within noise and a thousandth of the signal.
+    let black = captures.sensor.black_level_dn.unwrap_or(0.0);
+    let allowed_dn = match point.kind {
+        Kind::Flat => 1e-3 * (found.all.mean_dn - black).abs(),
+        Kind::Dark => 0.05,
+    };
+    let clipped = found.all.share_at_max > CLIPPED_SHARE;
+    let means = &found.all.frame_means_dn;
+    let spread = means.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b))
+        - means.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+    let frame_se = (2.0 * found.all.variance_dn2.max(0.0) / found.all.pixels as f64).sqrt();
+    if spread > NOT_NOISE_SIGMAS * frame_se + allowed_dn {
+        warnings.push(Warning::Flicker {
+            point: label(),
+            difference_dn: spread,
+            standard_error_dn: frame_se,
+        });
+    }
+
+    // In every part of the picture two frames differ by noise and by what the whole frames differ.
+    let whole = means[0] - means[1];
+    let moved = found
+        .block_differences_dn
+        .iter()
+        .zip(&found.block_pixels)
+        .filter(|(_, n)| **n > 0)
+        .map(|(d, n)| ((d - whole).abs(), (2.0 * found.all.variance_dn2.max(0.0) / *n as f64).sqrt()))
+        .filter(|(d, se)| *d > NOT_NOISE_SIGMAS * se + allowed_dn)
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    if let (Some((difference_dn, standard_error_dn)), false) = (moved, clipped) {
+        warnings.push(Warning::Moved { point: label(), difference_dn, standard_error_dn });
+    }
+
+    let blocks =
+        || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
+    let difference_dn = blocks().fold(f64::NEG_INFINITY, f64::max) - blocks().fold(f64::INFINITY, f64::min);
+    let fewest = found.block_pixels.iter().filter(|n| **n > 0).min().copied().unwrap_or(1) as f64;
+    let spatial_se = (spatial_variance(&found.all) / fewest).sqrt();
+    match point.kind {
+        Kind::Dark if difference_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * spatial_se => {
+            warnings.push(Warning::LightLeak { point: label(), difference_dn });
+        }
+        Kind::Flat if captures.sensor.cfa.rows() * captures.sensor.cfa.cols() == 1 => {
+            let percent = 100.0 * difference_dn / (found.all.mean_dn - black).abs().max(1.0);
+            if percent > 5.0 && difference_dn > 2.0 * NOT_NOISE_SIGMAS * spatial_se {
+                warnings.push(Warning::NotUniform { point: label(), percent });
+            }
+        }
+        _ => {}
+    }
+    warnings
+}
+
+/// Variance over pixels and frames of all samples, DN^2.
+fn spatial_variance(moments: &Moments) -> f64 {
+    let total = moments.histogram.total() as f64;
+    let samples = moments.histogram.counts.iter().enumerate();
+    samples
+        .map(|(i, c)| {
+            *c as f64 * (f64::from(moments.histogram.first_dn) + i as f64 - moments.mean_dn).powi(2)
+        })
+        .sum::<f64>()
+        / total
+}

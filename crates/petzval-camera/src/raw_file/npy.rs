@@ -1,0 +1,114 @@
+//! Raw frames as NumPy arrays of two axes, rows and columns.
+
+use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
+
+use super::{RawFrame, RawInfo, Unreadable};
+
+const HINT: &str =
+    "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16";
+
+/// Longest header that is read, bytes; NumPy writes 128 for two axes.
+const MOST_HEADER: usize = 1024;
+
+/// Deepest brackets in a header, and most digits of its shape: beyond, it is not of a frame.
+const MOST_BRACKETS: usize = 4;
+const MOST_DIGITS: usize = 18;
+
+/// Reads an array of whole numbers 0..65535, of any integer or floating-point type of NumPy.
+pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+    let unreadable = |reason: String| Unreadable { reason, hint: HINT };
+    check_header(bytes).map_err(unreadable)?;
+    let array = NpyFile::new(bytes).map_err(|e| unreadable(e.to_string()))?;
+    let &[height, width] = array.shape() else {
+        return Err(unreadable(format!("an array of {} axes", array.shape().len())));
+    };
+    let (pixels, order, kind) = (height * width, array.order(), array.dtype());
+    if pixels == 0 || pixels > super::MOST_PIXELS {
+        return Err(unreadable(format!("{height}x{width} pixels: none, or more than 2^28")));
+    }
+    // The data must be there before room is made for it.
+    let each = kind.num_bytes().unwrap_or(0);
+    let held = array.into_inner();
+    if held.len() as u64 != pixels * each as u64 {
+        let reason = format!(
+            "{} bytes of data, and {height}x{width} numbers take {}",
+            held.len(),
+            pixels * each as u64
+        );
+        return Err(unreadable(reason));
+    }
+    let stored = numbers(bytes, &kind.descr()).map_err(unreadable)?;
+    let (height, width) = (height as usize, width as usize);
+    let mut dn = Vec::with_capacity(stored.len());
+    for row in 0..height {
+        for col in 0..width {
+            let value = match order {
+                Order::C => stored[row * width + col],
+                Order::Fortran => stored[col * height + row],
+            };
+            if !(0.0..=65535.0).contains(&value) || value.fract() != 0.0 {
+                return Err(unreadable(format!(
+                    "the value {value} at row {row}, column {col} is no whole number from 0 to 65535"
+                )));
+            }
+            dn.push(value as u16);
+        }
+    }
+    let bits = (each == 1).then_some(8);
+    Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+}
+
+/// All numbers of the array as f64, in the order of the file.
+fn numbers(bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
+    fn of<T: Deserialize>(bytes: &[u8], wide: fn(T) -> f64) -> Result<Vec<f64>, String> {
+        let array = NpyFile::new(bytes).map_err(|e| e.to_string())?;
+        let data = array.data::<T>().map_err(|e| e.to_string())?;
+        data.map(|value| value.map(wide)).collect::<Result<_, _>>().map_err(|e| e.to_string())
+    }
+    // The type as NumPy writes it, without quotes and byte order: 'u2', 'f4'.
+    match kind.trim_matches('\'').trim_start_matches(['<', '>', '|', '=']) {
+        "u1" => of::<u8>(bytes, f64::from),
+        "u2" => of::<u16>(bytes, f64::from),
+        "u4" => of::<u32>(bytes, f64::from),
+        "u8" => of::<u64>(bytes, |v| v as f64),
+        "i2" => of::<i16>(bytes, f64::from),
+        "i4" => of::<i32>(bytes, f64::from),
+        "i8" => of::<i64>(bytes, |v| v as f64),
+        "f4" => of::<f32>(bytes, f64::from),
+        "f8" => of::<f64>(bytes, |v| v),
+        _ => Err(format!("an array of {kind}, not of numbers")),
+    }
+}
+
+/// Refuses what the reader of headers would stumble over: headers that go on without end or into ever deeper brackets, and
+/// shapes whose product does not fit in 64 bits.
+fn check_header(bytes: &[u8]) -> Result<(), String> {
+    let cut = || "the file ends in its header".to_owned();
+    let (start, length) = match bytes.get(6).ok_or_else(cut)? {
+        1 => (10, bytes.get(8..10).map(|b| usize::from(u16::from_le_bytes([b[0], b[1]])))),
+        _ => (12, bytes.get(8..12).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize)),
+    };
+    let length = length.ok_or_else(cut)?;
+    if length > MOST_HEADER {
+        return Err(format!("a header of {length} bytes"));
+    }
+    let header = bytes.get(start..start + length).ok_or_else(cut)?;
+    let deepest = header.iter().filter(|b| matches!(b, b'(' | b'[' | b'{')).count();
+    let shape = header.windows(5).position(|w| w == b"shape").map_or(header, |at| &header[at..]);
+    if deepest > MOST_BRACKETS || shape.iter().filter(|b| b.is_ascii_digit()).count() > MOST_DIGITS {
+        return Err("the header is not that of a picture".to_owned());
+    }
+    Ok(())
+}
+
+/// The bytes of an array of `<u2`.
+pub(super) fn encode(frame: &RawFrame) -> Result<Vec<u8>, Unreadable> {
+    let unwritable = |e: std::io::Error| Unreadable { reason: e.to_string(), hint: "write a TIFF" };
+    let mut bytes = Vec::new();
+    let options = npyz::WriteOptions::new().default_dtype();
+    let shape = [frame.height as u64, frame.width as u64];
+    let mut writer = options.shape(&shape).writer(&mut bytes).begin_nd().map_err(unwritable)?;
+    writer.extend(frame.dn.iter().copied()).map_err(unwritable)?;
+    writer.finish().map_err(unwritable)?;
+    Ok(bytes)
+}

@@ -1,0 +1,71 @@
+//! `petzval raw show`: what a raw frame is.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use petzval::camera::raw_file::{RawFrame, colour_statistics, load_raw};
+
+use super::{colour_name, describe};
+use crate::cli::{Failure, print_json};
+
+/// Show a raw frame: size, what its sidecar says, and its digital numbers colour by colour.
+///
+/// Reads gray TIFF and PNG of 8 or 16 bits, NumPy arrays, packed .raw files with a sidecar FILE.toml, and DNG where the
+/// command was built with the cargo feature `dng`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The frame
+    file: PathBuf,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    let frame = load_raw(&args.file)?;
+    let file = args.file.display().to_string();
+    if args.json {
+        return print_json(&describe(&file, &frame));
+    }
+    println!("{file}");
+    println!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
+    facts(&frame).iter().for_each(|(name, value)| println!("  {name:<13} {value}"));
+    println!();
+    println!(
+        "  {:<6} {:>9} {:>7} {:>7} {:>10} {:>9} {:>8} {:>9}",
+        "colour", "pixels", "min DN", "max DN", "mean DN", "sd DN", "at zero", "saturated"
+    );
+    for s in colour_statistics(&frame) {
+        let saturated = s.saturated.map_or("-".to_owned(), |n| n.to_string());
+        println!(
+            "  {:<6} {:>9} {:>7} {:>7} {:>10.3} {:>9.3} {:>8} {saturated:>9}",
+            colour_name(s.colour),
+            s.pixels,
+            s.min_dn,
+            s.max_dn,
+            s.mean_dn,
+            s.sd_dn,
+            s.at_zero
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What is known of camera and exposure; what is not known has no line.
+fn facts(frame: &RawFrame) -> Vec<(&'static str, String)> {
+    let info = &frame.info;
+    let number = |value: Option<f64>, unit: &str| value.map(|v| format!("{v}{unit}"));
+    let all = [
+        ("sensor", info.sensor.clone()),
+        ("bits", info.bits.map(|bits| bits.to_string())),
+        ("mosaic", info.cfa.map(|cfa| cfa.to_string())),
+        ("black level", number(info.black_level_dn, " DN")),
+        ("white level", number(info.white_level_dn, " DN")),
+        ("exposure time", number(info.exposure_s, " s")),
+        ("linear gain", number(info.linear_gain, "")),
+        ("pixel pitch", number(info.pixel_um, " um")),
+        ("temperature", number(info.temperature_c, " degrees C")),
+    ];
+    all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+}
