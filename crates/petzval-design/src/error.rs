@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_camera::sensor::SensorError;
 use petzval_optics::format::FileError;
 
 /// Why a design, a score or a report could not be made.
@@ -66,7 +67,7 @@ pub enum DesignError {
     Render(#[from] petzval_camera::render::RenderError),
     /// Exposure failed.
     #[error(transparent)]
-    Sensor(#[from] petzval_camera::sensor::SensorError),
+    Sensor(#[from] SensorError),
     /// A picture could not be read or written.
     #[error(transparent)]
     Image(#[from] petzval_camera::image::ImageError),
@@ -152,6 +153,11 @@ impl DesignError {
                 | Self::NotSymmetric(_)
                 | Self::Space(_)
                 | Self::Pupil(_)
+                | Self::Sensor(
+                    SensorError::GainStep { .. }
+                        | SensorError::Exposure { .. }
+                        | SensorError::UnseenColour { .. }
+                )
                 | Self::Dataset(_)
                 | Self::Image(_)
                 | Self::SpectralFile(_)

@@ -21,9 +21,9 @@ pub enum NoiseMode {
     /// Poisson distribution function, interpolated) but for lambda below 0.05 electrons, where the division uses 0.05.
     /// Against the derivative for whole counts: +1.5 %, +0.4 %, 0.0 %.
     Dequantised,
-    /// `x = N + 1/2`, `dx/dlambda := 1`. Bias -1.2 %, -0.3 %, 0.0 %, and the least spread of all. What follows sees half
-    /// an electron too many (K g / 2 DN), because its derivative is wanted between the counts N and N + 1: losses of
-    /// this mode are those of a slightly brighter frame.
+    /// `x = N + 1/2`, `dx/dlambda := 1`. Bias -1.2 %, -0.3 %, 0.0 %, and little spread at low rates. What follows
+    /// sees half an electron too many (K g / 2 DN), because its derivative is wanted between the counts N and N + 1:
+    /// losses of this mode are those of a slightly brighter frame.
     HalfStep,
     /// As `Exact`, with `dN/dlambda := 1` in the backward pass. Biased: +18.7 %, +8.1 %, +0.6 %.
     StraightThrough,

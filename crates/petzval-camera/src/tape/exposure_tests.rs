@@ -245,7 +245,7 @@ fn exposure_descends_to_the_optimum_of_a_scan() {
     let scan: Vec<f32> = steps
         .iter()
         .map(|&s| {
-            let at = |f| values(error(tensor(vec![0.0, s], [1, 2]), 1000 + f, NoiseMode::Exact))[0];
+            let at = |f: u64| values(error(tensor(vec![0.0, s], [1, 2]), 1000 + f, NoiseMode::Exact))[0];
             (0..8).map(at).sum::<f32>() / 8.0
         })
         .collect();

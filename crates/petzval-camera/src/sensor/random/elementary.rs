@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn unit_never_reaches_its_ends() {
-        assert_eq!(unit(0), f64::EPSILON / 4.0 * 2.0);
+        assert_eq!(unit(0), f64::EPSILON / 2.0);
         assert_eq!(unit(u64::MAX), 1.0 - f64::EPSILON / 2.0);
         assert!(unit(0) > 0.0 && unit(u64::MAX) < 1.0);
     }

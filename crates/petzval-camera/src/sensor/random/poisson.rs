@@ -232,7 +232,7 @@ fn first_proposals(rates: &[f64], u: &mut [f64], v: &[f64], counts: &mut [f64]) 
     if some_large {
         for i in 0..n {
             let large = rates[i] >= REJECTION_FROM;
-            let proposal = propose(rates[i].max(REJECTION_FROM).min(MAX_RATE), u[i], v[i]);
+            let proposal = propose(rates[i].clamp(REJECTION_FROM, MAX_RATE), u[i], v[i]);
             counts[i] = if large { proposal.count } else { counts[i] };
             u[i] = if large & !proposal.sure { proposal.edge } else { 0.0 };
         }

@@ -183,7 +183,8 @@ fn neighbours_frames_stages_and_seeds_are_independent() {
     ];
     for (_, a, b) in &mut pairs {
         let n = a.len().min(b.len());
-        (a.truncate(n), b.truncate(n));
+        a.truncate(n);
+        b.truncate(n);
     }
     for (name, a, b) in pairs {
         let z = correlation(&a, &b);
