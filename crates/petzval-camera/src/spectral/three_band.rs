@@ -129,7 +129,7 @@ mod tests {
             let light = Illuminant::named(name).unwrap();
             let radiance = light.white_radiance(500.0);
             let curves = sensor().quantum_efficiency.unwrap();
-            for (count, limit) in [(81, 3e-4), (31, 3e-3), (16, 1.5e-2)] {
+            for (count, limit) in [(81, 3e-3), (31, 1.1e-2), (16, 3.5e-2)] {
                 let bands = even_bands(0.38, 0.78, count);
                 let matrix = ThreeBand::new(&sensor(), &optics(), &light, 500.0, &bands).unwrap();
                 let mut worst = 0.0f64;
