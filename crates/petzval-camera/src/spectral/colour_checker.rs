@@ -93,7 +93,6 @@ mod tests {
                 .collect();
             let mean = differences.iter().sum::<f64>() / 24.0;
             let worst = differences.iter().copied().fold(0.0, f64::max);
-            println!("{data:?}: mean dE*ab {mean:.2}, worst {worst:.2}");
             assert!(mean < mean_limit && worst < worst_limit, "{data:?}: mean {mean}, worst {worst}");
         }
     }

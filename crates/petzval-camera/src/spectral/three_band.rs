@@ -117,7 +117,6 @@ mod tests {
                 let white = matrix.white_of(*colour).unwrap();
                 let worst =
                     a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs()) / white).fold(0.0, f64::max);
-                println!("{name}, {} bands, {colour:?}: {worst:.1e} of white", bands.len());
                 assert!(worst < 1e-6, "{name} {colour:?}: {worst}");
             }
         }
@@ -140,7 +139,6 @@ mod tests {
                         worst = worst.max((row[k] - exact).abs() / matrix.white_of(*colour).unwrap());
                     }
                 }
-                println!("{name}, {count} bands: {worst:.1e} of white");
                 assert!(worst < limit, "{name}, {count} bands: {worst}");
             }
         }

@@ -124,7 +124,6 @@ mod tests {
             let back = srgb_of_reflectance(&reflectance_of_srgb(rgb));
             worst = (0..3).map(|c| (back[c] - rgb[c]).abs()).fold(worst, f64::max);
         }
-        println!("worst round trip of linear sRGB: {worst:.2e}");
         assert!(worst < 1e-6, "{worst}");
         // The white point of the standard, which has four decimals.
         let (x, y) = super::super::observer::chromaticity(d65_white().0);
