@@ -33,7 +33,7 @@ const SCENE: &str = "scene:";
 /// The light, and how finely its spectrum is taken.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Over the spectrum")]
-pub struct Args {
+pub struct SpectralArgs {
     /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
     /// relative power [default: D65]
     #[arg(long, value_name = "LIGHT")]
