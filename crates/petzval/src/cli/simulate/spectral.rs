@@ -119,7 +119,7 @@ pub fn run(args: &super::Args) -> Result<ExitCode, Failure> {
         light.white.white_e(),
         if light.white.rows.len() > 1 { "a green pixel" } else { "a pixel" },
         light.optics.f_number,
-        light.optics.time_s,
+        args.time_s,
     );
     if let Some(matrix) = light.matrix.as_ref().filter(|_| !args.spectral.no_colour_matrix) {
         eprintln!(
@@ -302,7 +302,7 @@ fn take(
         "illuminant": light.illuminant.name,
         "illuminance_lux": light.lux,
         "f_number": light.optics.f_number,
-        "time_s": light.optics.time_s,
+        "time_s": args.time_s,
         "bands_um": scene.wavelength_um,
         "white_e": white_e,
         "white_e_by_colour": white_of,
