@@ -153,7 +153,7 @@ fn what_cannot_be_simulated_is_named() {
         (&[chart, "--sensor", &sensor, "--illuminant", "D66"], ["no illuminant called `D66`", "D65"]),
         (&[chart, "--sensor", &sensor, "--illuminant", "daylight:1"], ["daylight of 1 K", "4000"]),
         (&[chart, "--sensor", &sensor, "--illuminant", "lamp.csv"], ["lamp.csv:3", "`x`"]),
-        (&[chart, "--sensor", &sensor, "--illuminance-lux=-5"], ["--illuminance-lux=-5"]),
+        (&[chart, "--sensor", &sensor, "--illuminance-lux=-5"], ["--illuminance-lux -5", "office"]),
         (&[chart, "--sensor", &sensor, "--bands", "1"], ["--bands 1", "2..401"]),
         (&[chart, "--sensor", &sensor, "--transmission", "2"], ["--transmission 2", "0..1"]),
         (&[chart, "--qe", "no-such"], ["no quantum efficiency called `no-such`", "imx219"]),

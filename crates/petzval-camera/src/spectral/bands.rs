@@ -2,10 +2,11 @@
 
 use super::spectrum::{Spectrum, integral};
 
-/// Centres of `count` bands evenly spaced over `low_um..high_um`, both included.
+/// Centres of `count` bands evenly spaced over `low_um..high_um`, both included, to the picometre.
 pub fn even_bands(low_um: f64, high_um: f64, count: usize) -> Vec<f64> {
     let last = count.saturating_sub(1).max(1) as f64;
-    (0..count).map(|i| low_um + (high_um - low_um) * i as f64 / last).collect()
+    let to_picometre = |um: f64| (um * 1e6).round() / 1e6;
+    (0..count).map(|i| to_picometre(low_um + (high_um - low_um) * i as f64 / last)).collect()
 }
 
 /// Mean of a product of up to four curves over the hat function of each band, which is 1 at the band and falls to zero at

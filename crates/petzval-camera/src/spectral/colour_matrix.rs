@@ -134,10 +134,6 @@ mod tests {
         let sensor = sensor(QuantumEfficiency::from_toml(curves).unwrap());
         for name in ["D65", "A", "FL11"] {
             let fit = fit_colour_matrix(&sensor, &Illuminant::named(name).unwrap()).unwrap().unwrap();
-            println!(
-                "{name}: mean dE {:.2}, worst {:.2}, {:?}",
-                fit.mean_delta_e, fit.worst_delta_e, fit.matrix
-            );
             assert!(fit.mean_delta_e < 10.0, "{name}: {fit:?}");
         }
         let mono = SensorModel { cfa: crate::sensor::CfaPattern::MONO, ..sensor };

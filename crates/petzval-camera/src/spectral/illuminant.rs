@@ -208,9 +208,8 @@ mod tests {
             ("LED-B5", 0.3118, 0.3236),
         ] {
             let got = chromaticity(xyz(&Illuminant::named(name).unwrap().power));
-            // Lines of fluorescent lamps are 5 nm bins, which interpolation turns into tents.
-            let tolerance = if name.starts_with("FL") || name.starts_with("LED") { 1.5e-3 } else { 1e-4 };
-            println!("{name}: {:.5} {:.5}", got.0 - x, got.1 - y);
+            // Those of the lamps are published to four decimals.
+            let tolerance = if name.starts_with("FL") || name.starts_with("LED") { 3e-4 } else { 6e-5 };
             assert!((got.0 - x).abs() < tolerance && (got.1 - y).abs() < tolerance, "{name}: {got:?}");
         }
     }
@@ -220,7 +219,6 @@ mod tests {
         let (ours, table) = (daylight(6504.0).unwrap(), Illuminant::named("D65").unwrap().power);
         let worst =
             table.wavelength_um().iter().map(|um| (ours.at(*um) - table.at(*um)).abs()).fold(0.0, f64::max);
-        println!("worst difference from D65, of 100 at 560 nm: {worst:.4}");
         assert!(worst < 0.05, "{worst}");
         for kelvin in [4000.0, 5000.0, 8000.0, 20_000.0] {
             let (x, y) = daylight_chromaticity(kelvin).unwrap();

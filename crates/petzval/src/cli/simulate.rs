@@ -80,7 +80,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     #[command(flatten)]
-    spectral: spectral::Args,
+    spectral: spectral::SpectralArgs,
     #[command(flatten)]
     formats: output::Formats,
     /// Folder for the results

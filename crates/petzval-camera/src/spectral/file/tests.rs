@@ -174,7 +174,6 @@ fn damaged_files_are_refused_or_read_but_never_panic() {
         read[1] += usize::from(exr_file::read(&damage(&exr, &mut rng)).is_ok());
         read[2] += usize::from(tiff_file::read(&damage(&tif, &mut rng), &sidecar).is_ok());
     }
-    println!("of {} damaged files each, read: npy {}, exr {}, tiff {}", count / 3, read[0], read[1], read[2]);
     // Damage to values alone leaves a readable file, damage to headers does not.
     assert!(read.iter().all(|n| *n > 0 && *n < count / 3));
 }

@@ -35,7 +35,7 @@ const SCENE: &str = "scene:";
 /// The light, and how finely its spectrum is taken.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Over the spectrum")]
-pub struct Args {
+pub struct SpectralArgs {
     /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
     /// relative power [default: D65]
     #[arg(long, value_name = "LIGHT")]
@@ -127,7 +127,7 @@ pub fn run(args: &super::Args) -> Result<ExitCode, Failure> {
         light.white.white_e(),
         if light.white.rows.len() > 1 { "a green pixel" } else { "a pixel" },
         light.optics.f_number,
-        light.optics.time_s,
+        args.time_s,
     );
     if let Some(matrix) = light.matrix.as_ref().filter(|_| !args.spectral.no_colour_matrix) {
         eprintln!(
@@ -302,7 +302,7 @@ fn take(
         "illuminant": light.illuminant.name,
         "illuminance_lux": light.lux,
         "f_number": light.optics.f_number,
-        "time_s": light.optics.time_s,
+        "time_s": args.time_s,
         "bands_um": scene.wavelength_um,
         "white_e": white_e,
         "white_e_by_colour": white_of,
