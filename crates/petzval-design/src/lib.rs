@@ -25,5 +25,6 @@ pub mod requirements;
 pub mod run;
 pub mod run_report;
 pub mod scoring;
+pub mod sensor_report;
 pub mod setup;
 pub mod spot_design;
