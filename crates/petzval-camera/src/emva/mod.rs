@@ -13,6 +13,7 @@
 //! | all of it | [`mod@characterize`] |
 //! | as files: sensor, XML | [`sensor_file`], [`result_xml`] |
 //! | captures out of a sensor | [`series`] |
+//! | figures of a sensor file | [`derived`] |
 //!
 //! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
 //! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.
@@ -20,6 +21,7 @@
 pub mod captures;
 pub mod characterize;
 pub mod dark;
+pub mod derived;
 pub mod descriptor;
 pub mod figures;
 pub mod fit;
@@ -41,6 +43,7 @@ pub mod warning;
 
 pub use captures::{CaptureError, Captures, Kind, Point, SensorFacts};
 pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
+pub use derived::{Derived, derived};
 pub use figures::Figure;
 pub use high_pass::HighPass;
 pub use histogram_fit::{HistogramComparison, HistogramFit};

@@ -12,6 +12,7 @@ mod glass;
 mod lens;
 mod psf;
 mod report;
+mod sensor;
 mod signals;
 mod simulate;
 
@@ -60,6 +61,9 @@ enum Verb {
     Glass(glass::GlassVerb),
     /// Write the point-spread functions of a lens
     Psf(psf::Args),
+    /// Look at a sensor, measure one from captures, or simulate such captures
+    #[command(subcommand)]
+    Sensor(sensor::SensorVerb),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
     /// Measure standard workloads
@@ -95,6 +99,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Lens(verb) => lens::run(verb),
         Verb::Glass(verb) => glass::run(verb),
         Verb::Psf(args) => psf::run(args),
+        Verb::Sensor(verb) => sensor::run(verb),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args),
