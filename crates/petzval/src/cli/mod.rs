@@ -13,6 +13,7 @@ mod lens;
 mod psf;
 mod raw;
 mod report;
+mod sensor;
 mod signals;
 mod simulate;
 
@@ -61,6 +62,9 @@ enum Verb {
     Glass(glass::GlassVerb),
     /// Write the point-spread functions of a lens
     Psf(psf::Args),
+    /// Look at a sensor, measure one from captures, or simulate such captures
+    #[command(subcommand)]
+    Sensor(sensor::SensorVerb),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
     /// Look at raw frames, or write them in another format
@@ -101,6 +105,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Lens(verb) => lens::run(verb),
         Verb::Glass(verb) => glass::run(verb),
         Verb::Psf(args) => psf::run(args),
+        Verb::Sensor(verb) => sensor::run(verb),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Raw(verb) => raw::run(verb),
         Verb::Bench(args) => bench::run(args),
