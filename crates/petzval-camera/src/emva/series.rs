@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::captures::{CaptureError, Kind, MANIFEST, SensorFacts};
 use super::manifest::{self, Listed};
-use crate::image::{CHANNELS, LinearImage, save_raw16};
+use crate::image::{CHANNELS, LinearImage};
+use crate::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw_alone};
 use crate::render::Placement;
 use crate::sensor::{Capture, Colour, Exposure, Noise, NoiseMode, SensorModel, expose};
 
@@ -307,7 +308,10 @@ fn write_frame(
         Capture { exposure, placement: Placement::default(), frame: point.first_frame + index as u64 };
     let scene = LinearImage::filled(CHANNELS, plan.height, plan.width, light);
     let raw = expose(&scene, sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: plan.seed })?;
-    let partial = path.with_extension(format!("partial.{}", plan.format));
-    save_raw16(&raw.dn, raw.height, raw.width, &partial)?;
-    std::fs::rename(&partial, path).map_err(|source| CaptureError::Io { path: path.to_owned(), source })
+    // The list of captures says what a sidecar would.
+    let format = RawFormat::of_name(path, Packing::U16le).unwrap_or(RawFormat::Tiff);
+    save_raw_alone(&RawFrame::from_raw(&raw, sensor), path, format).map_err(|error| match error {
+        RawFileError::Io { path, source } => CaptureError::Io { path, source },
+        other => other.into(),
+    })
 }

@@ -90,16 +90,18 @@ fn chosen_times(found: &[Compared]) -> Vec<f64> {
 /// Digital numbers from which on less than one in a hundred thousand samples lies beyond, on either side.
 fn bulk(h: &Compared) -> (f64, f64) {
     let total: f64 = h.captured.iter().sum();
-    let beyond = |values: &mut dyn Iterator<Item = (usize, &f64)>| {
+    let reached = |places: &mut dyn Iterator<Item = usize>| {
         let mut sum = 0.0;
-        let mut values = values.skip_while(|(_, c)| {
-            sum += **c;
-            sum < 1e-5 * total
-        });
-        values.next().map_or(0, |(i, _)| i)
+        for i in places {
+            sum += h.captured[i];
+            if sum >= 1e-5 * total {
+                return i;
+            }
+        }
+        0
     };
-    let low = beyond(&mut h.captured.iter().enumerate());
-    let high = beyond(&mut h.captured.iter().enumerate().rev());
+    let n = h.captured.len();
+    let (low, high) = (reached(&mut (0..n)), reached(&mut (0..n).rev()));
     (f64::from(h.first_dn) + low as f64, f64::from(h.first_dn) + high as f64)
 }
 

@@ -44,6 +44,14 @@ fn is_mosaic(shown: &Shown<'_>) -> bool {
     shown.all.sensor.cfa.rows() * shown.all.sensor.cfa.cols() > 1
 }
 
+fn along_rows(plots: &StackPlots) -> &Vec<f64> {
+    &plots.horizontal_spectrogram_dn2
+}
+
+fn along_columns(plots: &StackPlots) -> &Vec<f64> {
+    &plots.vertical_spectrogram_dn2
+}
+
 /// Power of rows and columns over frequency.
 pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     let channels = channels(shown);
@@ -85,10 +93,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         }
         panel
     };
-    let panels = [
-        panel("horizontal", |p| &p.horizontal_spectrogram_dn2),
-        panel("vertical", |p| &p.vertical_spectrogram_dn2),
-    ];
+    let panels = [panel("horizontal", along_rows), panel("vertical", along_columns)];
     let mut keys = colour_keys(shown);
     keys.push(Key::pen(Pen::thin("#5f6670").dashed(), "temporal noise left in the mean frame"));
     let (class, title) = match stack {
@@ -163,7 +168,7 @@ fn histogram_panels(
         let (low, high) = span(found().flat_map(|(_, h)| edges(h))).unwrap_or((0.0, 1.0));
         let counts = found().flat_map(|(_, h)| h.values.clone()).filter(|v| *v > 0.0);
         let (least, most) = span(counts).unwrap_or((1.0, 10.0));
-        let y = Axis::decades(least.min(0.9 * most), most * 1.2);
+        let y = Axis::decades(least.min(0.9 * most), most);
         let mut panel = Panel::new(stack.name(), names, Axis::between(low, high, 6), y);
         for (channel, histogram) in found() {
             let colour = colour_of(Some(channel.colour));

@@ -63,8 +63,8 @@ fn measured(value: &Measured) -> Markup {
     html! {
         @match (with_error(value), value.reason()) {
             (Some(text), _) => (text),
-            (None, Some(why)) => span.unresolved { "not resolved" span.why { (why.to_string()) } },
-            (None, None) => "–",
+            (None, Some(why)) => { span.unresolved { "not resolved" span.why { (why.to_string()) } } }
+            (None, None) => { "–" }
         }
     }
 }
@@ -366,11 +366,11 @@ pub(super) fn model(all: &Characterization) -> Markup {
                                 td.meaning { (meaning) }
                                 td.unit-cell { (unit) }
                                 @match value {
-                                    Some(value) => td { (measured(value)) },
-                                    None => td { (format!("{} × {}", all.width, all.height)) },
+                                    Some(value) => { td { (measured(value)) } }
+                                    None => { td { (format!("{} × {}", all.width, all.height)) } }
                                 }
                                 @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
-                                @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { cell }) } } }
+                                @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
                             }
                         }
                     }

@@ -10,6 +10,7 @@ use petzval::camera::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
 };
 use petzval::design::error::DesignError;
+use petzval::design::sensor_report;
 use serde_json::json;
 
 use super::{failure, frames_bar};
@@ -32,7 +33,8 @@ enum Filter {
 /// DIR holds frames and a list of them: captures.toml, or the EMVA1288descriptor.txt of the EMVA 1288 Python library.
 /// Numbers are printed with their standard errors; what the captures do not tell is named with the reason. With --out
 /// they are written too: sensor.toml, which `simulate --sensor` loads; results.json with everything; for each gain and
-/// colour emva-*.xml under the names of the library; histograms.csv.
+/// colour emva-*.xml under the names of the library; histograms.csv; report.html, one page of all tables and plots, and the
+/// plots as .svg.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of the captures
@@ -104,6 +106,7 @@ fn write_results(found: &Characterization, values: Values, out: &Path) -> Result
     whole(&out.join("sensor.toml"), &sensor_toml(found))?;
     whole(&out.join("results.json"), &results)?;
     whole(&out.join("histograms.csv"), &histograms_csv(found))?;
+    sensor_report::write(found, out)?;
     for gain in &found.gains {
         for channel in &gain.channels {
             let name = format!("emva-gain-{}-{}.xml", gain.linear_gain, colour_name(channel.colour));
