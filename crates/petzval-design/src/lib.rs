@@ -27,6 +27,7 @@ pub mod requirements;
 pub mod run;
 pub mod run_report;
 pub mod scoring;
+pub mod sensor_report;
 pub mod setup;
 pub mod spectral_light;
 pub mod spot_design;

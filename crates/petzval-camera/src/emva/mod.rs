@@ -11,6 +11,9 @@
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
 //! | all of it | [`mod@characterize`] |
+//! | as files: sensor, XML | [`sensor_file`], [`result_xml`] |
+//! | captures out of a sensor | [`series`] |
+//! | figures of a sensor file | [`derived`] |
 //!
 //! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
 //! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.
@@ -18,6 +21,7 @@
 pub mod captures;
 pub mod characterize;
 pub mod dark;
+pub mod derived;
 pub mod descriptor;
 pub mod figures;
 pub mod fit;
@@ -29,6 +33,9 @@ pub mod manifest;
 pub mod measured;
 pub mod pmf;
 pub mod point;
+pub mod result_xml;
+pub mod sensor_file;
+pub mod series;
 pub mod spatial;
 pub mod spectrogram;
 pub mod transfer;
@@ -36,10 +43,14 @@ pub mod warning;
 
 pub use captures::{CaptureError, Captures, Kind, Point, SensorFacts};
 pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
+pub use derived::{Derived, derived};
 pub use figures::Figure;
 pub use high_pass::HighPass;
 pub use histogram_fit::{HistogramComparison, HistogramFit};
 pub use joint::JointFit;
 pub use measured::{Measured, Unresolved};
+pub use result_xml::{Values, result_xml};
+pub use sensor_file::sensor_toml;
+pub use series::{Plan, Written, write_series};
 pub use spatial::Spatial;
 pub use warning::Warning;

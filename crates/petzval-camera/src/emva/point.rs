@@ -109,7 +109,7 @@ pub struct Stack {
     /// Sum over the frames, DN.
     pub sum_dn: Vec<u32>,
     /// Temporal variance of each pixel, DN^2.
-    pub variance_dn2: Vec<f32>,
+    pub variance_dn2: Vec<f64>,
 }
 
 /// What is kept of a point.
@@ -230,7 +230,7 @@ pub fn reduce(
     let l = frames as u64;
     let scale = 1.0 / (l * (l - 1)) as f64;
     let mut block_pixels = vec![0usize; BLOCKS * BLOCKS];
-    let mut variance_dn2 = vec![0.0f32; if point.is_stack() { pixels } else { 0 }];
+    let mut variance_dn2 = vec![0.0f64; if point.is_stack() { pixels } else { 0 }];
     for row in 0..height {
         let kinds = &class_of[row % cfa.rows()];
         for col in 0..width {
@@ -243,7 +243,7 @@ pub fn reduce(
             c.variance_squared += variance * variance;
             block_pixels[block_of(row, col)] += 1;
             if let Some(v) = variance_dn2.get_mut(i) {
-                *v = variance as f32;
+                *v = variance;
             }
         }
     }

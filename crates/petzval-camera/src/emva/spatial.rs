@@ -160,8 +160,8 @@ impl Sub {
         let (height, width) = (rows.len(), cols.len());
         let pixels = || rows.clone().flat_map(|row| cols.clone().map(move |col| row * stack.width + col));
         let n = (height * width) as f64;
-        let temporal = pixels().map(|i| f64::from(stack.variance_dn2[i])).sum::<f64>() / n;
-        let squares = pixels().map(|i| (f64::from(stack.variance_dn2[i]) - temporal).powi(2)).sum::<f64>();
+        let temporal = pixels().map(|i| stack.variance_dn2[i]).sum::<f64>() / n;
+        let squares = pixels().map(|i| (stack.variance_dn2[i] - temporal).powi(2)).sum::<f64>();
         Self {
             height,
             width,

@@ -120,6 +120,21 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
 ///
 /// The sidecar always comes with it, so that what another frame of the same name left there is not read with this one.
 pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    let (bytes, sidecar) = encode(frame, path, format)?;
+    let beside = sidecar_path(path);
+    write_whole(path, &bytes).map_err(RawFileError::io(path))?;
+    write_whole(&beside, sidecar.to_toml().as_bytes()).map_err(RawFileError::io(&beside))
+}
+
+/// Writes a frame without a sidecar, for frames that are listed elsewhere with all that is known of them. A packed frame
+/// cannot be read again so.
+pub fn save_raw_alone(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    let (bytes, _) = encode(frame, path, format)?;
+    write_whole(path, &bytes).map_err(RawFileError::io(path))
+}
+
+/// The bytes of a file, and its sidecar.
+fn encode(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(Vec<u8>, Sidecar), RawFileError> {
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
     if frame.height == 0 || frame.width == 0 || frame.dn.len() != frame.height * frame.width {
         let reason =
@@ -131,12 +146,11 @@ pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), 
         RawFormat::Tiff => picture::encode(frame, ::image::ImageFormat::Tiff).map_err(content)?,
         RawFormat::Png => picture::encode(frame, ::image::ImageFormat::Png).map_err(content)?,
         RawFormat::Npy => npy::encode(frame).map_err(content)?,
-        RawFormat::Exr => crate::image::exr_bytes(
-            frame.height,
-            frame.width,
-            &[("Y", &frame.dn.iter().map(|v| f32::from(*v)).collect::<Vec<_>>())],
-        )
-        .map_err(|reason| RawFileError::content(path, reason, "write a TIFF"))?,
+        RawFormat::Exr => {
+            let values: Vec<f32> = frame.dn.iter().map(|v| f32::from(*v)).collect();
+            crate::image::exr_bytes(frame.height, frame.width, &[("Y", &values)])
+                .map_err(|reason| RawFileError::content(path, reason, "write a TIFF"))?
+        }
         RawFormat::Packed(packing) => {
             let bits = frame.info.bits.unwrap_or(16);
             let layout = PackedLayout::tight(frame.height, frame.width, bits, packing);
@@ -153,9 +167,7 @@ pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), 
             ));
         }
     };
-    let beside = sidecar_path(path);
-    write_whole(path, &bytes).map_err(RawFileError::io(path))?;
-    write_whole(&beside, sidecar.to_toml().as_bytes()).map_err(RawFileError::io(&beside))
+    Ok((bytes, sidecar))
 }
 
 /// Why bytes are no raw frame, or a frame no bytes; the caller adds the file.

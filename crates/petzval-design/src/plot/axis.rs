@@ -2,7 +2,7 @@
 
 use crate::report::number;
 
-/// A linear axis.
+/// An axis, linear or logarithmic.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Axis {
     /// Value at its beginning, left or below.
@@ -13,6 +13,8 @@ pub(crate) struct Axis {
     pub ticks: Vec<f64>,
     /// Decimals that tell neighbouring ticks apart.
     decimals: usize,
+    /// Whether equal ratios, rather than equal differences, are equally long.
+    is_logarithmic: bool,
 }
 
 impl Axis {
@@ -27,7 +29,18 @@ impl Axis {
         let ticks = number::ticks(low, high, count);
         let step = ticks.get(1).zip(ticks.first()).map_or(high - low, |(b, a)| b - a);
         let decimals = (-(step.log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
-        Self { low, high, ticks, decimals }
+        Self { low, high, ticks, decimals, is_logarithmic: false }
+    }
+
+    /// Logarithmic, from the power of ten at or below one value to that at or above another, both positive; at least one
+    /// decade. Every decade has a tick, or every second, third, ... where there are more than about nine.
+    pub fn decades(low: f64, high: f64) -> Self {
+        let power = |v: f64| if v > 0.0 && v.is_finite() { v.log10().clamp(-30.0, 30.0) } else { 0.0 };
+        let first = (power(low) + 1e-9).floor() as i32;
+        let last = ((power(high) - 1e-9).ceil() as i32).max(first + 1);
+        let step = (last - first).div_euclid(9) + 1;
+        let ticks = (first..=last).step_by(step as usize).map(|p| 10_f64.powi(p)).collect();
+        Self { low: 10_f64.powi(first), high: 10_f64.powi(last), ticks, decimals: 0, is_logarithmic: true }
     }
 
     /// From the tick at or below one value to that at or above another.
@@ -55,11 +68,22 @@ impl Axis {
 
     /// Where a value lies on the axis, 0..1 between its ends.
     pub fn share(&self, value: f64) -> f64 {
+        if self.is_logarithmic {
+            // What is not positive lies below every axis.
+            let value = value.max(self.low * 1e-9);
+            return (value / self.low).ln() / (self.high / self.low).ln();
+        }
         (value - self.low) / (self.high - self.low)
     }
 
     /// The number at a tick.
     pub fn label(&self, value: f64) -> String {
+        if self.is_logarithmic {
+            return match value.log10().round() as i32 {
+                power @ -3..=4 => number::fixed(value, (-power).max(0) as usize),
+                power => format!("10{}", number::superscript(power)),
+            };
+        }
         let size = value.abs().max(self.low.abs()).max(self.high.abs());
         if (1e-6..1e7).contains(&size) {
             number::fixed(value, self.decimals)
@@ -110,6 +134,17 @@ mod tests {
         assert_eq!((wide.low, wide.high, wide.ticks.len()), (-8.0, 2.0, 6));
         let fits = Axis::around(0.0, 10.0, 5);
         assert_eq!((fits.low, fits.high), (0.0, 10.0));
+    }
+
+    #[test]
+    fn decades_are_equally_long() {
+        let axis = Axis::decades(0.02, 50_000.0);
+        assert_eq!((axis.low, axis.high, axis.ticks.len()), (0.01, 100_000.0, 8));
+        assert!((axis.share(1.0) - 2.0 / 7.0).abs() < 1e-12 && axis.share(0.0) < 0.0);
+        assert_eq!(labels(&axis)[..3], ["0.01", "0.1", "1"]);
+        assert_eq!(labels(&axis)[7], "10⁵");
+        let wide = Axis::decades(1.0, 1e20);
+        assert!(wide.ticks.len() <= 10 && Axis::decades(0.0, 0.0).high > 1.0, "{wide:?}");
     }
 
     #[test]

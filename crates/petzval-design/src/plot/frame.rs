@@ -121,7 +121,7 @@ impl Frame {
     }
 
     /// A curve with its markers.
-    fn curve(&self, curve: &Curve) -> Markup {
+    pub fn curve(&self, curve: &Curve) -> Markup {
         let pen = &curve.pen;
         let mut path = String::new();
         let mut is_down = false;

@@ -48,7 +48,7 @@ pub(crate) fn significant(value: f64) -> String {
 }
 
 /// A whole number in superscript characters.
-fn superscript(value: i32) -> String {
+pub(crate) fn superscript(value: i32) -> String {
     value
         .to_string()
         .chars()

@@ -15,6 +15,7 @@ mod psf_calibrate;
 mod psf_capture;
 mod raw;
 mod report;
+mod sensor;
 mod signals;
 mod simulate;
 
@@ -67,6 +68,9 @@ enum Verb {
     PsfCalibrate(psf_calibrate::Args),
     /// Simulate captures of a pinhole for psf-calibrate
     PsfCapture(psf_capture::Args),
+    /// Look at a sensor, measure one from captures, or simulate such captures
+    #[command(subcommand)]
+    Sensor(sensor::SensorVerb),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
     /// Look at raw frames, or write them in another format
@@ -109,6 +113,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Psf(args) => psf::run(args),
         Verb::PsfCalibrate(args) => psf_calibrate::run(args),
         Verb::PsfCapture(args) => psf_capture::run(args),
+        Verb::Sensor(verb) => sensor::run(verb),
         Verb::Simulate(args) => simulate::run(args),
         Verb::Raw(verb) => raw::run(verb),
         Verb::Bench(args) => bench::run(args),

@@ -1,0 +1,227 @@
+//! Captured histograms beside simulated ones (Figs. 7 and 8 of Tseng et al.), each with the number of its agreement.
+
+use petzval_camera::emva::captures::Kind;
+use petzval_camera::emva::{Characterization, HistogramComparison, PointHistogram};
+use petzval_camera::sensor::Colour;
+
+use super::panel::{Panel, Steps};
+use super::style::{Around, colour_name, colour_of, gain_name, sheet, short};
+use crate::plot::{Axis, Curve, Key, KeyLine, Pen, Sheet, span};
+
+/// Exposures of a picture.
+const MOST_EXPOSURES: usize = 4;
+/// Most bars of a histogram; where there are more digital numbers, several are drawn as one.
+const MOST_BARS: usize = 300;
+/// Samples of a bar below which simulated counts are not drawn on a logarithmic scale.
+const LEAST_EXPECTED: f64 = 0.3;
+
+/// One captured histogram, with what the fitted model expects if there is one.
+struct Compared {
+    exposure_s: f64,
+    colour: Option<Colour>,
+    first_dn: u32,
+    captured: Vec<f64>,
+    expected: Option<Vec<f64>>,
+    note: String,
+}
+
+impl Compared {
+    fn fitted(h: &HistogramComparison) -> Self {
+        Self {
+            exposure_s: h.exposure_s,
+            colour: h.colour,
+            first_dn: h.first_dn,
+            captured: h.captured.iter().map(|c| *c as f64).collect(),
+            expected: Some(h.expected_after.clone()),
+            note: format!(
+                "{}χ²/ν {:.2}, TV {:.2} %",
+                h.colour.map_or(String::new(), |c| format!("{}: ", colour_name(c))),
+                h.after.reduced_chi2,
+                100.0 * h.after.total_variation
+            ),
+        }
+    }
+
+    fn alone(h: &PointHistogram) -> Self {
+        Self {
+            exposure_s: h.exposure_s,
+            colour: h.colour,
+            first_dn: h.counts.first_dn,
+            captured: h.counts.counts.iter().map(|c| *c as f64).collect(),
+            expected: None,
+            note: String::new(),
+        }
+    }
+}
+
+/// Histograms of a kind at the gain nearest to 1 that has them, as the paper shows, from the darkest exposure on.
+fn compared(all: &Characterization, kind: Kind) -> Option<(f64, Vec<Compared>)> {
+    let fit = all.histogram_fit.as_ref();
+    let gains: Vec<f64> = match fit {
+        Some(fit) => fit.histograms.iter().filter(|h| h.kind == kind).map(|h| h.linear_gain).collect(),
+        None => all.histograms.iter().filter(|h| h.kind == kind).map(|h| h.linear_gain).collect(),
+    };
+    let gain = gains.into_iter().min_by(|a, b| a.ln().abs().total_cmp(&b.ln().abs()))?;
+    let mut found: Vec<Compared> = match fit {
+        Some(fit) => {
+            let of = fit.histograms.iter().filter(|h| h.kind == kind && h.linear_gain == gain);
+            of.map(Compared::fitted).collect()
+        }
+        None => {
+            let of = all.histograms.iter().filter(|h| h.kind == kind && h.linear_gain == gain);
+            of.map(Compared::alone).collect()
+        }
+    };
+    found.sort_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
+    Some((gain, found))
+}
+
+/// Exposure times to show: all of a few, else some spread over them.
+fn chosen_times(found: &[Compared]) -> Vec<f64> {
+    let mut times: Vec<f64> = found.iter().map(|h| h.exposure_s).collect();
+    times.dedup();
+    let n = times.len();
+    if n <= MOST_EXPOSURES {
+        return times;
+    }
+    (0..MOST_EXPOSURES).map(|i| times[i * (n - 1) / (MOST_EXPOSURES - 1)]).collect()
+}
+
+/// Digital numbers from which on less than one in a hundred thousand samples lies beyond, on either side.
+fn bulk(h: &Compared) -> (f64, f64) {
+    let total: f64 = h.captured.iter().sum();
+    let reached = |places: &mut dyn Iterator<Item = usize>| {
+        let mut sum = 0.0;
+        for i in places {
+            sum += h.captured[i];
+            if sum >= 1e-5 * total {
+                return i;
+            }
+        }
+        0
+    };
+    let n = h.captured.len();
+    let (low, high) = (reached(&mut (0..n)), reached(&mut (0..n).rev()));
+    (f64::from(h.first_dn) + low as f64, f64::from(h.first_dn) + high as f64)
+}
+
+/// Bars of so many digital numbers each, and the model at their middles. `x` counts digital numbers.
+fn add(panel: &mut Panel, h: &Compared, each: usize, least: f64) {
+    let (colour, n) = (colour_of(h.colour), h.captured.len());
+    let sums = |values: &[f64]| values.chunks(each).map(|part| part.iter().sum()).collect::<Vec<f64>>();
+    let edges: Vec<f64> =
+        (0..=n.div_ceil(each)).map(|i| f64::from(h.first_dn) - 0.5 + (i * each) as f64).collect();
+    panel.steps.push(Steps { colour: colour.into(), edges, heights: sums(&h.captured) });
+    if let Some(expected) = &h.expected {
+        let middles: Vec<f64> = (0..n.div_ceil(each))
+            .map(|i| f64::from(h.first_dn) - 0.5 + (i as f64 + 0.5) * each as f64)
+            .collect();
+        let y = sums(expected).into_iter().map(|e| (e >= least).then_some(e));
+        panel.curves.push(Curve::over(Pen { width: 1.5, ..Pen::thin("#1d2229") }, 0, &middles, y));
+    }
+    if !h.note.is_empty() {
+        panel.notes.push(h.note.clone());
+    }
+}
+
+fn around(
+    all: &Characterization,
+    class: &'static str,
+    title: &'static str,
+    gain: f64,
+    found: &[Compared],
+) -> Around {
+    let mut keys: Vec<Key> = Vec::new();
+    for colour in [Some(Colour::Red), Some(Colour::Green), Some(Colour::Blue), Some(Colour::Clear), None] {
+        if found.iter().any(|h| h.colour == colour) {
+            let name = colour.map_or("all pixels", colour_name);
+            keys.push(Key {
+                line: KeyLine::Fill(colour_of(colour).into()),
+                name: format!("captured, {name}"),
+            });
+        }
+    }
+    let remark = match all.histogram_fit {
+        Some(_) => {
+            keys.push(Key::pen(
+                Pen { width: 1.5, ..Pen::thin("#1d2229") },
+                "simulated: the model with the fitted parameters",
+            ));
+            format!(
+                "At linear {}. χ²/ν: reduced chi-square; TV: total variation, half the sum of the differences of probabilities.",
+                gain_name(gain)
+            )
+        }
+        None => format!(
+            "At linear {}. Captured only: the model was not fitted to the histograms (--fit-histograms).",
+            gain_name(gain)
+        ),
+    };
+    Around { class, title, remark, keys, linear_gain: Some(gain) }
+}
+
+/// A frame of the histograms of one exposure time.
+fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
+    let (low, high) = match is_logarithmic {
+        // The whole tail.
+        true => span(found.iter().flat_map(|h| {
+            let first = f64::from(h.first_dn);
+            [first, first + h.captured.len() as f64]
+        })),
+        false => span(found.iter().flat_map(|h| [bulk(h).0, bulk(h).1])),
+    }
+    .unwrap_or((0.0, 1.0));
+    let each = (((high - low) / MOST_BARS as f64).ceil() as usize).max(1);
+    let tallest = found
+        .iter()
+        .flat_map(|h| h.captured.chunks(each).map(|part| part.iter().sum::<f64>()))
+        .fold(1.0, f64::max);
+    let room = 0.02 * (high - low) + 1.0;
+    let x = Axis::between((low - room).max(-1.0), high + room, 4);
+    let (y, unit) = match (is_logarithmic, tallest >= 1e4) {
+        (true, _) => (Axis::decades(0.5, 1.5 * tallest), ""),
+        (false, true) => (Axis::around(0.0, 1.25e-3 * tallest, 4), ", thousands"),
+        (false, false) => (Axis::around(0.0, 1.25 * tallest, 4), ""),
+    };
+    let scale = if unit.is_empty() { 1.0 } else { 1e-3 };
+    let samples = match each {
+        1 => format!("samples{unit}"),
+        n => format!("samples in {n} DN{unit}"),
+    };
+    let head = format!("{} ms", short(1e3 * seconds, 3));
+    let mut panel = Panel::new(head, ["digital number, DN", &samples], x, y);
+    for h in found {
+        let scaled = Compared {
+            captured: h.captured.iter().map(|c| c * scale).collect(),
+            expected: h.expected.as_ref().map(|e| e.iter().map(|e| e * scale).collect()),
+            note: if is_logarithmic { String::new() } else { h.note.clone() },
+            ..**h
+        };
+        add(&mut panel, &scaled, each, if is_logarithmic { LEAST_EXPECTED } else { 0.0 });
+    }
+    panel
+}
+
+/// Flat frames at a few exposures.
+pub(super) fn flat(all: &Characterization) -> Option<Sheet> {
+    let (gain, found) = compared(all, Kind::Flat)?;
+    let at = |t: f64| found.iter().filter(|h| h.exposure_s == t).collect::<Vec<_>>();
+    let panels: Vec<Panel> = chosen_times(&found).into_iter().map(|t| panel(&at(t), t, false)).collect();
+    let around = around(all, "histograms-flat", "Histograms of flat frames", gain, &found);
+    Some(sheet(all, around, &panels, 2, 230.0))
+}
+
+/// Dark frames at a few exposures, with linear and with logarithmic counts.
+pub(super) fn dark(all: &Characterization) -> Option<Sheet> {
+    let (gain, found) = compared(all, Kind::Dark)?;
+    let at = |t: f64| found.iter().filter(|h| h.exposure_s == t).collect::<Vec<_>>();
+    let times = chosen_times(&found);
+    let columns = times.len();
+    let panels: Vec<Panel> = [false, true]
+        .into_iter()
+        .flat_map(|log| times.iter().map(move |t| (*t, log)))
+        .map(|(t, log)| panel(&at(t), t, log))
+        .collect();
+    let around = around(all, "histograms-dark", "Histograms of dark frames", gain, &found);
+    Some(sheet(all, around, &panels, columns, 210.0))
+}

@@ -1,0 +1,142 @@
+//! The report of a small simulated series.
+
+use petzval_camera::emva::{Captures, Options, characterize};
+use petzval_camera::image::LinearImage;
+use petzval_camera::raw_file::{RawFormat, RawFrame, save_raw};
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+
+use super::*;
+
+/// Flat and dark pairs at two gains and three exposures, dark pairs at two more, and stacks, of a sensor of 48 x 64 pixels.
+fn series(folder: &Path, fit_histograms: bool) -> Characterization {
+    let mut sensor =
+        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+    (sensor.height, sensor.width) = (48, 64);
+    let mut list = "[sensor]\nname = \"Sony IMX249 <simulated> & \\\"small\\\"\"\nbits = 12\npixel_um = 5.86\ncfa = \"RGGB\"\n\
+                    black_level_dn = 119.0\nfull_well_e = 33723.0\n"
+        .to_owned();
+    let mut number = 0;
+    let mut take = |kind: &str, gain: f32, time_s: f32, frames: usize| {
+        let light = LinearImage::filled(3, 48, 64, if kind == "flat" { 1.0 } else { 0.0 });
+        let exposure = Exposure { white_e: 4e5 * time_s, time_s, linear_gain: gain };
+        let mut names = Vec::new();
+        for _ in 0..frames {
+            let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: number };
+            let noise = Noise { mode: NoiseMode::Exact, seed: 7 };
+            let raw = expose(&light, &sensor, &capture, &noise).unwrap();
+            let name = format!("{number}.tiff");
+            save_raw(&RawFrame::from_raw(&raw, &sensor), &folder.join(&name), RawFormat::Tiff).unwrap();
+            names.push(name);
+            number += 1;
+        }
+        let photons = match kind {
+            "flat" => format!("photons = {}\n", 6e5 * time_s),
+            _ => String::new(),
+        };
+        list += &format!(
+            "[[point]]\nkind = \"{kind}\"\nlinear_gain = {gain}\nexposure_ms = {}\n{photons}frames = {names:?}\n",
+            1e3 * time_s
+        );
+    };
+    for gain in [1.0, 2.0, 4.0] {
+        for time_s in [0.0025, 0.005, 0.0075] {
+            take("flat", gain, time_s, 2);
+            take("dark", gain, time_s, 2);
+        }
+        take("dark", gain, 0.03, 2);
+    }
+    take("flat", 1.0, 0.005, 8);
+    take("dark", 1.0, 0.005, 8);
+    std::fs::write(folder.join("captures.toml"), list).unwrap();
+    let captures = Captures::open(folder).unwrap();
+    characterize(&captures, &Options { fit_histograms, ..Options::default() }, &|| {}).unwrap()
+}
+
+#[test]
+fn every_picture_is_described_and_holds_its_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), true);
+    let names = picture_names(&found);
+    assert_eq!(names.len(), 16, "{names:?}");
+    let svg = |class: &str| sheets(&found).into_iter().find(|s| s.class == class).unwrap().svg();
+    let count = |class: &str, what: &str| svg(class).matches(&format!("class=\"{what}\"")).count();
+    // Three colours, with their lines.
+    assert_eq!((count("sensitivity", "points"), count("sensitivity", "curve")), (3, 3));
+    assert_eq!((count("photon-transfer", "points"), count("photon-transfer", "curve")), (3, 3));
+    // Three gains in one frame; three panels of a series and a line each.
+    assert_eq!((count("gain-fit", "points"), count("gain-fit", "curve")), (3, 3));
+    assert_eq!((count("dark-variance", "points"), count("dark-variance", "curve")), (3, 3));
+    // Three colours at three exposures; four exposures with linear and logarithmic counts.
+    assert_eq!((count("histograms-flat", "steps"), count("histograms-flat", "curve")), (9, 9));
+    assert_eq!((count("histograms-dark", "steps"), count("histograms-dark", "curve")), (8, 8));
+    // Two directions, three colours, and the temporal noise of each.
+    assert_eq!(count("spectrogram-dsnu", "curve"), 12);
+    assert_eq!((count("defects", "steps"), count("defects-accumulated", "steps")), (6, 6));
+    assert_eq!(count("profiles-prnu", "curve"), 8);
+    for sheet in sheets(&found) {
+        let svg = sheet.svg();
+        assert!(svg.contains("role=\"img\"") && svg.contains("aria-label=\""), "{}", sheet.class);
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{}", sheet.class);
+    }
+}
+
+#[test]
+fn the_page_stands_alone_and_says_values_with_their_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), true);
+    let page = page(&found);
+    assert!(page.contains("Sony IMX249 &lt;simulated&gt; &amp; "));
+    assert_eq!(page.matches("<figure>").count(), 16);
+    let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("http") && !elsewhere.contains("url(") && !elsewhere.contains("@import"));
+    // The printed tables of the paper stand beside what was measured.
+    for words in
+        ["Table 5", "0.122", "33723 e⁻", "fit to histograms", "mean χ²/ν", "black level, as set", "PRNU"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+    let gain = style::with_error(&found.joint.gain_dn_per_e).unwrap();
+    assert!(gain.contains(" ± ") && page.contains(&gain), "{gain}");
+}
+
+#[test]
+fn what_was_not_captured_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    assert!(page(&found).contains("--fit-histograms"));
+    found.sensor.name = "another".into();
+    assert!(!page(&found).contains("Table 5"));
+    for gain in &mut found.gains {
+        gain.channels.iter_mut().for_each(|c| c.spatial = None);
+    }
+    assert_eq!(picture_names(&found).len(), 10);
+    found.gains.iter_mut().for_each(|gain| gain.channels.clear());
+    assert!(page(&found).contains("no flat frames"));
+    found.gains.clear();
+    found.histograms.clear();
+    assert!(picture_names(&found).is_empty() && page(&found).contains("another"));
+}
+
+#[test]
+fn a_report_is_a_page_and_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), false);
+    let out = tempfile::tempdir().unwrap();
+    let written = write(&found, out.path()).unwrap();
+    assert_eq!(written[0], out.path().join("report.html"));
+    assert_eq!(written.len(), 17);
+    assert!(written.iter().all(|path| std::fs::metadata(path).unwrap().len() > 500));
+    assert!(write(&found, &out.path().join("none")).is_err());
+}
+
+#[test]
+fn values_are_written_to_the_second_digit_of_their_error() {
+    use petzval_camera::emva::{Measured, Unresolved};
+    let text = |value, error| style::with_error(&Measured::new(value, error)).unwrap();
+    assert_eq!(text(0.140_234, 0.000_312), "0.14023 ± 0.00031");
+    assert_eq!(text(24_913.05, 120.0), "24913 ± 120");
+    assert_eq!(text(-0.5, 0.25), "\u{2212}0.50 ± 0.25");
+    assert_eq!(style::with_error(&Measured::exact(12.0)).unwrap(), "12");
+    assert_eq!(style::with_error(&Measured::none(Unresolved::NoStack)), None);
+}

@@ -1,0 +1,63 @@
+//! `petzval sensor`: look at a sensor, measure one, simulate its captures.
+
+mod capture;
+mod characterize;
+mod show;
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+use indicatif::{ProgressBar, ProgressStyle};
+use petzval::camera::emva::CaptureError;
+use petzval::design::error::DesignError;
+
+use super::Failure;
+
+/// Verbs about a sensor.
+#[derive(Debug, Subcommand)]
+pub enum SensorVerb {
+    /// What a sensor file says, and the EMVA 1288 figures that follow
+    Show(show::Args),
+    /// Simulate the calibration series of a sensor: flat and dark frames over gains and exposure times
+    Capture(capture::Args),
+    /// Measure a sensor from captures: EMVA 1288, and the paper's calibration over all gains
+    Characterize(characterize::Args),
+}
+
+/// Runs a verb.
+pub fn run(verb: SensorVerb) -> Result<ExitCode, Failure> {
+    match verb {
+        SensorVerb::Show(args) => show::run(&args),
+        SensorVerb::Capture(args) => capture::run(&args),
+        SensorVerb::Characterize(args) => characterize::run(&args),
+    }
+}
+
+/// A bar over frames, on stderr.
+fn frames_bar(frames: usize, doing: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(frames as u64).with_message(doing);
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// What is wrong with captures is wrong input, with a hint.
+fn failure(error: CaptureError) -> Failure {
+    let said = error.to_string();
+    let hint = match error {
+        CaptureError::List { path, error } => return DesignError::Input { path, error }.into(),
+        CaptureError::NoList(_) => "the manual's page on characterisation shows how to write captures.toml",
+        CaptureError::Io { .. } => "give a folder that exists and may be read and written",
+        CaptureError::Frame(_) => "replace the frame, or take its point off the list",
+        CaptureError::Size { .. } => "all frames of a series have one size",
+        CaptureError::Value { .. } => {
+            "check `bits`, and that the frames hold digital numbers as the camera gave them"
+        }
+        CaptureError::OtherSeries { .. } => "choose another folder, or empty this one",
+        CaptureError::Plan { .. } => "`petzval sensor capture --help` tells what a series can be",
+        CaptureError::Sensor(_) => "check the sensor file and the exposures",
+        CaptureError::Image(_) => return Failure::job(said),
+    };
+    Failure::input(said, hint)
+}

@@ -1,0 +1,231 @@
+//! `petzval sensor characterize`: a sensor measured from captures.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use petzval::camera::emva::sensor_file::colour_name;
+use petzval::camera::emva::{
+    Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
+};
+use petzval::design::error::DesignError;
+use petzval::design::sensor_report;
+use serde_json::json;
+
+use super::{failure, frames_bar};
+use crate::cli::{Failure, print_json};
+
+/// The filter before non-uniformity.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Filter {
+    /// None
+    None,
+    /// 5x5 box of release 3.1
+    #[value(name = "r3.1")]
+    R31,
+    /// 7x7 box, 11x11 box and 3x3 binomial of release 4
+    R4,
+}
+
+/// Measure a sensor from captures.
+///
+/// DIR holds frames and a list of them: captures.toml, or the EMVA1288descriptor.txt of the EMVA 1288 Python library.
+/// Numbers are printed with their standard errors; what the captures do not tell is named with the reason. With --out
+/// they are written too: sensor.toml, which `simulate --sensor` loads; results.json with everything; for each gain and
+/// colour emva-*.xml under the names of the library; histograms.csv; report.html, one page of all tables and plots, and the
+/// plots as .svg.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of the captures
+    dir: PathBuf,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// High-pass before DSNU and PRNU
+    #[arg(long, value_enum, default_value = "r4")]
+    highpass: Filter,
+    /// Derive every number as the EMVA 1288 Python library does, its mistakes included
+    #[arg(long)]
+    compatible: bool,
+    /// Leave the difference of the frames' means in the temporal variance (Eq. 6 of Tseng et al. 2021)
+    #[arg(long)]
+    no_mean_difference: bool,
+    /// Fit K, mu_r, mu_el, sigma_el, colour ratios and light to the captured histograms
+    #[arg(long)]
+    fit_histograms: bool,
+    /// Pixel pitch, um, where the list does not state it
+    #[arg(long, value_name = "UM")]
+    pixel_um: Option<f64>,
+    /// Print everything as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: &Args) -> Result<ExitCode, Failure> {
+    if let Some(pitch) = args.pixel_um.filter(|p| !(0.1..=1000.0).contains(p)) {
+        return Err(Failure::input(
+            format!("--pixel-um {pitch}: not between 0.1 and 1000"),
+            "the pitch in um",
+        ));
+    }
+    let mut captures = Captures::open(&args.dir).map_err(failure)?;
+    captures.sensor.pixel_um = captures.sensor.pixel_um.or(args.pixel_um);
+    let options = Options {
+        high_pass: match args.highpass {
+            _ if args.compatible => HighPass::None,
+            Filter::None => HighPass::None,
+            Filter::R31 => HighPass::R31,
+            Filter::R4 => HighPass::R4,
+        },
+        mean_difference: !args.no_mean_difference,
+        fit_histograms: args.fit_histograms,
+    };
+    let bar = frames_bar(captures.frames(), "reading");
+    let found = characterize(&captures, &options, &|| bar.inc(1)).map_err(failure)?;
+    bar.finish_and_clear();
+    for warning in &found.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let values = if args.compatible { Values::Library } else { Values::Corrected };
+    if let Some(out) = &args.out {
+        Failure::folder(out)?;
+        write_results(&found, values, out)?;
+    }
+    if args.json {
+        return print_json(&json!(found));
+    }
+    print!("{}", table(&found, values));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes every file of the results, each under a temporary name first.
+fn write_results(found: &Characterization, values: Values, out: &Path) -> Result<(), Failure> {
+    let results = serde_json::to_string_pretty(found).map_err(|e| Failure::job(e.to_string()))?;
+    whole(&out.join("sensor.toml"), &sensor_toml(found))?;
+    whole(&out.join("results.json"), &results)?;
+    whole(&out.join("histograms.csv"), &histograms_csv(found))?;
+    sensor_report::write(found, out)?;
+    for gain in &found.gains {
+        for channel in &gain.channels {
+            let name = format!("emva-gain-{}-{}.xml", gain.linear_gain, colour_name(channel.colour));
+            let xml = result_xml(channel, values).map_err(|e| Failure::job(format!("{name}: {e}")))?;
+            whole(&out.join(name), &xml)?;
+        }
+    }
+    Ok(())
+}
+
+fn whole(path: &Path, text: &str) -> Result<(), Failure> {
+    let partial = path.with_extension("partial");
+    let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
+    Ok(written.map_err(DesignError::io(path))?)
+}
+
+fn histograms_csv(found: &Characterization) -> String {
+    let mut text = "kind,linear_gain,exposure_ms,photons,colour,dn,samples\n".to_owned();
+    for h in &found.histograms {
+        let kind = if h.colour.is_some() { "flat" } else { "dark" };
+        let colour = h.colour.map_or("all", colour_name);
+        let photons = h.photons.map_or(String::new(), |p| p.to_string());
+        for (i, count) in h.counts.counts.iter().enumerate().filter(|(_, c)| **c > 0) {
+            let dn = h.counts.first_dn as usize + i;
+            let ms = 1e3 * h.exposure_s;
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "{kind},{},{ms},{photons},{colour},{dn},{count}", h.linear_gain);
+        }
+    }
+    text
+}
+
+/// A number with as many digits as its error leaves.
+fn shown(measured: Measured, unit: &str) -> String {
+    match (measured.value(), measured.standard_error(), measured.reason()) {
+        (Some(v), Some(se), _) if se > 0.0 => {
+            let digits = (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize;
+            format!("{v:>14.digits$} +- {se:<12.digits$} {unit}")
+        }
+        (Some(v), ..) => format!("{v:>14.6}    {:<12} {unit}", ""),
+        (None, _, Some(why)) => format!("  not resolved: {why}"),
+        (None, _, None) => "  not resolved".to_owned(),
+    }
+}
+
+/// The compact table: all gains together, then each gain and colour.
+fn table(found: &Characterization, values: Values) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, measured: Measured, unit: &str| {
+        let _ = writeln!(text, "{name:<30}{}", shown(measured, unit));
+    };
+    let j = &found.joint;
+    line("K at linear gain 1", j.gain_dn_per_e, "DN/e-");
+    line("dark current mu_I (mean)", j.dark_current_e_per_s, "e-/s");
+    line("dark current mu_I (variance)", j.dark_current_variance_e_per_s, "e-/s");
+    line("read noise sigma_r^2", j.read_variance_e2, "e-^2");
+    line("read noise mean mu_r", j.read_noise_mean_e, "e-");
+    line("electronics noise sigma_el", j.electronics_noise_dn, "DN");
+    line("BL + mu_el", j.dark_offset_dn, "DN");
+    line("electronics mean mu_el", j.electronics_mean_dn, "DN");
+    line("red over green (alpha)", j.red_over_green, "");
+    line("blue over green (beta)", j.blue_over_green, "");
+    if let Some(fit) = &found.histogram_fit {
+        let after = |f: fn(&petzval::camera::emva::HistogramComparison) -> f64| {
+            let all: Vec<f64> = fit.histograms.iter().map(f).collect();
+            all.iter().sum::<f64>() / all.len().max(1) as f64
+        };
+        let _ = writeln!(text, "\nfitted to {} histograms in {} steps", fit.histograms.len(), fit.steps);
+        for (name, measured, unit) in [
+            ("  K at linear gain 1", fit.gain_dn_per_e, "DN/e-"),
+            ("  read noise mean mu_r", fit.read_noise_mean_e, "e-"),
+            ("  BL + mu_el", fit.dark_offset_dn, "DN"),
+            ("  electronics noise sigma_el", fit.electronics_noise_dn, "DN"),
+            ("  red over green (alpha)", fit.red_over_green, ""),
+            ("  blue over green (beta)", fit.blue_over_green, ""),
+        ] {
+            let _ = writeln!(text, "{name:<30}{}", shown(measured, unit));
+        }
+        let _ = writeln!(
+            text,
+            "  mean reduced chi^2 {:.3}, before {:.3}; mean total variation {:.4}, before {:.4}",
+            after(|h| h.after.reduced_chi2),
+            after(|h| h.before.reduced_chi2),
+            after(|h| h.after.total_variation),
+            after(|h| h.before.total_variation)
+        );
+    }
+    for gain in &found.gains {
+        for channel in &gain.channels {
+            let _ = writeln!(text, "\ngain {}, {}", gain.linear_gain, colour_name(channel.colour));
+            for name in [
+                "K",
+                "QE",
+                "R",
+                "sigma_d",
+                "sigma_y_dark",
+                "u_e_min",
+                "u_e_sat",
+                "SNR_max_dB",
+                "DR_dB",
+                "LE_min",
+                "LE_max",
+                "DSNU1288",
+                "DSNU1288_row",
+                "DSNU1288_col",
+                "DSNU1288_pixel",
+                "PRNU1288",
+                "PRNU1288_row",
+                "PRNU1288_col",
+                "PRNU1288_pixel",
+                "u_I_mean",
+                "u_I_var",
+            ] {
+                if let Some(figure) = channel.figure(name) {
+                    let measured = if values == Values::Library { figure.value } else { figure.best() };
+                    let _ = writeln!(text, "  {name:<28}{}", shown(measured, figure.unit));
+                }
+            }
+        }
+    }
+    text
+}
