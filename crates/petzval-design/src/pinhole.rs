@@ -118,7 +118,8 @@ impl PinholeView {
             sum.iter_mut().for_each(|v| *v /= light[c].max(f64::MIN_POSITIVE));
             sum
         });
-        let psf = FinePsf { grid: options.grid, pitch_um: options.pitch_um, values, light, disc_um: self.disc_um };
+        let psf =
+            FinePsf { grid: options.grid, pitch_um: options.pitch_um, values, light, disc_um: self.disc_um };
         Ok(PinholePsf { psf, chief_mm: traced.chief_y_mm })
     }
 }
@@ -139,9 +140,8 @@ mod tests {
     /// RMS distance of green light from the middle of the grid, um.
     fn spread_um(psf: &FinePsf) -> f64 {
         let centre = 0.5 * (psf.grid as f64 - 1.0);
-        let square = |i: usize| {
-            ((i / psf.grid) as f64 - centre).powi(2) + ((i % psf.grid) as f64 - centre).powi(2)
-        };
+        let square =
+            |i: usize| ((i / psf.grid) as f64 - centre).powi(2) + ((i % psf.grid) as f64 - centre).powi(2);
         psf.values[1].iter().enumerate().map(|(i, v)| v * square(i)).sum::<f64>().sqrt() * psf.pitch_um
     }
 

@@ -12,7 +12,8 @@ const LENS: &str = "cooke-triplet-nominal";
 /// Captures of three fields on the vertical and two on the diagonal: small, but whole.
 fn capture(folder: &Path, more: &[&str]) -> Value {
     let few = ["--fields", "3", "--radius-mm", "3", "--axes", "vertical,diagonal", "--exposures-ms", "4,16"];
-    let args = [&["psf-capture", LENS, "--out", "captures", "--frames", "6", "--json"], &few[..], more].concat();
+    let args =
+        [&["psf-capture", LENS, "--out", "captures", "--frames", "6", "--json"], &few[..], more].concat();
     run_ok(folder, &args).json()
 }
 
@@ -63,7 +64,9 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
     assert_eq!(npy.shape(), [5, 3, 23, 23]);
     let sums: Vec<f64> = npy.into_vec::<f64>().unwrap().chunks(529).map(|p| p.iter().sum()).collect();
     assert!(sums.iter().all(|s| (s - 1.0).abs() < 1e-9), "{sums:?}");
-    assert!(std::fs::read_dir(at.join("psfs")).unwrap().all(|f| f.unwrap().path().extension().unwrap() != "part"));
+    assert!(
+        std::fs::read_dir(at.join("psfs")).unwrap().all(|f| f.unwrap().path().extension().unwrap() != "part")
+    );
 
     // A second time gives the same bits, and other threads do too.
     run_ok(at, &["psf-calibrate", "captures", "--lens", LENS, "--out", "again", "--threads", "1"]);

@@ -38,16 +38,16 @@ pub const CELLS_PER_PIXEL: usize = 3;
 pub const GRID: usize = CROP * CELLS_PER_PIXEL;
 
 /// Rounds of the fit at most.
-const ROUNDS: usize = 600;
+const ROUNDS: usize = 1500;
 
 /// The fit is looked at so often, in rounds, ...
 const LOOK: usize = 20;
 
 /// ... and ends when it gained less than this share since.
-const GAIN: f64 = 1e-3;
+const GAIN: f64 = 3e-4;
 
 /// Standard deviation of a blob, cells.
-const BLOB_CELLS: f64 = 1.25;
+const BLOB_CELLS: f64 = 1.0;
 
 /// Azimuths at which a position on the axis counts.
 const AXIS_AZIMUTHS: usize = 8;
@@ -88,16 +88,15 @@ pub struct FieldEstimate {
 /// The bank of measured PSFs, and how each field was fitted.
 ///
 /// The field nearest to the axis also stands for the axis if no position is on it.
-pub fn estimate_bank(
-    places: &[Place],
-    pixel_um: f64,
-) -> Result<(PsfBank, Vec<FieldEstimate>), PsfError> {
+pub fn estimate_bank(places: &[Place], pixel_um: f64) -> Result<(PsfBank, Vec<FieldEstimate>), PsfError> {
     let mut order: Vec<&Place> = places.iter().collect();
     order.sort_by(|a, b| a.field_radius_mm.total_cmp(&b.field_radius_mm));
     let mut fields: Vec<Vec<&Place>> = Vec::new();
     for place in order {
         match fields.last_mut() {
-            Some(field) if place.field_radius_mm - field[0].field_radius_mm < SAME_FIELD_MM => field.push(place),
+            Some(field) if place.field_radius_mm - field[0].field_radius_mm < SAME_FIELD_MM => {
+                field.push(place)
+            }
             _ => fields.push(vec![place]),
         }
     }
@@ -173,7 +172,8 @@ fn fit(seen: &[Place], landings: &[Landing], channel: usize) -> (Vec<f64>, f64, 
         let mut sum = vec![0.0; GRID * GRID];
         for ((landing, data), landed) in landings.iter().zip(&data).zip(landed) {
             let mut window = vec![0.0; landing.height * landing.width];
-            data.iter().for_each(|d| window[d.pixel] = d.electrons * values(d, d.electrons * landed[d.pixel]));
+            data.iter()
+                .for_each(|d| window[d.pixel] = d.electrons * values(d, d.electrons * landed[d.pixel]));
             sum.iter_mut().zip(landing.gather(&window)).for_each(|(s, p)| *s += p);
         }
         mirrored(blurred(&sum))
@@ -228,7 +228,9 @@ fn blurred(cells: &[f64]) -> Vec<f64> {
         for (i, out) in out.iter_mut().enumerate() {
             let at = place(i);
             let (from, to) = (at.saturating_sub(REACH), (at + REACH).min(GRID - 1));
-            *out = (from..=to).map(|k| weights[k + REACH - at] * cells[i + k * step - at * step]).sum::<f64>() / sum;
+            *out =
+                (from..=to).map(|k| weights[k + REACH - at] * cells[i + k * step - at * step]).sum::<f64>()
+                    / sum;
         }
         out
     };
@@ -258,8 +260,7 @@ struct Datum {
 fn pixels(place: &Place, channel: usize) -> Vec<Datum> {
     let (row, col) = place.measured.psf.corner;
     let of_crop = (0..CROP * CROP).map(|i| (row + i / CROP) * place.frame.width + col + i % CROP);
-    let usable = of_crop
-        .filter(|i| place.frame.is_colour(*i, channel) && !place.merged.saturated[*i]);
+    let usable = of_crop.filter(|i| place.frame.is_colour(*i, channel) && !place.merged.saturated[*i]);
     usable
         .map(|pixel| {
             let time_s = place.merged.time_s[pixel];
