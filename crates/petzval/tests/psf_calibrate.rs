@@ -27,7 +27,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
     let at = folder.path();
     let taken = capture(at, &["--dark-frames", "6"]);
     assert_eq!(taken["positions"].as_array().unwrap().len(), 5);
-    assert!((number(&taken["pinhole_image_um"]) - 1.28).abs() < 0.05);
+    assert!((number(&taken["pinhole_image_um"]) - 1.25).abs() < 0.02);
 
     let found = run_ok(at, &["psf-calibrate", "captures", "--lens", LENS, "--out", "psfs", "--json"]).json();
     let positions = found["positions"].as_array().unwrap();

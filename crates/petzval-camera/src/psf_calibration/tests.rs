@@ -153,10 +153,6 @@ fn a_known_psf_is_recovered_within_its_noise_floor() {
         for c in 0..CHANNELS {
             // The L1 distance sums 529 pixels: its own spread is a few percent of it, and half as much again is far out.
             let ratio = comparison.l1[c] / floor.l1[c];
-            println!(
-                "{k} {c}: l1 {} floor {} demosaic {} ideal {}",
-                comparison.l1[c], floor.l1[c], comparison.demosaic_l1[c], comparison.l1_ideal[c]
-            );
             assert!((0.6..1.5).contains(&ratio), "place {k}, channel {c}: {ratio}");
             assert!(comparison.l1_ideal[c] < comparison.demosaic_l1[c] + 1.5 * floor.l1[c]);
             for axis in 0..2 {
@@ -259,7 +255,6 @@ fn the_bank_renders_back_to_the_measured_psf() {
         for c in 0..CHANNELS {
             let error = l1(&again.values[c], &taken.measured.psf.values[c]);
             let floor = taken.measured.floor.l1[c];
-            println!("channel {c}: {error} floor {floor} {chi2:?}");
             assert!(error < 1.5 * floor, "channel {c}: {error} beside a floor of {floor}");
         }
     }
@@ -311,7 +306,6 @@ fn a_rendered_point_is_the_true_psf_integrated_once() {
     }
     let twice = rendered(&naive);
     for c in 0..CHANNELS {
-        println!("channel {c}: {} {}", l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
         let (error, error_twice) = (l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
         assert!(error < 0.12, "channel {c}: {error}");
         assert!(error < 0.5 * error_twice, "channel {c}: {error} beside {error_twice}");

@@ -39,7 +39,7 @@ pub fn page(calibration: &Calibration) -> String {
                         "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
                         "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
                         @if calibration.lens.is_some() {
-                            "“Same mosaic”: the simulated PSF landed at the measured centroid, kept by the same colours and "
+                            "“Same mosaic”: the simulated PSF landed where it fits best, kept by the same colours and "
                             "demosaiced. “Ideal pixels”: every colour in every pixel."
                         }
                     }
