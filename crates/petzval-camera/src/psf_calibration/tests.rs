@@ -229,6 +229,7 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, [f6
         })
         .collect();
     let (bank, fields) = estimate_bank(&inputs, 5.86).unwrap();
+    assert_eq!(bank.illumination, [1.0; 6], "one field is its own reference");
     assert_eq!(bank.field_radius_mm, [0.0, 3.0]);
     (bank, places, fields[0].chi2)
 }

@@ -190,7 +190,8 @@ fn centroids(calibration: &Calibration) -> Markup {
             }
         }
         p.caption { "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the "
-            "chief ray should land." }
+            "chief ray should land. Light is the sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall "
+            "on the mosaic, which the bank's relative illumination does not." }
     }
 }
 

@@ -203,8 +203,9 @@ fn sensor_name(args: &Args) -> Result<String, Failure> {
     if !path.is_file() {
         return Ok(args.sensor.clone());
     }
-    let copy = args.out.join("sensor.toml");
-    std::fs::copy(path, &copy).map_err(DesignError::io(&copy))?;
+    let text = std::fs::read(path).map_err(DesignError::io(path))?;
+    write_then_rename(&args.out.join("sensor.toml"), |mut out| std::io::Write::write_all(&mut out, &text))
+        .map_err(|e| failure(e, &args.out))?;
     Ok("sensor.toml".to_owned())
 }
 
