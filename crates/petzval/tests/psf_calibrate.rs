@@ -9,9 +9,9 @@ use serde_json::Value;
 
 const LENS: &str = "cooke-triplet-nominal";
 
-/// Captures of three fields on the vertical and two on the diagonal: small, but whole.
-fn capture(folder: &Path, more: &[&str]) -> Value {
-    let few = ["--fields", "3", "--radius-mm", "3", "--axes", "vertical,diagonal", "--exposures-ms", "4,16"];
+/// Captures of a few fields up to 3 mm: small, but whole.
+fn capture(folder: &Path, axes: &str, fields: &str, more: &[&str]) -> Value {
+    let few = ["--fields", fields, "--radius-mm", "3", "--axes", axes, "--exposures-ms", "4,16"];
     let args =
         [&["psf-capture", LENS, "--out", "captures", "--frames", "6", "--json"], &few[..], more].concat();
     run_ok(folder, &args).json()
@@ -25,7 +25,7 @@ fn number(value: &Value) -> f64 {
 fn captures_of_a_known_lens_give_its_psfs_back() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let taken = capture(at, &["--dark-frames", "6"]);
+    let taken = capture(at, "vertical,diagonal", "3", &["--dark-frames", "6"]);
     assert_eq!(taken["positions"].as_array().unwrap().len(), 5);
     assert!((number(&taken["pinhole_image_um"]) - 1.25).abs() < 0.02);
 
@@ -92,7 +92,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
 fn captures_with_something_wrong_are_told_of() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    capture(at, &["--peak", "30", "--frames", "4", "--axes", "horizontal", "--fields", "2"]);
+    capture(at, "horizontal", "2", &["--peak", "30"]);
     // The longest exposure clips, as asked; the shortest does so too.
     let found = run_ok(at, &["psf-calibrate", "captures", "--out", "out"]);
     assert!(found.says("saturated in every exposure"), "{}", found.stderr);
@@ -141,7 +141,7 @@ fn captures_with_something_wrong_are_told_of() {
 fn damaged_measured_psfs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    capture(at, &["--axes", "vertical", "--fields", "2"]);
+    capture(at, "vertical", "2", &[]);
     run_ok(at, &["psf-calibrate", "captures", "--out", "psfs"]);
     let photo = data("photos/coffee.png").display().to_string();
     let simulate = ["simulate", &photo, "--psfs", "psfs", "--out", "never"];
