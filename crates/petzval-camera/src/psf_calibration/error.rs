@@ -71,7 +71,9 @@ pub enum PsfCalibrationError {
         error: SensorError,
     },
     /// A mosaic that bilinear interpolation cannot fill.
-    #[error("the mosaic {0} is no Bayer mosaic; PSFs of three colours are measured through RGGB, GRBG, GBRG or BGGR")]
+    #[error(
+        "the mosaic {0} is no Bayer mosaic; PSFs of three colours are measured through RGGB, GRBG, GBRG or BGGR"
+    )]
     NotBayer(String),
     /// Frames too small to hold a PSF and what is around it.
     #[error("position `{position}`: frames of {height}x{width} pixels; at least {least}x{least} are needed")]
@@ -116,7 +118,9 @@ pub enum PsfCalibrationError {
         width: usize,
     },
     /// No light in a colour.
-    #[error("position `{position}`: the {colour} channel has no light left after the background is taken off")]
+    #[error(
+        "position `{position}`: the {colour} channel has no light left after the background is taken off"
+    )]
     NoLight {
         /// Position.
         position: String,

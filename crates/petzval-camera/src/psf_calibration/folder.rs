@@ -217,7 +217,14 @@ impl Reader<'_> {
         let (height, width) = (raw.height, raw.width);
         if (height, width) != (first_height, first_width) {
             let position = self.position.to_owned();
-            return Err(PsfCalibrationError::Size { path, position, height, width, first_height, first_width });
+            return Err(PsfCalibrationError::Size {
+                path,
+                position,
+                height,
+                width,
+                first_height,
+                first_width,
+            });
         }
         let (value, max) = (raw.dn.iter().copied().max().unwrap_or(0), self.sensor.max_dn());
         if f64::from(value) > max {
@@ -320,7 +327,9 @@ fn look_for_trouble(
                 let off = (at[0] - mean[0]).hypot(at[1] - mean[1]);
                 let scatter = error[0].hypot(error[1]) * count.sqrt();
                 if count > 4.0 && off > 0.5 && off > 0.8 * scatter * count.sqrt() {
-                    warnings.push(format!("{file}: the source is {off:.2} px from where the other frames have it"));
+                    warnings.push(format!(
+                        "{file}: the source is {off:.2} px from where the other frames have it"
+                    ));
                 }
             }
         }
@@ -329,7 +338,8 @@ fn look_for_trouble(
     let clean: Vec<&ExposureReport> = exposures.iter().filter(|e| e.saturated_pixels == 0).collect();
     for pair in clean.windows(2) {
         if let (Some(a), Some(b)) = (pair[0].centroid_px, pair[1].centroid_px) {
-            let between = format!("between the {} and the {} ms frames", pair[0].exposure_ms, pair[1].exposure_ms);
+            let between =
+                format!("between the {} and the {} ms frames", pair[0].exposure_ms, pair[1].exposure_ms);
             tell_of_move(a, b, &between, warnings);
         }
     }

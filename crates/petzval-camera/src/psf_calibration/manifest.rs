@@ -146,7 +146,13 @@ impl Manifest {
         number(&self.linear_gain, "linear_gain", 1e-3, 1e3, "1 is the sensor's system gain")?;
         optional(&self.source.distance_mm, "distance_mm", 1.0, 1e9, "millimetres from the lens")?;
         optional(&self.source.image_scale_mm, "image_scale_mm", 1e-2, 1e5, "the focal length in mm")?;
-        optional(&self.source.refocus_mm, "refocus_mm", -1e3, 1e3, "millimetres; positive moves the sensor away")?;
+        optional(
+            &self.source.refocus_mm,
+            "refocus_mm",
+            -1e3,
+            1e3,
+            "millimetres; positive moves the sensor away",
+        )?;
         if !(0.0..=1e5).contains(&self.source.pinhole_um) {
             let at = FileError::at_key(text, &["source", "pinhole_um"], "not between 0 and 100000");
             return Err(at.hint("the diameter in um; 0 for a point"));
@@ -192,7 +198,8 @@ impl Manifest {
                 }
                 let distinct: BTreeSet<&String> = exposure.frames.get_ref().iter().collect();
                 if distinct.len() < exposure.frames.get_ref().len() {
-                    let twice = FileError::at(text, exposure.frames.span(), "frames", "a frame is listed twice");
+                    let twice =
+                        FileError::at(text, exposure.frames.span(), "frames", "a frame is listed twice");
                     return Err(twice.hint("a repeated frame would count as independent noise"));
                 }
             }

@@ -66,7 +66,8 @@ pub struct PixelPsf {
     pub corner: (usize, usize),
     /// Values of each channel, `CROP` x `CROP`, rows in sensor order, unit sum; noise may take values below 0.
     pub values: [Vec<f64>; CHANNELS],
-    /// Sum of each channel over the crop before it was normalised, electrons/s of its pixels.
+    /// Sum of each channel over the crop before it was normalised, electrons/s of its pixels. Of spots no wider than a few
+    /// pixels it depends on where they fall on the mosaic; the light that [`super::estimate`] fits does not.
     pub light_e_per_s: [f64; CHANNELS],
     /// Centroid of each channel in the window, (row, column), px.
     pub centroid_px: [[f64; 2]; CHANNELS],
@@ -169,10 +170,8 @@ fn centroid(plane: &[f32], frame: &Frame, start: [f64; 2]) -> Option<([f64; 2], 
             sum[2] += weight * (i % frame.width) as f64;
         }
         let next = [sum[1] / sum[0], sum[2] / sum[0]];
-        let inside = next[0] >= 0.0
-            && next[1] >= 0.0
-            && next[0] < frame.height as f64
-            && next[1] < frame.width as f64;
+        let inside =
+            next[0] >= 0.0 && next[1] >= 0.0 && next[0] < frame.height as f64 && next[1] < frame.width as f64;
         if !(sum[0] > 0.0 && inside) {
             return None;
         }
@@ -247,7 +246,11 @@ pub fn extract(
 }
 
 /// Crops light that is known in every colour of every pixel, as no mosaic shows it.
-pub fn extract_ideal(light: &[Vec<f64>; CHANNELS], width: usize, corner: (usize, usize)) -> [Vec<f64>; CHANNELS] {
+pub fn extract_ideal(
+    light: &[Vec<f64>; CHANNELS],
+    width: usize,
+    corner: (usize, usize),
+) -> [Vec<f64>; CHANNELS] {
     std::array::from_fn(|c| {
         let cut = |i: usize| light[c][(corner.0 + i / CROP) * width + corner.1 + i % CROP];
         let values: Vec<f64> = (0..CROP * CROP).map(cut).collect();
@@ -367,8 +370,12 @@ fn centroid_error(
 ) -> Result<[f64; 2], PsfCalibrationError> {
     let sensor = |error| PsfCalibrationError::Sensor { position: position.to_owned(), error };
     let planes = frame.demosaic(mosaic).map_err(sensor)?;
-    let light: f64 =
-        planes.plane(1).iter().enumerate().map(|(i, v)| window(frame.distance(i, centre)) * f64::from(*v)).sum();
+    let light: f64 = planes
+        .plane(1)
+        .iter()
+        .enumerate()
+        .map(|(i, v)| window(frame.distance(i, centre)) * f64::from(*v))
+        .sum();
     let mut error = [0.0; 2];
     for (axis, error) in error.iter_mut().enumerate() {
         let mut by_plane = LinearImage::zeros(CHANNELS, frame.height, frame.width);

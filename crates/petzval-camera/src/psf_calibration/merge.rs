@@ -72,8 +72,7 @@ impl ExposureMean {
     pub fn variance(&self, rate: f64, dark_e_per_s: f64, read_e2: f64, gain_dn_per_e: f64) -> f64 {
         let t = self.time_s;
         let electrons2 = (rate.max(0.0) + dark_e_per_s) * t + read_e2;
-        electrons2 / (self.light.frames as f64 * t * t)
-            + self.dark.variance_dn2 / (gain_dn_per_e * t).powi(2)
+        electrons2 / (self.light.frames as f64 * t * t) + self.dark.variance_dn2 / (gain_dn_per_e * t).powi(2)
     }
 
     /// Mean over the pixels of the frames' variance over the modelled one: 1 where sensor model and captures agree.
@@ -100,8 +99,7 @@ pub fn merge(exposures: &[ExposureMean], sensor: &SensorModel, linear_gain: f64)
     let gain = sensor.gain_dn_per_e * linear_gain;
     let full_dn = full_dn(sensor, linear_gain);
     let read = read_variance_e2(sensor, linear_gain);
-    let variance =
-        |e: &ExposureMean, rate: f64| e.variance(rate, sensor.dark_current_e_per_s, read, gain);
+    let variance = |e: &ExposureMean, rate: f64| e.variance(rate, sensor.dark_current_e_per_s, read, gain);
     let mut merged = Merged {
         rate_e_per_s: Vec::with_capacity(pixels),
         variance: Vec::with_capacity(pixels),

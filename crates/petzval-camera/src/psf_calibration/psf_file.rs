@@ -57,7 +57,9 @@ pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf,
         .map_err(|e| PsfCalibrationError::Values { path: path.clone(), reason: e.to_string() })?;
     let head = "# Point-spread functions, measured or traced, for `petzval simulate --psfs`.\n\
                 # Rows of each PSF run away from the axis; the image point is in the middle of the grid.\n";
-    write_then_rename(&path, |mut out| std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes()))?;
+    write_then_rename(&path, |mut out| {
+        std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes())
+    })?;
     Ok(path)
 }
 
@@ -65,16 +67,13 @@ pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf,
 pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     let path = if path.is_dir() { path.join(AXES_FILE) } else { path.to_owned() };
     let text = std::fs::read_to_string(&path).map_err(PsfCalibrationError::io(&path))?;
-    let axes: PsfAxes =
-        toml::from_str(&text).map_err(|e| PsfCalibrationError::file(&path)(FileError::from_toml(&text, &e)))?;
+    let axes: PsfAxes = toml::from_str(&text)
+        .map_err(|e| PsfCalibrationError::file(&path)(FileError::from_toml(&text, &e)))?;
     let wrong = |key: &str, message: String, hint: &str| {
         PsfCalibrationError::file(&path)(FileError::at_key(&text, &[key], message).hint(hint))
     };
-    let layout = PsfLayout {
-        field_radius_mm: axes.field_radius_mm.clone(),
-        grid: axes.grid,
-        pitch_um: axes.pitch_um,
-    };
+    let layout =
+        PsfLayout { field_radius_mm: axes.field_radius_mm.clone(), grid: axes.grid, pitch_um: axes.pitch_um };
     layout.validate().map_err(|e| match e {
         PsfError::Grid { .. } => wrong("grid", e.to_string(), "cells a side, and their size in um"),
         _ => wrong("field_radius_mm", e.to_string(), "radii in mm from 0 upwards"),
@@ -82,7 +81,11 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     let fields = axes.field_radius_mm.len();
     let cells = axes.grid.checked_mul(axes.grid).and_then(|n| n.checked_mul(CHANNELS * fields));
     if cells.is_none_or(|n| n > MOST_VALUES) {
-        return Err(wrong("grid", format!("{fields} fields of this grid are too many values"), "a smaller grid"));
+        return Err(wrong(
+            "grid",
+            format!("{fields} fields of this grid are too many values"),
+            "a smaller grid",
+        ));
     }
     if axes.illumination.len() != fields {
         let message = format!("{} fields, but {fields} radii", axes.illumination.len());
@@ -96,7 +99,9 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     let shape = [fields as u64, CHANNELS as u64, axes.grid as u64, axes.grid as u64];
     if npy.shape() != shape || npy.order() != npyz::Order::C {
         let (found, order) = (npy.shape().to_vec(), npy.order());
-        return Err(values_wrong(format!("holds {found:?} ({order:?} order); {shape:?} (C order) are needed")));
+        return Err(values_wrong(format!(
+            "holds {found:?} ({order:?} order); {shape:?} (C order) are needed"
+        )));
     }
     let values: Vec<f32> = npy.into_vec().map_err(|e| values_wrong(format!("no float32 values: {e}")))?;
     let bank = PsfBank {

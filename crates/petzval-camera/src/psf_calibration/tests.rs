@@ -49,11 +49,18 @@ struct Taken {
 }
 
 /// Captures as in the paper: three times of 20 frames, or one without noise of each.
-fn take(psf: &FinePsf, spot: Spot, placement: Placement, mode: NoiseMode, brightness: f64, seed: u64) -> Taken {
+fn take(
+    psf: &FinePsf,
+    spot: Spot,
+    placement: Placement,
+    mode: NoiseMode,
+    brightness: f64,
+    seed: u64,
+) -> Taken {
     let sensor = sensor();
-    let rate_e_per_s = psf.land(spot, sensor.pixel_um, (SIDE, SIDE)).map(|plane| {
-        plane.into_iter().map(|v| v * brightness).collect::<Vec<f64>>()
-    });
+    let rate_e_per_s = psf
+        .land(spot, sensor.pixel_um, (SIDE, SIDE))
+        .map(|plane| plane.into_iter().map(|v| v * brightness).collect::<Vec<f64>>());
     let light = WindowLight { height: SIDE, width: SIDE, placement, rate_e_per_s };
     let count = if mode == NoiseMode::Off { 1 } else { 20 };
     let exposures: Vec<ExposureMean> = TIMES_S
@@ -146,7 +153,6 @@ fn a_known_psf_is_recovered_within_its_noise_floor() {
         for c in 0..CHANNELS {
             // The L1 distance sums 529 pixels: its own spread is a few percent of it, and half as much again is far out.
             let ratio = comparison.l1[c] / floor.l1[c];
-            println!("{k} {c}: l1 {} floor {} demosaic {} ideal {}", comparison.l1[c], floor.l1[c], comparison.demosaic_l1[c], comparison.l1_ideal[c]);
             assert!((0.6..1.5).contains(&ratio), "place {k}, channel {c}: {ratio}");
             assert!(comparison.l1_ideal[c] < comparison.demosaic_l1[c] + 1.5 * floor.l1[c]);
             for axis in 0..2 {
@@ -223,6 +229,7 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, [f6
         })
         .collect();
     let (bank, fields) = estimate_bank(&inputs, 5.86).unwrap();
+    assert_eq!(bank.illumination, [1.0; 6], "one field is its own reference");
     assert_eq!(bank.field_radius_mm, [0.0, 3.0]);
     (bank, places, fields[0].chi2)
 }
@@ -236,9 +243,11 @@ fn the_bank_renders_back_to_the_measured_psf() {
     let cells = bank.grid * bank.grid;
     for (taken, spot) in &places {
         let [row, col] = taken.measured.psf.centroid_px[1];
-        let landing = Landing::new((bank.grid, bank.pitch_um), Spot { row, col, ..*spot }, 0.0, 5.86, (SIDE, SIDE));
+        let landing =
+            Landing::new((bank.grid, bank.pitch_um), Spot { row, col, ..*spot }, 0.0, 5.86, (SIDE, SIDE));
         let light: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| {
-            let values: Vec<f64> = bank.values[c * cells..(c + 1) * cells].iter().map(|v| f64::from(*v)).collect();
+            let values: Vec<f64> =
+                bank.values[c * cells..(c + 1) * cells].iter().map(|v| f64::from(*v)).collect();
             landing.land(&values)
         });
         let corner = taken.measured.psf.corner;
@@ -247,7 +256,6 @@ fn the_bank_renders_back_to_the_measured_psf() {
         for c in 0..CHANNELS {
             let error = l1(&again.values[c], &taken.measured.psf.values[c]);
             let floor = taken.measured.floor.l1[c];
-            println!("channel {c}: {error} floor {floor} {chi2:?}");
             assert!(error < 1.5 * floor, "channel {c}: {error} beside a floor of {floor}");
         }
     }
@@ -259,7 +267,8 @@ fn the_bank_renders_back_to_the_measured_psf() {
 fn a_rendered_point_is_the_true_psf_integrated_once() {
     let psf = fine();
     let (bank, places, _) = bank_of(&psf, NoiseMode::Exact);
-    let geometry = RenderGeometry { sensor_height: 1200, sensor_width: 1920, pixel_um: 5.86, patches: (9, 9) };
+    let geometry =
+        RenderGeometry { sensor_height: 1200, sensor_width: 1920, pixel_um: 5.86, patches: (9, 9) };
     // A patch off both axes; one image pixel at its centre.
     let (patch_row, patch_col) = (6, 5);
     let (x, y) = geometry.patch_centre_um(patch_row * 9 + patch_col);
@@ -298,7 +307,6 @@ fn a_rendered_point_is_the_true_psf_integrated_once() {
     }
     let twice = rendered(&naive);
     for c in 0..CHANNELS {
-        println!("channel {c}: {} {}", l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
         let (error, error_twice) = (l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
         assert!(error < 0.12, "channel {c}: {error}");
         assert!(error < 0.5 * error_twice, "channel {c}: {error} beside {error_twice}");

@@ -39,7 +39,7 @@ pub fn page(calibration: &Calibration) -> String {
                         "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
                         "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
                         @if calibration.lens.is_some() {
-                            "“Same mosaic”: the simulated PSF landed at the measured centroid, kept by the same colours and "
+                            "“Same mosaic”: the simulated PSF landed where it fits best, kept by the same colours and "
                             "demosaiced. “Ideal pixels”: every colour in every pixel."
                         }
                     }
@@ -190,7 +190,8 @@ fn centroids(calibration: &Calibration) -> Markup {
             }
         }
         p.caption { "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the "
-            "chief ray should land." }
+            "chief ray should land. Light is the sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall "
+            "on the mosaic, which the bank's relative illumination does not." }
     }
 }
 

@@ -149,10 +149,12 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
 pub(super) fn failure(error: PsfCalibrationError, place: &Path) -> Failure {
     match error {
         PsfCalibrationError::File { path, error } => DesignError::Input { path, error }.into(),
-        PsfCalibrationError::Io { path, error } if error.kind() == std::io::ErrorKind::NotFound => Failure::input(
-            format!("{}: {error}", path.display()),
-            "a folder of captures holds captures.toml and the frames it names; `petzval psf-capture` makes one",
-        ),
+        PsfCalibrationError::Io { path, error } if error.kind() == std::io::ErrorKind::NotFound => {
+            Failure::input(
+                format!("{}: {error}", path.display()),
+                "a folder of captures holds captures.toml and the frames it names; `petzval psf-capture` makes one",
+            )
+        }
         PsfCalibrationError::Io { path, error } => DesignError::io(&path)(error).into(),
         other => {
             let text = other.to_string();
@@ -187,7 +189,8 @@ fn view(name: &str, manifest: &Manifest, sensor: &SensorModel) -> Result<Pinhole
     let source = &manifest.source;
     let distance_mm = source.distance_mm.as_ref().map(|mm| *mm.get_ref());
     let refocus = source.refocus_mm.as_ref().map_or(Refocus::OnSource, |mm| Refocus::Mm(*mm.get_ref()));
-    let view = PinholeView::new(&lens, sensor, distance_mm, source.pinhole_um, source.camera_turned, refocus)?;
+    let view =
+        PinholeView::new(&lens, sensor, distance_mm, source.pinhole_um, source.camera_turned, refocus)?;
     Ok(view)
 }
 
@@ -261,7 +264,8 @@ fn write_all(
     let wrong = |e| failure(e, out);
     let text = serde_json::to_string_pretty(figures).map_err(|e| Failure::job(e.to_string()))?;
     let write = |name: &str, bytes: &[u8]| {
-        write_then_rename(&out.join(name), |mut file| std::io::Write::write_all(&mut file, bytes)).map_err(wrong)
+        write_then_rename(&out.join(name), |mut file| std::io::Write::write_all(&mut file, bytes))
+            .map_err(wrong)
     };
     let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
     write_then_rename(&out.join("measured.npy"), |file| {
@@ -292,7 +296,8 @@ fn summary(calibration: &Calibration) -> String {
             p.frame.placement.col as f64 + m.psf.centroid_px[1][1],
         ];
         let error = m.centroid_se_px[0].hypot(m.centroid_se_px[1]);
-        out += &format!("  {:<16} {:>8.2} {:>8.2}   {error:.4}     {:.4}", p.name, at[0], at[1], m.floor.l1[1]);
+        out +=
+            &format!("  {:<16} {:>8.2} {:>8.2}   {error:.4}     {:.4}", p.name, at[0], at[1], m.floor.l1[1]);
         if let Some(c) = comparison {
             let off = c.centroid_error_px[1];
             let off = if c.is_placed { format!("{:.4}", off[0].hypot(off[1])) } else { "-".into() };

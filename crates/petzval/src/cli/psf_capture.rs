@@ -143,8 +143,10 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let path = args.out.join(MANIFEST_FILE);
     let text = manifest.to_toml().map_err(|e| Failure::job(format!("{}: {e}", path.display())))?;
     let head = format!("# Simulated: {} through {}.\n", sensor.name, lens.name);
-    write_then_rename(&path, |mut out| std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes()))
-        .map_err(|e| failure(e, &args.out))?;
+    write_then_rename(&path, |mut out| {
+        std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes())
+    })
+    .map_err(|e| failure(e, &args.out))?;
     let per_place = args.exposures_ms.len() * (args.frames + args.dark_frames);
     eprintln!(
         "{} positions, {} frames in {}; measure them with `petzval psf-calibrate {} --lens {}`",
@@ -201,8 +203,9 @@ fn sensor_name(args: &Args) -> Result<String, Failure> {
     if !path.is_file() {
         return Ok(args.sensor.clone());
     }
-    let copy = args.out.join("sensor.toml");
-    std::fs::copy(path, &copy).map_err(DesignError::io(&copy))?;
+    let text = std::fs::read(path).map_err(DesignError::io(path))?;
+    write_then_rename(&args.out.join("sensor.toml"), |mut out| std::io::Write::write_all(&mut out, &text))
+        .map_err(|e| failure(e, &args.out))?;
     Ok("sensor.toml".to_owned())
 }
 
@@ -267,7 +270,8 @@ fn place(
         let room = CROP as f64;
         (at >= room && at <= size as f64 - room).then(|| first.clamp(0.0, most) as usize)
     };
-    let placement = Placement { row: start(chief_px[0], sensor.height)?, col: start(chief_px[1], sensor.width)? };
+    let placement =
+        Placement { row: start(chief_px[0], sensor.height)?, col: start(chief_px[1], sensor.width)? };
     let spot = Spot {
         row: chief_px[0] - placement.row as f64,
         col: chief_px[1] - placement.col as f64,
@@ -290,7 +294,8 @@ fn place(
 
 /// An even number in -1/2..1/2 for a seed and a place (splitmix64).
 fn misalignment(seed: u64, number: u64) -> f64 {
-    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(number.wrapping_mul(0xd1b5_4a32_d192_ed03));
+    let mut z =
+        seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(number.wrapping_mul(0xd1b5_4a32_d192_ed03));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64 - 0.5
@@ -323,8 +328,10 @@ fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<P
     for place in places {
         bar.set_message(place.name.clone());
         Failure::folder(&args.out.join(&place.name))?;
-        let night =
-            WindowLight { rate_e_per_s: place.light.rate_e_per_s.clone().map(|p| vec![0.0; p.len()]), ..place.light.clone() };
+        let night = WindowLight {
+            rate_e_per_s: place.light.rate_e_per_s.clone().map(|p| vec![0.0; p.len()]),
+            ..place.light.clone()
+        };
         let mut exposure = Vec::new();
         for time_ms in &args.exposures_ms {
             let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String, Failure> {
@@ -332,12 +339,14 @@ fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<P
                     .map_err(DesignError::from)?;
                 number += 1;
                 let name = format!("{}/{time_ms}ms-{kind}{n:02}.png", place.name);
-                save_raw16(&raw.dn, raw.height, raw.width, &args.out.join(&name)).map_err(DesignError::from)?;
+                save_raw16(&raw.dn, raw.height, raw.width, &args.out.join(&name))
+                    .map_err(DesignError::from)?;
                 bar.inc(1);
                 Ok(name)
             };
             let frames = (0..args.frames).map(|n| take(&place.light, "", n)).collect::<Result<_, _>>()?;
-            let dark_frames = (0..args.dark_frames).map(|n| take(&night, "dark-", n)).collect::<Result<_, _>>()?;
+            let dark_frames =
+                (0..args.dark_frames).map(|n| take(&night, "dark-", n)).collect::<Result<_, _>>()?;
             exposure.push(ExposureFiles {
                 exposure_ms: unspanned(*time_ms),
                 frames: unspanned(frames),
