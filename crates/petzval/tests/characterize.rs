@@ -16,14 +16,25 @@ fn capture(folder: &Path, name: &str, more: &[&str]) -> String {
 #[test]
 fn a_sensor_is_shown_with_what_follows_from_it() {
     let folder = tempfile::tempdir().unwrap();
-    let shown = run_ok(folder.path(), &["sensor", "show", "imx249-fitted", "--gains", "1,10", "--json"]).json();
+    let shown =
+        run_ok(folder.path(), &["sensor", "show", "imx249-fitted", "--gains", "1,10", "--json"]).json();
     let at = |i: usize, key: &str| shown["derived"][i][key].as_f64().unwrap();
     assert_eq!(shown["sensor"]["gain_dn_per_e"], 0.14);
     assert!((at(0, "dark_noise_e") - 7.963).abs() < 1e-3 && (at(1, "dark_noise_e") - 4.054).abs() < 1e-3);
     let text = run_ok(folder.path(), &["sensor", "show", "imx249-fitted"]).stdout;
     assert!(text.contains("Sony IMX249") && text.contains("28389") && text.contains("converter"), "{text}");
-    run_fails(folder.path(), &["sensor", "show", "imx249"], 2, &["no sensor called `imx249`", "imx249-fitted"]);
-    run_fails(folder.path(), &["sensor", "show", "imx249-fitted", "--gains", "0"], 2, &["--gains 0", "positive"]);
+    run_fails(
+        folder.path(),
+        &["sensor", "show", "imx249"],
+        2,
+        &["no sensor called `imx249`", "imx249-fitted"],
+    );
+    run_fails(
+        folder.path(),
+        &["sensor", "show", "imx249-fitted", "--gains", "0"],
+        2,
+        &["--gains 0", "positive"],
+    );
 }
 
 #[test]
@@ -35,23 +46,29 @@ fn captures_are_simulated_and_measured() {
     assert!(!at("series/gain-1/flat-5ms-0.partial.png").exists());
 
     // The same command again keeps what is there; another series is refused.
-    let args = ["sensor", "capture", "imx249-fitted", "--out", "series", "--size", "60x80", "--format", "png"];
+    let args =
+        ["sensor", "capture", "imx249-fitted", "--out", "series", "--size", "60x80", "--format", "png"];
     let more = ["--stack", "6", "--quantum-efficiency", "0.6", "--json"];
     let again = run_ok(folder.path(), &[&args[..], &more[..]].concat()).json();
     assert_eq!(again["kept"], again["frames"]);
-    run_fails(folder.path(), &[&args[..], &["--seed", "9"]].concat(), 2, &["another series", "choose another folder"]);
+    run_fails(
+        folder.path(),
+        &[&args[..], &["--seed", "9"]].concat(),
+        2,
+        &["another series", "choose another folder"],
+    );
 
     let args = ["sensor", "characterize", "series", "--out", "found", "--fit-histograms"];
     let first = run_ok(folder.path(), &args);
-    for needle in ["K at linear gain 1", "+-", "electronics noise sigma_el", "fitted to", "gain 31.62, blue"] {
+    for needle in ["K at linear gain 1", "+-", "electronics noise sigma_el", "fitted to", "gain 31.62, blue"]
+    {
         assert!(first.stdout.contains(needle), "{needle}: {}", first.stdout);
     }
     assert!(first.stdout.contains("not resolved: the series does not reach saturation"), "{}", first.stdout);
     let names = ["sensor.toml", "results.json", "histograms.csv", "emva-gain-1-green.xml"];
     let results: Vec<String> = names.iter().map(|name| read(&at(&format!("found/{name}")))).collect();
     // The number of threads does not matter.
-    let again =
-        ["sensor", "characterize", "series", "--out", "again", "--fit-histograms", "--threads", "1"];
+    let again = ["sensor", "characterize", "series", "--out", "again", "--fit-histograms", "--threads", "1"];
     assert_eq!(run_ok(folder.path(), &again).stdout, first.stdout);
     for (name, text) in names.iter().zip(&results) {
         assert_eq!(&read(&at(&format!("again/{name}"))), text, "{name}");
@@ -104,8 +121,16 @@ fn corrupt_and_incomplete_captures_are_named() {
         }
     };
     let frame = "gain-2/flat-5ms-1.png";
-    case("no-list", &|c| std::fs::remove_file(c.join("captures.toml")).unwrap(), &["neither captures.toml nor"]);
-    case("no-frame", &|c| std::fs::remove_file(c.join(frame)).unwrap(), &["captures.toml:", frame, "is not there"]);
+    case(
+        "no-list",
+        &|c| std::fs::remove_file(c.join("captures.toml")).unwrap(),
+        &["neither captures.toml nor"],
+    );
+    case(
+        "no-frame",
+        &|c| std::fs::remove_file(c.join(frame)).unwrap(),
+        &["captures.toml:", frame, "is not there"],
+    );
     case(
         "cut",
         &|c| {
