@@ -2,6 +2,7 @@ use petzval_camera::psf_calibration::capture::{WindowLight, take_frame};
 use petzval_camera::psf_calibration::compare::compare;
 use petzval_camera::psf_calibration::manifest::{MANIFEST_FILE, Manifest};
 use petzval_camera::psf_calibration::{CROP, FinePsf, Spot, calibrate_position};
+use petzval_camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode, SensorModel};
 
@@ -37,7 +38,7 @@ fn calibration() -> Calibration {
         let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
         let raw = take_frame(&light, &sensor, 0.016, 1.0, &noise, n).unwrap();
         let path = folder.join(format!("{n}.png"));
-        petzval_camera::image::save_raw16(&raw.dn, 48, 48, &path).unwrap();
+        save_raw_alone(&RawFrame::from_raw(&raw, &sensor), &path, RawFormat::Png).unwrap();
     }
     let text = "sensor = \"imx249-calibrated\"\n[[position]]\nname = \"<a>\"\nazimuth_deg = 0.0\norigin = [575, 1100]\n\
                 [[position.exposure]]\nexposure_ms = 16.0\nframes = [\"0.png\", \"1.png\"]\n";

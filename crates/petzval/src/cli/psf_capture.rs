@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
-use petzval::camera::image::save_raw16;
 use petzval::camera::psf_calibration::capture::{WindowLight, take_frame};
 use petzval::camera::psf_calibration::manifest::{
     ExposureFiles, MANIFEST_FILE, Manifest, Position, Source, unspanned,
 };
 use petzval::camera::psf_calibration::psf_file::write_then_rename;
 use petzval::camera::psf_calibration::{CROP, Spot};
+use petzval::camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval::camera::render::Placement;
 use petzval::camera::sensor::{Noise, NoiseMode, SensorModel};
 use petzval::design::error::DesignError;
@@ -339,8 +339,8 @@ fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<P
                     .map_err(DesignError::from)?;
                 number += 1;
                 let name = format!("{}/{time_ms}ms-{kind}{n:02}.png", place.name);
-                save_raw16(&raw.dn, raw.height, raw.width, &args.out.join(&name))
-                    .map_err(DesignError::from)?;
+                let frame = RawFrame::from_raw(&raw, sensor);
+                save_raw_alone(&frame, &args.out.join(&name), RawFormat::Png)?;
                 bar.inc(1);
                 Ok(name)
             };

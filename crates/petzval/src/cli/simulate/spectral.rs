@@ -263,8 +263,7 @@ fn take(
     let weights =
         band_weights(&camera.sensor, &light.optics, &scene.wavelength_um).map_err(DesignError::from)?;
     let done = |_band: usize| bar.inc(1);
-    let electrons =
-        render_spectral(lens, plan, &camera.geometry, scene, &weights, placement, &done)?;
+    let electrons = render_spectral(lens, plan, &camera.geometry, scene, &weights, placement, &done)?;
     let white_e = light.white.white_e();
     let seen = electrons.as_light(&light.sensor, white_e, placement);
     let exposure = Exposure { white_e: white_e as f32, time_s: args.time_s, linear_gain: args.gain };
