@@ -121,7 +121,7 @@ fn captures_with_something_wrong_are_told_of() {
         image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_pixel(width, height, image::Luma([value]))
     };
     gray(50, 64, 200).save(&frame).unwrap();
-    run_fails(at, &calibrate, 2, &["64x50 pixels"]);
+    run_fails(at, &calibrate, 2, &["64x64 pixels, but the first frame of position `axis` has 64x50"]);
     gray(64, 64, 60_000).save(&frame).unwrap();
     run_fails(at, &calibrate, 2, &["holds 60000 DN", "shifted"]);
     std::fs::write(&frame, b"no picture").unwrap();
@@ -152,7 +152,7 @@ fn damaged_measured_psfs_are_refused() {
         ("grid = 69", "grid = 0", "grid"),
         ("grid = 69", "grid = 4294967296", "too many values"),
         ("field_radius_mm = [0.0", "field_radius_mm = [0.5", "radii start at 0"),
-        ("values = ", "value = ", "`value`"),
+        ("values = ", "value = ", "`value = "),
         ("psfs.npy", "none.npy", "none.npy"),
     ] {
         std::fs::write(&axes, good.replacen(from, to, 1)).unwrap();

@@ -1,7 +1,7 @@
 use super::average::{Average, Dark};
 use super::capture::{WindowLight, take_frame};
 use super::compare::{Comparison, compare};
-use super::estimate::{Place, estimate_bank};
+use super::estimate::{FieldEstimate, Place, estimate_bank};
 use super::landing::{FinePsf, Landing, Spot};
 use super::measure::{Frame, Measured, extract, extract_ideal, l1, measure};
 use super::merge::{ExposureMean, Merged, merge};
@@ -209,7 +209,7 @@ fn clipped_pixels_come_from_shorter_exposures() {
     assert!(blinding.merged.saturated.iter().any(|s| *s), "told of, not hidden");
 }
 
-fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, [f64; CHANNELS]) {
+fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, FieldEstimate) {
     let places: Vec<(Taken, Spot)> = (0..3)
         .map(|k| {
             let azimuth_rad = [std::f64::consts::FRAC_PI_2, 0.0, 0.65][k];
@@ -231,18 +231,18 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, [f6
     let (bank, fields) = estimate_bank(&inputs, 5.86).unwrap();
     assert_eq!(bank.illumination, [1.0; 6], "one field is its own reference");
     assert_eq!(bank.field_radius_mm, [0.0, 3.0]);
-    (bank, places, fields[0].chi2)
+    (bank, places, fields[0].clone())
 }
 
 /// Rendering what was measured: the bank through the renderer's operator and the sensor's mosaic gives the measured PSF.
 #[test]
 fn the_bank_renders_back_to_the_measured_psf() {
     let psf = fine();
-    let (bank, places, chi2) = bank_of(&psf, NoiseMode::Exact);
-    assert!(chi2.iter().all(|c| *c < 1.3), "{chi2:?}");
+    let (bank, places, field) = bank_of(&psf, NoiseMode::Exact);
+    assert!(field.chi2.iter().all(|c| *c < 1.3), "{:?}", field.chi2);
     let cells = bank.grid * bank.grid;
-    for (taken, spot) in &places {
-        let [row, col] = taken.measured.psf.centroid_px[1];
+    for (index, [row, col]) in field.middle_px.iter().copied() {
+        let (taken, spot) = &places[index];
         let landing =
             Landing::new((bank.grid, bank.pitch_um), Spot { row, col, ..*spot }, 0.0, 5.86, (SIDE, SIDE));
         let light: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| {
