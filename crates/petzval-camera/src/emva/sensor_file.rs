@@ -130,7 +130,7 @@ pub fn sensor_toml(found: &Characterization) -> String {
                 let _ = writeln!(text, "# {}: not resolved: {why}; the stand-in is {}", e.key, e.stand_in_is);
                 let _ = writeln!(text, "{} = {:?}", e.key, e.stand_in);
             }
-            (v, None, None) => {
+            (v, ..) => {
                 let _ = writeln!(text, "{} = {:?}   # {}, as stated", e.key, v.unwrap_or(e.stand_in), e.unit);
             }
         }

@@ -1,0 +1,186 @@
+//! `petzval sensor`: show a sensor, simulate its captures, measure it from them.
+
+mod common;
+
+use std::path::Path;
+
+use common::{read, run, run_fails, run_ok};
+
+/// A small series of a built-in sensor; returns its folder's name.
+fn capture(folder: &Path, name: &str, more: &[&str]) -> String {
+    let args = ["sensor", "capture", "imx249-fitted", "--out", name, "--size", "60x80", "--format", "png"];
+    run_ok(folder, &[&args[..], more].concat());
+    name.to_owned()
+}
+
+#[test]
+fn a_sensor_is_shown_with_what_follows_from_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown =
+        run_ok(folder.path(), &["sensor", "show", "imx249-fitted", "--gains", "1,10", "--json"]).json();
+    let at = |i: usize, key: &str| shown["derived"][i][key].as_f64().unwrap();
+    assert_eq!(shown["sensor"]["gain_dn_per_e"], 0.14);
+    assert!((at(0, "dark_noise_e") - 7.963).abs() < 1e-3 && (at(1, "dark_noise_e") - 4.054).abs() < 1e-3);
+    let text = run_ok(folder.path(), &["sensor", "show", "imx249-fitted"]).stdout;
+    assert!(text.contains("Sony IMX249") && text.contains("28389") && text.contains("converter"), "{text}");
+    run_fails(
+        folder.path(),
+        &["sensor", "show", "imx249"],
+        2,
+        &["no sensor called `imx249`", "imx249-fitted"],
+    );
+    run_fails(
+        folder.path(),
+        &["sensor", "show", "imx249-fitted", "--gains", "0"],
+        2,
+        &["--gains 0", "positive"],
+    );
+}
+
+#[test]
+fn captures_are_simulated_and_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    capture(folder.path(), "series", &["--stack", "6", "--quantum-efficiency", "0.6"]);
+    assert!(read(&at("series/captures.toml")).contains("photons"));
+    assert!(!at("series/gain-1/flat-5ms-0.partial.png").exists());
+
+    // The same command again keeps what is there; another series is refused.
+    let args =
+        ["sensor", "capture", "imx249-fitted", "--out", "series", "--size", "60x80", "--format", "png"];
+    let more = ["--stack", "6", "--quantum-efficiency", "0.6", "--json"];
+    let again = run_ok(folder.path(), &[&args[..], &more[..]].concat()).json();
+    assert_eq!(again["kept"], again["frames"]);
+    run_fails(
+        folder.path(),
+        &[&args[..], &["--seed", "9"]].concat(),
+        2,
+        &["another series", "choose another folder"],
+    );
+
+    let args = ["sensor", "characterize", "series", "--out", "found", "--fit-histograms"];
+    let first = run_ok(folder.path(), &args);
+    for needle in ["K at linear gain 1", "+-", "electronics noise sigma_el", "fitted to", "gain 31.62, blue"]
+    {
+        assert!(first.stdout.contains(needle), "{needle}: {}", first.stdout);
+    }
+    assert!(first.stdout.contains("not resolved: the series does not reach saturation"), "{}", first.stdout);
+    let names = ["sensor.toml", "results.json", "histograms.csv", "emva-gain-1-green.xml"];
+    let results: Vec<String> = names.iter().map(|name| read(&at(&format!("found/{name}")))).collect();
+    // The number of threads does not matter.
+    let again = ["sensor", "characterize", "series", "--out", "again", "--fit-histograms", "--threads", "1"];
+    assert_eq!(run_ok(folder.path(), &again).stdout, first.stdout);
+    for (name, text) in names.iter().zip(&results) {
+        assert_eq!(&read(&at(&format!("again/{name}"))), text, "{name}");
+    }
+    let json = run_ok(folder.path(), &["sensor", "characterize", "series", "--json"]).json();
+    let k = json["joint"]["gain_dn_per_e"]["value"].as_f64().unwrap();
+    assert!((k - 0.14).abs() < 0.005, "{k}");
+    let xml = roxmltree::Document::parse(&results[3]).unwrap();
+    assert!(xml.descendants().any(|node| node.has_tag_name("DSNU1288_row")));
+
+    // What was measured can be shown and simulated.
+    let shown = run_ok(folder.path(), &["sensor", "show", "found/sensor.toml", "--json"]).json();
+    assert_eq!(shown["sensor"]["gain_dn_per_e"].as_f64(), Some(k));
+    assert_eq!(shown["sensor"]["cfa"], "RGGB");
+}
+
+#[test]
+fn the_series_of_the_library_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let series = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../petzval-camera/tests/fixtures/emva/emva_dataset/seed_parameters_exposure_series");
+    let series = series.display().to_string();
+    let args = ["sensor", "characterize", &series, "--compatible", "--pixel-um", "5.86", "--json"];
+    let json = run_ok(folder.path(), &args).json();
+    let figures = json["gains"][0]["channels"][0]["figures"].as_array().unwrap();
+    let figure = |name: &str| figures.iter().find(|f| f["name"] == name).unwrap();
+    let k = figure("K")["value"]["value"].as_f64().unwrap();
+    assert!((k - 0.141_097_231_5).abs() < 1e-9, "{k}");
+    assert!(figure("PRNU1288_row")["value"]["not_resolved"].as_str().unwrap().contains("negative"));
+}
+
+#[test]
+fn corrupt_and_incomplete_captures_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let more = ["--gains", "1,2", "--dark-exposures", "2.5,20"];
+    let whole = capture(folder.path(), "whole", &more);
+    // Each case changes a copy of the series.
+    let case = |name: &str, change: &dyn Fn(&Path), needles: &[&str]| {
+        let copy = folder.path().join(name);
+        common::copy_folder(&folder.path().join(&whole), &copy);
+        change(&copy);
+        run_fails(folder.path(), &["sensor", "characterize", name, "--out", "never"], 2, needles);
+    };
+    let edit = |from: &'static str, to: &'static str| {
+        move |copy: &Path| {
+            let list = copy.join("captures.toml");
+            let text = read(&list);
+            assert!(text.contains(from), "{text}");
+            std::fs::write(&list, text.replacen(from, to, 1)).unwrap();
+        }
+    };
+    let frame = "gain-2/flat-5ms-1.png";
+    case(
+        "no-list",
+        &|c| std::fs::remove_file(c.join("captures.toml")).unwrap(),
+        &["neither captures.toml nor"],
+    );
+    case(
+        "no-frame",
+        &|c| std::fs::remove_file(c.join(frame)).unwrap(),
+        &["captures.toml:", frame, "is not there"],
+    );
+    case(
+        "cut",
+        &|c| {
+            let bytes = std::fs::read(c.join(frame)).unwrap();
+            std::fs::write(c.join(frame), &bytes[..bytes.len() / 2]).unwrap();
+        },
+        &[frame, "hint"],
+    );
+    let picture = |c: &Path, width: u32, dn: u16| {
+        image::ImageBuffer::from_pixel(width, 60, image::Luma([dn])).save(c.join(frame)).unwrap();
+    };
+    case("size", &|c| picture(c, 70, 200), &[frame, "60x70 pixels", "60x80"]);
+    case("value", &|c| picture(c, 80, 5000), &[frame, "5000", "12 bits", "4095"]);
+    case("key", &edit("bits = 12", "bitts = 12"), &["captures.toml:", "bitts", "did you mean `bits`?"]);
+    case("range", &edit("exposure_ms = 2.5", "exposure_ms = -2.5"), &["exposure_ms", "-2.5", "milliseconds"]);
+    case(
+        "single",
+        &edit("\"gain-1/flat-2.5ms-0.png\", ", ""),
+        &["captures.toml:", "one frame where two are needed", "difference of two frames"],
+    );
+    case(
+        "twice",
+        &edit("exposure_ms = 5.0", "exposure_ms = 2.5"),
+        &["flat, gain 1, 2.5 ms, 2 frames is listed already in line"],
+    );
+    case("toml", &edit("[sensor]", "[sensor"), &["captures.toml:1"]);
+    run_fails(folder.path(), &["sensor", "characterize", "nowhere"], 2, &["nowhere", "no such folder"]);
+    run_fails(folder.path(), &["sensor", "characterize", "whole", "--pixel-um", "nan"], 2, &["--pixel-um"]);
+
+    // Series that cannot be made.
+    for (args, needles) in [
+        (&["--size", "60"][..], ["--size 60", "rows x columns"]),
+        (&["--size", "5000x80"], ["size: 5000x80 does not fit", "--help"]),
+        (&["--gains", "1,1"], ["gains: 1 is there twice", "--help"]),
+        (&["--gains=-1"], ["gains", "0.001"]),
+        (&["--stack", "2"], ["stack: 2 frames", "3 to 4096"]),
+        (&["--quantum-efficiency", "60"], ["quantum efficiency", "share"]),
+        (&["--level", "nan"], ["level", "outside"]),
+    ] {
+        let all = [&["sensor", "capture", "imx249-fitted", "--out", "new"][..], args].concat();
+        run_fails(folder.path(), &all, 2, &needles);
+    }
+    // Warnings are told on stderr, and the rest is measured.
+    std::fs::remove_file(folder.path().join("whole/captures.toml")).unwrap();
+    let flat = "\n[[point]]\nkind = \"flat\"\nexposure_ms = 5\nframes = [\"gain-1/flat-5ms-0.png\", \"gain-1/flat-5ms-1.png\"]\n";
+    let list = format!("[sensor]\nname = \"x\"\nbits = 12\n{flat}");
+    std::fs::write(folder.path().join("whole/captures.toml"), list).unwrap();
+    let lone = run(folder.path(), &["sensor", "characterize", "whole", "--out", "lone"]);
+    assert_eq!(lone.code, Some(0), "{}", lone.stderr);
+    assert!(lone.says("warning: no-dark: flat, gain 1, 5 ms, 2 frames"), "{}", lone.stderr);
+    assert!(lone.stdout.contains("not resolved"), "{}", lone.stdout);
+    run_ok(folder.path(), &["sensor", "show", "lone/sensor.toml"]);
+}
