@@ -119,8 +119,8 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
     let spatial = shown.channels().iter().find_map(|c| c.spatial.as_ref());
     let high_pass = match all.options.high_pass {
         HighPass::None => "none",
-        HighPass::R31 => "release 3.1: 5 × 5 box",
-        HighPass::R4 => "release 4: 7 × 7 box, 11 × 11 box, 3 × 3 binomial",
+        HighPass::R31 => "release 3.1",
+        HighPass::R4 => "release 4",
     };
     let varied = match times.windows(2).any(|t| t[0] != t[1]) {
         true => "exposure time",
@@ -139,7 +139,7 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
         ("exposure times, dark", range(dark_times, "ms")),
         ("stacks, flat and dark", spatial.map(|s| format!("{} and {} frames", s.flat.frames, s.dark.frames))),
         ("exposure time of the stacks", spatial.map(|s| format!("{} ms", short(1e3 * s.exposure_s, 3)))),
-        ("high-pass before DSNU and PRNU", spatial.map(|_| high_pass.to_owned())),
+        ("high-pass for DSNU, PRNU", spatial.map(|_| high_pass.to_owned())),
     ])
 }
 
@@ -304,12 +304,12 @@ pub(super) fn model(all: &Characterization) -> Markup {
             ["", "", "3.25"],
         ),
         (
-            "σ_r²",
+            "σ²_r",
             "variance of the read noise",
             "e⁻²",
             Some(joint.read_variance_e2),
             held(|p| p.read_noise_e * p.read_noise_e),
-            ["", "σ_r = 16", "16"],
+            ["", "σ: 16", "16"],
         ),
         (
             "σ_el",
