@@ -200,6 +200,17 @@ impl fmt::Display for Warning {
                  average; this is dark signal non-uniformity, which the fit leaves out",
                 100.0 * share
             ),
+            Self::WiderThanNoise { fitted_dn, temporal_dn } => write!(
+                f,
+                "the histograms ask for an electronics noise of {fitted_dn:.4} DN, temporal noise has {temporal_dn:.4}; pixels \
+                 differ by DSNU or PRNU"
+            ),
+            Self::NoHistogramFit { lacks } => {
+                write!(
+                    f,
+                    "the histograms are not fitted: {lacks} is not resolved; it takes three gains or more"
+                )
+            }
             Self::MoreStacks { point } => {
                 write!(f, "{point}: another stack of this gain is evaluated already")
             }
