@@ -260,11 +260,12 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
     let stated = |v: f64| Measured::exact(v);
-    let held = |of: fn(&petzval_camera::emva::histogram_fit::ModelParameters) -> f64| {
-        fit.map(|f| format!("{} (held)", significant(of(&f.fitted), 5)))
+    // What the histograms do not tell was held, and has no error.
+    let fitted = |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| {
+        let value = of(fit?);
+        let held = if value.standard_error().is_none() { " (held)" } else { "" };
+        Some(with_error(&value)? + held)
     };
-    let fitted =
-        |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| fit.and_then(|f| with_error(&of(f)));
     // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
     type Row<'a> = (&'a str, &'a str, &'a str, Option<Measured>, Option<String>, [&'a str; 3]);
     let rows: [Row<'_>; 12] = [
@@ -284,7 +285,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "dark current, from the mean",
             "e⁻/s",
             Some(joint.dark_current_e_per_s),
-            held(|p| p.dark_current_e_per_s),
+            fitted(|f| f.dark_current_e_per_s),
             ["", "25", "25"],
         ),
         (
@@ -308,7 +309,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "variance of the read noise",
             "e⁻²",
             Some(joint.read_variance_e2),
-            held(|p| p.read_noise_e * p.read_noise_e),
+            fitted(|f| f.read_noise_e.map(|v| v * v, |v| 2.0 * v)),
             ["", "σ: 16", "16"],
         ),
         (
