@@ -103,6 +103,8 @@ fn histograms_find_parameters_that_were_moved() {
         electronics_noise_dn: 0.75,
         red_over_green: 0.9,
         blue_over_green: 1.1,
+        read_noise_e: 3.5,
+        dark_current_e_per_s: 40.0,
         ..truth
     };
     let fit = fit_histograms_from(&moved, 12, &found.histograms).unwrap();
@@ -114,6 +116,8 @@ fn histograms_find_parameters_that_were_moved() {
         ("sigma_el", fit.electronics_noise_dn, truth.electronics_noise_dn),
         ("alpha", fit.red_over_green, truth.red_over_green),
         ("beta", fit.blue_over_green, truth.blue_over_green),
+        ("sigma_r", fit.read_noise_e, truth.read_noise_e),
+        ("mu_I", fit.dark_current_e_per_s, truth.dark_current_e_per_s),
     ] {
         within(what, measured, truth, 3.5);
     }

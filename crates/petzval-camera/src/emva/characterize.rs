@@ -140,8 +140,12 @@ pub fn characterize(
     let mut histogram_fit = None;
     if options.fit_histograms {
         histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
-        if let Some(fit) = &histogram_fit {
-            warnings.extend(fit.dark_tails());
+        match &histogram_fit {
+            Some(fit) => {
+                warnings.extend(fit.dark_tails());
+                warnings.extend(wider_than_noise(fit, &joint));
+            }
+            None => warnings.push(Warning::NoHistogramFit { lacks: lacking(&joint) }),
         }
     }
     Ok(Characterization {
@@ -155,6 +159,26 @@ pub fn characterize(
         histogram_fit,
         histograms,
     })
+}
+
+/// The first number that the fit to the histograms needs and the joint fit lacks.
+fn lacking(joint: &JointFit) -> &'static str {
+    let needed = [
+        ("K", joint.gain_dn_per_e),
+        ("the read noise", joint.read_noise_e),
+        ("its mean", joint.read_noise_mean_e),
+        ("the dark offset", joint.dark_offset_dn),
+    ];
+    needed.iter().find(|(_, m)| m.value().is_none()).map_or("a histogram without clipping", |(name, _)| *name)
+}
+
+/// A fitted electronics noise above that of the temporal noise by more than five standard errors and 2 %.
+fn wider_than_noise(fit: &HistogramFit, joint: &JointFit) -> Option<Warning> {
+    let (fitted, temporal) = (fit.electronics_noise_dn, joint.electronics_noise_dn);
+    let (fitted_dn, temporal_dn) = (fitted.value()?, temporal.value()?);
+    let se = fitted.error_or_zero().hypot(temporal.error_or_zero());
+    let wider = fitted_dn - temporal_dn > 5.0 * se && fitted_dn > 1.02 * temporal_dn;
+    wider.then_some(Warning::WiderThanNoise { fitted_dn, temporal_dn })
 }
 
 /// Rows and columns: as the list says, or as the first frame has.

@@ -58,19 +58,16 @@ pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
     let ours = values(basis, Rules::Ours);
     let same = |a: &Measured, b: &Measured| match (a.value(), b.value()) {
         (Some(x), Some(y)) => (x - y).abs() <= 1e-12 * x.abs(),
-        (None, None) => true,
+        (None, None) => a.reason() == b.reason(),
         _ => false,
     };
     NAMES
         .iter()
         .zip(library.into_iter().zip(ours))
-        .map(|((name, section, unit, meaning), (value, corrected))| Figure {
-            name,
-            section,
-            meaning,
-            unit,
-            value,
-            corrected: (!same(&value, &corrected)).then_some(corrected),
+        .map(|((name, section, unit, meaning), (library, ours))| {
+            // Where both agree, ours knows its error.
+            let (value, corrected) = if same(&library, &ours) { (ours, None) } else { (library, Some(ours)) };
+            Figure { name, section, meaning, unit, value, corrected }
         })
         .collect()
 }
@@ -275,7 +272,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         sigma_y_dark,
         mean_slope.over(k),
         mean_slope,
-        variance_slope.over(k).over(k),
+        variance_slope.over(k.map(|v| v * v, |v| 2.0 * v)),
         variance_slope.over(k),
         u_e_min,
         per_area(u_e_min),

@@ -1,9 +1,9 @@
 //! The paper's fourth step as an optimisation: the parameters with which simulated histograms match captured ones.
 //!
 //! Nothing is drawn at random: the exact distribution of digital numbers ([`pmf`](super::pmf)) is compared with the counts by
-//! maximum likelihood (Fisher scoring with a damped step). Free are K, mu_r, mu_el, sigma_el, the ratios of the colours
-//! and the light of every gain; sigma_r and mu_I, which histograms of single gains hardly tell, stay as the joint fit found
-//! them. What lies outside the core of a histogram (median +- 4 standard deviations by its quantiles) does not
+//! maximum likelihood (Fisher scoring with a damped step). Free are K, mu_r, mu_el, sigma_el, sigma_r, mu_I, the ratios of
+//! the colours and the light of every gain, as far as the captures tell them: held are sigma_r and mu_r where there is one
+//! gain, mu_I where there is one exposure time, K where there is no flat frame. What lies outside the core of a histogram (median +- 4 standard deviations by its quantiles) does not
 //! count in the fit: a tail of hot pixels is not made into noise, but is reported ([`Warning::DarkTail`]).
 
 use nalgebra::{DMatrix, DVector};
@@ -34,11 +34,11 @@ pub struct ModelParameters {
     pub red_over_green: f64,
     /// Signal of blue over green.
     pub blue_over_green: f64,
-    /// sigma_r, e-; held.
+    /// sigma_r, e-.
     pub read_noise_e: f64,
-    /// mu_I, e-/s; held.
+    /// mu_I, e-/s.
     pub dark_current_e_per_s: f64,
-    /// Full well, e-; held.
+    /// Full well, e-; always held.
     pub full_well_e: f64,
 }
 
@@ -112,6 +112,10 @@ pub struct HistogramFit {
     pub red_over_green: Measured,
     /// beta.
     pub blue_over_green: Measured,
+    /// sigma_r, e-.
+    pub read_noise_e: Measured,
+    /// mu_I, e-/s.
+    pub dark_current_e_per_s: Measured,
     /// The light.
     pub light: Vec<LightLevel>,
     /// Steps taken.
@@ -137,7 +141,7 @@ impl HistogramFit {
 }
 
 /// Number of parameters before the light levels.
-const SHARED: usize = 6;
+const SHARED: usize = 8;
 /// Half width of the core of a histogram in standard deviations.
 const CORE_SIGMAS: f64 = 4.0;
 /// Steps after which the fit gives up.
@@ -182,7 +186,7 @@ pub fn fit_histograms_from(
     let usable: Vec<&PointHistogram> =
         histograms.iter().filter(|h| h.counts.last_dn() < max_dn && h.counts.first_dn > 0).collect();
     let (samples, mut theta, level_gains) = arrange(start, &usable)?;
-    let free = free_parameters(&samples, theta.len());
+    let free = free_parameters(&samples, &theta);
 
     // Fisher scoring: the step is the inverse information times the slope of the log likelihood.
     let first_theta = theta.clone();
@@ -228,6 +232,8 @@ pub fn fit_histograms_from(
         electronics_noise_dn: measured(3),
         red_over_green: measured(4),
         blue_over_green: measured(5),
+        read_noise_e: measured(6),
+        dark_current_e_per_s: measured(7),
         light: level_gains
             .iter()
             .enumerate()
@@ -251,6 +257,8 @@ fn arrange<'a>(
         start.electronics_noise_dn,
         start.red_over_green,
         start.blue_over_green,
+        start.read_noise_e,
+        start.dark_current_e_per_s,
     ];
     // Points of one gain share one level if their exposure times or photons say how their light compares.
     let mut levels: Vec<(f64, Option<f64>)> = Vec::new();
@@ -323,22 +331,30 @@ fn core(counts: &Counts) -> (u32, u32) {
     )
 }
 
-/// Which parameters the histograms can tell: K and light need flat frames, mu_r a second gain, the ratios their colours.
-fn free_parameters(samples: &[Sample<'_>], count: usize) -> Vec<usize> {
+/// Which parameters the histograms can tell: K and light need flat frames, mu_r and sigma_r a second gain, mu_I a second
+/// exposure time of dark frames, the ratios their colours.
+fn free_parameters(samples: &[Sample<'_>], theta: &[f64]) -> Vec<usize> {
     let flat = samples.iter().any(|s| s.light.is_some());
     let has = |colour| samples.iter().any(|s| s.histogram.colour == Some(colour));
     let green = has(Colour::Green);
-    let mut gains: Vec<f64> = samples.iter().map(|s| s.histogram.linear_gain).collect();
-    gains.sort_by(f64::total_cmp);
-    gains.dedup();
-    let told = [flat, gains.len() > 1, true, true, green && has(Colour::Red), green && has(Colour::Blue)];
-    (0..count).filter(|i| told.get(*i).copied().unwrap_or(true)).collect()
+    let several = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values.len() > 1
+    };
+    let gains = several(samples.iter().map(|s| s.histogram.linear_gain).collect());
+    let dark = samples.iter().filter(|s| s.light.is_none());
+    let times = several(dark.map(|s| s.histogram.exposure_s).collect()) && theta[7] > 0.0;
+    let (red, blue) = (green && has(Colour::Red), green && has(Colour::Blue));
+    let told = [flat, gains, true, true, red, blue, gains, times];
+    (0..theta.len()).filter(|i| told.get(*i).copied().unwrap_or(true)).collect()
 }
 
 fn plausible(theta: &[f64]) -> bool {
     let positive = |i: usize| theta[i] > 0.0;
     theta.iter().all(|t| t.is_finite())
-        && [0, 3, 4, 5].into_iter().all(positive)
+        && [0, 3, 4, 5, 6].into_iter().all(positive)
+        && theta[7] >= 0.0
         && (SHARED..theta.len()).all(positive)
 }
 
@@ -350,7 +366,9 @@ fn parameters(start: &ModelParameters, theta: &[f64]) -> ModelParameters {
         electronics_noise_dn: theta[3],
         red_over_green: theta[4],
         blue_over_green: theta[5],
-        ..*start
+        read_noise_e: theta[6],
+        dark_current_e_per_s: theta[7],
+        full_well_e: start.full_well_e,
     }
 }
 
@@ -361,13 +379,13 @@ fn distribution(sample: &Sample<'_>, held: &ModelParameters, max_dn: u32, theta:
     let response = Response {
         gain_dn_per_e: theta[0] * h.linear_gain,
         read_noise_mean_e: theta[1],
-        read_noise_e: held.read_noise_e,
+        read_noise_e: theta[6],
         offset_dn: theta[2],
         electronics_noise_dn: theta[3],
         full_well_e: held.full_well_e,
         max_dn,
     };
-    digital_numbers(light + held.dark_current_e_per_s * h.exposure_s, &response)
+    digital_numbers(light + theta[7] * h.exposure_s, &response)
 }
 
 /// Log likelihood of the cores, its slope and its information.
@@ -413,7 +431,7 @@ fn derivatives(
     let p = within(theta);
     let log_likelihood =
         p.iter().enumerate().map(|(k, p)| sample.histogram.counts.at((low + k) as i64) as f64 * p.ln()).sum();
-    let mut touched = vec![0, 1, 2, 3];
+    let mut touched = vec![0, 1, 2, 3, 6, 7];
     if let Some((level, _)) = sample.light {
         touched.push(level);
         match sample.histogram.colour {
@@ -427,7 +445,8 @@ fn derivatives(
         .map(|i| {
             // Central differences: the distribution is smooth and good to 1e-11.
             let step = match i {
-                1..=3 => 1e-4,
+                1..=3 | 6 => 1e-4,
+                7 => 1e-3 * theta[i].abs().max(1.0),
                 _ => 1e-5 * theta[i].abs(),
             };
             let at = |d: f64| {

@@ -132,15 +132,16 @@ fn row(input: &GainInput<'_>) -> GainRow {
     let k = weighted_mean(input.gains.iter().copied());
     let k = if k.value().is_some() { k } else { Measured::none(Unresolved::FollowsFrom("K")) };
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
+    let k_squared = k.map(|v| v * v, |v| 2.0 * v);
     GainRow {
         linear_gain: input.linear_gain,
         gain_dn_per_e: k,
         gain_at_unit_dn_per_e: k.scale(1.0 / input.linear_gain),
         dark_current_mean_e_per_s: mean.slope.over(k),
-        dark_current_variance_e_per_s: variance.slope.over(k).over(k),
+        dark_current_variance_e_per_s: variance.slope.over(k_squared),
         dark_variance_dn2: variance.intercept,
         dark_mean_dn: mean.intercept,
-        naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k).over(k),
+        naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
     }
 }
 

@@ -11,7 +11,7 @@
 //!
 //! After a high-pass the three parts count with the shares that it leaves (`g_p`, `g_l`, [`HighPass::passed`]):
 //! `C = Ac/g_l - P/M`, `R = Ar/g_l - P/N`, `P = (V - Ac - Ar) / (g_p - g_l/M - g_l/N)`. With `g = 1` these are the formulas
-//! of EMVA 1288 release 4, except that release and library count the little of `P` that row and column means share.
+//! of EMVA 1288 release 4.
 
 use serde::Serialize;
 

@@ -166,7 +166,8 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         _ => last_below(0.7 * signal[saturation]),
     };
     let used = &points[..range_end.map_or(0, |i| i + 1)];
-    let gain_dn_per_e = gain(used);
+    let measured = gain(used);
+    let gain_dn_per_e = if rules == Rules::Ours { measured.if_above_noise() } else { measured };
     Some(PhotonTransfer {
         saturation,
         saturated,
@@ -183,13 +184,28 @@ fn gain(used: &[TransferPoint]) -> Measured {
         return Measured::none(Unresolved::TooFewPoints { got: 0, need: 1 });
     }
     let of = |f: fn(&TransferPoint) -> f64| used.iter().map(f).collect::<Vec<f64>>();
-    through_origin(
-        &of(TransferPoint::signal_dn),
-        &of(TransferPoint::shot_variance_dn2),
-        &of(TransferPoint::signal_se_dn),
-        &of(TransferPoint::shot_variance_se_dn2),
-    )
-    .if_above_noise()
+    let slope = |x_se: Vec<f64>, y_se: Vec<f64>| {
+        through_origin(&of(TransferPoint::signal_dn), &of(TransferPoint::shot_variance_dn2), &x_se, &y_se)
+    };
+    let first = &used[0];
+    let shared = used.len() > 1
+        && used.iter().all(|p| {
+            (p.exposure_s, p.dark_mean_dn, p.dark_variance_dn2)
+                == (first.exposure_s, first.dark_mean_dn, first.dark_variance_dn2)
+        });
+    if !shared {
+        return slope(of(TransferPoint::signal_se_dn), of(TransferPoint::shot_variance_se_dn2));
+    }
+    // One dark point for all: its error moves all points together, `sum(x) / sum(x x)` times.
+    let own = slope(of(|p| p.mean_se_dn), of(|p| p.variance_se_dn2));
+    let (x, xx) = used.iter().map(TransferPoint::signal_dn).fold((0.0, 0.0), |(s, q), x| (s + x, q + x * x));
+    match (own.value(), own.standard_error()) {
+        (Some(k), Some(se)) => {
+            let dark = x / xx * first.dark_variance_se_dn2.hypot(k * first.dark_mean_se_dn);
+            Measured::new(k, se.hypot(dark))
+        }
+        _ => own,
+    }
 }
 
 /// R: slope through the origin of the signal over the photons.

@@ -99,6 +99,18 @@ pub enum Warning {
         /// Their mean signal above the dark mean, DN.
         mean_dn: f64,
     },
+    /// Captured histograms are wider than temporal noise: a normally distributed DSNU or PRNU, which the model has not.
+    WiderThanNoise {
+        /// sigma_el that the histograms ask for, DN.
+        fitted_dn: f64,
+        /// sigma_el of the temporal noise, DN.
+        temporal_dn: f64,
+    },
+    /// The histograms could not be fitted, because the joint fit lacks a number.
+    NoHistogramFit {
+        /// The number.
+        lacks: &'static str,
+    },
     /// More than one stack of a kind: only the first is evaluated.
     MoreStacks {
         /// The stack that is not evaluated.
@@ -127,6 +139,8 @@ impl Warning {
             Self::NotMonotonic { .. } => "not-monotonic",
             Self::GainNotProportional { .. } => "gain-not-proportional",
             Self::DarkTail { .. } => "dark-tail",
+            Self::WiderThanNoise { .. } => "wider-than-noise",
+            Self::NoHistogramFit { .. } => "no-histogram-fit",
             Self::MoreStacks { .. } => "more-stacks",
             Self::LoneStack { .. } => "lone-stack",
         }
@@ -186,6 +200,17 @@ impl fmt::Display for Warning {
                  average; this is dark signal non-uniformity, which the fit leaves out",
                 100.0 * share
             ),
+            Self::WiderThanNoise { fitted_dn, temporal_dn } => write!(
+                f,
+                "the histograms ask for an electronics noise of {fitted_dn:.4} DN, temporal noise has {temporal_dn:.4}; pixels \
+                 differ by DSNU or PRNU"
+            ),
+            Self::NoHistogramFit { lacks } => {
+                write!(
+                    f,
+                    "the histograms are not fitted: {lacks} is not resolved; it takes three gains or more"
+                )
+            }
             Self::MoreStacks { point } => {
                 write!(f, "{point}: another stack of this gain is evaluated already")
             }

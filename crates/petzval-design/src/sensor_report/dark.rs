@@ -25,7 +25,8 @@ fn times_ms(gain: &GainResult) -> Vec<f64> {
 }
 
 fn time_axis(gain: &GainResult, ticks: usize) -> Axis {
-    Axis::around(0.0, times_ms(gain).into_iter().fold(0.0, f64::max).max(1e-6), ticks)
+    // A little room, that the last marker is whole.
+    Axis::between(0.0, 1.04 * times_ms(gain).into_iter().fold(0.0, f64::max).max(1e-6), ticks)
 }
 
 /// Mean of the dark frames of the shown gain, with its line: dark current.
@@ -92,8 +93,9 @@ pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
     let around = Around {
         class: "dark-variance",
         title: "Temporal variance of dark frames over exposure time",
-        remark: "Dashed: least-squares lines; bars: one standard error. Slope K_g² μ_I, intercept K_g² σ_r² + σ_el² + 1/12."
-            .into(),
+        remark:
+            "Dashed: least-squares lines; bars: one standard error. The slope over K² is the dark current."
+                .into(),
         keys: Vec::new(),
         linear_gain: None,
     };

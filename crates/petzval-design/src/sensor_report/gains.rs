@@ -5,9 +5,10 @@ use petzval_camera::emva::{ChannelResult, Characterization};
 use petzval_camera::sensor::Colour;
 
 use super::panel::{Panel, Points};
-use super::style::{Around, axis_from_zero, colour_name, gain_look, gain_name, sheet, significant, straight};
+use super::style::{Around, axis_from_zero, colour_name, gain_look, gain_name, sheet, straight};
 use super::transfer::HEIGHT_PX;
 use crate::plot::{Key, KeyLine, Pen, Sheet};
+use crate::report::number;
 
 /// The colour that stands for a gain: green, where the mosaic has it.
 fn standing_for(channels: &[ChannelResult]) -> Option<&ChannelResult> {
@@ -43,7 +44,7 @@ pub(super) fn all_gains(all: &Characterization) -> Option<Sheet> {
             Some(gain) => {
                 let last = channel.points.get(used.1).map_or(0.0, TransferPoint::signal_dn);
                 panel.curves.push(straight(Pen::thin(look).dashed(), gain, 0.0, [0.0, last]));
-                format!("{}: K_g/g = {} DN/e⁻", gain_name(*linear_gain), significant(gain / linear_gain, 4))
+                format!("{}: K/g = {} DN/e⁻", gain_name(*linear_gain), number::fixed(gain / linear_gain, 4))
             }
             None => format!("{}: not resolved", gain_name(*linear_gain)),
         };
@@ -53,7 +54,7 @@ pub(super) fn all_gains(all: &Characterization) -> Option<Sheet> {
         class: "gain-fit",
         title: "System gain at every linear gain",
         remark: format!(
-            "{}. Dashed: K_g through the origin, over the points of the fit; hollow points are beyond it.",
+            "{}. Dashed: K through the origin, over the points of the fit; hollow points are beyond it.",
             match colour {
                 Colour::Clear => "All pixels".to_owned(),
                 colour => format!("The {} pixels", colour_name(colour)),

@@ -12,6 +12,8 @@ use crate::plot::{Axis, Curve, Key, KeyLine, Pen, Sheet, span};
 const MOST_EXPOSURES: usize = 4;
 /// Most bars of a histogram; where there are more digital numbers, several are drawn as one.
 const MOST_BARS: usize = 300;
+/// Bars up to which the simulated histogram is drawn as bars too.
+const FEW_BARS: usize = 60;
 /// Samples of a bar below which simulated counts are not drawn on a logarithmic scale.
 const LEAST_EXPECTED: f64 = 0.3;
 
@@ -113,11 +115,18 @@ fn add(panel: &mut Panel, h: &Compared, each: usize, least: f64) {
         (0..=n.div_ceil(each)).map(|i| f64::from(h.first_dn) - 0.5 + (i * each) as f64).collect();
     panel.steps.push(Steps { colour: colour.into(), edges, heights: sums(&h.captured) });
     if let Some(expected) = &h.expected {
-        let middles: Vec<f64> = (0..n.div_ceil(each))
-            .map(|i| f64::from(h.first_dn) - 0.5 + (i as f64 + 0.5) * each as f64)
-            .collect();
-        let y = sums(expected).into_iter().map(|e| (e >= least).then_some(e));
-        panel.curves.push(Curve::over(Pen { width: 1.5, ..Pen::thin("#1d2229") }, 0, &middles, y));
+        let edge = |i: usize| f64::from(h.first_dn) - 0.5 + (i * each) as f64;
+        let expected = sums(expected);
+        let shown = |e: f64| (e >= least).then_some(e);
+        // A few bars are outlined, many drawn as a line through their middles.
+        let points: Vec<Option<[f64; 2]>> = if expected.len() <= FEW_BARS {
+            let bar = |(i, e): (usize, &f64)| [edge(i), edge(i + 1)].map(|x| shown(*e).map(|e| [x, e]));
+            expected.iter().enumerate().flat_map(bar).collect()
+        } else {
+            let middle = |(i, e): (usize, &f64)| shown(*e).map(|e| [0.5 * (edge(i) + edge(i + 1)), e]);
+            expected.iter().enumerate().map(middle).collect()
+        };
+        panel.curves.push(Curve { pen: Pen { width: 1.5, ..Pen::thin("#1d2229") }, index: 0, points });
     }
     if !h.note.is_empty() {
         panel.notes.push(h.note.clone());
@@ -153,15 +162,19 @@ fn around(
             )
         }
         None => format!(
-            "At linear {}. Captured only: the model was not fitted to the histograms (--fit-histograms).",
-            gain_name(gain)
+            "At linear {}. Captured only: {}.",
+            gain_name(gain),
+            match all.options.fit_histograms {
+                true => "the captures do not resolve the model well enough to fit it to histograms",
+                false => "the model was not fitted to the histograms (--fit-histograms)",
+            }
         ),
     };
     Around { class, title, remark, keys, linear_gain: Some(gain) }
 }
 
 /// A frame of the histograms of one exposure time.
-fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
+fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool, ticks: usize) -> Panel {
     let (low, high) = match is_logarithmic {
         // The whole tail.
         true => span(found.iter().flat_map(|h| {
@@ -177,7 +190,7 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
         .flat_map(|h| h.captured.chunks(each).map(|part| part.iter().sum::<f64>()))
         .fold(1.0, f64::max);
     let room = 0.02 * (high - low) + 1.0;
-    let x = Axis::between((low - room).max(-1.0), high + room, 4);
+    let x = Axis::between((low - room).max(-1.0), high + room, ticks);
     let (y, unit) = match (is_logarithmic, tallest >= 1e4) {
         (true, _) => (Axis::decades(0.5, 1.5 * tallest), ""),
         (false, true) => (Axis::around(0.0, 1.25e-3 * tallest, 4), ", thousands"),
@@ -206,7 +219,7 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
 pub(super) fn flat(all: &Characterization) -> Option<Sheet> {
     let (gain, found) = compared(all, Kind::Flat)?;
     let at = |t: f64| found.iter().filter(|h| h.exposure_s == t).collect::<Vec<_>>();
-    let panels: Vec<Panel> = chosen_times(&found).into_iter().map(|t| panel(&at(t), t, false)).collect();
+    let panels: Vec<Panel> = chosen_times(&found).into_iter().map(|t| panel(&at(t), t, false, 4)).collect();
     let around = around(all, "histograms-flat", "Histograms of flat frames", gain, &found);
     Some(sheet(all, around, &panels, 2, 230.0))
 }
@@ -220,7 +233,7 @@ pub(super) fn dark(all: &Characterization) -> Option<Sheet> {
     let panels: Vec<Panel> = [false, true]
         .into_iter()
         .flat_map(|log| times.iter().map(move |t| (*t, log)))
-        .map(|(t, log)| panel(&at(t), t, log))
+        .map(|(t, log)| panel(&at(t), t, log, if columns > 2 { 2 } else { 4 }))
         .collect();
     let around = around(all, "histograms-dark", "Histograms of dark frames", gain, &found);
     Some(sheet(all, around, &panels, columns, 210.0))

@@ -7,7 +7,8 @@ use super::Shown;
 use super::panel::Panel;
 use super::style::{Around, axis_from_zero, colour_keys, colour_name, colour_of, points_of, sheet, straight};
 use super::transfer::{HEIGHT_PX, light_axis};
-use crate::plot::{Axis, Pen, Sheet, span};
+use crate::plot::{Axis, Pen, Sheet};
+use crate::report::number;
 
 fn fits<'a>(shown: &Shown<'a>) -> Vec<(&'a ChannelResult, &'a Linearity)> {
     shown.channels().iter().filter_map(|c| Some((c, c.transfer.linearity.as_ref()?))).collect()
@@ -52,27 +53,28 @@ pub(super) fn linearity(shown: &Shown<'_>) -> Option<Sheet> {
 pub(super) fn deviation(shown: &Shown<'_>) -> Option<Sheet> {
     let fits = fits(shown);
     let (first, _) = fits.first()?;
-    let within =
-        |(_, fit): &(&ChannelResult, &Linearity)| fit.deviation_percent[fit.range.0..=fit.range.1].to_vec();
-    let (low, high) = span(fits.iter().flat_map(within)).unwrap_or((0.0, 0.0));
-    let reach = low.abs().max(high.abs()).max(1e-3);
+    let error = |p: &TransferPoint| 100.0 * p.signal_se_dn() / p.signal_dn().abs();
+    let ends = |(channel, fit): &(&ChannelResult, &Linearity)| {
+        let of = |i: usize| fit.deviation_percent[i].abs() + error(&channel.points[i]);
+        (fit.range.0..=fit.range.1).map(of).fold(0.0, f64::max)
+    };
+    let reach = fits.iter().map(ends).fold(1e-3, f64::max);
     let every = || fits.iter().flat_map(|(c, _)| light_axis(&c.points).0);
-    let y = Axis::around(-1.25 * reach, 1.25 * reach, 6);
+    let y = Axis::around(-1.1 * reach, 1.1 * reach, 6);
     let names = [light_axis(&first.points).1, "deviation from the line, %"];
     let mut panel = Panel::new("", names, axis_from_zero(every(), 8), y);
     for (channel, fit) in &fits {
         let (x, _) = light_axis(&channel.points);
         let at = (fit.range.0..=fit.range.1).map(|i| {
             let p = &channel.points[i];
-            let error = 100.0 * p.signal_se_dn() / p.signal_dn().abs();
-            ((x[i], fit.deviation_percent[i], error), true)
+            ((x[i], fit.deviation_percent[i], error(p)), true)
         });
         panel.points.extend(points_of(Some(channel.colour), at));
         panel.notes.push(format!(
-            "{}: {:+.3} … {:+.3} %",
+            "{}: {} … {} %",
             colour_name(channel.colour),
-            fit.min_percent,
-            fit.max_percent
+            number::fixed(fit.min_percent, 3),
+            number::fixed(fit.max_percent, 3)
         ));
     }
     let around = Around {

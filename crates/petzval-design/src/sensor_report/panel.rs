@@ -43,8 +43,10 @@ pub(super) struct Panel {
     pub steps: Vec<Steps>,
     pub curves: Vec<Curve>,
     pub points: Vec<Points>,
-    /// Lines of text in the upper right corner.
+    /// Lines of text in an upper corner.
     pub notes: Vec<String>,
+    /// Whether that is the left one.
+    pub notes_left: bool,
 }
 
 impl Panel {
@@ -60,6 +62,7 @@ impl Panel {
             curves: Vec::new(),
             points: Vec::new(),
             notes: Vec::new(),
+            notes_left: false,
         }
     }
 
@@ -70,12 +73,13 @@ impl Panel {
     fn draw(&self, left: f64, top: f64, width: f64, height: f64) -> Markup {
         let (x, y) = (self.x.clone(), self.y.clone());
         let frame = Frame { left, top, width, height, x, y };
+        let (at, anchor) = if self.notes_left { (8.0, "start") } else { (width - 8.0, "end") };
         let content = html! {
             @for steps in &self.steps { (steps.draw(&frame)) }
             @for curve in &self.curves { (frame.curve(curve)) }
             @for points in &self.points { (points.draw(&frame)) }
             @for (i, note) in self.notes.iter().enumerate() {
-                text x=(px(width - 8.0)) y=(px(17.0 + 15.0 * i as f64)) text-anchor="end" font-size="11.5" fill="#5f6670"
+                text x=(px(at)) y=(px(17.0 + 15.0 * i as f64)) text-anchor=(anchor) font-size="11.5" fill="#5f6670"
                     stroke="#ffffff" stroke-width="3" paint-order="stroke" { (note) }
             }
         };

@@ -43,7 +43,11 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
     // The threshold, where the ratio is 1, belongs on the picture.
     let threshold = figure(first, if in_photons { "u_p_min" } else { "u_e_min" });
     let x = axis_of_decades(lights().chain(threshold));
-    let largest = channels.iter().flat_map(|(c, _)| &c.points).map(ratio).fold(1.0, f64::max);
+    // Beyond saturation clipping takes the noise away, and the ratio means nothing.
+    fn before(channel: &ChannelResult) -> impl Iterator<Item = &TransferPoint> {
+        channel.points.iter().take(channel.transfer.saturation + 1)
+    }
+    let largest = channels.iter().flat_map(|(c, _)| before(c)).map(ratio).fold(1.0, f64::max);
     let y = Axis::decades(0.5, largest.max(x.high.sqrt()));
     let name = if in_photons { "photons per pixel" } else { "photoelectrons per pixel" };
     let grid: Vec<f64> =
@@ -78,9 +82,7 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
                 panel.curves.push(Curve::over(Pen::thin(colour_of(colour)).dashed(), 0, &grid, total));
             }
         }
-        let at = channel.points.iter().enumerate().filter_map(|(i, p)| {
-            Some(((light(p, unit(*gain))?, ratio(p), 0.0), i <= channel.transfer.saturation))
-        });
+        let at = before(channel).filter_map(|p| Some(((light(p, unit(*gain))?, ratio(p), 0.0), true)));
         panel.points.extend(points_of(colour, at));
     }
     let mut keys = colour_keys(shown);
@@ -94,8 +96,8 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
         class: "snr",
         title: "Signal-to-noise ratio",
         remark: match has_total {
-            true => "Temporal noise of the points; lines up to saturation.".into(),
-            false => "Temporal noise of the points; lines up to saturation. Without resolved DSNU and PRNU there is no total ratio."
+            true => "Temporal noise; points and lines up to saturation.".into(),
+            false => "Temporal noise; points and lines up to saturation. Without resolved DSNU and PRNU there is no total ratio."
                 .into(),
         },
         keys,

@@ -6,7 +6,7 @@ use petzval_camera::emva::spatial::{Spatial, StackPlots};
 
 use super::Shown;
 use super::panel::{Panel, Steps};
-use super::style::{Around, axis_of_decades, colour_keys, colour_name, colour_of, sheet};
+use super::style::{Around, axis_of_amplitudes, colour_keys, colour_name, colour_of, sheet};
 use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
 
 /// Which of the two stacks a picture shows.
@@ -72,7 +72,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             head,
             [x_name, "amplitude √power, DN"],
             Axis::between(0.0, 0.5, 5),
-            axis_of_decades(all()),
+            axis_of_amplitudes(all()),
         );
         for (channel, spatial) in &channels {
             let values = power(spatial);

@@ -13,7 +13,7 @@ pub(super) const WIDTH_PX: f64 = 908.0;
 /// Colour of what is no measurement of a colour: dark frames, ideals.
 pub(super) const NEUTRAL: &str = "#33373d";
 /// Colour of ideals.
-pub(super) const IDEAL: &str = "#a2a9b3";
+pub(super) const IDEAL: &str = "#b8860b";
 /// A name longer than this is cut in the foot of a picture.
 const LONGEST_NAME: usize = 80;
 
@@ -163,7 +163,14 @@ pub(super) fn sheet(
 /// An axis from 0 that holds all values; to 1 if there are none.
 pub(super) fn axis_from_zero(values: impl IntoIterator<Item = f64>, ticks: usize) -> Axis {
     let high = span(values).map_or(1.0, |(_, high)| high);
-    Axis::around(0.0, if high > 0.0 { high } else { 1.0 }, ticks)
+    // A little room, that markers of the last points are whole.
+    Axis::around(0.0, if high > 0.0 { 1.02 * high } else { 1.0 }, ticks)
+}
+
+/// An axis for amplitudes: from 0 where they are alike, logarithmic where they spread over a decade or more.
+pub(super) fn axis_of_amplitudes(values: impl IntoIterator<Item = f64>) -> Axis {
+    let (low, high) = span(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((0.0, 1.0));
+    if high < 10.0 * low { Axis::around(0.0, 1.15 * high, 5) } else { Axis::decades(low, high) }
 }
 
 /// A logarithmic axis that holds all values that are positive.

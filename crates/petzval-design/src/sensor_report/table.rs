@@ -119,8 +119,8 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
     let spatial = shown.channels().iter().find_map(|c| c.spatial.as_ref());
     let high_pass = match all.options.high_pass {
         HighPass::None => "none",
-        HighPass::R31 => "release 3.1: 5 × 5 box",
-        HighPass::R4 => "release 4: 7 × 7 box, 11 × 11 box, 3 × 3 binomial",
+        HighPass::R31 => "release 3.1",
+        HighPass::R4 => "release 4",
     };
     let varied = match times.windows(2).any(|t| t[0] != t[1]) {
         true => "exposure time",
@@ -139,7 +139,7 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
         ("exposure times, dark", range(dark_times, "ms")),
         ("stacks, flat and dark", spatial.map(|s| format!("{} and {} frames", s.flat.frames, s.dark.frames))),
         ("exposure time of the stacks", spatial.map(|s| format!("{} ms", short(1e3 * s.exposure_s, 3)))),
-        ("high-pass before DSNU and PRNU", spatial.map(|_| high_pass.to_owned())),
+        ("high-pass for DSNU, PRNU", spatial.map(|_| high_pass.to_owned())),
     ])
 }
 
@@ -260,11 +260,12 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
     let stated = |v: f64| Measured::exact(v);
-    let held = |of: fn(&petzval_camera::emva::histogram_fit::ModelParameters) -> f64| {
-        fit.map(|f| format!("{} (held)", significant(of(&f.fitted), 5)))
+    // What the histograms do not tell was held, and has no error.
+    let fitted = |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| {
+        let value = of(fit?);
+        let held = if value.standard_error().is_none() { " (held)" } else { "" };
+        Some(with_error(&value)? + held)
     };
-    let fitted =
-        |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| fit.and_then(|f| with_error(&of(f)));
     // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
     type Row<'a> = (&'a str, &'a str, &'a str, Option<Measured>, Option<String>, [&'a str; 3]);
     let rows: [Row<'_>; 12] = [
@@ -284,7 +285,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "dark current, from the mean",
             "e⁻/s",
             Some(joint.dark_current_e_per_s),
-            held(|p| p.dark_current_e_per_s),
+            fitted(|f| f.dark_current_e_per_s),
             ["", "25", "25"],
         ),
         (
@@ -304,12 +305,12 @@ pub(super) fn model(all: &Characterization) -> Markup {
             ["", "", "3.25"],
         ),
         (
-            "σ_r²",
+            "σ²_r",
             "variance of the read noise",
             "e⁻²",
             Some(joint.read_variance_e2),
-            held(|p| p.read_noise_e * p.read_noise_e),
-            ["", "σ_r = 16", "16"],
+            fitted(|f| f.read_noise_e.map(|v| v * v, |v| 2.0 * v)),
+            ["", "σ: 16", "16"],
         ),
         (
             "σ_el",

@@ -35,6 +35,7 @@ pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
         axis_from_zero(every(), 8),
         axis_from_zero(signals, 6),
     );
+    panel.notes_left = true;
     for channel in shown.channels() {
         let (x, _) = light_axis(&channel.points);
         let used = channel.transfer.range;
@@ -78,6 +79,7 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
         axis_from_zero(all().map(TransferPoint::signal_dn), 8),
         axis_from_zero(all().map(TransferPoint::shot_variance_dn2), 6),
     );
+    panel.notes_left = true;
     let mut keys = colour_keys(shown);
     for channel in shown.channels() {
         let (transfer, colour) = (&channel.transfer, Some(channel.colour));

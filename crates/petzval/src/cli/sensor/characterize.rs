@@ -180,6 +180,8 @@ fn table(found: &Characterization, values: Values) -> String {
             ("  read noise mean mu_r", fit.read_noise_mean_e, "e-"),
             ("  BL + mu_el", fit.dark_offset_dn, "DN"),
             ("  electronics noise sigma_el", fit.electronics_noise_dn, "DN"),
+            ("  read noise sigma_r", fit.read_noise_e, "e-"),
+            ("  dark current mu_I", fit.dark_current_e_per_s, "e-/s"),
             ("  red over green (alpha)", fit.red_over_green, ""),
             ("  blue over green (beta)", fit.blue_over_green, ""),
         ] {
