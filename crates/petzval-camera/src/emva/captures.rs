@@ -186,18 +186,20 @@ impl Captures {
     /// Reads the list of captures of a folder and looks that every frame is there.
     pub fn open(folder: &Path) -> Result<Self, CaptureError> {
         let (ours, theirs) = (folder.join(MANIFEST), folder.join(DESCRIPTOR));
-        let (list, parse): (_, fn(&str, &Path) -> Result<Self, FileError>) = match () {
-            () if ours.is_file() => (ours, manifest::parse),
-            () if theirs.is_file() => (theirs, descriptor::parse),
-            () if folder.is_dir() => return Err(CaptureError::NoList(folder.to_owned())),
-            () => {
-                let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
-                return Err(CaptureError::Io { path: folder.to_owned(), source });
-            }
+        if !folder.is_dir() {
+            let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
+            return Err(CaptureError::Io { path: folder.to_owned(), source });
+        }
+        let (list, ours) = match (ours.is_file(), theirs.is_file()) {
+            (true, _) => (ours, true),
+            (false, true) => (theirs, false),
+            (false, false) => return Err(CaptureError::NoList(folder.to_owned())),
         };
         let bytes = std::fs::read(&list).map_err(|source| CaptureError::Io { path: list.clone(), source })?;
         let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
-        let captures = parse(&decode(&bytes), folder).map_err(wrong)?;
+        let text = decode(&bytes);
+        let parsed = if ours { manifest::parse(&text, folder) } else { descriptor::parse(&text, folder) };
+        let captures = parsed.map_err(wrong)?;
         captures.check().map_err(wrong)?;
         for point in &captures.points {
             if let Some(missing) = point.frames.iter().find(|path| !path.is_file()) {
