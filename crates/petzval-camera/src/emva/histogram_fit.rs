@@ -396,11 +396,10 @@ struct Score {
 }
 
 fn score(held: &ModelParameters, max_dn: u32, samples: &[Sample<'_>], theta: &[f64]) -> Score {
-    let parts: Vec<(f64, Vec<(usize, Vec<f64>)>, Vec<f64>)> =
-        samples.par_iter().map(|s| derivatives(s, held, max_dn, theta)).collect();
+    let parts: Vec<Core> = samples.par_iter().map(|s| derivatives(s, held, max_dn, theta)).collect();
     let n = theta.len();
     let mut total = Score { log_likelihood: 0.0, slope: vec![0.0; n], information: DMatrix::zeros(n, n) };
-    for (sample, (log_likelihood, slopes, p)) in samples.iter().zip(&parts) {
+    for (sample, Core { log_likelihood, slopes, p }) in samples.iter().zip(&parts) {
         total.log_likelihood += log_likelihood;
         let counts = |k: usize| sample.histogram.counts.at(i64::from(sample.core.0) + k as i64) as f64;
         let all: f64 = (0..p.len()).map(counts).sum();
@@ -415,13 +414,16 @@ fn score(held: &ModelParameters, max_dn: u32, samples: &[Sample<'_>], theta: &[f
     total
 }
 
-/// Log likelihood of a core, the derivative of the logarithm of each of its probabilities, and the probabilities.
-fn derivatives(
-    sample: &Sample<'_>,
-    held: &ModelParameters,
-    max_dn: u32,
-    theta: &[f64],
-) -> (f64, Vec<(usize, Vec<f64>)>, Vec<f64>) {
+/// The core of one histogram under the parameters.
+struct Core {
+    log_likelihood: f64,
+    /// Per parameter that it depends on: the derivative of the logarithm of each probability.
+    slopes: Vec<(usize, Vec<f64>)>,
+    /// Probability of each digital number, given that it lies in the core.
+    p: Vec<f64>,
+}
+
+fn derivatives(sample: &Sample<'_>, held: &ModelParameters, max_dn: u32, theta: &[f64]) -> Core {
     let (low, high) = (sample.core.0 as usize, sample.core.1 as usize);
     let within = |theta: &[f64]| {
         let p = distribution(sample, held, max_dn, theta);
@@ -458,7 +460,7 @@ fn derivatives(
             (i, up.iter().zip(&down).map(|(u, d)| (u.ln() - d.ln()) / (2.0 * step)).collect())
         })
         .collect();
-    (log_likelihood, slopes, p)
+    Core { log_likelihood, slopes, p }
 }
 
 fn information(state: &Score, free: &[usize]) -> DMatrix<f64> {

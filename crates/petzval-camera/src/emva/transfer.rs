@@ -232,7 +232,7 @@ fn linearity(points: &[TransferPoint], signal: &[f64], saturation: usize) -> Opt
     let x = light(points);
     let first = signal.iter().position(|s| *s >= 0.05 * signal[saturation])?;
     let last = signal.iter().rposition(|s| *s <= 0.95 * signal[saturation])?;
-    if last < first + 1 || signal[first..=last].iter().any(|s| *s == 0.0) {
+    if last < first + 1 || signal[first..=last].contains(&0.0) {
         return None;
     }
     // Relative errors count: the weight of a point is one over its signal squared.
