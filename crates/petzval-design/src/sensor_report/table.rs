@@ -267,16 +267,24 @@ pub(super) fn model(all: &Characterization) -> Markup {
         Some(with_error(&value)? + held)
     };
     // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
-    type Row<'a> = (&'a str, &'a str, &'a str, Option<Measured>, Option<String>, [&'a str; 3]);
+    let black_level = joint.black_level_dn.map_or(html! { "not stated" }, |v| measured(&stated(v)));
+    type Row<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
     let rows: [Row<'_>; 12] = [
-        ("", "columns × rows", "pixels", None, None, ["1920 × 1200", "", ""]),
-        ("", "bits", "", Some(stated(f64::from(all.sensor.bits))), None, ["12", "", ""]),
-        ("BL", "black level, as set", "DN", joint.black_level_dn.map(stated), None, ["119", "", ""]),
+        (
+            "",
+            "columns × rows",
+            "pixels",
+            html! { (all.width) " × " (all.height) },
+            None,
+            ["1920 × 1200", "", ""],
+        ),
+        ("", "bits", "", measured(&stated(f64::from(all.sensor.bits))), None, ["12", "", ""]),
+        ("BL", "black level, as set", "DN", black_level, None, ["119", "", ""]),
         (
             "K",
             "system gain at linear gain 1",
             "DN/e⁻",
-            Some(joint.gain_dn_per_e),
+            measured(&joint.gain_dn_per_e),
             fitted(|f| f.gain_dn_per_e),
             ["", "0.122", "0.14"],
         ),
@@ -284,7 +292,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "μ_I",
             "dark current, from the mean",
             "e⁻/s",
-            Some(joint.dark_current_e_per_s),
+            measured(&joint.dark_current_e_per_s),
             fitted(|f| f.dark_current_e_per_s),
             ["", "25", "25"],
         ),
@@ -292,7 +300,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "μ_I",
             "dark current, from the variance",
             "e⁻/s",
-            Some(joint.dark_current_variance_e_per_s),
+            measured(&joint.dark_current_variance_e_per_s),
             None,
             ["", "", ""],
         ),
@@ -300,7 +308,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "μ_r",
             "mean of the read noise",
             "e⁻",
-            Some(joint.read_noise_mean_e),
+            measured(&joint.read_noise_mean_e),
             fitted(|f| f.read_noise_mean_e),
             ["", "", "3.25"],
         ),
@@ -308,7 +316,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "σ²_r",
             "variance of the read noise",
             "e⁻²",
-            Some(joint.read_variance_e2),
+            measured(&joint.read_variance_e2),
             fitted(|f| f.read_noise_e.map(|v| v * v, |v| 2.0 * v)),
             ["", "σ: 16", "16"],
         ),
@@ -316,7 +324,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "σ_el",
             "electronics noise",
             "DN",
-            Some(joint.electronics_noise_dn),
+            measured(&joint.electronics_noise_dn),
             fitted(|f| f.electronics_noise_dn),
             ["", "", "0.92"],
         ),
@@ -324,7 +332,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "μ_el",
             "mean of the electronics noise",
             "DN",
-            Some(joint.electronics_mean_dn),
+            measured(&joint.electronics_mean_dn),
             None,
             ["", "", "1.15"],
         ),
@@ -332,7 +340,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "α",
             "red over green",
             "",
-            Some(joint.red_over_green),
+            measured(&joint.red_over_green),
             fitted(|f| f.red_over_green),
             ["", "", "0.82"],
         ),
@@ -340,7 +348,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "β",
             "blue over green",
             "",
-            Some(joint.blue_over_green),
+            measured(&joint.blue_over_green),
             fitted(|f| f.blue_over_green),
             ["", "", "1.25"],
         ),
@@ -366,10 +374,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
                                 th { (symbol(text)) }
                                 td.meaning { (meaning) }
                                 td.unit-cell { (unit) }
-                                @match value {
-                                    Some(value) => { td { (measured(value)) } }
-                                    None => { td { (format!("{} × {}", all.width, all.height)) } }
-                                }
+                                td { (value) }
                                 @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
                                 @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
                             }

@@ -107,6 +107,12 @@ fn what_was_not_captured_is_said() {
     assert!(page(&found).contains("--fit-histograms"));
     found.sensor.name = "another".into();
     assert!(!page(&found).contains("Table 5"));
+    // A list need not state the black level.
+    let frames = |page: &str| page.matches("64 × 48").count();
+    let before = frames(&page(&found));
+    found.joint.black_level_dn = None;
+    let without = page(&found);
+    assert!(without.contains("not stated") && frames(&without) == before, "{before}");
     for gain in &mut found.gains {
         gain.channels.iter_mut().for_each(|c| c.spatial = None);
     }
