@@ -4,9 +4,8 @@
 //! shadow. The width (1, 2, 4 or 8 numbers a register) is that of the [`Simd`] token, chosen at run time.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
-use std::sync::OnceLock;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 /// Registers in a [`Lanes`].
 const REGISTERS: usize = 2;
@@ -228,54 +227,4 @@ pub(crate) fn along<S: Simd>(a: V3<S>, s: Lanes<S>, b: V3<S>) -> V3<S> {
 #[inline(always)]
 pub(crate) fn scaled<S: Simd>(s: Lanes<S>, a: V3<S>) -> V3<S> {
     [s * a[0], s * a[1], s * a[2]]
-}
-
-/// Instruction sets that can be asked for by the environment variable `PETZVAL_SIMD`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Level {
-    /// The widest that the machine has.
-    Best,
-    /// AVX2 with fused multiply-add, where the machine has it.
-    Avx2,
-    /// One number at a time.
-    Scalar,
-}
-
-fn level() -> Level {
-    static ASKED: OnceLock<Level> = OnceLock::new();
-    *ASKED.get_or_init(|| match std::env::var("PETZVAL_SIMD").as_deref() {
-        Ok("avx2") => Level::Avx2,
-        Ok("scalar") => Level::Scalar,
-        _ => Level::Best,
-    })
-}
-
-/// Runs an operation with the widest instruction set of the machine, or the one that is asked for.
-pub(crate) fn dispatch<Op: WithSimd>(operation: Op) -> Op::Output {
-    match level() {
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => match pulp::x86::V3::try_new() {
-            Some(v3) => v3.vectorize(Bound { simd: v3, operation }),
-            None => Arch::new().dispatch(operation),
-        },
-        Level::Scalar => operation.with_simd(pulp::Scalar::new()),
-        _ => Arch::new().dispatch(operation),
-    }
-}
-
-/// An operation with the instruction set that it runs with.
-#[cfg(target_arch = "x86_64")]
-struct Bound<Op> {
-    simd: pulp::x86::V3,
-    operation: Op,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<Op: WithSimd> pulp::NullaryFnOnce for Bound<Op> {
-    type Output = Op::Output;
-
-    #[inline(always)]
-    fn call(self) -> Op::Output {
-        self.operation.with_simd(self.simd)
-    }
 }

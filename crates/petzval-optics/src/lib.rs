@@ -34,6 +34,7 @@ pub mod paraxial;
 pub mod psf;
 pub mod pupil;
 pub mod seidel;
+pub mod simd;
 pub mod solve;
 pub mod spot;
 pub mod tolerance;

@@ -133,6 +133,41 @@ fn numbers(value: &serde_json::Value, found: &mut Vec<f64>) {
 }
 
 #[test]
+fn the_instruction_set_that_is_asked_for_is_named_and_gives_the_same_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |level: &str, args: &[&str]| {
+        let output = petzval(folder.path()).args(args).env("PETZVAL_SIMD", level).output().unwrap();
+        assert!(output.status.success(), "{level} {args:?}");
+        output.stdout
+    };
+    let json = |level: &str, args: &[&str]| -> serde_json::Value {
+        serde_json::from_slice(&at(level, args)).unwrap()
+    };
+    let bench = ["bench", "--only", "sensor_1200x1920", "--only", "trace", "--seconds", "0.05", "--json"];
+    for result in json("scalar", &bench).as_array().unwrap() {
+        assert_eq!(result["simd"], "scalar", "{}", result["name"]);
+    }
+    let doctor = json("scalar", &["doctor", "--json"]);
+    assert_eq!(doctor["simd_used"], "scalar");
+    if doctor["simd"] != "scalar" {
+        let text = String::from_utf8(at("scalar", &["doctor"])).unwrap();
+        assert!(text.contains("; scalar used"), "{text}");
+    }
+
+    image::RgbImage::from_fn(96, 60, |x, y| image::Rgb([(2 * x) as u8, (4 * y) as u8, 90]))
+        .save(folder.path().join("ramp.png"))
+        .unwrap();
+    // Rays differ in their last bits, and with them the light: a draw at the edge of two counts may fall to either side.
+    let frame = |level: &str| {
+        at(level, &["simulate", "ramp.png", "--out", level]);
+        image::open(folder.path().join(level).join("ramp-raw.tiff")).unwrap().into_luma16().into_raw()
+    };
+    let (widest, scalar) = (frame("best"), frame("scalar"));
+    let differing = widest.iter().zip(&scalar).filter(|(a, b)| a != b).count();
+    assert!(differing * 1000 < widest.len(), "{differing} of {} pixels differ", widest.len());
+}
+
+#[test]
 fn every_instruction_set_gives_the_same_lens_figures() {
     let folder = tempfile::tempdir().unwrap();
     let figures = |level: &str, lens: &str| {

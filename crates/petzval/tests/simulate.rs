@@ -81,3 +81,43 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
         run_fails(folder.path(), &[&["simulate", "--out", "out"], args].concat(), 2, &needles);
     }
 }
+
+#[test]
+fn a_result_that_cannot_be_written_leaves_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = data("photos/coffee.png").display().to_string();
+    let args = ["simulate", photo.as_str(), "--out", "out", "--picture-format", "npy"];
+    for blocked in ["coffee-raw.tiff", "coffee-raw.tiff.toml", "coffee-developed.npy"] {
+        let folder_there = folder.path().join("out").join(blocked);
+        std::fs::create_dir_all(&folder_there).unwrap();
+        let needles =
+            [&format!("{blocked}: cannot be written: this is a folder"), "choose a folder with --out"];
+        run_fails(folder.path(), &args, 2, &needles);
+        std::fs::remove_dir(folder_there).unwrap();
+    }
+    // With the way free all of them come, and nothing else.
+    run_ok(folder.path(), &args);
+    let mut files: Vec<String> = std::fs::read_dir(folder.path().join("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    files.sort();
+    assert_eq!(files, ["coffee-developed.npy", "coffee-raw.tiff", "coffee-raw.tiff.toml"]);
+}
+
+#[test]
+fn a_long_thin_picture_is_laid_on_the_sensor() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::from_fn(200_000, 2, |x, _| image::Rgb([if x < 100_000 { 40 } else { 200 }; 3]))
+        .save(folder.path().join("thin.png"))
+        .unwrap();
+    run_ok(folder.path(), &["simulate", "thin.png", "--no-noise"]);
+    // Its middle: dark on the left, bright on the right.
+    let dn = raw(&folder.path().join("thin-raw.tiff"));
+    let mean = |columns: std::ops::Range<usize>| {
+        let sum: f64 = dn.chunks(1920).flat_map(|row| &row[columns.clone()]).map(|v| f64::from(*v)).sum();
+        sum / (1200 * columns.len()) as f64
+    };
+    let (left, right) = (mean(400..500), mean(1420..1520));
+    assert!(right - 119.0 > 5.0 * (left - 119.0), "{left} {right}");
+}

@@ -1,19 +1,41 @@
 //! Laying a photograph on the sensor.
 
-use image::imageops::FilterType;
-use image::{ImageBuffer, Rgb};
+use std::ops::Range;
 
 use super::{CHANNELS, LinearImage};
 
 impl LinearImage {
     /// The photograph scaled, in linear light, to cover `height` x `width` pixels, the rest cut off evenly.
     ///
-    /// Shrinking averages (triangle filter over the shrunken pixel), enlarging interpolates linearly. Three planes.
+    /// Shrinking averages (triangle filter over the shrunken pixel), enlarging interpolates linearly. Three planes. Only
+    /// what lands on the pixels is computed, so that a long thin photograph costs no more than a square one.
     pub fn cover(&self, height: usize, width: usize) -> Self {
+        let mut out = Self::zeros(CHANNELS, height, width);
+        if self.data.is_empty() || out.data.is_empty() {
+            return out;
+        }
         let scale = (height as f64 / self.height as f64).max(width as f64 / self.width as f64);
-        let scaled_height = ((self.height as f64 * scale).round() as usize).max(height);
-        let scaled_width = ((self.width as f64 * scale).round() as usize).max(width);
-        self.resized(scaled_height, scaled_width).centred(height, width)
+        let rows = weights(self.height, height, scale);
+        let columns = weights(self.width, width, scale);
+        let first = columns.iter().map(|c| c.from).min().unwrap_or(0);
+        let end = columns.iter().map(|c| c.range().end).max().unwrap_or(0);
+        let mut line = vec![0.0f32; end - first];
+        for c in 0..CHANNELS {
+            let source = self.plane(c.min(self.channels - 1));
+            for (row, out) in rows.iter().zip(out.plane_mut(c).chunks_exact_mut(width)) {
+                // Down the columns that are seen, then along the row.
+                line.fill(0.0);
+                for (weight, from) in row.weights.iter().zip(row.range()) {
+                    let seen = &source[from * self.width..][first..end];
+                    line.iter_mut().zip(seen).for_each(|(sum, v)| *sum += weight * v);
+                }
+                for (column, out) in columns.iter().zip(out) {
+                    let seen = &line[column.from - first..][..column.weights.len()];
+                    *out = column.weights.iter().zip(seen).map(|(weight, v)| weight * v).sum();
+                }
+            }
+        }
+        out
     }
 
     /// The middle of the photograph, one pixel to one, on `height` x `width` pixels; where it does not reach, its
@@ -34,30 +56,43 @@ impl LinearImage {
         }
         out
     }
+}
 
-    fn resized(&self, height: usize, width: usize) -> Self {
-        let interleaved: Vec<f32> = (0..self.height * self.width)
-            .flat_map(|i| (0..CHANNELS).map(move |c| (c, i)))
-            .map(|(c, i)| self.plane(c.min(self.channels - 1))[i])
-            .collect();
-        let Some(buffer) =
-            ImageBuffer::<Rgb<f32>, _>::from_raw(self.width as u32, self.height as u32, interleaved)
-        else {
-            return Self::zeros(CHANNELS, height, width);
-        };
-        let resized = image::imageops::resize(&buffer, width as u32, height as u32, FilterType::Triangle);
-        let mut out = Self::zeros(CHANNELS, height, width);
-        for (i, pixel) in resized.pixels().enumerate() {
-            for c in 0..CHANNELS {
-                out.plane_mut(c)[i] = pixel.0[c];
-            }
-        }
-        out
+/// What a pixel takes from a row or a column of the photograph: neighbours from `from` on, and their shares.
+struct Taps {
+    from: usize,
+    weights: Vec<f32>,
+}
+
+impl Taps {
+    fn range(&self) -> Range<usize> {
+        self.from..self.from + self.weights.len()
     }
+}
+
+/// The middle `size` pixels of a photograph of `whole` pixels scaled by `scale`, by the triangle filter: a neighbour at a
+/// distance of d pixels has the share `1 - d / s`, with s the larger of 1 and `1 / scale`.
+fn weights(whole: usize, size: usize, scale: f64) -> Vec<Taps> {
+    let scaled = (whole as f64 * scale).round().max(size as f64);
+    let pitch = whole as f64 / scaled;
+    let reach = pitch.max(1.0);
+    let first = ((scaled - size as f64) / 2.0).floor();
+    let tap = |i: usize| {
+        let middle = (first + i as f64 + 0.5) * pitch;
+        let from = ((middle - reach).floor().max(0.0) as usize).min(whole - 1);
+        let end = ((middle + reach).ceil() as usize).clamp(from + 1, whole);
+        let share = |j: usize| (1.0 - (j as f64 + 0.5 - middle).abs() / reach).max(0.0);
+        let sum: f64 = (from..end).map(share).sum();
+        Taps { from, weights: (from..end).map(|j| (share(j) / sum) as f32).collect() }
+    };
+    (0..size).map(tap).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use image::imageops::FilterType;
+    use image::{ImageBuffer, Luma};
+
     use super::*;
 
     fn ramp(height: usize, width: usize) -> LinearImage {
@@ -79,6 +114,56 @@ mod tests {
         }
         let doubled = ramp(20, 30).cover(40, 60);
         assert!((doubled.get(0, 20, 30) - 0.5).abs() < 0.02);
+    }
+
+    /// All of the photograph scaled by the image library, then cut.
+    fn scaled_whole(image: &LinearImage, height: usize, width: usize) -> LinearImage {
+        let scale = (height as f64 / image.height as f64).max(width as f64 / image.width as f64);
+        let scaled = |size: usize, least: usize| ((size as f64 * scale).round() as usize).max(least);
+        let (tall, wide) = (scaled(image.height, height), scaled(image.width, width));
+        let mut out = LinearImage::zeros(CHANNELS, tall, wide);
+        for c in 0..CHANNELS {
+            let (h, w) = (image.height as u32, image.width as u32);
+            let plane = ImageBuffer::<Luma<f32>, _>::from_raw(w, h, image.plane(c).to_vec()).unwrap();
+            let resized = image::imageops::resize(&plane, wide as u32, tall as u32, FilterType::Triangle);
+            out.plane_mut(c).copy_from_slice(&resized);
+        }
+        out.centred(height, width)
+    }
+
+    #[test]
+    fn covering_is_scaling_the_whole_and_cutting() {
+        // Enlarged and shrunken, too tall and too wide, even and odd.
+        for (tall, wide, height, width) in [
+            (37, 50, 20, 20),
+            (37, 50, 101, 90),
+            (40, 60, 40, 60),
+            (90, 11, 24, 31),
+            (13, 200, 50, 40),
+            (5, 5, 64, 7),
+        ] {
+            let mut image = LinearImage::zeros(CHANNELS, tall, wide);
+            for (i, v) in image.data.iter_mut().enumerate() {
+                *v = (i * 2654435761 % 1000) as f32 / 1000.0;
+            }
+            let (fast, plain) = (image.cover(height, width), scaled_whole(&image, height, width));
+            for (a, b) in fast.data.iter().zip(&plain.data) {
+                assert!((a - b).abs() < 5e-5, "{tall}x{wide} to {height}x{width}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_long_thin_photograph_costs_no_more_than_a_square_one() {
+        // Scaled as a whole these would have 2.9 and 7.4 thousand million pixels.
+        for (tall, wide) in [(2, 100_000), (100_000, 2)] {
+            let out = ramp(tall, wide).cover(240, 384);
+            assert_eq!((out.height, out.width), (240, 384));
+            // The middle of it, or all of its two pixels' width.
+            let (low, high) = if wide > 2 { (0.4999, 0.5001) } else { (0.0, 0.5) };
+            assert!(out.data.iter().all(|v| (low..=high).contains(v)));
+        }
+        assert!(LinearImage::zeros(CHANNELS, 0, 4).cover(3, 3).data.iter().all(|v| *v == 0.0));
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! One exposure: irradiance in, raw frame out, and the derivatives of every pixel.
 //!
 //! The physics is that of [`expose_pixel`](super::expose_pixel); here whole rows go through each of its steps, so that
-//! they compile to vector code of the widest instruction set of the machine.
+//! they compile to vector code of the widest instruction set of the machine, or of the one that
+//! [`PETZVAL_SIMD`](petzval_optics::simd) asks for; the bits are the same with all of them.
 
+use petzval_optics::simd::dispatch;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -40,7 +42,7 @@ pub fn expose(
         Scratch::default,
         |scratch, (row, dn)| {
             let slopes: [&mut [f32]; 3] = Default::default();
-            pulp::Arch::new().dispatch(ExposeRow::<false> { frame: &frame, row, scratch, dn, slopes });
+            dispatch(ExposeRow::<false> { frame: &frame, row, scratch, dn, slopes });
         },
     );
     Ok(Raw { height, width, dn, capture: *capture })
@@ -86,7 +88,7 @@ pub(crate) fn expose_checked(
         .enumerate()
         .for_each_init(Scratch::default, |scratch, (row, (((dn, light), gain), exposure))| {
             let slopes = [light, gain, exposure];
-            pulp::Arch::new().dispatch(ExposeRow::<true> { frame: &frame, row, scratch, dn, slopes });
+            dispatch(ExposeRow::<true> { frame: &frame, row, scratch, dn, slopes });
         });
     (Raw { height, width, dn, capture: *capture }, slopes)
 }

@@ -9,8 +9,9 @@ use super::random::{PoissonScratch, Stage, Stream, poisson, poisson_row};
 ///
 /// Counting has no derivative: the mean of `f(N)` over Poisson counts has one, `E[f(N+1) - f(N)]`, but a single count has
 /// not. What stands in for it, in each mode, is biased or not according to the `f` that follows. Biases here are of
-/// `E f'(x) dx/dlambda` over the exact derivative for `f = sqrt(N + 1)` at 0.3, 3 and 40 electrons, from 2 million draws
-/// of NumPy's generator and exact sums; the book's page on the sensor has more, the tests all of them.
+/// `E f'(x) dx/dlambda` over the exact derivative for `f = sqrt(N + 1)` at 0.3, 3 and 40 electrons: exact sums for
+/// `Dequantised`, 2 million draws of NumPy's generator for the others. The book's page on the sensor has more, the tests
+/// all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseMode {
@@ -18,8 +19,11 @@ pub enum NoiseMode {
     Exact,
     /// `x = N + t - 1/2` with `t` uniform in [0, 1]: mean lambda, variance lambda + 1/12. The derivative
     /// `dx/dlambda = t + (1 - t) N / lambda` is unbiased for the mean of what is drawn (implicit reparameterisation of the
-    /// Poisson distribution function, interpolated) but for lambda below 0.05 electrons, where the division uses 0.05.
-    /// Against the derivative for whole counts: +1.5 %, +0.4 %, 0.0 %.
+    /// Poisson distribution function, interpolated). Against the derivative for whole counts: +1.5 %, +0.4 %, 0.0 %.
+    ///
+    /// Below `r = 0.05` electrons, where a rare count would weigh `1 / lambda`, it is `t + (1 - t) (N + r - lambda) / r`. Its mean
+    /// is still 1, so a straight `f` has no bias; a curved one has `-(1 - lambda / r) E (1 - t) (f'(x + 1) - f'(x))`, about half
+    /// of `f''` without light.
     Dequantised,
     /// `x = N + 1/2`, `dx/dlambda := 1`. Bias -1.2 %, -0.3 %, 0.0 %, and little spread at low rates. What follows
     /// sees half an electron too many (K g / 2 DN), because its derivative is wanted between the counts N and N + 1:
@@ -29,7 +33,8 @@ pub enum NoiseMode {
     StraightThrough,
     /// `x = lambda + sqrt(lambda) z` with `z` standard normal: mean and variance lambda, but of another shape, and negative at
     /// times. Its derivative `1 + z / (2 sqrt(lambda))` is unbiased for the mean of what is drawn; against the derivative
-    /// for counts -6.8 %, +1.0 %, 0.0 %. Below 0.05 electrons the division uses 0.05.
+    /// for counts -6.8 %, +1.0 %, 0.0 %. Below `r = 0.05` electrons the division uses r: the bias is
+    /// `-(1 - sqrt(lambda / r)) / 2 E f''`.
     Gaussian,
     /// The mean signal: no noise, no rounding; full well, converter limits and the specimen's fixed pattern stay.
     Off,
@@ -44,8 +49,9 @@ pub struct Noise {
     pub seed: u64,
 }
 
-/// Rate in electrons below which the backward pass does not divide.
-const RATE_FLOOR_E: f64 = 0.05;
+/// Rate in electrons below which the backward pass does not divide by it: the spread of `N / lambda` is
+/// `1 / sqrt(lambda)`.
+pub(super) const RATE_FLOOR_E: f64 = 0.05;
 
 /// What the pixels of one frame draw their noise from.
 #[derive(Debug, Clone, Copy)]
@@ -142,10 +148,11 @@ pub(super) struct ShotScratch {
     b: Vec<f64>,
 }
 
-/// A count spread over the unit interval about it by `t` in (0, 1), and its derivative by the rate.
+/// A count spread over the unit interval about it by `t` in (0, 1), and its derivative by the rate, whose mean is 1.
 #[inline(always)]
 fn dequantise(rate: f64, count: f64, t: f64) -> (f64, f64) {
-    (count + t - 0.5, t + (1.0 - t) * count / rate.max(RATE_FLOOR_E))
+    let divisor = rate.max(RATE_FLOOR_E);
+    (count + t - 0.5, t + (1.0 - t) * (count + (divisor - rate)) / divisor)
 }
 
 /// Normal noise of the variance of the rate, and its derivative by the rate.

@@ -104,7 +104,8 @@ pub struct FixedPattern {
 }
 
 impl SensorModel {
-    /// The fixed pattern of the specimen in the window of `height` x `width` pixels at `placement`, whatever the frame.
+    /// The fixed pattern of the specimen in the window of `height` x `width` pixels at `placement`, whatever the frame:
+    /// the truth that a characterisation of the specimen is held to. For programs; no command writes it.
     pub fn fixed_pattern(&self, placement: Placement, height: usize, width: usize) -> FixedPattern {
         let pattern = Pattern::new(&self.nonuniformity, None);
         let pixels = |i: usize| pattern.pixel(placement.row + i / width, placement.col + i % width);

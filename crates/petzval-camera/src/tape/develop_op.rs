@@ -24,7 +24,7 @@ pub fn develop_op(
 }
 
 /// [`develop_op`] at exposures that are differentiable: development divides by gain and exposure, so it is told the stops
-/// of [`super::expose_with_stops_op`], and a scene keeps its brightness whatever they are.
+/// of [`super::expose_with_stops_op`], and a scene keeps its brightness whatever they are. There is an example there.
 pub fn develop_with_stops_op(
     raw: Tensor<4>,
     stops: Tensor<2>,

@@ -36,6 +36,36 @@ pub fn expose_op(
 /// Full wells and converters at their limits let `leak` (0..1; 0 is the true derivative) of a gradient through. Gains are
 /// continuous here, whatever steps the sensor has: round to [`SensorModel::nearest_gain`] when the optimum is found. Stops
 /// that leave no valid exposure make their picture NaN.
+///
+/// It is an operation of the library: experiments hold gain and exposure fixed. One step of gradient descent on both, for
+/// the error of the developed picture:
+///
+/// ```
+/// use burn::prelude::*;
+/// use petzval_camera::render::Placement;
+/// use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel};
+/// use petzval_camera::tape::{develop_with_stops_op, expose_with_stops_op};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let sensor = SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml"))?;
+/// let exposure = Exposure { white_e: 500.0, time_s: 0.005, linear_gain: 1.0 };
+/// let captures = [Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 }];
+/// let noise = Noise { mode: NoiseMode::Dequantised, seed: 1 };
+///
+/// let device = Device::flex().autodiff();
+/// let scene = Tensor::<4>::full([1, 3, 32, 32], 0.2, &device);
+/// let stops = Tensor::<2>::zeros([1, 2], &device).require_grad();
+/// let raw = expose_with_stops_op(scene.clone(), stops.clone(), &sensor, &captures, &noise, 0.0)?;
+/// let picture = develop_with_stops_op(raw, stops.clone(), &sensor, &captures)?;
+/// let gradients = (picture - scene).square().mean().backward();
+/// let by_stops = stops.grad(&gradients).ok_or("stops have a gradient")?;
+///
+/// // More light is less noise: the descent lengthens the exposure.
+/// let [gain, exposure] = [0, 1].map(|i| by_stops.clone().slice([0..1, i..i + 1]).into_scalar::<f32>());
+/// assert!(exposure < 0.0 && exposure.abs() > gain.abs());
+/// # Ok(())
+/// # }
+/// ```
 pub fn expose_with_stops_op(
     irradiance: Tensor<4>,
     stops: Tensor<2>,

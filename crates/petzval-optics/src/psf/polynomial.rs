@@ -4,10 +4,11 @@ use pulp::{Simd, WithSimd};
 
 use super::{Asked, PsfMethod, PsfOptions};
 use crate::gradient::LensGradient;
-use crate::lanes::{Lanes, MAX_LANES, dispatch, width};
+use crate::lanes::{Lanes, MAX_LANES, width};
 use crate::pupil::{
     DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature, Sides,
 };
+use crate::simd::dispatch;
 use crate::trace::Sequence;
 
 /// Degrees that are tried, one after the other.

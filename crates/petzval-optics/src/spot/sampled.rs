@@ -7,13 +7,14 @@ use pulp::{Simd, WithSimd};
 use super::traced::field_mean_square;
 use super::{mean_of, mean_over_fields};
 use crate::gradient::LensGradient;
-use crate::lanes::{Lanes, dispatch};
+use crate::lanes::Lanes;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::pupil::{
     DenseCotangent, DenseMap, PointsCotangent, PupilBasis, PupilMap, PupilRows, PupilSamples, PupilSampling,
     Quadrature, SamplesCotangent, Sides,
 };
+use crate::simd::dispatch;
 use crate::trace::Sequence;
 
 /// Good to 2e-5 of the spots of the paper's triplets and 3e-4 of those of an f/2 lens of eight elements, by comparison with

@@ -33,7 +33,7 @@ pub struct Args {
 /// A workload: its name, and how to make it ready to be run again and again.
 struct Workload {
     name: &'static str,
-    /// The widest vector unit that its hot loops use.
+    /// The instruction set that its hot loops use.
     simd: fn() -> &'static str,
     prepare: fn() -> Result<Prepared, Failure>,
 }

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
+use petzval::optics::simd::level;
 use serde_json::json;
 
 use super::{Failure, device, print_json};
@@ -44,6 +45,7 @@ pub fn environment() -> serde_json::Value {
         "os": std::env::consts::OS,
         "architecture": std::env::consts::ARCH,
         "simd": simd_level(),
+        "simd_used": level(),
         "cores": std::thread::available_parallelism().map_or(1, usize::from),
         "threads": rayon::current_num_threads(),
         "command": std::env::args().collect::<Vec<_>>().join(" "),
@@ -63,6 +65,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             "os": std::env::consts::OS,
             "architecture": std::env::consts::ARCH,
             "simd": simd_level(),
+            "simd_used": level(),
             "cores": cores,
             "threads": rayon::current_num_threads(),
             "devices": devices.iter().map(|d| d.0).collect::<Vec<_>>(),
@@ -73,7 +76,9 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     }
     println!("petzval      {}", env!("CARGO_PKG_VERSION"));
     println!("system       {} {}", std::env::consts::OS, std::env::consts::ARCH);
-    println!("SIMD         {}", simd_level());
+    // The kernels of rays and sensor may be narrowed by the environment, or have none for an old machine.
+    let narrowed = if level() == simd_level() { String::new() } else { format!("; {} used", level()) };
+    println!("SIMD         {}{narrowed}", simd_level());
     println!("threads      {} of {cores} cores", rayon::current_num_threads());
     for (name, what) in devices {
         println!("device       {name}: {what}");

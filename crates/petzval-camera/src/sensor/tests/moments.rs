@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn mean_and_variance_match_the_independent_model_at_seven_gains() {
+fn mean_and_variance_match_the_closed_formulas_at_seven_gains() {
     // Two tests a row over 42 rows, family-wise alpha 1e-4: two-sided quantile of the normal law at 1e-4 / 84.
     const Z: f64 = 4.86;
     let text = include_str!("../../../tests/fixtures/sensor_moments.json");

@@ -20,8 +20,9 @@ use super::frame::{self, FrameSums};
 use super::general::{self, OwnBars, Pulled};
 use super::surface::{Rays, Slopes, Tangent, bend, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
-use crate::lanes::{Lanes, V3, along, dispatch, dot, scaled, width};
+use crate::lanes::{Lanes, V3, along, dot, scaled, width};
 use crate::lens::{ASPHERE_TERMS, DEPARTURE_NUMBERS, PHASE_TERMS, ShapeNumber};
+use crate::simd::dispatch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 

@@ -4,7 +4,8 @@ use pulp::{Simd, WithSimd};
 
 use super::frame;
 use super::surface::{Rays, meet, redirect};
-use crate::lanes::{Lanes, Mask, V3, along, dispatch, width};
+use crate::lanes::{Lanes, Mask, V3, along, width};
+use crate::simd::dispatch;
 use crate::trace::SOFT_EDGE_MM;
 use crate::trace::ray::{Fate, RayBundle};
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};

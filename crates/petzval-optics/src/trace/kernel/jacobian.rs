@@ -8,9 +8,10 @@ use super::backward::{
     From, INDEX, PHASE, POWER, Reaim, ReaimLanes, Sums, THICKNESS, from_image, slot, sweep,
 };
 use super::forward::{fate, load, trace_rays};
-use crate::lanes::{Lanes, dispatch, width};
+use crate::lanes::{Lanes, width};
 use crate::lens::ShapeNumber;
 use crate::number::Number;
+use crate::simd::dispatch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 

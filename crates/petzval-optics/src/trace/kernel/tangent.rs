@@ -8,7 +8,8 @@ use super::frame::{self, FrameChange};
 use super::general;
 use super::surface::{OwnTangent, Rays, Slopes, Tangent, bend, push_forward, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
-use crate::lanes::{Lanes, along, dispatch, dot, width};
+use crate::lanes::{Lanes, along, dot, width};
+use crate::simd::dispatch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 

@@ -8,6 +8,7 @@ use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
+use petzval::optics::simd::level;
 
 use super::{Failure, Prepared, Workload};
 use crate::cli::doctor::simd_level;
@@ -18,7 +19,7 @@ const ORIGIN: Placement = Placement { row: 0, col: 0 };
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
         Workload { name: "render_1200x1920", simd: simd_level, prepare: rendering },
-        Workload { name: "sensor_1200x1920", simd: simd_level, prepare: sensor },
+        Workload { name: "sensor_1200x1920", simd: level, prepare: sensor },
     ]
 }
 

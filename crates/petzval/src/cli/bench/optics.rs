@@ -12,49 +12,36 @@ use petzval::optics::optimize::{LevenbergOptions, Problem, Solves, descend};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::{PupilSampling, Quadrature};
+use petzval::optics::simd::level;
 use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
 
 use super::{Failure, Prepared, Workload};
-use crate::cli::doctor::simd_level;
-
-/// What the ray kernels use: the widest vector unit, or what `PETZVAL_SIMD` asks for.
-pub(super) fn ray_level() -> &'static str {
-    match std::env::var("PETZVAL_SIMD").as_deref() {
-        Ok("scalar") => "scalar",
-        Ok("avx2") if simd_level() == "avx512" => "avx2",
-        _ => simd_level(),
-    }
-}
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "trace", simd: ray_level, prepare: || tracing(nominal()?) },
-        Workload {
-            name: "trace_all_aspheres",
-            simd: ray_level,
-            prepare: || tracing(all_aspheres(nominal()?)),
-        },
-        Workload { name: "trace_adjoint", simd: ray_level, prepare: adjoint },
+        Workload { name: "trace", simd: level, prepare: || tracing(nominal()?) },
+        Workload { name: "trace_all_aspheres", simd: level, prepare: || tracing(all_aspheres(nominal()?)) },
+        Workload { name: "trace_adjoint", simd: level, prepare: adjoint },
         Workload {
             name: "spot_gradient_same_rays",
-            simd: ray_level,
+            simd: level,
             prepare: || spot_gradient(PupilSampling::Fine, 1024),
         },
         Workload {
             name: "spot_gradient",
-            simd: ray_level,
+            simd: level,
             prepare: || spot_gradient(PupilSampling::Degree(4), 56),
         },
-        Workload { name: "psf_rgb", simd: ray_level, prepare: psf_rgb },
-        Workload { name: "psf_rgb_gradient", simd: ray_level, prepare: psf_rgb_gradient },
-        Workload { name: "psf_13_fields", simd: ray_level, prepare: psf_13_fields },
-        Workload { name: "lm_iteration", simd: ray_level, prepare: lm_iteration },
-        Workload { name: "triplet_recovery", simd: ray_level, prepare: triplet_recovery },
-        Workload { name: "lens_analyze", simd: ray_level, prepare: lens_analyze },
+        Workload { name: "psf_rgb", simd: level, prepare: psf_rgb },
+        Workload { name: "psf_rgb_gradient", simd: level, prepare: psf_rgb_gradient },
+        Workload { name: "psf_13_fields", simd: level, prepare: psf_13_fields },
+        Workload { name: "lm_iteration", simd: level, prepare: lm_iteration },
+        Workload { name: "triplet_recovery", simd: level, prepare: triplet_recovery },
+        Workload { name: "lens_analyze", simd: level, prepare: lens_analyze },
     ]
 }
 

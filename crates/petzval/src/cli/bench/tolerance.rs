@@ -1,17 +1,18 @@
 //! Workloads of tolerances: lenses made at random.
 
+use petzval::optics::simd::level;
 use petzval::optics::tolerance::{
     Distribution, Freedom, Grade, RmsSpot, Study, Tolerances, default_tolerances, monte_carlo,
 };
 
-use super::optics::{nominal, ray_level};
+use super::optics::nominal;
 use super::{Failure, Prepared, Workload};
 
 /// Lenses.
 const TRIALS: usize = 1000;
 
 pub(super) fn workloads() -> Vec<Workload> {
-    vec![Workload { name: "tolerance_1000", simd: ray_level, prepare: random_lenses }]
+    vec![Workload { name: "tolerance_1000", simd: level, prepare: random_lenses }]
 }
 
 fn random_lenses() -> Result<Prepared, Failure> {

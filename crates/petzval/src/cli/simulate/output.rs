@@ -1,10 +1,10 @@
 //! What a simulation writes: the raw frame with its sidecar, and the developed picture.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use petzval::camera::image::{ImageError, LinearImage, save_exr, save_npy, save_png};
-use petzval::camera::raw_file::{Packing, RawFormat, RawFrame, save_raw, sidecar_path};
+use petzval::camera::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
 use petzval::camera::sensor::{Raw, SensorModel};
 use petzval::design::error::DesignError;
 use serde_json::{Value, json};
@@ -57,7 +57,8 @@ pub struct Formats {
     picture_format: PictureAs,
 }
 
-/// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are.
+/// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are. Where one of them cannot be
+/// written, none is.
 pub fn write(
     formats: &Formats,
     folder: &Path,
@@ -67,16 +68,35 @@ pub fn write(
     developed: &LinearImage,
 ) -> Result<serde_json::Map<String, Value>, Failure> {
     let format = formats.raw_format.format(sensor.bits);
-    let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
-    save_raw(&RawFrame::from_raw(raw, sensor), &raw_path, format)?;
     let (extension, save): (_, fn(&LinearImage, &Path) -> Result<(), ImageError>) =
         match formats.picture_format {
             PictureAs::Png => ("png", save_png),
             PictureAs::Exr => ("exr", save_exr),
             PictureAs::Npy => ("npy", save_npy),
         };
+    let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
     let developed_path = folder.join(format!("{name}-developed.{extension}"));
-    save(developed, &developed_path).map_err(DesignError::from)?;
+    let files = [raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
+    for path in &files {
+        if path.is_dir() {
+            return Err(not_written(path, "this is a folder"));
+        }
+    }
+
+    // All files come to be in a folder of their own, and move where they belong when the last is whole.
+    let unfinished = Unfinished::new(folder, name)?;
+    let [raw_part, _, developed_part] = files.each_ref().map(|path| unfinished.part(path));
+    save_raw(&RawFrame::from_raw(raw, sensor), &raw_part, format).map_err(|error| match error {
+        RawFileError::Io { source, .. } => not_written(&raw_path, source),
+        other => other.into(),
+    })?;
+    save(developed, &developed_part).map_err(|error| match error {
+        ImageError::Io { source, .. } => not_written(&developed_path, source),
+        other => DesignError::from(other).into(),
+    })?;
+    for path in &files {
+        std::fs::rename(unfinished.part(path), path).map_err(|error| not_written(path, error))?;
+    }
     let facts = [
         ("image", json!(name)),
         ("raw", json!(raw_path.display().to_string())),
@@ -86,4 +106,34 @@ pub fn write(
         ("cfa", json!(sensor.cfa)),
     ];
     Ok(facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+fn not_written(path: &Path, reason: impl std::fmt::Display) -> Failure {
+    Failure::input(
+        format!("{}: cannot be written: {reason}", path.display()),
+        "choose a folder with --out that can be written, has room, and holds nothing else of that name",
+    )
+}
+
+/// A hidden folder for files that are not whole yet; it goes when this goes.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(folder: &Path, name: &str) -> Result<Self, Failure> {
+        let path = folder.join(format!(".{name}-{}.part", std::process::id()));
+        std::fs::create_dir_all(&path).map_err(|error| not_written(folder, error))?;
+        Ok(Self(path))
+    }
+
+    /// Where the file of that name is made.
+    fn part(&self, path: &Path) -> PathBuf {
+        self.0.join(path.file_name().unwrap_or_default())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        // There is no one left to tell.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
 }

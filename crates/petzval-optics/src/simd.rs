@@ -1,0 +1,115 @@
+//! Which instruction set the vector kernels run with, of this crate and of those above it.
+//!
+//! The widest of the machine, unless the environment variable `PETZVAL_SIMD` asks for a narrower one: `avx2` or `scalar`.
+
+use std::sync::OnceLock;
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// What the environment asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Asked {
+    /// The widest that the machine has.
+    Best,
+    /// AVX2 with fused multiply-add, where the machine has it.
+    Avx2,
+    /// One number at a time.
+    Scalar,
+}
+
+impl Asked {
+    fn of(variable: Option<&str>) -> Self {
+        match variable {
+            Some("avx2") => Self::Avx2,
+            Some("scalar") => Self::Scalar,
+            _ => Self::Best,
+        }
+    }
+}
+
+fn asked() -> Asked {
+    static ASKED: OnceLock<Asked> = OnceLock::new();
+    *ASKED.get_or_init(|| Asked::of(std::env::var("PETZVAL_SIMD").ok().as_deref()))
+}
+
+/// Runs an operation with the widest instruction set of the machine, or the one that `PETZVAL_SIMD` asks for.
+///
+/// With `scalar` an operation is compiled for every machine of the architecture, as all other code is; where it is a plain
+/// loop the compiler may still use the vectors that all of them have (SSE2 on x86-64).
+pub fn dispatch<Op: WithSimd>(operation: Op) -> Op::Output {
+    dispatch_as(asked(), operation)
+}
+
+/// The instruction set that [`dispatch`] uses: `avx512`, `avx2`, `neon` or `scalar`.
+pub fn level() -> &'static str {
+    level_as(asked())
+}
+
+fn dispatch_as<Op: WithSimd>(asked: Asked, operation: Op) -> Op::Output {
+    match asked {
+        #[cfg(target_arch = "x86_64")]
+        Asked::Avx2 => match pulp::x86::V3::try_new() {
+            Some(v3) => v3.vectorize(Bound { simd: v3, operation }),
+            None => Arch::new().dispatch(operation),
+        },
+        Asked::Scalar => operation.with_simd(pulp::Scalar::new()),
+        _ => Arch::new().dispatch(operation),
+    }
+}
+
+fn level_as(asked: Asked) -> &'static str {
+    match dispatch_as(asked, Width) {
+        8 => "avx512",
+        4 => "avx2",
+        2 => "neon",
+        _ => "scalar",
+    }
+}
+
+/// Doubles in a register.
+struct Width;
+
+impl WithSimd for Width {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        S::F64_LANES
+    }
+}
+
+/// An operation with the instruction set that it runs with.
+#[cfg(target_arch = "x86_64")]
+struct Bound<Op> {
+    simd: pulp::x86::V3,
+    operation: Op,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<Op: WithSimd> pulp::NullaryFnOnce for Bound<Op> {
+    type Output = Op::Output;
+
+    #[inline(always)]
+    fn call(self) -> Op::Output {
+        self.operation.with_simd(self.simd)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_variable_narrows_what_the_machine_has() {
+        let level = |variable| level_as(Asked::of(variable));
+        assert_eq!(level(Some("scalar")), "scalar");
+        // The widest: of an unset variable, and of one that names nothing known.
+        assert_eq!(level(None), level(Some("avx1024")));
+        #[cfg(target_arch = "x86_64")]
+        {
+            let has_avx2 = pulp::x86::V3::try_new().is_some();
+            assert_eq!(level(Some("avx2")), if has_avx2 { "avx2" } else { "scalar" });
+            assert_eq!(level(None) == "avx512", pulp::x86::V4::try_new().is_some());
+        }
+    }
+}
