@@ -182,10 +182,9 @@ fn placed(args: &Args, picture: &LinearImage, sensor: &SensorModel) -> LinearIma
 }
 
 /// A picture on the sensor as the lens images it in three colours: spread by the PSFs, dimmed off the axis.
-fn through_lens(camera: &Camera, picture: &LinearImage) -> Result<LinearImage, Failure> {
+fn through_lens(camera: &Camera, picture: &LinearImage) -> Result<LinearImage, DesignError> {
     let placement = Placement { row: 0, col: 0 };
-    let mut light = render(&camera.geometry, &camera.bank, &picture.pad_replicate(camera.border), placement)
-        .map_err(DesignError::from)?;
+    let mut light = render(&camera.geometry, &camera.bank, &picture.pad_replicate(camera.border), placement)?;
     light.data.iter_mut().zip(&camera.illumination.data).for_each(|(l, m)| *l *= m);
     Ok(light)
 }
