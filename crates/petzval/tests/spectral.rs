@@ -158,12 +158,9 @@ fn the_developed_patches_are_as_far_off_as_the_command_says() {
     )
     .unwrap();
     let mut means = Vec::new();
-    for (light, more) in [
-        ("D65", &[][..]),
-        ("A", &[]),
-        ("D65", &["--transmission", "yellow.csv"]),
-        ("FL11", &["--bands", "31"]),
-    ] {
+    let runs: [(&str, &[&str]); 4] =
+        [("D65", &[]), ("A", &[]), ("D65", &["--transmission", "yellow.csv"]), ("FL11", &["--bands", "31"])];
+    for (light, more) in runs {
         let args = ["simulate", "scene:colorchecker", "--sensor", &sensor, "--illuminant", light];
         let rest = ["--illuminance-lux", "1000", "--no-noise", "--picture-format", "npy", "--json"];
         let out = run_ok(folder.path(), &[&args[..], &rest, more].concat()).json();
