@@ -47,6 +47,14 @@ pub enum DesignError {
         /// Field angle, degrees.
         field_deg: f64,
     },
+    /// What is wrong in some bands of the spectrum only.
+    #[error("in the bands at {} um: {error}", um.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))]
+    InBands {
+        /// Wavelengths of the bands, um.
+        um: Vec<f64>,
+        /// What is wrong.
+        error: Box<DesignError>,
+    },
     /// A lens whose PSFs are not those of its other azimuths, turned.
     #[error(
         "the lens `{0}` is not rotationally symmetric: the renderer turns the PSFs of one azimuth about the axis, and so cannot \
@@ -145,6 +153,9 @@ pub enum DesignError {
 impl DesignError {
     /// Whether the user's input is at fault, rather than the job.
     pub fn is_input(&self) -> bool {
+        if let Self::InBands { error, .. } = self {
+            return error.is_input();
+        }
         matches!(
             self,
             Self::Input { .. }

@@ -1,48 +1,82 @@
 //! A spectral scene through a lens: every band is spread by the PSFs of its own wavelength.
 
-use petzval_camera::image::LinearImage;
+use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
 use petzval_camera::sensor::Colour;
-use petzval_camera::spectral::{ColourElectrons, SpectralImage};
+use petzval_camera::spectral::{ColourElectrons, ElectronsError};
 use petzval_optics::lens::Lens;
 
 use crate::error::DesignError;
 use crate::optics::PsfPlan;
 
-/// Electrons for each filter colour on the sensor window at `placement` when `lens` looks at `scene`.
+/// The bands of a scene, made when they are asked for.
+pub struct Bands<'a> {
+    /// Wavelength of each band, um, ascending.
+    pub um: &'a [f64],
+    /// Electrons per unit radiance of each colour and band ([`petzval_camera::spectral::band_weights`]).
+    pub weights: &'a [(Colour, Vec<f64>)],
+    /// Radiance of three bands on the sensor window, one plane each.
+    pub planes: &'a dyn Fn([usize; CHANNELS]) -> LinearImage,
+}
+
+impl Bands<'_> {
+    /// Indices of the bands to which some pixel answers; the others need no tracing.
+    pub fn seen(&self) -> Vec<usize> {
+        let answers = |band: usize| self.weights.iter().any(|(_, weight)| weight[band] > 0.0);
+        (0..self.um.len()).filter(|band| answers(*band)).collect()
+    }
+}
+
+/// Electrons for each filter colour on the sensor window at `placement` when `lens` looks at a scene.
 ///
-/// `scene` has the size of the window; what the lens sees beyond it repeats its edge. `plan` gives fields, grid and pupil;
-/// its wavelengths are replaced by those of the bands, three at a time, as many as the renderer takes. `weights` are the
-/// electrons per unit radiance of each colour and band ([`petzval_camera::spectral::band_weights`]); relative illumination
-/// multiplies them off the axis. `done` is told of every band.
+/// The planes of `bands` have the size of the window; what the lens sees beyond it repeats its edge. `plan` gives fields,
+/// grid and pupil; its wavelengths are replaced by those of the bands, three at a time, as many as the renderer takes, so no
+/// more than three planes are in memory. Relative illumination multiplies the electrons off the axis. `done` is told of every band
+/// that has been rendered.
 pub fn render_spectral(
     lens: &Lens,
     plan: &PsfPlan,
     geometry: &RenderGeometry,
-    scene: &SpectralImage,
-    weights: &[(Colour, Vec<f64>)],
+    bands: &Bands,
     placement: Placement,
     done: &dyn Fn(usize),
 ) -> Result<ColourElectrons, DesignError> {
-    let (height, width) = (scene.height, scene.width);
-    let colours: Vec<Colour> = weights.iter().map(|(colour, _)| *colour).collect();
-    let mut electrons = ColourElectrons::none(&colours, height, width);
-    for first in (0..scene.bands()).step_by(3) {
-        let (planes, bands) = scene.three_bands(first);
-        let plan = PsfPlan { wavelengths_um: bands.map(|b| scene.wavelength_um[b]), ..plan.clone() };
-        let bank = plan.bank(lens)?;
-        let border = kernel_radius(geometry, &bank.layout())?;
-        let blurred = render(geometry, &bank, &planes.pad_replicate(border), placement)?;
-        let map = illumination_map(geometry, &bank.layout(), &bank.illumination, placement, height, width)?;
-        let light = LinearImage {
-            data: blurred.data.iter().zip(&map.data).map(|(l, m)| (l * m).max(0.0)).collect(),
-            ..blurred
-        };
+    let colours: Vec<Colour> = bands.weights.iter().map(|(colour, _)| *colour).collect();
+    let mut electrons: Option<ColourElectrons> = None;
+    for group in bands.seen().chunks(CHANNELS) {
         // A last group of less than three bands repeats one, which counts once.
-        for (k, band) in bands.into_iter().enumerate().filter(|(k, band)| *band == first + k) {
-            electrons.add(light.plane(k), weights, band);
-            done(band);
+        let three = [0, 1, 2].map(|k| group[k.min(group.len() - 1)]);
+        let light = through_lens(lens, plan, geometry, bands, three, placement).map_err(|error| {
+            DesignError::InBands { um: group.iter().map(|b| bands.um[*b]).collect(), error: Box::new(error) }
+        })?;
+        let sum = electrons.get_or_insert_with(|| ColourElectrons::none(&colours, light.height, light.width));
+        for (k, band) in group.iter().enumerate() {
+            sum.add(light.plane(k), bands.weights, *band);
+            done(*band);
         }
     }
-    Ok(electrons)
+    electrons.ok_or_else(|| {
+        let (low_um, high_um) = (bands.um.first(), bands.um.last());
+        let um = |end: Option<&f64>| end.copied().unwrap_or(0.0);
+        ElectronsError::NoBand { low_um: um(low_um), high_um: um(high_um) }.into()
+    })
+}
+
+/// Radiance of three bands as the lens spreads and dims it.
+fn through_lens(
+    lens: &Lens,
+    plan: &PsfPlan,
+    geometry: &RenderGeometry,
+    bands: &Bands,
+    three: [usize; CHANNELS],
+    placement: Placement,
+) -> Result<LinearImage, DesignError> {
+    let bank = PsfPlan { wavelengths_um: three.map(|b| bands.um[b]), ..plan.clone() }.bank(lens)?;
+    let planes = (bands.planes)(three);
+    let border = kernel_radius(geometry, &bank.layout())?;
+    let blurred = render(geometry, &bank, &planes.pad_replicate(border), placement)?;
+    let (height, width) = (planes.height, planes.width);
+    let map = illumination_map(geometry, &bank.layout(), &bank.illumination, placement, height, width)?;
+    let data = blurred.data.iter().zip(&map.data).map(|(l, m)| (l * m).max(0.0)).collect();
+    Ok(LinearImage { data, ..blurred })
 }

@@ -9,6 +9,7 @@ mod place;
 mod srgb;
 
 pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png};
+pub(crate) use float_file::npy_bytes;
 pub use float_file::{exr_bytes, save_exr, save_npy};
 pub use srgb::{srgb_decode, srgb_encode};
 

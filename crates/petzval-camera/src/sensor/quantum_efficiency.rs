@@ -116,7 +116,41 @@ impl QuantumEfficiency {
                 return wrong(key, value, 1e-3, 1e3, "a factor; 1 leaves the curve as it is");
             }
         }
+        self.validate_products()
+    }
+
+    /// Checks that the factors leave every efficiency at 1 or below: a photon of visible light frees one electron at most.
+    fn validate_products(&self) -> Result<(), OutOfRange> {
+        for (colour, key, factor) in [
+            (Colour::Green, "quantum_efficiency.scale", 1.0),
+            (Colour::Clear, "quantum_efficiency.scale", 1.0),
+            (Colour::Red, "quantum_efficiency.alpha", self.alpha),
+            (Colour::Blue, "quantum_efficiency.beta", self.beta),
+        ] {
+            let peak = self.samples(colour).iter().copied().fold(0.0, f64::max);
+            // Factors that were computed reach 1 but for rounding.
+            if peak * factor * self.scale > 1.0 + 1e-9 {
+                // The larger of the two factors is the one to look at.
+                let (key, value, other) = if self.scale >= factor {
+                    ("quantum_efficiency.scale", self.scale, factor)
+                } else {
+                    (key, factor, self.scale)
+                };
+                let meaning = "a factor with which no pixel gives more than one electron per photon \
+                               (curves relative to their peak need a smaller `scale`)";
+                return Err(OutOfRange { key, value, low: 1e-3, high: 1.0 / (peak * other), meaning });
+            }
+        }
         Ok(())
+    }
+
+    /// The same efficiency at all wavelengths of silicon, 0.3..1.1 um, for every colour: for a sensor whose curves nobody
+    /// has published. `None` unless it lies above 0 and at most at 1.
+    pub fn flat(efficiency: f64) -> Option<Self> {
+        let curve = || vec![efficiency; 2];
+        let (red, green, blue, clear) = (curve(), curve(), curve(), curve());
+        let flat = Self { wavelength_um: vec![0.3, 1.1], red, green, blue, clear, ..Self::default() };
+        (efficiency > 0.0 && flat.validate().is_ok()).then_some(flat)
     }
 
     /// Efficiency of the pixels of a colour, factors included; `None` if it has no curve or the curves are not valid.
@@ -134,7 +168,7 @@ impl QuantumEfficiency {
     /// The same curves with the `alpha` and `beta` for which red over green and blue over green signal under `radiance`
     /// (W m-2 sr-1 nm-1) are `red_over_green` and `blue_over_green`, as measured on a white surface.
     ///
-    /// `None` if a curve is missing or gives no signal.
+    /// `None` if a curve is missing or gives no signal, or if a pixel would give more than one electron per photon.
     pub fn matched(
         &self,
         optics: &PixelOptics,
@@ -227,6 +261,24 @@ mod tests {
             ("wavelength_um = [0.4, 0.7]\ngreen = [50, 60]\n", "green", 3, "not in percent"),
             ("wavelength_um = [0.4, 0.7]\ngreen = [0.5]\n", "green", 3, "one efficiency per wavelength"),
             ("wavelength_um = [0.4, 0.7]\ngreen = [0.5, 0.5]\nbeta = -1\n", "beta", 4, "a factor"),
+            (
+                "wavelength_um = [0.4, 0.7]\ngreen = [0.5, 0.8]\nscale = 900\n",
+                "scale",
+                4,
+                "outside 0.001..1.25",
+            ),
+            (
+                "wavelength_um = [0.4, 0.7]\nblue = [0.5, 0.5]\nscale = 0.8\nbeta = 4\n",
+                "beta",
+                5,
+                "0.001..2.5",
+            ),
+            (
+                "wavelength_um = [0.4, 0.7]\nred = [0.5, 1.0]\nalpha = 1.1\n",
+                "alpha",
+                4,
+                "one electron per photon",
+            ),
         ] {
             let error = with(table).unwrap_err();
             assert_eq!((error.key.as_str(), error.line), (key, Some(lines + line + 1)), "{error}");
@@ -237,12 +289,23 @@ mod tests {
 
     #[test]
     fn matched_factors_give_the_measured_ratios() {
-        let curves = QuantumEfficiency::from_toml(CURVES).unwrap();
+        let curves = QuantumEfficiency { scale: 0.5, ..QuantumEfficiency::from_toml(CURVES).unwrap() };
         let optics = PixelOptics { pixel_um: 5.86, f_number: 2.8, time_s: 0.01, transmission: None };
         let white = Illuminant::named("D65").unwrap().white_radiance(500.0);
         let matched = curves.matched(&optics, &white, 0.82, 1.25).unwrap();
         let signal = |colour| optics.electrons(&white, &matched.curve(colour).unwrap());
         assert!((signal(Colour::Red) / signal(Colour::Green) - 0.82).abs() < 1e-12);
         assert!((signal(Colour::Blue) / signal(Colour::Green) - 1.25).abs() < 1e-12);
+        // Twenty times as much blue as green is more than one electron per photon.
+        assert_eq!(curves.matched(&optics, &white, 0.82, 20.0), None);
+    }
+
+    #[test]
+    fn a_flat_curve_is_one_of_every_colour() {
+        let flat = QuantumEfficiency::flat(0.6).unwrap();
+        assert!(Colour::ALL.into_iter().all(|c| (flat.curve(c).unwrap().at(0.9) - 0.6).abs() < 1e-12));
+        for wrong in [0.0, -0.1, 1.01, f64::NAN, f64::INFINITY] {
+            assert_eq!(QuantumEfficiency::flat(wrong), None);
+        }
     }
 }

@@ -9,6 +9,12 @@ pub fn even_bands(low_um: f64, high_um: f64, count: usize) -> Vec<f64> {
     (0..count).map(|i| to_picometre(low_um + (high_um - low_um) * i as f64 / last)).collect()
 }
 
+/// Number of evenly spaced bands, both ends included, that lie at most `step_um` apart over a range, um.
+pub fn bands_within((low_um, high_um): (f64, f64), step_um: f64) -> usize {
+    // A step that fits up to rounding needs no further band.
+    ((high_um - low_um) / step_um - 1e-6).ceil().max(1.0) as usize + 1
+}
+
 /// Mean of a product of up to four curves over the hat function of each band, which is 1 at the band and falls to zero at
 /// its neighbours. Light in narrow lines is shared between the bands around it instead of falling between them.
 pub fn band_mean(factors: &[&Spectrum], band_um: &[f64]) -> Vec<f64> {
@@ -20,6 +26,11 @@ pub fn band_mean(factors: &[&Spectrum], band_um: &[f64]) -> Vec<f64> {
             integral(&weighted) / integral(&[&hat])
         })
         .collect()
+}
+
+/// First and last band, um.
+pub(super) fn ends(band_um: &[f64]) -> (f64, f64) {
+    (band_um.first().copied().unwrap_or(0.0), band_um.last().copied().unwrap_or(0.0))
 }
 
 /// Hat function of a band; `None` if there are fewer than two bands or they do not ascend.
@@ -37,6 +48,10 @@ mod tests {
     fn bands_keep_a_constant() {
         let bands = even_bands(0.4, 0.7, 7);
         assert_eq!(bands.len(), 7);
+        assert_eq!(
+            [(0.4, 0.7), (0.3, 1.1), (0.5, 0.501)].map(|range| bands_within(range, 0.02)),
+            [16, 41, 2]
+        );
         assert!((bands[1] - 0.45).abs() < 1e-12);
         let flat = Spectrum::new(vec![0.3, 0.8], vec![2.0, 2.0]).unwrap();
         assert!(band_mean(&[&flat, &flat], &bands).iter().all(|v| (v - 4.0).abs() < 1e-12));

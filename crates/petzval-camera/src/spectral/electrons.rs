@@ -2,8 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::illuminant::Illuminant;
 use super::image::SpectralImage;
 use super::photons::{OpticsError, PixelOptics};
+use super::spectrum::Spectrum;
 use super::three_band::ThreeBand;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
@@ -31,9 +33,19 @@ pub enum ElectronsError {
     NoCurves(String),
     /// The light gives no electrons.
     #[error(
-        "white gives no electrons in {0:?} pixels: light and quantum efficiency have no wavelength in common"
+        "white gives no electrons in {0:?} pixels: light, transmission and quantum efficiency have no wavelength in common"
     )]
     NoSignal(Colour),
+    /// The bands of a scene are those of no pixel.
+    #[error(
+        "no pixel of the sensor answers to light of {low_um}..{high_um} um, or the lens lets none of it through"
+    )]
+    NoBand {
+        /// Shortest wavelength, um.
+        low_um: f64,
+        /// Longest wavelength, um.
+        high_um: f64,
+    },
     /// A setting of the optics is no positive number.
     #[error(transparent)]
     Optics(#[from] OpticsError),
@@ -48,20 +60,71 @@ pub fn band_weights(
     band_um: &[f64],
 ) -> Result<Vec<(Colour, Vec<f64>)>, ElectronsError> {
     optics.validate()?;
-    let curves = curves_of(sensor)?;
     sensor
         .cfa
         .colours()
         .into_iter()
         .map(|colour| {
-            let curve = curves.curve(colour).ok_or(ElectronsError::NoCurve(colour))?;
+            let curve = curve_of(sensor, colour)?;
             Ok((colour, optics.band_weights(band_um, &curve)))
         })
         .collect()
 }
 
+/// Shortest and longest wavelength, um, between which white gives electrons: where light, transmission and the efficiency
+/// of any colour of the filter array are not zero.
+pub fn white_range_um(
+    sensor: &SensorModel,
+    optics: &PixelOptics,
+    light: &Illuminant,
+) -> Result<(f64, f64), ElectronsError> {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for colour in sensor.cfa.colours() {
+        let curve = curve_of(sensor, colour)?;
+        let factors = [Some(&curve), Some(&light.power), optics.transmission.as_ref()];
+        let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+        for factor in factors.into_iter().flatten() {
+            let (first, last) = factor.support_um().ok_or(ElectronsError::NoSignal(colour))?;
+            (from, to) = (from.max(first), to.min(last));
+        }
+        if from >= to {
+            return Err(ElectronsError::NoSignal(colour));
+        }
+        (low, high) = (low.min(from), high.max(to));
+    }
+    Ok((low, high))
+}
+
+/// Share of the electrons of white that comes from wavelengths outside `range_um`: the largest over the colours of the
+/// filter array, 0..1.
+pub fn share_outside(
+    sensor: &SensorModel,
+    optics: &PixelOptics,
+    light: &Illuminant,
+    range_um: (f64, f64),
+) -> Result<f64, ElectronsError> {
+    let white = light.white_radiance(1.0);
+    let inside = white.within(range_um);
+    let mut largest = 0.0f64;
+    for colour in sensor.cfa.colours() {
+        let curve = curve_of(sensor, colour)?;
+        let all = optics.electrons(&white, &curve);
+        let kept = inside.as_ref().map_or(0.0, |light| optics.electrons(light, &curve));
+        if all <= 0.0 {
+            return Err(ElectronsError::NoSignal(colour));
+        }
+        largest = largest.max(1.0 - kept / all);
+    }
+    Ok(largest)
+}
+
+/// The efficiency of the pixels of one colour.
+fn curve_of(sensor: &SensorModel, colour: Colour) -> Result<Spectrum, ElectronsError> {
+    curves_of(sensor)?.curve(colour).ok_or(ElectronsError::NoCurve(colour))
+}
+
 /// The quantum efficiency of a sensor that has one.
-pub(super) fn curves_of(sensor: &SensorModel) -> Result<&QuantumEfficiency, ElectronsError> {
+fn curves_of(sensor: &SensorModel) -> Result<&QuantumEfficiency, ElectronsError> {
     sensor.quantum_efficiency.as_ref().ok_or_else(|| ElectronsError::NoCurves(sensor.name.clone()))
 }
 
@@ -129,5 +192,52 @@ impl ColourElectrons {
             }
         }
         light
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bands::{bands_within, even_bands};
+    use super::*;
+    use crate::sensor::CfaPattern;
+
+    /// A monochrome sensor that answers with 0.6 from 0.3 to 1.1 um.
+    fn mono() -> SensorModel {
+        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let curves =
+            QuantumEfficiency { wavelength_um: vec![0.3, 1.1], clear: vec![0.6, 0.6], ..Default::default() };
+        SensorModel {
+            quantum_efficiency: Some(curves),
+            cfa: CfaPattern::MONO,
+            ..SensorModel::from_toml(text).unwrap()
+        }
+    }
+
+    #[test]
+    fn infrared_light_of_a_bulb_counts() {
+        let light = Illuminant::named("blackbody:2856").unwrap();
+        let optics = PixelOptics { pixel_um: 5.86, f_number: 4.4, time_s: 0.005, transmission: None };
+        let range = white_range_um(&mono(), &optics, &light).unwrap();
+        assert_eq!(range, (0.3, 1.1));
+        let bands = even_bands(range.0, range.1, bands_within(range, 0.02));
+        let white = ThreeBand::new(&mono(), &optics, &light, 500.0, &bands).unwrap().white_e();
+        let efficiency = Spectrum::new(vec![0.3, 1.1], vec![0.6, 0.6]).unwrap();
+        let exact = optics.electrons(&light.white_radiance(500.0), &efficiency);
+        assert!((white / exact - 1.0).abs() < 2e-3, "{white} {exact}");
+        // The visible alone is a seventh of it.
+        let left_out = share_outside(&mono(), &optics, &light, (0.4, 0.7)).unwrap();
+        assert!((left_out - (1.0 - 1.0 / 6.56)).abs() < 2e-3, "{left_out}");
+        assert!(share_outside(&mono(), &optics, &light, range).unwrap().abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_range_is_that_of_light_glass_and_pixels_together() {
+        let light = Illuminant::named("FL11").unwrap();
+        let glass = Spectrum::new(vec![0.2, 0.45, 0.5, 0.6, 0.65], vec![0.0, 0.0, 0.9, 0.9, 0.0]).unwrap();
+        let optics = PixelOptics { pixel_um: 5.86, f_number: 4.4, time_s: 0.005, transmission: Some(glass) };
+        assert_eq!(white_range_um(&mono(), &optics, &light), Ok((0.45, 0.65)));
+        let opaque = Spectrum::new(vec![0.2, 2.0], vec![0.0, 0.0]).unwrap();
+        let dark = PixelOptics { transmission: Some(opaque), ..optics };
+        assert_eq!(white_range_um(&mono(), &dark, &light), Err(ElectronsError::NoSignal(Colour::Clear)));
     }
 }

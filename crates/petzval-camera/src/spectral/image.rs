@@ -105,12 +105,10 @@ impl SpectralImage {
         &self.data[band * n..(band + 1) * n]
     }
 
-    /// The bands `first..first + 3` as the three planes that the renderer takes; the last band stands in for those that are
-    /// not there.
-    pub fn three_bands(&self, first: usize) -> (LinearImage, [usize; CHANNELS]) {
-        let bands = [0, 1, 2].map(|k| (first + k).min(self.bands() - 1));
+    /// Three bands as the planes that the renderer takes.
+    pub fn planes(&self, bands: [usize; CHANNELS]) -> LinearImage {
         let data = bands.iter().flat_map(|b| self.plane(*b).iter().copied()).collect();
-        (LinearImage { channels: CHANNELS, height: self.height, width: self.width, data }, bands)
+        LinearImage { channels: CHANNELS, height: self.height, width: self.width, data }
     }
 }
 
@@ -127,7 +125,7 @@ mod tests {
             data: vec![0.0, 1.0, 2.0, 3.0],
         };
         assert!(good.validate().is_ok());
-        assert_eq!(good.three_bands(1).0.data, [2.0, 3.0, 2.0, 3.0, 2.0, 3.0]);
+        assert_eq!(good.planes([1, 0, 1]).data, [2.0, 3.0, 0.0, 1.0, 2.0, 3.0]);
         let short = SpectralImage { data: vec![0.0; 3], ..good.clone() };
         assert!(matches!(short.validate(), Err(SpectralImageError::Length { expected: 4, .. })));
         let back = SpectralImage { wavelength_um: vec![0.5, 0.4], ..good.clone() };

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bands::band_mean;
+use super::bands::{band_mean, ends};
 use super::colour_checker::{CHART_COLUMNS, CHART_ROWS, ChartData, colour_checker};
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
@@ -141,18 +141,27 @@ impl ReflectanceScene {
     /// The scene under `light` with an illuminance of `lux`: radiance `E(l) rho(l) / pi` in the bands around `band_um`
     /// (ascending, at least two), each the mean over its hat function.
     pub fn under(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
-        let white = light.white_radiance(lux);
-        let bands: Vec<Vec<f64>> =
-            self.materials.iter().map(|reflectance| band_mean(&[&white, reflectance], band_um)).collect();
-        let n = self.height * self.width;
-        let mut data = vec![0.0f32; n * band_um.len()];
-        data.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(band, plane)| {
-            let of: Vec<f32> = bands.iter().map(|material| material[band] as f32).collect();
-            for (value, (a, b, share)) in plane.iter_mut().zip(&self.pixels) {
-                *value = (1.0 - share) * of[*a as usize] + share * of[*b as usize];
-            }
-        });
+        let radiance = self.radiance(light, lux, band_um);
+        let data = (0..band_um.len()).flat_map(|band| self.plane(&radiance, band)).collect();
         SpectralImage { wavelength_um: band_um.to_vec(), height: self.height, width: self.width, data }
+    }
+
+    /// Radiance of each material in each band, W m-2 sr-1 nm-1, `[material][band]`. Beyond the wavelengths at which a
+    /// material was measured its reflectance keeps its last value.
+    pub fn radiance(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> Vec<Vec<f64>> {
+        let white = light.white_radiance(lux);
+        let range = ends(band_um);
+        self.materials
+            .iter()
+            .map(|reflectance| band_mean(&[&white, &reflectance.held(range)], band_um))
+            .collect()
+    }
+
+    /// One band, row by row, with the [`radiance`](Self::radiance) of the materials.
+    pub fn plane(&self, radiance: &[Vec<f64>], band: usize) -> Vec<f32> {
+        let of: Vec<f32> = radiance.iter().map(|material| material[band] as f32).collect();
+        let mixed = |(a, b, share): &(u8, u8, f32)| (1.0 - share) * of[*a as usize] + share * of[*b as usize];
+        self.pixels.par_iter().map(mixed).collect()
     }
 }
 

@@ -109,6 +109,39 @@ impl Spectrum {
         Self { wavelength_um: self.wavelength_um.clone(), value }
     }
 
+    /// The part of the curve between two wavelengths, um; `None` if it reaches over none of them.
+    pub fn within(&self, (low_um, high_um): (f64, f64)) -> Option<Self> {
+        let (first, last) = self.range_um();
+        let (low, high) = (low_um.max(first), high_um.min(last));
+        let inner = self.wavelength_um.iter().copied().filter(|um| low < *um && *um < high);
+        let knots: Vec<f64> = [low].into_iter().chain(inner).chain([high]).collect();
+        let value = knots.iter().map(|um| self.at(*um)).collect();
+        Self::new(knots, value).ok()
+    }
+
+    /// The curve, with its first and last value held beyond its samples as far as these wavelengths, um.
+    pub fn held(&self, (low_um, high_um): (f64, f64)) -> Self {
+        let mut held = self.clone();
+        let (first, last) = self.range_um();
+        if POSSIBLE_UM.contains(&low_um) && low_um < first {
+            held.wavelength_um.insert(0, low_um);
+            held.value.insert(0, self.value[0]);
+        }
+        if POSSIBLE_UM.contains(&high_um) && high_um > last {
+            held.wavelength_um.push(high_um);
+            held.value.push(self.value[self.value.len() - 1]);
+        }
+        held
+    }
+
+    /// Shortest and longest wavelength, um, outside of which the curve is zero; `None` if it is zero everywhere.
+    pub fn support_um(&self) -> Option<(f64, f64)> {
+        let first = self.value.iter().position(|v| *v != 0.0)?;
+        let last = self.value.iter().rposition(|v| *v != 0.0)?;
+        let end = (last + 1).min(self.value.len() - 1);
+        Some((self.wavelength_um[first.saturating_sub(1)], self.wavelength_um[end]))
+    }
+
     /// The product with another curve, sampled at the wavelengths of both where both are known; linear between those.
     ///
     /// `None` where the curves overlap in less than two wavelengths. For an exact integral of the product use [`integral`].
@@ -152,6 +185,23 @@ fn common_knots(curves: &[&Spectrum]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_part_a_held_end_and_the_support_of_a_curve() {
+        let tent = curve(&[(0.4, 0.0), (0.5, 0.0), (0.6, 2.0), (0.7, 0.0), (0.8, 0.0)]);
+        assert_eq!(tent.support_um(), Some((0.5, 0.7)));
+        assert_eq!(tent.scaled(0.0).support_um(), None);
+        let part = tent.within((0.55, 0.9)).unwrap();
+        assert_eq!(part.range_um(), (0.55, 0.8));
+        assert!((integral(&[&part]) - 0.175).abs() < 1e-12);
+        assert_eq!(tent.within((0.9, 1.0)), None);
+        let slope = curve(&[(0.5, 1.0), (0.6, 3.0)]);
+        let held = slope.held((0.4, 0.7));
+        for (um, value) in [(0.45, 1.0), (0.55, 2.0), (0.65, 3.0)] {
+            assert!((held.at(um) - value).abs() < 1e-12);
+        }
+        assert_eq!(slope.held((0.52, 0.58)), slope);
+    }
 
     fn curve(samples: &[(f64, f64)]) -> Spectrum {
         Spectrum::new(samples.iter().map(|s| s.0).collect(), samples.iter().map(|s| s.1).collect()).unwrap()

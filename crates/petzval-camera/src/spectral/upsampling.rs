@@ -8,7 +8,7 @@
 
 use std::sync::OnceLock;
 
-use super::bands::band_mean;
+use super::bands::{band_mean, ends};
 use super::colour::{Matrix3, apply, srgb_from_xyz, xyz_from_srgb};
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
@@ -60,22 +60,24 @@ pub fn srgb_of_reflectance(reflectance: &Spectrum) -> [f64; 3] {
 /// A photograph as the spectral image of a matt print under `light` with an illuminance of `lux`: radiance
 /// `E(l) rho(l) / pi` in the bands around `band_um` (ascending, at least two), each the mean over its hat function.
 pub fn upsample(photo: &LinearImage, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
-    let bands = basis_bands(light, lux, band_um);
-    let n = photo.height * photo.width;
-    let mut data = Vec::with_capacity(n * band_um.len());
-    for band in 0..band_um.len() {
-        let weight = [0, 1, 2].map(|c| bands[c][band] as f32);
-        let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
-        let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
-        data.extend((0..n).map(|i| weight[0] * r[i] + weight[1] * g[i] + weight[2] * b[i]));
-    }
+    let radiance = basis_bands(light, lux, band_um);
+    let data = (0..band_um.len()).flat_map(|band| print_plane(photo, &radiance, band)).collect();
     SpectralImage { wavelength_um: band_um.to_vec(), height: photo.height, width: photo.width, data }
 }
 
-/// Radiance of each basis reflectance in each band, W m-2 sr-1 nm-1, `[colour][band]`.
+/// Radiance of each basis reflectance in each band, W m-2 sr-1 nm-1, `[colour][band]`. Beyond 380..780 nm the three keep
+/// their last values, so that white is the perfect diffuser at every wavelength.
 pub fn basis_bands(light: &Illuminant, lux: f64, band_um: &[f64]) -> [Vec<f64>; 3] {
     let white = light.white_radiance(lux);
-    srgb_basis().each_ref().map(|basis| band_mean(&[&white, basis], band_um))
+    srgb_basis().each_ref().map(|basis| band_mean(&[&white, &basis.held(ends(band_um))], band_um))
+}
+
+/// One band of a matt print, row by row, with the radiance of [`basis_bands`].
+pub(super) fn print_plane(photo: &LinearImage, radiance: &[Vec<f64>; 3], band: usize) -> Vec<f32> {
+    let weight = radiance.each_ref().map(|colour| colour[band] as f32);
+    let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
+    let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
+    (0..r.len()).map(|i| weight[0] * r[i] + weight[1] * g[i] + weight[2] * b[i]).collect()
 }
 
 fn d65() -> Spectrum {

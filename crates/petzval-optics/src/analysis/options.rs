@@ -116,7 +116,7 @@ pub(super) fn round_up(value: f64) -> f64 {
 }
 
 /// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil over the pupil's diameter and the index there.
-pub(crate) fn image_f_number(lens: &Lens) -> f64 {
+pub fn image_f_number(lens: &Lens) -> f64 {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
     let index = sequence.surfaces.last().map_or(1.0, |s| s.n_after.abs());

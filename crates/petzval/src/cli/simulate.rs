@@ -11,14 +11,18 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::camera::develop::{correct_shading, develop};
 use petzval::camera::image::{LinearImage, load_image};
-use petzval::camera::render::{Placement, illumination_map, render};
-use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+use petzval::camera::render::{Placement, render};
+use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+use petzval::camera::spectral::{Matrix3, apply};
 use petzval::design::error::DesignError;
 use petzval::design::light_path::SHADING_FLOOR;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use self::camera::{Camera, camera};
 use super::{Failure, print_json};
+
+/// Electrons of white unless something else is asked for.
+const WHITE_E: f32 = 16_000.0;
 
 /// How a photograph lands on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -42,8 +46,8 @@ enum Isp {
 /// NAME-raw.tiff.toml, which says how it was taken; and NAME-developed.png, 8 bit sRGB.
 ///
 /// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
-/// scene:slanted-edge, scene:siemens-star) and photographs under --illuminant or --illuminance-lux are simulated over the
-/// spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
+/// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
+/// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Photographs (PNG, JPEG, TIFF), spectral images, or scene:NAME
@@ -64,9 +68,10 @@ pub struct Args {
     /// How a photograph lands on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
-    /// Photoelectrons that white gives in a green pixel on the axis; over the spectrum the light says how many
-    #[arg(long, default_value_t = 16000.0, value_name = "E", conflicts_with_all = ["illuminant", "illuminance_lux"])]
-    white_e: f32,
+    /// Photoelectrons that white gives in a green pixel on the axis; over the spectrum the light says how many, and this is
+    /// refused [default: 16000]
+    #[arg(long, value_name = "E")]
+    white_e: Option<f32>,
     /// Exposure time, s
     #[arg(long, default_value_t = 0.005, value_name = "S")]
     time_s: f32,
@@ -94,9 +99,11 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let Isp::Linear = args.isp;
-    for (name, value, max) in
-        [("--white-e", args.white_e, 1e7), ("--time-s", args.time_s, 1e4), ("--gain", args.gain, 1e3)]
-    {
+    for (name, value, max) in [
+        ("--white-e", args.white_e.unwrap_or(WHITE_E), 1e7),
+        ("--time-s", args.time_s, 1e4),
+        ("--gain", args.gain, 1e3),
+    ] {
         if !(value > 0.0 && value <= max) {
             return Err(Failure::input(
                 format!("{name} {value}: not between 0 and {max}"),
@@ -123,10 +130,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         .collect::<Result<_, Failure>>()?;
     let camera = camera(&args)?;
     Failure::folder(&args.out)?;
-    let bar = ProgressBar::new(photos.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}, {eta} left") {
-        bar.set_style(style);
-    }
+    let bar = progress_bar(photos.len(), "{pos}/{len}");
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
         bar.set_message(name.clone());
@@ -137,10 +141,24 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&json!(written));
     }
-    for w in &written {
+    print_paths(&written);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints where raw frames and developed pictures are.
+fn print_paths(written: &[Value]) {
+    for w in written {
         println!("{}\n{}", w["raw"].as_str().unwrap_or(""), w["developed"].as_str().unwrap_or(""));
     }
-    Ok(ExitCode::SUCCESS)
+}
+
+/// A bar on stderr; `count` is what stands behind it.
+fn progress_bar(length: usize, count: &str) -> ProgressBar {
+    let bar = ProgressBar::new(length as u64);
+    if let Ok(style) = ProgressStyle::with_template(&format!("{{msg}} [{{bar:30}}] {count}, {{eta}} left")) {
+        bar.set_style(style);
+    }
+    bar
 }
 
 /// Name of the results: that of the file or of the scene.
@@ -151,35 +169,67 @@ fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
 }
 
-/// Takes one photograph and writes its raw frame and its developed picture.
-fn take(
-    args: &Args,
-    camera: &Camera,
-    name: &str,
-    photo: &LinearImage,
-    frame: u64,
-) -> Result<serde_json::Value, Failure> {
-    let (height, width) = (camera.sensor.height, camera.sensor.width);
-    let scene = match args.place {
-        Place::Fill => photo.cover(height, width),
-        Place::Centre => photo.centred(height, width),
-    };
-    let placement = Placement { row: 0, col: 0 };
-    let mut light = render(&camera.geometry, &camera.bank, &scene.pad_replicate(camera.border), placement)
-        .map_err(DesignError::from)?;
-    let layout = camera.bank.layout();
-    let map =
-        illumination_map(&camera.geometry, &layout, &camera.bank.illumination, placement, height, width)
-            .map_err(DesignError::from)?;
-    light.data.iter_mut().zip(&map.data).for_each(|(l, m)| *l *= m);
-    let exposure = Exposure { white_e: args.white_e, time_s: args.time_s, linear_gain: args.gain };
-    let capture = Capture { exposure, placement, frame };
-    let mode = if args.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
-    let raw = expose(&light, &camera.sensor, &capture, &Noise { mode, seed: args.seed })
-        .map_err(DesignError::from)?;
-    let developed = develop(&raw, &camera.sensor).map_err(DesignError::from)?;
-    let developed = correct_shading(&developed, &map, SHADING_FLOOR).map_err(DesignError::from)?;
+/// A picture laid on the pixels of the sensor.
+fn placed(args: &Args, picture: &LinearImage, sensor: &SensorModel) -> LinearImage {
+    let (height, width) = (sensor.height, sensor.width);
+    if (picture.height, picture.width) == (height, width) {
+        return picture.clone();
+    }
+    match args.place {
+        Place::Fill => picture.cover(height, width),
+        Place::Centre => picture.centred(height, width),
+    }
+}
 
-    let facts = output::write(&args.formats, &args.out, name, &raw, &camera.sensor, &developed)?;
-    Ok(json!(facts))
+/// A picture on the sensor as the lens images it in three colours: spread by the PSFs, dimmed off the axis.
+fn through_lens(camera: &Camera, picture: &LinearImage) -> Result<LinearImage, DesignError> {
+    let placement = Placement { row: 0, col: 0 };
+    let mut light = render(&camera.geometry, &camera.bank, &picture.pad_replicate(camera.border), placement)?;
+    light.data.iter_mut().zip(&camera.illumination.data).for_each(|(l, m)| *l *= m);
+    Ok(light)
+}
+
+/// Takes one photograph and writes its raw frame and its developed picture.
+fn take(args: &Args, camera: &Camera, name: &str, photo: &LinearImage, frame: u64) -> Result<Value, Failure> {
+    let light = through_lens(camera, &placed(args, photo, &camera.sensor))?;
+    let white_e = args.white_e.unwrap_or(WHITE_E);
+    let shot = Shot { name, frame, light, white_e, sensor: &camera.sensor, matrix: None };
+    Ok(json!(finish(args, camera, &shot)?))
+}
+
+/// One picture in front of the sensor.
+struct Shot<'a> {
+    name: &'a str,
+    /// Number of the frame, which keys its noise.
+    frame: u64,
+    /// Light on each pixel, 1 = white.
+    light: LinearImage,
+    white_e: f32,
+    /// The sensor, balanced for the light.
+    sensor: &'a SensorModel,
+    /// Linear sRGB from camera colours.
+    matrix: Option<&'a Matrix3>,
+}
+
+/// Exposes and develops a shot and writes the results; says where they are.
+fn finish(args: &Args, camera: &Camera, shot: &Shot) -> Result<serde_json::Map<String, Value>, Failure> {
+    let exposure = Exposure { white_e: shot.white_e, time_s: args.time_s, linear_gain: args.gain };
+    let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: shot.frame };
+    let mode = if args.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
+    let raw = expose(&shot.light, shot.sensor, &capture, &Noise { mode, seed: args.seed })
+        .map_err(DesignError::from)?;
+    // Development balances white, corrects the shading and turns camera colours into those of a display.
+    let developed = develop(&raw, shot.sensor).map_err(DesignError::from)?;
+    let mut developed =
+        correct_shading(&developed, &camera.illumination, SHADING_FLOOR).map_err(DesignError::from)?;
+    if let Some(matrix) = shot.matrix {
+        let n = developed.height * developed.width;
+        for i in 0..n {
+            let camera_rgb = [0, 1, 2].map(|c| f64::from(developed.data[c * n + i]));
+            for (c, value) in apply(matrix, camera_rgb).into_iter().enumerate() {
+                developed.data[c * n + i] = value as f32;
+            }
+        }
+    }
+    output::write(&args.formats, &args.out, shot.name, &raw, shot.sensor, &developed)
 }

@@ -6,6 +6,7 @@ use exr::meta::MetaData;
 use exr::prelude::*;
 
 use super::{MAX_VALUES, SpectralImage};
+use crate::image::exr_bytes;
 
 type Wrong = (String, &'static str);
 
@@ -14,8 +15,12 @@ const HINT: &str = "name the channels by their wavelength: `S0.450,5nm`, `450.5n
 /// No compression of OpenEXR makes an image this many times smaller; a header that claims it is damaged.
 const MOST_COMPRESSED: usize = 2000;
 
-/// Reads all channels that are named by a wavelength, of the first layer that has any; other channels are left.
-pub fn read(bytes: &[u8]) -> std::result::Result<SpectralImage, Wrong> {
+/// Attribute that holds the unit of radiance.
+const UNIT_ATTRIBUTE: &str = "emissiveUnits";
+
+/// Reads all channels that are named by a wavelength, of the first layer that has any; other channels are left. Values are
+/// multiplied by `scale`; without one the unit of the file, if it says one, must be that of all spectral images.
+pub fn read(bytes: &[u8], scale: Option<f64>) -> std::result::Result<SpectralImage, Wrong> {
     let damaged =
         |e: Error| (format!("not a readable OpenEXR file: {e}"), "give an OpenEXR file of plain pixels");
     // Look at the header first: what it claims must be possible before anything is made room for.
@@ -53,13 +58,41 @@ pub fn read(bytes: &[u8]) -> std::result::Result<SpectralImage, Wrong> {
                 "give every channel at full resolution",
             ));
         }
+        let said = [&layer.attributes.other, &picture.attributes.other];
+        if let (None, Some(unit)) = (scale, said.iter().find_map(|attributes| unit(attributes)))
+            && !is_radiance_per_nm(&unit)
+        {
+            let unit: String = unit.chars().take(80).collect();
+            return Err((format!("its values are in `{unit}` (attribute {UNIT_ATTRIBUTE})"), UNIT_HINT));
+        }
+        let factor = scale.unwrap_or(1.0);
         let mut data = Vec::with_capacity(bands.len() * width * height);
-        bands.iter().for_each(|(_, samples)| data.extend(samples.values_as_f32()));
+        for (_, samples) in &bands {
+            data.extend(samples.values_as_f32().map(|v| (f64::from(v) * factor) as f32));
+        }
         let wavelength_um = bands.iter().map(|(um, _)| *um).collect();
         return Ok(SpectralImage { wavelength_um, height, width, data });
     }
     let found: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
     Err((format!("no channel is named by a wavelength (there are {})", found.join(", ")), HINT))
+}
+
+const UNIT_HINT: &str =
+    "write the factor to W m-2 sr-1 nm-1 as `scale = ...` into a file of the same name that ends with .toml";
+
+fn unit(attributes: &std::collections::HashMap<Text, AttributeValue>) -> Option<String> {
+    attributes.iter().find_map(|(name, value)| match value {
+        AttributeValue::Text(text) if name.to_string() == UNIT_ATTRIBUTE => Some(text.to_string()),
+        _ => None,
+    })
+}
+
+/// Whether a unit is that of radiance per nm, with whatever dots, spaces and carets. The programs that write the layout
+/// of Fichet et al. leave the nm away and mean it.
+fn is_radiance_per_nm(unit: &str) -> bool {
+    let plain: String =
+        unit.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').collect::<String>().to_lowercase();
+    matches!(plain.as_str(), "wm-2sr-1" | "wm-2sr-1nm-1" | "wm-2nm-1sr-1")
 }
 
 fn read_layers(bytes: &[u8]) -> Result<Image<Layers<AnyChannels<FlatSamples>>>> {
@@ -85,25 +118,10 @@ pub fn wavelength_um(name: &str) -> Option<f64> {
 
 /// The image as float channels `S0.<nm>nm`, decimal comma, as the layout of Fichet et al. has it.
 pub fn bytes(image: &SpectralImage) -> std::result::Result<Vec<u8>, String> {
-    let channels = image
-        .wavelength_um
-        .iter()
-        .enumerate()
-        .map(|(band, um)| {
-            let name = format!("S0.{:.6}nm", um * 1000.0)
-                .replacen('.', "\u{0}", 1)
-                .replace('.', ",")
-                .replace('\u{0}', ".");
-            AnyChannel::new(name.as_str(), FlatSamples::F32(image.plane(band).to_vec()))
-        })
+    let names: Vec<String> = (image.wavelength_um.iter())
+        .map(|um| format!("S0.{}nm", format!("{:.6}", um * 1000.0).replace('.', ",")))
         .collect();
-    let layer = Layer::new(
-        (image.width, image.height),
-        LayerAttributes::default(),
-        Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(channels),
-    );
-    let mut out = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut out).map_err(|e| e.to_string())?;
-    Ok(out.into_inner())
+    let channels: Vec<(&str, &[f32])> =
+        names.iter().enumerate().map(|(band, name)| (name.as_str(), image.plane(band))).collect();
+    exr_bytes(image.height, image.width, &channels)
 }

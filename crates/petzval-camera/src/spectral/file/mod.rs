@@ -6,7 +6,8 @@
 //! | `NAME.tif`, `.tiff` | a page, or a sample of the only page, per band | sidecar `NAME.toml` |
 //! | `NAME.exr` | a channel per band | channel names: `S0.450,5nm` (A. Fichet, R. Pacanowski and A. Wilkie, "An OpenEXR layout for spectral images", JCGT 10(3), 2021), `450.5nm`, `w450` |
 //!
-//! Values are radiance in W m-2 sr-1 nm-1; a sidecar may give a factor to that unit.
+//! Values are radiance in W m-2 sr-1 nm-1; a sidecar may give a factor to that unit, also one beside an OpenEXR file, which
+//! then holds no wavelengths. An OpenEXR file that names another unit is refused without one.
 
 mod exr_file;
 mod npy_file;
@@ -20,6 +21,7 @@ use petzval_optics::format::FileError;
 pub use sidecar::{Axes, Sidecar, sidecar_path};
 
 use super::image::{SpectralImage, SpectralImageError};
+use crate::whole_file::write_whole;
 
 /// Largest number of values of an image that is read: 2 GiB.
 pub const MAX_VALUES: usize = 1 << 29;
@@ -115,7 +117,7 @@ pub fn load_spectral(path: &Path) -> Result<SpectralImage, SpectralFileError> {
         hint,
     };
     let image = match kind(path) {
-        Some(Kind::Exr) => exr_file::read(&bytes).map_err(content)?,
+        Some(Kind::Exr) => exr_file::read(&bytes, exr_scale(path)?).map_err(content)?,
         Some(Kind::Npy) => npy_file::read(&bytes, &read_sidecar(path)?).map_err(content)?,
         Some(Kind::Tiff) => tiff_file::read(&bytes, &read_sidecar(path)?).map_err(content)?,
         None => {
@@ -137,16 +139,16 @@ pub fn save_spectral(image: &SpectralImage, path: &Path) -> Result<(), SpectralF
     };
     match kind(path) {
         Some(Kind::Npy) => {
-            replace(path, &npy_file::bytes(image).map_err(content)?)?;
+            write(path, &npy_file::bytes(image).map_err(content)?)?;
             let sidecar = Sidecar {
                 wavelength_um: image.wavelength_um.clone(),
                 axes: Axes::BandsFirst,
                 scale: 1.0,
                 unit: sidecar::UNIT.to_owned(),
             };
-            replace(&sidecar_path(path), sidecar.to_toml().map_err(content)?.as_bytes())
+            write(&sidecar_path(path), sidecar.to_toml().map_err(content)?.as_bytes())
         }
-        Some(Kind::Exr) => replace(path, &exr_file::bytes(image).map_err(content)?),
+        Some(Kind::Exr) => write(path, &exr_file::bytes(image).map_err(content)?),
         _ => Err(SpectralFileError::Ending { path: path.to_owned() }),
     }
 }
@@ -162,13 +164,19 @@ fn read_sidecar(image: &Path) -> Result<Sidecar, SpectralFileError> {
     Sidecar::parse(&text).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
 }
 
-/// Writes to a temporary name and renames, so that no half of a file is ever seen.
-fn replace(path: &Path, bytes: &[u8]) -> Result<(), SpectralFileError> {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".part");
-    let part = PathBuf::from(name);
-    std::fs::write(&part, bytes).map_err(io(&part))?;
-    std::fs::rename(&part, path).map_err(io(path))
+/// The factor in the sidecar of an OpenEXR file, if there is one.
+fn exr_scale(image: &Path) -> Result<Option<f64>, SpectralFileError> {
+    let path = sidecar_path(image);
+    let text = match std::fs::read_to_string(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        other => other.map_err(io(&path))?,
+    };
+    let scale = sidecar::parse_scale(&text);
+    scale.map(Some).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), SpectralFileError> {
+    write_whole(path, bytes).map_err(io(path))
 }
 
 fn io(path: &Path) -> impl FnOnce(std::io::Error) -> SpectralFileError {

@@ -1,9 +1,10 @@
 //! Arrays of NumPy: `[bands, rows, columns]` or `[rows, columns, bands]`.
 
-use npyz::{NpyFile, WriterBuilder};
+use npyz::NpyFile;
 
 use super::sidecar::{Axes, Sidecar};
 use super::{MAX_VALUES, SpectralImage};
+use crate::image::npy_bytes;
 
 const HINT: &str = "a spectral image is an array of three axes of float32, float64, uint8 or uint16";
 
@@ -65,13 +66,6 @@ fn values(array: NpyFile<&[u8]>) -> Result<Vec<f64>, (String, &'static str)> {
 
 /// The image as a float32 array `[bands, rows, columns]`.
 pub fn bytes(image: &SpectralImage) -> Result<Vec<u8>, String> {
-    let mut out = Vec::new();
-    let shape = [image.bands() as u64, image.height as u64, image.width as u64];
-    let write = |out: &mut Vec<u8>| -> std::io::Result<()> {
-        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
-        writer.extend(image.data.iter().copied())?;
-        writer.finish()
-    };
-    write(&mut out).map_err(|e| e.to_string())?;
-    Ok(out)
+    let shape = [image.bands(), image.height, image.width].map(|n| n as u64);
+    npy_bytes(&shape, &image.data).map_err(|e| e.to_string())
 }

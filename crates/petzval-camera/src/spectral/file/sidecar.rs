@@ -44,6 +44,35 @@ fn unit() -> String {
     UNIT.to_owned()
 }
 
+/// What a sidecar of an OpenEXR file may say: its channels are named by their wavelengths.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Scale {
+    #[serde(default = "one")]
+    scale: f64,
+    #[serde(default = "unit")]
+    unit: String,
+}
+
+/// Reads the factor in the sidecar of an OpenEXR file.
+pub(super) fn parse_scale(text: &str) -> Result<f64, FileError> {
+    let read: Scale = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    check_unit(text, read.scale, &read.unit)?;
+    Ok(read.scale)
+}
+
+fn check_unit(text: &str, scale: f64, unit: &str) -> Result<(), FileError> {
+    if !(scale.is_finite() && scale > 0.0) {
+        return Err(FileError::at_key(text, &["scale"], "the factor is not positive".to_owned())
+            .hint("leave it out if the values are in the unit".to_owned()));
+    }
+    if unit != UNIT {
+        return Err(FileError::at_key(text, &["unit"], format!("only `{UNIT}` is read"))
+            .hint("give the factor to that unit as `scale`".to_owned()));
+    }
+    Ok(())
+}
+
 /// The sidecar of an image: the same name with the ending `.toml`.
 pub fn sidecar_path(image: &Path) -> PathBuf {
     image.with_extension("toml")
@@ -62,20 +91,7 @@ impl Sidecar {
             let message = "these are not at least two ascending wavelengths in um";
             return wrong("wavelength_um", message, "400 nm are 0.4 um");
         }
-        if !(sidecar.scale.is_finite() && sidecar.scale > 0.0) {
-            return wrong(
-                "scale",
-                "the factor is not positive",
-                "leave it out if the values are in the unit",
-            );
-        }
-        if sidecar.unit != UNIT {
-            return wrong(
-                "unit",
-                &format!("only `{UNIT}` is read"),
-                "give the factor to that unit as `scale`",
-            );
-        }
+        check_unit(text, sidecar.scale, &sidecar.unit)?;
         Ok(sidecar)
     }
 

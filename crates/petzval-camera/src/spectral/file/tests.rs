@@ -107,6 +107,44 @@ fn tiff_pages_and_samples_are_bands() {
 }
 
 #[test]
+fn the_unit_of_an_exr_is_read_and_its_sidecar_scales_it() {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
+        WritableImage,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("d.exr");
+    let write = |unit: Option<&str>| {
+        let band = |name, value| AnyChannel::new(name, FlatSamples::F32(vec![value; 6]));
+        let channels = AnyChannels::sort(vec![band("S0.400nm", 1.0), band("S0.500nm", 2.0)].into());
+        let mut attributes = LayerAttributes::default();
+        if let Some(unit) = unit {
+            let name = Text::new_or_none("emissiveUnits").unwrap();
+            attributes.other.insert(name, AttributeValue::Text(Text::new_or_none(unit).unwrap()));
+        }
+        let layer = Layer::new((3, 2), attributes, Encoding::FAST_LOSSLESS, channels);
+        Image::from_layer(layer).write().to_file(&path).unwrap();
+    };
+    for unit in [None, Some("W.m^-2.sr^-1"), Some("W m^-2 sr^-1 nm^-1")] {
+        write(unit);
+        assert_eq!(load_spectral(&path).unwrap().plane(1)[0], 2.0);
+    }
+    write(Some("W.m^-2.sr^-1.m^-1"));
+    let error = load_spectral(&path).unwrap_err().to_string();
+    assert!(error.contains("W.m^-2.sr^-1.m^-1") && error.contains("scale"), "{error}");
+    sidecar(folder.path(), "d.toml", "scale = 0.25\n");
+    assert_eq!(load_spectral(&path).unwrap().plane(1)[0], 0.5);
+    for (text, needle) in [("scale = -1\n", "not positive"), (WAVELENGTHS, "wavelength_um")] {
+        sidecar(folder.path(), "d.toml", text);
+        let error = load_spectral(&path).unwrap_err();
+        assert!(
+            matches!(error, SpectralFileError::Sidecar { .. }) && error.to_string().contains(needle),
+            "{error}"
+        );
+    }
+}
+
+#[test]
 fn names_of_channels_hold_wavelengths() {
     for (name, um) in [
         ("S0.450,500000nm", Some(0.4505)),
@@ -171,7 +209,7 @@ fn damaged_files_are_refused_or_read_but_never_panic() {
     let mut read = [0usize; 3];
     for _ in 0..count / 3 {
         read[0] += usize::from(npy_file::read(&damage(&npy, &mut rng), &sidecar).is_ok());
-        read[1] += usize::from(exr_file::read(&damage(&exr, &mut rng)).is_ok());
+        read[1] += usize::from(exr_file::read(&damage(&exr, &mut rng), None).is_ok());
         read[2] += usize::from(tiff_file::read(&damage(&tif, &mut rng), &sidecar).is_ok());
     }
     // Damage to values alone leaves a readable file, damage to headers does not.

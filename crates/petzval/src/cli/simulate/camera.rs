@@ -1,10 +1,12 @@
 //! The camera of a simulation: PSFs on a sensor.
 
 use petzval::built_in_assets;
+use petzval::camera::develop::develop;
+use petzval::camera::image::{CHANNELS, LinearImage};
 use petzval::camera::psf::PsfBank;
 use petzval::camera::psf_calibration::psf_file::load_psfs;
-use petzval::camera::render::{RenderGeometry, kernel_radius};
-use petzval::camera::sensor::SensorModel;
+use petzval::camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius};
+use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::lens::Lens;
@@ -14,6 +16,9 @@ use petzval::optics::pupil::Quadrature;
 use super::{Args, Failure};
 use crate::cli::psf_calibrate;
 
+/// Most pixels of a simulated frame: the largest sensors have 150 million, and each pixel takes about 100 bytes.
+const MOST_PIXELS: usize = 200_000_000;
+
 /// Everything that all photographs share.
 pub struct Camera {
     pub geometry: RenderGeometry,
@@ -21,6 +26,8 @@ pub struct Camera {
     pub sensor: SensorModel,
     /// Light that the PSFs need from outside the frame, pixels.
     pub border: usize,
+    /// Relative illumination of the pixels in three colours.
+    pub illumination: LinearImage,
     /// The lens and how its PSFs are traced; none behind measured PSFs.
     pub traced: Option<(Lens, PsfPlan)>,
 }
@@ -29,6 +36,13 @@ pub struct Camera {
 pub fn camera(args: &Args) -> Result<Camera, Failure> {
     let assets = built_in_assets();
     let sensor = assets.sensor(&args.sensor)?;
+    if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
+        return Err(Failure::input(
+            format!("{}: a frame of {}x{} pixels", args.sensor, sensor.height, sensor.width),
+            format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
+        ));
+    }
+    rehearse(args, &sensor)?;
     let geometry = RenderGeometry {
         sensor_height: sensor.height,
         sensor_width: sensor.width,
@@ -44,7 +58,25 @@ pub fn camera(args: &Args) -> Result<Camera, Failure> {
         }
     };
     let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
-    Ok(Camera { geometry, bank, sensor, border, traced })
+    let origin = Placement { row: 0, col: 0 };
+    let (height, width) = (sensor.height, sensor.width);
+    let illumination = illumination_map(&geometry, &bank.layout(), &bank.illumination, origin, height, width)
+        .map_err(DesignError::from)?;
+    Ok(Camera { geometry, bank, sensor, border, illumination, traced })
+}
+
+/// Takes and develops one dark tile of the filter array: what the sensor refuses, it refuses before a lens is traced and a
+/// folder is made.
+fn rehearse(args: &Args, sensor: &SensorModel) -> Result<(), Failure> {
+    let side = |tile: usize, whole: usize| tile.max(2).min(whole);
+    let (height, width) = (side(sensor.cfa.rows(), sensor.height), side(sensor.cfa.cols(), sensor.width));
+    let exposure = Exposure { white_e: 1.0, time_s: args.time_s, linear_gain: args.gain };
+    let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 };
+    let dark = LinearImage::zeros(CHANNELS, height, width);
+    let raw = expose(&dark, sensor, &capture, &Noise { mode: NoiseMode::Off, seed: 0 })
+        .map_err(DesignError::from)?;
+    develop(&raw, sensor).map_err(DesignError::from)?;
+    Ok(())
 }
 
 /// PSFs at 13 fields from the centre of a sensor to its corner, in three colours.

@@ -1,0 +1,191 @@
+//! The light of a run in a set of bands: the electrons of white, the balance of the sensor, the colour matrix.
+
+use std::path::Path;
+
+use petzval::camera::sensor::{Colour, SensorError, SensorModel};
+use petzval::camera::spectral::{
+    ColourMatrix, ThreeBand, band_weights, bands_within, even_bands, fit_colour_matrix, share_outside,
+    white_range_um,
+};
+use petzval::design::error::DesignError;
+use serde_json::{Map, Value, json};
+
+use super::super::{Args, Camera, Failure};
+use super::request::Request;
+
+/// Bands of scenes and photographs are at most so far apart, um, and at least so many, unless --bands says otherwise.
+const BAND_STEP_UM: f64 = 0.020;
+const LEAST_BANDS: usize = 16;
+/// Share of the electrons of white whose loss is told; and share of its peak at which a curve is not at its end yet.
+const TOLD_SHARE: f64 = 0.01;
+/// Electrons of white that a simulation can be made for.
+const WHITE_E: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+
+/// Everything that follows from light, lens and sensor in a set of bands.
+pub struct Light {
+    pub band_um: Vec<f64>,
+    /// Electrons per unit radiance of each colour and band.
+    pub weights: Vec<(Colour, Vec<f64>)>,
+    pub white: ThreeBand,
+    /// The sensor, balanced for the light.
+    pub sensor: SensorModel,
+    pub matrix: Option<ColourMatrix>,
+    /// Share of the electrons of white that these bands leave out.
+    left_out: f64,
+}
+
+impl Light {
+    /// Even bands over all wavelengths at which light, lens and sensor have something.
+    pub fn over_all(args: &Args, request: &Request, camera: &Camera) -> Result<Self, Failure> {
+        let range = white_range_um(&camera.sensor, &request.optics, &request.illuminant)
+            .map_err(DesignError::from)?;
+        let count = args.spectral.bands.unwrap_or(bands_within(range, BAND_STEP_UM).max(LEAST_BANDS));
+        let light = Self::new(request, camera, even_bands(range.0, range.1, count))?;
+        light.check_white(args, request)?;
+        Ok(light)
+    }
+
+    /// The bands of a file: white is what can be seen of it there.
+    pub fn in_file(
+        args: &Args,
+        request: &Request,
+        camera: &Camera,
+        path: &Path,
+        band_um: &[f64],
+    ) -> Result<Self, Failure> {
+        let light = Self::new(request, camera, band_um.to_vec()).map_err(|error| {
+            Failure::input(
+                format!("{}: in its bands, {}, {error}", path.display(), range_nm(band_um)),
+                "light, lens and pixels need wavelengths in common with the bands of the file",
+            )
+        })?;
+        light.check_white(args, request)?;
+        Ok(light)
+    }
+
+    fn new(request: &Request, camera: &Camera, band_um: Vec<f64>) -> Result<Self, DesignError> {
+        let (sensor, optics, illuminant) = (&camera.sensor, &request.optics, &request.illuminant);
+        let weights = band_weights(sensor, optics, &band_um)?;
+        let white = ThreeBand::new(sensor, optics, illuminant, request.lux, &band_um)?;
+        let matrix = fit_colour_matrix(sensor, optics, illuminant, &band_um)?;
+        let range = (band_um[0], band_um[band_um.len() - 1]);
+        let left_out = share_outside(sensor, optics, illuminant, range)?;
+        let sensor = white.balanced(sensor);
+        sensor.validate().map_err(SensorError::from)?;
+        Ok(Self { band_um, weights, white, sensor, matrix, left_out })
+    }
+
+    /// Refuses light that is nothing, or too much, for any sensor.
+    fn check_white(&self, args: &Args, request: &Request) -> Result<(), Failure> {
+        let white_e = self.white.white_e();
+        if WHITE_E.contains(&white_e) {
+            return Ok(());
+        }
+        let what = format!(
+            "white gives {white_e:e} electrons under {} lux (--illuminance-lux) in {} s (--time-s)",
+            request.lux, args.time_s
+        );
+        Err(Failure::input(what, format!("light and time for {WHITE_E:?} electrons can be simulated")))
+    }
+
+    /// Tells on stderr what these bands leave out, and where the lens is traced beyond what is known of its glasses.
+    /// `whose` is the file that the bands are of.
+    pub fn warn(&self, request: &Request, camera: &Camera, whose: Option<&Path>) {
+        if self.left_out > TOLD_SHARE {
+            let file = whose.map(|path| format!("{}: ", path.display())).unwrap_or_default();
+            eprintln!(
+                "warning: {file}the bands, {}, leave out {:.1} % of the electrons that white would give",
+                range_nm(&self.band_um),
+                100.0 * self.left_out
+            );
+        }
+        if whose.is_none() {
+            warn_of_cut_light(request, &camera.sensor);
+        }
+        let seen = |band: &usize| self.weights.iter().any(|(_, weight)| weight[*band] > 0.0);
+        let seen: Vec<f64> = (0..self.band_um.len()).filter(seen).map(|band| self.band_um[band]).collect();
+        request.warn_of_glasses(&seen);
+    }
+
+    /// What the light gives, for the JSON of an image.
+    pub fn facts(&self, args: &Args, request: &Request) -> Map<String, Value> {
+        let white_of: Map<String, Value> = (self.white.rows.iter())
+            .map(|(colour, row)| (colour.letter().to_string(), json!(row.iter().sum::<f64>())))
+            .collect();
+        let matrix = self.matrix.as_ref().filter(|_| !args.spectral.no_colour_matrix);
+        let facts = [
+            ("illuminant", json!(request.illuminant.name)),
+            ("illuminance_lux", json!(request.lux)),
+            ("f_number", json!(request.optics.f_number)),
+            ("time_s", json!(args.time_s)),
+            ("bands_um", json!(self.band_um)),
+            ("share_left_out", json!(self.left_out)),
+            ("three_band", json!(args.spectral.three_band)),
+            ("white_e", json!(self.white.white_e())),
+            ("white_e_by_colour", json!(white_of)),
+            ("relative_qe", json!(self.sensor.relative_qe)),
+            (
+                "colour_matrix",
+                json!(matrix.map(|m| json!({
+                    "linear_srgb_from_camera": m.matrix,
+                    "mean_delta_e_1976": m.mean_delta_e,
+                    "worst_delta_e_1976": m.worst_delta_e,
+                }))),
+            ),
+        ];
+        facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+
+    /// What the light gives, for a person.
+    pub fn says(&self, args: &Args, request: &Request) -> String {
+        let mut says = format!(
+            "white under {} lux of {} gives {:.0} electrons in {} at f/{:.2} and {} s",
+            request.lux,
+            request.illuminant.name,
+            self.white.white_e(),
+            if self.white.rows.len() > 1 { "a green pixel" } else { "a pixel" },
+            request.optics.f_number,
+            args.time_s,
+        );
+        let coloured = [Colour::Red, Colour::Green, Colour::Blue]
+            .iter()
+            .all(|colour| self.white.white_of(*colour).is_some());
+        match &self.matrix {
+            _ if args.spectral.no_colour_matrix => {}
+            Some(matrix) => says.push_str(&format!(
+                "\nthe colour matrix shows the ColorChecker with a mean dE*ab of {:.1}, at most {:.1}",
+                matrix.mean_delta_e, matrix.worst_delta_e
+            )),
+            None if coloured => {
+                says.push_str("\nthere is no colour matrix: the curves of the pixels tell no colours apart");
+            }
+            None => {}
+        }
+        says
+    }
+}
+
+/// Tells on stderr where the table of a light ends while it shines and the pixels would see more of it.
+fn warn_of_cut_light(request: &Request, sensor: &SensorModel) {
+    let power = &request.illuminant.power;
+    let peak = power.value().iter().copied().fold(0.0, f64::max);
+    let (first, last) = power.range_um();
+    for (um, beyond_um) in [(first, first - 1e-3), (last, last + 1e-3)] {
+        let passes = request.optics.transmission.as_ref().map_or(1.0, |tau| tau.at(beyond_um));
+        let curves = sensor.quantum_efficiency.as_ref();
+        let sees = |colour: &Colour| {
+            curves.and_then(|c| c.curve(*colour)).is_some_and(|c| c.at(beyond_um) > TOLD_SHARE)
+        };
+        if power.at(um) > TOLD_SHARE * peak && passes > TOLD_SHARE && sensor.cfa.colours().iter().any(sees) {
+            eprintln!(
+                "warning: nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
+                request.illuminant.name,
+                1000.0 * um
+            );
+        }
+    }
+}
+
+fn range_nm(band_um: &[f64]) -> String {
+    format!("{:.0} to {:.0} nm", 1000.0 * band_um[0], 1000.0 * band_um[band_um.len() - 1])
+}
