@@ -43,7 +43,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
             let ideal = number(&simulated["l1_ideal_pixels"][c]);
             assert!(ideal < number(&simulated["l1_of_demosaicing"][c]) + 1.6 * floor, "{}", position["name"]);
             for axis in 0..2 {
-                let error = number(&simulated["centroid_error_px"][c][axis]);
+                let error = number(&simulated["centroid_error_same_mosaic_px"][c][axis]);
                 errors.push(error / number(&position["noise_floor"]["centroid_px"][c][axis]));
             }
         }
@@ -54,6 +54,31 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
     }
     // z-test of 30 errors, false alarms once in 10,000 runs (4.65 standard deviations); 48 draws know these to 10 %.
     assert!(errors.iter().all(|e| e.abs() < 5.2), "{errors:?}");
+
+    // What demosaicing does to a centroid is not hidden: on the sharp axis it is ten times the noise.
+    let axis = &positions[0];
+    let bias = |axis: &Value| number(&axis[0]).hypot(number(&axis[1]));
+    let simulated = &axis["simulated"];
+    assert!(
+        bias(&simulated["centroid_error_ideal_pixels_px"][1])
+            > 10.0 * bias(&axis["noise_floor"]["centroid_px"][1])
+    );
+    // The bank says where it put each position, and how well it predicts what it has not seen.
+    for axis in 0..2 {
+        let at = |key: &str| number(&positions[0][key][axis]);
+        assert!((at("bank_middle_px") - number(&positions[0]["centroid_px"][1][axis])).abs() < 1.0);
+    }
+    for field in found["bank"]["fit"].as_array().unwrap() {
+        let lone = number(&field["positions"]) < 2.0;
+        assert_eq!(field["held_out"]["by"], if lone { "pixels" } else { "positions" });
+        for c in 0..3 {
+            let of = |key: &str| number(&field["held_out"][key][c]);
+            assert!(of("l1") > 0.5 * of("l1_of_noise") && of("l1") < 1.0 && of("chi2") > 0.5, "{field}");
+            let told = field["warnings"].to_string();
+            assert!(of("l1") <= 1.5 * of("l1_of_noise") || told.contains("took no part"), "{field}");
+            assert!(number(&field["chi2"][c]) <= 1.2 || told.contains("do not explain"), "{field}");
+        }
+    }
 
     // The files are there, and whole.
     let page = std::fs::read_to_string(at.join("psfs/psf-calibration.html")).unwrap();

@@ -6,7 +6,7 @@
 
 use super::PsfCalibrationError;
 use super::landing::{FinePsf, Spot};
-use super::measure::{Frame, Measured, PixelPsf, extract, extract_ideal, l1};
+use super::measure::{Frame, Measured, PixelPsf, centroid, extract, extract_ideal, l1};
 use crate::image::CHANNELS;
 
 /// What simulation says of a measured place.
@@ -22,10 +22,15 @@ pub struct Comparison {
     pub l1_ideal: [f64; CHANNELS],
     /// L1 distance of the fair PSF from the ideal one: demosaicing alone, without noise.
     pub demosaic_l1: [f64; CHANNELS],
-    /// Measured less simulated centroid of each channel, (row, column), px. Where the place of the image is not known, the
-    /// simulated PSF stays where it fits best, and only differences between channels say something.
+    /// Measured less simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts both, so this
+    /// is what noise does. Where the place of the image is not known, the simulated PSF stays where it fits best, and only differences
+    /// between channels say something.
     pub centroid_error_px: [[f64; 2]; CHANNELS],
-    /// Whether the place of the image was known.
+    /// Measured less ideal-pixel centroid, which is the error that a user of the measured centroid has: what demosaicing does is in it.
+    pub centroid_error_ideal_px: [[f64; 2]; CHANNELS],
+    /// Centroid of the simulated PSF on ideal pixels in the same round window, (row, column) in the frame, px.
+    pub ideal_centroid_px: [[f64; 2]; CHANNELS],
+    /// Whether the place of the image was known, and within the frame.
     pub is_placed: bool,
 }
 
@@ -36,7 +41,7 @@ const MOVES: usize = 4;
 const STEP_PX: f64 = 0.02;
 
 /// Compares where the simulated PSF fits best, and says how far the measured centroid is from that at `expected`, the window place
-/// (row, column) of the reference chief ray, if it is known.
+/// (row, column) of the reference chief ray, if it is known. A place from which the PSF leaves the frame counts as not known.
 pub fn compare(
     measured: &Measured,
     frame: &Frame,
@@ -54,7 +59,12 @@ pub fn compare(
         let fair = extract(&frame.mosaic(&light), frame, goal, corner, position)?;
         Ok::<_, PsfCalibrationError>((light, fair))
     };
-    let placed = expected_px.map(&land).transpose()?;
+    // The PSF where the chief ray should be has its own crop and its own window of the centroid: the two may be far apart.
+    let placed = expected_px.and_then(|at| {
+        let light = simulated.land(Spot { row: at[0], col: at[1], azimuth_rad }, pixel_um, size);
+        let fair = extract(&frame.mosaic(&light), frame, at, None, position).ok()?;
+        Some((light, fair))
+    });
 
     // The centroid brings the two within a hundredth of a pixel; noise of the faint surround keeps it from doing better.
     let (_, near) = land(goal)?;
@@ -85,16 +95,24 @@ pub fn compare(
         (light, fair) = land(at)?;
     }
     let ideal = extract_ideal(&light, frame.width, measured.psf.corner);
-    let beside = placed.as_ref().map_or(&fair, |(_, placed)| placed);
+    let (beside_light, beside) = placed.as_ref().map_or((&light, &fair), |(light, fair)| (light, fair));
+    let ideal_centroid_px: [[f64; 2]; CHANNELS] = std::array::from_fn(|c| {
+        let plane: Vec<f32> = beside_light[c].iter().map(|v| *v as f32).collect();
+        let start = beside.centroid_px[c];
+        centroid(&plane, frame, start).map_or(start, |(centre, _)| centre)
+    });
+    let less = |from: &[[f64; 2]; CHANNELS]| {
+        std::array::from_fn(|c| [0, 1].map(|axis| measured.psf.centroid_px[c][axis] - from[c][axis]))
+    };
     let each = |a: &[Vec<f64>; CHANNELS], b: &[Vec<f64>; CHANNELS]| std::array::from_fn(|c| l1(&a[c], &b[c]));
     Ok(Comparison {
         l1: each(&measured.psf.values, &fair.values),
         l1_ideal: each(&measured.psf.values, &ideal),
         demosaic_l1: each(&fair.values, &ideal),
-        centroid_error_px: std::array::from_fn(|c| {
-            [0, 1].map(|axis| measured.psf.centroid_px[c][axis] - beside.centroid_px[c][axis])
-        }),
-        is_placed: expected_px.is_some(),
+        centroid_error_px: less(&beside.centroid_px),
+        centroid_error_ideal_px: less(&ideal_centroid_px),
+        ideal_centroid_px,
+        is_placed: placed.is_some(),
         fair,
         ideal,
     })

@@ -2,23 +2,21 @@
 //!
 //! A pixel has integrated the light over its area already. The renderer integrates what it is given over pixels *again*,
 //! and turns it first; measured pixels used as its cells would be blurred twice as soon as they are turned. So the bank
-//! holds not the pixels but the light that explains them: cells `x >= 0` of a third of a pixel with
+//! holds not the pixels but light that explains them: cells `x >= 0` of a third of a pixel with
 //!
 //! ```text
-//! y_j = (A_j x)_j + noise,    A_j: turn to the azimuth of position j, put at its centroid, integrate over pixels
+//! y_j = (A_j x)_j + noise,    A_j: turn to the azimuth of position j, put at its middle, integrate over pixels
 //! ```
 //!
-//! `A_j` is the renderer's own operator ([`Landing`]), so rendering a point returns what was measured. Positions
-//! of one field radius at several azimuths and sub-pixel phases see the same x, which is what makes cells below a pixel
-//! knowable. Each channel is fitted to the *mosaic's* own pixels of its colour: nothing is demosaiced.
+//! `A_j` is the renderer's own operator ([`Landing`]). Each channel is fitted to the *mosaic's* own pixels of its colour:
+//! nothing is demosaiced. The fit is in `ascent`.
 //!
-//! The fit is Richardson and Lucy's, with the read noise as the offset of Snyder et al. (J. Opt. Soc. Am. A 10, 1014,
-//! 1993): `u <- u B'[(y + b)/(B u + b)] / B'1`, `b = var(y) T - y` in electrons. There are more cells than pixels, so the
-//! cells are a sum of round blobs, `x = G u` and `B = A G` (the method of sieves, Snyder & Miller 1985), of a standard
-//! deviation of 0.42, 0.27 or 0.17 pixels, the first that explains the pixels: no detail is made up that they do not ask for. The renderer's PSF is that of a
-//! rotationally symmetric lens, so u is kept symmetric about the field's own axis and, in the middle of the image, seen at eight
-//! azimuths. The fit stops when residuals are as large as the noise (mean square over variance at 1), when 20 rounds lower
-//! that by less than 0.03 %, or at 1500 rounds. Cells beyond half the crop stay dark but for the blobs' rim.
+//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are three sub-pixel
+//! phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise can be far off for
+//! another phase or azimuth. So the fit is as smooth as explains best what was held out (`held_out`), and what that costs, chi^2 and
+//! L1 distance on pixels that took no part, stands beside every field. The renderer's PSF is that of a rotationally
+//! symmetric lens, so the cells are symmetric about the field's own axis and, in the middle of the image, seen at eight azimuths.
+//! Cells beyond half the crop stay dark but for the blobs' rim.
 //!
 //! The cells also hold the field's *light*. The sum of a demosaiced spot is no measure of it: of a spot as small as a pixel a red
 //! pixel in four catches much or little, by where it falls. Positions of one radius see one source through a rotationally symmetric
@@ -31,9 +29,12 @@
 
 use rayon::prelude::*;
 
-use super::landing::{Landing, Spot};
-use super::measure::{CROP, Frame, Measured};
+use super::ascent::{Ascent, landing, pixels};
+use super::held_out::{Choice, Fold, HeldOut, HeldOutBy, choose, start, tile_folds};
+use super::landing::Landing;
+use super::measure::{COLOURS, CROP, Frame, Measured};
 use super::merge::Merged;
+use super::register::{explain, misplaced};
 use crate::image::CHANNELS;
 use crate::psf::{PsfBank, PsfError};
 
@@ -43,32 +44,20 @@ pub const CELLS_PER_PIXEL: usize = 3;
 /// Cells along a side of the bank's grid.
 pub const GRID: usize = CROP * CELLS_PER_PIXEL;
 
-/// Rounds of the fit at most.
-const ROUNDS: usize = 800;
-
-/// The fit is looked at so often, in rounds, ...
-const LOOK: usize = 20;
-
-/// ... and ends when it gained less than this share since.
-const GAIN: f64 = 3e-4;
-
-/// Standard deviations of a blob, cells, from smooth to sharp: the first that explains the pixels is taken.
-const BLOBS_CELLS: [f64; 3] = [1.25, 0.8, 0.5];
-
-/// Mean squared residual over the variance at which pixels count as explained.
+/// Mean squared residual over the variance up to which pixels count as explained.
 const EXPLAINED: f64 = 1.2;
+
+/// L1 distance on held-out pixels, over that of noise, up to which a field counts as known.
+const KNOWN: f64 = 1.5;
 
 /// How often positions are put right between fits, ...
 const REGISTRATIONS: usize = 4;
 
-/// ... which take so many rounds.
+/// ... which take so many rounds, ...
 const REGISTRATION_ROUNDS: usize = 100;
 
-/// Step of the differences behind a registration, px.
-const STEP_PX: f64 = 0.02;
-
-/// Farthest that one registration moves a position, px.
-const MOST_PX: f64 = 0.3;
+/// ... with blobs of this standard deviation, cells.
+const REGISTRATION_BLOB: f64 = 0.8;
 
 /// Azimuths at which a position on the axis counts.
 const AXIS_AZIMUTHS: usize = 8;
@@ -100,12 +89,53 @@ pub struct FieldEstimate {
     pub field_radius_mm: f64,
     /// Positions that see it.
     pub positions: usize,
-    /// Mean squared residual over the variance, per channel; 1 where the bank explains the pixels down to noise.
+    /// Mean squared residual of the fitted pixels over the variance, per channel. Says whether the positions agree, not how
+    /// well the PSF is known: see `held_out`.
     pub chi2: [f64; CHANNELS],
+    /// The same and the L1 distance for pixels that took no part in a fit. Smoothness was chosen by them, which flatters
+    /// them a little.
+    pub held_out: HeldOut,
+    /// Standard deviation of the blobs chosen, per channel, px.
+    pub blob_px: [f64; CHANNELS],
     /// Rounds of the fit, per channel.
     pub rounds: [usize; CHANNELS],
+    /// Whether the fit started from the cells of green, per channel.
+    pub is_from_green: [bool; CHANNELS],
     /// Where the middle of the PSF lies in the window of each position: its index in the list of places, and (row, column), px.
     pub middle_px: Vec<(usize, [f64; 2])>,
+}
+
+impl FieldEstimate {
+    /// What a careful reader should know.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let named = |of: &dyn Fn(usize) -> bool, figure: &dyn Fn(usize) -> f64| -> Vec<String> {
+            let told = (0..CHANNELS).filter(|c| of(*c));
+            told.map(|c| format!("{} {:.2}", COLOURS[c], figure(c))).collect()
+        };
+        let unexplained = named(&|c| self.chi2[c] > EXPLAINED, &|c| self.chi2[c]);
+        if !unexplained.is_empty() {
+            warnings.push(format!(
+                "the fitted cells do not explain the fitted pixels: chi2 {} where noise gives 1",
+                unexplained.join(", ")
+            ));
+        }
+        if self.held_out.by == HeldOutBy::Pixels {
+            warnings.push(
+                "one position only: how the PSF looks at another sub-pixel phase was not tested".to_owned(),
+            );
+        }
+        let score = &self.held_out.score;
+        let unknown =
+            named(&|c| score[c].l1() > KNOWN * score[c].noise_l1(), &|c| score[c].l1() / score[c].noise_l1());
+        if !unknown.is_empty() {
+            warnings.push(format!(
+                "pixels that took no part in the fit are missed by more than noise: L1 over that of noise {}",
+                unknown.join(", ")
+            ));
+        }
+        warnings
+    }
 }
 
 /// The bank of measured PSFs, and how each field was fitted.
@@ -133,75 +163,18 @@ pub fn estimate_bank(places: &[Place], pixel_um: f64) -> Result<(PsfBank, Vec<Fi
         values: Vec::new(),
         illumination: Vec::new(),
     };
-    let mut axis_light = 0.0;
+    let fitted: Vec<Fitted> = fields.par_iter().map(|members| fit_field(places, members, pixel_um)).collect();
+    // Half of the pixels see green, a quarter red; lenses dim all colours nearly alike.
+    let axis_light = fitted[0].green_light;
     let mut estimates = Vec::new();
-    for members in &fields {
-        let field: Vec<&Place> = members.iter().map(|i| &places[*i]).collect();
-        let count = field.len() as f64;
-        let radius_mm = field.iter().map(|p| p.field_radius_mm).sum::<f64>() / count;
-        // On the axis no azimuth is special.
-        let turns = if radius_mm < SAME_FIELD_MM { AXIS_AZIMUTHS } else { 1 };
-        let turn = |k: usize| std::f64::consts::TAU * k as f64 / turns as f64;
-        let seen: Vec<Place> = (0..turns)
-            .flat_map(|k| field.iter().map(move |p| Place { azimuth_rad: p.azimuth_rad + turn(k), ..**p }))
-            .collect();
-        let land = |middle: &[[f64; 2]]| -> Vec<Landing> {
-            let at = middle.iter().cycle();
-            seen.iter().zip(at).map(|(p, at)| landing(p, *at, pixel_um)).collect()
-        };
-        let fit_all = |landings: &[Landing], blob: f64, rounds: usize| -> Vec<Fit> {
-            (0..CHANNELS).into_par_iter().map(|c| fit(&seen, landings, c, blob, rounds)).collect()
-        };
-
-        // Demosaiced centroids of sharp spots are off by parts of a pixel, each its own: put the positions right.
-        let mut middle: Vec<[f64; 2]> = field.iter().map(|p| p.measured.psf.centroid_px[1]).collect();
-        for _ in 0..REGISTRATIONS {
-            let fits = fit_all(&land(&middle), BLOBS_CELLS[1], REGISTRATION_ROUNDS);
-            let outward = outward_px(&fits[1].cells);
-            for (place, middle) in field.iter().zip(&mut middle) {
-                let moved = misplaced(place, *middle, &fits, pixel_um);
-                let (sin, cos) = place.azimuth_rad.sin_cos();
-                // And keep the green centroid in the middle of the grid; on the axis it is there.
-                let outward = if turns > 1 { 0.0 } else { outward };
-                *middle = [middle[0] + moved[0] + outward * sin, middle[1] + moved[1] + outward * cos];
-            }
+    for field in fitted {
+        for cells in &field.cells {
+            let sum: f64 = cells.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+            bank.values.extend(cells.iter().map(|v| (v / sum) as f32));
         }
-        let landings = land(&middle);
-        let channels: Vec<Fit> = (0..CHANNELS)
-            .into_par_iter()
-            .map(|c| {
-                let mut best = fit(&seen, &landings, c, BLOBS_CELLS[0], ROUNDS);
-                for blob in &BLOBS_CELLS[1..] {
-                    if best.chi2 <= EXPLAINED {
-                        break;
-                    }
-                    let sharper = fit(&seen, &landings, c, *blob, ROUNDS);
-                    if sharper.chi2 < best.chi2 {
-                        best = sharper;
-                    }
-                }
-                best
-            })
-            .collect();
-        let mut light = [0.0; CHANNELS];
-        for (c, fit) in channels.iter().enumerate() {
-            let sum: f64 = fit.cells.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-            bank.values.extend(fit.cells.iter().map(|v| (v / sum) as f32));
-            light[c] = sum * field.iter().map(|p| p.light_factor).sum::<f64>() / count;
-        }
-        // Half of the pixels see green, a quarter red; lenses dim all colours nearly alike.
-        if estimates.is_empty() {
-            axis_light = light[1];
-        }
-        bank.illumination.extend([(light[1] / axis_light) as f32; CHANNELS]);
-        bank.field_radius_mm.push(radius_mm);
-        estimates.push(FieldEstimate {
-            field_radius_mm: radius_mm,
-            positions: field.len(),
-            chi2: [0, 1, 2].map(|c| channels[c].chi2),
-            rounds: [0, 1, 2].map(|c| channels[c].rounds),
-            middle_px: members.iter().copied().zip(middle).collect(),
-        });
+        bank.illumination.extend([(field.green_light / axis_light) as f32; CHANNELS]);
+        bank.field_radius_mm.push(field.estimate.field_radius_mm);
+        estimates.push(field.estimate);
     }
     // The renderer's fields start on the axis.
     if bank.field_radius_mm[0] < SAME_FIELD_MM {
@@ -216,41 +189,115 @@ pub fn estimate_bank(places: &[Place], pixel_um: f64) -> Result<(PsfBank, Vec<Fi
     Ok((bank, estimates))
 }
 
-/// The renderer's operator for one position: cells to pixels of the window, the middle of the grid at (row, column).
-fn landing(place: &Place, [row, col]: [f64; 2], pixel_um: f64) -> Landing {
-    let spot = Spot { row, col, azimuth_rad: place.azimuth_rad };
-    let size = (place.frame.height, place.frame.width);
-    Landing::new((GRID, pixel_um / CELLS_PER_PIXEL as f64), spot, 0.0, pixel_um, size)
+/// One field, fitted.
+struct Fitted {
+    /// Light of each cell, electrons/s.
+    cells: [Vec<f64>; CHANNELS],
+    /// Light of green, times the factor of its place.
+    green_light: f64,
+    estimate: FieldEstimate,
 }
 
-/// How far a position's middle is from where the fitted cells explain its pixels best, (row, column), px: one Gauss-Newton step
-/// over all colours.
-fn misplaced(place: &Place, middle: [f64; 2], fits: &[Fit], pixel_um: f64) -> [f64; 2] {
-    let at = |row: f64, col: f64| landing(place, [middle[0] + row, middle[1] + col], pixel_um);
-    let landings = [at(0.0, 0.0), at(STEP_PX, 0.0), at(0.0, STEP_PX)];
-    let (mut normal, mut right) = ([0.0; 3], [0.0; 2]);
-    for (channel, fit) in fits.iter().enumerate() {
-        let landed = [0, 1, 2].map(|k| landings[k].land(&fit.cells));
-        for d in pixels(place, channel) {
-            let expected = d.time_s * landed[0][d.pixel];
-            let by = [1, 2].map(|k| d.time_s * (landed[k][d.pixel] - landed[0][d.pixel]) / STEP_PX);
-            // Where the fit is not there yet, its own variance is the fairer one.
-            let weight = 1.0 / (d.variance + 1e-4 * expected * expected);
-            let residual = d.value - expected;
-            normal = [
-                normal[0] + weight * by[0] * by[0],
-                normal[1] + weight * by[0] * by[1],
-                normal[2] + weight * by[1] * by[1],
-            ];
-            right = [right[0] + weight * by[0] * residual, right[1] + weight * by[1] * residual];
+/// Fits the cells of the field that the positions `members` see.
+fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
+    let field: Vec<Place> = members.iter().map(|i| places[*i]).collect();
+    let count = field.len() as f64;
+    let radius_mm = field.iter().map(|p| p.field_radius_mm).sum::<f64>() / count;
+    // On the axis no azimuth is special.
+    let turns = if radius_mm < SAME_FIELD_MM { AXIS_AZIMUTHS } else { 1 };
+    let (middle, cells) = register(&field, turns, pixel_um);
+    let (seen, landings) = sights(&field, &middle, turns, pixel_um);
+
+    // How smooth? Each position is predicted by the others, or a part of the pixels by the rest.
+    let folds = if field.len() > 1 {
+        (0..field.len())
+            .into_par_iter()
+            .map(|held| {
+                let rest: Vec<Place> =
+                    field.iter().enumerate().filter(|(i, _)| *i != held).map(|(_, p)| *p).collect();
+                let (middle, cells) = register(&rest, turns, pixel_um);
+                let (seen, landings) = sights(&rest, &middle, turns, pixel_um);
+                let start = field[held].measured.psf.centroid_px[1];
+                let (middle, _) = explain(&field[held], start, cells.each_ref().map(|c| &c[..]), pixel_um);
+                Fold { seen, landings, held: field[held], middle, part: None }
+            })
+            .collect()
+    } else {
+        tile_folds(&seen, &landings, field[0], middle[0])
+    };
+    // Lateral colour, to whole cells, for fits that start from green.
+    let outward = [0, 1, 2].map(|c| {
+        let cells_out = CELLS_PER_PIXEL as f64 * (outward_px(&cells[c]) - outward_px(&cells[1]));
+        cells_out.round() as isize
+    });
+    let (choice, held_out) = choose(&folds, outward, pixel_um);
+
+    let fit = |c: usize, green: Option<&Vec<f64>>| {
+        let Choice { blob, is_from_green, rounds } = choice[c];
+        let from = green.filter(|_| is_from_green).map(|cells| (&cells[..], outward[c]));
+        let data = seen.iter().map(|p| pixels(p, c)).collect();
+        let mut ascent = Ascent::new(&landings, data, blob, start(&seen, c, from));
+        (0..rounds).for_each(|_| ascent.advance());
+        (ascent.chi2(), ascent.cells)
+    };
+    let green = fit(1, None);
+    let (red, blue) = (fit(0, Some(&green.1)), fit(2, Some(&green.1)));
+    let light: f64 = green.1.iter().sum();
+    let estimate = FieldEstimate {
+        field_radius_mm: radius_mm,
+        positions: field.len(),
+        chi2: [red.0, green.0, blue.0],
+        held_out,
+        blob_px: choice.map(|c| c.blob / CELLS_PER_PIXEL as f64),
+        rounds: choice.map(|c| c.rounds),
+        is_from_green: choice.map(|c| c.is_from_green),
+        middle_px: members.iter().copied().zip(middle).collect(),
+    };
+    let factor = field.iter().map(|p| p.light_factor).sum::<f64>() / count;
+    Fitted { cells: [red.1, green.1, blue.1], green_light: light * factor, estimate }
+}
+
+/// Positions of a field at each azimuth at which they count, and their landings.
+fn sights<'a>(
+    field: &[Place<'a>],
+    middle: &[[f64; 2]],
+    turns: usize,
+    pixel_um: f64,
+) -> (Vec<Place<'a>>, Vec<Landing>) {
+    let turn = |k: usize| std::f64::consts::TAU * k as f64 / turns as f64;
+    let seen: Vec<Place> = (0..turns)
+        .flat_map(|k| field.iter().map(move |p| Place { azimuth_rad: p.azimuth_rad + turn(k), ..*p }))
+        .collect();
+    let landings = seen.iter().zip(middle.iter().cycle()).map(|(p, at)| landing(p, *at, pixel_um)).collect();
+    (seen, landings)
+}
+
+/// Where the middles of the positions of a field lie, and the cells that say so. Demosaiced centroids of sharp spots are off by
+/// parts of a pixel, each its own.
+fn register(field: &[Place], turns: usize, pixel_um: f64) -> (Vec<[f64; 2]>, [Vec<f64>; CHANNELS]) {
+    let mut middle: Vec<[f64; 2]> = field.iter().map(|p| p.measured.psf.centroid_px[1]).collect();
+    let mut cells: [Vec<f64>; CHANNELS] = Default::default();
+    for _ in 0..REGISTRATIONS {
+        let (seen, landings) = sights(field, &middle, turns, pixel_um);
+        let fits: Vec<Vec<f64>> = (0..CHANNELS)
+            .into_par_iter()
+            .map(|c| {
+                let data = seen.iter().map(|p| pixels(p, c)).collect();
+                let mut ascent = Ascent::new(&landings, data, REGISTRATION_BLOB, start(&seen, c, None));
+                (0..REGISTRATION_ROUNDS).for_each(|_| ascent.advance());
+                ascent.cells
+            })
+            .collect();
+        cells = std::array::from_fn(|c| fits[c].clone());
+        // And keep the green centroid in the middle of the grid; on the axis it is there.
+        let outward = if turns > 1 { 0.0 } else { outward_px(&cells[1]) };
+        for (place, middle) in field.iter().zip(&mut middle) {
+            let moved = misplaced(place, *middle, cells.each_ref().map(|c| &c[..]), pixel_um);
+            let (sin, cos) = place.azimuth_rad.sin_cos();
+            *middle = [middle[0] + moved[0] + outward * sin, middle[1] + moved[1] + outward * cos];
         }
     }
-    let determinant = normal[0] * normal[2] - normal[1] * normal[1];
-    let step = [
-        (normal[2] * right[0] - normal[1] * right[1]) / determinant,
-        (normal[0] * right[1] - normal[1] * right[0]) / determinant,
-    ];
-    step.map(|s| if s.is_finite() { s.clamp(-MOST_PX, MOST_PX) } else { 0.0 })
+    (middle, cells)
 }
 
 /// Centroid of cells along the field's own axis, from the middle of the grid outwards, px.
@@ -259,121 +306,4 @@ fn outward_px(cells: &[f64]) -> f64 {
     let sum: f64 = cells.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let moment: f64 = cells.iter().enumerate().map(|(i, v)| v * ((i / GRID) as f64 - centre)).sum();
     moment / sum / CELLS_PER_PIXEL as f64
-}
-
-/// The cells of one channel.
-struct Fit {
-    /// Light of each cell, electrons/s.
-    cells: Vec<f64>,
-    /// Mean squared residual over the variance.
-    chi2: f64,
-    rounds: usize,
-}
-
-/// Fits the cells of one channel as blobs of a standard deviation of `blob` cells.
-fn fit(seen: &[Place], landings: &[Landing], channel: usize, blob: f64, most_rounds: usize) -> Fit {
-    // Of each position: its pixels of this colour in electrons, offset by the read noise.
-    let data: Vec<Vec<Datum>> = seen.iter().map(|p| pixels(p, channel)).collect();
-    let light =
-        seen.iter().map(|p| p.measured.psf.light_e_per_s[channel]).sum::<f64>() / seen.len().max(1) as f64;
-    let gather = |values: &dyn Fn(&Datum, f64) -> f64, landed: &[Vec<f64>]| {
-        let mut sum = vec![0.0; GRID * GRID];
-        for ((landing, data), landed) in landings.iter().zip(&data).zip(landed) {
-            let mut window = vec![0.0; landing.height * landing.width];
-            data.iter().for_each(|d| window[d.pixel] = d.time_s * values(d, d.time_s * landed[d.pixel]));
-            sum.iter_mut().zip(landing.gather(&window)).for_each(|(s, p)| *s += p);
-        }
-        mirrored(blurred(&sum, blob))
-    };
-    let land = |cells: &[f64]| landings.iter().map(|l| l.land(cells)).collect::<Vec<_>>();
-    let count = data.iter().map(Vec::len).sum::<usize>().max(1) as f64;
-
-    // Start from even light within the circle that the crop holds at any azimuth.
-    let centre = 0.5 * (GRID as f64 - 1.0);
-    let mut blobs: Vec<f64> = (0..GRID * GRID)
-        .map(|i| ((i / GRID) as f64 - centre).hypot((i % GRID) as f64 - centre))
-        .map(|distance| if distance < 0.5 * GRID as f64 { light / (GRID * GRID) as f64 } else { 0.0 })
-        .collect();
-    let mut cells = blurred(&blobs, blob);
-    let mut landed = land(&cells);
-    let sensitivity = gather(&|_, _| 1.0, &landed);
-    let (mut chi2, mut looked, mut rounds) = (f64::INFINITY, f64::INFINITY, 0);
-    while rounds < most_rounds {
-        let ratio = gather(
-            &|d, expected| (d.value + d.offset).max(0.0) / (expected + d.offset).max(f64::MIN_POSITIVE),
-            &landed,
-        );
-        for ((light, ratio), sensitivity) in blobs.iter_mut().zip(&ratio).zip(&sensitivity) {
-            *light *= if *sensitivity > 0.0 { ratio / sensitivity } else { 0.0 };
-        }
-        cells = blurred(&blobs, blob);
-        landed = land(&cells);
-        rounds += 1;
-        if rounds % LOOK == 0 {
-            let residual = |d: &Datum, at: f64| (d.value - d.time_s * at).powi(2) / d.variance;
-            let of = |(data, landed): (&Vec<Datum>, &Vec<f64>)| -> f64 {
-                data.iter().map(|d| residual(d, landed[d.pixel])).sum()
-            };
-            chi2 = data.iter().zip(&landed).map(of).sum::<f64>() / count;
-            if chi2 <= 1.0 || chi2 > (1.0 - GAIN) * looked {
-                break;
-            }
-            looked = chi2;
-        }
-    }
-    Fit { cells, chi2, rounds }
-}
-
-/// Every cell as a round blob: a Gaussian along rows and columns. Its own transpose, as long as nothing reaches the rim.
-fn blurred(cells: &[f64], blob: f64) -> Vec<f64> {
-    const REACH: usize = 4;
-    let weights: Vec<f64> =
-        (0..=2 * REACH).map(|k| (-0.5 * ((k as f64 - REACH as f64) / blob).powi(2)).exp()).collect();
-    let sum: f64 = weights.iter().sum();
-    let along = |cells: &[f64], step: usize, place: &dyn Fn(usize) -> usize| {
-        let mut out = vec![0.0; cells.len()];
-        for (i, out) in out.iter_mut().enumerate() {
-            let at = place(i);
-            let (from, to) = (at.saturating_sub(REACH), (at + REACH).min(GRID - 1));
-            *out =
-                (from..=to).map(|k| weights[k + REACH - at] * cells[i + k * step - at * step]).sum::<f64>()
-                    / sum;
-        }
-        out
-    };
-    let rows = along(cells, 1, &|i| i % GRID);
-    along(&rows, GRID, &|i| i / GRID)
-}
-
-/// The mean of a grid and its mirror image across the field's own axis.
-fn mirrored(cells: Vec<f64>) -> Vec<f64> {
-    (0..GRID * GRID).map(|i| 0.5 * (cells[i] + cells[i / GRID * GRID + GRID - 1 - i % GRID])).collect()
-}
-
-/// A pixel of the mosaic, in electrons over the whole time that it gathered light.
-struct Datum {
-    pixel: usize,
-    /// Signal.
-    value: f64,
-    /// Its variance.
-    variance: f64,
-    /// What of the variance is no shot noise of the signal.
-    offset: f64,
-    /// Time over which it gathered light, s.
-    time_s: f64,
-}
-
-/// Pixels of the crop with the channel's colour that were not saturated.
-fn pixels(place: &Place, channel: usize) -> Vec<Datum> {
-    let (row, col) = place.measured.psf.corner;
-    let of_crop = (0..CROP * CROP).map(|i| (row + i / CROP) * place.frame.width + col + i % CROP);
-    let usable = of_crop.filter(|i| place.frame.is_colour(*i, channel) && !place.merged.saturated[*i]);
-    usable
-        .map(|pixel| {
-            let time_s = place.merged.time_s[pixel];
-            let value = place.measured.mosaic_e_per_s[pixel] * time_s;
-            let variance = place.merged.variance[pixel] * time_s * time_s;
-            Datum { pixel, value, variance, offset: (variance - value.max(0.0)).max(1e-3 * variance), time_s }
-        })
-        .collect()
 }

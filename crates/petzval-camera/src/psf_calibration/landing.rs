@@ -43,17 +43,37 @@ pub struct Landing {
     shares: Vec<(u32, u32, f64)>,
 }
 
-/// Places and weights of a quadrature over a disc of radius 1, exact to fifth degree: the centre and six points
-/// (Abramowitz & Stegun 25.4.61).
-fn disc_points() -> [(f64, f64, f64); 7] {
-    let mut points = [(0.0, 0.0, 0.25); 7];
-    for (k, point) in points.iter_mut().enumerate().skip(1) {
-        let (sin, cos) = (std::f64::consts::TAU * k as f64 / 6.0).sin_cos();
-        let radius = (2.0f64 / 3.0).sqrt();
-        *point = (radius * cos, radius * sin, 0.125);
+/// Places and weights of a quadrature over a disc of radius 1 whose diameter is `diameter_px` pixels.
+///
+/// Up to a pixel: the centre and six points, exact to fifth degree (Abramowitz & Stegun 25.4.61). Beyond, seven points would be
+/// seven images; rings of equal cells then, half a pixel apart, the second moment exact: ring k of n has `3 (2k - 1)` points at
+/// radius `sqrt(k^2 - k + 1/2) / n`.
+fn disc_points(diameter_px: f64) -> Vec<(f64, f64, f64)> {
+    if diameter_px <= 0.0 {
+        return vec![(0.0, 0.0, 1.0)];
     }
-    points
+    let at = |radius: f64, turn: f64| {
+        let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+        (radius * cos, radius * sin)
+    };
+    if diameter_px <= 1.0 {
+        let ring = (0..6).map(|k| at((2.0f64 / 3.0).sqrt(), f64::from(k) / 6.0));
+        return std::iter::once((0.0, 0.0, 0.25)).chain(ring.map(|(x, y)| (x, y, 0.125))).collect();
+    }
+    let rings = diameter_px.ceil().min(MOST_RINGS) as usize;
+    let weight = 1.0 / (3 * rings * rings) as f64;
+    (1..=rings)
+        .flat_map(|k| {
+            let count = 3 * (2 * k - 1);
+            let radius = ((k * k - k) as f64 + 0.5).sqrt() / rings as f64;
+            (0..count).map(move |i| at(radius, (i as f64 + 0.5 * (k % 2) as f64) / count as f64))
+        })
+        .map(|(x, y)| (x, y, weight))
+        .collect()
 }
+
+/// Rings at most: discs of more pixels than this are wider than any window and come out coarse.
+const MOST_RINGS: f64 = 32.0;
 
 impl Landing {
     /// The shares of `grid` x `grid` cells of `pitch_um` on `height` x `width` pixels of `pixel_um`, the middle of the grid at
@@ -68,15 +88,14 @@ impl Landing {
         let (sin, cos) = spot.azimuth_rad.sin_cos();
         let cell = pitch_um / pixel_um;
         let centre = 0.5 * (grid as f64 - 1.0);
-        let disc = disc_points();
-        let points = if disc_um > 0.0 { &disc[..] } else { &[(0.0, 0.0, 1.0)] };
+        let points = disc_points(disc_um / pixel_um);
         let mut shares = Vec::new();
         for index in 0..grid * grid {
             let y_psf = ((index / grid) as f64 - centre) * cell;
             let x_psf = ((index % grid) as f64 - centre) * cell;
             // The PSF's rows point away from the axis, its columns a right angle back from there.
             let (x, y) = (spot.col + x_psf * sin + y_psf * cos, spot.row - x_psf * cos + y_psf * sin);
-            for (dx, dy, weight) in points {
+            for (dx, dy, weight) in &points {
                 let reach = 0.5 * disc_um / pixel_um;
                 let (x, y) = (x + reach * dx, y + reach * dy);
                 for (row, share_y) in spans(y, cell, height) {

@@ -157,7 +157,7 @@ fn window(distance_px: f64) -> f64 {
 }
 
 /// Windowed centroid of a plane, (row, column), and the light in the window; `None` if there is none.
-fn centroid(plane: &[f32], frame: &Frame, start: [f64; 2]) -> Option<([f64; 2], f64)> {
+pub(super) fn centroid(plane: &[f32], frame: &Frame, start: [f64; 2]) -> Option<([f64; 2], f64)> {
     const MOVES: usize = 50;
     let mut centre = start;
     let mut light = 0.0;

@@ -13,7 +13,7 @@
 //! | centroid, crop, background, and their noise floor | [`measure`] |
 //! | light of a finely sampled PSF on the pixels of a window | [`landing`] |
 //! | measured beside simulated | [`compare`] |
-//! | PSFs on fine cells from several azimuths, for the renderer | [`estimate`] |
+//! | PSFs on fine cells from several azimuths, for the renderer; how well they predict | [`estimate`], [`held_out`], [`register`] |
 //! | a bank of PSFs as files | [`psf_file`] |
 //! | frames of a simulated source, and the spectrum of its diode | [`capture`], [`led`] |
 //! | a folder of captures from its manifest to measured PSFs | [`folder`] |
@@ -21,18 +21,21 @@
 //! Method: Tseng et al. 2021, supplement section 11. What is ours is said where it happens: the weights of the merge, the
 //! predicted noise floor, and the bank.
 
+mod ascent;
 pub mod average;
 pub mod capture;
 pub mod compare;
 mod error;
 pub mod estimate;
 pub mod folder;
+pub mod held_out;
 pub mod landing;
 pub mod led;
 pub mod manifest;
 pub mod measure;
 pub mod merge;
 pub mod psf_file;
+pub mod register;
 
 pub use error::PsfCalibrationError;
 pub use folder::{CalibratedPosition, calibrate_position, read_manifest};

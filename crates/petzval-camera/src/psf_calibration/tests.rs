@@ -108,6 +108,72 @@ fn light_is_conserved_and_lands_where_it_is_sent() {
 }
 
 #[test]
+fn the_image_of_a_wide_pinhole_is_a_disc() {
+    let psf = FinePsf { disc_um: 8.0 * 5.86, ..fine() };
+    let seen = psf.land(SPOT, 5.86, (SIDE, SIDE));
+    // The same by the points of a fine square grid within the disc.
+    let point = FinePsf { disc_um: 0.0, ..fine() };
+    let mut truth = vec![0.0; SIDE * SIDE];
+    let mut count = 0.0;
+    for i in 0..33 * 33 {
+        let [row, col] = [i / 33, i % 33].map(|k| (k as f64 - 16.0) / 4.0);
+        if row.hypot(col) <= 4.0 {
+            let spot = Spot { row: SPOT.row + row, col: SPOT.col + col, ..SPOT };
+            truth.iter_mut().zip(&point.land(spot, 5.86, (SIDE, SIDE))[1]).for_each(|(t, v)| *t += v);
+            count += 1.0;
+        }
+    }
+    let scale = |plane: &[f64], by: f64| plane.iter().map(|v| v / by).collect::<Vec<f64>>();
+    let error = l1(&scale(&seen[1], psf.light[1]), &scale(&truth, count * point.light[1]));
+    // Seven points are off by 0.5; the reference's own square grid by a percent of the disc's rim.
+    assert!(error < 0.05, "{error}");
+}
+
+#[test]
+fn the_error_of_a_centroid_holds_what_demosaicing_does() {
+    // A spot below a pixel, without noise: through the same mosaic nothing is left, but the centroid is off.
+    let values = vec![1.0];
+    let psf = FinePsf {
+        grid: 1,
+        pitch_um: 4.0,
+        values: [values.clone(), values.clone(), values],
+        light: [5.0e5; CHANNELS],
+        disc_um: 0.0,
+    };
+    let spot = Spot { row: 31.3, col: 32.4, azimuth_rad: 0.0 };
+    let taken = take(&psf, spot, CORNER, NoiseMode::Off, 1.0, 1);
+    let comparison = against(&psf, &taken, spot);
+    for axis in 0..2 {
+        assert!(comparison.centroid_error_px[1][axis].abs() < 0.01, "{:?}", comparison.centroid_error_px);
+    }
+    let ideal = comparison.ideal_centroid_px[1];
+    // On ideal pixels, a box of 0.68 px that lies over two pixels: at most 0.16 px from its own middle.
+    assert!((ideal[0] - spot.row).hypot(ideal[1] - spot.col) < 0.25, "{ideal:?}");
+    let off = comparison.centroid_error_ideal_px[1];
+    let measured = taken.measured.psf.centroid_px[1];
+    assert!(off[0].hypot(off[1]) > 0.05, "{off:?}");
+    assert!((off[0] - (measured[0] - ideal[0])).abs() < 1e-12);
+}
+
+#[test]
+fn a_place_beyond_the_frame_is_no_place() {
+    let psf = fine();
+    let taken = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
+    for expected in [[-40.0, 30.0], [500.0, 500.0], [31.0, 2.0]] {
+        let found =
+            compare(&taken.measured, &taken.frame, &psf, 5.86, SPOT.azimuth_rad, Some(expected), "far");
+        let found = found.unwrap();
+        assert!(!found.is_placed, "{expected:?}");
+        assert!(found.l1[1] < 2e-3, "{}", found.l1[1]);
+    }
+    // Far off but within the frame: the error is told.
+    let expected = [SPOT.row + 12.0, SPOT.col - 9.0];
+    let off = compare(&taken.measured, &taken.frame, &psf, 5.86, SPOT.azimuth_rad, Some(expected), "off");
+    let off = off.unwrap().centroid_error_px[1];
+    assert!((off[0].hypot(off[1]) - 15.0).abs() < 1.0, "{off:?}");
+}
+
+#[test]
 fn gathering_is_the_transpose_of_landing() {
     let landing = Landing::new((31, 2.0), SPOT, 3.0, 5.86, (SIDE, SIDE));
     let x = crate::render::tests::noise(1, 31 * 31);

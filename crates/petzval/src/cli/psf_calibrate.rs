@@ -8,6 +8,7 @@ use petzval::built_in_assets;
 use petzval::camera::psf::PsfBank;
 use petzval::camera::psf_calibration::compare::{Comparison, compare};
 use petzval::camera::psf_calibration::estimate::{Place, estimate_bank};
+use petzval::camera::psf_calibration::held_out::HeldOutBy;
 use petzval::camera::psf_calibration::manifest::Manifest;
 use petzval::camera::psf_calibration::psf_file::{save_psfs, write_then_rename};
 use petzval::camera::psf_calibration::{
@@ -27,7 +28,8 @@ use super::{Failure, print_json};
 /// DIR holds captures.toml, which names sensor, positions, exposures and frames (`petzval psf-capture` writes one to look at).
 /// Per position the frames of each exposure are averaged, the dark signal is taken off, exposures are merged by their variance,
 /// the mosaic is filled bilinearly, and 23x23 pixels around the centroid are kept. With --lens every PSF is
-/// compared with the traced one, and errors stand beside the predicted noise floor.
+/// compared with the traced one, and errors stand beside the predicted noise floor. Fields of the bank are tested on positions
+/// that were left out of their fit; a lone position can only be tested on parts of its own pixels.
 ///
 /// Files: calibration.json, all figures; psf-calibration.html, a page to look at; psf-calibration.png, all PSFs on a sheet;
 /// measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, what `simulate --psfs` takes in place of a
@@ -134,6 +136,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             eprintln!("warning: {}: {warning}", position.name);
         }
     }
+    tell_of_bank(&calibration);
     let out = args.out.clone().unwrap_or_else(|| folder.join("psf-calibration"));
     let figures = figures(&calibration, &bank, &sensor);
     write_all(&out, &calibration, &bank, &figures)?;
@@ -194,12 +197,33 @@ fn view(name: &str, manifest: &Manifest, sensor: &SensorModel) -> Result<Pinhole
     Ok(view)
 }
 
+/// What of the bank was not confirmed, field by field.
+fn tell_of_bank(calibration: &Calibration) {
+    let told: Vec<(f64, String)> = calibration
+        .fields
+        .iter()
+        .flat_map(|f| f.warnings().into_iter().map(|w| (f.field_radius_mm, w)))
+        .collect();
+    if told.is_empty() {
+        return;
+    }
+    for (radius_mm, warning) in &told {
+        eprintln!("warning: bank, {radius_mm:.2} mm: {warning}");
+    }
+    eprintln!(
+        "warning: the bank is a smooth estimate, not the PSF below a pixel: between azimuths and sub-pixel phases that were captured it \
+         is good to the held-out L1; hint: more positions of a radius, at other azimuths and phases, lower it"
+    );
+}
+
 fn figures(calibration: &Calibration, bank: &PsfBank, sensor: &SensorModel) -> serde_json::Value {
     let positions: Vec<serde_json::Value> = calibration
         .positions
         .iter()
-        .map(|(p, comparison)| {
+        .enumerate()
+        .map(|(index, (p, comparison))| {
             let m = &p.measured;
+            let middle = calibration.fields.iter().flat_map(|f| &f.middle_px).find(|m| m.0 == index);
             let origin = [p.frame.placement.row as f64, p.frame.placement.col as f64];
             let on_sensor = |at: [f64; 2]| [origin[0] + at[0], origin[1] + at[1]];
             json!({
@@ -208,6 +232,7 @@ fn figures(calibration: &Calibration, bank: &PsfBank, sensor: &SensorModel) -> s
                 "azimuth_deg": p.azimuth_rad.to_degrees(),
                 "centroid_px": m.psf.centroid_px.map(on_sensor),
                 "centroid_standard_error_px": m.centroid_se_px,
+                "bank_middle_px": middle.map(|m| on_sensor(m.1)),
                 "crop_origin": [p.frame.placement.row + m.psf.corner.0, p.frame.placement.col + m.psf.corner.1],
                 "light_e_per_s": m.psf.light_e_per_s,
                 "background_e_per_s": m.background_e_per_s,
@@ -223,7 +248,9 @@ fn figures(calibration: &Calibration, bank: &PsfBank, sensor: &SensorModel) -> s
                     "l1": c.l1,
                     "l1_ideal_pixels": c.l1_ideal,
                     "l1_of_demosaicing": c.demosaic_l1,
-                    "centroid_error_px": c.centroid_error_px,
+                    "centroid_error_same_mosaic_px": c.centroid_error_px,
+                    "centroid_error_ideal_pixels_px": c.centroid_error_ideal_px,
+                    "centroid_ideal_pixels_px": c.ideal_centroid_px.map(on_sensor),
                     "place_is_known": c.is_placed,
                 })),
                 "warnings": p.warnings,
@@ -247,7 +274,19 @@ fn figures(calibration: &Calibration, bank: &PsfBank, sensor: &SensorModel) -> s
                 "field_radius_mm": f.field_radius_mm,
                 "positions": f.positions,
                 "chi2": f.chi2,
+                "held_out": {
+                    "by": match f.held_out.by {
+                        HeldOutBy::Positions => "positions",
+                        HeldOutBy::Pixels => "pixels",
+                    },
+                    "chi2": f.held_out.score.map(|s| s.chi2()),
+                    "l1": f.held_out.score.map(|s| s.l1()),
+                    "l1_of_noise": f.held_out.score.map(|s| s.noise_l1()),
+                },
+                "blob_px": f.blob_px,
                 "rounds": f.rounds,
+                "starts_from_green": f.is_from_green,
+                "warnings": f.warnings(),
             })).collect::<Vec<_>>(),
         },
     })
@@ -286,7 +325,7 @@ fn summary(calibration: &Calibration) -> String {
     let mut out = format!("{}: {} positions\n\n", calibration.captures, calibration.positions.len());
     out += "  position             centroid px       +-      L1 floor G";
     if calibration.lens.is_some() {
-        out += "   L1 G   of demosaicing   centroid error px";
+        out += "   L1 G   of demosaicing   centroid error px: same mosaic, ideal pixels";
     }
     out += "\n";
     for (p, comparison) in &calibration.positions {
@@ -299,11 +338,35 @@ fn summary(calibration: &Calibration) -> String {
         out +=
             &format!("  {:<16} {:>8.2} {:>8.2}   {error:.4}     {:.4}", p.name, at[0], at[1], m.floor.l1[1]);
         if let Some(c) = comparison {
-            let off = c.centroid_error_px[1];
-            let off = if c.is_placed { format!("{:.4}", off[0].hypot(off[1])) } else { "-".into() };
-            out += &format!("     {:.4}     {:.4}           {off}", c.l1[1], c.demosaic_l1[1]);
+            let off = |error: [f64; 2]| match c.is_placed {
+                true => format!("{:.4}", error[0].hypot(error[1])),
+                false => "-".into(),
+            };
+            out += &format!(
+                "     {:.4}     {:.4}           {:<13}{}",
+                c.l1[1],
+                c.demosaic_l1[1],
+                off(c.centroid_error_px[1]),
+                off(c.centroid_error_ideal_px[1])
+            );
         }
         out += "\n";
+    }
+    out += "\n  bank       positions   chi2 R, G, B         held-out L1 R, G, B      of noise\n";
+    for f in &calibration.fields {
+        let three = |of: &dyn Fn(usize) -> f64, digits: usize| {
+            [0, 1, 2].map(|c| format!("{:.digits$}", of(c))).join(" ")
+        };
+        let by = if f.held_out.by == HeldOutBy::Pixels { "  (parts of the only position)" } else { "" };
+        let score = &f.held_out.score;
+        out += &format!(
+            "  {:>5.2} mm   {:>9}   {:<18}   {:<22}   {}{by}\n",
+            f.field_radius_mm,
+            f.positions,
+            three(&|c| f.chi2[c], 2),
+            three(&|c| score[c].l1(), 3),
+            three(&|c| score[c].noise_l1(), 3),
+        );
     }
     out
 }
