@@ -59,6 +59,8 @@ pub struct PinholePsf {
 
 impl PinholeView {
     /// A source `distance_mm` from the first vertex, or far away; turned towards or moved over a plane.
+    ///
+    /// Its image must be real and, at most one pixel wide, one that the few points of [`FinePsf`]'s disc stand for.
     pub fn new(
         lens: &Lens,
         sensor: &SensorModel,
@@ -73,18 +75,26 @@ impl PinholeView {
         let object = distance_mm.map_or(ObjectDistance::Infinity, ObjectDistance::Finite);
         let near = Lens { object, ..lens.clone() };
         let image_at = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um)).image_distance_mm;
+        let image_mm = image_at(&near);
+        if let Some(distance_mm) = distance_mm.filter(|_| !(image_mm.is_finite() && image_mm > 0.0)) {
+            return Err(DesignError::NoRealImage { lens: lens.name.clone(), distance_mm });
+        }
         let refocus_mm = match refocus {
-            Refocus::OnSource => image_at(&near) - image_at(lens),
+            Refocus::OnSource => image_mm - image_at(lens),
             Refocus::Mm(mm) => mm,
         };
         let near = near.with_image_distance(lens.image_distance_mm() + refocus_mm);
         let image_scale_mm = image_height_per_tangent(&near.at_wavelength(near.reference_um)).abs();
+        let disc_um = distance_mm.map_or(0.0, |distance| pinhole_um * image_scale_mm / distance);
+        if disc_um > sensor.pixel_um {
+            return Err(DesignError::WideSource { pinhole_um, disc_um, pixel_um: sensor.pixel_um });
+        }
         let wavelengths_um = led_wavelengths_um();
         Ok(Self {
             weights: channel_weights(sensor, &wavelengths_um),
             wavelengths_um,
             quadrature: Quadrature::grid(PUPIL_CELLS)?,
-            disc_um: distance_mm.map_or(0.0, |distance| pinhole_um * image_scale_mm / distance),
+            disc_um,
             lens: near,
             distance_mm,
             camera_turned,
@@ -130,11 +140,15 @@ mod tests {
     use crate::assets::Assets;
 
     fn view(refocus: Refocus) -> PinholeView {
+        view_of(1500.0, 75.0, refocus).unwrap()
+    }
+
+    fn view_of(distance_mm: f64, pinhole_um: f64, refocus: Refocus) -> Result<PinholeView, DesignError> {
         let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
         let assets = Assets::from_folder(&data).unwrap();
         let lens = assets.lens("cooke-triplet-nominal").unwrap().lens;
         let sensor = assets.sensor("imx249-calibrated").unwrap();
-        PinholeView::new(&lens, &sensor, Some(1500.0), 75.0, true, refocus).unwrap()
+        PinholeView::new(&lens, &sensor, Some(distance_mm), pinhole_um, true, refocus)
     }
 
     /// RMS distance of green light from the middle of the grid, um.
@@ -158,6 +172,19 @@ mod tests {
         let ratio = spread_um(&far.psf) / shadow_um;
         assert!((0.6..1.2).contains(&ratio), "{ratio}");
         assert!(spread_um(&near.psf(0.0).unwrap().psf) < 0.4 * spread_um(&far.psf));
+    }
+
+    #[test]
+    fn a_source_without_an_image_or_wider_than_a_pixel_is_refused() {
+        // The front focal point is some 20 mm in front of the lens; an image of 5.86 um is that of 351 um at 1.5 m.
+        for refocus in [Refocus::OnSource, Refocus::Mm(0.0)] {
+            let near = view_of(10.0, 0.0, refocus);
+            assert!(matches!(near, Err(DesignError::NoRealImage { .. })), "{near:?}");
+        }
+        assert!(view_of(100.0, 0.0, Refocus::OnSource).is_ok());
+        assert!(view_of(1500.0, 345.0, Refocus::OnSource).is_ok());
+        let wide = view_of(1500.0, 360.0, Refocus::OnSource);
+        assert!(matches!(wide, Err(DesignError::WideSource { .. })), "{wide:?}");
     }
 
     #[test]

@@ -67,6 +67,10 @@ fn captures_are_simulated_and_measured() {
     assert!(first.stdout.contains("not resolved: the series does not reach saturation"), "{}", first.stdout);
     let names = ["sensor.toml", "results.json", "histograms.csv", "emva-gain-1-green.xml"];
     let results: Vec<String> = names.iter().map(|name| read(&at(&format!("found/{name}")))).collect();
+    // What cannot be written leaves nothing beside it.
+    std::fs::create_dir_all(at("blocked/sensor.toml")).unwrap();
+    let blocked = ["sensor", "characterize", "series", "--out", "blocked"];
+    run_fails(folder.path(), &blocked, 1, &["sensor.toml"]);
     // The number of threads does not matter.
     let again = ["sensor", "characterize", "series", "--out", "again", "--fit-histograms", "--threads", "1"];
     assert_eq!(run_ok(folder.path(), &again).stdout, first.stdout);

@@ -160,6 +160,18 @@ fn captures_with_something_wrong_are_told_of() {
     run_fails(at, &["psf-calibrate", "nowhere"], 2, &["captures.toml", "psf-capture"]);
     run_fails(at, &["psf-capture", LENS, "--out", "x", "--exposures-ms", "4,1"], 2, &["--exposures-ms"]);
     run_fails(at, &["psf-capture", LENS, "--out", "x", "--radius-mm", "nan"], 2, &["--radius-mm"]);
+
+    // Captures that are there stay: an interrupted run would leave their list beside other frames.
+    run_fails(at, &["psf-capture", LENS, "--out", "captures"], 2, &["captures.toml: captures are there"]);
+    // A source within the front focal length, one wider than a pixel, a folder that cannot be.
+    for focus in ["source", "file"] {
+        let near = ["psf-capture", LENS, "--out", "x", "--distance-mm", "10", "--focus", focus];
+        run_fails(at, &near, 2, &["10 mm", "no real image"]);
+    }
+    let wide = ["psf-capture", LENS, "--out", "x", "--pinhole-um", "10000"];
+    run_fails(at, &wide, 2, &["10000 um", "more than a pixel"]);
+    std::fs::write(at.join("file"), "").unwrap();
+    run_fails(at, &["psf-capture", LENS, "--out", "file/x", "--fields", "1"], 2, &["file/x", "--out"]);
 }
 
 #[test]
@@ -175,6 +187,7 @@ fn damaged_measured_psfs_are_refused() {
     for (from, to, needle) in [
         ("grid = 69", "grid = 68", "psfs.npy: holds"),
         ("grid = 69", "grid = 0", "grid"),
+        ("pitch_um = ", "pitch_um = 1e300 #", "`pitch_um = 1e300`"),
         ("grid = 69", "grid = 4294967296", "too many values"),
         ("field_radius_mm = [0.0", "field_radius_mm = [0.5", "radii start at 0"),
         ("values = ", "value = ", "`value = "),

@@ -15,6 +15,7 @@ use crate::image::{CHANNELS, LinearImage};
 use crate::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw_alone};
 use crate::render::Placement;
 use crate::sensor::{Capture, Colour, Exposure, Noise, NoiseMode, SensorModel, expose};
+use crate::whole_file::write_whole;
 
 /// What a series holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -215,7 +216,8 @@ pub fn write_series(
     let identity = toml::to_string(&Identity { plan, sensor }).map_err(unwritable)?;
     check_folder(folder, &identity)?;
     std::fs::create_dir_all(folder).map_err(io(folder))?;
-    write_whole(&folder.join(SERIES), identity.as_bytes())?;
+    let series = folder.join(SERIES);
+    write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
 
     let points = plan.points(sensor);
     for gain in &plan.gains {
@@ -260,7 +262,7 @@ pub fn write_series(
         })
         .collect();
     let text = manifest::write(&facts, &listed).map_err(unwritable)?;
-    write_whole(&list, text.as_bytes())?;
+    write_whole(&list, text.as_bytes()).map_err(io(&list))?;
     Ok(Written { list, frames: frames.len(), kept: kept.iter().filter(|k| **k).count() })
 }
 
@@ -280,14 +282,6 @@ fn check_folder(folder: &Path, identity: &str) -> Result<(), CaptureError> {
         }
         Err(_) => Ok(()),
     }
-}
-
-/// Writes a file under a temporary name and renames it, so that it is whole or not there.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), CaptureError> {
-    let partial = path.with_extension("partial");
-    std::fs::write(&partial, bytes)
-        .and_then(|()| std::fs::rename(&partial, path))
-        .map_err(|source| CaptureError::Io { path: path.to_owned(), source })
 }
 
 fn write_frame(
@@ -314,4 +308,22 @@ fn write_frame(
         RawFileError::Io { path, source } => CaptureError::Io { path, source },
         other => other.into(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_that_cannot_be_written_leaves_nothing_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let sensor =
+            SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        let (gains, flat_ms, dark_ms) = (vec![1.0], vec![5.0], Vec::new());
+        let plan = Plan { height: 4, width: 4, gains, flat_ms, dark_ms, ..Plan::default() };
+        std::fs::create_dir(folder.path().join(SERIES)).unwrap();
+        let error = write_series(&sensor, &plan, folder.path(), &|| ()).unwrap_err();
+        assert!(matches!(error, CaptureError::Io { .. }), "{error}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }

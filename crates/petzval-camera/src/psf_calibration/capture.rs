@@ -2,7 +2,7 @@
 
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
-use crate::sensor::{Capture, Exposure, Noise, Raw, SensorError, SensorModel, expose};
+use crate::sensor::{Capture, CfaPattern, Exposure, Noise, Raw, SensorError, SensorModel, expose};
 
 /// Light on a window of the sensor, before exposure.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,19 @@ pub struct WindowLight {
     pub placement: Placement,
     /// Electrons per second that each channel's pixels would collect, `[channel][row * width + col]`.
     pub rate_e_per_s: [Vec<f64>; CHANNELS],
+}
+
+impl WindowLight {
+    /// Rate of the brightest pixel behind its own filter, electrons/s: what the other colours would collect there, no
+    /// pixel sees. Clear pixels do not count.
+    pub fn brightest_e_per_s(&self, cfa: &CfaPattern) -> f64 {
+        let seen = |i: usize| {
+            let Placement { row, col } = self.placement;
+            let plane = cfa.colour(row + i / self.width, col + i % self.width).plane();
+            plane.map_or(0.0, |c| self.rate_e_per_s[c][i])
+        };
+        (0..self.height * self.width).map(seen).fold(0.0, f64::max)
+    }
 }
 
 /// Takes frame number `frame` of the window; frames of one seed have independent noise.
@@ -40,4 +53,27 @@ pub fn take_frame(
         linear_gain: linear_gain as f32,
     };
     expose(&irradiance, sensor, &Capture { exposure, placement: light.placement, frame }, noise)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_brightest_pixel_is_one_that_sees_the_light() {
+        // From sensor row 3, column 2, an RGGB mosaic shows green, blue; a GRBG mosaic blue, green.
+        let placement = Placement { row: 3, col: 2 };
+        let mut light = WindowLight {
+            height: 1,
+            width: 2,
+            placement,
+            rate_e_per_s: [vec![0.0; 2], vec![0.0; 2], vec![0.0; 2]],
+        };
+        // Red light on a green and a blue pixel, green light on the blue one: all unseen.
+        light.rate_e_per_s[0] = vec![9.0, 9.0];
+        light.rate_e_per_s[1] = vec![2.0, 7.0];
+        light.rate_e_per_s[2] = vec![8.0, 3.0];
+        assert_eq!(light.brightest_e_per_s(&CfaPattern::RGGB), 3.0);
+        assert_eq!(light.brightest_e_per_s(&CfaPattern::GRBG), 8.0);
+    }
 }

@@ -9,12 +9,16 @@ use serde::{Deserialize, Serialize};
 use super::PsfCalibrationError;
 use crate::image::CHANNELS;
 use crate::psf::{PsfBank, PsfError, PsfLayout};
+use crate::whole_file::write_whole;
 
 /// Name of the file with the axes.
 pub const AXES_FILE: &str = "psfs.toml";
 
 /// Most values of a bank: 1 GiB in single precision.
 const MOST_VALUES: usize = 1 << 28;
+
+/// Sizes of a cell that a PSF on pixels may have, um.
+const PITCH_UM: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 /// The axes of a bank of PSFs, as in `psfs.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,11 +43,15 @@ pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf,
     bank.validate()?;
     let values = folder.join("psfs.npy");
     let shape = [bank.field_radius_mm.len() as u64, CHANNELS as u64, bank.grid as u64, bank.grid as u64];
-    write_then_rename(&values, |out| {
-        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
-        writer.extend(bank.values.iter().copied())?;
-        writer.finish()
-    })?;
+    let mut npy = Vec::new();
+    npyz::WriteOptions::new()
+        .default_dtype()
+        .shape(&shape)
+        .writer(&mut npy)
+        .begin_nd()
+        .and_then(|mut writer| writer.extend(bank.values.iter().copied()).and_then(|()| writer.finish()))
+        .and_then(|()| write_whole(&values, &npy))
+        .map_err(PsfCalibrationError::io(&values))?;
     let axes = PsfAxes {
         source: source.to_owned(),
         values: "psfs.npy".to_owned(),
@@ -57,25 +65,31 @@ pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf,
         .map_err(|e| PsfCalibrationError::Values { path: path.clone(), reason: e.to_string() })?;
     let head = "# Point-spread functions, measured or traced, for `petzval simulate --psfs`.\n\
                 # Rows of each PSF run away from the axis; the image point is in the middle of the grid.\n";
-    write_then_rename(&path, |mut out| {
-        std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes())
-    })?;
+    write_whole(&path, format!("{head}{text}").as_bytes()).map_err(PsfCalibrationError::io(&path))?;
     Ok(path)
 }
 
 /// Reads a bank from its `psfs.toml`, or from the folder that holds one.
 pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     let path = if path.is_dir() { path.join(AXES_FILE) } else { path.to_owned() };
-    let text = std::fs::read_to_string(&path).map_err(PsfCalibrationError::io(&path))?;
+    let bytes = std::fs::read(&path).map_err(PsfCalibrationError::io(&path))?;
+    let text = String::from_utf8(bytes).map_err(|_| PsfCalibrationError::Values {
+        path: path.clone(),
+        reason: "the file is not UTF-8 text; hint: `petzval psf-calibrate` writes such files".to_owned(),
+    })?;
     let axes: PsfAxes = toml::from_str(&text)
         .map_err(|e| PsfCalibrationError::file(&path)(FileError::from_toml(&text, &e)))?;
     let wrong = |key: &str, message: String, hint: &str| {
         PsfCalibrationError::file(&path)(FileError::at_key(&text, &[key], message).hint(hint))
     };
+    if !PITCH_UM.contains(&axes.pitch_um) {
+        let message = format!("not between {} and {}", PITCH_UM.start(), PITCH_UM.end());
+        return Err(wrong("pitch_um", message, "the size of a cell in um"));
+    }
     let layout =
         PsfLayout { field_radius_mm: axes.field_radius_mm.clone(), grid: axes.grid, pitch_um: axes.pitch_um };
     layout.validate().map_err(|e| match e {
-        PsfError::Grid { .. } => wrong("grid", e.to_string(), "cells a side, and their size in um"),
+        PsfError::Grid { .. } => wrong("grid", e.to_string(), "the number of cells a side"),
         _ => wrong("field_radius_mm", e.to_string(), "radii in mm from 0 upwards"),
     })?;
     let fields = axes.field_radius_mm.len();
@@ -120,17 +134,55 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
     Ok(bank)
 }
 
-/// Writes a file under a temporary name beside it and renames it when it is whole.
-pub fn write_then_rename(
-    path: &Path,
-    write: impl FnOnce(std::io::BufWriter<std::fs::File>) -> std::io::Result<()>,
-) -> Result<(), PsfCalibrationError> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let part = path.with_file_name(name);
-    let all = || {
-        write(std::io::BufWriter::new(std::fs::File::create(&part)?))?;
-        std::fs::rename(&part, path)
-    };
-    all().map_err(PsfCalibrationError::io(path))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bank() -> PsfBank {
+        let mut values = vec![0.0; CHANNELS * 16];
+        values.chunks_exact_mut(16).for_each(|psf| psf[5] = 1.0);
+        PsfBank {
+            field_radius_mm: vec![0.0],
+            grid: 4,
+            pitch_um: 1.5,
+            values,
+            illumination: vec![1.0; CHANNELS],
+        }
+    }
+
+    #[test]
+    fn a_bank_survives_its_files_and_a_failure_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let path = save_psfs(&bank(), "test", at).unwrap();
+        assert_eq!(load_psfs(&path).unwrap(), bank());
+        assert_eq!(load_psfs(at).unwrap(), bank());
+        assert_eq!(std::fs::read_dir(at).unwrap().count(), 2);
+
+        // A folder stands where the values should go.
+        let other = tempfile::tempdir().unwrap();
+        std::fs::create_dir(other.path().join("psfs.npy")).unwrap();
+        assert!(matches!(save_psfs(&bank(), "test", other.path()), Err(PsfCalibrationError::Io { .. })));
+        assert_eq!(std::fs::read_dir(other.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_of_the_right_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = save_psfs(&bank(), "test", folder.path()).unwrap();
+        let good = std::fs::read_to_string(&path).unwrap();
+        for pitch in ["1e300", "1e-300", "nan", "-1.0", "inf"] {
+            std::fs::write(&path, good.replace("pitch_um = 1.5", &format!("pitch_um = {pitch}"))).unwrap();
+            match load_psfs(&path).unwrap_err() {
+                PsfCalibrationError::File { path: at, error } => {
+                    assert_eq!((&at, error.key.as_str(), error.value.as_str()), (&path, "pitch_um", pitch));
+                    assert!(error.line.is_some() && error.to_string().len() < 200, "{error}");
+                }
+                other => panic!("{pitch}: {other}"),
+            }
+        }
+        std::fs::write(&path, b"source = \"\xff\"").unwrap();
+        let error = load_psfs(&path).unwrap_err().to_string();
+        assert!(error.contains("psfs.toml") && error.contains("not UTF-8"), "{error}");
+    }
 }

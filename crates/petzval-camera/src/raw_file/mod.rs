@@ -54,7 +54,7 @@ impl RawFrame {
     /// An exposed frame with all that its sensor and its exposure are. Digital numbers are rounded (those of a simulation
     /// without noise are fractions) and clipped to 0..65535.
     pub fn from_raw(raw: &Raw, sensor: &SensorModel) -> Self {
-        let exposure = &raw.capture.exposure;
+        let (exposure, placement) = (&raw.capture.exposure, &raw.capture.placement);
         Self {
             height: raw.height,
             width: raw.width,
@@ -62,7 +62,8 @@ impl RawFrame {
             info: RawInfo {
                 sensor: Some(sensor.name.clone()),
                 bits: Some(sensor.bits),
-                cfa: Some(sensor.cfa),
+                // A window of the sensor begins anywhere in its mosaic.
+                cfa: Some(sensor.cfa.starting_at(placement.row, placement.col)),
                 black_level_dn: Some(sensor.black_level_dn),
                 white_level_dn: Some(sensor.max_dn()),
                 exposure_s: Some(shortest(exposure.time_s)),

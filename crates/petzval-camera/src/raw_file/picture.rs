@@ -3,6 +3,9 @@
 use std::io::Cursor;
 
 use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
+use tiff::ColorType;
+use tiff::decoder::Decoder;
+use tiff::tags::{PhotometricInterpretation, Tag};
 
 use super::{RawFrame, RawInfo, Unreadable};
 
@@ -18,6 +21,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         |reason: String| Unreadable { reason, hint: "a raw frame is a gray TIFF or PNG of 8 or 16 bits" };
     let mut reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(e.to_string()))?;
+    check_kept(bytes, reader.format()).map_err(unreadable)?;
     // A damaged header can claim any size; a file cannot hold more than its bytes can become.
     let mut limits = Limits::default();
     let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * super::MOST_PIXELS);
@@ -36,6 +40,32 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         return Err(unreadable("the picture is empty".to_owned()));
     }
     Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+}
+
+/// Refuses pictures whose samples the decoder would hand over as other numbers: those of fewer than 8 bits, which it spreads
+/// over 8, those that grow darker, which it inverts, and formats that are no array of samples (JPEG).
+fn check_kept(bytes: &[u8], format: Option<ImageFormat>) -> Result<(), String> {
+    let bits = match format {
+        // Behind the signature, the header's length and name, width and height: bits of a sample.
+        Some(ImageFormat::Png) => *bytes.get(24).ok_or("the file ends in its header")?,
+        Some(ImageFormat::Tiff) => {
+            let mut tiff = Decoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+            let meaning = tiff.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation);
+            if meaning.ok().flatten() == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
+                return Err("in its numbers white is zero (PhotometricInterpretation 0)".to_owned());
+            }
+            match tiff.colortype() {
+                Ok(ColorType::Gray(bits)) => bits,
+                // Colours are told of by what comes after.
+                _ => 8,
+            }
+        }
+        _ => return Err("neither a TIFF nor a PNG picture".to_owned()),
+    };
+    match bits {
+        8 | 16 => Ok(()),
+        bits => Err(format!("samples of {bits} bits")),
+    }
 }
 
 /// The bytes of a 16-bit gray picture.

@@ -95,6 +95,11 @@ fn a_simulated_frame_carries_its_camera() {
     assert_eq!((frame.info.black_level_dn, frame.info.white_level_dn), (Some(119.0), Some(4095.0)));
     assert_eq!(frame.info.exposure_s, Some(0.005));
     assert_eq!((frame.info.linear_gain, frame.info.pixel_um), (Some(2.0), Some(5.86)));
+
+    // A window that begins in an odd row sees the mosaic from there.
+    let capture = Capture { placement: Placement { row: 7, col: 4 }, ..capture };
+    let window = RawFrame::from_raw(&Raw { capture, ..raw }, &sensor);
+    assert_eq!(window.info.cfa, Some(CfaPattern::GBRG));
 }
 
 #[test]
@@ -104,6 +109,69 @@ fn bytes_are_read_as_they_are_and_eight_bits_are_known() {
     ::image::GrayImage::from_raw(2, 1, vec![0, 200]).unwrap().save(&path).unwrap();
     let frame = load_raw(&path).unwrap();
     assert_eq!((frame.dn, frame.info.bits), (vec![0, 200], Some(8)));
+}
+
+/// Samples that a decoder of pictures would spread, invert or round are refused: they are not the file's numbers.
+#[test]
+fn pictures_that_would_be_converted_are_refused() {
+    let says = |bytes: &[u8]| picture::decode(bytes).map_err(|e| e.reason);
+    // Two gray pixels in one row: bits of a sample with the header's checksum, and the compressed row with its own.
+    let png_of = |bits: u8, check: [u8; 4], row: &[u8]| {
+        let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x01".to_vec();
+        bytes.extend([bits, 0, 0, 0, 0].into_iter().chain(check).chain([0, 0, 0, row.len() as u8 - 4]));
+        bytes.extend(b"IDAT".iter().chain(row).chain(b"\0\0\0\0IEND\xae\x42\x60\x82"));
+        bytes
+    };
+    let eight = png_of(
+        8,
+        [0xd1, 0x49, 0x20, 0x56],
+        &[0x78, 0x9c, 0x63, 0x60, 0x64, 0x02, 0x00, 0x00, 0x07, 0x00, 0x04, 0x76, 0x49, 0xe3, 0x28],
+    );
+    let four = png_of(
+        4,
+        [0x14, 0xb9, 0xcd, 0x57],
+        &[0x78, 0x9c, 0x63, 0x10, 0x02, 0x00, 0x00, 0x14, 0x00, 0x13, 0x02, 0x1d, 0x7b, 0xdb],
+    );
+    let one = png_of(
+        1,
+        [0xdc, 0x59, 0x42, 0x27],
+        &[0x78, 0x9c, 0x63, 0x68, 0x00, 0x00, 0x00, 0x82, 0x00, 0x81, 0x77, 0xcd, 0x72, 0xb6],
+    );
+    assert_eq!(says(&eight).unwrap().dn, [1, 2]);
+    assert!(says(&four).unwrap_err().contains("samples of 4 bits"));
+    assert!(says(&one).unwrap_err().contains("samples of 1 bits"));
+
+    // One row of two numbers, 119 and 120; entries are tag, type (3 short, 4 long), value.
+    let tiff_of = |photometric: u32, bits: u32| {
+        let entries: [(u16, u16, u32); 9] = [
+            (256, 3, 2),
+            (257, 3, 1),
+            (258, 3, bits),
+            (259, 3, 1),
+            (262, 3, photometric),
+            (273, 4, 122),
+            (277, 3, 1),
+            (278, 3, 1),
+            (279, 4, 4),
+        ];
+        let mut bytes = b"II*\0\x08\0\0\0\x09\0".to_vec();
+        for (tag, kind, value) in entries {
+            bytes.extend(tag.to_le_bytes().into_iter().chain(kind.to_le_bytes()).chain([1, 0, 0, 0]));
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes.extend([0, 0, 0, 0, 119, 0, 120, 0]);
+        bytes
+    };
+    assert_eq!(says(&tiff_of(1, 16)).unwrap().dn, [119, 120]);
+    assert!(says(&tiff_of(0, 16)).unwrap_err().contains("white is zero"));
+    for bits in [1, 4] {
+        assert!(says(&tiff_of(1, bits)).unwrap_err().contains(&format!("{bits} bits")));
+    }
+
+    // JPEG rounds and bends.
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    ::image::GrayImage::new(8, 8).write_to(&mut jpeg, ::image::ImageFormat::Jpeg).unwrap();
+    assert!(says(&jpeg.into_inner()).unwrap_err().contains("neither a TIFF nor a PNG"));
 }
 
 #[test]

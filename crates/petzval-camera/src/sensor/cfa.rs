@@ -109,6 +109,15 @@ impl CfaPattern {
         self.tile[row % self.rows * self.cols + col % self.cols]
     }
 
+    /// The array as a frame shows it whose first pixel is the sensor's `(row, col)`.
+    pub fn starting_at(&self, row: usize, col: usize) -> Self {
+        let mut tile = [Colour::Clear; MAX_SIDE * MAX_SIDE];
+        for (i, colour) in tile.iter_mut().take(self.rows * self.cols).enumerate() {
+            *colour = self.colour(row % self.rows + i / self.cols, col % self.cols + i % self.cols);
+        }
+        Self { tile, ..*self }
+    }
+
     /// True for the four arrangements of the 2x2 Bayer tile.
     pub fn is_bayer(&self) -> bool {
         [Self::RGGB, Self::GRBG, Self::GBRG, Self::BGGR].contains(self)
@@ -211,6 +220,17 @@ mod tests {
         }
         assert_eq!("RG/GB".parse(), Ok(CfaPattern::RGGB));
         assert_eq!("w".parse(), Ok(CfaPattern::MONO));
+    }
+
+    #[test]
+    fn a_frame_sees_the_array_from_its_first_pixel() {
+        assert_eq!(CfaPattern::RGGB.starting_at(1, 0), CfaPattern::GBRG);
+        assert_eq!(CfaPattern::RGGB.starting_at(860, 1381), CfaPattern::GRBG);
+        let x_trans: CfaPattern = "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG".parse().unwrap();
+        let moved = x_trans.starting_at(8, 3);
+        for (row, col) in [(0, 0), (1, 4), (5, 5), (7, 11)] {
+            assert_eq!(moved.colour(row, col), x_trans.colour(8 + row, 3 + col));
+        }
     }
 
     #[test]

@@ -10,11 +10,12 @@ use petzval::camera::psf_calibration::compare::{Comparison, compare};
 use petzval::camera::psf_calibration::estimate::{Place, estimate_bank};
 use petzval::camera::psf_calibration::held_out::HeldOutBy;
 use petzval::camera::psf_calibration::manifest::Manifest;
-use petzval::camera::psf_calibration::psf_file::{save_psfs, write_then_rename};
+use petzval::camera::psf_calibration::psf_file::save_psfs;
 use petzval::camera::psf_calibration::{
     CROP, CalibratedPosition, PsfCalibrationError, calibrate_position, read_manifest,
 };
 use petzval::camera::sensor::SensorModel;
+use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholeView, Refocus};
 use petzval::design::psf_calibration_report::{Calibration, page, sheet_png};
@@ -303,21 +304,24 @@ fn write_all(
     let wrong = |e| failure(e, out);
     let text = serde_json::to_string_pretty(figures).map_err(|e| Failure::job(e.to_string()))?;
     let write = |name: &str, bytes: &[u8]| {
-        write_then_rename(&out.join(name), |mut file| std::io::Write::write_all(&mut file, bytes))
-            .map_err(wrong)
+        let path = out.join(name);
+        write_whole(&path, bytes).map_err(DesignError::io(&path))
     };
     let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
-    write_then_rename(&out.join("measured.npy"), |file| {
-        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(file).begin_nd()?;
-        let psfs = calibration.positions.iter().flat_map(|(p, _)| p.measured.psf.values.iter().flatten());
-        writer.extend(psfs.copied())?;
-        writer.finish()
-    })
-    .map_err(wrong)?;
+    let psfs = calibration.positions.iter().flat_map(|(p, _)| p.measured.psf.values.iter().flatten());
+    let mut npy = Vec::new();
+    npyz::WriteOptions::new()
+        .default_dtype()
+        .shape(&shape)
+        .writer(&mut npy)
+        .begin_nd()
+        .and_then(|mut writer| writer.extend(psfs.copied()).and_then(|()| writer.finish()))
+        .map_err(|e| Failure::job(format!("measured.npy: {e}")))?;
+    write("measured.npy", &npy)?;
     write("psf-calibration.png", &sheet_png(calibration))?;
     write("psf-calibration.html", page(calibration).as_bytes())?;
     save_psfs(bank, &format!("measured: {}", calibration.captures), out).map_err(wrong)?;
-    write("calibration.json", text.as_bytes())
+    Ok(write("calibration.json", text.as_bytes())?)
 }
 
 /// A few lines for people.

@@ -10,16 +10,15 @@ use petzval::camera::psf_calibration::capture::{WindowLight, take_frame};
 use petzval::camera::psf_calibration::manifest::{
     ExposureFiles, MANIFEST_FILE, Manifest, Position, Source, unspanned,
 };
-use petzval::camera::psf_calibration::psf_file::write_then_rename;
-use petzval::camera::psf_calibration::{CROP, Spot};
+use petzval::camera::psf_calibration::{CROP, FinePsf, Spot};
 use petzval::camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval::camera::render::Placement;
 use petzval::camera::sensor::{Noise, NoiseMode, SensorModel};
+use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholePsf, PinholeView, Refocus};
 use serde_json::json;
 
-use super::psf_calibrate::failure;
 use super::{Failure, print_json};
 
 /// Where the lens is focused.
@@ -47,7 +46,8 @@ enum Axis {
 /// A pinhole lit by a white diode of 4900 K is put at field radii along the vertical, horizontal and diagonal of the
 /// sensor; fields that the sensor does not reach are left out. The camera turns towards the source. At each place frames are
 /// taken at several exposure times with the sensor's noise; only a window around the source is written. The source is
-/// adjusted so that the brightest pixel of all places is at --peak of the converter's range at the longest time.
+/// adjusted so that the brightest pixel of all places, behind its own colour filter, is at --peak of the range at the longest
+/// time. A folder that holds captures is left as it is.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -61,7 +61,7 @@ pub struct Args {
     /// Distance of the pinhole from the lens, mm
     #[arg(long, default_value_t = 1500.0)]
     distance_mm: f64,
-    /// Diameter of the pinhole, um
+    /// Diameter of the pinhole, um; its image may be a pixel wide
     #[arg(long, default_value_t = 75.0)]
     pinhole_um: f64,
     /// Where the lens is focused
@@ -85,7 +85,7 @@ pub struct Args {
     /// Dark frames of each exposure time and place
     #[arg(long, default_value_t = 0)]
     dark_frames: usize,
-    /// Brightest pixel at the longest exposure over the converter's range; above 1 it clips
+    /// Brightest pixel at the longest exposure over the range of converter or full well, the lesser; above 1 it clips
     #[arg(long, default_value_t = 0.8)]
     peak: f64,
     /// Pixels a side of the window that is written
@@ -99,13 +99,24 @@ pub struct Args {
     json: bool,
 }
 
-/// A place of the source: its PSF on the window.
-struct Place {
+/// A place of the source. Its light is landed when it is asked for: windows of many places together fill the memory.
+struct Place<'a> {
     name: String,
     field_radius_mm: f64,
     azimuth_deg: f64,
     chief_px: [f64; 2],
-    light: WindowLight,
+    psf: &'a FinePsf,
+    spot: Spot,
+    placement: Placement,
+}
+
+impl Place<'_> {
+    /// The PSF's light on a window of `side` pixels, `scale` times as bright.
+    fn light(&self, side: usize, pixel_um: f64, scale: f64) -> WindowLight {
+        let mut rate_e_per_s = self.psf.land(self.spot, pixel_um, (side, side));
+        rate_e_per_s.iter_mut().flatten().for_each(|v| *v *= scale);
+        WindowLight { height: side, width: side, placement: self.placement, rate_e_per_s }
+    }
 }
 
 /// Runs the verb.
@@ -125,8 +136,10 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         Focus::File => Refocus::Mm(0.0),
     };
     let view = PinholeView::new(&lens, &sensor, Some(args.distance_mm), args.pinhole_um, true, refocus)?;
-    let mut places = places(&args, &view, &sensor)?;
-    set_brightness(&args, &sensor, &mut places);
+    let psfs = radii_mm(&args).map(|radius| Ok((radius, view.psf(radius)?)));
+    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_, DesignError>>()?;
+    let places = places(&args, &psfs, &sensor)?;
+    let scale = brightness(&args, &sensor, &places);
     Failure::folder(&args.out)?;
     let manifest = Manifest {
         sensor: sensor_name(&args)?,
@@ -138,15 +151,12 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             image_scale_mm: Some(unspanned(view.image_scale_mm)),
             refocus_mm: Some(unspanned(view.refocus_mm)),
         },
-        position: take_all(&args, &sensor, &places)?,
+        position: take_all(&args, &sensor, &places, scale)?,
     };
     let path = args.out.join(MANIFEST_FILE);
     let text = manifest.to_toml().map_err(|e| Failure::job(format!("{}: {e}", path.display())))?;
     let head = format!("# Simulated: {} through {}.\n", sensor.name, lens.name);
-    write_then_rename(&path, |mut out| {
-        std::io::Write::write_all(&mut out, format!("{head}{text}").as_bytes())
-    })
-    .map_err(|e| failure(e, &args.out))?;
+    write_whole(&path, format!("{head}{text}").as_bytes()).map_err(DesignError::io(&path))?;
     let per_place = args.exposures_ms.len() * (args.frames + args.dark_frames);
     eprintln!(
         "{} positions, {} frames in {}; measure them with `petzval psf-calibrate {} --lens {}`",
@@ -194,6 +204,12 @@ fn check(args: &Args) -> Result<(), Failure> {
             return Err(Failure::input(format!("{name}: out of range"), hint));
         }
     }
+    // A list must never stand beside frames that it does not describe, as it would if this run were interrupted.
+    let list = args.out.join(MANIFEST_FILE);
+    if list.exists() {
+        let hint = "choose another folder for --out, or remove the captures there";
+        return Err(Failure::input(format!("{}: captures are there already", list.display()), hint));
+    }
     Ok(())
 }
 
@@ -204,17 +220,24 @@ fn sensor_name(args: &Args) -> Result<String, Failure> {
         return Ok(args.sensor.clone());
     }
     let text = std::fs::read(path).map_err(DesignError::io(path))?;
-    write_then_rename(&args.out.join("sensor.toml"), |mut out| std::io::Write::write_all(&mut out, &text))
-        .map_err(|e| failure(e, &args.out))?;
+    let copy = args.out.join("sensor.toml");
+    write_whole(&copy, &text).map_err(DesignError::io(&copy))?;
     Ok("sensor.toml".to_owned())
 }
 
-/// The places that the sensor reaches, each with its light; the axis counts once.
-fn places(args: &Args, view: &PinholeView, sensor: &SensorModel) -> Result<Vec<Place>, Failure> {
-    let mut places = Vec::new();
+/// Image radii of the fields, mm.
+fn radii_mm(args: &Args) -> impl Iterator<Item = f64> {
     let last = args.fields.saturating_sub(1).max(1) as f64;
-    let radii: Vec<f64> = (0..args.fields).map(|i| args.radius_mm * i as f64 / last).collect();
-    let psfs: Vec<PinholePsf> = radii.iter().map(|r| view.psf(*r)).collect::<Result<_, _>>()?;
+    (0..args.fields).map(move |i| args.radius_mm * i as f64 / last)
+}
+
+/// The places that the sensor reaches; the axis counts once.
+fn places<'a>(
+    args: &Args,
+    psfs: &'a [(f64, PinholePsf)],
+    sensor: &SensorModel,
+) -> Result<Vec<Place<'a>>, Failure> {
+    let mut places = Vec::new();
     let mut axes: Vec<Axis> = Vec::new();
     args.axes.iter().for_each(|axis| {
         if !axes.contains(axis) {
@@ -227,7 +250,7 @@ fn places(args: &Args, view: &PinholeView, sensor: &SensorModel) -> Result<Vec<P
             Axis::Horizontal => ("horizontal", 0.0),
             Axis::Diagonal => ("diagonal", (sensor.height as f64).atan2(sensor.width as f64)),
         };
-        for (radius, psf) in radii.iter().zip(&psfs) {
+        for (radius, psf) in psfs {
             if *radius == 0.0 && !places.is_empty() {
                 continue;
             }
@@ -247,14 +270,14 @@ fn places(args: &Args, view: &PinholeView, sensor: &SensorModel) -> Result<Vec<P
 }
 
 /// One place; `None` if its window leaves the sensor.
-fn place(
+fn place<'a>(
     args: &Args,
     sensor: &SensorModel,
     (name, azimuth_rad): (&str, f64),
     radius_mm: f64,
-    psf: &PinholePsf,
+    psf: &'a PinholePsf,
     number: u64,
-) -> Option<Place> {
+) -> Option<Place<'a>> {
     // The chief ray lands where distortion puts it, and alignment is off by up to half a pixel either way.
     let pixels = 1e3 * psf.chief_mm / sensor.pixel_um;
     let off = [0, 1].map(|axis| misalignment(args.seed, 2 * number + axis));
@@ -277,18 +300,14 @@ fn place(
         col: chief_px[1] - placement.col as f64,
         azimuth_rad,
     };
-    let size = (args.window, args.window);
     Some(Place {
         name: if radius_mm == 0.0 { "axis".to_owned() } else { format!("{name}-{radius_mm:.2}") },
         field_radius_mm: radius_mm,
         azimuth_deg: azimuth_rad.to_degrees(),
         chief_px,
-        light: WindowLight {
-            height: args.window,
-            width: args.window,
-            placement,
-            rate_e_per_s: psf.psf.land(spot, sensor.pixel_um, size),
-        },
+        psf: &psf.psf,
+        spot,
+        placement,
     })
 }
 
@@ -301,22 +320,24 @@ fn misalignment(seed: u64, number: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64 - 0.5
 }
 
-/// Turns the source up until the brightest pixel reaches its share of the range at the longest exposure.
-fn set_brightness(args: &Args, sensor: &SensorModel, places: &mut [Place]) {
+/// How far to turn the source up until the brightest pixel reaches its share of the range at the longest exposure.
+fn brightness(args: &Args, sensor: &SensorModel, places: &[Place]) -> f64 {
     let longest_s = 1e-3 * args.exposures_ms.last().copied().unwrap_or(1.0);
     let range_e = ((sensor.max_dn() - sensor.black_level_dn) / sensor.gain_dn_per_e).min(sensor.full_well_e);
     let brightest = places
         .iter()
-        .flat_map(|p| p.light.rate_e_per_s.iter().flatten())
-        .fold(f64::MIN_POSITIVE, |a, b| a.max(*b));
-    let scale = args.peak * range_e / (longest_s * brightest);
-    for place in places {
-        place.light.rate_e_per_s.iter_mut().flatten().for_each(|v| *v *= scale);
-    }
+        .map(|p| p.light(args.window, sensor.pixel_um, 1.0).brightest_e_per_s(&sensor.cfa))
+        .fold(f64::MIN_POSITIVE, f64::max);
+    args.peak * range_e / (longest_s * brightest)
 }
 
 /// Takes and writes all frames.
-fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<Position>, Failure> {
+fn take_all(
+    args: &Args,
+    sensor: &SensorModel,
+    places: &[Place],
+    scale: f64,
+) -> Result<Vec<Position>, Failure> {
     let per_exposure = args.frames + args.dark_frames;
     let bar = ProgressBar::new((places.len() * args.exposures_ms.len() * per_exposure) as u64);
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len} frames, {eta} left") {
@@ -328,10 +349,9 @@ fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<P
     for place in places {
         bar.set_message(place.name.clone());
         Failure::folder(&args.out.join(&place.name))?;
-        let night = WindowLight {
-            rate_e_per_s: place.light.rate_e_per_s.clone().map(|p| vec![0.0; p.len()]),
-            ..place.light.clone()
-        };
+        let day = place.light(args.window, sensor.pixel_um, scale);
+        let night =
+            WindowLight { rate_e_per_s: day.rate_e_per_s.each_ref().map(|p| vec![0.0; p.len()]), ..day };
         let mut exposure = Vec::new();
         for time_ms in &args.exposures_ms {
             let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String, Failure> {
@@ -344,7 +364,7 @@ fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<P
                 bar.inc(1);
                 Ok(name)
             };
-            let frames = (0..args.frames).map(|n| take(&place.light, "", n)).collect::<Result<_, _>>()?;
+            let frames = (0..args.frames).map(|n| take(&day, "", n)).collect::<Result<_, _>>()?;
             let dark_frames =
                 (0..args.dark_frames).map(|n| take(&night, "dark-", n)).collect::<Result<_, _>>()?;
             exposure.push(ExposureFiles {
@@ -357,7 +377,7 @@ fn take_all(args: &Args, sensor: &SensorModel, places: &[Place]) -> Result<Vec<P
             name: unspanned(place.name.clone()),
             field_radius_mm: Some(unspanned(place.field_radius_mm)),
             azimuth_deg: Some(unspanned(place.azimuth_deg)),
-            origin: unspanned([place.light.placement.row, place.light.placement.col]),
+            origin: unspanned([place.placement.row, place.placement.col]),
             expected_px: Some(unspanned(place.chief_px)),
             exposure,
         });

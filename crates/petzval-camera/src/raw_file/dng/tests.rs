@@ -1,4 +1,5 @@
-//! DNG files written here byte by byte: uncompressed 16-bit mosaics with the tags of the specification.
+//! DNG files written here byte by byte: 16-bit mosaics, uncompressed and losslessly compressed, with the tags of the
+//! specification.
 
 use super::super::{load_raw, sidecar_path};
 use super::*;
@@ -18,13 +19,20 @@ fn bytes_of(tag: u16, kind: u16, values: &[u8]) -> Entry {
     (tag, kind, values.len() as u32, values.to_vec())
 }
 
-/// A little-endian TIFF of one directory: header, pixels, long values, directory.
-fn tiff(dn: &[u16], mut entries: Vec<Entry>) -> Vec<u8> {
+/// A little-endian TIFF of one directory with uncompressed pixels.
+fn tiff(dn: &[u16], entries: Vec<Entry>) -> Vec<u8> {
+    let pixels: Vec<u8> = dn.iter().flat_map(|v| v.to_le_bytes()).collect();
+    tiff_of_strip(&pixels, entries)
+}
+
+/// A little-endian TIFF of one directory: header, one strip of pixels, long values, directory.
+fn tiff_of_strip(pixels: &[u8], mut entries: Vec<Entry>) -> Vec<u8> {
     let mut file = b"II*\0\0\0\0\0".to_vec();
     let strip = file.len() as u32;
-    file.extend(dn.iter().flat_map(|v| v.to_le_bytes()));
+    file.extend(pixels);
+    file.resize(file.len().next_multiple_of(2), 0);
     entries.push(long(273, &[strip]));
-    entries.push(long(279, &[2 * dn.len() as u32]));
+    entries.push(long(279, &[pixels.len() as u32]));
     entries.sort_by_key(|(tag, ..)| *tag);
     let mut directory = (entries.len() as u16).to_le_bytes().to_vec();
     for (tag, kind, count, mut value) in entries {
@@ -44,15 +52,14 @@ fn tiff(dn: &[u16], mut entries: Vec<Entry>) -> Vec<u8> {
     file
 }
 
-/// A mosaic of 6 rows and 8 columns: GBRG, black 119, white 4095, and an active area if given (top, left, bottom, right).
-fn dng(active: Option<[u32; 4]>) -> (Vec<u16>, Vec<u8>) {
-    let dn: Vec<u16> = (0..48).map(|i| 119 + 83 * i).collect();
-    let mut entries = vec![
+/// Tags of a mosaic of 6 rows and 8 columns: GBRG, black 119, white 4095; compression 1 is none, 7 lossless JPEG.
+fn mosaic_tags(compression: u16) -> Vec<Entry> {
+    vec![
         long(254, &[0]),
         long(256, &[8]),
         long(257, &[6]),
         short(258, &[16]),
-        short(259, &[1]),
+        short(259, &[compression]),
         short(262, &[32803]),
         bytes_of(271, 2, b"Petzval\0"),
         bytes_of(272, 2, b"Test\0"),
@@ -64,7 +71,13 @@ fn dng(active: Option<[u32; 4]>) -> (Vec<u16>, Vec<u8>) {
         bytes_of(50708, 2, b"Petzval Test\0"),
         short(50714, &[119]),
         short(50717, &[4095]),
-    ];
+    ]
+}
+
+/// That mosaic uncompressed, with an active area if given (top, left, bottom, right).
+fn dng(active: Option<[u32; 4]>) -> (Vec<u16>, Vec<u8>) {
+    let dn: Vec<u16> = (0..48).map(|i| 119 + 83 * i).collect();
+    let mut entries = mosaic_tags(1);
     entries.extend(active.map(|area| long(50829, &area)));
     let file = tiff(&dn, entries);
     (dn, file)
@@ -86,6 +99,17 @@ fn a_mosaic_is_read_with_its_tags() {
     std::fs::write(sidecar_path(&path), "bits = 12\nblack_level_dn = 120.5\npixel_um = 5.86\n").unwrap();
     let info = load_raw(&path).unwrap().info;
     assert_eq!((info.bits, info.black_level_dn, info.pixel_um), (Some(12), Some(120.5), Some(5.86)));
+}
+
+/// Noise in the numbers makes differences of every length; the encoder is that of the reader's crate.
+#[test]
+fn a_losslessly_compressed_mosaic_is_read_to_the_bit() {
+    let dn: Vec<u16> = (0..48u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 20) as u16).collect();
+    let encoder = rawler::ljpeg92::LjpegCompressor::new(&dn, 8, 6, 1, 16, 1, 0, 0).unwrap();
+    let file = tiff_of_strip(&encoder.encode().unwrap(), mosaic_tags(7));
+    let frame = decode(&file).map_err(|e| e.reason).unwrap();
+    assert_eq!((frame.height, frame.width, &frame.dn), (6, 8, &dn));
+    assert_eq!((frame.info.cfa, frame.info.white_level_dn), (Some(CfaPattern::GBRG), Some(4095.0)));
 }
 
 #[test]

@@ -9,6 +9,7 @@ use petzval::camera::emva::sensor_file::colour_name;
 use petzval::camera::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
 };
+use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::sensor_report;
 use serde_json::json;
@@ -118,9 +119,7 @@ fn write_results(found: &Characterization, values: Values, out: &Path) -> Result
 }
 
 fn whole(path: &Path, text: &str) -> Result<(), Failure> {
-    let partial = path.with_extension("partial");
-    let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
-    Ok(written.map_err(DesignError::io(path))?)
+    Ok(write_whole(path, text.as_bytes()).map_err(DesignError::io(path))?)
 }
 
 fn histograms_csv(found: &Characterization) -> String {
