@@ -97,7 +97,7 @@ mod tests {
                     .channel_data
                     .list
                     .iter()
-                    .find(|ch| ch.name.to_string() == **name)
+                    .find(|ch| ch.name == **name)
                     .unwrap();
                 let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
                 assert_eq!(values, image.plane(c), "{name}");

@@ -57,6 +57,9 @@ pub struct Formats {
     picture_format: PictureAs,
 }
 
+/// How a picture becomes a file.
+type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
+
 /// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are. Where one of them cannot be
 /// written, none is.
 pub fn write(
@@ -68,12 +71,11 @@ pub fn write(
     developed: &LinearImage,
 ) -> Result<serde_json::Map<String, Value>, Failure> {
     let format = formats.raw_format.format(sensor.bits);
-    let (extension, save): (_, fn(&LinearImage, &Path) -> Result<(), ImageError>) =
-        match formats.picture_format {
-            PictureAs::Png => ("png", save_png),
-            PictureAs::Exr => ("exr", save_exr),
-            PictureAs::Npy => ("npy", save_npy),
-        };
+    let (extension, save): (_, SavePicture) = match formats.picture_format {
+        PictureAs::Png => ("png", save_png),
+        PictureAs::Exr => ("exr", save_exr),
+        PictureAs::Npy => ("npy", save_npy),
+    };
     let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
     let developed_path = folder.join(format!("{name}-developed.{extension}"));
     let files = [raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
