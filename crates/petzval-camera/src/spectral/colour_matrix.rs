@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_real_camera_comes_as_close_as_its_curves_allow() {
-        // Figures of a program of its own for the same fit, with sums over every half nanometre.
+        // Figures of tests/fixtures/generators/colour_matrix.py, which sums over every half nanometre.
         for (name, count, mean, worst) in [
             ("D65", 61, 3.319, 8.504),
             ("A", 61, 4.731, 13.440),
@@ -188,7 +188,7 @@ mod tests {
         let bands = even_bands(0.4, 0.7, 16);
         let plain = fit_colour_matrix(&imx219(), &optics(None), &light, &bands).unwrap().unwrap();
         let glass = fit_colour_matrix(&imx219(), &optics(Some(yellow)), &light, &bands).unwrap().unwrap();
-        // A camera that hardly sees blue shows colours worse, and says so; 9.49 is that program's figure.
+        // A camera that hardly sees blue shows colours worse, and says so; 9.492 is of that program too.
         assert!((glass.mean_delta_e - 9.492).abs() < 0.03, "{plain:?} {glass:?}");
         let gray = Spectrum::new(vec![0.3, 0.8], vec![0.5, 0.5]).unwrap();
         let gray = fit_colour_matrix(&imx219(), &optics(Some(gray)), &light, &bands).unwrap().unwrap();
