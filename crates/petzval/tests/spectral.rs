@@ -46,7 +46,7 @@ fn mean(picture: &image::RgbImage, rows: std::ops::Range<u32>, cols: std::ops::R
 fn the_colour_checker_has_its_colours_under_any_light() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "");
-    for (light, matrix_mean) in [("D65", 3.7), ("A", 4.0), ("daylight:5000", 3.6)] {
+    for (light, matrix_mean) in [("D65", 3.70), ("A", 5.38), ("daylight:5000", 3.82)] {
         let args = [
             "simulate",
             "scene:colorchecker",
@@ -174,7 +174,7 @@ fn the_developed_patches_are_as_far_off_as_the_command_says() {
         assert!((worst - worst_said.as_f64().unwrap()).abs() < 1.5, "{light} {more:?}: {worst} {worst_said}");
         means.push(mean);
     }
-    assert!(means[2] > means[0] + 1.0, "a yellow glass costs colours: {means:?}");
+    assert!(means[2] > means[0] + 5.0, "a yellow glass costs colours: {means:?}");
 }
 
 /// Writes a spectral image of 12x19 pixels as `NAME.npy`.

@@ -6,8 +6,8 @@
 //! | `NAME.tif`, `.tiff` | a page, or a sample of the only page, per band | sidecar `NAME.toml` |
 //! | `NAME.exr` | a channel per band | channel names: `S0.450,5nm` (A. Fichet, R. Pacanowski and A. Wilkie, "An OpenEXR layout for spectral images", JCGT 10(3), 2021), `450.5nm`, `w450` |
 //!
-//! Values are radiance in W m-2 sr-1 nm-1; a sidecar may give a factor to that unit, also one beside an OpenEXR file, which
-//! then holds no wavelengths. An OpenEXR file that names another unit is refused without one.
+//! Values are radiance in W m-2 sr-1 nm-1; a sidecar may give a factor to that unit, also one beside an OpenEXR file, whose
+//! channels hold the wavelengths. An OpenEXR file that names another unit is refused without one.
 
 mod exr_file;
 mod npy_file;

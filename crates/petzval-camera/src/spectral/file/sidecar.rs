@@ -44,10 +44,15 @@ fn unit() -> String {
     UNIT.to_owned()
 }
 
-/// What a sidecar of an OpenEXR file may say: its channels are named by their wavelengths.
+/// What counts in a sidecar of an OpenEXR file. Its channels are named by their wavelengths; those in the sidecar are of an
+/// array of the same name.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Scale {
+    #[serde(default, rename = "wavelength_um")]
+    _wavelength_um: Option<serde::de::IgnoredAny>,
+    #[serde(default, rename = "axes")]
+    _axes: Option<serde::de::IgnoredAny>,
     #[serde(default = "one")]
     scale: f64,
     #[serde(default = "unit")]

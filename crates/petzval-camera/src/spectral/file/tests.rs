@@ -134,7 +134,7 @@ fn the_unit_of_an_exr_is_read_and_its_sidecar_scales_it() {
     assert!(error.contains("W.m^-2.sr^-1.m^-1") && error.contains("scale"), "{error}");
     sidecar(folder.path(), "d.toml", "scale = 0.25\n");
     assert_eq!(load_spectral(&path).unwrap().plane(1)[0], 0.5);
-    for (text, needle) in [("scale = -1\n", "not positive"), (WAVELENGTHS, "wavelength_um")] {
+    for (text, needle) in [("scale = -1\n", "not positive"), ("wave = 3\n", "no such key")] {
         sidecar(folder.path(), "d.toml", text);
         let error = load_spectral(&path).unwrap_err();
         assert!(

@@ -82,10 +82,13 @@ impl Light {
             return Ok(());
         }
         let what = format!(
-            "white gives {white_e:e} electrons under {} lux (--illuminance-lux) in {} s (--time-s)",
+            "white gives {white_e:.2e} electrons under {:e} lux (--illuminance-lux) in {} s (--time-s)",
             request.lux, args.time_s
         );
-        Err(Failure::input(what, format!("light and time for {WHITE_E:?} electrons can be simulated")))
+        Err(Failure::input(
+            what,
+            format!("light and time must give {:e} to {:e} electrons", WHITE_E.start(), WHITE_E.end()),
+        ))
     }
 
     /// Tells on stderr what these bands leave out, and where the lens is traced beyond what is known of its glasses.
