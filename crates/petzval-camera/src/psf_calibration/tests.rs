@@ -2,9 +2,11 @@ use super::average::{Average, Dark};
 use super::capture::{WindowLight, take_frame};
 use super::compare::{Comparison, compare};
 use super::estimate::{FieldEstimate, Place, estimate_bank};
+use super::held_out::HeldOutBy;
 use super::landing::{FinePsf, Landing, Spot};
 use super::measure::{Frame, Measured, extract, extract_ideal, l1, measure};
 use super::merge::{ExposureMean, Merged, merge};
+use super::register::explain;
 use crate::develop::dark_mean_dn;
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfBank;
@@ -300,31 +302,67 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, Fie
     (bank, places, fields[0].clone())
 }
 
-/// Rendering what was measured: the bank through the renderer's operator and the sensor's mosaic gives the measured PSF.
+/// A place, an azimuth and noise that took no part: what the bank says of itself holds, on the mosaic and demosaiced.
 #[test]
-fn the_bank_renders_back_to_the_measured_psf() {
+fn the_bank_predicts_a_new_position_as_well_as_it_says() {
     let psf = fine();
-    let (bank, places, field) = bank_of(&psf, NoiseMode::Exact);
-    assert!(field.chi2.iter().all(|c| *c < 1.3), "{:?}", field.chi2);
+    let (bank, _, field) = bank_of(&psf, NoiseMode::Exact);
     let cells = bank.grid * bank.grid;
-    for (index, [row, col]) in field.middle_px.iter().copied() {
-        let (taken, spot) = &places[index];
-        let landing =
-            Landing::new((bank.grid, bank.pitch_um), Spot { row, col, ..*spot }, 0.0, 5.86, (SIDE, SIDE));
-        let light: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| {
-            let values: Vec<f64> =
-                bank.values[c * cells..(c + 1) * cells].iter().map(|v| f64::from(*v)).collect();
-            landing.land(&values)
-        });
-        let corner = taken.measured.psf.corner;
-        let again =
-            extract(&taken.frame.mosaic(&light), &taken.frame, [row, col], Some(corner), "again").unwrap();
+    let values: Vec<Vec<f64>> = bank.values[..CHANNELS * cells]
+        .chunks(cells)
+        .map(|v| v.iter().map(|v| f64::from(*v)).collect())
+        .collect();
+    assert_eq!(field.held_out.by, HeldOutBy::Positions);
+    for (seed, azimuth_rad) in [(11, -2.1), (12, 0.3)] {
+        let spot = Spot { row: 31.8 - 0.1 * f64::from(seed), col: 30.9, azimuth_rad };
+        let new = take(&psf, spot, Placement { row: 301, col: 404 }, NoiseMode::Exact, 0.8, seed as u64);
+        let place = Place {
+            field_radius_mm: 3.0,
+            azimuth_rad,
+            light_factor: 1.0,
+            frame: &new.frame,
+            merged: &new.merged,
+            measured: &new.measured,
+        };
+        let shapes: [&[f64]; CHANNELS] = [&values[0], &values[1], &values[2]];
+        let (middle, score) = explain(&place, new.measured.psf.centroid_px[1], shapes, 5.86);
+        let at = Spot { row: middle[0], col: middle[1], azimuth_rad };
+        let landing = Landing::new((bank.grid, bank.pitch_um), at, 0.0, 5.86, (SIDE, SIDE));
+        let light: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| landing.land(&values[c]));
+        let corner = Some(new.measured.psf.corner);
+        let again = extract(&new.frame.mosaic(&light), &new.frame, middle, corner, "again").unwrap();
         for c in 0..CHANNELS {
-            let error = l1(&again.values[c], &taken.measured.psf.values[c]);
-            let floor = taken.measured.floor.l1[c];
-            assert!(error < 1.5 * floor, "channel {c}: {error} beside a floor of {floor}");
+            // One position beside the mean of three: twice that is far out.
+            let said = field.held_out.score[c].l1();
+            assert!(score[c].l1() < 2.0 * said, "channel {c}: {} where {said} was promised", score[c].l1());
+            let error = l1(&again.values[c], &new.measured.psf.values[c]);
+            assert!(error < 2.0 * said, "channel {c}, demosaiced: {error} where {said} was promised");
         }
     }
+}
+
+/// A field with one position can be tested on parts of its pixels only, and says so.
+#[test]
+fn a_lone_position_is_told_of() {
+    let psf = fine();
+    let taken = take(&psf, SPOT, CORNER, NoiseMode::Exact, 0.8, 3);
+    let place = Place {
+        field_radius_mm: 3.0,
+        azimuth_rad: SPOT.azimuth_rad,
+        light_factor: 1.0,
+        frame: &taken.frame,
+        merged: &taken.merged,
+        measured: &taken.measured,
+    };
+    let (_, mut fields) = estimate_bank(&[place], 5.86).unwrap();
+    assert_eq!(fields[0].held_out.by, HeldOutBy::Pixels);
+    assert!(fields[0].warnings().iter().any(|w| w.contains("one position only")));
+    // And so are pixels that the cells do not explain.
+    fields[0].chi2 = [1.0, 7.25, 1.1];
+    let told = fields[0].warnings();
+    assert!(told[0].contains("chi2 green 7.25 where"), "{told:?}");
+    fields[0].chi2 = [1.0; CHANNELS];
+    assert!(!fields[0].warnings()[0].contains("chi2"));
 }
 
 /// A point of light through the whole renderer, turned to an azimuth that was never measured: pixels integrate once, not

@@ -146,13 +146,6 @@ fn the_bank_of_a_traced_lens_predicts_new_captures_as_well_as_it_says() {
     for c in 0..CHANNELS {
         let mean = scores.iter().map(|s| s[c].l1()).sum::<f64>() / scores.len() as f64;
         let said = held_out[c].l1();
-        println!(
-            "channel {c}: new L1 {mean:.4}, held-out {said:.4}, noise {:.4}, chi2 new {:?} held {:.1} fit {:.2}",
-            held_out[c].noise_l1(),
-            scores.iter().map(|s| s[c].chi2()).collect::<Vec<_>>(),
-            held_out[c].chi2(),
-            fields[0].chi2[c]
-        );
         assert!(mean < 1.5 * said, "channel {c}: {mean} where {said} was promised");
     }
 
@@ -181,11 +174,8 @@ fn the_bank_of_a_traced_lens_predicts_new_captures_as_well_as_it_says() {
     let truth = extract_ideal(&psf.land(spot, 5.86, (41, 41)), 41, (9, 9));
     for c in 0..CHANNELS {
         let error = l1(&rendered[c], &truth[c]);
-        println!(
-            "channel {c}: rendered {error:.4}, held-out {:.4}, floor {:.4}",
-            held_out[c].l1(),
-            fitted[0].1.2.floor.l1[c]
-        );
+        // Every colour in every pixel, not the mosaic's only, and no fitted middle: twice the held-out figure. That is some forty
+        // times the noise floor in red: what three azimuths leave open.
         assert!(error < 2.0 * held_out[c].l1(), "channel {c}: {error}");
     }
 }
