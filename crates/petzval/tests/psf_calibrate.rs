@@ -12,8 +12,9 @@ const LENS: &str = "cooke-triplet-nominal";
 /// Captures of a few fields up to 3 mm: small, but whole.
 fn capture(folder: &Path, axes: &str, fields: &str, more: &[&str]) -> Value {
     let few = ["--fields", fields, "--radius-mm", "3", "--axes", axes, "--exposures-ms", "4,16"];
+    // Halves of six frames: chance moves one by five standard errors of its own scatter once in 2,000 (t of 10 degrees).
     let args =
-        [&["psf-capture", LENS, "--out", "captures", "--frames", "6", "--json"], &few[..], more].concat();
+        [&["psf-capture", LENS, "--out", "captures", "--frames", "12", "--json"], &few[..], more].concat();
     run_ok(folder, &args).json()
 }
 
@@ -163,11 +164,7 @@ fn captures_with_something_wrong_are_told_of() {
 
     // Captures that are there stay: an interrupted run would leave their list beside other frames.
     run_fails(at, &["psf-capture", LENS, "--out", "captures"], 2, &["captures.toml: captures are there"]);
-    // A source within the front focal length, one wider than a pixel, a folder that cannot be.
-    for focus in ["source", "file"] {
-        let near = ["psf-capture", LENS, "--out", "x", "--distance-mm", "10", "--focus", focus];
-        run_fails(at, &near, 2, &["10 mm", "no real image"]);
-    }
+    // A source wider than a pixel, a folder that cannot be.
     let wide = ["psf-capture", LENS, "--out", "x", "--pinhole-um", "10000"];
     run_fails(at, &wide, 2, &["10000 um", "more than a pixel"]);
     std::fs::write(at.join("file"), "").unwrap();
