@@ -24,6 +24,7 @@
 
 use std::collections::BTreeSet;
 use std::ops::Range;
+use std::path::{Component, Path, PathBuf};
 
 use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
@@ -202,7 +203,8 @@ impl Manifest {
                 let dark = exposure.dark_frames.iter().map(|file| ("dark_frames", file));
                 for (key, file) in light.chain(dark) {
                     // `./a.png` is `a.png`.
-                    let path: std::path::PathBuf = std::path::Path::new(file).components().collect();
+                    let named = Path::new(file).components().filter(|c| *c != Component::CurDir);
+                    let path: PathBuf = named.collect();
                     if !files.insert(path) {
                         let span = last_place(text, &exposure.frames.span(), file);
                         let message = format!("{file} is listed twice for this position");

@@ -286,7 +286,8 @@ pub fn measure(
     let mosaic = frame.without(rate, background);
     let psf = extract(&mosaic, frame, found, None, position)?;
     let centre = psf.centroid_px[1];
-    let other_sources = others(&mosaic, variance, frame, centre);
+    // From the brightest spot on, since a second source draws the centroid towards itself.
+    let other_sources = others(&mosaic, variance, frame, found);
     Ok(Measured {
         centroid_se_px: centroid_error(&mosaic, variance, frame, centre, position)?,
         floor: noise_floor(rate, variance, frame, &psf, position, seed)?,
@@ -359,12 +360,11 @@ fn others(mosaic: &[f64], variance: &[f64], frame: &Frame, centre: [f64; 2]) -> 
             let (sum, sigma) = smoothed(mosaic, variance, frame, row, col);
             let away = distance([row, col], centre);
             let bright = away >= NEAR_PX && sum > DETECTION_SIGMAS * sigma && sum > SECOND_SOURCE * peak;
-            if bright
-                && (away > BACKGROUND_PX || {
-                    let gap = least_between([row, col]);
-                    gap < GAP * sum && sum - gap > DETECTION_SIGMAS * sigma
-                })
-            {
+            let apart = || {
+                let gap = least_between([row, col]);
+                gap < GAP * sum && sum - gap > DETECTION_SIGMAS * sigma
+            };
+            if bright && (away > BACKGROUND_PX || apart()) {
                 spots.push(([row, col], sum / peak));
             }
         }

@@ -74,14 +74,14 @@ impl Mosaics<'_> {
         let (mut total, mut total_variance) = (0.0, 0.0);
         let mut square = [0.0; 2];
         let mut by_line = [vec![[0.0; 2]; height], vec![[0.0; 2]; width]];
-        for i in 0..light.len() {
+        for (i, value) in light.iter().enumerate() {
             let w = weight(i, px);
-            total += w * light[i];
+            total += w * value;
             total_variance += w * w * self.variance[i];
             let at = [i / width, i % width];
-            for axis in 0..2 {
+            for (axis, square) in square.iter_mut().enumerate() {
                 let by = w * (at[axis] as f64 - px[axis]);
-                square[axis] += by * by * self.variance[i];
+                *square += by * by * self.variance[i];
                 by_line[0][at[0]][axis] += by;
                 by_line[1][at[1]][axis] += by;
             }
@@ -97,11 +97,14 @@ impl Mosaics<'_> {
     }
 }
 
-/// The centroids of an exposure's frames in the order in which they are listed; `None` for those without enough light.
-pub type Track = Vec<(String, Option<Centroid>)>;
+/// A frame's file and its centroid; `None` without enough light.
+pub type Followed = (String, Option<Centroid>);
+
+/// The frames of an exposure in the order in which they are listed.
+pub type Track = Vec<Followed>;
 
 /// Mean of the frames' centroids, and its standard error from their scatter (from propagation for a single one).
-pub fn mean_centroid(track: &Track) -> Option<([f64; 2], [f64; 2])> {
+pub fn mean_centroid(track: &[Followed]) -> Option<([f64; 2], [f64; 2])> {
     let centroids: Vec<&Centroid> = track.iter().filter_map(|(_, c)| c.as_ref()).collect();
     let count = centroids.len() as f64;
     let first = centroids.first()?;
@@ -121,7 +124,7 @@ pub fn mean_centroid(track: &Track) -> Option<([f64; 2], [f64; 2])> {
 const FRAMES_FOR_SCATTER: usize = 8;
 
 /// Scatter of successive frames without a steady drift or single jumps in it: the median step, as a standard deviation.
-pub fn scatter_px(track: &Track, axis: usize) -> f64 {
+pub fn scatter_px(track: &[Followed], axis: usize) -> f64 {
     let places: Vec<f64> = track.iter().filter_map(|(_, c)| c.map(|c| c.px[axis])).collect();
     if places.len() < FRAMES_FOR_SCATTER {
         return 0.0;
@@ -140,7 +143,7 @@ pub struct Drift {
 
 /// Least-squares line through the places of the frames; `None` for fewer than two. `leave_out` says which frames do not
 /// count. The error is that of propagation or, if that is larger, of the scatter between successive frames.
-pub fn drift(track: &Track, leave_out: &[usize]) -> Option<Drift> {
+pub fn drift(track: &[Followed], leave_out: &[usize]) -> Option<Drift> {
     let points: Vec<(f64, Centroid)> = track
         .iter()
         .enumerate()
@@ -164,7 +167,7 @@ pub fn drift(track: &Track, leave_out: &[usize]) -> Option<Drift> {
 
 /// Frames with the source away from where the others have it, further than half a pixel, `sigmas` standard errors of one
 /// and as many of their scatter: number and distance, px.
-pub fn strays(track: &Track, sigmas: f64) -> Vec<(usize, f64)> {
+pub fn strays(track: &[Followed], sigmas: f64) -> Vec<(usize, f64)> {
     let centroids: Vec<(usize, Centroid)> =
         track.iter().enumerate().filter_map(|(n, (_, c))| c.map(|c| (n, c))).collect();
     if centroids.len() < 3 {

@@ -334,8 +334,8 @@ fn a_moving_source_is_not_seen_in_what_the_dark_frames_take_off() {
 fn frames_of_another_sensor_scatter_otherwise() {
     let folder = tempfile::tempdir().unwrap();
     Bench::default().take(folder.path());
-    let twice = SensorModel { gain_dn_per_e: 0.061, ..sensor("") };
-    let position = measured(folder.path(), &twice).unwrap();
+    let quieter = SensorModel { electronics_noise_dn: 0.3, ..sensor("") };
+    let position = measured(folder.path(), &quieter).unwrap();
     assert!(position.warnings.iter().any(|w| w.contains("times the variance of the sensor model")));
 }
 
