@@ -21,6 +21,9 @@ use crate::sensor::{Exposure, SensorModel};
 /// Frames larger than this are cut to a window of so many pixels a side around the brightest spot.
 const WINDOW: usize = 96;
 
+/// Of 5x5 pixels so many, the darkest, count for how bright a place is.
+const KEPT: usize = 20;
+
 /// What is told of one exposure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExposureReport {
@@ -308,10 +311,12 @@ impl Reader<'_> {
             ("pixel_um", info.pixel_um, sensor.pixel_um, 0.01, 0.0, "the sensor"),
             ("black_level_dn", info.black_level_dn, sensor.black_level_dn, 0.1, 1.0, "the sensor"),
         ];
-        numbers.into_iter().find_map(|(key, said, is, share, least, whose)| {
-            let said = said.filter(|said| (said - is).abs() > least.max(share * is))?;
-            Some((key, said.to_string(), format!("{whose} has {is}")))
-        })
+        numbers.into_iter().find_map(
+            |(key, said, is, share, least, whose): (_, Option<f64>, f64, f64, f64, &str)| {
+                let said = said.filter(|said| (said - is).abs() > least.max(share * is))?;
+                Some((key, said.to_string(), format!("{whose} has {is}")))
+            },
+        )
     }
 }
 
@@ -328,7 +333,6 @@ struct Cut {
 /// The brightest place, (row, column), of at least 5x5 pixels, and the light there: 5x5 pixels without the five brightest, so
 /// that a few hot pixels are no spot.
 fn brightest(height: usize, width: usize, value: impl Fn(usize) -> f64) -> ([f64; 2], f64) {
-    const LEFT_OUT: usize = 5;
     let mut best = ([2.0; 2], f64::NEG_INFINITY);
     let mut values = [0.0; 25];
     for row in 2..height.saturating_sub(2) {
@@ -338,8 +342,8 @@ fn brightest(height: usize, width: usize, value: impl Fn(usize) -> f64) -> ([f64
             }
             // Most places are too dark even with all of their pixels.
             if values.iter().map(|v| v.max(0.0)).sum::<f64>() > best.1 {
-                values.select_nth_unstable_by(values.len() - LEFT_OUT, f64::total_cmp);
-                let light: f64 = values[..values.len() - LEFT_OUT].iter().sum();
+                values.select_nth_unstable_by(KEPT, f64::total_cmp);
+                let light: f64 = values[..KEPT].iter().sum();
                 if light > best.1 {
                     best = ([row as f64, col as f64], light);
                 }
@@ -368,8 +372,9 @@ impl Cut {
         let (there, second) = brightest(raw.height, raw.width, |i| {
             if inside(i / raw.width, i % raw.width) { level } else { f64::from(raw.dn[i]) }
         });
-        let share = (second - 20.0 * level) / (light - 20.0 * level);
-        if share > SECOND_SOURCE && second - 20.0 * level > DETECTION_SIGMAS * 20f64.sqrt() * spread.max(1.0)
+        let share = (second - KEPT as f64 * level) / (light - KEPT as f64 * level);
+        if share > SECOND_SOURCE
+            && second - KEPT as f64 * level > DETECTION_SIGMAS * (KEPT as f64).sqrt() * spread.max(1.0)
         {
             cut.elsewhere = Some((there.map(|v| v as usize), share));
         }
