@@ -62,6 +62,21 @@ pub enum PsfCalibrationError {
         /// Largest that the sensor gives.
         max: f64,
     },
+    /// A frame, or its sidecar, says of itself what sensor and manifest say otherwise.
+    #[error(
+        "{}: `{what} = {said}`, but {is}; hint: correct the one that is wrong, or take `{what}` out of the sidecar",
+        path.display()
+    )]
+    Contradiction {
+        /// The sidecar, or the frame if it has none.
+        path: PathBuf,
+        /// Key of the sidecar.
+        what: &'static str,
+        /// Its value.
+        said: String,
+        /// What sensor or manifest say.
+        is: String,
+    },
     /// Exposing, or a window that leaves the sensor.
     #[error("position `{position}`: {error}")]
     Sensor {

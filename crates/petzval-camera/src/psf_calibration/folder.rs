@@ -5,20 +5,24 @@ use std::path::{Path, PathBuf};
 use petzval_optics::format::FileError;
 
 use super::PsfCalibrationError;
-use super::average::{Average, Dark};
+use super::average::{Average, Dark, median};
 use super::manifest::{MANIFEST_FILE, Manifest};
-use super::measure::{Frame, LEAST_SIDE, Measured, green_centroid, measure};
-use super::merge::{ExposureMean, Merged, merge, read_variance_e2};
+use super::measure::{DETECTION_SIGMAS, Frame, LEAST_SIDE, Measured, SECOND_SOURCE, measure};
+use super::merge::{
+    Agreement, ExposureMean, Merged, SensorNoise, agreement, mask_hot_pixels, merge, saturation_dn,
+};
+use super::track::{Centroid, Mosaics, Track, mean_centroid};
+use super::trouble::{Seen, trouble};
 use crate::develop::dark_mean_dn;
-use crate::raw_file::{RawFrame, load_raw};
+use crate::raw_file::{RawFrame, RawInfo, Sidecar, load_raw, sidecar_path};
 use crate::render::Placement;
 use crate::sensor::{Exposure, SensorModel};
 
 /// Frames larger than this are cut to a window of so many pixels a side around the brightest spot.
 const WINDOW: usize = 96;
 
-/// A centroid that moves less than this, px, moves too little to matter for a PSF on pixels.
-const STILL_PX: f64 = 0.05;
+/// Of 5x5 pixels so many, the darkest, count for how bright a place is.
+const KEPT: usize = 20;
 
 /// What is told of one exposure.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,7 +37,10 @@ pub struct ExposureReport {
     pub saturated_pixels: usize,
     /// Mean of the frames' variance over the modelled one; `None` for one frame.
     pub variance_ratio: Option<f64>,
-    /// Mean centroid of the frames in the window, (row, column), px, and its standard error from their scatter.
+    /// This exposure beside all others; `None` if no bright pixel of it is usable in another.
+    pub agreement: Option<Agreement>,
+    /// Mean centroid of the frames in the window, (row, column), px, that of all light of the mosaic
+    /// ([`super::track`]), and its standard error from their scatter.
     pub centroid_px: Option<([f64; 2], [f64; 2])>,
 }
 
@@ -63,7 +70,13 @@ pub struct CalibratedPosition {
 /// Reads the manifest of a folder; with its text and path.
 pub fn read_manifest(folder: &Path) -> Result<(Manifest, String, PathBuf), PsfCalibrationError> {
     let path = folder.join(MANIFEST_FILE);
-    let text = std::fs::read_to_string(&path).map_err(PsfCalibrationError::io(&path))?;
+    let bytes = std::fs::read(&path).map_err(PsfCalibrationError::io(&path))?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let text = String::from_utf8_lossy(error.as_bytes());
+        let at = error.utf8_error().valid_up_to();
+        let error = FileError::at(&text, at..at, "", "this is not UTF-8 text");
+        PsfCalibrationError::file(&path)(error.hint("save the manifest as UTF-8"))
+    })?;
     let manifest = Manifest::from_toml(&text).map_err(PsfCalibrationError::file(&path))?;
     Ok((manifest, text, path))
 }
@@ -82,11 +95,13 @@ pub fn calibrate_position(
     if !sensor.cfa.is_bayer() {
         return Err(PsfCalibrationError::NotBayer(sensor.cfa.to_string()));
     }
-    let mut reader = Reader { folder, position: &name, sensor, size: None };
+    let mut reader =
+        Reader { folder, position: &name, manifest, origin: *position.origin.get_ref(), sensor, size: None };
 
     // The longest exposure shows best where the source is; around it a window is cut.
-    let longest = position.exposure.last().and_then(|e| e.frames.get_ref().first());
-    let first = longest.map(|file| reader.load(file)).transpose()?;
+    let longest = position.exposure.last();
+    let first = longest.and_then(|e| Some((e.frames.get_ref().first()?, *e.exposure_ms.get_ref())));
+    let first = first.map(|(file, exposure_ms)| reader.load(file, exposure_ms)).transpose()?;
     let Some(first) = first else {
         let (height, width, least) = (0, 0, LEAST_SIDE);
         return Err(PsfCalibrationError::TooSmall { position: name, height, width, least });
@@ -114,64 +129,86 @@ pub fn calibrate_position(
         cfa: sensor.cfa,
     };
 
-    // Average the frames of each exposure time, and follow the source through them.
+    // Average the frames of each exposure time.
     let linear_gain = *manifest.linear_gain.get_ref();
-    let gain = sensor.gain_dn_per_e * linear_gain;
-    let read_dn2 = gain * gain * read_variance_e2(sensor, linear_gain);
-    let (mut exposures, mut tracks, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
-    let mut modelled_dark = false;
+    let noise = SensorNoise::new(sensor, linear_gain);
+    let gain = noise.gain_dn_per_e;
+    let saturation_dn = saturation_dn(sensor, linear_gain);
+    let (mut exposures, mut windows) = (Vec::new(), Vec::new());
     for files in &position.exposure {
-        let time_s = 1e-3 * files.exposure_ms.get_ref();
-        let modelled = dark_mean_dn(
-            sensor,
-            &Exposure { white_e: 1.0, time_s: time_s as f32, linear_gain: linear_gain as f32 },
-        );
+        let exposure_ms = *files.exposure_ms.get_ref();
+        let time_s = 1e-3 * exposure_ms;
         let (mut light, mut dark_light) = (Average::default(), Average::default());
         for file in &files.dark_frames {
-            dark_light.add(cut.of(&reader.load(file)?), sensor.max_dn());
+            let dn = cut.of(&reader.load(file, exposure_ms)?);
+            dark_light.add(dn.iter().map(|v| f64::from(*v)), saturation_dn);
             progress();
         }
-        let mut track: Vec<(String, [f64; 2])> = Vec::new();
+        let mut of_exposure: Vec<Vec<u16>> = Vec::new();
         for file in files.frames.get_ref() {
-            let dn = reader.load(file)?;
-            light.add(cut.of(&dn), sensor.max_dn());
-            let mosaic: Vec<f64> = cut.of(&dn).map(|v| v - modelled).collect();
-            if let Some(centre) = green_centroid(&mosaic, &frame, cut.brightest) {
-                track.push((file.clone(), centre));
-            }
+            let dn = cut.of(&reader.load(file, exposure_ms)?);
+            light.add(dn.iter().map(|v| f64::from(*v)), saturation_dn);
+            of_exposure.push(dn);
             progress();
         }
         let dark = if dark_light.frames > 0 {
-            let single = read_dn2 + gain * gain * sensor.dark_current_e_per_s * time_s;
-            Dark::measured(&dark_light, single)
+            let single_e2 = noise.read_e2 + noise.dark_e_per_s * time_s;
+            Dark::measured(&dark_light, gain * gain * single_e2)
         } else {
-            modelled_dark = true;
+            let (time_s, linear_gain) = (time_s as f32, linear_gain as f32);
+            let modelled = dark_mean_dn(sensor, &Exposure { white_e: 1.0, time_s, linear_gain });
             Dark::modelled(modelled, light.mean_dn.len())
         };
         exposures.push(ExposureMean { time_s, light, dark });
-        tracks.push(track);
-    }
-    if modelled_dark {
-        warnings.push("no dark frames: the sensor model's dark signal was taken off".to_owned());
+        windows.push(of_exposure);
     }
 
-    let merged = merge(&exposures, sensor, linear_gain);
+    // Merge them, and take single bright pixels away from the source for what they are.
+    let mut merged = merge(&exposures, sensor, linear_gain);
+    let source = brightest(frame.height, frame.width, |i| merged.rate_e_per_s[i]).0;
+    let hot = mask_hot_pixels(&mut merged, &frame, source);
     let measured = measure(&merged, &frame, &name, seed)?;
+
+    // Follow the source through the frames, and from each exposure to the next.
+    let follow = Follow { frame: &frame, exposures: &exposures, merged: &merged, noise: &noise, hot: &hot };
+    let tracks: Vec<Track> = (0..exposures.len())
+        .map(|k| follow.frames(k, position.exposure[k].frames.get_ref(), &windows[k]))
+        .collect();
+    let between: Vec<_> = (1..exposures.len()).map(|k| follow.exposures(k - 1, k)).collect();
     let reports: Vec<ExposureReport> = (0..exposures.len())
         .map(|k| {
             let e = &exposures[k];
-            let full_dn = super::merge::full_dn(sensor, linear_gain);
             ExposureReport {
                 exposure_ms: 1e3 * e.time_s,
                 frames: e.light.frames,
                 dark_frames: position.exposure[k].dark_frames.len(),
-                saturated_pixels: (0..e.light.mean_dn.len()).filter(|i| e.is_saturated(*i, full_dn)).count(),
+                saturated_pixels: (0..e.light.mean_dn.len()).filter(|i| e.is_saturated(*i)).count(),
                 variance_ratio: e.variance_ratio(&merged, sensor, linear_gain),
+                agreement: agreement(&exposures, k, &merged, &noise),
                 centroid_px: mean_centroid(&tracks[k]),
             }
         })
         .collect();
-    look_for_trouble(&reports, &tracks, &merged, &measured, &mut warnings);
+    let on_frame = |i: usize| [frame.placement.row + i / frame.width, frame.placement.col + i % frame.width];
+    let mut warnings = trouble(&Seen {
+        exposures: &reports,
+        tracks: &tracks,
+        between: &between,
+        merged: &merged,
+        measured: &measured,
+        hot: &hot.iter().map(|i| on_frame(*i)).collect::<Vec<_>>(),
+        nonuniformity: &sensor.nonuniformity,
+    });
+    if let Some(([r, c], share)) = cut.elsewhere {
+        warnings.push(format!(
+            "another source at row {}, column {} of the sensor, {:.0} % as bright, outside the {}x{} pixels that are measured",
+            row + r,
+            col + c,
+            100.0 * share,
+            cut.height,
+            cut.width
+        ));
+    }
 
     // Without a place in the manifest, the source is where it was found.
     let on_sensor = [frame.placement.row as f64, frame.placement.col as f64];
@@ -205,12 +242,14 @@ pub fn calibrate_position(
 struct Reader<'a> {
     folder: &'a Path,
     position: &'a str,
+    manifest: &'a Manifest,
+    origin: [usize; 2],
     sensor: &'a SensorModel,
     size: Option<(usize, usize)>,
 }
 
 impl Reader<'_> {
-    fn load(&mut self, file: &str) -> Result<RawFrame, PsfCalibrationError> {
+    fn load(&mut self, file: &str, exposure_ms: f64) -> Result<RawFrame, PsfCalibrationError> {
         let path = self.folder.join(file);
         let raw = load_raw(&path)?;
         let (first_height, first_width) = *self.size.get_or_insert((raw.height, raw.width));
@@ -226,11 +265,58 @@ impl Reader<'_> {
                 first_width,
             });
         }
+        // What a sidecar says of the converter; a file's own bits are those of its container.
+        let bits = Sidecar::beside(&path)?.and_then(|sidecar| sidecar.info.bits);
+        if let Some((what, said, is)) = self.contradiction(&raw.info, bits, exposure_ms) {
+            let sidecar = sidecar_path(&path);
+            let path = if sidecar.is_file() { sidecar } else { path };
+            return Err(PsfCalibrationError::Contradiction { path, what, said, is });
+        }
         let (value, max) = (raw.dn.iter().copied().max().unwrap_or(0), self.sensor.max_dn());
         if f64::from(value) > max {
             return Err(PsfCalibrationError::AboveConverter { path, value, max });
         }
         Ok(raw)
+    }
+
+    /// What a frame says of itself against sensor and manifest: the key, what it says, and what they say.
+    fn contradiction(
+        &self,
+        info: &RawInfo,
+        bits: Option<u32>,
+        exposure_ms: f64,
+    ) -> Option<(&'static str, String, String)> {
+        let sensor = self.sensor;
+        if let Some(bits) = bits.filter(|bits| *bits != sensor.bits) {
+            return Some(("bits", bits.to_string(), format!("the sensor has {}", sensor.bits)));
+        }
+        // Mosaics repeat within 8 pixels: those of sensor and frame are the same if 16 x 16 pixels are.
+        if let Some(cfa) = info.cfa {
+            let [row, col] = self.origin.map(|v| v % 1_000_000);
+            let differs =
+                |i: usize| cfa.colour(i / 16, i % 16) != sensor.cfa.colour(row + i / 16, col + i % 16);
+            if (0..256).any(differs) {
+                let is = format!(
+                    "the sensor has {} from its first pixel, and the frame starts at row {}, column {}",
+                    sensor.cfa, self.origin[0], self.origin[1]
+                );
+                return Some(("cfa", cfa.to_string(), is));
+            }
+        }
+        // Cameras round what they report: one percent, and a digital number, are allowed.
+        let linear_gain = *self.manifest.linear_gain.get_ref();
+        let numbers = [
+            ("exposure_s", info.exposure_s, 1e-3 * exposure_ms, 0.01, 0.0, "the manifest"),
+            ("linear_gain", info.linear_gain, linear_gain, 0.01, 0.0, "the manifest"),
+            ("pixel_um", info.pixel_um, sensor.pixel_um, 0.01, 0.0, "the sensor"),
+            ("black_level_dn", info.black_level_dn, sensor.black_level_dn, 0.1, 1.0, "the sensor"),
+        ];
+        numbers.into_iter().find_map(
+            |(key, said, is, share, least, whose): (_, Option<f64>, f64, f64, f64, &str)| {
+                let said = said.filter(|said| (said - is).abs() > least.max(share * is))?;
+                Some((key, said.to_string(), format!("{whose} has {is}")))
+            },
+        )
     }
 }
 
@@ -240,122 +326,137 @@ struct Cut {
     col: usize,
     height: usize,
     width: usize,
-    /// Brightest place of the first frame, (row, column) in the cut.
-    brightest: [f64; 2],
+    /// A second source outside the cut: (row, column) in the frame, and its share of the first one's light.
+    elsewhere: Option<([usize; 2], f64)>,
+}
+
+/// The brightest place, (row, column), of at least 5x5 pixels, and the light there: 5x5 pixels without the five brightest, so
+/// that a few hot pixels are no spot.
+fn brightest(height: usize, width: usize, value: impl Fn(usize) -> f64) -> ([f64; 2], f64) {
+    let mut best = ([2.0; 2], f64::NEG_INFINITY);
+    let mut values = [0.0; 25];
+    for row in 2..height.saturating_sub(2) {
+        for col in 2..width.saturating_sub(2) {
+            for (n, v) in values.iter_mut().enumerate() {
+                *v = value((row + n / 5 - 2) * width + col + n % 5 - 2);
+            }
+            // Most places are too dark even with all of their pixels.
+            if values.iter().map(|v| v.max(0.0)).sum::<f64>() > best.1 {
+                values.select_nth_unstable_by(KEPT, f64::total_cmp);
+                let light: f64 = values[..KEPT].iter().sum();
+                if light > best.1 {
+                    best = ([row as f64, col as f64], light);
+                }
+            }
+        }
+    }
+    best
 }
 
 impl Cut {
     fn around_brightest(raw: &RawFrame) -> Self {
-        // Sums over 3x3 pixels: a hot pixel is not a spot.
-        let mut best = (0u64, 1, 1);
-        for row in 1..raw.height - 1 {
-            for col in 1..raw.width - 1 {
-                let line = |r: usize| &raw.dn[r * raw.width + col - 1..=r * raw.width + col + 1];
-                let sum: u64 = (row - 1..=row + 1).flat_map(line).map(|v| u64::from(*v)).sum();
-                if sum > best.0 {
-                    best = (sum, row, col);
-                }
-            }
-        }
-        let side = |at: usize, len: usize| {
+        let (at, light) = brightest(raw.height, raw.width, |i| f64::from(raw.dn[i]));
+        let side = |at: f64, len: usize| {
             let size = len.min(WINDOW);
-            (at.saturating_sub(size / 2).min(len - size), size)
+            ((at as usize).saturating_sub(size / 2).min(len - size), size)
         };
-        let ((row, height), (col, width)) = (side(best.1, raw.height), side(best.2, raw.width));
-        Self { row, col, height, width, brightest: [(best.1 - row) as f64, (best.2 - col) as f64] }
-    }
-
-    fn of<'a>(&'a self, raw: &'a RawFrame) -> impl ExactSizeIterator<Item = f64> + 'a {
-        (0..self.height * self.width).map(|i| {
-            let (row, col) = (self.row + i / self.width, self.col + i % self.width);
-            f64::from(raw.dn[row * raw.width + col])
-        })
-    }
-}
-
-/// Mean of the frames' centroids and its standard error.
-fn mean_centroid(track: &[(String, [f64; 2])]) -> Option<([f64; 2], [f64; 2])> {
-    let count = track.len() as f64;
-    if track.len() < 2 {
-        return track.first().map(|t| (t.1, [f64::INFINITY; 2]));
-    }
-    let mean = [0, 1].map(|axis| track.iter().map(|t| t.1[axis]).sum::<f64>() / count);
-    let error = [0, 1].map(|axis| {
-        let square: f64 = track.iter().map(|t| (t.1[axis] - mean[axis]).powi(2)).sum();
-        (square / (count - 1.0) / count).sqrt()
-    });
-    Some((mean, error))
-}
-
-/// Five standard errors: by chance once in 1.7 million.
-const MOVED_SIGMAS: f64 = 5.0;
-
-fn look_for_trouble(
-    exposures: &[ExposureReport],
-    tracks: &[Vec<(String, [f64; 2])>],
-    merged: &Merged,
-    measured: &Measured,
-    warnings: &mut Vec<String>,
-) {
-    let saturated = merged.saturated.iter().filter(|s| **s).count();
-    if saturated > 0 {
-        warnings.push(format!(
-            "{saturated} pixels are saturated in every exposure, the shortest included: the PSF's peak is cut off; dim the source"
-        ));
-    }
-    for e in exposures {
-        if let Some(ratio) = e.variance_ratio
-            && !(0.7..=1.4).contains(&ratio)
+        let ((row, height), (col, width)) = (side(at[0], raw.height), side(at[1], raw.width));
+        let mut cut = Self { row, col, height, width, elsewhere: None };
+        if (height, width) == (raw.height, raw.width) {
+            return cut;
+        }
+        // What is as bright beyond the cut, above the level and the noise of the whole frame.
+        let level = median(raw.dn.iter().map(|v| f64::from(*v)));
+        let spread = 1.4826 * median(raw.dn.iter().map(|v| (f64::from(*v) - level).abs()));
+        let inside = |r: usize, c: usize| (row..row + height).contains(&r) && (col..col + width).contains(&c);
+        let (there, second) = brightest(raw.height, raw.width, |i| {
+            if inside(i / raw.width, i % raw.width) { level } else { f64::from(raw.dn[i]) }
+        });
+        let share = (second - KEPT as f64 * level) / (light - KEPT as f64 * level);
+        if share > SECOND_SOURCE
+            && second - KEPT as f64 * level > DETECTION_SIGMAS * (KEPT as f64).sqrt() * spread.max(1.0)
         {
-            warnings.push(format!(
-                "at {} ms the frames scatter with {ratio:.2} times the variance of the sensor model: is this the sensor and its gain, \
-                 and was the source steady?",
-                e.exposure_ms
-            ));
+            cut.elsewhere = Some((there.map(|v| v as usize), share));
         }
+        cut
     }
-    // Within an exposure: the first half of the frames beside the second.
-    for (e, track) in exposures.iter().zip(tracks) {
-        let (first, second) = track.split_at(track.len() / 2);
-        if let (Some(a), Some(b)) = (mean_centroid(first), mean_centroid(second)) {
-            tell_of_move(a, b, &format!("during the {} ms frames", e.exposure_ms), warnings);
-        }
-        // A single frame far from all others.
-        if let Some((mean, error)) = mean_centroid(track) {
-            let count = track.len() as f64;
-            for (file, at) in track {
-                let off = (at[0] - mean[0]).hypot(at[1] - mean[1]);
-                let scatter = error[0].hypot(error[1]) * count.sqrt();
-                if count > 4.0 && off > 0.5 && off > 0.8 * scatter * count.sqrt() {
-                    warnings.push(format!(
-                        "{file}: the source is {off:.2} px from where the other frames have it"
-                    ));
-                }
-            }
-        }
-    }
-    // Between exposures; saturation moves centroids, so saturated ones do not take part.
-    let clean: Vec<&ExposureReport> = exposures.iter().filter(|e| e.saturated_pixels == 0).collect();
-    for pair in clean.windows(2) {
-        if let (Some(a), Some(b)) = (pair[0].centroid_px, pair[1].centroid_px) {
-            let between =
-                format!("between the {} and the {} ms frames", pair[0].exposure_ms, pair[1].exposure_ms);
-            tell_of_move(a, b, &between, warnings);
-        }
-    }
-    for ([row, col], share) in &measured.other_sources {
-        warnings.push(format!(
-            "another source at row {row}, column {col} of the window, {:.0} % as bright",
-            100.0 * share
-        ));
+
+    fn of(&self, raw: &RawFrame) -> Vec<u16> {
+        let line = |r: usize| {
+            let first = (self.row + r) * raw.width + self.col;
+            raw.dn[first..first + self.width].iter().copied()
+        };
+        (0..self.height).flat_map(line).collect()
     }
 }
 
-fn tell_of_move(a: ([f64; 2], [f64; 2]), b: ([f64; 2], [f64; 2]), when: &str, warnings: &mut Vec<String>) {
-    let moved = [0, 1].map(|axis| b.0[axis] - a.0[axis]);
-    let beyond = |axis: usize| moved[axis].abs() > MOVED_SIGMAS * a.1[axis].hypot(b.1[axis]);
-    let distance = moved[0].hypot(moved[1]);
-    if distance > STILL_PX && (beyond(0) || beyond(1)) {
-        warnings.push(format!("the source moved by {distance:.2} px {when}"));
+/// What it takes to find the source in frames and exposures.
+struct Follow<'a> {
+    frame: &'a Frame,
+    exposures: &'a [ExposureMean],
+    merged: &'a Merged,
+    noise: &'a SensorNoise,
+    hot: &'a [usize],
+}
+
+impl Follow<'_> {
+    /// Hot pixels and those that are saturated in any of the exposures.
+    fn left_out(&self, exposures: &[usize]) -> Vec<bool> {
+        let saturated = |i: usize| exposures.iter().any(|k| self.exposures[*k].is_saturated(i));
+        let mut out: Vec<bool> = (0..self.merged.rate_e_per_s.len()).map(saturated).collect();
+        self.hot.iter().for_each(|i| out[*i] = true);
+        out
+    }
+
+    /// The brightest place of a mosaic without the pixels left out.
+    fn start(&self, mosaic: &[f64], left_out: &[bool]) -> [f64; 2] {
+        brightest(self.frame.height, self.frame.width, |i| if left_out[i] { 0.0 } else { mosaic[i] }).0
+    }
+
+    /// The source in every frame of an exposure.
+    fn frames(&self, k: usize, files: &[String], windows: &[Vec<u16>]) -> Track {
+        let e = &self.exposures[k];
+        let left_out = self.left_out(&[k]);
+        let variance: Vec<f64> = (0..left_out.len())
+            .map(|i| e.frame_variance_e2(i, self.merged.rate_e_per_s[i], self.noise))
+            .collect();
+        let mosaics = Mosaics {
+            frame: self.frame,
+            variance: &variance,
+            shared: self.noise.shared_e2,
+            left_out: &left_out,
+        };
+        let electrons = |dn: &[u16]| -> Vec<f64> {
+            let of = |(v, dark): (&u16, &f64)| (f64::from(*v) - dark) / self.noise.gain_dn_per_e;
+            dn.iter().zip(&e.dark.mean_dn).map(of).collect()
+        };
+        let follow = |(file, dn): (&String, &Vec<u16>)| {
+            let mosaic = electrons(dn);
+            (file.clone(), mosaics.centroid(&mosaic, self.start(&mosaic, &left_out)))
+        };
+        files.iter().zip(windows).map(follow).collect()
+    }
+
+    /// The source in the means of two exposures, without the pixels that are saturated in either.
+    fn exposures(&self, a: usize, b: usize) -> Option<[Centroid; 2]> {
+        let left_out = self.left_out(&[a, b]);
+        let of = |k: usize| {
+            let e = &self.exposures[k];
+            let all = 0..left_out.len();
+            let rate: Vec<f64> = all.clone().map(|i| e.rate(i, self.noise.gain_dn_per_e)).collect();
+            let offset = e.offset_e_per_s(self.noise);
+            let variance: Vec<f64> = all
+                .map(|i| e.variance(i, self.merged.rate_e_per_s[i], self.noise) + offset * offset)
+                .collect();
+            let per_mean = 1.0 / (e.light.frames as f64 * e.time_s * e.time_s);
+            let mosaics = Mosaics {
+                frame: self.frame,
+                variance: &variance,
+                shared: self.noise.shared_e2.map(|v| v * per_mean),
+                left_out: &left_out,
+            };
+            mosaics.centroid(&rate, self.start(&rate, &left_out))
+        };
+        Some([of(a)?, of(b)?])
     }
 }

@@ -23,6 +23,8 @@
 //! ```
 
 use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::{Component, Path, PathBuf};
 
 use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
@@ -183,6 +185,7 @@ impl Manifest {
                 return Err(at("this position has no exposure").hint("add a [[position.exposure]] below it"));
             }
             let mut before = 0.0;
+            let mut files = BTreeSet::new();
             for exposure in &position.exposure {
                 let ms = &exposure.exposure_ms;
                 number(ms, "exposure_ms", 1e-6, 1e7, "milliseconds")?;
@@ -196,16 +199,34 @@ impl Manifest {
                     let none = FileError::at(text, exposure.frames.span(), "frames", "no frame");
                     return Err(none.hint("files relative to this one"));
                 }
-                let distinct: BTreeSet<&String> = exposure.frames.get_ref().iter().collect();
-                if distinct.len() < exposure.frames.get_ref().len() {
-                    let twice =
-                        FileError::at(text, exposure.frames.span(), "frames", "a frame is listed twice");
-                    return Err(twice.hint("a repeated frame would count as independent noise"));
+                let light = exposure.frames.get_ref().iter().map(|file| ("frames", file));
+                let dark = exposure.dark_frames.iter().map(|file| ("dark_frames", file));
+                for (key, file) in light.chain(dark) {
+                    // `./a.png` is `a.png`.
+                    let named = Path::new(file).components().filter(|c| *c != Component::CurDir);
+                    let path: PathBuf = named.collect();
+                    if !files.insert(path) {
+                        let span = last_place(text, &exposure.frames.span(), file);
+                        let message = format!("{file} is listed twice for this position");
+                        let hint = "a repeated frame would count as independent noise, and a file is of one exposure only";
+                        return Err(FileError::at(text, span, key, message).hint(hint));
+                    }
                 }
             }
         }
         Ok(())
     }
+}
+
+/// Where a file is named for the last time in the table that its list of frames is in; that list, if it is spelled in
+/// another way.
+fn last_place(text: &str, frames: &Range<usize>, file: &str) -> Range<usize> {
+    let end = text.get(frames.end..).and_then(|rest| rest.find("\n[")).map_or(text.len(), |n| frames.end + n);
+    let start = text.get(..frames.start).and_then(|head| head.rfind("\n[")).unwrap_or(0);
+    let quoted = [format!("\"{file}\""), format!("'{file}'")];
+    let found = |quoted: &String| Some((start + text.get(start..end)?.rfind(quoted.as_str())?, quoted.len()));
+    let last = quoted.iter().filter_map(found).max();
+    last.map_or(frames.clone(), |(at, length)| at..at + length)
 }
 
 #[cfg(test)]
@@ -238,6 +259,15 @@ frames = ["c.png"]
             ("exposure_ms = 4.0", "exposure_ms = nan", 9, "exposure_ms"),
             ("frames = [\"c.png\"]", "frames = []", 10, "frames"),
             ("frames = [\"c.png\"]", "frames = [\"c.png\", \"c.png\"]", 10, "frames"),
+            ("frames = [\"c.png\"]", "frames = [\"b.png\"]", 10, "frames"),
+            ("frames = [\"c.png\"]", "frames = [\"./a.png\"]", 10, "frames"),
+            (
+                "frames = [\"c.png\"]",
+                "frames = [\"c.png\"]\ndark_frames = [\"d.png\", \"d.png\"]",
+                11,
+                "dark_frames",
+            ),
+            ("frames = [\"c.png\"]", "frames = [\"c.png\"]\ndark_frames = ['a.png']", 11, "dark_frames"),
             ("frames = [\"c.png\"]", "frame = [\"c.png\"]", 10, "frame"),
             ("name = \"axis\"", "name = \" \"", 4, "name"),
             ("name = \"axis\"", "name = \"axis\"\nfield_radius_mm = -1.0", 5, "field_radius_mm"),

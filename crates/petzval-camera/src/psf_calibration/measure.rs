@@ -29,16 +29,23 @@ pub const CROP: usize = 23;
 const WINDOW_PX: f64 = 0.5 * CROP as f64 - 0.5;
 
 /// Light beyond this distance from the source is background, px.
-const BACKGROUND_PX: f64 = 16.0;
+pub(super) const BACKGROUND_PX: f64 = 16.0;
 
 /// Least side of a frame: the background's circle fits with a border of two pixels.
 pub const LEAST_SIDE: usize = 2 * BACKGROUND_PX as usize + 4;
 
 /// A source stands out of the noise by so many standard deviations.
-const DETECTION_SIGMAS: f64 = 8.0;
+pub(super) const DETECTION_SIGMAS: f64 = 8.0;
 
 /// A second source is told of from this share of the first one's peak.
-const SECOND_SOURCE: f64 = 0.1;
+pub(super) const SECOND_SOURCE: f64 = 0.1;
+
+/// Nearer than this two maxima are one PSF, px.
+const NEAR_PX: f64 = 4.0;
+
+/// Between two maxima nearer than the background's distance the light falls below this share of the fainter one; tails of a
+/// PSF fall off without such a gap.
+const GAP: f64 = 0.5;
 
 /// Draws of noise behind the noise floor.
 const DRAWS: usize = 48;
@@ -98,7 +105,7 @@ pub struct Measured {
     pub floor: NoiseFloor,
     /// The mosaic less its background, electrons/s.
     pub mosaic_e_per_s: Vec<f64>,
-    /// Other bright spots: (row, column) in the window and share of the main peak.
+    /// Other bright spots of the window, 4 px and more from the source: (row, column) and share of the main peak.
     pub other_sources: Vec<([usize; 2], f64)>,
 }
 
@@ -123,12 +130,13 @@ impl Frame {
         demosaic_bilinear(&mosaic, self.height, self.width, self.cfa, self.placement)
     }
 
-    fn distance(&self, pixel: usize, centre: [f64; 2]) -> f64 {
+    /// Distance of a pixel from a place (row, column), px.
+    pub(super) fn distance(&self, pixel: usize, centre: [f64; 2]) -> f64 {
         ((pixel / self.width) as f64 - centre[0]).hypot((pixel % self.width) as f64 - centre[1])
     }
 
     /// Mean of each colour far from the source, values beyond 4 standard deviations left out.
-    fn background(&self, mosaic: &[f64], variance: &[f64], centre: [f64; 2]) -> [f64; CHANNELS] {
+    pub(super) fn background(&self, mosaic: &[f64], variance: &[f64], centre: [f64; 2]) -> [f64; CHANNELS] {
         let far: Vec<usize> =
             (0..mosaic.len()).filter(|i| self.distance(*i, centre) > BACKGROUND_PX).collect();
         std::array::from_fn(|channel| {
@@ -146,13 +154,14 @@ impl Frame {
         })
     }
 
-    fn without(&self, mosaic: &[f64], background: [f64; CHANNELS]) -> Vec<f64> {
+    /// A mosaic less the background of each colour.
+    pub(super) fn without(&self, mosaic: &[f64], background: [f64; CHANNELS]) -> Vec<f64> {
         mosaic.iter().enumerate().map(|(i, v)| v - self.colour(i).map_or(0.0, |c| background[c])).collect()
     }
 }
 
 /// Weight of the centroid's window at a distance from its middle, px.
-fn window(distance_px: f64) -> f64 {
+pub(super) fn window(distance_px: f64) -> f64 {
     (WINDOW_PX + 1.0 - distance_px).clamp(0.0, 1.0)
 }
 
@@ -183,14 +192,6 @@ pub(super) fn centroid(plane: &[f32], frame: &Frame, start: [f64; 2]) -> Option<
         }
     }
     Some((centre, light))
-}
-
-/// Centroid of the green light of a single frame, (row, column), px; any unit, any level of background.
-pub fn green_centroid(mosaic: &[f64], frame: &Frame, start: [f64; 2]) -> Option<[f64; 2]> {
-    let everything = vec![f64::INFINITY; mosaic.len()];
-    let background = frame.background(mosaic, &everything, start);
-    let planes = frame.demosaic(&frame.without(mosaic, background)).ok()?;
-    centroid(planes.plane(1), frame, start).map(|(centre, _)| centre)
 }
 
 /// First row and column of the crop around a centroid; `None` if it leaves the frame.
@@ -285,7 +286,8 @@ pub fn measure(
     let mosaic = frame.without(rate, background);
     let psf = extract(&mosaic, frame, found, None, position)?;
     let centre = psf.centroid_px[1];
-    let other_sources = others(&mosaic, variance, frame, centre);
+    // From the brightest spot on, since a second source draws the centroid towards itself.
+    let other_sources = others(&mosaic, variance, frame, found);
     Ok(Measured {
         centroid_se_px: centroid_error(&mosaic, variance, frame, centre, position)?,
         floor: noise_floor(rate, variance, frame, &psf, position, seed)?,
@@ -333,27 +335,43 @@ fn find_source(
     Ok(brightest.2)
 }
 
-/// Bright spots beyond the background's distance, the brightest first and each only once.
+/// Bright spots beyond the background's distance, and nearer ones with a dark gap before them; the brightest first and each
+/// only once.
 fn others(mosaic: &[f64], variance: &[f64], frame: &Frame, centre: [f64; 2]) -> Vec<([usize; 2], f64)> {
-    let near = |row: usize, col: usize, at: [f64; 2]| {
-        (row as f64 - at[0]).hypot(col as f64 - at[1]) <= BACKGROUND_PX
+    let distance = |[row, col]: [usize; 2], at: [f64; 2]| (row as f64 - at[0]).hypot(col as f64 - at[1]);
+    let inner = |v: f64, side: usize| (v.round() as usize).clamp(1, side - 2);
+    let spot = |row: f64, col: f64| {
+        smoothed(mosaic, variance, frame, inner(row, frame.height), inner(col, frame.width))
     };
-    let (row, col) = (centre[0].round() as usize, centre[1].round() as usize);
-    let inner = |v: usize, side: usize| v.clamp(1, side - 2);
-    let peak = smoothed(mosaic, variance, frame, inner(row, frame.height), inner(col, frame.width)).0;
+    let peak = spot(centre[0], centre[1]).0;
+    // The least light on the way from the source to a place.
+    let least_between = |[row, col]: [usize; 2]| {
+        let steps = distance([row, col], centre).ceil() as usize;
+        let along = (1..steps).map(|k| k as f64 / steps as f64);
+        let light = along.map(|s| {
+            spot(centre[0] + s * (row as f64 - centre[0]), centre[1] + s * (col as f64 - centre[1])).0
+        });
+        light.fold(f64::INFINITY, f64::min)
+    };
     let mut found: Vec<([usize; 2], f64)> = Vec::new();
     let mut spots: Vec<([usize; 2], f64)> = Vec::new();
     for row in 1..frame.height - 1 {
         for col in 1..frame.width - 1 {
             let (sum, sigma) = smoothed(mosaic, variance, frame, row, col);
-            if !near(row, col, centre) && sum > DETECTION_SIGMAS * sigma && sum > SECOND_SOURCE * peak {
+            let away = distance([row, col], centre);
+            let bright = away >= NEAR_PX && sum > DETECTION_SIGMAS * sigma && sum > SECOND_SOURCE * peak;
+            let apart = || {
+                let gap = least_between([row, col]);
+                gap < GAP * sum && sum - gap > DETECTION_SIGMAS * sigma
+            };
+            if bright && (away > BACKGROUND_PX || apart()) {
                 spots.push(([row, col], sum / peak));
             }
         }
     }
     spots.sort_by(|a, b| b.1.total_cmp(&a.1));
     for (at, share) in spots {
-        if found.iter().all(|(f, _)| !near(at[0], at[1], [f[0] as f64, f[1] as f64])) {
+        if found.iter().all(|(f, _)| distance(at, [f[0] as f64, f[1] as f64]) > BACKGROUND_PX) {
             found.push((at, share));
         }
     }

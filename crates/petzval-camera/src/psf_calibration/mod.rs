@@ -12,6 +12,7 @@
 //! | exposures of several times as one rate, with its variance | [`merge`] |
 //! | centroid, crop, background, and their noise floor | [`measure`] |
 //! | light of a finely sampled PSF on the pixels of a window | [`landing`] |
+//! | where the source is in each frame, and whether it moved | [`track`] |
 //! | measured beside simulated | [`compare`] |
 //! | PSFs on fine cells from several azimuths, for the renderer; how well they predict | [`estimate`], [`held_out`], [`register`] |
 //! | a bank of PSFs as files | [`psf_file`] |
@@ -36,6 +37,8 @@ pub mod measure;
 pub mod merge;
 pub mod psf_file;
 pub mod register;
+pub mod track;
+mod trouble;
 
 pub use error::PsfCalibrationError;
 pub use folder::{CalibratedPosition, calibrate_position, read_manifest};
@@ -45,3 +48,5 @@ pub use measure::{CROP, Measured};
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod warning_tests;
