@@ -177,11 +177,7 @@ impl HistogramFit {
     pub fn dark_tails(&self) -> Vec<Warning> {
         let dark = self.histograms.iter().filter(|h| h.kind == Kind::Dark);
         dark.filter(|h| h.tail_share > 5.0 * h.tail_share_se && h.tail_share > 1e-5)
-            .map(|h| Warning::DarkTail {
-                point: h.label(),
-                share: h.tail_share,
-                mean_dn: h.tail_mean_dn,
-            })
+            .map(|h| Warning::DarkTail { point: h.label(), share: h.tail_share, mean_dn: h.tail_mean_dn })
             .collect()
     }
 
@@ -189,7 +185,7 @@ impl HistogramFit {
     fn poor(&self) -> Option<Warning> {
         let worst =
             self.histograms.iter().max_by(|a, b| a.core_reduced_chi2.total_cmp(&b.core_reduced_chi2))?;
-        describes(&self.histograms).is_none().then(|| Warning::PoorHistogramFit {
+        (!describes(&self.histograms)).then(|| Warning::PoorHistogramFit {
             mean_chi2: mean_core_chi2(&self.histograms),
             worst_chi2: worst.core_reduced_chi2,
             point: worst.label(),
@@ -272,10 +268,10 @@ fn mean_core_chi2(histograms: &[HistogramComparison]) -> f64 {
     histograms.iter().map(|h| h.core_reduced_chi2).sum::<f64>() / histograms.len().max(1) as f64
 }
 
-/// `Some` if the model describes the cores of the histograms.
-fn describes(histograms: &[HistogramComparison]) -> Option<()> {
+/// Whether the model describes the cores of the histograms.
+fn describes(histograms: &[HistogramComparison]) -> bool {
     let worst = histograms.iter().map(|h| h.core_reduced_chi2).fold(0.0, f64::max);
-    (mean_core_chi2(histograms) <= POOR_MEAN && worst <= POOR_WORST).then_some(())
+    mean_core_chi2(histograms) <= POOR_MEAN && worst <= POOR_WORST
 }
 
 /// Number of parameters before the light levels.
@@ -384,9 +380,8 @@ fn fit_in_steps(
     let comparisons: Vec<HistogramComparison> =
         samples.par_iter().map(|sample| compare(sample, start, max_dn, &first_theta, &theta)).collect();
     // Errors of a fit that did not arrive, or of a model that is not that of the histograms, would mean nothing.
-    let covariance = describes(&comparisons)
-        .filter(|()| converged)
-        .and_then(|()| information(&state, &free).try_inverse());
+    let is_sound = converged && describes(&comparisons);
+    let covariance = is_sound.then(|| covariance(&state, &free)).flatten();
     let measured = |i: usize| match (free.iter().position(|f| *f == i), &covariance) {
         (Some(k), Some(c)) => Measured::new(theta[i], c[(k, k)].max(0.0).sqrt()),
         _ => Measured::exact(theta[i]),
@@ -455,9 +450,8 @@ fn arrange<'a>(
             Kind::Dark => None,
             Kind::Flat => {
                 // Photons count where all points of the gain state them: seconds and photons do not compare.
-                let of_gain = |h: &&&PointHistogram| {
-                    h.kind == Kind::Flat && h.linear_gain == histogram.linear_gain
-                };
+                let of_gain =
+                    |h: &&&PointHistogram| h.kind == Kind::Flat && h.linear_gain == histogram.linear_gain;
                 let by_photons = histograms.iter().filter(of_gain).all(|h| h.photons.is_some());
                 let told = |h: &PointHistogram| h.photons.filter(|_| by_photons).unwrap_or(h.exposure_s);
                 let mean = mean_dn(&histogram.counts);
@@ -537,8 +531,7 @@ fn free_parameters(samples: &[Sample<'_>], theta: &[f64]) -> Vec<usize> {
     let dark = samples.iter().filter(|s| s.light.is_none());
     let times = several(dark.map(|s| s.histogram.exposure_s).collect()) && theta[7] > 0.0;
     let (red, blue) = (green && has(Colour::Red), green && has(Colour::Blue));
-    let lights: Vec<f64> =
-        samples.iter().filter(|s| s.light.is_some()).map(|s| s.electrons(theta)).collect();
+    let lights: Vec<f64> = samples.iter().filter(|s| s.light.is_some()).map(|s| s.electrons(theta)).collect();
     let brightest = lights.iter().copied().fold(0.0, f64::max);
     let contrast = lights.iter().any(|l| 2.0 * l < brightest);
     let told = [flat, gains, true, true, red, blue, gains, times, contrast];
@@ -664,6 +657,15 @@ fn derivatives(sample: &Sample<'_>, held: &ModelParameters, max_dn: u32, theta: 
 
 fn information(state: &Score, free: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(free.len(), free.len(), |i, j| state.information[(free[i], free[j])])
+}
+
+/// Inverse of the information, by way of a unit diagonal: the parameters' units span many powers of ten.
+fn covariance(state: &Score, free: &[usize]) -> Option<DMatrix<f64>> {
+    let raw = information(state, free);
+    let scale: Vec<f64> = (0..free.len()).map(|i| raw[(i, i)].sqrt()).collect();
+    let unit = DMatrix::from_fn(free.len(), free.len(), |i, j| raw[(i, j)] / (scale[i] * scale[j]));
+    let inverse = unit.cholesky()?.inverse();
+    Some(DMatrix::from_fn(free.len(), free.len(), |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
 }
 
 /// Solves for a step, with the diagonal raised by the damping.
