@@ -254,13 +254,9 @@ impl HistogramComparison {
     /// The setting in words.
     fn label(&self) -> String {
         let (gain, ms) = (self.linear_gain, 1e3 * self.exposure_s);
-        match (self.kind, self.colour) {
-            (Kind::Dark, _) => format!("dark, gain {gain}, {ms} ms"),
-            (Kind::Flat, Some(colour)) => {
-                format!("flat, gain {gain}, {ms} ms, {}", format!("{colour:?}").to_lowercase())
-            }
-            (Kind::Flat, None) => format!("flat, gain {gain}, {ms} ms"),
-        }
+        let colour = self.colour.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
+        let kind = if self.kind == Kind::Flat { "flat" } else { "dark" };
+        format!("{kind}, gain {gain}, {ms} ms{colour}")
     }
 }
 
