@@ -107,6 +107,8 @@ pub struct PointHistogram {
     pub colour: Option<Colour>,
     /// Pixels; each contributes one sample per frame.
     pub pixels: usize,
+    /// Whether the point lies within the range of photon transfer of its colour; dark ones always do.
+    pub in_range: bool,
     /// The counts.
     pub counts: Counts,
 }
@@ -129,8 +131,10 @@ pub fn characterize(
         for (point, found) in &reduced {
             warnings.extend(of_point(captures, point, found));
         }
-        histograms.extend(reduced.iter().filter(|(p, _)| !p.is_stack()).flat_map(|(p, s)| captured(p, s)));
-        gains.push(one_gain(captures, options, linear_gain, &reduced, &mut warnings));
+        let gain = one_gain(captures, options, linear_gain, &reduced, &mut warnings);
+        let pairs = reduced.iter().filter(|(p, _)| !p.is_stack());
+        histograms.extend(pairs.flat_map(|(p, s)| captured(p, s, &gain)));
+        gains.push(gain);
     }
     let joint = {
         let inputs: Vec<GainInput<'_>> = gains.iter().map(input).collect();
@@ -141,10 +145,7 @@ pub fn characterize(
     if options.fit_histograms {
         histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
         match &histogram_fit {
-            Some(fit) => {
-                warnings.extend(fit.dark_tails());
-                warnings.extend(wider_than_noise(fit, &joint));
-            }
+            Some(fit) => warnings.extend(fit.warnings(&joint)),
             None => warnings.push(Warning::NoHistogramFit { lacks: lacking(&joint) }),
         }
     }
@@ -172,15 +173,6 @@ fn lacking(joint: &JointFit) -> &'static str {
     needed.iter().find(|(_, m)| m.value().is_none()).map_or("a histogram without clipping", |(name, _)| *name)
 }
 
-/// A fitted electronics noise above that of the temporal noise by more than five standard errors and 2 %.
-fn wider_than_noise(fit: &HistogramFit, joint: &JointFit) -> Option<Warning> {
-    let (fitted, temporal) = (fit.electronics_noise_dn, joint.electronics_noise_dn);
-    let (fitted_dn, temporal_dn) = (fitted.value()?, temporal.value()?);
-    let se = fitted.error_or_zero().hypot(temporal.error_or_zero());
-    let wider = fitted_dn - temporal_dn > 5.0 * se && fitted_dn > 1.02 * temporal_dn;
-    wider.then_some(Warning::WiderThanNoise { fitted_dn, temporal_dn })
-}
-
 /// Rows and columns: as the list says, or as the first frame has.
 fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
     match (captures.size, captures.points.first().and_then(|p| p.frames.first())) {
@@ -193,7 +185,13 @@ fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
     }
 }
 
-fn captured(point: &Point, found: &PointStatistics) -> Vec<PointHistogram> {
+fn captured(point: &Point, found: &PointStatistics, gain: &GainResult) -> Vec<PointHistogram> {
+    // Beyond the last point of the transfer range the sensor saturates.
+    let in_range = |colour: Option<Colour>, mean_dn: f64| {
+        let channel = gain.channels.iter().find(|c| Some(c.colour) == colour);
+        let last = channel.and_then(|c| c.points.get(c.transfer.range.1));
+        last.is_none_or(|last| mean_dn <= last.mean_dn)
+    };
     let of = |colour, moments: &super::point::Moments| PointHistogram {
         kind: point.kind,
         linear_gain: point.linear_gain,
@@ -201,6 +199,7 @@ fn captured(point: &Point, found: &PointStatistics) -> Vec<PointHistogram> {
         photons: point.photons,
         colour,
         pixels: moments.pixels,
+        in_range: in_range(colour, moments.mean_dn),
         counts: moments.histogram.clone(),
     };
     match point.kind {

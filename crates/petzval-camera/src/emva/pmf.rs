@@ -7,6 +7,11 @@
 //!
 //! with the lowest and the highest digital number taking all that lies beyond them. The sums leave out terms below 1e-15;
 //! `Phi` comes from a table that is good to 1e-11.
+//!
+//! Pixels that answer light with factors `1 + d`, `d` normal of variance `p^2` (PRNU), have the cumulants `lambda`,
+//! `lambda + P` and `lambda + 3 P` with `P = (p lambda)^2`: a normal distribution of variance `P n / lambda` around every
+//! count `n` has the same three. A fit to histograms that chance made narrower than shot noise needs `P < 0` to be free of
+//! bias: there the counts are drawn together about their mean, to the variance `lambda + P`.
 
 use std::sync::OnceLock;
 
@@ -25,6 +30,8 @@ pub struct Response {
     pub offset_dn: f64,
     /// Standard deviation of the electronics noise before the converter, DN.
     pub electronics_noise_dn: f64,
+    /// Variance between pixels of the electrons of light, `(p lambda)^2` of the module's formulas, e-^2.
+    pub pattern_variance_e2: f64,
     /// Full well, e-.
     pub full_well_e: f64,
     /// Largest digital number.
@@ -83,18 +90,42 @@ fn poisson(rate: f64) -> (u64, Vec<f64>) {
     (first, p)
 }
 
+/// Mean counts above so many times what the converter can tell are clipped at every pixel.
+const CLIPPED_TIMES: f64 = 4.0;
+/// Least share of shot noise that a negative variance between pixels leaves.
+const LEAST_SHOT_SHARE: f64 = 0.05;
+
 /// Probabilities of the digital numbers `0..=max_dn` for electrons of mean `rate_e` (light and dark current).
 pub fn digital_numbers(rate_e: f64, response: &Response) -> Vec<f64> {
-    let mut p = vec![0.0; response.max_dn as usize + 1];
+    let top = response.max_dn as usize;
+    let mut p = vec![0.0; top + 1];
+    let gain = response.gain_dn_per_e;
+    let dark_variance = (gain * response.read_noise_e).powi(2) + response.electronics_noise_dn.powi(2);
+    let dark_sigma = dark_variance.sqrt().max(1e-9);
+
+    // Light far beyond the range of the converter gives its largest number, however many electrons there are.
+    let told_e = (top as f64 + 1.0 + REACH_SIGMAS * dark_sigma - response.offset_dn) / gain
+        - response.read_noise_mean_e;
+    if response.full_well_e > told_e && rate_e > CLIPPED_TIMES * told_e.max(0.0) + 1000.0 {
+        p[top] = 1.0;
+        return p;
+    }
+
+    // More variance between pixels widens every count, less than none draws the counts together.
+    let pattern = if rate_e > 0.0 { response.pattern_variance_e2 / rate_e } else { 0.0 };
+    let together = (1.0 + pattern.min(0.0)).max(LEAST_SHOT_SHARE).sqrt();
     let (first, counts) = poisson(rate_e);
-    let sigma =
-        (response.gain_dn_per_e * response.read_noise_e).hypot(response.electronics_noise_dn).max(1e-9);
     for (i, weight) in counts.iter().enumerate() {
         if *weight < 1e-17 {
             continue;
         }
         let n = ((first + i as u64) as f64).min(response.full_well_e);
-        let mean = response.gain_dn_per_e * (n + response.read_noise_mean_e) + response.offset_dn;
+        let electrons = rate_e + together * (n - rate_e);
+        let mean = gain * (electrons + response.read_noise_mean_e) + response.offset_dn;
+        let sigma = match pattern > 0.0 {
+            true => (dark_variance + gain * gain * pattern * n).sqrt().max(1e-9),
+            false => dark_sigma,
+        };
         spread(&mut p, *weight, mean, sigma);
     }
     p
@@ -129,6 +160,7 @@ pub fn sensor_digital_numbers(sensor: &SensorModel, linear_gain: f64, rate_e: f6
             read_noise_e: sensor.read_noise_e,
             offset_dn: sensor.black_level_dn + offset,
             electronics_noise_dn: noise,
+            pattern_variance_e2: 0.0,
             full_well_e: sensor.full_well_e,
             max_dn: sensor.max_dn() as u32,
         },
@@ -180,6 +212,58 @@ mod tests {
                 (mean - m).abs() < 1e-5 && (variance / v - 1.0).abs() < 1e-5,
                 "{mean} {m} {variance} {v}"
             );
+        }
+    }
+
+    #[test]
+    fn pixels_that_differ_have_the_cumulants_of_the_formulas() {
+        let (gain, rate, share) = (0.14, 9000.0, 0.01);
+        let cumulants = |pattern_variance_e2: f64| {
+            let response = Response {
+                gain_dn_per_e: gain,
+                read_noise_mean_e: 3.25,
+                read_noise_e: 4.0,
+                offset_dn: 120.15,
+                electronics_noise_dn: 0.92,
+                pattern_variance_e2,
+                full_well_e: f64::INFINITY,
+                max_dn: 4095,
+            };
+            let p = digital_numbers(rate, &response);
+            let mean: f64 = p.iter().enumerate().map(|(y, p)| y as f64 * p).sum();
+            let central = |k| p.iter().enumerate().map(|(y, p)| (y as f64 - mean).powi(k) * p).sum::<f64>();
+            (mean, central(2), central(3))
+        };
+        let pattern = (share * rate) * (share * rate);
+        let dark = gain * gain * 16.0 + 0.92 * 0.92 + 1.0 / 12.0;
+        for pattern in [pattern, 0.0, -0.02 * rate] {
+            let (mean, variance, third) = cumulants(pattern);
+            let expected = gain * gain * (rate + pattern) + dark;
+            assert!((mean - (gain * (rate + 3.25) + 120.15)).abs() < 1e-5, "{pattern}: mean {mean}");
+            assert!((variance / expected - 1.0).abs() < 1e-5, "{pattern}: variance {variance}, {expected}");
+            if pattern >= 0.0 {
+                let expected = gain.powi(3) * (rate + 3.0 * pattern);
+                assert!((third / expected - 1.0).abs() < 1e-3, "{pattern}: {third}, {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn light_beyond_all_measure_is_clipped_at_once() {
+        let response = Response {
+            gain_dn_per_e: 0.14,
+            read_noise_mean_e: 3.25,
+            read_noise_e: 4.0,
+            offset_dn: 120.15,
+            electronics_noise_dn: 0.92,
+            pattern_variance_e2: 1e16,
+            full_well_e: f64::INFINITY,
+            max_dn: 4095,
+        };
+        // A list of the counts of 1e22 electrons would not fit in any memory.
+        for rate in [1e10, 1e22] {
+            let p = digital_numbers(rate, &response);
+            assert_eq!((p[4095], p.iter().sum::<f64>()), (1.0, 1.0));
         }
     }
 

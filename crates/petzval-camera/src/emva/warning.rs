@@ -99,12 +99,37 @@ pub enum Warning {
         /// Their mean signal above the dark mean, DN.
         mean_dn: f64,
     },
-    /// Captured histograms are wider than temporal noise: a normally distributed DSNU or PRNU, which the model has not.
+    /// Dark histograms are wider than temporal noise: DSNU.
     WiderThanNoise {
-        /// sigma_el that the histograms ask for, DN.
+        /// Standard deviation of the fitted dark histogram at the gain where the difference shows most, DN.
         fitted_dn: f64,
-        /// sigma_el of the temporal noise, DN.
+        /// That of temporal noise, DN.
         temporal_dn: f64,
+    },
+    /// The fit to the histograms did not converge.
+    HistogramFitStopped {
+        /// Steps it took.
+        steps: usize,
+    },
+    /// The fitted model does not describe the histograms.
+    PoorHistogramFit {
+        /// Mean reduced chi-square of the cores.
+        mean_chi2: f64,
+        /// The largest.
+        worst_chi2: f64,
+        /// The point that has it.
+        point: String,
+    },
+    /// The fit to the histograms differs from the joint fit.
+    HistogramFitDiffers {
+        /// The parameter.
+        parameter: &'static str,
+        /// By the histograms.
+        fitted: f64,
+        /// By the joint fit.
+        joint: f64,
+        /// Standard error of the difference.
+        standard_error: f64,
     },
     /// The histograms could not be fitted, because the joint fit lacks a number.
     NoHistogramFit {
@@ -140,6 +165,9 @@ impl Warning {
             Self::GainNotProportional { .. } => "gain-not-proportional",
             Self::DarkTail { .. } => "dark-tail",
             Self::WiderThanNoise { .. } => "wider-than-noise",
+            Self::HistogramFitStopped { .. } => "histogram-fit-stopped",
+            Self::PoorHistogramFit { .. } => "poor-histogram-fit",
+            Self::HistogramFitDiffers { .. } => "histogram-fit-differs",
             Self::NoHistogramFit { .. } => "no-histogram-fit",
             Self::MoreStacks { .. } => "more-stacks",
             Self::LoneStack { .. } => "lone-stack",
@@ -202,8 +230,21 @@ impl fmt::Display for Warning {
             ),
             Self::WiderThanNoise { fitted_dn, temporal_dn } => write!(
                 f,
-                "the histograms ask for an electronics noise of {fitted_dn:.4} DN, temporal noise has {temporal_dn:.4}; pixels \
-                 differ by DSNU or PRNU"
+                "dark histograms spread by {fitted_dn:.4} DN, temporal noise by {temporal_dn:.4}; pixels differ by DSNU"
+            ),
+            Self::HistogramFitStopped { steps } => write!(
+                f,
+                "the fit to the histograms had not converged after {steps} steps; its numbers have no errors"
+            ),
+            Self::PoorHistogramFit { mean_chi2, worst_chi2, point } => write!(
+                f,
+                "the fitted model does not describe the histograms: reduced chi^2 is {mean_chi2:.2} on average and \
+                 {worst_chi2:.2} at {point}; its numbers have no errors"
+            ),
+            Self::HistogramFitDiffers { parameter, fitted, joint, standard_error } => write!(
+                f,
+                "the histograms give {parameter} = {fitted:.5}, the joint fit {joint:.5}; chance explains \
+                 {standard_error:.5}"
             ),
             Self::NoHistogramFit { lacks } => {
                 write!(

@@ -16,6 +16,11 @@ const MOST_BARS: usize = 300;
 const FEW_BARS: usize = 60;
 /// Samples of a bar below which simulated counts are not drawn on a logarithmic scale.
 const LEAST_EXPECTED: f64 = 0.3;
+/// Height of the frames of flat and of dark histograms, px.
+const FLAT_PX: f64 = 230.0;
+const DARK_PX: f64 = 210.0;
+/// Height of the notes in a corner: their first line with its margin, and every other line, px.
+const NOTES_PX: [f64; 2] = [25.0, 15.0];
 
 /// One captured histogram, with what the fitted model expects if there is one.
 struct Compared {
@@ -191,10 +196,14 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool, ticks: usize) 
         .fold(1.0, f64::max);
     let room = 0.02 * (high - low) + 1.0;
     let x = Axis::between((low - room).max(-1.0), high + room, ticks);
+    // Bars end below the notes.
+    let notes = found.iter().filter(|h| !h.note.is_empty()).count();
+    let notes_px = NOTES_PX[0] + NOTES_PX[1] * notes.saturating_sub(1) as f64;
+    let headroom = if notes == 0 { 1.25 } else { (1.0 / (1.0 - notes_px / DARK_PX)).max(1.25) };
     let (y, unit) = match (is_logarithmic, tallest >= 1e4) {
         (true, _) => (Axis::decades(0.5, 1.5 * tallest), ""),
-        (false, true) => (Axis::around(0.0, 1.25e-3 * tallest, 4), ", thousands"),
-        (false, false) => (Axis::around(0.0, 1.25 * tallest, 4), ""),
+        (false, true) => (Axis::around(0.0, 1e-3 * headroom * tallest, 4), ", thousands"),
+        (false, false) => (Axis::around(0.0, headroom * tallest, 4), ""),
     };
     let scale = if unit.is_empty() { 1.0 } else { 1e-3 };
     let samples = match each {
@@ -221,7 +230,7 @@ pub(super) fn flat(all: &Characterization) -> Option<Sheet> {
     let at = |t: f64| found.iter().filter(|h| h.exposure_s == t).collect::<Vec<_>>();
     let panels: Vec<Panel> = chosen_times(&found).into_iter().map(|t| panel(&at(t), t, false, 4)).collect();
     let around = around(all, "histograms-flat", "Histograms of flat frames", gain, &found);
-    Some(sheet(all, around, &panels, 2, 230.0))
+    Some(sheet(all, around, &panels, 2, FLAT_PX))
 }
 
 /// Dark frames at a few exposures, with linear and with logarithmic counts.
@@ -236,5 +245,38 @@ pub(super) fn dark(all: &Characterization) -> Option<Sheet> {
         .map(|(t, log)| panel(&at(t), t, log, if columns > 2 { 2 } else { 4 }))
         .collect();
     let around = around(all, "histograms-dark", "Histograms of dark frames", gain, &found);
-    Some(sheet(all, around, &panels, columns, 210.0))
+    Some(sheet(all, around, &panels, columns, DARK_PX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notes_stand_above_the_bars() {
+        let of = |colour, captured: Vec<f64>| Compared {
+            exposure_s: 0.01,
+            colour: Some(colour),
+            first_dn: 500,
+            captured,
+            expected: None,
+            note: "χ²/ν 1.00".to_owned(),
+        };
+        for scale in [1.0, 37.0, 800.0, 4321.0] {
+            let heights: Vec<f64> = [1.0, 5.0, 8.0, 5.0, 1.0].iter().map(|h| scale * h).collect();
+            let all: Vec<Compared> = [Colour::Red, Colour::Green, Colour::Blue]
+                .into_iter()
+                .map(|c| of(c, heights.clone()))
+                .collect();
+            for count in 1..=3 {
+                let found: Vec<&Compared> = all.iter().take(count).collect();
+                let panel = panel(&found, 0.01, false, 4);
+                let tallest = panel.steps[0].heights.iter().copied().fold(0.0, f64::max);
+                // The foot of the last line lies 17 px and 15 px a line below the upper edge.
+                let foot_px = 17.0 + 15.0 * (count - 1) as f64 + 4.0;
+                let bars_px = DARK_PX.min(FLAT_PX) * (1.0 - panel.y.share(tallest));
+                assert!(bars_px > foot_px, "{scale} {count}: {bars_px} {foot_px}");
+            }
+        }
+    }
 }

@@ -436,6 +436,12 @@ fn agreement(fit: &petzval_camera::emva::HistogramFit) -> Markup {
             "χ²/ν: reduced chi-square, about 1 where only chance is left. TV: total variation. KS: Kolmogorov-Smirnov distance. "
             @if fit.converged { "The fit converged in " (fit.steps) " steps." }
             @else { "The fit had not converged after " (fit.steps) " steps." }
+            @if fit.left_out > 0 {
+                " " (fit.left_out) " histograms that are clipped or near saturation do not count."
+            }
+            " Read noise is that of temporal noise; beyond it the histograms have a DSNU of "
+            (with_error(&fit.dsnu_e).map_or("no resolved size".to_owned(), |v| v + " e⁻"))
+            " and a PRNU of " (with_error(&fit.prnu_percent).map_or("no resolved size".to_owned(), |v| v + " %")) "."
         }
     }
 }
