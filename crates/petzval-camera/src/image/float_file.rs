@@ -42,6 +42,15 @@ pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Re
     Ok(out.into_inner())
 }
 
+/// The bytes of a NumPy array `<f4` of this shape, the last axis fastest.
+pub(crate) fn npy_bytes(shape: &[u64], data: &[f32]) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd()?;
+    writer.extend(data.iter().copied())?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
 /// Writes linear light as an OpenEXR file of 32-bit floats: channels `R`, `G`, `B` of three planes, `Y` of one, and
 /// `P0`, `P1`, ... of any other number.
 pub fn save_exr(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
@@ -60,18 +69,9 @@ pub fn save_exr(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
 /// Writes linear light as a NumPy array `<f4` with the axes plane, row, column.
 pub fn save_npy(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
     let shape = [image.channels, image.height, image.width].map(|n| n as u64);
-    let mut bytes = Vec::new();
-    let written = npyz::WriteOptions::new()
-        .default_dtype()
-        .shape(&shape)
-        .writer(&mut bytes)
-        .begin_nd()
-        .and_then(|mut writer| writer.extend(image.data.iter().copied()).and_then(|()| writer.finish()));
-    written
-        .map_err(|e| ImageError::Encode { name: path.display().to_string(), reason: e.to_string() })
-        .and_then(|()| {
-            write_whole(path, &bytes).map_err(|source| ImageError::Io { path: path.to_owned(), source })
-        })
+    let bytes = npy_bytes(&shape, &image.data)
+        .map_err(|e| ImageError::Encode { name: path.display().to_string(), reason: e.to_string() })?;
+    write_whole(path, &bytes).map_err(|source| ImageError::Io { path: path.to_owned(), source })
 }
 
 #[cfg(test)]
@@ -92,7 +92,13 @@ mod tests {
             let back = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
             assert_eq!(back.layer_data.size, exr::prelude::Vec2(7, 5));
             for (c, name) in names.iter().enumerate() {
-                let channel = back.layer_data.channel_data.list.iter().find(|ch| ch.name.eq(name)).unwrap();
+                let channel = back
+                    .layer_data
+                    .channel_data
+                    .list
+                    .iter()
+                    .find(|ch| ch.name.to_string() == **name)
+                    .unwrap();
                 let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
                 assert_eq!(values, image.plane(c), "{name}");
             }
