@@ -8,6 +8,7 @@ use petzval_camera::emva::{
     Captures, Characterization, Measured, Options, Plan, Values, Warning, characterize, result_xml,
     sensor_toml, write_series,
 };
+use petzval_camera::sensor::NonUniformity;
 
 fn imx249() -> SensorModel {
     SensorModel::from_toml(include_str!("../../../data/sensors/imx249-fitted.toml")).unwrap()
@@ -135,6 +136,16 @@ fn saturation_linearity_and_non_uniformity_are_found_in_a_mono_sensor() {
         cfa: "mono".parse().unwrap(),
         clear_response: [1.0 / 3.0; 3],
         full_well_e: 15_000.0,
+        nonuniformity: NonUniformity {
+            specimen: 4,
+            dsnu_pixel_e: 6.0,
+            dsnu_row_e: 3.0,
+            dsnu_column_e: 4.0,
+            prnu_pixel_percent: 1.0,
+            prnu_row_percent: 0.5,
+            prnu_column_percent: 0.7,
+            ..NonUniformity::default()
+        },
         ..imx249()
     };
     let plan = Plan {
@@ -159,8 +170,30 @@ fn saturation_linearity_and_non_uniformity_are_found_in_a_mono_sensor() {
     assert!(best("LE_max").value().unwrap() < 1.0);
     // Total dark noise with the electronics: sqrt(16 + 0.92^2 / 0.14^2).
     within("sigma_d", best("sigma_d"), (16.0 + 0.92_f64.powi(2) / 0.14_f64.powi(2)).sqrt(), 3.5);
-    // This sensor has no non-uniformity: what is left of its variances is noise (eight numbers, four standard errors).
-    let spatial = channel.spatial.as_ref().unwrap();
+    // What the specimen was drawn from comes back, split into pixels, rows and columns.
+    let total = |pixel: f64, row: f64, column: f64| pixel.hypot(row).hypot(column);
+    for (name, truth) in [
+        ("DSNU1288_pixel", 6.0),
+        ("DSNU1288_row", 3.0),
+        ("DSNU1288_col", 4.0),
+        ("DSNU1288", total(6.0, 3.0, 4.0)),
+        ("PRNU1288_pixel", 1.0),
+        ("PRNU1288_row", 0.5),
+        ("PRNU1288_col", 0.7),
+        ("PRNU1288", total(1.0, 0.5, 0.7)),
+    ] {
+        within(name, best(name), truth, 3.5);
+    }
+    for name in ["DSNU1288_pixel", "PRNU1288_pixel"] {
+        let relative = best(name).standard_error().unwrap() / best(name).value().unwrap();
+        assert!(relative < 0.015, "{name}: {relative}");
+    }
+
+    // A sensor without non-uniformity: what is left of its variances is noise (eight numbers, four standard errors).
+    let even = SensorModel { nonuniformity: NonUniformity::default(), ..sensor };
+    let flat_ms = vec![1.0, 4.0, 8.0];
+    let none = loop_closed(&even, &Plan { flat_ms, level: 0.6, ..plan }, &Options::default());
+    let spatial = none.gains[0].channels[0].spatial.as_ref().unwrap();
     for part in [spatial.dark_components, spatial.flat_components] {
         for component in [part.total, part.row, part.column, part.pixel] {
             within("non-uniformity", component, 0.0, 4.0);

@@ -87,6 +87,11 @@ fn captures_are_simulated_and_measured() {
     let shown = run_ok(folder.path(), &["sensor", "show", "found/sensor.toml", "--json"]).json();
     assert_eq!(shown["sensor"]["gain_dn_per_e"].as_f64(), Some(k));
     assert_eq!(shown["sensor"]["cfa"], "RGGB");
+
+    // Its captures are made at the gains that it offers.
+    let args = ["sensor", "capture", "found/sensor.toml", "--out", "next"];
+    run_ok(folder.path(), &[&args[..], &["--exposures", "5", "--dark-exposures", "5"]].concat());
+    assert_eq!(read(&at("next/captures.toml")).matches("linear_gain = 31.62").count(), 2);
 }
 
 #[test]
@@ -102,6 +107,14 @@ fn the_series_of_the_library_is_read() {
     let k = figure("K")["value"]["value"].as_f64().unwrap();
     assert!((k - 0.141_097_231_5).abs() < 1e-9, "{k}");
     assert!(figure("PRNU1288_row")["value"]["not_resolved"].as_str().unwrap().contains("negative"));
+    // What is corrected has the filter that was asked for.
+    assert_eq!(json["options"]["high_pass"], "r4");
+    let other = run_ok(folder.path(), &[&args[..], &["--highpass", "r3.1"]].concat()).json();
+    assert_eq!(other["options"]["high_pass"], "r3.1");
+    assert_eq!(
+        other["gains"][0]["channels"][0]["library_transfer"],
+        json["gains"][0]["channels"][0]["library_transfer"]
+    );
 }
 
 #[test]
@@ -159,6 +172,13 @@ fn corrupt_and_incomplete_captures_are_named() {
         "twice",
         &edit("exposure_ms = 5.0", "exposure_ms = 2.5"),
         &["flat, gain 1, 2.5 ms, 2 frames is listed already in line"],
+    );
+    case(
+        "copy",
+        &|c| {
+            std::fs::copy(c.join("gain-2/flat-5ms-0.png"), c.join(frame)).unwrap();
+        },
+        &["captures.toml:", frame, "is a copy of", "one after the other"],
     );
     case("toml", &edit("[sensor]", "[sensor"), &["captures.toml:1"]);
     run_fails(folder.path(), &["sensor", "characterize", "nowhere"], 2, &["nowhere", "no such folder"]);

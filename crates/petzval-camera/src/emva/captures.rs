@@ -3,6 +3,7 @@
 //! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::manifest)), or
 //! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::descriptor)).
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use petzval_optics::format::{FileError, decode};
@@ -84,8 +85,14 @@ impl Point {
             _ => String::new(),
         };
         let frames = self.frames.len();
-        format!("{kind}, gain {}, {} ms{photons}, {frames} frames", self.linear_gain, 1e3 * self.exposure_s)
+        let ms = milliseconds(self.exposure_s);
+        format!("{kind}, gain {}, {ms} ms{photons}, {frames} frames", self.linear_gain)
     }
+}
+
+/// An exposure time in milliseconds without the digits that binary fractions add: to a thousandth of a nanosecond.
+pub fn milliseconds(exposure_s: f64) -> f64 {
+    (1e12 * exposure_s).round() / 1e9
 }
 
 /// A series of captures.
@@ -226,11 +233,13 @@ impl Captures {
         self.points.iter().map(|p| p.frames.len()).sum()
     }
 
-    /// What both kinds of list must hold: frames enough at every point, and no point twice.
+    /// What both kinds of list must hold: frames enough at every point, no point and no frame twice, and photons at all flat
+    /// points of a gain or at none.
     fn check(&self) -> Result<(), FileError> {
         if self.points.is_empty() {
             return Err(FileError::at_line(0, "", "the list has no captures").hint("add points with frames"));
         }
+        let mut listed: HashMap<&Path, &Point> = HashMap::new();
         for (i, point) in self.points.iter().enumerate() {
             let at = |message: String| FileError::at_line(point.line, "", message);
             if point.frames.len() < 2 {
@@ -246,11 +255,32 @@ impl Captures {
                     at(format!("{} is more than {MAX_FRAMES}", point.label())).hint("use fewer frames")
                 );
             }
-            let mut names: Vec<_> = point.frames.iter().collect();
-            names.sort();
-            if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
-                return Err(at(format!("the frame {} is listed twice", twice[0].display()))
-                    .hint("two frames of one setting are two exposures"));
+            for frame in &point.frames {
+                if let Some(first) = listed.insert(frame, point) {
+                    let name = frame.strip_prefix(&self.folder).unwrap_or(frame).display();
+                    return Err(at(format!(
+                        "the frame {name} is listed twice, first in line {}",
+                        first.line
+                    ))
+                    .hint("every frame is an exposure of its own, listed once"));
+                }
+            }
+            let other_light = |other: &&Point| {
+                (other.kind, point.kind) == (Kind::Flat, Kind::Flat)
+                    && other.linear_gain == point.linear_gain
+                    && other.photons.is_some() != point.photons.is_some()
+            };
+            if let Some(first) = self.points[..i].iter().find(other_light) {
+                let (here, there) = match point.photons {
+                    Some(_) => ("states photons", "does not"),
+                    None => ("states no photons", "does"),
+                };
+                return Err(at(format!(
+                    "{} {here}, the flat point of this gain in line {} {there}",
+                    point.label(),
+                    first.line
+                ))
+                .hint("state `photons` at every flat point of a gain, or at none"));
             }
             let same = |other: &&Point| {
                 other.kind == point.kind
@@ -258,6 +288,7 @@ impl Captures {
                     && other.exposure_s == point.exposure_s
                     && other.photons == point.photons
                     && other.is_stack() == point.is_stack()
+                    && !self.is_illumination_series(point)
             };
             if let Some(first) = self.points[..i].iter().find(same) {
                 return Err(at(format!("{} is listed already in line {}", point.label(), first.line))
@@ -265,6 +296,18 @@ impl Captures {
             }
         }
         Ok(())
+    }
+}
+
+impl Captures {
+    /// Whether the light, not the exposure time, changes over the flat points of this point's gain without being stated: all
+    /// of them have one exposure time and no photons. Their own signal puts them in order.
+    fn is_illumination_series(&self, point: &Point) -> bool {
+        let flats =
+            || self.points.iter().filter(|p| p.kind == Kind::Flat && p.linear_gain == point.linear_gain);
+        point.kind == Kind::Flat
+            && flats().filter(|p| !p.is_stack()).count() > 2
+            && flats().all(|p| p.photons.is_none() && p.exposure_s == point.exposure_s)
     }
 }
 

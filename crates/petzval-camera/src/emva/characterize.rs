@@ -1,9 +1,13 @@
 //! From captures to a sensor: everything that a series tells, as plain data.
 
+use std::collections::HashMap;
+use std::path::Path;
+
+use petzval_optics::format::FileError;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::captures::{CaptureError, Captures, Kind, Point, SensorFacts};
+use super::captures::{CaptureError, Captures, Kind, Point, SensorFacts, milliseconds};
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::figures::{Basis, Figure, figures};
 use super::high_pass::HighPass;
@@ -12,7 +16,7 @@ use super::joint::{GainInput, JointFit, joint_fit};
 use super::point::{Counts, PointStatistics, Stack, reduce};
 use super::spatial::{Spatial, spatial};
 use super::transfer::{CLIPPED_SHARE, PhotonTransfer, Rules, TransferPoint, photon_transfer};
-use super::warning::{Warning, of_point};
+use super::warning::{Warning, clipped_at_zero, of_point};
 use crate::raw_file::load_raw;
 use crate::sensor::Colour;
 
@@ -122,6 +126,7 @@ pub fn characterize(
 ) -> Result<Characterization, CaptureError> {
     let size = frame_size(captures)?;
     let (mut warnings, mut gains, mut histograms) = (Vec::new(), Vec::new(), Vec::new());
+    let mut known: HashMap<u64, &Path> = HashMap::new();
     for linear_gain in captures.gains() {
         let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
         let reduced: Vec<(&Point, PointStatistics)> = points
@@ -129,6 +134,7 @@ pub fn characterize(
             .map(|point| Ok((point, reduce(captures, point, size, read)?)))
             .collect::<Result<_, CaptureError>>()?;
         for (point, found) in &reduced {
+            no_copies(captures, point, found, &mut known)?;
             warnings.extend(of_point(captures, point, found));
         }
         let gain = one_gain(captures, options, linear_gain, &reduced, &mut warnings);
@@ -141,6 +147,7 @@ pub fn characterize(
         joint_fit(&inputs, captures.sensor.black_level_dn)
     };
     warnings.extend(not_proportional(&joint));
+    warnings.extend(dark_current_disagrees(&joint));
     let mut histogram_fit = None;
     if options.fit_histograms {
         histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
@@ -160,6 +167,31 @@ pub fn characterize(
         histogram_fit,
         histograms,
     })
+}
+
+/// A frame that is the copy of another has no noise of its own: an error that names both.
+fn no_copies<'a>(
+    captures: &Captures,
+    point: &'a Point,
+    found: &PointStatistics,
+    known: &mut HashMap<u64, &'a Path>,
+) -> Result<(), CaptureError> {
+    for (path, print) in point.frames.iter().zip(&found.fingerprints) {
+        let Some(print) = print else { continue };
+        if let Some(first) = known.insert(*print, path) {
+            let name =
+                |path: &Path| path.strip_prefix(&captures.folder).unwrap_or(path).display().to_string();
+            let said = format!(
+                "the frame {} is a copy of {}: every pixel has the same digital number",
+                name(path),
+                name(first)
+            );
+            let error = FileError::at_line(point.line, "", said)
+                .hint("noise is measured from frames that were exposed one after the other");
+            return Err(CaptureError::List { path: captures.list.clone(), error: Box::new(error) });
+        }
+    }
+    Ok(())
 }
 
 /// The first number that the fit to the histograms needs and the joint fit lacks.
@@ -213,7 +245,7 @@ fn input(gain: &GainResult) -> GainInput<'_> {
         linear_gain: gain.linear_gain,
         gains: gain.channels.iter().map(|c| c.transfer.gain_dn_per_e).collect(),
         dark: &gain.dark,
-        points: gain.channels.iter().map(|c| (c.colour, &c.points[..])).collect(),
+        points: gain.channels.iter().map(|c| (c.colour, &c.points[..c.transfer.used])).collect(),
     }
 }
 
@@ -236,12 +268,21 @@ fn one_gain(
     reduced: &[(&Point, PointStatistics)],
     warnings: &mut Vec<Warning>,
 ) -> GainResult {
-    let (mut flats, darks) = (temporal(reduced, Kind::Flat), temporal(reduced, Kind::Dark));
-    let light = |p: &Point| (p.photons.unwrap_or(p.exposure_s), p.exposure_s);
-    flats.sort_by(|(a, _), (b, _)| light(a).0.total_cmp(&light(b).0).then(light(a).1.total_cmp(&light(b).1)));
+    let (mut flats, mut darks) = (temporal(reduced, Kind::Flat), temporal(reduced, Kind::Dark));
+    // By light; where that is not known, by what it does.
+    let light = |p: &Point| p.photons.unwrap_or(p.exposure_s);
+    flats.sort_by(|(a, x), (b, y)| {
+        let by_light = light(a).total_cmp(&light(b)).then(a.exposure_s.total_cmp(&b.exposure_s));
+        by_light.then(x.all.mean_dn.total_cmp(&y.all.mean_dn))
+    });
+    // What is clipped at zero has neither the mean nor the noise of the sensor; `of_point` warns of it.
+    flats.retain(|(_, s)| !clipped_at_zero(&s.all));
+    darks.retain(|(_, s)| !clipped_at_zero(&s.all));
     let dark = dark_series(
         darks.iter().map(|(p, s)| DarkPoint::new(p.exposure_s, &s.all, options.mean_difference)).collect(),
     );
+
+    warnings.extend(dark_not_linear(linear_gain, &dark));
 
     // Each flat point needs the dark one of its exposure time.
     let dark_of = |p: &Point| {
@@ -262,29 +303,69 @@ fn one_gain(
     if !pairs.is_empty() && pairs.len() < 3 {
         warnings.push(Warning::TooFewPoints { linear_gain, points: pairs.len() });
     }
-    let clipped =
-        pairs.iter().filter(|(_, f, _)| f.colours.iter().any(|(_, m)| m.share_at_max > CLIPPED_SHARE));
-    let clipped = clipped.count();
-    if clipped > 0 {
-        warnings.push(Warning::Saturated { linear_gain, points: clipped, of: pairs.len() });
-    }
-    for pair in pairs.windows(2) {
-        let ((_, darker, d0), (point, brighter, d1)) = (&pair[0], &pair[1]);
-        let (low, high) = (darker.all.mean_dn - d0.all.mean_dn, brighter.all.mean_dn - d1.all.mean_dn);
-        let noise = darker.all.mean_se_dn.hypot(brighter.all.mean_se_dn);
-        if high < low - 6.0 * noise && darker.all.share_at_max < 0.5 {
-            warnings.push(Warning::NotMonotonic { point: point.label() });
-        }
-    }
     let stacks = stacks(reduced, warnings);
-    let channels = captures
+    let channels: Vec<ChannelResult> = captures
         .sensor
         .cfa
         .colours()
         .into_iter()
         .filter_map(|colour| one_channel(captures, options, colour, &pairs, stacks.as_ref()))
         .collect();
+    let saturated = |i: usize, c: &ChannelResult| {
+        let beyond = c.transfer.saturated && i > c.transfer.saturation;
+        beyond || c.points[i].share_at_max > CLIPPED_SHARE
+    };
+    let full = (0..pairs.len()).filter(|i| channels.iter().any(|c| saturated(*i, c))).count();
+    if full > 0 {
+        warnings.push(Warning::Saturated { linear_gain, points: full, of: pairs.len() });
+    }
+    for (i, (point, ..)) in pairs.iter().enumerate().skip(1) {
+        if channels.iter().any(|c| falls(c, i)) {
+            warnings.push(Warning::NotMonotonic { point: point.label() });
+        }
+    }
     GainResult { linear_gain, dark, channels }
+}
+
+/// Whether a point is darker than the one of less light: by more than noise below saturation, by a twentieth on the plateau
+/// beyond, where the dark signal that is subtracted still grows.
+fn falls(channel: &ChannelResult, point: usize) -> bool {
+    let (darker, brighter) = (&channel.points[point - 1], &channel.points[point]);
+    let (low, high) = (darker.signal_dn(), brighter.signal_dn());
+    match channel.transfer.saturated && point > channel.transfer.saturation {
+        true => high < 0.95 * low,
+        false => high < low - 6.0 * darker.signal_se_dn().hypot(brighter.signal_se_dn()),
+    }
+}
+
+/// Drift of a dark mean that is not worth a warning, DN per unit of linear gain.
+const DARK_DRIFT_DN: f64 = 0.05;
+
+/// The dark mean that is furthest off the straight line over exposure time, if by more than six standard errors and drift.
+fn dark_not_linear(linear_gain: f64, dark: &DarkSeries) -> Option<Warning> {
+    let (slope, intercept) = (dark.mean.slope.value()?, dark.mean.intercept.value()?);
+    let off = |p: &DarkPoint| p.mean_dn - (slope * p.exposure_s + intercept);
+    let worst = dark.points.iter().max_by(|a, b| off(a).abs().total_cmp(&off(b).abs()))?;
+    let chi2: f64 = dark.points.iter().map(|p| (off(p) / p.mean_se_dn).powi(2)).sum();
+    let allowed_dn = 6.0 * worst.mean_se_dn + DARK_DRIFT_DN * linear_gain.max(1.0);
+    (off(worst).abs() > allowed_dn).then(|| Warning::DarkNotLinear {
+        linear_gain,
+        exposure_ms: milliseconds(worst.exposure_s),
+        off_dn: off(worst),
+        reduced_chi2: chi2 / (dark.points.len() as f64 - 2.0),
+    })
+}
+
+/// Dark current from the mean and from the noise that it makes, if they differ by more than five standard errors and 10 %.
+fn dark_current_disagrees(joint: &JointFit) -> Option<Warning> {
+    let difference = joint.dark_current_difference_e_per_s;
+    let (off, se) = (difference.value()?, difference.standard_error()?);
+    let mean = joint.dark_current_e_per_s.value().unwrap_or(0.0);
+    (off.abs() > 5.0 * se && off.abs() > 0.1 * mean.abs()).then_some(Warning::DarkCurrentDisagrees {
+        mean_e_per_s: mean,
+        difference_e_per_s: off,
+        standard_error_e_per_s: se,
+    })
 }
 
 /// A flat and a dark stack of one exposure time.
@@ -342,23 +423,35 @@ fn one_channel(
     Some(ChannelResult { colour, points, transfer, library_transfer, spatial, figures })
 }
 
-/// Gains whose `K_g / g` is off the weighted mean of the others by more than five standard errors and 2 %.
+/// Gains whose `K_g / g` is off the median of all by more than five standard errors and 2 %. A gain that is off moves the
+/// median little, so that the others are not blamed.
 fn not_proportional(joint: &JointFit) -> Vec<Warning> {
-    let mut found = Vec::new();
-    for (i, row) in joint.rows.iter().enumerate() {
-        let others =
-            joint.rows.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, r)| r.gain_at_unit_dn_per_e);
-        let expected = super::fit::weighted_mean(others);
-        if let (Some(k), Some(e)) = (row.gain_at_unit_dn_per_e.value(), expected.value()) {
-            let se = row.gain_at_unit_dn_per_e.error_or_zero().hypot(expected.error_or_zero());
-            if (k - e).abs() > 5.0 * se && (k - e).abs() > 0.02 * e {
-                found.push(Warning::GainNotProportional {
-                    linear_gain: row.linear_gain,
-                    gain_dn_per_e: k,
-                    expected_dn_per_e: e,
-                });
-            }
-        }
+    let all: Vec<(f64, f64, f64)> = joint
+        .rows
+        .iter()
+        .filter_map(|r| {
+            let at_unit = r.gain_at_unit_dn_per_e;
+            Some((r.linear_gain, at_unit.value()?, at_unit.standard_error()?))
+        })
+        .collect();
+    let mut values: Vec<f64> = all.iter().map(|(_, k, _)| *k).collect();
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n < 2 {
+        return Vec::new();
     }
-    found
+    let median = 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+    // Of a normal distribution the median is pi/2 times as uncertain as the mean, in variance.
+    let mean_square = all.iter().map(|(.., se)| se * se).sum::<f64>() / n as f64;
+    let median_se = (0.5 * std::f64::consts::PI * mean_square / n as f64).sqrt();
+    all.iter()
+        .filter(|(_, k, se)| {
+            (k - median).abs() > 5.0 * se.hypot(median_se) && (k - median).abs() > 0.02 * median
+        })
+        .map(|(linear_gain, k, _)| Warning::GainNotProportional {
+            linear_gain: *linear_gain,
+            gain_dn_per_e: *k,
+            expected_dn_per_e: median,
+        })
+        .collect()
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::figures::QUANTISATION_DN2;
-use crate::sensor::SensorModel;
+use crate::sensor::{Electronics, SensorModel};
 
 /// What a sensor reaches at one linear gain.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -12,7 +12,8 @@ pub struct Derived {
     pub linear_gain: f64,
     /// System gain K g, DN/e-.
     pub gain_dn_per_e: f64,
-    /// Temporal dark noise at an exposure time of zero, DN: `sqrt((K g sigma_r)^2 + sigma_el^2 + 1/12)`.
+    /// Temporal dark noise at an exposure time of zero, DN: `sqrt((K g sigma_r)^2 + sigma_el^2 + 1/12)`; electronics noise
+    /// after the converter is rounded a second time and adds another 1/12.
     pub dark_noise_dn: f64,
     /// The same in electrons, with all that the converter adds.
     pub dark_noise_e: f64,
@@ -38,8 +39,14 @@ pub struct Derived {
 pub fn derived(sensor: &SensorModel, linear_gain: f64) -> Derived {
     let k = sensor.gain_dn_per_e * linear_gain;
     let dark_mean_dn = k * sensor.read_noise_mean_e + sensor.black_level_dn + sensor.electronics_mean_dn;
-    let dark_noise_dn =
-        ((k * sensor.read_noise_e).powi(2) + sensor.electronics_noise_dn.powi(2) + QUANTISATION_DN2).sqrt();
+    let roundings = match sensor.electronics {
+        Electronics::BeforeAdc => 1.0,
+        Electronics::AfterAdc => 2.0,
+    };
+    let dark_noise_dn = ((k * sensor.read_noise_e).powi(2)
+        + sensor.electronics_noise_dn.powi(2)
+        + roundings * QUANTISATION_DN2)
+        .sqrt();
     let converter_e = ((sensor.max_dn() - dark_mean_dn) / k).max(0.0);
     let saturation_e = converter_e.min(sensor.full_well_e);
     let threshold_e = dark_noise_dn / k + 0.5;
@@ -73,5 +80,8 @@ mod tests {
         assert!((found.dark_noise_e - 7.9646).abs() < 1e-4, "{found:?}");
         assert!((found.saturation_e - 28_388.5).abs() < 0.1 && found.converter_limits, "{found:?}");
         assert!((found.snr_max_db - 44.53).abs() < 0.01, "{found:?}");
+        // Rounded twice: sqrt(0.56^2 + 0.92^2 + 2/12) = 1.15181 DN.
+        let twice = derived(&SensorModel { electronics: Electronics::AfterAdc, ..sensor }, 1.0);
+        assert!((twice.dark_noise_dn - 1.151_81).abs() < 1e-5, "{twice:?}");
     }
 }

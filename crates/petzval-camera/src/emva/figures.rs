@@ -215,7 +215,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         _ => dark.variance.slope,
     });
     let linearity = transfer.linearity.as_ref();
-    let too_few = Measured::none(Unresolved::TooFewPoints { got: points.len(), need: 3 });
+    let too_few = Measured::none(transfer.no_linearity.unwrap_or(Unresolved::NotFinite));
     let le_max = linearity.map_or(too_few, |l| Measured::new(l.max_percent, l.se_percent.1));
     let le_min = linearity.map_or(too_few, |l| Measured::new(l.min_percent, l.se_percent.0));
     let index = |i: Option<usize>| i.map_or(too_few, |i| Measured::exact(i as f64));

@@ -58,10 +58,13 @@ pub fn line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> Line {
     }
 }
 
-/// Mean of independent measurements with weights `1/s^2`; those that are not resolved or have no error do not count.
+/// Mean of independent measurements with weights `1/s^2`; those that are not resolved or have no error do not count. If none
+/// does, the reason is that of the first.
 pub fn weighted_mean(values: impl IntoIterator<Item = Measured>) -> Measured {
     let (mut weight, mut sum, mut got) = (0.0, 0.0, 0);
+    let mut why = None;
     for measured in values {
+        why = why.or(measured.reason());
         if let (Some(v), Some(s)) = (measured.value(), measured.standard_error())
             && s > 0.0
         {
@@ -71,7 +74,7 @@ pub fn weighted_mean(values: impl IntoIterator<Item = Measured>) -> Measured {
         }
     }
     match got {
-        0 => Measured::none(Unresolved::TooFewPoints { got, need: 1 }),
+        0 => Measured::none(why.unwrap_or(Unresolved::TooFewPoints { got, need: 1 })),
         _ => Measured::new(sum / weight, weight.sqrt().recip()),
     }
 }

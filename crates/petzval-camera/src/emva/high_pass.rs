@@ -39,6 +39,11 @@ pub struct Passed {
     pub pixel: f64,
     /// Of a pattern of rows or of columns.
     pub line: f64,
+    /// Sum of the squared correlations of a filtered pixel with all pixels: independent values lost, as a factor of the variance of
+    /// a variance.
+    pub pixel_correlation: f64,
+    /// The same of the lines of a filtered pattern.
+    pub line_correlation: f64,
 }
 
 impl HighPass {
@@ -61,11 +66,32 @@ impl HighPass {
     pub fn passed(self) -> Passed {
         let kernel = self.kernel();
         if kernel.is_empty() {
-            return Passed { pixel: 1.0, line: 1.0 };
+            return Passed { pixel: 1.0, line: 1.0, pixel_correlation: 1.0, line_correlation: 1.0 };
         }
         let centre = kernel[kernel.len() / 2];
         let power: f64 = kernel.iter().map(|k| k * k).sum();
-        Passed { pixel: 1.0 - 2.0 * centre * centre + power * power, line: 1.0 - 2.0 * centre + power }
+        let (pixel, line) = (1.0 - 2.0 * centre * centre + power * power, 1.0 - 2.0 * centre + power);
+        // Autocovariances of delta - l over shifts: delta - 2 l + l * l, where l is symmetric.
+        let twice = convolve(&kernel, &kernel);
+        let middle = twice.len() / 2;
+        let once = |i: usize| {
+            (i + kernel.len() / 2).checked_sub(middle).and_then(|k| kernel.get(k)).copied().unwrap_or(0.0)
+        };
+        let at_zero = |on: bool| if on { 1.0 } else { 0.0 };
+        let (mut pixels, mut lines) = (0.0, 0.0);
+        for i in 0..twice.len() {
+            lines += (at_zero(i == middle) - 2.0 * once(i) + twice[i]).powi(2);
+            for j in 0..twice.len() {
+                let same = at_zero(i == middle && j == middle);
+                pixels += (same - 2.0 * once(i) * once(j) + twice[i] * twice[j]).powi(2);
+            }
+        }
+        Passed {
+            pixel,
+            line,
+            pixel_correlation: pixels / (pixel * pixel),
+            line_correlation: lines / (line * line),
+        }
     }
 
     /// The filtered picture without its border; `None` if nothing is left.

@@ -18,7 +18,7 @@ use super::dark::DarkSeries;
 use super::figures::QUANTISATION_DN2;
 use super::fit::{Line, line, through_origin, weighted_mean};
 use super::measured::{Measured, Unresolved};
-use super::transfer::{CLIPPED_SHARE, TransferPoint};
+use super::transfer::TransferPoint;
 use crate::sensor::Colour;
 
 /// What one linear gain contributes.
@@ -53,6 +53,8 @@ pub struct JointFit {
     pub dark_current_e_per_s: Measured,
     /// mu_I from their variance, e-/s.
     pub dark_current_variance_e_per_s: Measured,
+    /// The first less the second, e-/s: zero within its error but for light or offset that is no dark current.
+    pub dark_current_difference_e_per_s: Measured,
     /// Line of dark variance over `K_g^2`: slope e-^2, intercept DN^2.
     pub variance_line: Line,
     /// Line of dark mean over `K_g`: slope e-, intercept DN.
@@ -85,7 +87,7 @@ pub struct GainInput<'a> {
     pub gains: Vec<Measured>,
     /// Dark series over all pixels.
     pub dark: &'a DarkSeries,
-    /// Points of each colour.
+    /// Points of each colour, as far as its photon transfer goes: none of them is clipped or near saturation.
     pub points: Vec<(Colour, &'a [TransferPoint])>,
 }
 
@@ -96,7 +98,16 @@ const GAINS: usize = 3;
 pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> JointFit {
     let rows: Vec<GainRow> = inputs.iter().map(row).collect();
     let gain_dn_per_e = weighted_mean(rows.iter().map(|r| r.gain_at_unit_dn_per_e));
-    let dark_current = |f: fn(&GainRow) -> Measured| weighted_mean(rows.iter().map(f)).if_above_noise();
+    let dark_current = |f: fn(&GainRow) -> Measured| weighted_mean(rows.iter().map(f));
+    let from_mean = dark_current(|r| r.dark_current_mean_e_per_s);
+    let from_variance = dark_current(|r| r.dark_current_variance_e_per_s);
+    let dark_current_difference_e_per_s = match (from_mean.value(), from_variance.value()) {
+        (Some(m), Some(v)) => {
+            Measured::new(m - v, from_mean.error_or_zero().hypot(from_variance.error_or_zero()))
+        }
+        (None, _) => from_mean,
+        (_, None) => from_variance,
+    };
 
     let (variance_line, mean_line) = (
         line_over_gains(&rows, |k| k * k, |k| 2.0 * k, |r| r.dark_variance_dn2),
@@ -111,8 +122,9 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
     };
     JointFit {
         gain_dn_per_e,
-        dark_current_e_per_s: dark_current(|r| r.dark_current_mean_e_per_s),
-        dark_current_variance_e_per_s: dark_current(|r| r.dark_current_variance_e_per_s),
+        dark_current_e_per_s: from_mean.if_above_noise(),
+        dark_current_variance_e_per_s: from_variance.if_above_noise(),
+        dark_current_difference_e_per_s,
         variance_line,
         mean_line,
         read_variance_e2,
@@ -130,7 +142,7 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
 
 fn row(input: &GainInput<'_>) -> GainRow {
     let k = weighted_mean(input.gains.iter().copied());
-    let k = if k.value().is_some() { k } else { Measured::none(Unresolved::FollowsFrom("K")) };
+    let k = if input.gains.is_empty() { Measured::none(Unresolved::NoFlat) } else { k };
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
     let k_squared = k.map(|v| v * v, |v| 2.0 * v);
     GainRow {
@@ -161,7 +173,7 @@ fn line_over_gains(
         })
         .collect();
     if usable.len() < GAINS {
-        return Line::none(Unresolved::TooFewPoints { got: usable.len(), need: GAINS });
+        return Line::none(Unresolved::TooFewGains { got: usable.len(), need: GAINS });
     }
     let of = |f: fn(&(f64, f64, f64, f64)) -> f64| usable.iter().map(f).collect::<Vec<f64>>();
     let (xs, ys) = (of(|u| u.0), of(|u| u.2));
@@ -176,17 +188,14 @@ fn line_over_gains(
     fitted
 }
 
-/// Signal of a colour over that of green, over all points where neither is clipped.
+/// Signal of a colour over that of green, over the points within the photon transfer of both.
 fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
-    let mut found = Vec::new();
+    let (mut found, mut both) = (Vec::new(), false);
     for input in inputs {
         let points = |c: Colour| input.points.iter().find(|(k, _)| *k == c).map(|(_, p)| *p);
         let (Some(ours), Some(green)) = (points(colour), points(Colour::Green)) else { continue };
-        let pairs: Vec<(&TransferPoint, &TransferPoint)> = ours
-            .iter()
-            .zip(green)
-            .filter(|(a, b)| a.share_at_max <= CLIPPED_SHARE && b.share_at_max <= CLIPPED_SHARE)
-            .collect();
+        both = true;
+        let pairs: Vec<(&TransferPoint, &TransferPoint)> = ours.iter().zip(green).collect();
         if pairs.is_empty() {
             continue;
         }
@@ -197,6 +206,7 @@ fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
         found.push(through_origin(&of(signal, true), &of(signal, false), &of(se, true), &of(se, false)));
     }
     match found.is_empty() {
+        true if both => Measured::none(Unresolved::AllSaturated),
         true => Measured::none(Unresolved::NotStated("red, green and blue pixels")),
         false => weighted_mean(found),
     }

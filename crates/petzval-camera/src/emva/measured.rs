@@ -36,6 +36,21 @@ pub enum Unresolved {
         /// Points that are needed.
         need: usize,
     },
+    /// Every flat point is clipped or close to saturation.
+    AllSaturated,
+    /// No flat point has dark frames of its exposure time.
+    NoFlat,
+    /// There are too few linear gains.
+    TooFewGains {
+        /// Gains there are.
+        got: usize,
+        /// Gains that are needed.
+        need: usize,
+    },
+    /// So few points lie within 5 to 95 % of saturation, where linearity is judged.
+    FewInLinearRange(usize),
+    /// All points have one exposure time, and no photons are stated: their light is not known.
+    OneLight,
     /// The exposure times do not differ enough.
     TooFewExposures {
         /// Different exposure times there are.
@@ -74,6 +89,15 @@ impl fmt::Display for Unresolved {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFewPoints { got, need } => write!(f, "{got} usable points, {need} are needed"),
+            Self::AllSaturated => f.write_str("every flat point is clipped or above 70 % of saturation"),
+            Self::NoFlat => f.write_str("no flat frames with dark ones of their exposure time"),
+            Self::TooFewGains { got, need } => {
+                write!(f, "{got} linear gains with all they need, {need} are needed")
+            }
+            Self::FewInLinearRange(got) => {
+                write!(f, "{got} points within 5 to 95 % of saturation, two or more are needed")
+            }
+            Self::OneLight => f.write_str("one exposure time and no photons: the light is not known"),
             Self::TooFewExposures { got, need } => {
                 write!(f, "{got} different exposure times, {need} are needed")
             }

@@ -11,6 +11,7 @@
 //! For two frames A and B that is `mean((A - B)^2)/2 - (mu_A - mu_B)^2/2` (EMVA 1288 release 4, Eq. 18); the second term takes
 //! away what flicker of the light adds. Without it, it is Eq. 6 of Tseng et al. 2021.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
 use serde::Serialize;
@@ -127,10 +128,13 @@ pub struct PointStatistics {
     pub colours: Vec<(Colour, Moments)>,
     /// Mean of each of 8x8 blocks of the mean frame, DN.
     pub block_means_dn: Vec<f64>,
-    /// Mean of each of 8x8 blocks of the first frame less the second, DN.
-    pub block_differences_dn: Vec<f64>,
+    /// By frame, mean of each of 8x8 blocks less that of the other frames, DN.
+    pub block_deviations_dn: Vec<Vec<f64>>,
     /// Pixels of each block.
     pub block_pixels: Vec<usize>,
+    /// By frame, a fingerprint of its digital numbers; `None` of a frame that is constant but for clipped samples. Frames
+    /// of one fingerprint are copies.
+    pub fingerprints: Vec<Option<u64>>,
     /// The summed frames, of points with more than two.
     pub stack: Option<Stack>,
 }
@@ -197,12 +201,14 @@ pub fn reduce(
     };
     let mut class = vec![empty; colours.len()];
     let (mut sum, mut squares) = (vec![0u32; pixels], vec![0u64; pixels]);
-    let mut block_sums = vec![[0u64; BLOCKS * BLOCKS]; frames.min(2)];
+    let mut block_sums = vec![[0u64; BLOCKS * BLOCKS]; frames];
+    let mut fingerprints = Vec::with_capacity(frames);
     let mut block_totals = [0u64; BLOCKS * BLOCKS];
     let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
 
     for (k, path) in point.frames.iter().enumerate() {
         let frame = load(path, size, bits)?;
+        fingerprints.push(fingerprint(&frame.dn, bits));
         for row in 0..height {
             let span = row * width..(row + 1) * width;
             let kinds = &class_of[row % cfa.rows()];
@@ -212,9 +218,7 @@ pub fn reduce(
                 c.table[usize::from(*dn)] += 1;
                 let block = block_of(row, col);
                 block_totals[block] += u64::from(*dn);
-                if k < 2 {
-                    block_sums[k][block] += u64::from(*dn);
-                }
+                block_sums[k][block] += u64::from(*dn);
             }
             for ((s, q), dn) in
                 sum[span.clone()].iter_mut().zip(&mut squares[span.clone()]).zip(&frame.dn[span])
@@ -269,12 +273,28 @@ pub fn reduce(
             .map(|(colour, c)| (*colour, c.moments(frames)))
             .collect(),
         block_means_dn: blocks().map(|(b, n)| mean_of(block_totals[b], n * frames)).collect(),
-        block_differences_dn: blocks()
-            .map(|(b, n)| mean_of(block_sums[0][b], *n) - mean_of(block_sums[1][b], *n))
+        block_deviations_dn: block_sums
+            .iter()
+            .map(|own| {
+                let others = |b: usize, n: usize| mean_of(block_totals[b] - own[b], n * (frames - 1));
+                blocks().map(|(b, n)| mean_of(own[b], *n) - others(b, *n)).collect()
+            })
             .collect(),
         block_pixels,
+        fingerprints,
         stack: point.is_stack().then_some(Stack { height, width, frames, sum_dn: sum, variance_dn2 }),
     })
+}
+
+/// Two different numbers that are not clipped tell a frame from one that is constant, whose twins are no copies.
+fn fingerprint(dn: &[u16], bits: u32) -> Option<u64> {
+    let max = ((1u32 << bits) - 1) as u16;
+    let mut inside = dn.iter().filter(|v| (1..max).contains(*v));
+    let first = inside.next()?;
+    inside.find(|v| *v != first)?;
+    let mut hasher = DefaultHasher::new();
+    dn.hash(&mut hasher);
+    Some(hasher.finish())
 }
 
 /// Index of each colour of the tile, rows of columns.

@@ -180,11 +180,12 @@ impl Sub {
     }
 }
 
-/// Moments of a picture: mean, variance, fourth moment, variance of the column means and of the row means.
+/// Moments of a picture: mean, variance, variance of the column means and of the row means, and the standard error of the
+/// variance that is left when the means of rows and columns are taken away.
 struct PlaneMoments {
     mean: f64,
     variance: f64,
-    variance_se: f64,
+    pixel_se: f64,
     column_means: f64,
     row_means: f64,
 }
@@ -192,9 +193,9 @@ struct PlaneMoments {
 fn moments(plane: &Plane) -> PlaneMoments {
     let (m, n) = (plane.height as f64, plane.width as f64);
     let mean = plane.values.iter().sum::<f64>() / (m * n);
-    let (mut second, mut fourth) = (0.0, 0.0);
+    let mut second = 0.0;
     let mut columns = vec![0.0; plane.width];
-    let mut row_means = 0.0;
+    let mut rows = Vec::with_capacity(plane.height);
     for row in plane.values.chunks_exact(plane.width) {
         let mut sum = 0.0;
         for (column, v) in columns.iter_mut().zip(row) {
@@ -202,17 +203,27 @@ fn moments(plane: &Plane) -> PlaneMoments {
             sum += d;
             *column += d;
             second += d * d;
-            fourth += d * d * d * d;
         }
-        row_means += (sum / n).powi(2);
+        rows.push(sum / n);
     }
+    columns.iter_mut().for_each(|c| *c /= m);
+    // Rows and columns are taken away, so that their patterns are no error of the pixels.
+    let (mut squares, mut fourth) = (0.0, 0.0);
+    for (row, of_row) in plane.values.chunks_exact(plane.width).zip(&rows) {
+        for (v, of_column) in row.iter().zip(&columns) {
+            let d2 = (v - mean - of_row - of_column).powi(2);
+            squares += d2;
+            fourth += d2 * d2;
+        }
+    }
+    let pixels = squares / (m * n);
     let variance = second / (m * n - 1.0);
     PlaneMoments {
         mean,
         variance,
-        variance_se: ((fourth / (m * n) - variance * variance).max(0.0) / (m * n)).sqrt(),
-        column_means: columns.iter().map(|c| (c / m).powi(2)).sum::<f64>() / n,
-        row_means: row_means / m,
+        pixel_se: ((fourth / (m * n) - pixels * pixels).max(0.0) / (m * n)).sqrt(),
+        column_means: columns.iter().map(|c| c * c).sum::<f64>() / n,
+        row_means: rows.iter().map(|r| r * r).sum::<f64>() / m,
     }
 }
 
@@ -255,8 +266,8 @@ fn mean_of(subs: &[Sub]) -> StackVariances {
     }
 }
 
-/// The split after a high-pass, with standard errors: the variance from its fourth moment, `n` means of variance `A` as
-/// `A sqrt(2/n)`.
+/// The split after a high-pass, with standard errors: that of the pixels from the fourth moment of what the means of rows and
+/// columns leave, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count for less.
 fn components(subs: &[Sub], high_pass: HighPass) -> Components {
     let none = Measured::none(Unresolved::TooSmall);
     let passed = high_pass.passed();
@@ -269,9 +280,10 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let found = moments(&plane);
         let (ac, ar) = (found.column_means, found.row_means);
         let shares = passed.pixel - passed.line / m - passed.line / n;
-        let (ac_se, ar_se) = (ac * (2.0 / n).sqrt(), ar * (2.0 / m).sqrt());
+        let of_lines = |lines: f64| (2.0 / lines * passed.line_correlation).sqrt();
+        let (ac_se, ar_se) = (ac * of_lines(n), ar * of_lines(m));
         let p = (found.variance - ac - ar) / shares;
-        let p_se = found.variance_se.hypot(ac_se).hypot(ar_se) / shares;
+        let p_se = found.pixel_se * passed.pixel_correlation.sqrt() / shares;
         let (pixel, pixel_se) = (p - sub.temporal / l, p_se.hypot(sub.temporal_se / l));
         let (column, column_se) = (ac / passed.line - p / m, (ac_se / passed.line).hypot(p_se / m));
         let (row, row_se) = (ar / passed.line - p / n, (ar_se / passed.line).hypot(p_se / n));
@@ -354,4 +366,59 @@ fn prnu_plots(flat: &[Sub], dark: &[Sub]) -> StackPlots {
         histogram(&filtered, MOST_BINS).rescaled(divisor, 0.0),
         accumulated(&filtered, MOST_BINS).rescaled(divisor, 0.0),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nearly normal numbers of variance one: sums of twelve uniform ones.
+    struct Normal(u64);
+
+    impl Normal {
+        fn draw(&mut self) -> f64 {
+            let mut uniform = || {
+                self.0 =
+                    self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (self.0 >> 11) as f64 / (1u64 << 53) as f64
+            };
+            (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+        }
+    }
+
+    #[test]
+    fn standard_errors_are_the_scatter_over_specimens() {
+        // Pixels, rows and columns of 100 DN each, in the sum of one frame.
+        const SPECIMENS: usize = 150;
+        let (height, width) = (72, 96);
+        let mut normal = Normal(1);
+        for high_pass in [HighPass::None, HighPass::R31] {
+            let mut found = [const { Vec::new() }; 3];
+            for _ in 0..SPECIMENS {
+                let rows: Vec<f64> = (0..height).map(|_| 100.0 * normal.draw()).collect();
+                let cols: Vec<f64> = (0..width).map(|_| 100.0 * normal.draw()).collect();
+                let pixel = |(row, col): (usize, usize)| {
+                    (10_000.0 + rows[row] + cols[col] + 100.0 * normal.draw()) as u32
+                };
+                let places = (0..height).flat_map(|row| (0..width).map(move |col| (row, col)));
+                let sum_dn = places.map(pixel).collect();
+                let variance_dn2 = vec![0.0; height * width];
+                let stack = Stack { height, width, frames: 1, sum_dn, variance_dn2 };
+                let parts = components(&[Sub::of(&stack, &CfaPattern::MONO, (0, 0))], high_pass);
+                for (list, part) in found.iter_mut().zip([parts.pixel, parts.row, parts.column]) {
+                    list.push((part.value().unwrap(), part.standard_error().unwrap()));
+                }
+            }
+            for (name, list) in ["pixel", "row", "column"].iter().zip(&found) {
+                let n = SPECIMENS as f64;
+                let mean = list.iter().map(|v| v.0).sum::<f64>() / n;
+                let scatter = (list.iter().map(|v| (v.0 - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+                let stated = list.iter().map(|v| v.1).sum::<f64>() / n;
+                // The scatter of n specimens is known to 1/sqrt(2 n) = 5.8 %: four of them, 6e-5 each.
+                let ratio = stated / scatter;
+                assert!((ratio - 1.0).abs() < 4.0 / (2.0 * n).sqrt(), "{high_pass:?} {name}: {ratio}");
+                assert!((mean - 1e4).abs() < 4.0 * scatter / n.sqrt(), "{high_pass:?} {name}: {mean}");
+            }
+        }
+    }
 }

@@ -94,7 +94,8 @@ impl TransferPoint {
 pub enum Rules {
     /// Those of the EMVA 1288 Python library: the brightest point counts as saturated if no peak of the noise is seen.
     Library,
-    /// Ours: without a peak of the noise there is no saturation, and all points that are not clipped count.
+    /// Ours: a peak of the noise from which it falls by more than chance, or a signal that no longer grows, is saturation;
+    /// without either, all points that are not clipped count.
     Ours,
 }
 
@@ -123,19 +124,28 @@ pub struct Linearity {
 /// Photon transfer of one gain and colour under one set of rules.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhotonTransfer {
-    /// Point of the largest noise: where the sensor begins to saturate.
+    /// Point of the largest noise: where the sensor begins to saturate. The brightest point if it does not.
     pub saturation: usize,
-    /// Whether the noise falls beyond it, so that it is a peak.
+    /// Whether the noise falls beyond it (or the signal stays), so that it is saturation.
     pub saturated: bool,
     /// First and last point of the fits of R and K.
     pub range: (usize, usize),
+    /// Number of points of those fits, from the darkest.
+    pub used: usize,
     /// System gain at this linear gain, DN/e-.
     pub gain_dn_per_e: Measured,
     /// Responsivity, DN per photon.
     pub responsivity_dn: Measured,
     /// Linearity, where enough points lie within its range.
     pub linearity: Option<Linearity>,
+    /// Why there is no linearity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_linearity: Option<Unresolved>,
 }
+
+/// Standard errors by which the noise must fall, or the signal fall short, before it is saturation: chance does as much
+/// once in a million points.
+const SATURATION_SIGMAS: f64 = 5.0;
 
 /// Walks from the bright end to the peak of the noise: a point is passed as long as it or its darker neighbour is no
 /// less noisy than the point accepted last.
@@ -152,12 +162,46 @@ fn noise_peak(points: &[TransferPoint]) -> usize {
     peak
 }
 
+/// The point of the largest noise, if the noise of a brighter one is less by [`SATURATION_SIGMAS`].
+fn significant_peak(points: &[TransferPoint]) -> Option<usize> {
+    let peak =
+        (0..points.len()).max_by(|a, b| points[*a].variance_dn2.total_cmp(&points[*b].variance_dn2))?;
+    let top = &points[peak];
+    let falls = |p: &TransferPoint| {
+        let noise = top.variance_se_dn2.hypot(p.variance_se_dn2);
+        top.variance_dn2 - p.variance_dn2 > SATURATION_SIGMAS * noise
+    };
+    points[peak + 1..].iter().any(falls).then_some(peak)
+}
+
+/// The first point of a plateau: from it on to the brightest point the signal grows by less than half of what the light asks.
+fn plateau(points: &[TransferPoint], signal: &[f64]) -> Option<usize> {
+    let x = light(points);
+    let brightest = points.len().checked_sub(1)?;
+    let flat = |i: usize| {
+        let expected = signal[i - 1] / x[i - 1] * (x[i] - x[i - 1]);
+        let noise = points[i - 1].signal_se_dn().hypot(points[i].signal_se_dn());
+        x[i - 1] > 0.0 && 0.5 * expected - (signal[i] - signal[i - 1]) > SATURATION_SIGMAS * noise
+    };
+    let start = (1..=brightest).rev().take_while(|i| flat(*i)).last()? - 1;
+    Some(start)
+}
+
 /// Analyses points in the order of growing light. `None` without points.
 pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonTransfer> {
     let brightest = points.len().checked_sub(1)?;
-    let saturation = noise_peak(points);
-    let saturated = saturation < brightest || points[brightest].share_at_max > 0.5;
     let signal: Vec<f64> = points.iter().map(TransferPoint::signal_dn).collect();
+    let clipped = points[brightest].share_at_max > 0.5;
+    let (saturation, saturated) = match rules {
+        Rules::Library => {
+            let peak = noise_peak(points);
+            (peak, peak < brightest || clipped)
+        }
+        Rules::Ours => match significant_peak(points).or_else(|| plateau(points, &signal)) {
+            Some(start) => (start, true),
+            None => (brightest, clipped),
+        },
+    };
 
     // Fits take the lower 70 % of the way to saturation.
     let last_below = |limit: f64| signal.iter().rposition(|s| *s <= limit);
@@ -168,20 +212,23 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
     let used = &points[..range_end.map_or(0, |i| i + 1)];
     let measured = gain(used);
     let gain_dn_per_e = if rules == Rules::Ours { measured.if_above_noise() } else { measured };
+    let linearity = linearity(points, &signal, saturation);
     Some(PhotonTransfer {
         saturation,
         saturated,
         range: (0, used.len().saturating_sub(1)),
+        used: used.len(),
         gain_dn_per_e,
         responsivity_dn: responsivity(used),
-        linearity: linearity(points, &signal, saturation),
+        no_linearity: linearity.as_ref().err().copied(),
+        linearity: linearity.ok(),
     })
 }
 
 /// K: slope through the origin of the variance over the signal.
 fn gain(used: &[TransferPoint]) -> Measured {
     if used.is_empty() {
-        return Measured::none(Unresolved::TooFewPoints { got: 0, need: 1 });
+        return Measured::none(Unresolved::AllSaturated);
     }
     let of = |f: fn(&TransferPoint) -> f64| used.iter().map(f).collect::<Vec<f64>>();
     let slope = |x_se: Vec<f64>, y_se: Vec<f64>| {
@@ -213,7 +260,7 @@ fn responsivity(used: &[TransferPoint]) -> Measured {
     let photons: Option<Vec<f64>> = used.iter().map(|p| p.photons).collect();
     match photons {
         None => Measured::none(Unresolved::NoPhotons),
-        Some(photons) if photons.is_empty() => Measured::none(Unresolved::TooFewPoints { got: 0, need: 1 }),
+        Some(photons) if photons.is_empty() => Measured::none(Unresolved::AllSaturated),
         Some(photons) => {
             let signal: Vec<f64> = used.iter().map(TransferPoint::signal_dn).collect();
             let error: Vec<f64> = used.iter().map(TransferPoint::signal_se_dn).collect();
@@ -228,17 +275,21 @@ pub fn light(points: &[TransferPoint]) -> Vec<f64> {
     photons.unwrap_or_else(|| points.iter().map(|p| p.exposure_s).collect())
 }
 
-fn linearity(points: &[TransferPoint], signal: &[f64], saturation: usize) -> Option<Linearity> {
+fn linearity(points: &[TransferPoint], signal: &[f64], saturation: usize) -> Result<Linearity, Unresolved> {
     let x = light(points);
-    let first = signal.iter().position(|s| *s >= 0.05 * signal[saturation])?;
-    let last = signal.iter().rposition(|s| *s <= 0.95 * signal[saturation])?;
-    if last < first + 1 || signal[first..=last].contains(&0.0) {
-        return None;
-    }
+    let range_of = |(first, last): (usize, usize)| (last + 1).saturating_sub(first);
+    let first = signal.iter().position(|s| *s >= 0.05 * signal[saturation]);
+    let last = signal.iter().rposition(|s| *s <= 0.95 * signal[saturation]);
+    let within = first.zip(last).filter(|range| range_of(*range) >= 2);
+    let Some((first, last)) = within.filter(|(first, last)| !signal[*first..=*last].contains(&0.0)) else {
+        return Err(Unresolved::FewInLinearRange(first.zip(last).map_or(0, range_of)));
+    };
     // Relative errors count: the weight of a point is one over its signal squared.
     let weight: Vec<f64> = signal[first..=last].iter().map(|s| 1.0 / (s * s)).collect();
     let fit: Line = line(&x[first..=last], &signal[first..=last], &weight, &vec![0.0; weight.len()]);
-    let (slope, offset_dn) = (fit.slope.value()?, fit.intercept.value()?);
+    let (Some(slope), Some(offset_dn)) = (fit.slope.value(), fit.intercept.value()) else {
+        return Err(Unresolved::OneLight);
+    };
     let deviation_percent: Vec<f64> = x
         .iter()
         .zip(signal)
@@ -248,9 +299,12 @@ fn linearity(points: &[TransferPoint], signal: &[f64], saturation: usize) -> Opt
         })
         .collect();
     let by_deviation = |a: &usize, b: &usize| deviation_percent[*a].total_cmp(&deviation_percent[*b]);
-    let (low, high) = ((first..=last).min_by(by_deviation)?, (first..=last).max_by(by_deviation)?);
+    let (low, high) = (
+        (first..=last).min_by(by_deviation).unwrap_or(first),
+        (first..=last).max_by(by_deviation).unwrap_or(last),
+    );
     let se = |i: usize| 100.0 * points[i].signal_se_dn() / signal[i].abs();
-    Some(Linearity {
+    Ok(Linearity {
         slope,
         offset_dn,
         range: (first, last),
@@ -259,4 +313,67 @@ fn linearity(points: &[TransferPoint], signal: &[f64], saturation: usize) -> Opt
         se_percent: (se(low), se(high)),
         deviation_percent,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of unit exposure steps with the given signals and temporal variances above a dark of 100 DN and 1 DN^2.
+    fn points(signals: &[f64], variances: &[f64], variance_se_dn2: f64) -> Vec<TransferPoint> {
+        let point = |(i, (signal, variance)): (usize, (&f64, &f64))| TransferPoint {
+            exposure_s: 1.0 + i as f64,
+            photons: None,
+            mean_dn: 100.0 + signal,
+            mean_se_dn: 0.1,
+            variance_dn2: 1.0 + variance,
+            variance_se_dn2,
+            dark_mean_dn: 100.0,
+            dark_mean_se_dn: 0.1,
+            dark_variance_dn2: 1.0,
+            dark_variance_se_dn2: 0.01,
+            share_at_max: 0.0,
+        };
+        signals.iter().zip(variances).enumerate().map(point).collect()
+    }
+
+    #[test]
+    fn chance_in_the_noise_is_no_saturation() {
+        // The last variance is below the one before by one standard error of their difference.
+        let series = points(&[1000.0, 2000.0, 3000.0, 4000.0], &[100.0, 200.0, 309.0, 302.0], 5.0);
+        let library = photon_transfer(&series, Rules::Library).unwrap();
+        assert!(library.saturated && library.saturation == 2);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert!(!ours.saturated && ours.used == 4 && ours.saturation == 3, "{ours:?}");
+        // A fall by ten of them is.
+        let series = points(&[1000.0, 2000.0, 3000.0, 3100.0], &[100.0, 200.0, 309.0, 230.0], 5.0);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert!(ours.saturated && ours.saturation == 2 && ours.used == 2, "{ours:?}");
+    }
+
+    #[test]
+    fn a_plateau_of_any_noise_is_saturation() {
+        // Beyond the full well read noise alone is left; its chance must not pass for a peak.
+        let signals = [500.0, 1000.0, 1500.0, 2000.0, 2100.0, 2100.2, 2099.9, 2100.0];
+        let series = points(&signals, &[50.0, 100.0, 150.0, 200.0, 5.1, 5.0, 5.2, 5.0], 0.05);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert!(ours.saturated && ours.saturation == 3 && ours.used == 2, "{ours:?}");
+        // A signal that stays while the noise does not fall: the light no longer reaches the pixels.
+        let series = points(&[1000.0, 2000.0, 2010.0, 2009.0], &[100.0, 200.0, 201.0, 203.0], 5.0);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert!(ours.saturated && ours.saturation == 1 && ours.used == 1, "{ours:?}");
+    }
+
+    #[test]
+    fn a_lack_of_linearity_is_named_by_its_cause() {
+        let mut series = points(&[1000.0, 2000.0, 3000.0], &[100.0, 200.0, 300.0], 5.0);
+        series.iter_mut().for_each(|p| p.exposure_s = 1.0);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert_eq!(ours.no_linearity, Some(Unresolved::OneLight));
+        // One light level needs none for the system gain.
+        assert!((ours.gain_dn_per_e.value().unwrap() - 0.1).abs() < 1e-9);
+        series.iter_mut().for_each(|p| p.share_at_max = 0.3);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert_eq!(ours.gain_dn_per_e.reason(), Some(Unresolved::AllSaturated));
+    }
 }

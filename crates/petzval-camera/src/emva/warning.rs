@@ -11,16 +11,16 @@ use super::transfer::CLIPPED_SHARE;
 /// A warning, by name.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Warning {
-    /// Flat points are clipped at the largest digital number.
+    /// Flat points are clipped at the largest digital number, or lie beyond the peak of the noise.
     Saturated {
         /// Linear gain.
         linear_gain: f64,
-        /// Clipped points.
+        /// Points that are.
         points: usize,
         /// Flat points in all.
         of: usize,
     },
-    /// Samples are clipped at digital number 0, so that dark mean and noise are wrong.
+    /// Samples are clipped at digital number 0, so that mean and noise are wrong; the point does not count.
     ClippedAtZero {
         /// The point.
         point: String,
@@ -36,11 +36,13 @@ pub enum Warning {
         /// Its standard error from noise alone, DN.
         standard_error_dn: f64,
     },
-    /// Frames of one point differ by more than noise in places: the scene or the camera moved.
+    /// A frame differs from the others of its point by more than noise in places: the scene or the camera moved.
     Moved {
         /// The point.
         point: String,
-        /// Largest difference of a block's mean, DN.
+        /// The frame, counted from 1.
+        frame: usize,
+        /// Largest difference of a block's mean from that of the other frames, DN.
         difference_dn: f64,
         /// Its standard error from noise alone, DN.
         standard_error_dn: f64,
@@ -51,6 +53,26 @@ pub enum Warning {
         point: String,
         /// Largest difference of the means of two blocks, DN.
         difference_dn: f64,
+    },
+    /// The mean of dark frames is not straight over exposure time: light leaks in evenly, or the offset drifts.
+    DarkNotLinear {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Exposure time of the point that is furthest off, ms.
+        exposure_ms: f64,
+        /// Its distance from the line, DN.
+        off_dn: f64,
+        /// Reduced chi-square of the line.
+        reduced_chi2: f64,
+    },
+    /// Dark current from the mean is not that from the noise: what grows with exposure time is not all dark current.
+    DarkCurrentDisagrees {
+        /// Dark current from the mean, e-/s.
+        mean_e_per_s: f64,
+        /// The same less dark current from the variance, e-/s.
+        difference_e_per_s: f64,
+        /// Standard error of the difference, e-/s.
+        standard_error_e_per_s: f64,
     },
     /// The flat field is not flat, which shows in PRNU without a high-pass.
     NotUniform {
@@ -87,7 +109,7 @@ pub enum Warning {
         linear_gain: f64,
         /// `K_g / g`, DN/e-.
         gain_dn_per_e: f64,
-        /// What the other gains tell, DN/e-.
+        /// The median of all gains, DN/e-.
         expected_dn_per_e: f64,
     },
     /// The dark histogram has a tail of bright pixels that the model has not: DSNU, hot pixels.
@@ -157,6 +179,8 @@ impl Warning {
             Self::Flicker { .. } => "flicker",
             Self::Moved { .. } => "moved",
             Self::LightLeak { .. } => "light-leak",
+            Self::DarkNotLinear { .. } => "dark-not-linear",
+            Self::DarkCurrentDisagrees { .. } => "dark-current-disagrees",
             Self::NotUniform { .. } => "not-uniform",
             Self::NoDark { .. } => "no-dark",
             Self::NoSignal { .. } => "no-signal",
@@ -182,21 +206,38 @@ impl fmt::Display for Warning {
             Self::Saturated { linear_gain, points, of } => {
                 write!(
                     f,
-                    "at gain {linear_gain} {points} of {of} flat points are clipped at the largest digital number"
+                    "at gain {linear_gain} {points} of {of} flat points are clipped at the largest digital number or beyond the \
+                     peak of the noise"
                 )
             }
             Self::ClippedAtZero { point, share } => {
-                write!(f, "{point}: {:.2} % of the samples are 0; raise the black level", 100.0 * share)
+                write!(
+                    f,
+                    "{point}: {:.2} % of the samples are 0, the point does not count; raise the black level",
+                    100.0 * share
+                )
             }
             Self::Flicker { point, difference_dn, standard_error_dn } => write!(
                 f,
                 "{point}: the means of the frames differ by {difference_dn:.3} DN, noise explains {standard_error_dn:.3}"
             ),
-            Self::Moved { point, difference_dn, standard_error_dn } => write!(
+            Self::Moved { point, frame, difference_dn, standard_error_dn } => write!(
                 f,
-                "{point}: the first two frames differ by {difference_dn:.2} DN in a part of the picture, noise explains \
-                 {standard_error_dn:.3}; something moved"
+                "{point}: frame {frame} differs from the others by {difference_dn:.2} DN in a part of the picture, noise \
+                 explains {standard_error_dn:.3}; something moved"
             ),
+            Self::DarkNotLinear { linear_gain, exposure_ms, off_dn, reduced_chi2 } => write!(
+                f,
+                "at gain {linear_gain} the dark frames of {exposure_ms} ms are {off_dn:+.3} DN off the line over exposure time \
+                 (reduced chi^2 {reduced_chi2:.1}); light leaks in, or the offset drifts"
+            ),
+            Self::DarkCurrentDisagrees { mean_e_per_s, difference_e_per_s, standard_error_e_per_s } => {
+                write!(
+                    f,
+                    "the dark current of the mean, {mean_e_per_s:.4} e-/s, is {difference_e_per_s:+.4} +- \
+                 {standard_error_e_per_s:.2} e-/s off that of the noise; light leaks in, or the offset drifts"
+                )
+            }
             Self::LightLeak { point, difference_dn } => write!(
                 f,
                 "{point}: parts of the dark frames differ by {difference_dn:.2} DN; light leaks in, or the sensor glows"
@@ -205,7 +246,10 @@ impl fmt::Display for Warning {
                 write!(f, "{point}: parts of the flat field differ by {percent:.1} %")
             }
             Self::NoDark { point } => {
-                write!(f, "{point}: no dark frames of this gain and exposure time; the point does not count")
+                write!(
+                    f,
+                    "{point}: no usable dark frames of this gain and exposure time; the point does not count"
+                )
             }
             Self::NoSignal { point } => {
                 write!(f, "{point}: no brighter than the dark frames; the point does not count")
@@ -220,7 +264,7 @@ impl fmt::Display for Warning {
             Self::GainNotProportional { linear_gain, gain_dn_per_e, expected_dn_per_e } => write!(
                 f,
                 "at linear gain {linear_gain} the system gain is {gain_dn_per_e:.5} DN/e- per unit of linear gain, the \
-                 other gains have {expected_dn_per_e:.5}"
+                 median of all gains is {expected_dn_per_e:.5}"
             ),
             Self::DarkTail { point, share, mean_dn } => write!(
                 f,
@@ -279,7 +323,7 @@ const NOT_NOISE_SIGMAS: f64 = 6.0;
 pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let label = || point.label();
-    if found.all.share_at_zero > CLIPPED_SHARE {
+    if clipped_at_zero(&found.all) {
         warnings.push(Warning::ClippedAtZero { point: label(), share: found.all.share_at_zero });
     }
 
@@ -289,11 +333,19 @@ pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> 
         Kind::Flat => 1e-3 * (found.all.mean_dn - black).abs(),
         Kind::Dark => 0.05,
     };
+    // What a whole frame has more than the others is the median of its blocks: what moves through a few does not count.
     let clipped = found.all.share_at_max > CLIPPED_SHARE;
-    let means = &found.all.frame_means_dn;
-    let spread = means.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b))
-        - means.iter().fold(f64::INFINITY, |a, b| a.min(*b));
-    let frame_se = (2.0 * found.all.variance_dn2.max(0.0) / found.all.pixels as f64).sqrt();
+    let filled = |blocks: &[f64]| -> Vec<f64> {
+        blocks.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(d, _)| *d).collect()
+    };
+    let whole: Vec<f64> = found.block_deviations_dn.iter().map(|blocks| median(filled(blocks))).collect();
+    let frames = found.frames as f64;
+    let range =
+        |v: &[f64]| v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min);
+    let spread = range(&whole) * (frames - 1.0) / frames;
+    let variance = found.all.variance_dn2.max(0.0);
+    // The median of the blocks is pi/2 times as uncertain as their mean, in variance.
+    let frame_se = (std::f64::consts::PI * variance / found.all.pixels as f64).sqrt();
     if spread > NOT_NOISE_SIGMAS * frame_se + allowed_dn {
         warnings.push(Warning::Flicker {
             point: label(),
@@ -302,18 +354,26 @@ pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> 
         });
     }
 
-    // In every part of the picture two frames differ by noise and by what the whole frames differ.
-    let whole = means[0] - means[1];
+    // In every part of the picture a frame differs from the others by noise and by what the whole frame does.
+    let of_frame = |(k, (blocks, whole)): (usize, (&Vec<f64>, &f64))| {
+        let (whole, factor) = (*whole, frames / (frames - 1.0));
+        blocks
+            .iter()
+            .zip(&found.block_pixels)
+            .filter(|(_, n)| **n > 0)
+            .map(|(d, n)| (k + 1, (d - whole).abs(), (factor * variance / *n as f64).sqrt()))
+            .filter(|(_, d, se)| *d > NOT_NOISE_SIGMAS * se + allowed_dn)
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+    };
     let moved = found
-        .block_differences_dn
+        .block_deviations_dn
         .iter()
-        .zip(&found.block_pixels)
-        .filter(|(_, n)| **n > 0)
-        .map(|(d, n)| ((d - whole).abs(), (2.0 * found.all.variance_dn2.max(0.0) / *n as f64).sqrt()))
-        .filter(|(d, se)| *d > NOT_NOISE_SIGMAS * se + allowed_dn)
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    if let (Some((difference_dn, standard_error_dn)), false) = (moved, clipped) {
-        warnings.push(Warning::Moved { point: label(), difference_dn, standard_error_dn });
+        .zip(&whole)
+        .enumerate()
+        .filter_map(of_frame)
+        .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    if let (Some((frame, difference_dn, standard_error_dn)), false) = (moved, clipped) {
+        warnings.push(Warning::Moved { point: label(), frame, difference_dn, standard_error_dn });
     }
 
     let blocks =
@@ -346,4 +406,16 @@ fn spatial_variance(moments: &Moments) -> f64 {
         })
         .sum::<f64>()
         / total
+}
+
+/// Whether the distribution of the samples is cut off at digital number 0: some are there, and the mean is near enough
+/// for more than dead pixels.
+pub fn clipped_at_zero(moments: &Moments) -> bool {
+    moments.share_at_zero > CLIPPED_SHARE && moments.mean_dn < 8.0 * spatial_variance(moments).sqrt()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }

@@ -33,8 +33,8 @@ pub struct Args {
     /// Folder for the captures
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Linear gains
-    #[arg(long, value_name = "G,G,...", value_delimiter = ',', default_values_t = Plan::default().gains)]
+    /// Linear gains [default: those that the sensor offers; 1,1.77,3.16,5.62,10,17.78,31.62 if it can be set to any]
+    #[arg(long, value_name = "G,G,...", value_delimiter = ',')]
     gains: Vec<f64>,
     /// Exposure times of flat and dark pairs, ms
     #[arg(long, value_name = "MS,MS,...", value_delimiter = ',', default_values_t = Plan::default().flat_ms)]
@@ -77,10 +77,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
                 Failure::input(format!("--size {size}: no size"), "rows x columns, such as 600x960")
             })?,
     };
+    let gains = match (&args.gains[..], &sensor.gain_steps[..]) {
+        ([], []) => Plan::default().gains,
+        ([], steps) => steps.to_vec(),
+        (chosen, _) => chosen.to_vec(),
+    };
     let plan = Plan {
         height,
         width,
-        gains: args.gains.clone(),
+        gains,
         flat_ms: args.exposures.clone(),
         dark_ms: args.dark_exposures.clone(),
         stack: args.stack,

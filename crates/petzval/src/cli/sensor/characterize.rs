@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
+use petzval::camera::emva::captures::milliseconds;
 use petzval::camera::emva::sensor_file::colour_name;
 use petzval::camera::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
@@ -43,7 +44,7 @@ pub struct Args {
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// High-pass before DSNU and PRNU
+    /// High-pass before DSNU and PRNU; the library has none, so that it does not change what --compatible shows
     #[arg(long, value_enum, default_value = "r4")]
     highpass: Filter,
     /// Derive every number as the EMVA 1288 Python library does, its mistakes included
@@ -75,7 +76,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     captures.sensor.pixel_um = captures.sensor.pixel_um.or(args.pixel_um);
     let options = Options {
         high_pass: match args.highpass {
-            _ if args.compatible => HighPass::None,
             Filter::None => HighPass::None,
             Filter::R31 => HighPass::R31,
             Filter::R4 => HighPass::R4,
@@ -130,7 +130,7 @@ fn histograms_csv(found: &Characterization) -> String {
         let photons = h.photons.map_or(String::new(), |p| p.to_string());
         for (i, count) in h.counts.counts.iter().enumerate().filter(|(_, c)| **c > 0) {
             let dn = h.counts.first_dn as usize + i;
-            let ms = 1e3 * h.exposure_s;
+            let ms = milliseconds(h.exposure_s);
             // Writing to a text cannot fail.
             let _ = writeln!(text, "{kind},{},{ms},{photons},{colour},{dn},{count}", h.linear_gain);
         }
@@ -138,42 +138,69 @@ fn histograms_csv(found: &Characterization) -> String {
     text
 }
 
-/// A number with as many digits as its error leaves.
-fn shown(measured: Measured, unit: &str) -> String {
-    match (measured.value(), measured.standard_error(), measured.reason()) {
-        (Some(v), Some(se), _) if se > 0.0 => {
-            let digits = (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize;
-            format!("{v:>14.digits$} +- {se:<12.digits$} {unit}")
+/// Lines of numbers; what is not resolved is gathered, one line for each reason.
+#[derive(Default)]
+struct Lines {
+    text: String,
+    unresolved: Vec<(String, Vec<String>)>,
+}
+
+impl Lines {
+    /// Adds a number with as many digits as its error leaves.
+    fn add(&mut self, name: &str, measured: Measured, unit: &str) {
+        // Writing to a text cannot fail.
+        let _ = match (measured.value(), measured.standard_error().filter(|se| *se > 0.0)) {
+            (Some(v), Some(se)) => {
+                let digits = (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize;
+                writeln!(self.text, "{name:<30}{v:>14.digits$} +- {se:<12.digits$} {unit}")
+            }
+            (Some(v), None) => writeln!(self.text, "{name:<30}{v:>14.6}    {:<12} {unit}", ""),
+            (None, _) => {
+                let why = measured.reason().map_or(String::new(), |why| why.to_string());
+                let name = name.trim().to_owned();
+                match self.unresolved.iter_mut().find(|(reason, _)| *reason == why) {
+                    Some((_, names)) => names.push(name),
+                    None => self.unresolved.push((why, vec![name])),
+                }
+                Ok(())
+            }
+        };
+    }
+
+    /// Writes what was gathered, each reason with the numbers that it keeps back.
+    fn reasons(&mut self, indent: &str) {
+        for (why, names) in std::mem::take(&mut self.unresolved) {
+            let _ = writeln!(self.text, "{indent}not resolved: {why}: {}", names.join(", "));
         }
-        (Some(v), ..) => format!("{v:>14.6}    {:<12} {unit}", ""),
-        (None, _, Some(why)) => format!("  not resolved: {why}"),
-        (None, _, None) => "  not resolved".to_owned(),
     }
 }
 
 /// The compact table: all gains together, then each gain and colour.
 fn table(found: &Characterization, values: Values) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, measured: Measured, unit: &str| {
-        let _ = writeln!(text, "{name:<30}{}", shown(measured, unit));
-    };
+    let mut lines = Lines::default();
     let j = &found.joint;
-    line("K at linear gain 1", j.gain_dn_per_e, "DN/e-");
-    line("dark current mu_I (mean)", j.dark_current_e_per_s, "e-/s");
-    line("dark current mu_I (variance)", j.dark_current_variance_e_per_s, "e-/s");
-    line("read noise sigma_r^2", j.read_variance_e2, "e-^2");
-    line("read noise mean mu_r", j.read_noise_mean_e, "e-");
-    line("electronics noise sigma_el", j.electronics_noise_dn, "DN");
-    line("BL + mu_el", j.dark_offset_dn, "DN");
-    line("electronics mean mu_el", j.electronics_mean_dn, "DN");
-    line("red over green (alpha)", j.red_over_green, "");
-    line("blue over green (beta)", j.blue_over_green, "");
+    for (name, measured, unit) in [
+        ("K at linear gain 1", j.gain_dn_per_e, "DN/e-"),
+        ("dark current mu_I (mean)", j.dark_current_e_per_s, "e-/s"),
+        ("dark current mu_I (variance)", j.dark_current_variance_e_per_s, "e-/s"),
+        ("read noise sigma_r^2", j.read_variance_e2, "e-^2"),
+        ("read noise mean mu_r", j.read_noise_mean_e, "e-"),
+        ("electronics noise sigma_el", j.electronics_noise_dn, "DN"),
+        ("BL + mu_el", j.dark_offset_dn, "DN"),
+        ("electronics mean mu_el", j.electronics_mean_dn, "DN"),
+        ("red over green (alpha)", j.red_over_green, ""),
+        ("blue over green (beta)", j.blue_over_green, ""),
+    ] {
+        lines.add(name, measured, unit);
+    }
+    lines.reasons("");
     if let Some(fit) = &found.histogram_fit {
         let after = |f: fn(&petzval::camera::emva::HistogramComparison) -> f64| {
             let all: Vec<f64> = fit.histograms.iter().map(f).collect();
             all.iter().sum::<f64>() / all.len().max(1) as f64
         };
-        let _ = writeln!(text, "\nfitted to {} histograms in {} steps", fit.histograms.len(), fit.steps);
+        let _ =
+            writeln!(lines.text, "\nfitted to {} histograms in {} steps", fit.histograms.len(), fit.steps);
         for (name, measured, unit) in [
             ("  K at linear gain 1", fit.gain_dn_per_e, "DN/e-"),
             ("  read noise mean mu_r", fit.read_noise_mean_e, "e-"),
@@ -187,10 +214,11 @@ fn table(found: &Characterization, values: Values) -> String {
             ("  red over green (alpha)", fit.red_over_green, ""),
             ("  blue over green (beta)", fit.blue_over_green, ""),
         ] {
-            let _ = writeln!(text, "{name:<30}{}", shown(measured, unit));
+            lines.add(name, measured, unit);
         }
+        lines.reasons("  ");
         let _ = writeln!(
-            text,
+            lines.text,
             "  mean reduced chi^2 {:.3}, before {:.3}; mean total variation {:.4}, before {:.4}",
             after(|h| h.after.reduced_chi2),
             after(|h| h.before.reduced_chi2),
@@ -200,36 +228,61 @@ fn table(found: &Characterization, values: Values) -> String {
     }
     for gain in &found.gains {
         for channel in &gain.channels {
-            let _ = writeln!(text, "\ngain {}, {}", gain.linear_gain, colour_name(channel.colour));
-            for name in [
-                "K",
-                "QE",
-                "R",
-                "sigma_d",
-                "sigma_y_dark",
-                "u_e_min",
-                "u_e_sat",
-                "SNR_max_dB",
-                "DR_dB",
-                "LE_min",
-                "LE_max",
-                "DSNU1288",
-                "DSNU1288_row",
-                "DSNU1288_col",
-                "DSNU1288_pixel",
-                "PRNU1288",
-                "PRNU1288_row",
-                "PRNU1288_col",
-                "PRNU1288_pixel",
-                "u_I_mean",
-                "u_I_var",
-            ] {
-                if let Some(figure) = channel.figure(name) {
-                    let measured = if values == Values::Library { figure.value } else { figure.best() };
-                    let _ = writeln!(text, "  {name:<28}{}", shown(measured, figure.unit));
-                }
+            let _ = writeln!(lines.text, "\ngain {}, {}", gain.linear_gain, colour_name(channel.colour));
+            for figure in SHOWN.iter().filter_map(|name| channel.figure(name)) {
+                let measured = if values == Values::Library { figure.value } else { figure.best() };
+                lines.add(&format!("  {}", figure.name), measured, figure.unit);
             }
+            lines.reasons("  ");
         }
     }
-    text
+    lines.text
+}
+
+/// Figures of the table, by their names.
+const SHOWN: [&str; 21] = [
+    "K",
+    "QE",
+    "R",
+    "sigma_d",
+    "sigma_y_dark",
+    "u_e_min",
+    "u_e_sat",
+    "SNR_max_dB",
+    "DR_dB",
+    "LE_min",
+    "LE_max",
+    "DSNU1288",
+    "DSNU1288_row",
+    "DSNU1288_col",
+    "DSNU1288_pixel",
+    "PRNU1288",
+    "PRNU1288_row",
+    "PRNU1288_col",
+    "PRNU1288_pixel",
+    "u_I_mean",
+    "u_I_var",
+];
+
+#[cfg(test)]
+mod tests {
+    use petzval::camera::emva::Unresolved;
+
+    use super::*;
+
+    #[test]
+    fn one_line_tells_all_that_one_reason_keeps_back() {
+        let mut lines = Lines::default();
+        lines.add("  K", Measured::new(0.14, 0.001), "DN/e-");
+        for name in ["  u_e_sat", "  DR_dB"] {
+            lines.add(name, Measured::none(Unresolved::NotSaturated), "e-");
+        }
+        lines.add("  QE", Measured::none(Unresolved::NoPhotons), "%");
+        lines.reasons("  ");
+        let text: Vec<&str> = lines.text.lines().collect();
+        assert_eq!(text.len(), 3, "{text:?}");
+        assert!(text[0].contains("0.1400 +- 0.0010"), "{}", text[0]);
+        assert_eq!(text[1], "  not resolved: the series does not reach saturation: u_e_sat, DR_dB");
+        assert_eq!(text[2], "  not resolved: no point states its photons per pixel: QE");
+    }
 }

@@ -1,0 +1,287 @@
+//! Captures that mislead: each either is an error, or gives a warning and leaves the numbers right.
+
+use std::path::Path;
+
+use petzval_camera::SensorModel;
+use petzval_camera::emva::{
+    CaptureError, Captures, Characterization, Kind, Measured, Options, Plan, Point, Warning, characterize,
+    write_series,
+};
+
+fn imx249() -> SensorModel {
+    SensorModel::from_toml(include_str!("../../../data/sensors/imx249-fitted.toml")).unwrap()
+}
+
+fn mono() -> SensorModel {
+    SensorModel { cfa: "mono".parse().unwrap(), clear_response: [1.0 / 3.0; 3], ..imx249() }
+}
+
+/// One gain of a small sensor.
+fn one_gain() -> Plan {
+    Plan { height: 80, width: 80, gains: vec![1.0], format: "png".into(), seed: 5, ..Plan::default() }
+}
+
+/// A series in a folder that goes when it is dropped.
+fn series(sensor: &SensorModel, plan: &Plan) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_series(sensor, plan, folder.path(), &|| {}).unwrap();
+    folder
+}
+
+fn measured(folder: &Path) -> Result<Characterization, CaptureError> {
+    characterize(&Captures::open(folder)?, &Options::default(), &|| {})
+}
+
+fn list(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("captures.toml")).unwrap()
+}
+
+fn set_list(folder: &Path, text: &str) {
+    std::fs::write(folder.join("captures.toml"), text).unwrap();
+}
+
+fn edit(folder: &Path, name: &str, change: &dyn Fn(u32, u32, u16) -> u16) {
+    let path = folder.join("gain-1").join(name);
+    let mut picture = image::open(&path).unwrap().into_luma16();
+    picture.enumerate_pixels_mut().for_each(|(x, y, p)| p.0[0] = change(x, y, p.0[0]));
+    picture.save(&path).unwrap();
+}
+
+/// The warnings of one name, as they are told.
+fn told(found: &Characterization, name: &str) -> Vec<String> {
+    found.warnings.iter().filter(|w| w.name() == name).map(ToString::to_string).collect()
+}
+
+#[track_caller]
+fn within(what: &str, found: Measured, truth: f64, sigmas: f64) {
+    let (Some(value), Some(se)) = (found.value(), found.standard_error()) else {
+        panic!("{what}: {found:?}")
+    };
+    assert!(((value - truth) / se).abs() < sigmas, "{what}: {value} +- {se}, truth {truth}");
+}
+
+#[test]
+fn full_pixels_do_not_count_in_the_ratios_of_the_colours() {
+    // Blue is full at 12000 electrons while green still grows; the converter ends at 28400.
+    let sensor = SensorModel { full_well_e: 12_000.0, ..imx249() };
+    let plan = Plan {
+        height: 160,
+        width: 240,
+        gains: vec![1.0, 1.77, 10.0],
+        level: 1.2,
+        seed: 7,
+        ..Plan::default()
+    };
+    let found = measured(series(&sensor, &plan).path()).unwrap();
+    within("alpha", found.joint.red_over_green, 0.82, 3.5);
+    within("beta", found.joint.blue_over_green, 1.25, 3.5);
+    // At gain 1 no sample is at the end of the converter, and saturation is told all the same.
+    assert!(told(&found, "saturated").iter().any(|w| w.contains("at gain 1 ")), "{:?}", found.warnings);
+}
+
+#[test]
+fn a_sound_series_into_saturation_is_monotonic() {
+    // On the plateau the dark signal that is subtracted still grows, by 0.35 DN from point to point.
+    let sensor = SensorModel { full_well_e: 15_000.0, dark_current_e_per_s: 2500.0, ..mono() };
+    let plan = Plan { flat_ms: (1..=12).map(f64::from).collect(), level: 1.4, ..one_gain() };
+    let found = measured(series(&sensor, &plan).path()).unwrap();
+    assert!(told(&found, "not-monotonic").is_empty(), "{:?}", found.warnings);
+    assert_eq!(told(&found, "saturated").len(), 1, "{:?}", found.warnings);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn a_series_that_falls_is_not_monotonic() {
+    let folder = series(&mono(), &one_gain());
+    for i in 0..2 {
+        edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, dn| dn / 2);
+    }
+    let found = measured(folder.path()).unwrap();
+    let told = told(&found, "not-monotonic");
+    assert!(told.len() == 1 && told[0].contains("10 ms"), "{:?}", found.warnings);
+}
+
+#[test]
+fn points_without_signal_and_without_evenness_are_named() {
+    let folder = series(&mono(), &one_gain());
+    for i in 0..2 {
+        edit(folder.path(), &format!("flat-2.5ms-{i}.png"), &|_, _, dn| 100 + dn % 7);
+        edit(folder.path(), &format!("flat-5ms-{i}.png"), &|x, _, dn| dn + 4 * x as u16);
+    }
+    let found = measured(folder.path()).unwrap();
+    let (dark, uneven) = (told(&found, "no-signal"), told(&found, "not-uniform"));
+    assert!(dark.len() == 1 && dark[0].contains("2.5 ms"), "{:?}", found.warnings);
+    assert!(uneven.len() == 1 && uneven[0].contains("5 ms"), "{:?}", found.warnings);
+}
+
+#[test]
+fn light_that_leaks_in_evenly_is_seen_by_the_dark_mean() {
+    let folder = series(&mono(), &one_gain());
+    for i in 0..2 {
+        edit(folder.path(), &format!("dark-30ms-{i}.png"), &|_, _, dn| dn + 40);
+    }
+    let found = measured(folder.path()).unwrap();
+    let leak = found.warnings.iter().find_map(|w| match w {
+        Warning::DarkNotLinear { exposure_ms, reduced_chi2, .. } => Some((*exposure_ms, *reduced_chi2)),
+        _ => None,
+    });
+    let (exposure_ms, reduced_chi2) = leak.unwrap_or_else(|| panic!("{:?}", found.warnings));
+    assert!(exposure_ms == 30.0 && reduced_chi2 > 100.0, "{exposure_ms} ms {reduced_chi2}");
+    assert_eq!(told(&found, "dark-current-disagrees").len(), 1, "{:?}", found.warnings);
+}
+
+#[test]
+fn gains_that_are_clipped_at_zero_do_not_count() {
+    // At gain 31.62 the dark frames are 1.7 standard deviations above zero, at gain 1 fifteen.
+    let sensor = SensorModel { black_level_dn: 15.0, ..imx249() };
+    let plan = Plan { height: 160, width: 240, seed: 7, ..Plan::default() };
+    let found = measured(series(&sensor, &plan).path()).unwrap();
+    assert!(
+        told(&found, "clipped-at-zero").iter().any(|w| w.contains("31.62") && w.contains("does not count"))
+    );
+    let last = found.gains.last().unwrap();
+    assert!(last.dark.points.is_empty() && last.channels.is_empty(), "{last:?}");
+    within("sigma_r^2", found.joint.read_variance_e2, 16.0, 3.5);
+    within("mu_r", found.joint.read_noise_mean_e, 3.25, 3.5);
+    within("BL + mu_el", found.joint.dark_offset_dn, 16.15, 3.5);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn a_gain_that_is_off_is_blamed_alone() {
+    let plan = Plan { height: 160, width: 240, gains: vec![1.0, 2.0, 4.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    set_list(folder.path(), &list(folder.path()).replace("linear_gain = 4.0", "linear_gain = 5.0"));
+    let found = measured(folder.path()).unwrap();
+    let blamed: Vec<f64> = found
+        .warnings
+        .iter()
+        .filter_map(|w| match w {
+            Warning::GainNotProportional { linear_gain, .. } => Some(*linear_gain),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(blamed, [5.0], "{:?}", found.warnings);
+}
+
+#[test]
+fn what_moves_in_a_late_frame_is_no_flicker() {
+    let plan = Plan { stack: 5, ..one_gain() };
+    let folder = series(&mono(), &plan);
+    edit(folder.path(), "flat-7.5ms-stack-3.png", &|x, y, dn| if x < 20 && y < 20 { dn + 400 } else { dn });
+    let found = measured(folder.path()).unwrap();
+    let moved = found.warnings.iter().find_map(|w| match w {
+        Warning::Moved { point, frame, difference_dn, .. } => Some((point.clone(), *frame, *difference_dn)),
+        _ => None,
+    });
+    let (point, frame, difference_dn) = moved.unwrap_or_else(|| panic!("{:?}", found.warnings));
+    assert!(point.contains("flat, gain 1, 7.5 ms, 5 frames") && frame == 4, "{point} {frame}");
+    assert!((difference_dn - 400.0).abs() < 20.0, "{difference_dn}");
+    assert!(told(&found, "flicker").is_empty(), "{:?}", found.warnings);
+}
+
+#[test]
+fn a_second_stack_and_a_lone_one_are_named() {
+    // Two series with stacks at 4 and at 5 ms, in one list.
+    let folder = tempfile::tempdir().unwrap();
+    let mut points = Vec::new();
+    for (name, flat_ms, seed) in [("a", vec![2.0, 4.0, 6.0], 1), ("b", vec![3.0, 5.0, 7.0], 2)] {
+        let plan = Plan { flat_ms, dark_ms: vec![], stack: 4, seed, ..one_gain() };
+        write_series(&mono(), &plan, &folder.path().join(name), &|| {}).unwrap();
+        let text = list(&folder.path().join(name)).replace("gain-1/", &format!("{name}/gain-1/"));
+        points.extend(text.split("[[point]]").skip(1).map(|p| format!("[[point]]{p}")));
+    }
+    let head = "[sensor]\nname = \"two\"\nbits = 12\n\n";
+    set_list(folder.path(), &format!("{head}{}", points.concat()));
+    let found = measured(folder.path()).unwrap();
+    let more = told(&found, "more-stacks");
+    assert!(more.len() == 1 && more[0].contains("5 ms") && told(&found, "lone-stack").is_empty(), "{more:?}");
+
+    points.retain(|p| !(p.contains("b/gain-1") && p.contains("dark") && p.contains("stack")));
+    set_list(folder.path(), &format!("{head}{}", points.concat()));
+    let found = measured(folder.path()).unwrap();
+    let lone = told(&found, "lone-stack");
+    assert!(
+        lone.len() == 1 && lone[0].contains("5 ms") && told(&found, "more-stacks").is_empty(),
+        "{lone:?}"
+    );
+    assert_eq!(found.gains[0].channels[0].spatial.as_ref().unwrap().exposure_s, 0.004);
+}
+
+#[test]
+fn a_frame_is_an_exposure_of_its_own() {
+    let folder = series(&mono(), &one_gain());
+    let whole = list(folder.path());
+    let frame = |name: &str| folder.path().join("gain-1").join(name);
+
+    // The same file at two points.
+    set_list(folder.path(), &whole.replace("flat-5ms-1.png", "flat-2.5ms-1.png"));
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("gain-1/flat-2.5ms-1.png is listed twice, first in line"), "{error}");
+
+    // The same contents under another name, at one point and across points.
+    set_list(folder.path(), &whole);
+    for (from, to) in [("flat-5ms-0.png", "flat-5ms-1.png"), ("dark-20ms-0.png", "dark-30ms-0.png")] {
+        let kept = std::fs::read(frame(to)).unwrap();
+        std::fs::copy(frame(from), frame(to)).unwrap();
+        let error = measured(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(&format!("gain-1/{to} is a copy of gain-1/{from}")), "{error}");
+        std::fs::write(frame(to), kept).unwrap();
+    }
+
+    // Frames that are clipped all over are alike and no copies.
+    for i in 0..2 {
+        edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, _| 4095);
+    }
+    assert_eq!(told(&measured(folder.path()).unwrap(), "saturated").len(), 1);
+}
+
+#[test]
+fn photons_are_stated_at_all_flat_points_of_a_gain_or_at_none() {
+    let plan = Plan { quantum_efficiency: Some(0.5), ..one_gain() };
+    let folder = series(&mono(), &plan);
+    let whole = list(folder.path());
+    let mut seen = 0;
+    let less: Vec<&str> = whole
+        .lines()
+        .filter(|line| {
+            seen += usize::from(line.starts_with("photons"));
+            !(line.starts_with("photons") && seen == 2)
+        })
+        .collect();
+    set_list(folder.path(), &less.join("\n"));
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("flat, gain 1, 5 ms, 2 frames states no photons"), "{error}");
+    assert!(error.contains("captures.toml:") && error.contains("in line"), "{error}");
+}
+
+#[test]
+fn light_that_is_not_known_still_tells_the_system_gain() {
+    let folder = series(&mono(), &one_gain());
+    let mut text = list(folder.path());
+    let points: Vec<String> = text.split("[[point]]").map(str::to_owned).collect();
+    for (i, ms) in ["5.0", "7.5", "10.0"].iter().enumerate() {
+        let flat = points.iter().filter(|p| p.contains("\"flat\"")).nth(i + 1).unwrap();
+        text = text.replace(flat, &flat.replace(&format!("exposure_ms = {ms}"), "exposure_ms = 2.5"));
+    }
+    set_list(folder.path(), &text);
+    let found = measured(folder.path()).unwrap();
+    let channel = &found.gains[0].channels[0];
+    assert!(channel.points.len() == 4 && channel.points.iter().all(|p| p.exposure_s == 0.0025));
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+    let reason = channel.figure("LE_min").unwrap().best().reason().unwrap().to_string();
+    assert!(reason.contains("the light is not known"), "{reason}");
+}
+
+#[test]
+fn exposure_times_are_told_as_they_were_written() {
+    let point = Point {
+        kind: Kind::Dark,
+        linear_gain: 1.0,
+        exposure_s: 1e-3 * 9.0,
+        photons: None,
+        frames: Vec::new(),
+        line: 1,
+    };
+    assert_eq!(point.label(), "dark, gain 1, 9 ms, 0 frames");
+}
