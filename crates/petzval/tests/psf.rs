@@ -94,10 +94,10 @@ fn psfs_asked_for_wrongly_are_refused_and_nothing_is_written() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_a_failure_that_names_it() {
+fn a_place_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("file"), "").unwrap();
     let failed = run(folder.path(), &[&["psf", LENS, "--out", "file/psf"], &QUICK[..]].concat());
-    assert_eq!(failed.code, Some(1), "{}", failed.stderr);
+    assert_eq!(failed.code, Some(2), "{}", failed.stderr);
     assert!(failed.says("file/psf: Not a directory"), "{}", failed.stderr);
 }

@@ -277,6 +277,10 @@ pub fn light(points: &[TransferPoint]) -> Vec<f64> {
 
 fn linearity(points: &[TransferPoint], signal: &[f64], saturation: usize) -> Result<Linearity, Unresolved> {
     let x = light(points);
+    let (low, high) = x.iter().fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
+    if points.len() > 1 && high - low <= 1e-9 * high {
+        return Err(Unresolved::OneLight);
+    }
     let range_of = |(first, last): (usize, usize)| (last + 1).saturating_sub(first);
     let first = signal.iter().position(|s| *s >= 0.05 * signal[saturation]);
     let last = signal.iter().rposition(|s| *s <= 0.95 * signal[saturation]);

@@ -92,13 +92,7 @@ mod tests {
             let back = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
             assert_eq!(back.layer_data.size, exr::prelude::Vec2(7, 5));
             for (c, name) in names.iter().enumerate() {
-                let channel = back
-                    .layer_data
-                    .channel_data
-                    .list
-                    .iter()
-                    .find(|ch| ch.name.to_string() == **name)
-                    .unwrap();
+                let channel = back.layer_data.channel_data.list.iter().find(|ch| ch.name.eq(name)).unwrap();
                 let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
                 assert_eq!(values, image.plane(c), "{name}");
             }

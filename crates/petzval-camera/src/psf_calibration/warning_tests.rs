@@ -384,7 +384,7 @@ fn sidecars_that_contradict_are_refused() {
 fn a_full_well_counts_with_its_dark_electrons_and_in_any_frame() {
     // A well of 20 000 electrons, of which dark current fills 8000 in 16 ms; the light alone stays far below.
     let small = SensorModel { full_well_e: 20_000.0, dark_current_e_per_s: 5e5, ..sensor("") };
-    let bench = Bench { sensor: small, brightness: 0.75, frames: 20, ..Bench::default() };
+    let bench = Bench { sensor: small, brightness: 0.95, frames: 20, ..Bench::default() };
     let position = bench.calibrate();
     assert!(position.exposures[2].saturated_pixels > 0);
     let chi2 = bench.chi2(&position);

@@ -115,7 +115,6 @@ fn the_fit_has_no_bias_and_its_errors_are_those_of_chance() {
     for (name, all) in ["K", "mu_r", "BL + mu_el", "sigma_el", "sigma_r"].iter().zip(&all) {
         let mean = all.iter().sum::<f64>() / seeds as f64;
         let squares: f64 = all.iter().map(|z| z * z).sum();
-        println!("{name}: mean z {mean:.2}, mean square {:.2}", squares / seeds as f64);
         assert!(mean.abs() * (seeds as f64).sqrt() < 3.5, "{name}: mean z {mean}");
         assert!((5.0..48.0).contains(&squares), "{name}: sum of z^2 {squares}");
     }
@@ -128,12 +127,6 @@ fn pixels_that_answer_light_unequally_do_not_change_the_gain() {
         sensor.nonuniformity.prnu_pixel_percent = percent;
         let fit = fit_histograms_from(&truth(), 12, &captured(&sensor, (120, 160), 16_000.0, 5)).unwrap();
         let specimen = 100.0 * spread(&sensor.fixed_pattern(Placement::default(), 120, 160).response);
-        println!(
-            "PRNU {percent}: K {:?}, PRNU {:?} of {specimen}, chi2 {}",
-            fit.gain_dn_per_e,
-            fit.prnu_percent,
-            mean_core_chi2(&fit.histograms)
-        );
         assert!(fit.converged, "{} steps", fit.steps);
         assert!(z(fit.gain_dn_per_e, 0.14).abs() < 3.5, "{percent} %: {:?}", fit.gain_dn_per_e);
         assert!(z(fit.prnu_percent, specimen).abs() < 3.5, "{:?}, {specimen}", fit.prnu_percent);
@@ -161,7 +154,6 @@ fn dark_signal_non_uniformity_is_reported_and_not_made_into_read_noise() {
     let found = &series(&sensor, &plan, &[Some(33_723.0)])[0];
     let fit = found.histogram_fit.as_ref().unwrap();
     let specimen = spread(&sensor.fixed_pattern(Placement::default(), 120, 160).offset_e);
-    println!("DSNU {:?} of {specimen}, sigma_r {:?}, {:?}", fit.dsnu_e, fit.read_noise_e, found.warnings);
     assert!(z(fit.dsnu_e, specimen).abs() < 3.5, "{:?}, {specimen}", fit.dsnu_e);
     assert!(z(fit.read_noise_e, 4.0).abs() < 3.5, "{:?}", fit.read_noise_e);
     assert!((fit.dark_noise_e.value().unwrap() - specimen.hypot(4.0)).abs() < 0.1, "{:?}", fit.dark_noise_e);
@@ -184,12 +176,6 @@ fn frames_at_the_full_well_do_not_count_whatever_the_data_sheet_says() {
     let stated = [None, Some(14_700.0), Some(15_010.0), Some(16_000.0)];
     for (found, stated) in series(&sensor, &plan, &stated).iter().zip(stated) {
         let fit = found.histogram_fit.as_ref().unwrap();
-        println!(
-            "{stated:?}: K {:?}, {} left out, {:?}",
-            fit.gain_dn_per_e,
-            fit.left_out,
-            names(&found.warnings)
-        );
         assert!(fit.converged && fit.left_out >= 9, "{stated:?}: {} left out", fit.left_out);
         assert!(z(fit.gain_dn_per_e, 0.14).abs() < 3.5, "{stated:?}: {:?}", fit.gain_dn_per_e);
         assert!((mean_core_chi2(&fit.histograms) - 1.0).abs() < 0.15);

@@ -82,7 +82,7 @@ const UNIT_HINT: &str =
 
 fn unit(attributes: &std::collections::HashMap<Text, AttributeValue>) -> Option<String> {
     attributes.iter().find_map(|(name, value)| match value {
-        AttributeValue::Text(text) if name.to_string() == UNIT_ATTRIBUTE => Some(text.to_string()),
+        AttributeValue::Text(text) if name.eq(UNIT_ATTRIBUTE) => Some(text.to_string()),
         _ => None,
     })
 }
