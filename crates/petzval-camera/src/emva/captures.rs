@@ -1,7 +1,7 @@
 //! A series of captures: which frames there are, and how each was taken.
 //!
-//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::manifest)), or
-//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::descriptor)).
+//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`]), or
+//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`]).
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -11,9 +11,9 @@
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
 //! | all of it | [`mod@characterize`] |
-//! | as files: sensor, XML | [`sensor_file`], [`result_xml`] |
+//! | as files: sensor, XML | [`sensor_file`], [`mod@result_xml`] |
 //! | captures out of a sensor | [`series`] |
-//! | figures of a sensor file | [`derived`] |
+//! | figures of a sensor file | [`mod@derived`] |
 //!
 //! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
 //! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.

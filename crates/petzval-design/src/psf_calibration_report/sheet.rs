@@ -51,7 +51,7 @@ pub(super) fn png(picture: &RgbImage) -> Vec<u8> {
     out.into_inner()
 }
 
-/// The [`sheet`] as a PNG file.
+/// The sheet of all positions as a PNG file.
 pub fn sheet_png(calibration: &Calibration) -> Vec<u8> {
     png(&sheet(calibration))
 }
