@@ -1,18 +1,17 @@
 //! The loop closes: simulate a calibration series, characterise it, recover the truth.
 
+mod common;
+
 use std::path::Path;
 
+use common::{imx249, within};
 use petzval_camera::SensorModel;
 use petzval_camera::emva::histogram_fit::{ModelParameters, fit_histograms_from};
 use petzval_camera::emva::{
-    Captures, Characterization, Measured, Options, Plan, Values, Warning, characterize, result_xml,
-    sensor_toml, write_series,
+    Captures, Characterization, Options, Plan, Values, Warning, characterize, result_xml, sensor_toml,
+    write_series,
 };
 use petzval_camera::sensor::NonUniformity;
-
-fn imx249() -> SensorModel {
-    SensorModel::from_toml(include_str!("../../../data/sensors/imx249-fitted.toml")).unwrap()
-}
 
 /// The paper's series on a part of the sensor.
 fn small() -> Plan {
@@ -23,14 +22,6 @@ fn loop_closed(sensor: &SensorModel, plan: &Plan, options: &Options) -> Characte
     let folder = tempfile::tempdir().unwrap();
     write_series(sensor, plan, folder.path(), &|| {}).unwrap();
     characterize(&Captures::open(folder.path()).unwrap(), options, &|| {}).unwrap()
-}
-
-#[track_caller]
-fn within(what: &str, found: Measured, truth: f64, sigmas: f64) {
-    let (Some(value), Some(se)) = (found.value(), found.standard_error()) else {
-        panic!("{what}: {found:?}")
-    };
-    assert!(((value - truth) / se).abs() < sigmas, "{what}: {value} +- {se}, truth {truth}");
 }
 
 #[test]

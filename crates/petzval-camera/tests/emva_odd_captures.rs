@@ -1,16 +1,14 @@
 //! Captures that mislead: each either is an error, or gives a warning and leaves the numbers right.
 
+mod common;
+
 use std::path::Path;
 
+use common::{imx249, within};
 use petzval_camera::SensorModel;
 use petzval_camera::emva::{
-    CaptureError, Captures, Characterization, Kind, Measured, Options, Plan, Point, Warning, characterize,
-    write_series,
+    CaptureError, Captures, Characterization, Kind, Options, Plan, Point, Warning, characterize, write_series,
 };
-
-fn imx249() -> SensorModel {
-    SensorModel::from_toml(include_str!("../../../data/sensors/imx249-fitted.toml")).unwrap()
-}
 
 fn mono() -> SensorModel {
     SensorModel { cfa: "mono".parse().unwrap(), clear_response: [1.0 / 3.0; 3], ..imx249() }
@@ -50,14 +48,6 @@ fn edit(folder: &Path, name: &str, change: &dyn Fn(u32, u32, u16) -> u16) {
 /// The warnings of one name, as they are told.
 fn told(found: &Characterization, name: &str) -> Vec<String> {
     found.warnings.iter().filter(|w| w.name() == name).map(ToString::to_string).collect()
-}
-
-#[track_caller]
-fn within(what: &str, found: Measured, truth: f64, sigmas: f64) {
-    let (Some(value), Some(se)) = (found.value(), found.standard_error()) else {
-        panic!("{what}: {found:?}")
-    };
-    assert!(((value - truth) / se).abs() < sigmas, "{what}: {value} +- {se}, truth {truth}");
 }
 
 #[test]

@@ -17,6 +17,7 @@ pub mod inputs;
 pub mod joint;
 pub mod light_path;
 pub mod optics;
+mod page;
 pub mod pictures;
 pub mod pinhole;
 mod plot;

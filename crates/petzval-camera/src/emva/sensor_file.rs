@@ -191,9 +191,7 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
 /// Colours by name for headings and files: the letter of the pattern, `mono` for a sensor without filters.
 pub fn colour_name(colour: Colour) -> &'static str {
     match colour {
-        Colour::Red => "red",
-        Colour::Green => "green",
-        Colour::Blue => "blue",
         Colour::Clear => "mono",
+        filtered => filtered.name(),
     }
 }

@@ -33,6 +33,16 @@ impl Colour {
         }
     }
 
+    /// Its name in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Red => "red",
+            Self::Green => "green",
+            Self::Blue => "blue",
+            Self::Clear => "clear",
+        }
+    }
+
     /// Letter in the name of a pattern; `W` is clear.
     pub fn letter(self) -> char {
         match self {

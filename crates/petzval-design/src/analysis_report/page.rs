@@ -1,11 +1,12 @@
 //! The page: all pictures and tables of a lens in one self-contained HTML file.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use petzval_optics::analysis::Analysis;
 
 use super::style::{field_name, short};
 use super::table::{by_field, first_order, third_order};
 use super::{PictureKind, sheet};
+use crate::page::Page;
 use crate::plot::plain;
 
 const STYLE: &str = include_str!("page.css");
@@ -13,35 +14,24 @@ const STYLE: &str = include_str!("page.css");
 /// The page with some of the pictures. It needs nothing but itself, and prints well.
 pub fn page(analysis: &Analysis, kinds: &[PictureKind]) -> String {
     let name = plain(&analysis.name);
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (name) " – analysis" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                header {
-                    p.mark { "Petzval" }
-                    h1 { (name) }
-                    p.subtitle { (conditions(analysis)) }
-                }
-                main {
-                    section { h2 { "First order" } (first_order(analysis)) }
-                    section { h2 { "By field" } (by_field(analysis)) }
-                    @for kind in kinds {
-                        section {
-                            figure { (PreEscaped(sheet(analysis, *kind).svg())) }
-                            @if *kind == PictureKind::Seidel { (third_order(analysis)) }
-                        }
-                    }
-                }
+    let main = html! {
+        section { h2 { "First order" } (first_order(analysis)) }
+        section { h2 { "By field" } (by_field(analysis)) }
+        @for kind in kinds {
+            section {
+                figure { (PreEscaped(sheet(analysis, *kind).svg())) }
+                @if *kind == PictureKind::Seidel { (third_order(analysis)) }
             }
         }
+    };
+    Page {
+        title: html! { (name) " – analysis" },
+        style: STYLE,
+        headline: html! { (name) },
+        subtitle: html! { (conditions(analysis)) },
+        main,
     }
-    .into_string()
+    .html()
 }
 
 /// Fields and wavelengths.

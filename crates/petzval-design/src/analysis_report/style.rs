@@ -3,7 +3,8 @@
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 use crate::plot::{Axis, Curve, INK, Key, KeyLine, Marker, Pen, Sheet, span};
-use crate::report::{number, palette};
+pub(super) use crate::report::number::short;
+use crate::report::palette;
 
 /// Width of a picture, px.
 pub(super) const WIDTH_PX: f64 = 908.0;
@@ -26,12 +27,6 @@ fn rank(analysis: &Analysis, i: usize) -> usize {
 pub(super) fn wavelength_pen(analysis: &Analysis, i: usize) -> Pen {
     let rank = rank(analysis, i);
     Pen::marked(palette::wavelength(rank, analysis.wavelengths_um.len()), Marker::nth(rank + 1))
-}
-
-/// A number with up to so many decimals.
-pub(super) fn short(value: f64, decimals: usize) -> String {
-    let text = number::fixed(value, decimals);
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
 /// An angle as the reader sees it.

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf_calibration::held_out::HeldOutBy;
 
 use super::sheet::{DECADES, Tone, kinds, picture, png};
 use super::{Calibration, by_direction};
+use crate::page::Page;
 use crate::plot::plain;
 
 const STYLE: &str = include_str!("page.css");
@@ -17,45 +18,34 @@ const STYLE: &str = include_str!("page.css");
 /// The page. It needs nothing but itself, and prints well.
 pub fn page(calibration: &Calibration) -> String {
     let title = plain(&calibration.captures);
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "PSF calibration – " (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                header {
-                    p.mark { "Petzval" }
-                    h1 { "PSF calibration" }
-                    p.subtitle { (subtitle(calibration)) }
-                }
-                main {
-                    @for (direction, members) in by_direction(calibration) {
-                        section { h2 { "PSFs, " (direction) } (pictures(calibration, &members)) }
-                    }
-                    p.caption {
-                        "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
-                        "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
-                        @if calibration.lens.is_some() {
-                            "“Same mosaic”: the simulated PSF landed where it fits best, kept by the same colours and "
-                            "demosaiced. “Ideal pixels”: every colour in every pixel."
-                        }
-                    }
-                    @if calibration.lens.is_some() {
-                        section { h2 { "L1 distance from the simulated PSF" } (distances(calibration)) }
-                    }
-                    section { h2 { "Centroids and light" } (centroids(calibration)) }
-                    section { h2 { "Exposures" } (exposures(calibration)) }
-                    section { h2 { "Bank for the renderer" } (fields(calibration)) }
-                    section { h2 { "Warnings" } (warnings(calibration)) }
-                }
+    let main = html! {
+        @for (direction, members) in by_direction(calibration) {
+            section { h2 { "PSFs, " (direction) } (pictures(calibration, &members)) }
+        }
+        p.caption {
+            "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
+            "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
+            @if calibration.lens.is_some() {
+                "“Same mosaic”: the simulated PSF landed where it fits best, kept by the same colours and "
+                "demosaiced. “Ideal pixels”: every colour in every pixel."
             }
         }
+        @if calibration.lens.is_some() {
+            section { h2 { "L1 distance from the simulated PSF" } (distances(calibration)) }
+        }
+        section { h2 { "Centroids and light" } (centroids(calibration)) }
+        section { h2 { "Exposures" } (exposures(calibration)) }
+        section { h2 { "Bank for the renderer" } (fields(calibration)) }
+        section { h2 { "Warnings" } (warnings(calibration)) }
+    };
+    Page {
+        title: html! { "PSF calibration – " (title) },
+        style: STYLE,
+        headline: html! { "PSF calibration" },
+        subtitle: html! { (subtitle(calibration)) },
+        main,
     }
-    .into_string()
+    .html()
 }
 
 fn subtitle(calibration: &Calibration) -> Markup {

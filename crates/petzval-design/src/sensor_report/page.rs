@@ -1,10 +1,11 @@
 //! The page: all pictures and tables of a characterisation in one self-contained HTML file.
 
-use maud::{DOCTYPE, PreEscaped, html};
+use maud::{PreEscaped, html};
 use petzval_camera::emva::Characterization;
 
 use super::style::gain_name;
 use super::{Shown, sheets, table};
+use crate::page::Page;
 use crate::plot::plain;
 
 /// The look of all reports, and what this one adds.
@@ -19,39 +20,28 @@ pub fn page(characterization: &Characterization) -> String {
     let (of_all, of_one): (Vec<_>, Vec<_>) =
         sheets(characterization).into_iter().partition(|sheet| OF_ALL_GAINS.contains(&sheet.class));
     let shown = Shown::choose(characterization);
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (name) " – characterisation" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                header {
-                    p.mark { "Petzval" }
-                    h1 { (name) }
-                    p.subtitle { "Characterisation by EMVA 1288 release 4.0 Linear, and calibration over all gains." }
-                }
-                main {
-                    section { h2 { "Basic data" } (table::basic_data(characterization)) }
-                    section { h2 { "Warnings" } (table::warnings(characterization)) }
-                    @if let Some(shown) = &shown {
-                        section { h2 { "Operating point" } (table::operating_point(shown)) }
-                        section { h2 { "EMVA 1288 at linear " (gain_name(shown.gain.linear_gain)) } (table::figures(shown)) }
-                    }
-                    section {
-                        h2 { "Calibration over all gains" }
-                        (table::model(characterization))
-                        (table::gains(characterization))
-                    }
-                    @for sheet in of_all { section { figure { (PreEscaped(sheet.svg())) } } }
-                    @if !of_one.is_empty() { section { h2 { "Plots of EMVA 1288" } } }
-                    @for sheet in of_one { section { figure { (PreEscaped(sheet.svg())) } } }
-                }
-            }
+    let main = html! {
+        section { h2 { "Basic data" } (table::basic_data(characterization)) }
+        section { h2 { "Warnings" } (table::warnings(characterization)) }
+        @if let Some(shown) = &shown {
+            section { h2 { "Operating point" } (table::operating_point(shown)) }
+            section { h2 { "EMVA 1288 at linear " (gain_name(shown.gain.linear_gain)) } (table::figures(shown)) }
         }
+        section {
+            h2 { "Calibration over all gains" }
+            (table::model(characterization))
+            (table::gains(characterization))
+        }
+        @for sheet in of_all { section { figure { (PreEscaped(sheet.svg())) } } }
+        @if !of_one.is_empty() { section { h2 { "Plots of EMVA 1288" } } }
+        @for sheet in of_one { section { figure { (PreEscaped(sheet.svg())) } } }
+    };
+    Page {
+        title: html! { (name) " – characterisation" },
+        style: STYLE,
+        headline: html! { (name) },
+        subtitle: html! { "Characterisation by EMVA 1288 release 4.0 Linear, and calibration over all gains." },
+        main,
     }
-    .into_string()
+    .html()
 }

@@ -6,6 +6,7 @@ use petzval_camera::sensor::Colour;
 use super::Shown;
 use super::panel::{Panel, Points, grid};
 use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Pen, Sheet, span};
+pub(super) use crate::report::number::short;
 use crate::report::{number, palette};
 
 /// Width of a picture, px.
@@ -39,10 +40,8 @@ pub(super) fn marker_of(colour: Option<Colour>) -> Marker {
 /// Name of a colour of the mosaic.
 pub(super) fn colour_name(colour: Colour) -> &'static str {
     match colour {
-        Colour::Red => "red",
-        Colour::Green => "green",
-        Colour::Blue => "blue",
         Colour::Clear => "all pixels",
+        filtered => filtered.name(),
     }
 }
 
@@ -79,12 +78,6 @@ pub(super) fn colour_keys(shown: &Shown<'_>) -> Vec<Key> {
     let marker = |colour| KeyLine::Marker(colour_of(Some(colour)).to_owned(), marker_of(Some(colour)));
     let entry = |colour| Key { line: marker(colour), name: colour_name(colour).to_owned() };
     shown.channels().iter().map(|channel| entry(channel.colour)).collect()
-}
-
-/// A number with up to so many decimals.
-pub(super) fn short(value: f64, decimals: usize) -> String {
-    let text = number::fixed(value, decimals);
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
 /// A measured number to the second digit of its standard error, `0.1402 ± 0.0003`; `None` if it is not resolved.

@@ -7,7 +7,6 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use petzval::camera::raw_file::{ColourStatistics, RawFrame, colour_statistics};
-use petzval::camera::sensor::Colour;
 use serde_json::{Value, json};
 
 use super::Failure;
@@ -29,20 +28,11 @@ pub fn run(verb: RawVerb) -> Result<ExitCode, Failure> {
     }
 }
 
-fn colour_name(colour: Colour) -> &'static str {
-    match colour {
-        Colour::Red => "red",
-        Colour::Green => "green",
-        Colour::Blue => "blue",
-        Colour::Clear => "clear",
-    }
-}
-
 /// All that is known of a frame, for machines.
 fn describe(file: &str, frame: &RawFrame) -> Value {
     let channel = |s: &ColourStatistics| {
         json!({
-            "colour": colour_name(s.colour),
+            "colour": s.colour.name(),
             "pixels": s.pixels,
             "min_dn": s.min_dn,
             "max_dn": s.max_dn,

@@ -154,25 +154,28 @@ pub fn save_spectral(image: &SpectralImage, path: &Path) -> Result<(), SpectralF
 }
 
 fn read_sidecar(image: &Path) -> Result<Sidecar, SpectralFileError> {
-    let path = sidecar_path(image);
-    let text = match std::fs::read_to_string(&path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            return Err(SpectralFileError::NoSidecar { image: image.to_owned(), sidecar: path });
-        }
-        other => other.map_err(io(&path))?,
-    };
-    Sidecar::parse(&text).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
+    match sidecar_as(image, Sidecar::parse)? {
+        Some(sidecar) => Ok(sidecar),
+        None => Err(SpectralFileError::NoSidecar { image: image.to_owned(), sidecar: sidecar_path(image) }),
+    }
 }
 
 /// The factor in the sidecar of an OpenEXR file, if there is one.
 fn exr_scale(image: &Path) -> Result<Option<f64>, SpectralFileError> {
+    sidecar_as(image, sidecar::parse_scale)
+}
+
+/// What `parse` reads in the sidecar of an image, if it has one.
+fn sidecar_as<T>(
+    image: &Path,
+    parse: impl FnOnce(&str) -> Result<T, FileError>,
+) -> Result<Option<T>, SpectralFileError> {
     let path = sidecar_path(image);
     let text = match std::fs::read_to_string(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         other => other.map_err(io(&path))?,
     };
-    let scale = sidecar::parse_scale(&text);
-    scale.map(Some).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
+    parse(&text).map(Some).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), SpectralFileError> {

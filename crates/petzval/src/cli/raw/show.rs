@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use petzval::camera::raw_file::{RawFrame, colour_statistics, load_raw};
 
-use super::{colour_name, describe};
+use super::describe;
 use crate::cli::{Failure, print_json};
 
 /// Show a raw frame: size, what its sidecar says, and its digital numbers colour by colour.
@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         let saturated = s.saturated.map_or("-".to_owned(), |n| n.to_string());
         println!(
             "  {:<6} {:>9} {:>7} {:>7} {:>10.3} {:>9.3} {:>8} {saturated:>9}",
-            colour_name(s.colour),
+            s.colour.name(),
             s.pixels,
             s.min_dn,
             s.max_dn,
