@@ -241,6 +241,23 @@ mod tests {
     }
 
     #[test]
+    fn the_sensor_with_a_whole_sheet_gives_the_figures_that_it_cites() {
+        for (text, qe, snr_db, range_db, least_e) in [
+            (include_str!("../../../../data/sensors/imx900-mono.toml"), 0.9125, 39.76, 63.8, 6.106),
+            (include_str!("../../../../data/sensors/imx900-mono-high-gain.toml"), 0.8847, 33.39, 59.0, 2.461),
+        ] {
+            let sensor = SensorModel::from_toml(text).unwrap();
+            let curve = sensor.quantum_efficiency.as_ref().unwrap().curve(Colour::Clear).unwrap();
+            assert!((curve.at(0.536) - qe).abs() < 2e-4, "{}: {}", sensor.name, curve.at(0.536));
+            let dark_dn = ((sensor.gain_dn_per_e * sensor.read_noise_e).powi(2) + 1.0 / 12.0).sqrt();
+            let least = dark_dn / sensor.gain_dn_per_e + 0.5;
+            assert!((least - least_e).abs() < 0.005, "{}: {least}", sensor.name);
+            assert!((10.0 * sensor.full_well_e.log10() - snr_db).abs() < 0.005, "{}", sensor.name);
+            assert!((20.0 * (sensor.full_well_e / least).log10() - range_db).abs() < 0.05, "{}", sensor.name);
+        }
+    }
+
+    #[test]
     fn a_sensor_file_may_hold_curves_and_names_what_is_wrong_with_them() {
         let with = |table: &str| SensorModel::from_toml(&format!("{SENSOR}\n[quantum_efficiency]\n{table}"));
         let good = with("wavelength_um = [0.4, 0.7]\ngreen = [0.5, 0.6]\nalpha = 0.82\n").unwrap();
