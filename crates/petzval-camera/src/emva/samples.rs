@@ -8,12 +8,11 @@ use super::warning::Warning;
 /// Standard deviations by which the count at the end of a histogram must stand above the one before.
 const PILE_SIGMAS: f64 = 5.0;
 
-/// Different digital numbers from which a common factor of all is no chance: of so many whole numbers at random it is once in
-/// `2^8` series.
+/// Different digital numbers that a series must have: fewer may have a common factor by chance.
 const FACTOR_NUMBERS: usize = 8;
 
-/// Digital number at which the converter clips: that of its bits, or the largest of all flat frames where samples pile up at
-/// it. Of the latter, converter or pixel, the fit of the noise is to be kept from in the same way.
+/// Digital number at which samples are clipped: the largest of the stated bits, or the largest of all flat frames if samples pile
+/// up there. It is no matter to the fits whether converter or pixel ends there: what is clipped has lost its noise.
 pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32) -> u32 {
     let Some(largest) = flats.clone().map(|m| m.histogram.last_dn()).max() else { return max_dn };
     let mut at_end = flats.filter(|m| m.histogram.last_dn() == largest);

@@ -330,7 +330,8 @@ mod tests {
     #[test]
     fn chance_in_the_noise_is_no_saturation() {
         // The last variance is below the one before by one standard error of their difference.
-        let series = points(&[1000.0, 2000.0, 3000.0, 4000.0], &[100.0, 200.0, 309.0, 302.0], 5.0);
+        let mut series = points(&[1000.0, 2000.0, 3000.0, 3050.0], &[100.0, 200.0, 309.0, 302.0], 5.0);
+        series[3].exposure_s = 3.05;
         let library = photon_transfer(&series, Rules::Library).unwrap();
         assert!(library.saturated && library.saturation == 2);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();
@@ -348,10 +349,24 @@ mod tests {
         let series = points(&signals, &[50.0, 100.0, 150.0, 200.0, 5.1, 5.0, 5.2, 5.0], 0.05);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();
         assert!(ours.saturated && ours.saturation == 3 && ours.used == 2, "{ours:?}");
+        // The pixels are full at the level of the plateau; the peak of the noise is 100 DN before.
+        let (level, se) = (ours.saturation_signal_dn.value(), ours.saturation_signal_dn.standard_error());
+        assert!((level.unwrap() - 2100.2).abs() < 1e-9 && se.unwrap() < 0.7, "{level:?} +- {se:?}");
         // A signal that stays while the noise does not fall: the light no longer reaches the pixels.
         let series = points(&[1000.0, 2000.0, 2010.0, 2009.0], &[100.0, 200.0, 201.0, 203.0], 5.0);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();
         assert!(ours.saturated && ours.saturation == 1 && ours.used == 1, "{ours:?}");
+    }
+
+    #[test]
+    fn a_point_that_lacks_noise_does_not_count() {
+        // The brightest has 8 % less than the line asks: 4.8 standard errors, and more than any other point.
+        let signals = [1000.0, 2000.0, 3000.0, 4000.0, 5000.0];
+        let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 460.0], 5.0);
+        let ours = photon_transfer(&series, Rules::Ours).unwrap();
+        assert!(!ours.saturated && ours.used == 3, "{ours:?}");
+        let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 485.0], 5.0);
+        assert_eq!(photon_transfer(&series, Rules::Ours).unwrap().used, 5);
     }
 
     #[test]
