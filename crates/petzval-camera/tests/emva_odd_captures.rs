@@ -315,7 +315,7 @@ fn bits_that_are_not_those_of_the_frames_are_named() {
 fn a_pile_at_the_top_keeps_slightly_clipped_points_out() {
     // One sample in a hundred is clipped: too little for the fall of the noise, and enough to be seen.
     let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
-    let folder = series(&sensor, &Plan { level: 0.98, ..one_gain() });
+    let folder = series(&sensor, &Plan { level: 0.985, ..one_gain() });
     restate(folder.path(), 0, 14);
     let found = measured(folder.path()).unwrap();
     let channel = &found.gains[0].channels[0];
