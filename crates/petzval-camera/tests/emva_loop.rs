@@ -65,7 +65,7 @@ fn the_papers_series_recovers_the_papers_sensor() {
     assert!((mean - 1.0).abs() < 0.05, "mean reduced chi^2 {mean}");
 
     // The sensor file loads, and holds what was found.
-    let text = sensor_toml(&found);
+    let text = sensor_toml(&found).unwrap();
     let back = SensorModel::from_toml(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
     assert_eq!(Some(back.gain_dn_per_e), joint.gain_dn_per_e.value());
     assert_eq!((back.black_level_dn, back.bits, back.cfa), (119.0, 12, sensor.cfa));
@@ -191,7 +191,7 @@ fn saturation_linearity_and_non_uniformity_are_found_in_a_mono_sensor() {
         }
     }
     // One gain cannot separate read from electronics noise: the file says so, and still loads.
-    let text = sensor_toml(&found);
+    let text = sensor_toml(&found).unwrap();
     assert!(text.contains("# read_noise_e: not resolved"), "{text}");
     let back = SensorModel::from_toml(&text).unwrap();
     assert!((back.read_noise_e - best("sigma_d").value().unwrap()).abs() < 1e-9);

@@ -275,3 +275,100 @@ fn exposure_times_are_told_as_they_were_written() {
     };
     assert_eq!(point.label(), "dark, gain 1, 9 ms, 0 frames");
 }
+
+/// Shifts all samples of a series left, as some cameras write them, and states other bits.
+fn restate(folder: &Path, shift: u32, bits: u32) {
+    for entry in std::fs::read_dir(folder.join("gain-1")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        edit(folder, &name, &|_, _, dn| dn << shift);
+    }
+    set_list(folder, &list(folder).replace("bits = 12", &format!("bits = {bits}")));
+}
+
+#[test]
+fn bits_that_are_not_those_of_the_frames_are_named() {
+    // The converter ends below the full well: what is clipped at 4095 piles up there, and does not count.
+    let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
+    let plan = Plan { level: 1.02, flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&sensor, &plan);
+    assert!(told(&measured(folder.path()).unwrap(), "top-not-reached").is_empty());
+    restate(folder.path(), 0, 14);
+    let found = measured(folder.path()).unwrap();
+    let said = told(&found, "top-not-reached");
+    assert_eq!(said.len(), 1, "{:?}", found.warnings);
+    assert!(said[0].contains("above 4095 of 16383, where samples pile up"), "{}", said[0]);
+    assert!(said[0].contains("12 bits hold all samples"), "{}", said[0]);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+    assert!(told(&found, "saturated")[0].contains("1 of 5"), "{:?}", found.warnings);
+
+    let folder = series(&sensor, &plan);
+    restate(folder.path(), 4, 16);
+    let found = measured(folder.path()).unwrap();
+    let said = told(&found, "common-factor");
+    assert!(said.len() == 1 && said[0].contains("multiple of 16"), "{:?}", found.warnings);
+    assert!(said[0].contains("12 bits in 16") && said[0].contains("down by 4 bits"), "{}", said[0]);
+    assert!(told(&found, "top-not-reached").is_empty(), "{:?}", found.warnings);
+    within("K", found.joint.gain_dn_per_e, 16.0 * 0.14, 3.5);
+}
+
+#[test]
+fn a_pile_at_the_top_keeps_slightly_clipped_points_out() {
+    // One sample in a hundred is clipped: too little for the fall of the noise, and enough to be seen.
+    let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
+    let folder = series(&sensor, &Plan { level: 0.985, ..one_gain() });
+    restate(folder.path(), 0, 14);
+    let found = measured(folder.path()).unwrap();
+    let channel = &found.gains[0].channels[0];
+    let shares: Vec<f64> = channel.points.iter().map(|p| p.share_at_max).collect();
+    assert!(shares[..3] == [0.0; 3] && (0.001..0.3).contains(&shares[3]), "{shares:?}");
+    assert!(channel.transfer.used <= 3, "{:?}", channel.transfer);
+}
+
+#[test]
+fn captures_that_show_no_sensor_are_refused() {
+    let folder = series(&mono(), &one_gain());
+    let whole = list(folder.path());
+    let refused = |text: &str| {
+        set_list(folder.path(), text);
+        measured(folder.path()).unwrap_err().to_string()
+    };
+    // Flat and dark are swapped.
+    let swapped =
+        whole.replace("\"flat\"", "\"x\"").replace("\"dark\"", "\"flat\"").replace("\"x\"", "\"dark\"");
+    let error = refused(&swapped);
+    assert!(
+        error.contains("darker than the dark ones at all 4 points: are flat and dark swapped?"),
+        "{error}"
+    );
+
+    // No light: the flat frames are dark ones of another time of the day.
+    let other = series(&mono(), &Plan { seed: 6, ..one_gain() });
+    for ms in ["2.5", "5", "7.5", "10"] {
+        for i in 0..2 {
+            let from = other.path().join(format!("gain-1/dark-{ms}ms-{i}.png"));
+            std::fs::copy(from, folder.path().join(format!("gain-1/flat-{ms}ms-{i}.png"))).unwrap();
+        }
+    }
+    let error = refused(&whole);
+    assert!(error.contains("at none of 4 points are the flat frames brighter"), "{error}");
+
+    // Too much of it.
+    let bright = series(&SensorModel { full_well_e: 15_000.0, ..mono() }, &Plan { level: 8.0, ..one_gain() });
+    let error = measured(bright.path()).unwrap_err().to_string();
+    assert!(error.contains("all 4 flat points are clipped or above 70 % of saturation"), "{error}");
+}
+
+#[test]
+fn a_quantum_efficiency_above_one_is_doubted() {
+    let plan = Plan { quantum_efficiency: Some(0.6), ..one_gain() };
+    let folder = series(&mono(), &plan);
+    assert!(told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one").is_empty());
+    let half = |line: &str| match line.strip_prefix("photons = ") {
+        Some(photons) => format!("photons = {}", 0.5 * photons.parse::<f64>().unwrap()),
+        None => line.to_owned(),
+    };
+    let text: Vec<String> = list(folder.path()).lines().map(half).collect();
+    set_list(folder.path(), &text.join("\n"));
+    let said = told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one");
+    assert!(said.len() == 1 && said[0].contains("more electrons than photons"), "{said:?}");
+}

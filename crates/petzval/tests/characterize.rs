@@ -206,5 +206,41 @@ fn corrupt_and_incomplete_captures_are_named() {
     assert_eq!(lone.code, Some(0), "{}", lone.stderr);
     assert!(lone.says("warning: no-dark: flat, gain 1, 5 ms, 2 frames"), "{}", lone.stderr);
     assert!(lone.stdout.contains("not resolved"), "{}", lone.stdout);
-    run_ok(folder.path(), &["sensor", "show", "lone/sensor.toml"]);
+    // Nobody measured K: there are results, and no sensor.
+    assert!(lone.says("warning: no-sensor-file: K is not resolved"), "{}", lone.stderr);
+    let there = |name: &str| folder.path().join("lone").join(name).exists();
+    assert!(there("results.json") && there("report.html") && !there("sensor.toml"));
+    // One of an earlier run does not stay beside them.
+    std::fs::write(folder.path().join("lone/sensor.toml"), "# of another run").unwrap();
+    run_ok(folder.path(), &["sensor", "characterize", "whole", "--out", "lone"]);
+    assert!(!there("sensor.toml"));
+}
+
+#[test]
+fn a_useless_series_is_an_error_and_a_flood_of_warnings_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = capture(folder.path(), "series", &["--gains", "1", "--dark-exposures", "18.3"]);
+    let list = folder.path().join(&name).join("captures.toml");
+    let whole = read(&list);
+    let swapped = whole.replace("\"flat\"", "\"x\"").replace("\"dark\"", "\"flat\"");
+    std::fs::write(&list, swapped.replace("\"x\"", "\"dark\"")).unwrap();
+    let needles = ["captures.toml", "are flat and dark swapped?", "light fell on the sensor"];
+    run_fails(folder.path(), &["sensor", "characterize", "series", "--out", "never"], 2, &needles);
+    assert!(!folder.path().join("never").exists());
+
+    // The dark frames of two points are missing: one line tells of both, the results of each.
+    let points: Vec<&str> = whole.split("[[point]]").collect();
+    let lacks = |p: &&&str| p.contains("\"dark\"") && (p.contains("= 5.0") || p.contains("= 7.5"));
+    let kept: Vec<&str> = points.iter().filter(|p| !lacks(p)).copied().collect();
+    assert_eq!(points.len() - kept.len(), 2);
+    std::fs::write(&list, kept.join("[[point]]")).unwrap();
+    let told = run(folder.path(), &["sensor", "characterize", "series", "--json"]);
+    let lines: Vec<&str> = told.stderr.lines().filter(|l| l.contains("no-dark")).collect();
+    assert_eq!(lines.len(), 1, "{}", told.stderr);
+    assert!(lines[0].contains("2 times, first: flat, gain 1, 5 ms"), "{}", lines[0]);
+    let json = told.json();
+    let each = json["warnings"].as_array().unwrap().iter();
+    assert_eq!(each.filter(|w| w.as_str().unwrap().starts_with("no-dark")).count(), 2);
+    // Exposure times are those that were written.
+    assert!(told.stdout.contains("\"exposure_s\": 0.0183"), "{}", told.stdout);
 }

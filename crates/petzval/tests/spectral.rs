@@ -66,6 +66,8 @@ fn the_colour_checker_has_its_colours_under_any_light() {
             (Some("colorchecker"), Some(1000.0))
         );
         assert!(chart["white_e"].as_f64().unwrap() > 1000.0);
+        // The time that was asked for, not the 32-bit float next to it.
+        assert_eq!(chart["time_s"].as_f64(), Some(0.005));
         assert_eq!(chart["bands_um"].as_array().unwrap().len(), 12);
         let fitted = chart["colour_matrix"]["mean_delta_e_1976"].as_f64().unwrap();
         assert!((fitted - matrix_mean).abs() < 0.2, "{light}: {fitted}");

@@ -165,6 +165,30 @@ pub enum CaptureError {
         /// Largest number it gives.
         max: u16,
     },
+    /// The flat frames are darker than the dark ones.
+    #[error("{}: the flat frames are darker than the dark ones at all {points} points: are flat and dark swapped?", list.display())]
+    Swapped {
+        /// The list of captures.
+        list: PathBuf,
+        /// Flat points with dark ones.
+        points: usize,
+    },
+    /// The flat frames are as dark as the dark ones.
+    #[error("{}: at none of {points} points are the flat frames brighter than the dark ones", list.display())]
+    NoLight {
+        /// The list of captures.
+        list: PathBuf,
+        /// Flat points with dark ones.
+        points: usize,
+    },
+    /// Every flat point is full.
+    #[error("{}: all {points} flat points are clipped or above 70 % of saturation", list.display())]
+    AllSaturated {
+        /// The list of captures.
+        list: PathBuf,
+        /// Flat points with dark ones.
+        points: usize,
+    },
     /// Another series is in the folder.
     #[error("{}: the folder holds another series of captures ({what})", path.display())]
     OtherSeries {

@@ -14,8 +14,10 @@ use super::high_pass::HighPass;
 use super::histogram_fit::{HistogramFit, fit_histograms};
 use super::joint::{GainInput, JointFit, joint_fit};
 use super::point::{Counts, PointStatistics, Stack, reduce};
+use super::samples::{Samples, clip_dn};
 use super::spatial::{Spatial, spatial};
 use super::transfer::{CLIPPED_SHARE, PhotonTransfer, Rules, TransferPoint, photon_transfer};
+use super::usable::check_usable;
 use super::warning::{Warning, clipped_at_zero, of_point};
 use crate::raw_file::load_raw;
 use crate::sensor::Colour;
@@ -127,6 +129,7 @@ pub fn characterize(
     let size = frame_size(captures)?;
     let (mut warnings, mut gains, mut histograms) = (Vec::new(), Vec::new(), Vec::new());
     let mut known: HashMap<u64, &Path> = HashMap::new();
+    let (mut samples, max_dn) = (Samples::default(), (1 << captures.sensor.bits) - 1);
     for linear_gain in captures.gains() {
         let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
         let reduced: Vec<(&Point, PointStatistics)> = points
@@ -137,17 +140,25 @@ pub fn characterize(
             no_copies(captures, point, found, &mut known)?;
             warnings.extend(of_point(captures, point, found));
         }
-        let gain = one_gain(captures, options, linear_gain, &reduced, &mut warnings);
+        let flats = reduced.iter().filter(|(p, _)| p.kind == Kind::Flat);
+        let clip_dn = clip_dn(flats.flat_map(|(_, s)| s.colours.iter().map(|(_, m)| m)), max_dn);
+        reduced.iter().for_each(|(p, s)| samples.add(p.kind, &s.all));
+        samples.clips_at(clip_dn, max_dn);
+        let gain = one_gain(captures, options, linear_gain, &reduced, clip_dn, &mut warnings);
         let pairs = reduced.iter().filter(|(p, _)| !p.is_stack());
         histograms.extend(pairs.flat_map(|(p, s)| captured(p, s, &gain)));
         gains.push(gain);
     }
+    check_usable(captures, &gains, &warnings)?;
+    warnings.extend(samples.warnings(max_dn));
     let joint = {
         let inputs: Vec<GainInput<'_>> = gains.iter().map(input).collect();
         joint_fit(&inputs, captures.sensor.black_level_dn)
     };
     warnings.extend(not_proportional(&joint));
     warnings.extend(dark_current_disagrees(&joint));
+    warnings.extend(gains.iter().flat_map(more_electrons_than_photons));
+    warnings.extend(joint.gain_dn_per_e.reason().map(|why| Warning::NoSensorFile { why }));
     let mut histogram_fit = None;
     if options.fit_histograms {
         histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
@@ -266,6 +277,7 @@ fn one_gain(
     options: &Options,
     linear_gain: f64,
     reduced: &[(&Point, PointStatistics)],
+    clip_dn: u32,
     warnings: &mut Vec<Warning>,
 ) -> GainResult {
     let (mut flats, mut darks) = (temporal(reduced, Kind::Flat), temporal(reduced, Kind::Dark));
@@ -295,7 +307,11 @@ fn one_gain(
         match dark_of(point) {
             None => warnings.push(Warning::NoDark { point: point.label() }),
             Some(dark) if flat.all.mean_dn <= dark.all.mean_dn => {
-                warnings.push(Warning::NoSignal { point: point.label() });
+                warnings.push(Warning::NoSignal {
+                    point: point.label(),
+                    signal_dn: flat.all.mean_dn - dark.all.mean_dn,
+                    standard_error_dn: flat.all.mean_se_dn.hypot(dark.all.mean_se_dn),
+                });
             }
             Some(dark) => pairs.push((*point, flat, dark)),
         }
@@ -309,7 +325,7 @@ fn one_gain(
         .cfa
         .colours()
         .into_iter()
-        .filter_map(|colour| one_channel(captures, options, colour, &pairs, stacks.as_ref()))
+        .filter_map(|colour| one_channel(captures, options, colour, &pairs, stacks.as_ref(), clip_dn))
         .collect();
     let saturated = |i: usize, c: &ChannelResult| {
         let beyond = c.transfer.saturated && i > c.transfer.saturation;
@@ -368,6 +384,21 @@ fn dark_current_disagrees(joint: &JointFit) -> Option<Warning> {
     })
 }
 
+/// Quantum efficiencies above one by more than five standard errors.
+fn more_electrons_than_photons(gain: &GainResult) -> Vec<Warning> {
+    let of = |c: &ChannelResult| {
+        let efficiency = c.figure("QE")?.best();
+        let (percent, standard_error) = (efficiency.value()?, efficiency.standard_error()?);
+        (percent - 100.0 > 5.0 * standard_error).then_some(Warning::QuantumEfficiencyAboveOne {
+            linear_gain: gain.linear_gain,
+            colour: c.colour,
+            percent,
+            standard_error,
+        })
+    };
+    gain.channels.iter().filter_map(of).collect()
+}
+
 /// A flat and a dark stack of one exposure time.
 struct Stacks<'a> {
     flat: &'a Stack,
@@ -401,12 +432,14 @@ fn one_channel(
     colour: Colour,
     pairs: &[(&Point, &PointStatistics, &PointStatistics)],
     stacks: Option<&Stacks<'_>>,
+    clip_dn: u32,
 ) -> Option<ChannelResult> {
     let points: Vec<TransferPoint> = pairs
         .iter()
         .filter_map(|(point, flat, dark)| {
             let (flat, dark) = (flat.colour(colour)?, dark.colour(colour)?);
-            Some(TransferPoint::new(point.exposure_s, point.photons, flat, dark, options.mean_difference))
+            let corrected = options.mean_difference;
+            Some(TransferPoint::new(point.exposure_s, point.photons, flat, dark, corrected, clip_dn))
         })
         .collect();
     let transfer = photon_transfer(&points, Rules::Ours)?;

@@ -176,29 +176,24 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     let u_e_min = sigma_y_dark.over(k).map(|v| v + 0.5, |_| 1.0);
     let u_p_min = threshold_dn.over(r);
 
-    // Saturation: known to the spacing of the points, an even distribution over one step.
     let at = transfer.saturation;
-    let reached = transfer.saturated || !ours;
-    let spacing = |of: &dyn Fn(usize) -> f64| {
-        let (low, high) = (at.saturating_sub(1), (at + 1).min(points.len() - 1));
-        let step = if high > low { (of(high) - of(low)).abs() / (high - low) as f64 } else { f64::NAN };
-        step / 12.0_f64.sqrt()
-    };
-    let u_p_sat = match (reached, points.iter().map(|p| p.photons).collect::<Option<Vec<f64>>>()) {
-        (false, _) => Measured::none(Unresolved::NotSaturated),
-        (true, None) => Measured::none(Unresolved::NoPhotons),
-        (true, Some(photons)) => Measured::new(photons[at], spacing(&|i| photons[i])),
-    };
-    let u_e_sat = match (u_p_sat.reason(), ours) {
-        // Without photons the signal itself tells the electrons.
-        (Some(Unresolved::NoPhotons), true) => {
-            Measured::new(points[at].signal_dn(), spacing(&|i| points[i].signal_dn())).over(k)
+    let (u_p_sat, u_e_sat) = match rules {
+        Rules::Ours => {
+            let signal = transfer.saturation_signal_dn;
+            // What is not reached at all comes before what is not known of the light.
+            let no_photons = signal.value().is_some() && points.iter().any(|p| p.photons.is_none());
+            let u_p_sat = if no_photons { Measured::none(Unresolved::NoPhotons) } else { signal.over(r) };
+            (u_p_sat, signal.over(k))
         }
-        _ => u_p_sat.times(r).over(k),
+        Rules::Library => {
+            let u_p_sat = library_saturation(points, at);
+            (u_p_sat, u_p_sat.times(r).over(k))
+        }
     };
     let snr = u_e_sat.root();
-    let dr = match u_p_sat.reason() {
-        Some(Unresolved::NoPhotons) => u_e_sat.over(u_e_min),
+    let dr = match (rules, u_p_sat.reason()) {
+        // Without photons the signal itself tells the electrons.
+        (Rules::Ours, Some(Unresolved::NoPhotons)) => u_e_sat.over(u_e_min),
         _ => u_p_sat.over(u_p_min),
     };
     let db = |m: Measured| m.map(|v| 20.0 * v.log10(), |v| 20.0 / (v * std::f64::consts::LN_10));
@@ -283,6 +278,16 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         u_p_sat,
         per_area(u_p_sat),
     ]
+}
+
+/// Photons of the point of the largest noise. The noise falls somewhere in the step beyond it, and of a number that may be
+/// anywhere from 0 to a step the root of the mean square is `step / sqrt(3)`.
+fn library_saturation(points: &[TransferPoint], at: usize) -> Measured {
+    let Some(photons) = points.iter().map(|p| p.photons).collect::<Option<Vec<f64>>>() else {
+        return Measured::none(Unresolved::NoPhotons);
+    };
+    let step = photons.get(at + 1).map_or(f64::NAN, |next| next - photons[at]);
+    Measured::new(photons[at], step / 3.0_f64.sqrt())
 }
 
 /// DSNU and PRNU: total, row, column, pixel.

@@ -127,8 +127,13 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
             kind,
             linear_gain: maybe("linear_gain", &entry.linear_gain, 1e-6, 1e6, "the linear gain")?
                 .unwrap_or(1.0),
-            exposure_s: 1e-3
-                * within("exposure_ms", &entry.exposure_ms, 0.0, 1e9, "the exposure time in milliseconds")?,
+            exposure_s: within(
+                "exposure_ms",
+                &entry.exposure_ms,
+                0.0,
+                1e9,
+                "the exposure time in milliseconds",
+            )? / 1e3,
             photons: if kind == Kind::Dark { Some(0.0) } else { photons },
             frames: entry.frames.iter().map(|name| folder.join(name.replace('\\', "/"))).collect(),
             line,

@@ -4,13 +4,17 @@
 //! |---|---|
 //! | which captures there are | [`captures`], [`manifest`], [`descriptor`] |
 //! | frames to sums, one at a time | [`point`] |
-//! | signal, noise and light: R, K, QE, saturation, linearity | [`transfer`] |
+//! | what all samples tell of the converter | [`samples`] |
+//! | signal, noise and light: R, K, QE, linearity | [`transfer`] |
+//! | where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time | [`dark`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
 //! | all of it | [`mod@characterize`] |
+//! | whether they tell of a sensor at all | [`usable`] |
+//! | what is odd about the captures | [`warning`], [`warning_lines`] |
 //! | as files: sensor, XML | [`sensor_file`], [`mod@result_xml`] |
 //! | captures out of a sensor | [`series`] |
 //! | figures of a sensor file | [`mod@derived`] |
@@ -34,12 +38,16 @@ pub mod measured;
 pub mod pmf;
 pub mod point;
 pub mod result_xml;
+pub mod samples;
+pub mod saturation;
 pub mod sensor_file;
 pub mod series;
 pub mod spatial;
 pub mod spectrogram;
 pub mod transfer;
+pub mod usable;
 pub mod warning;
+pub mod warning_lines;
 
 pub use captures::{CaptureError, Captures, Kind, Point, SensorFacts};
 pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
@@ -54,3 +62,4 @@ pub use sensor_file::sensor_toml;
 pub use series::{Plan, Written, write_series};
 pub use spatial::Spatial;
 pub use warning::Warning;
+pub use warning_lines::warning_lines;

@@ -98,6 +98,16 @@ pub struct Moments {
     pub histogram: Counts,
 }
 
+impl Moments {
+    /// Variance of all samples, over pixels and frames, DN^2.
+    pub fn total_variance_dn2(&self) -> f64 {
+        let first = f64::from(self.histogram.first_dn);
+        let samples = self.histogram.counts.iter().enumerate();
+        let squares = samples.map(|(i, c)| *c as f64 * (first + i as f64 - self.mean_dn).powi(2));
+        squares.sum::<f64>() / self.histogram.total() as f64
+    }
+}
+
 /// The sum of the frames of a stack, pixel by pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stack {

@@ -17,9 +17,12 @@ struct Entry {
 }
 
 /// Text of a sensor file: numbers at linear gain 1 with their standard errors as comments. Where the captures do not tell a
-/// number, the file holds a stand-in and says so.
-pub fn sensor_toml(found: &Characterization) -> String {
+/// number, the file holds a stand-in and says so. For K there is none, because all other numbers in electrons follow from
+/// it: without K there is no file, but the reason.
+pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let joint = &found.joint;
+    let gain = joint.gain_dn_per_e;
+    let Some(k) = gain.value() else { return Err(gain.reason().unwrap_or(Unresolved::NotFinite)) };
     let max_dn = (2.0_f64).powi(found.sensor.bits as i32) - 1.0;
     // With one gain, read noise and electronics noise are one number, and so are their means.
     let lowest = found.gains.first();
@@ -27,7 +30,6 @@ pub fn sensor_toml(found: &Characterization) -> String {
     let figure = |name: &str| channel.and_then(|c| c.figure(name)).map(|f| f.best());
     let single_gain = joint.read_noise_e.value().is_none();
     let dark_noise = figure("sigma_d").unwrap_or(Measured::none(Unresolved::FollowsFrom("K")));
-    let gain = joint.gain_dn_per_e;
     let dark_mean = joint.rows.first().map_or(Measured::none(Unresolved::NoStack), |r| r.dark_mean_dn);
     let any_dark = lowest.and_then(|g| g.dark.points.first()).map_or(0.0, |p| p.mean_dn);
     let black_stand_in = dark_mean.value().unwrap_or(any_dark).clamp(0.0, max_dn);
@@ -37,7 +39,7 @@ pub fn sensor_toml(found: &Characterization) -> String {
         (None, None) => Measured::none(Unresolved::NotStated("black_level_dn")),
     };
     let black_value = black.value().unwrap_or(joint.dark_offset_dn.value().unwrap_or(black_stand_in));
-    let converter_e = gain.value().map_or(1e5, |k| (max_dn - black_value) / k);
+    let converter_e = (max_dn - black_value) / k;
     let full_well = match found.sensor.full_well_e {
         Some(stated) => Measured::exact(stated),
         None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
@@ -50,13 +52,7 @@ pub fn sensor_toml(found: &Characterization) -> String {
             stand_in: black_value,
             stand_in_is: "the dark mean without dark current, electronics included",
         },
-        Entry {
-            key: "gain_dn_per_e",
-            unit: "DN/e-",
-            value: gain,
-            stand_in: 1.0,
-            stand_in_is: "one digital number per electron",
-        },
+        Entry { key: "gain_dn_per_e", unit: "DN/e-", value: gain, stand_in: k, stand_in_is: "none" },
         Entry {
             key: "full_well_e",
             unit: "e-",
@@ -153,7 +149,7 @@ pub fn sensor_toml(found: &Characterization) -> String {
         let _ = writeln!(text, "gain_steps = [{}]", gains.join(", "));
     }
     non_uniformity(found, &mut text);
-    text
+    Ok(text)
 }
 
 /// Appends what is known of the non-uniformity, of the lowest gain that has stacks, mean of the colours.

@@ -5,8 +5,11 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use super::captures::{Captures, Kind, Point};
+use super::measured::Unresolved;
 use super::point::{Moments, PointStatistics};
+use super::sensor_file::colour_name;
 use super::transfer::CLIPPED_SHARE;
+use crate::sensor::Colour;
 
 /// A warning, by name.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +93,10 @@ pub enum Warning {
     NoSignal {
         /// The point.
         point: String,
+        /// Their mean less that of the dark ones, DN.
+        signal_dn: f64,
+        /// Its standard error, DN.
+        standard_error_dn: f64,
     },
     /// A fit has few points.
     TooFewPoints {
@@ -158,6 +165,38 @@ pub enum Warning {
         /// The number.
         lacks: &'static str,
     },
+    /// Every sample is a multiple of a number: the frames are left-aligned, or were multiplied after the converter.
+    CommonFactor {
+        /// The number.
+        factor: u32,
+        /// Largest digital number of the stated bits.
+        max_dn: u32,
+    },
+    /// No sample comes near the largest digital number of the stated bits, or samples pile up below it.
+    TopNotReached {
+        /// Largest sample, DN.
+        largest_dn: u32,
+        /// Largest digital number of the stated bits.
+        max_dn: u32,
+        /// Whether samples pile up at the largest.
+        piled: bool,
+    },
+    /// More electrons than photons.
+    QuantumEfficiencyAboveOne {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour.
+        colour: Colour,
+        /// Quantum efficiency, percent.
+        percent: f64,
+        /// Its standard error, percent.
+        standard_error: f64,
+    },
+    /// The system gain is not resolved: there is no sensor to write.
+    NoSensorFile {
+        /// Why it is not.
+        why: Unresolved,
+    },
     /// More than one stack of a kind: only the first is evaluated.
     MoreStacks {
         /// The stack that is not evaluated.
@@ -193,6 +232,10 @@ impl Warning {
             Self::PoorHistogramFit { .. } => "poor-histogram-fit",
             Self::HistogramFitDiffers { .. } => "histogram-fit-differs",
             Self::NoHistogramFit { .. } => "no-histogram-fit",
+            Self::CommonFactor { .. } => "common-factor",
+            Self::TopNotReached { .. } => "top-not-reached",
+            Self::QuantumEfficiencyAboveOne { .. } => "quantum-efficiency-above-one",
+            Self::NoSensorFile { .. } => "no-sensor-file",
             Self::MoreStacks { .. } => "more-stacks",
             Self::LoneStack { .. } => "lone-stack",
         }
@@ -251,9 +294,11 @@ impl fmt::Display for Warning {
                     "{point}: no usable dark frames of this gain and exposure time; the point does not count"
                 )
             }
-            Self::NoSignal { point } => {
-                write!(f, "{point}: no brighter than the dark frames; the point does not count")
-            }
+            Self::NoSignal { point, signal_dn, standard_error_dn } => write!(
+                f,
+                "{point}: no brighter than the dark frames ({signal_dn:+.3} +- {standard_error_dn:.3} DN); the point does not \
+                 count"
+            ),
             Self::TooFewPoints { linear_gain, points } => {
                 write!(
                     f,
@@ -296,6 +341,46 @@ impl fmt::Display for Warning {
                     "the histograms are not fitted: {lacks} is not resolved; it takes three gains or more"
                 )
             }
+            Self::CommonFactor { factor, max_dn } => {
+                write!(f, "every sample is a multiple of {factor}: ")?;
+                match factor.is_power_of_two() {
+                    true => write!(
+                        f,
+                        "are the frames left-aligned, {} bits in {}? Shift them down by {} bits and set `bits`; K, means and \
+                         noise are {factor} times too large",
+                        bits_of(max_dn / factor),
+                        bits_of(*max_dn),
+                        factor.trailing_zeros()
+                    ),
+                    false => write!(
+                        f,
+                        "they were multiplied after the converter, and K, means and noise with them"
+                    ),
+                }
+            }
+            Self::TopNotReached { largest_dn, max_dn, piled } => {
+                write!(f, "no sample is above {largest_dn} of {max_dn}")?;
+                if *piled {
+                    write!(f, ", where samples pile up")?;
+                }
+                write!(f, ": is `bits` = {} right, and the light not too weak? ", bits_of(*max_dn))?;
+                match bits_of(*largest_dn) {
+                    fewer if fewer < bits_of(*max_dn) => write!(f, "{fewer} bits hold all samples"),
+                    _ => write!(f, "what is clipped there does not count"),
+                }
+            }
+            Self::QuantumEfficiencyAboveOne { linear_gain, colour, percent, standard_error } => write!(
+                f,
+                "at gain {linear_gain}, {}, the quantum efficiency is {percent:.1} +- {standard_error:.1} %, more electrons than \
+                 photons; are `photons` those of one pixel and one exposure?",
+                colour_name(*colour)
+            ),
+            Self::NoSensorFile { why } => {
+                write!(
+                    f,
+                    "K is not resolved ({why}), so there is no sensor to write; sensor.toml is left out"
+                )
+            }
             Self::MoreStacks { point } => {
                 write!(f, "{point}: another stack of this gain is evaluated already")
             }
@@ -313,6 +398,11 @@ impl Serialize for Warning {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
+}
+
+/// Bits that hold a digital number.
+fn bits_of(dn: u32) -> u32 {
+    u32::BITS - dn.leading_zeros()
 }
 
 /// Multiple of the standard error from which a difference is no noise: 64 blocks of a hundred points chance upon it once in
@@ -380,7 +470,7 @@ pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> 
         || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
     let difference_dn = blocks().fold(f64::NEG_INFINITY, f64::max) - blocks().fold(f64::INFINITY, f64::min);
     let fewest = found.block_pixels.iter().filter(|n| **n > 0).min().copied().unwrap_or(1) as f64;
-    let spatial_se = (spatial_variance(&found.all) / fewest).sqrt();
+    let spatial_se = (found.all.total_variance_dn2() / fewest).sqrt();
     match point.kind {
         Kind::Dark if difference_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * spatial_se => {
             warnings.push(Warning::LightLeak { point: label(), difference_dn });
@@ -396,22 +486,10 @@ pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> 
     warnings
 }
 
-/// Variance over pixels and frames of all samples, DN^2.
-fn spatial_variance(moments: &Moments) -> f64 {
-    let total = moments.histogram.total() as f64;
-    let samples = moments.histogram.counts.iter().enumerate();
-    samples
-        .map(|(i, c)| {
-            *c as f64 * (f64::from(moments.histogram.first_dn) + i as f64 - moments.mean_dn).powi(2)
-        })
-        .sum::<f64>()
-        / total
-}
-
 /// Whether the distribution of the samples is cut off at digital number 0: some are there, and the mean is near enough
 /// for more than dead pixels.
 pub fn clipped_at_zero(moments: &Moments) -> bool {
-    moments.share_at_zero > CLIPPED_SHARE && moments.mean_dn < 8.0 * spatial_variance(moments).sqrt()
+    moments.share_at_zero > CLIPPED_SHARE && moments.mean_dn < 8.0 * moments.total_variance_dn2().sqrt()
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

@@ -83,7 +83,7 @@ impl RawFrame {
 }
 
 /// The number that was meant: 0.005 rather than the 32-bit float next to it.
-fn shortest(value: f32) -> f64 {
+pub fn shortest(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 

@@ -64,7 +64,9 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
             Some(r) if in_photons => r / gain,
             _ => 1.0,
         };
-        let end = channel.points[channel.transfer.saturation].signal_dn() / gain / efficiency;
+        let brightest_dn = channel.points[channel.transfer.saturation].signal_dn();
+        let end_dn = channel.transfer.saturation_signal_dn.value().unwrap_or(brightest_dn);
+        let end = end_dn / gain / efficiency;
         if let Some(dark) = figure(channel, "sigma_d") {
             let fixed = dark * dark + QUANTISATION_DN2 / (gain * gain);
             let model = |offset: f64, share: f64| {

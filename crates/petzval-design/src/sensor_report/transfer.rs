@@ -95,16 +95,15 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
             let k = with_error(&transfer.gain_dn_per_e).unwrap_or_default();
             panel.notes.push(format!("{}: K = {k} DN/e⁻", colour_name(channel.colour)));
         }
-        if transfer.saturated {
-            let at = signal(transfer.saturation);
+        if let Some(at) = transfer.saturation_signal_dn.value() {
             let pen = Pen::thin(colour_of(colour)).dashed();
             let upright = [panel.y.low, panel.y.high].map(|y| Some([at, y]));
             panel.curves.push(crate::plot::Curve { pen, index: 0, points: upright.into() });
         }
     }
-    if shown.channels().iter().any(|c| c.transfer.saturated) {
+    if shown.channels().iter().any(|c| c.transfer.saturation_signal_dn.value().is_some()) {
         let pen = Pen::thin("#5f6670").dashed();
-        keys.push(Key { line: KeyLine::Pen(pen), name: "saturation: the peak of the noise".into() });
+        keys.push(Key { line: KeyLine::Pen(pen), name: "saturation: the signal at which it ends".into() });
     }
     let around = Around {
         class: "photon-transfer",

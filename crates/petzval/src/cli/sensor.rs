@@ -54,6 +54,15 @@ fn failure(error: CaptureError) -> Failure {
         CaptureError::Value { .. } => {
             "check `bits`, and that the frames hold digital numbers as the camera gave them"
         }
+        CaptureError::Swapped { .. } => {
+            "`kind` of each point says whether light fell on the sensor: \"flat\" or \"dark\""
+        }
+        CaptureError::NoLight { .. } => {
+            "look that light reached the sensor, and that the frames are those of the list"
+        }
+        CaptureError::AllSaturated { .. } => {
+            "add flat points of less light or shorter exposure: K is measured below 70 % of saturation"
+        }
         CaptureError::OtherSeries { .. } => "choose another folder, or empty this one",
         CaptureError::Plan { .. } => "`petzval sensor capture --help` tells what a series can be",
         CaptureError::Sensor(_) => "check the sensor file and the exposures",

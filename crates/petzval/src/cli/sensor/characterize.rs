@@ -9,6 +9,7 @@ use petzval::camera::emva::captures::milliseconds;
 use petzval::camera::emva::sensor_file::colour_name;
 use petzval::camera::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
+    warning_lines,
 };
 use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
@@ -33,8 +34,9 @@ enum Filter {
 /// Measure a sensor from captures.
 ///
 /// DIR holds frames and a list of them: captures.toml, or the EMVA1288descriptor.txt of the EMVA 1288 Python library.
-/// Numbers are printed with their standard errors; what the captures do not tell is named with the reason. With --out
-/// they are written too: sensor.toml, which `simulate --sensor` loads; results.json with everything; for each gain and
+/// Numbers are printed with their standard errors; what the captures do not tell is named with the reason. What is odd is
+/// told as a warning, one line for each kind; results.json names every point. With --out
+/// they are written too: sensor.toml, which `simulate --sensor` loads (if K is resolved); results.json with everything; for each gain and
 /// colour emva-*.xml under the names of the library; histograms.csv; report.html, one page of all tables and plots, and the
 /// plots as .svg.
 #[derive(Debug, clap::Args)]
@@ -86,8 +88,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let bar = frames_bar(captures.frames(), "reading");
     let found = characterize(&captures, &options, &|| bar.inc(1)).map_err(failure)?;
     bar.finish_and_clear();
-    for warning in &found.warnings {
-        eprintln!("warning: {warning}");
+    for line in warning_lines(&found.warnings) {
+        eprintln!("warning: {line}");
     }
     let values = if args.compatible { Values::Library } else { Values::Corrected };
     if let Some(out) = &args.out {
@@ -104,7 +106,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 /// Writes every file of the results, each under a temporary name first.
 fn write_results(found: &Characterization, values: Values, out: &Path) -> Result<(), Failure> {
     let results = serde_json::to_string_pretty(found).map_err(|e| Failure::job(e.to_string()))?;
-    whole(&out.join("sensor.toml"), &sensor_toml(found))?;
+    // Without K there is no sensor; one of an earlier run would pass for that of this one.
+    let sensor = out.join("sensor.toml");
+    match sensor_toml(found) {
+        Ok(text) => whole(&sensor, &text)?,
+        Err(_) if sensor.is_file() => std::fs::remove_file(&sensor).map_err(DesignError::io(&sensor))?,
+        Err(_) => {}
+    }
     whole(&out.join("results.json"), &results)?;
     whole(&out.join("histograms.csv"), &histograms_csv(found))?;
     sensor_report::write(found, out)?;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use petzval::camera::raw_file::shortest;
 use petzval::camera::sensor::{Colour, SensorError, SensorModel};
 use petzval::camera::spectral::{
     ColourMatrix, ThreeBand, band_weights, bands_within, even_bands, fit_colour_matrix, share_outside,
@@ -120,7 +121,7 @@ impl Light {
             ("illuminant", json!(request.illuminant.name)),
             ("illuminance_lux", json!(request.lux)),
             ("f_number", json!(request.optics.f_number)),
-            ("time_s", json!(args.time_s)),
+            ("time_s", json!(shortest(args.time_s))),
             ("bands_um", json!(self.band_um)),
             ("share_left_out", json!(self.left_out)),
             ("three_band", json!(args.spectral.three_band)),

@@ -1,0 +1,96 @@
+//! What the digital numbers of all frames tell of the converter: where it clips, and whether `bits` is that of the frames.
+
+use super::captures::Kind;
+use super::point::{Counts, Moments};
+use super::transfer::CLIPPED_SHARE;
+use super::warning::Warning;
+
+/// Standard deviations by which the count at the end of a histogram must stand above the one before.
+const PILE_SIGMAS: f64 = 5.0;
+
+/// Different digital numbers that a series must have: fewer may have a common factor by chance.
+const FACTOR_NUMBERS: usize = 8;
+
+/// Digital number at which samples are clipped: the largest of the stated bits, or the largest of all flat frames if samples pile
+/// up there. It is no matter to the fits whether converter or pixel ends there: what is clipped has lost its noise.
+pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32) -> u32 {
+    let Some(largest) = flats.clone().map(|m| m.histogram.last_dn()).max() else { return max_dn };
+    let mut at_end = flats.filter(|m| m.histogram.last_dn() == largest);
+    if at_end.any(|m| piles_up(&m.histogram)) { largest } else { max_dn }
+}
+
+/// Whether samples pile up at the largest number: the counts of light and its noise fall towards their end, those of a clip
+/// rise by all that would lie beyond it.
+fn piles_up(histogram: &Counts) -> bool {
+    let mut from_end = histogram.counts.iter().rev().filter(|c| **c > 0).map(|c| *c as f64);
+    let (Some(last), Some(before)) = (from_end.next(), from_end.next()) else { return false };
+    last > CLIPPED_SHARE * histogram.total() as f64 && last - before > PILE_SIGMAS * (last + before).sqrt()
+}
+
+/// All samples of a series.
+#[derive(Debug, Default)]
+pub struct Samples {
+    all: Counts,
+    has_flats: bool,
+    piled: bool,
+}
+
+impl Samples {
+    /// Adds the samples of a point.
+    pub fn add(&mut self, kind: Kind, moments: &Moments) {
+        self.all = self.all.merge(&moments.histogram);
+        self.has_flats |= kind == Kind::Flat;
+    }
+
+    /// Notes that the converter clips at a number.
+    pub fn clips_at(&mut self, clip_dn: u32, max_dn: u32) {
+        self.piled |= clip_dn < max_dn;
+    }
+
+    /// What they tell of the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below, or
+    /// pile up below its end; left-aligned ones are multiples of a power of two.
+    pub fn warnings(&self, max_dn: u32) -> Vec<Warning> {
+        let numbers = self.all.counts.iter().enumerate().filter(|(_, count)| **count > 0);
+        // The top of the range is no multiple: what is clipped may be set to it.
+        let inside = || numbers.clone().map(|(i, _)| self.all.first_dn + i as u32).filter(|dn| *dn < max_dn);
+        let factor = match inside().count() {
+            few if few < FACTOR_NUMBERS => 1,
+            _ => inside().fold(0, greatest_common_divisor),
+        };
+        let mut warnings = Vec::new();
+        if factor > 1 {
+            warnings.push(Warning::CommonFactor { factor, max_dn });
+        }
+        let largest_dn = self.all.last_dn();
+        let quarter = largest_dn < max_dn / 4;
+        if self.has_flats && largest_dn + factor <= max_dn && (self.piled || quarter) {
+            warnings.push(Warning::TopNotReached { largest_dn, max_dn, piled: self.piled });
+        }
+        warnings
+    }
+}
+
+fn greatest_common_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counts(first_dn: u32, counts: &[u64]) -> Counts {
+        Counts { first_dn, counts: counts.to_vec() }
+    }
+
+    #[test]
+    fn a_pile_is_told_from_a_tail() {
+        assert!(!piles_up(&counts(100, &[10, 100, 1000, 100, 10, 2, 1])));
+        // One sample far out is no pile, and neither are two.
+        assert!(!piles_up(&counts(100, &[10, 100, 1000, 100, 10, 1, 0, 0, 2])));
+        assert!(!piles_up(&counts(100, &[90])));
+        assert!(piles_up(&counts(100, &[10, 100, 1000, 3000])));
+        // Left-aligned samples pile up across gaps.
+        assert!(piles_up(&counts(96, &[100, 0, 0, 0, 500, 0, 0, 0, 2000])));
+        assert!(!piles_up(&counts(96, &[100, 0, 0, 0, 500, 0, 0, 0, 20])));
+    }
+}

@@ -1,0 +1,46 @@
+//! Whether a series tells of a sensor at all.
+
+use super::captures::{CaptureError, Captures};
+use super::characterize::GainResult;
+use super::measured::Unresolved;
+use super::warning::Warning;
+
+/// Standard errors above which a signal is light.
+const LIGHT_SIGMAS: f64 = 5.0;
+
+/// An error if there are flat and dark frames, and none of the points shows light below saturation: what they give would be no
+/// sensor. Series of dark frames alone tell of the dark, and pass.
+pub fn check_usable(
+    captures: &Captures,
+    gains: &[GainResult],
+    warnings: &[Warning],
+) -> Result<(), CaptureError> {
+    let list = || captures.list.clone();
+    let channels = || gains.iter().flat_map(|g| &g.channels);
+    let dark: Vec<f64> = warnings
+        .iter()
+        .filter_map(|w| match w {
+            Warning::NoSignal { signal_dn, standard_error_dn, .. } => Some(signal_dn / standard_error_dn),
+            _ => None,
+        })
+        .collect();
+    let with_signal: usize = gains.iter().filter_map(|g| g.channels.first()).map(|c| c.points.len()).sum();
+    let points = dark.len() + with_signal;
+    if points == 0 {
+        return Ok(());
+    }
+    let lit = channels().flat_map(|c| &c.points).any(|p| p.signal_dn() > LIGHT_SIGMAS * p.signal_se_dn());
+    if !lit && with_signal == 0 && dark.iter().all(|sigmas| *sigmas < -LIGHT_SIGMAS) {
+        return Err(CaptureError::Swapped { list: list(), points });
+    }
+    if !lit {
+        return Err(CaptureError::NoLight { list: list(), points });
+    }
+    let full = |g: &GainResult| {
+        g.channels.iter().all(|c| c.transfer.gain_dn_per_e.reason() == Some(Unresolved::AllSaturated))
+    };
+    match gains.iter().filter(|g| !g.channels.is_empty()).all(full) {
+        true => Err(CaptureError::AllSaturated { list: list(), points }),
+        false => Ok(()),
+    }
+}
