@@ -346,6 +346,20 @@ fn infrared_counts_where_the_pixels_see_it() {
     // The table of D65 ends at 780 nm, where the pixels still see.
     let day = run_ok(folder.path(), &[&args[..], &["--qe", "flat:0.6"]].concat());
     assert!(day.says("nothing is known of D65 beyond 780 nm"), "{}", day.stderr);
+    // So does that of a filter, unless it ends at nothing.
+    for (end, told) in [("0.9", true), ("0.0", false)] {
+        let table = format!("wavelength_nm,transmission\n400,0.0\n450,0.9\n640,0.9\n650,{end}\n");
+        std::fs::write(folder.path().join("filter.csv"), table).unwrap();
+        let filter = ["--qe", "flat:0.6", "--illuminant", "blackbody:2856", "--transmission", "filter.csv"];
+        let seen = run_ok(folder.path(), &[&args[..], &filter].concat());
+        assert_eq!(
+            seen.says("nothing is known of the transmission beyond 650 nm"),
+            told,
+            "{end}: {}",
+            seen.stderr
+        );
+        assert!(!seen.says("beyond 400 nm"), "{}", seen.stderr);
+    }
 }
 
 #[test]
@@ -389,6 +403,10 @@ fn what_cannot_be_simulated_is_named() {
         (&[chart, "--sensor", &sensor, "--illuminant", "D66"], ["no illuminant called `D66`", "D65"]),
         (&[chart, "--sensor", &sensor, "--illuminant", "daylight:1"], ["daylight of 1 K", "4000"]),
         (&[chart, "--sensor", &sensor, "--illuminant", "lamp.csv"], ["lamp.csv:3", "`x`"]),
+        (
+            &[chart, "--sensor", &sensor, "--illuminant", "lost.csv"],
+            ["lost.csv: there is no such file", "D65"],
+        ),
         (&[chart, "--sensor", &sensor, "--illuminance-lux=-5"], ["--illuminance-lux -5", "office"]),
         (&[chart, "--sensor", &sensor, "--bands", "1"], ["--bands 1", "2..401"]),
         (&[chart, "--sensor", &sensor, "--transmission", "2"], ["--transmission 2", "0..1"]),

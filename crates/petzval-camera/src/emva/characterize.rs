@@ -12,7 +12,7 @@ use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::figures::{Basis, Figure, figures};
 use super::high_pass::HighPass;
 use super::histogram_fit::{HistogramFit, fit_histograms};
-use super::joint::{GainInput, JointFit, joint_fit};
+use super::joint::{GainInput, GainRow, JointFit, joint_fit};
 use super::point::{Counts, PointStatistics, Stack, reduce};
 use super::samples::{Samples, clip_dn};
 use super::spatial::{Spatial, spatial};
@@ -101,6 +101,8 @@ impl ChannelResult {
 /// The captured histogram of one colour at one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PointHistogram {
+    /// Which point of the list; its colours share their light.
+    pub point: usize,
     /// Whether light fell on the sensor.
     pub kind: Kind,
     /// Linear gain.
@@ -145,8 +147,10 @@ pub fn characterize(
         reduced.iter().for_each(|(p, s)| samples.add(p.kind, &s.all));
         samples.clips_at(clip_dn, max_dn);
         let gain = one_gain(captures, options, linear_gain, &reduced, clip_dn, &mut warnings);
-        let pairs = reduced.iter().filter(|(p, _)| !p.is_stack());
-        histograms.extend(pairs.flat_map(|(p, s)| captured(p, s, &gain)));
+        for (point, found) in reduced.iter().filter(|(p, _)| !p.is_stack()) {
+            let number = histograms.last().map_or(0, |h: &PointHistogram| h.point + 1);
+            histograms.extend(captured(number, point, found, &gain));
+        }
         gains.push(gain);
     }
     check_usable(captures, &gains, &warnings)?;
@@ -159,6 +163,7 @@ pub fn characterize(
     warnings.extend(dark_current_disagrees(&joint));
     warnings.extend(gains.iter().flat_map(more_electrons_than_photons));
     warnings.extend(joint.gain_dn_per_e.reason().map(|why| Warning::NoSensorFile { why }));
+    warnings.extend(joint.rows.iter().filter_map(ruled_by_rounding));
     let mut histogram_fit = None;
     if options.fit_histograms {
         histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
@@ -213,7 +218,8 @@ fn lacking(joint: &JointFit) -> &'static str {
         ("its mean", joint.read_noise_mean_e),
         ("the dark offset", joint.dark_offset_dn),
     ];
-    needed.iter().find(|(_, m)| m.value().is_none()).map_or("a histogram without clipping", |(name, _)| *name)
+    let missing = needed.iter().find(|(_, m)| m.value().is_none());
+    missing.map_or("a histogram of plausible light and without clipping", |(name, _)| *name)
 }
 
 /// Rows and columns: as the list says, or as the first frame has.
@@ -228,7 +234,7 @@ fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
     }
 }
 
-fn captured(point: &Point, found: &PointStatistics, gain: &GainResult) -> Vec<PointHistogram> {
+fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainResult) -> Vec<PointHistogram> {
     // Beyond the last point of the transfer range the sensor saturates.
     let in_range = |colour: Option<Colour>, mean_dn: f64| {
         let channel = gain.channels.iter().find(|c| Some(c.colour) == colour);
@@ -236,6 +242,7 @@ fn captured(point: &Point, found: &PointStatistics, gain: &GainResult) -> Vec<Po
         last.is_none_or(|last| mean_dn <= last.mean_dn)
     };
     let of = |colour, moments: &super::point::Moments| PointHistogram {
+        point: number,
         kind: point.kind,
         linear_gain: point.linear_gain,
         exposure_s: point.exposure_s,
@@ -369,6 +376,16 @@ fn dark_not_linear(linear_gain: f64, dark: &DarkSeries) -> Option<Warning> {
         exposure_ms: milliseconds(worst.exposure_s),
         off_dn: off(worst),
         reduced_chi2: chi2 / (dark.points.len() as f64 - 2.0),
+    })
+}
+
+/// A gain at which the error of the dark variance is rounding's more than chance's.
+fn ruled_by_rounding(row: &GainRow) -> Option<Warning> {
+    let (variance, se) = (row.dark_variance_dn2.value()?, row.dark_variance_dn2.standard_error()?);
+    (2.0 * row.rounding_error_dn2.powi(2) > se * se).then(|| Warning::Rounding {
+        linear_gain: row.linear_gain,
+        noise_dn: variance.max(0.0).sqrt(),
+        error_dn2: row.rounding_error_dn2,
     })
 }
 

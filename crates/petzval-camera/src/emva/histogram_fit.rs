@@ -69,7 +69,8 @@ pub struct LightLevel {
 /// How well a distribution describes a histogram.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GoodnessOfFit {
-    /// `sum (c - e)^2 / e` over bins of at least ten expected samples, over their number less one.
+    /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is expected),
+    /// over their number less one.
     pub reduced_chi2: f64,
     /// Largest difference of the cumulative distributions (Kolmogorov-Smirnov), 0..1.
     pub kolmogorov_smirnov: f64,
@@ -168,9 +169,17 @@ impl HistogramFit {
             found.push(Warning::HistogramFitStopped { steps: self.steps });
         }
         found.extend(self.poor());
+        if self.is_sound() && self.dark_offset_dn.standard_error().is_none() {
+            found.push(Warning::HistogramFitAmbiguous);
+        }
         found.extend(self.differences(joint));
         found.extend(self.wider_than_noise(joint));
         found
+    }
+
+    /// Whether the fit arrived and describes the histograms. Errors of another would mean nothing.
+    pub fn is_sound(&self) -> bool {
+        self.converged && describes(&self.histograms)
     }
 
     /// Warnings of dark histograms with a tail that is no noise: more than five standard errors and 1e-5 of the pixels.
@@ -316,12 +325,11 @@ pub fn fit_histograms(
     };
     let mut fit = fit_histograms_from(&start, sensor.bits, histograms)?;
     // What differs from frame to frame is read noise; the rest of the dark histograms is what differs between pixels.
-    if let (Some(all), Some(temporal)) = (fit.dark_noise_e.value(), joint.read_noise_e.value()) {
-        let se = (2.0 * all * fit.dark_noise_e.error_or_zero())
-            .hypot(2.0 * temporal * joint.read_noise_e.error_or_zero());
-        fit.dsnu_e = Measured::new(all * all - temporal * temporal, se).if_above_noise().root();
-        fit.read_noise_e = joint.read_noise_e;
-    }
+    fit.read_noise_e = joint.read_noise_e;
+    fit.dsnu_e = match fit.dark_noise_e.standard_error() {
+        Some(_) => fit.dark_noise_e.squared().minus(joint.read_noise_e.squared()).if_above_noise().root(),
+        None => Measured::none(Unresolved::FollowsFrom("the error of the dark noise")),
+    };
     Some(fit)
 }
 
@@ -343,6 +351,9 @@ fn fit_in_steps(
     let max_dn = (1u32 << bits) - 1;
     let usable: Vec<&PointHistogram> = histograms.iter().filter(|h| is_usable(h, start, max_dn)).collect();
     let (samples, mut theta, level_gains) = arrange(start, &usable)?;
+    if !plausible(&samples, &theta) {
+        return None;
+    }
     let free = free_parameters(&samples, &theta);
 
     // Fisher scoring: the step is the inverse information times the slope of the log likelihood.
@@ -438,8 +449,9 @@ fn arrange<'a>(
         start.dark_current_e_per_s,
         0.0,
     ];
-    // Points of one gain share one level if their exposure times or photons say how their light compares.
-    let mut levels: Vec<(f64, Option<f64>)> = Vec::new();
+    // Points of one gain share one level if their exposure times or photons say how their light compares; the colours of a point
+    // always do.
+    let mut levels: Vec<(f64, Option<usize>)> = Vec::new();
     let mut samples = Vec::new();
     for histogram in histograms {
         let light = match histogram.kind {
@@ -458,7 +470,7 @@ fn arrange<'a>(
                         && told(h) == told(histogram)
                 };
                 let alone = histograms.iter().filter(twins).count() > 1;
-                let key = (histogram.linear_gain, alone.then_some(mean));
+                let key = (histogram.linear_gain, alone.then_some(histogram.point));
                 let unit = told(histogram).max(1e-12);
                 let index = levels.iter().position(|l| *l == key).unwrap_or_else(|| {
                     let e = (mean - start.dark_offset_dn) / (start.gain_dn_per_e * histogram.linear_gain)
@@ -738,10 +750,10 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
         e_sum += e;
         ks = ks.max((c_sum - e_sum).abs() / n);
         variation += 0.5 * (c - e).abs() / n;
-        // Neighbouring digital numbers share a bin until ten samples are expected.
+        // Neighbouring digital numbers share a bin until ten samples are expected, or are there where the model has none.
         c_bin += c;
         e_bin += e;
-        if e_bin >= 10.0 {
+        if e_bin >= 10.0 || (c_bin >= 10.0 && e_bin < 1.0) {
             bins.push((c_bin, e_bin));
             (c_bin, e_bin) = (0.0, 0.0);
         }

@@ -103,7 +103,7 @@ impl fmt::Display for Unresolved {
             }
             Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
             Self::WithinNoise { value, standard_error } => {
-                write!(f, "{value:.4e} is within two standard errors ({standard_error:.2e}) of zero")
+                write!(f, "{value:.4e} +- {standard_error:.2e} is within two standard errors of zero")
             }
             Self::NoPhotons => f.write_str("no point states its photons per pixel"),
             Self::NoStack => f.write_str("no stack of more than two flat and two dark frames"),
@@ -200,6 +200,24 @@ impl Measured {
         }
     }
 
+    /// `x - y` of independent numbers: variances add.
+    pub fn minus(self, other: Self) -> Self {
+        match (self.value(), other.value()) {
+            (Some(x), Some(y)) => {
+                let known = self.standard_error().or(other.standard_error()).is_some();
+                let error = self.error_or_zero().hypot(other.error_or_zero());
+                Self::new(x - y, if known { error } else { f64::NAN })
+            }
+            (None, _) => self,
+            (_, None) => other,
+        }
+    }
+
+    /// `x^2`.
+    pub fn squared(self) -> Self {
+        self.map(|v| v * v, |v| 2.0 * v)
+    }
+
     /// `x / y` of independent numbers: relative variances add.
     pub fn over(self, other: Self) -> Self {
         self.times(other.map(|y| 1.0 / y, |y| 1.0 / (y * y)))
@@ -217,6 +235,9 @@ impl Measured {
     /// Not resolved if the number is not more than two standard errors above zero.
     pub fn if_above_noise(self) -> Self {
         match (self.value(), self.standard_error()) {
+            (Some(value), Some(standard_error)) if value < -RESOLVED_SIGMAS * standard_error => {
+                Self::none(Unresolved::NegativeVariance(value))
+            }
             (Some(value), Some(standard_error)) if value <= RESOLVED_SIGMAS * standard_error => {
                 Self::none(Unresolved::WithinNoise { value, standard_error })
             }
@@ -236,11 +257,17 @@ mod tests {
         assert_eq!(q.value(), Some(4.0));
         assert!((q.standard_error().unwrap() - 4.0 * (2.0_f64).sqrt() * 0.05).abs() < 1e-12);
         assert!((Measured::new(16.0, 0.8).root().standard_error().unwrap() - 0.1).abs() < 1e-12);
+        assert_eq!(x.minus(y).value(), Some(6.0));
+        assert!((x.minus(y).standard_error().unwrap() - 0.17_f64.sqrt()).abs() < 1e-12);
+        assert_eq!((x.squared().value(), x.squared().standard_error()), (Some(64.0), Some(6.4)));
         let none = Measured::none(Unresolved::NoPhotons);
         assert_eq!(x.times(none), none);
         assert!(matches!(Measured::new(-1.0, 0.1).root().reason(), Some(Unresolved::NegativeVariance(_))));
         assert!(Measured::new(0.19, 0.1).if_above_noise().value().is_none());
         assert!(Measured::new(0.21, 0.1).if_above_noise().value().is_some());
+        let below = |v: f64| Measured::new(v, 0.1).if_above_noise().reason();
+        assert!(matches!(below(-0.19), Some(Unresolved::WithinNoise { .. })));
+        assert!(matches!(below(-0.21), Some(Unresolved::NegativeVariance(_))));
         assert!(Measured::new(f64::NAN, 0.1).value().is_none());
     }
 }

@@ -69,12 +69,17 @@ fn normal_cdf(z: f64) -> f64 {
     y0 + t * (d0 + t * (3.0 * rise - 2.0 * d0 - d1 + t * (d0 + d1 - 2.0 * rise)))
 }
 
+/// Distance from its mean beyond which a Poisson count is left out.
+fn poisson_reach(rate: f64) -> f64 {
+    9.0 * rate.sqrt() + 20.0
+}
+
 /// Probabilities of a Poisson count of mean `rate`: the first count and its followers, down to 1e-16 of the peak.
 fn poisson(rate: f64) -> (u64, Vec<f64>) {
     if rate <= 0.0 {
         return (0, vec![1.0]);
     }
-    let spread = 9.0 * rate.sqrt() + 20.0;
+    let spread = poisson_reach(rate);
     let (first, last) = ((rate - spread).max(0.0) as u64, (rate + spread) as u64);
     let peak = rate as u64;
     let at_peak = (peak as f64 * rate.ln() - rate - libm::lgamma(peak as f64 + 1.0)).exp();
@@ -111,19 +116,23 @@ pub fn digital_numbers(rate_e: f64, response: &Response) -> Vec<f64> {
         return p;
     }
 
+    // Where no count is below the full well, every pixel is full.
+    let full = rate_e - poisson_reach(rate_e) > response.full_well_e;
+
     // More variance between pixels widens every count, less than none draws the counts together.
     let pattern = if rate_e > 0.0 { response.pattern_variance_e2 / rate_e } else { 0.0 };
     let together = (1.0 + pattern.min(0.0)).max(LEAST_SHOT_SHARE).sqrt();
-    let (first, counts) = poisson(rate_e);
+    let (first, counts) = if full { (rate_e as u64, vec![1.0]) } else { poisson(rate_e) };
     for (i, weight) in counts.iter().enumerate() {
         if *weight < 1e-17 {
             continue;
         }
-        let n = ((first + i as u64) as f64).min(response.full_well_e);
-        let electrons = rate_e + together * (n - rate_e);
+        let count = (first + i as u64) as f64;
+        let electrons = (rate_e + together * (count - rate_e)).min(response.full_well_e);
         let mean = gain * (electrons + response.read_noise_mean_e) + response.offset_dn;
-        let sigma = match pattern > 0.0 {
-            true => (dark_variance + gain * gain * pattern * n).sqrt().max(1e-9),
+        // Full pixels are alike.
+        let sigma = match pattern > 0.0 && electrons < response.full_well_e {
+            true => (dark_variance + gain * gain * pattern * count).sqrt().max(1e-9),
             false => dark_sigma,
         };
         spread(&mut p, *weight, mean, sigma);
@@ -264,6 +273,17 @@ mod tests {
         for rate in [1e10, 1e22] {
             let p = digital_numbers(rate, &response);
             assert_eq!((p[4095], p.iter().sum::<f64>()), (1.0, 1.0));
+            // A full well within the range: every pixel is full, and differs by the noise of the dark alone.
+            for pattern_variance_e2 in [1e16, 0.0, -0.5 * rate] {
+                let p = digital_numbers(
+                    rate,
+                    &Response { full_well_e: 15_000.0, pattern_variance_e2, ..response },
+                );
+                let mean: f64 = p.iter().enumerate().map(|(y, p)| y as f64 * p).sum();
+                let variance: f64 = p.iter().enumerate().map(|(y, p)| (y as f64 - mean).powi(2) * p).sum();
+                assert!((mean - (0.14 * 15_003.25 + 120.15)).abs() < 1e-6, "{rate}: {mean}");
+                assert!((variance - (0.56 * 0.56 + 0.92 * 0.92 + 1.0 / 12.0)).abs() < 1e-4, "{variance}");
+            }
         }
     }
 

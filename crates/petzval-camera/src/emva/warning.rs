@@ -119,6 +119,15 @@ pub enum Warning {
         /// The median of all gains, DN/e-.
         expected_dn_per_e: f64,
     },
+    /// Dark noise is so small a part of a digital number that rounding rules its error.
+    Rounding {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Dark noise, DN.
+        noise_dn: f64,
+        /// Standard error of its variance by rounding, DN^2.
+        error_dn2: f64,
+    },
     /// The dark histogram has a tail of bright pixels that the model has not: DSNU, hot pixels.
     DarkTail {
         /// The point.
@@ -140,6 +149,8 @@ pub enum Warning {
         /// Steps it took.
         steps: usize,
     },
+    /// The histograms do not tell all parameters of the fit apart.
+    HistogramFitAmbiguous,
     /// The fitted model does not describe the histograms.
     PoorHistogramFit {
         /// Mean reduced chi-square of the cores.
@@ -226,9 +237,11 @@ impl Warning {
             Self::TooFewPoints { .. } => "too-few-points",
             Self::NotMonotonic { .. } => "not-monotonic",
             Self::GainNotProportional { .. } => "gain-not-proportional",
+            Self::Rounding { .. } => "rounding",
             Self::DarkTail { .. } => "dark-tail",
             Self::WiderThanNoise { .. } => "wider-than-noise",
             Self::HistogramFitStopped { .. } => "histogram-fit-stopped",
+            Self::HistogramFitAmbiguous => "histogram-fit-ambiguous",
             Self::PoorHistogramFit { .. } => "poor-histogram-fit",
             Self::HistogramFitDiffers { .. } => "histogram-fit-differs",
             Self::NoHistogramFit { .. } => "no-histogram-fit",
@@ -311,6 +324,11 @@ impl fmt::Display for Warning {
                 "at linear gain {linear_gain} the system gain is {gain_dn_per_e:.5} DN/e- per unit of linear gain, the \
                  median of all gains is {expected_dn_per_e:.5}"
             ),
+            Self::Rounding { linear_gain, noise_dn, error_dn2 } => write!(
+                f,
+                "at gain {linear_gain} dark noise is {noise_dn:.2} DN: rounding to whole digital numbers rules the error of its \
+                 variance, {error_dn2:.4} DN^2, which counts in read noise and electronics noise"
+            ),
             Self::DarkTail { point, share, mean_dn } => write!(
                 f,
                 "{point}: {:.3} % of the pixels are brighter than the model of the noise explains, by {mean_dn:.1} DN on \
@@ -324,6 +342,9 @@ impl fmt::Display for Warning {
             Self::HistogramFitStopped { steps } => write!(
                 f,
                 "the fit to the histograms had not converged after {steps} steps; its numbers have no errors"
+            ),
+            Self::HistogramFitAmbiguous => f.write_str(
+                "the histograms do not tell all parameters of the fit apart; its numbers have no errors",
             ),
             Self::PoorHistogramFit { mean_chi2, worst_chi2, point } => write!(
                 f,

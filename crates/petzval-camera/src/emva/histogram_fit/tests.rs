@@ -62,6 +62,7 @@ fn captured(
             let first = table.iter().position(|c| *c > 0).unwrap();
             let end = table.iter().rposition(|c| *c > 0).unwrap() + 1;
             found.push(PointHistogram {
+                point: found.len(),
                 kind,
                 linear_gain: gain,
                 exposure_s: time_s,
@@ -202,6 +203,7 @@ fn a_fit_that_does_not_describe_the_captures_has_warnings_and_no_errors() {
     assert!(names(&found).contains(&"poor-histogram-fit"), "{found:?}");
     assert!(names(&found).contains(&"histogram-fit-differs"), "{found:?}");
     assert!(fit.gain_dn_per_e.value().is_some() && fit.gain_dn_per_e.standard_error().is_none());
+    assert!(!fit.is_sound() && fit.dsnu_e.value().is_none());
 
     // Too few steps to arrive.
     let moved = ModelParameters { gain_dn_per_e: 0.11, electronics_noise_dn: 0.6, ..truth() };
@@ -230,4 +232,65 @@ fn what_is_left_of_the_last_bin_does_not_rule_chi_square() {
     assert!(found.reduced_chi2 < 0.01, "{found:?}");
     let few = goodness(&[3, 4], &[3.5, 3.5], 7.0);
     assert_eq!(few.reduced_chi2, 0.0);
+}
+
+#[test]
+fn a_model_that_misses_every_sample_is_no_good_fit() {
+    for expected in [[0.0, 0.0, 0.0, 7000.0], [7000.0, 0.0, 0.0, 0.0]] {
+        let found = goodness(&[0, 3000, 4000, 0], &expected, 7000.0);
+        assert!(found.reduced_chi2 > 1e3 && found.total_variation == 1.0, "{found:?}");
+    }
+}
+
+/// A colour sensor, three gains, one exposure time of the flat frames, light that no list tells.
+fn light_changes_and_is_not_told() -> Characterization {
+    let folder = tempfile::tempdir().unwrap();
+    let sensor = include_str!("../../../../../data/sensors/imx249-fitted.toml");
+    let sensor = SensorModel::from_toml(sensor).unwrap();
+    let plan = Plan { height: 120, width: 160, gains: vec![1.0, 4.0, 16.0], seed: 3, ..Plan::default() };
+    write_series(&sensor, &plan, folder.path(), &|| {}).unwrap();
+    let mut captures = Captures::open(folder.path()).unwrap();
+    // The longest time for all flat frames, each with the dark current of its own, which is nothing beside the light.
+    let longest = 0.01;
+    captures
+        .points
+        .iter_mut()
+        .filter(|p| p.kind == Kind::Flat)
+        .for_each(|p| (p.exposure_s, p.photons) = (longest, None));
+    characterize(&captures, &Options { fit_histograms: true, ..Options::default() }, &|| {}).unwrap()
+}
+
+#[test]
+fn the_colours_of_a_point_share_its_light() {
+    let found = light_changes_and_is_not_told();
+    let fit = found.histogram_fit.as_ref().unwrap();
+    assert!(z(fit.red_over_green, 0.82).abs() < 3.5, "{:?}", fit.red_over_green);
+    assert!(z(fit.blue_over_green, 1.25).abs() < 3.5, "{:?}", fit.blue_over_green);
+    assert!(z(fit.gain_dn_per_e, 0.14).abs() < 3.5, "{:?}", fit.gain_dn_per_e);
+    let names = names(&found.warnings);
+    let wrong = ["histogram-fit-differs", "histogram-fit-ambiguous", "poor-histogram-fit"];
+    assert!(!names.iter().any(|n| wrong.contains(n)), "{:?}", found.warnings);
+}
+
+#[test]
+fn noise_below_the_step_of_the_converter_widens_the_errors_and_makes_no_non_uniformity() {
+    let sensor = SensorModel { read_noise_e: 1.5, electronics_noise_dn: 0.3, ..mono() };
+    let (mut of_read, mut of_electronics) = (Vec::new(), Vec::new());
+    for seed in 1..=6 {
+        let plan = Plan { height: 120, width: 160, gains: vec![1.0, 2.0, 4.0, 8.0], seed, ..Plan::default() };
+        let found = &series(&sensor, &plan, &[Some(33_723.0)])[0];
+        let (joint, fit) = (&found.joint, found.histogram_fit.as_ref().unwrap());
+        of_read.push(z(joint.read_variance_e2, 2.25));
+        // sigma_el^2 is the intercept less 1/12.
+        of_electronics.push(z(joint.variance_line.intercept, 0.09 + 1.0 / 12.0));
+        assert!(z(joint.dark_offset_dn, 120.15).abs() < 3.5, "{:?}", joint.dark_offset_dn);
+        assert!(z(fit.electronics_noise_dn, 0.3).abs() < 3.5, "{:?}", fit.electronics_noise_dn);
+        assert!(z(fit.dark_noise_e, 1.5).abs() < 3.5, "{:?}", fit.dark_noise_e);
+        assert!(fit.dsnu_e.value().is_none(), "{:?}", fit.dsnu_e);
+        let names = names(&found.warnings);
+        assert!(names.contains(&"rounding") && !names.contains(&"wider-than-noise"), "{:?}", found.warnings);
+    }
+    for all in [of_read, of_electronics] {
+        assert!(all.iter().all(|z| z.abs() < 3.5), "{all:?}");
+    }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 use petzval::camera::raw_file::shortest;
 use petzval::camera::sensor::{Colour, SensorError, SensorModel};
 use petzval::camera::spectral::{
-    ColourMatrix, ThreeBand, band_weights, bands_within, even_bands, fit_colour_matrix, share_outside,
-    white_range_um,
+    ColourMatrix, Spectrum, ThreeBand, band_weights, bands_within, even_bands, fit_colour_matrix,
+    share_outside, white_range_um,
 };
 use petzval::design::error::DesignError;
 use serde_json::{Map, Value, json};
@@ -169,23 +169,30 @@ impl Light {
     }
 }
 
-/// Tells on stderr where the table of a light ends while it shines and the pixels would see more of it.
+/// Tells on stderr where the table of a light or of a transmission ends while the other lets light through and the pixels
+/// would see it.
 fn warn_of_cut_light(request: &Request, sensor: &SensorModel) {
-    let power = &request.illuminant.power;
-    let peak = power.value().iter().copied().fold(0.0, f64::max);
-    let (first, last) = power.range_um();
-    for (um, beyond_um) in [(first, first - 1e-3), (last, last + 1e-3)] {
-        let passes = request.optics.transmission.as_ref().map_or(1.0, |tau| tau.at(beyond_um));
+    let light = (request.illuminant.name.as_str(), &request.illuminant.power);
+    let passes = request.optics.transmission.as_ref().map(|tau| ("the transmission", tau));
+    let sees = |um: f64| {
         let curves = sensor.quantum_efficiency.as_ref();
-        let sees = |colour: &Colour| {
-            curves.and_then(|c| c.curve(*colour)).is_some_and(|c| c.at(beyond_um) > TOLD_SHARE)
-        };
-        if power.at(um) > TOLD_SHARE * peak && passes > TOLD_SHARE && sensor.cfa.colours().iter().any(sees) {
-            eprintln!(
-                "warning: nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
-                request.illuminant.name,
-                1000.0 * um
-            );
+        let at = |colour: &Colour| curves.and_then(|c| c.curve(*colour)).map_or(0.0, |c| c.at(um));
+        sensor.cfa.colours().iter().any(|colour| at(colour) > TOLD_SHARE)
+    };
+    let tells = |(_, curve): (&str, &Spectrum), um: f64| {
+        curve.at(um) > TOLD_SHARE * curve.value().iter().copied().fold(0.0, f64::max)
+    };
+    for (ends, other) in [(Some(light), passes), (passes, Some(light))] {
+        let Some(ends) = ends else { continue };
+        let (first, last) = ends.1.range_um();
+        for (um, beyond_um) in [(first, first - 1e-3), (last, last + 1e-3)] {
+            if tells(ends, um) && sees(beyond_um) && other.is_none_or(|other| tells(other, beyond_um)) {
+                eprintln!(
+                    "warning: nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
+                    ends.0,
+                    1000.0 * um
+                );
+            }
         }
     }
 }

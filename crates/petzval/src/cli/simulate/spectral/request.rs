@@ -123,6 +123,12 @@ fn illuminant(name: &str) -> Result<Illuminant, Failure> {
         Err(IlluminantError::Unknown { .. }) if Path::new(name).is_file() => {
             Ok(Illuminant::from_spectrum(name, curve("--illuminant", name)?).map_err(DesignError::from)?)
         }
+        Err(IlluminantError::Unknown { .. }) if Path::new(name).extension().is_some_and(|e| e == "csv") => {
+            Err(Failure::input(
+                format!("--illuminant {name}: there is no such file"),
+                "a CSV file with a head line `wavelength_nm,power`, or the name of a light such as D65",
+            ))
+        }
         found => Ok(found.map_err(DesignError::from)?),
     }
 }
