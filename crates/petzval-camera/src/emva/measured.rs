@@ -88,18 +88,20 @@ pub enum Unresolved {
 impl fmt::Display for Unresolved {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooFewPoints { got, need } => write!(f, "{got} usable points, {need} are needed"),
+            Self::TooFewPoints { got, need } => {
+                write!(f, "{}, {need} are needed", counted(*got, "usable point"))
+            }
             Self::AllSaturated => f.write_str("every flat point is clipped or above 70 % of saturation"),
             Self::NoFlat => f.write_str("no flat frames with dark ones of their exposure time"),
             Self::TooFewGains { got, need } => {
-                write!(f, "{got} linear gains with all they need, {need} are needed")
+                write!(f, "{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))
             }
             Self::FewInLinearRange(got) => {
-                write!(f, "{got} points within 5 to 95 % of saturation, two or more are needed")
+                write!(f, "{} within 5 to 95 % of saturation, two or more are needed", counted(*got, "point"))
             }
             Self::OneLight => f.write_str("one exposure time and no photons: the light is not known"),
             Self::TooFewExposures { got, need } => {
-                write!(f, "{got} different exposure times, {need} are needed")
+                write!(f, "{}, {need} are needed", counted(*got, "different exposure time"))
             }
             Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
             Self::WithinNoise { value, standard_error } => {
@@ -115,6 +117,11 @@ impl fmt::Display for Unresolved {
             Self::NotFinite => f.write_str("a division by zero signal"),
         }
     }
+}
+
+/// So many of something, `1 point`, `3 points`.
+fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 impl Serialize for Unresolved {
