@@ -43,6 +43,7 @@ pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
         let ends = [panel.x.low, panel.x.high];
         panel.curves.push(straight(Pen::thin(NEUTRAL), 1e-3 * slope, intercept, ends));
     }
+    panel.notes_left = true;
     panel.notes.push(match with_error(&dark.mean.slope) {
         Some(slope) => format!("slope {slope} DN/s"),
         None => dark.mean.slope.reason().map_or(String::new(), |why| format!("slope not resolved: {why}")),
@@ -83,6 +84,7 @@ pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
                 panel.notes.push(format!("χ²/ν = {:.2}", squares / (at.len() - 2) as f64));
             }
         }
+        panel.notes_left = true;
         panel.points.push(Points { colour: colour.into(), marker, is_hollow: false, at });
         panel
     };

@@ -17,6 +17,11 @@ use crate::plot::{Axis, Curve, Key, Pen, Sheet};
 /// Points of a curve over the whole axis.
 const STEPS: usize = 120;
 
+/// The pen of the threshold and of saturation.
+fn marks(colour: &str) -> Pen {
+    Pen { width: 0.8, ..Pen::thin(colour) }.dashed()
+}
+
 fn figure(channel: &ChannelResult, name: &str) -> Option<f64> {
     channel.figure(name)?.best().value()
 }
@@ -56,7 +61,7 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
 
     let ideal = Pen { width: 2.0, ..Pen::thin(IDEAL) };
     panel.curves.push(Curve::over(ideal.clone(), 0, &grid, grid.iter().map(|p| Some(p.sqrt()))));
-    let mut has_total = false;
+    let (mut has_total, mut has_marks) = (false, false);
     for (channel, gain) in &channels {
         let colour = Some(channel.colour);
         // Electrons per unit of the axis.
@@ -82,6 +87,13 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
                 panel.curves.push(Curve::over(Pen::thin(colour_of(colour)).dashed(), 0, &grid, total));
             }
         }
+        for name in if in_photons { ["u_p_min", "u_p_sat"] } else { ["u_e_min", "u_e_sat"] } {
+            if let Some(mark) = figure(channel, name) {
+                let points = [panel.y.low, panel.y.high].map(|y| Some([mark, y])).into();
+                panel.curves.push(Curve { pen: marks(colour_of(colour)), index: 0, points });
+                has_marks = true;
+            }
+        }
         let at = before(channel).filter_map(|p| Some(((light(p, unit(*gain))?, ratio(p), 0.0), true)));
         panel.points.extend(points_of(colour, at));
     }
@@ -92,6 +104,9 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
     }
     let best = if in_photons { "ideal sensor: √photons" } else { "shot noise alone: √electrons" };
     keys.push(Key::pen(ideal, best));
+    if has_marks {
+        keys.push(Key::pen(marks("#5f6670"), "threshold, saturation capacity"));
+    }
     let around = Around {
         class: "snr",
         title: "Signal-to-noise ratio",

@@ -98,7 +98,7 @@ fn told_before(plan: &Plan, frames: usize, bytes: u64) {
     eprintln!("{frames} frames, {most}{} MB{instead}", megabytes(bytes));
     if plan.quantum_efficiency.is_none() && plan.wavelength_um.is_none() {
         eprintln!(
-            "the list states no photons: the sensor file has no quantum efficiency; --quantum-efficiency gives one"
+            "the list states no photons; --quantum-efficiency QE gives them, or --wavelength UM where the sensor file has curves"
         );
     }
 }
