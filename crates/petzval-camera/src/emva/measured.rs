@@ -101,7 +101,7 @@ impl fmt::Display for Unresolved {
             }
             Self::OneLight => f.write_str("one exposure time and no photons: the light is not known"),
             Self::TooFewExposures { got, need } => {
-                write!(f, "{}, {need} are needed", counted(*got, "different exposure time"))
+                write!(f, "{}, {need} are needed", counted(*got, "exposure time"))
             }
             Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
             Self::WithinNoise { value, standard_error } => {
@@ -235,6 +235,18 @@ impl Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reasons_count_what_there_is() {
+        let said = |why: Unresolved| why.to_string();
+        assert_eq!(
+            said(Unresolved::TooFewGains { got: 1, need: 3 }),
+            "1 linear gain with K and a dark series, 3 are needed"
+        );
+        assert_eq!(said(Unresolved::TooFewPoints { got: 0, need: 2 }), "0 usable points, 2 are needed");
+        assert!(said(Unresolved::TooFewExposures { got: 1, need: 3 }).starts_with("1 exposure time,"));
+        assert!(said(Unresolved::FewInLinearRange(1)).starts_with("1 point within"));
+    }
 
     #[test]
     fn errors_propagate_and_reasons_stay() {

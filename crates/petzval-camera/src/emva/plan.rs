@@ -201,8 +201,8 @@ impl Plan {
     /// The points in the order of their frames. `sensor` is as the light of the plan finds it.
     pub(super) fn points_lit(&self, sensor: &SensorModel) -> Vec<PlannedPoint> {
         let longest = self.flat_ms.iter().fold(0.0_f64, |a, b| a.max(*b));
-        // How far a stack's exposure is from half of the range.
-        let off_half = |ms: &f64| (self.level * ms / longest - 0.5).abs();
+        // How far a stack's exposure is from half of the range; of two that are as far, but for rounding, the first.
+        let off_half = |ms: &f64| (1e9 * (self.level * ms / longest - 0.5).abs()).round();
         let half = self.flat_ms.iter().min_by(|a, b| off_half(a).total_cmp(&off_half(b)));
         let mut points = Vec::new();
         let mut frames = 0;

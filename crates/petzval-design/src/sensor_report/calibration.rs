@@ -15,7 +15,7 @@ pub(super) fn gains(all: &Characterization) -> Markup {
     let mut reasons = Reasons::default();
     html! {
         div.scroll {
-            table {
+            table.figures {
                 thead {
                     tr {
                         th { "gain" }

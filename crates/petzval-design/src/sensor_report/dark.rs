@@ -32,7 +32,7 @@ fn time_axis(gain: &GainResult, ticks: usize) -> Axis {
 /// Mean of the dark frames of the shown gain, with its line: dark current.
 pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
     let dark = &shown.gain.dark;
-    if dark.points.is_empty() {
+    if dark.points.len() < 2 {
         return None;
     }
     let at: Vec<_> = dark.points.iter().map(|p| (1e3 * p.exposure_s, p.mean_dn, p.mean_se_dn)).collect();
@@ -61,7 +61,7 @@ pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
 
 /// Variance of the dark frames of every gain, with its line (Fig. 6 of Tseng et al.).
 pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
-    let gains: Vec<&GainResult> = all.gains.iter().filter(|g| !g.dark.points.is_empty()).collect();
+    let gains: Vec<&GainResult> = all.gains.iter().filter(|g| g.dark.points.len() > 1).collect();
     let panel = |(i, gain): (usize, &&GainResult)| {
         let dark = &gain.dark;
         let at: Vec<_> =

@@ -27,6 +27,7 @@ pub fn page(characterization: &Characterization) -> String {
             section { h2 { "Operating point" } (table::operating_point(shown)) }
             section { h2 { "EMVA 1288 at linear " (gain_name(shown.gain.linear_gain)) } (table::figures(shown)) }
         }
+        @if !of_one.is_empty() { section { h2 { "Plots of EMVA 1288" } } }
         @for sheet in of_one { section { figure { (PreEscaped(sheet.svg())) } } }
         section {
             h2 { "Calibration over all gains" }

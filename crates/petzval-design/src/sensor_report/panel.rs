@@ -11,7 +11,7 @@ const BELOW_PX: f64 = 76.0;
 const ABOVE_PX: [f64; 2] = [14.0, 30.0];
 /// Radius of a measured point, px, and that of points so close that they would hide each other.
 const POINT_PX: f64 = 3.4;
-const CROWDED_PX: f64 = 2.2;
+const CROWDED_PX: f64 = 2.6;
 
 /// Measured points.
 #[derive(Clone, Debug)]

@@ -1,9 +1,15 @@
-//! Why numbers of a table are not resolved: a mark in the cell, and one list of the reasons below the table.
+//! Why numbers of a table are not resolved: a letter in the cell, and one list of the reasons below the table.
 
 use maud::{Markup, html};
 use petzval_camera::emva::{Measured, Unresolved};
 
 use super::style::with_error;
+
+/// The i-th letter; beyond z they begin again with a digit.
+fn nth_letter(i: usize) -> String {
+    let letter = char::from(b'a' + (i % 26) as u8);
+    if i < 26 { letter.to_string() } else { format!("{letter}{}", i / 26) }
+}
 
 /// The reasons of a table in the order in which they came up.
 #[derive(Debug, Default)]
@@ -12,7 +18,7 @@ pub(super) struct Reasons {
 }
 
 impl Reasons {
-    /// A measured value, or the number of the reason why there is none.
+    /// A measured value, or the letter of the reason why there is none.
     pub fn cell(&mut self, value: &Measured) -> Markup {
         if let Some(text) = with_error(value) {
             return html! { (text) };
@@ -26,20 +32,20 @@ impl Reasons {
             Unresolved::NegativeVariance(_) => ("the variance is negative".to_owned(), None),
             other => (other.to_string(), None),
         };
-        let number = self.number(reason);
+        let letter = self.letter(reason);
         html! {
-            span.unresolved { "not resolved" sup { (number) } }
+            span.unresolved { "not resolved" sup { (letter) } }
             @if let Some(found) = found { span.why { (found) } }
         }
     }
 
-    /// Counted from 1; the same reason has the same number.
-    fn number(&mut self, reason: String) -> usize {
+    /// The letter of a reason; the same one has the same letter.
+    fn letter(&mut self, reason: String) -> String {
         let place = self.all.iter().position(|r| *r == reason).unwrap_or_else(|| {
             self.all.push(reason);
             self.all.len() - 1
         });
-        place + 1
+        nth_letter(place)
     }
 
     /// The list that stands below the table.
@@ -50,7 +56,7 @@ impl Reasons {
                     "Not resolved: "
                     @for (i, reason) in self.all.iter().enumerate() {
                         @if i > 0 { "; " }
-                        sup { (i + 1) } " " (reason)
+                        sup { (nth_letter(i)) } " " (reason)
                     }
                     "."
                 }
@@ -70,8 +76,9 @@ mod tests {
         let noise = |value| Measured::none(Unresolved::WithinNoise { value, standard_error: 135.0 });
         let cells = [&photons, &noise(107.7), &noise(-20.0), &photons, &Measured::new(2.0, 0.1)]
             .map(|m| reasons.cell(m).into_string());
-        let number = |cell: &str| cell.split("<sup>").nth(1).and_then(|t| t.chars().next());
-        assert_eq!(cells.each_ref().map(|c| number(c)), [Some('1'), Some('2'), Some('2'), Some('1'), None]);
+        let letter = |cell: &str| cell.split("<sup>").nth(1).and_then(|t| t.chars().next());
+        assert_eq!(cells.each_ref().map(|c| letter(c)), [Some('a'), Some('b'), Some('b'), Some('a'), None]);
+        assert_eq!([0, 25, 26, 53].map(nth_letter), ["a", "z", "a1", "b2"]);
         assert!(cells[1].contains("108 ± 135") || cells[1].contains("110 ± 135"), "{}", cells[1]);
         assert_eq!(cells[4], "2.00 ± 0.10");
         let list = reasons.list().into_string();

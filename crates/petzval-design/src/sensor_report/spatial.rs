@@ -182,7 +182,8 @@ fn histogram_panels(
         let (low, high) = span(found().flat_map(|(_, h)| edges(h))).unwrap_or((0.0, 1.0));
         let counts = found().flat_map(|(_, h)| h.values.clone()).filter(|v| *v > 0.0);
         let (least, most) = span(counts).unwrap_or((1.0, 10.0));
-        let y = Axis::decades(least.min(0.9 * most), most);
+        // A single pixel is a bar, not the foot of the frame.
+        let y = Axis::decades(0.5 * least, most);
         let mut panel = Panel::new(stack.name(), names, Axis::between(low, high, 6), y);
         for (channel, histogram) in found() {
             let colour = colour_of(Some(channel.colour));
