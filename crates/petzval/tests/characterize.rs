@@ -258,7 +258,7 @@ fn corrupt_and_incomplete_captures_are_named() {
     let frame = "gain-2/flat-5ms-1.png";
     case(
         "no-list",
-        &|c| std::fs::remove_file(c.join("captures.toml")).unwrap(),
+        &|c| ["captures.toml", "series.toml"].iter().for_each(|f| std::fs::remove_file(c.join(f)).unwrap()),
         &["neither captures.toml nor"],
     );
     case(

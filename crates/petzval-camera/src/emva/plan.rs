@@ -91,7 +91,7 @@ pub struct PlannedPoint {
     pub linear_gain: f64,
     /// Exposure time, ms.
     pub exposure_ms: f64,
-    /// Electrons of a green (or clear) pixel; 0 in the dark.
+    /// Electrons of a pixel of response 1: green or clear in white light, the brightest in light of a wavelength; 0 in the dark.
     pub white_e: f64,
     /// Number of its first frame in the series.
     pub first_frame: u64,
@@ -131,7 +131,7 @@ impl Plan {
         let (least, most) =
             responses.iter().fold((f64::MAX, 1e-9_f64), |(low, high), r| (low.min(*r), high.max(*r)));
         let level = EMVA_BEYOND * (most / least).clamp(1.0, WEAKEST_COLOUR);
-        let flats = (EMVA_EXPOSURES * level).round() as usize;
+        let flats = (EMVA_EXPOSURES * level - 1e-9).ceil() as usize;
         let dark_s = derived(sensor, gain).dark_noise_e.powi(2) / sensor.dark_current_e_per_s;
         let [shortest, ..] = DARK_LONGEST_MS;
         let longest = DARK_LONGEST_MS.into_iter().rfind(|ms| *ms <= 1e3 * dark_s).unwrap_or(shortest);
