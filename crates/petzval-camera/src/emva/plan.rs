@@ -13,8 +13,8 @@ const EMVA_EXPOSURES: f64 = 50.0;
 const EMVA_STEP_MS: f64 = 0.5;
 /// Light of the longest exposure over that which saturates: saturation is seen where the signal no longer grows.
 const EMVA_BEYOND: f64 = 1.2;
-/// A colour that answers the light this much less than the brightest is not driven into saturation.
-const WEAKEST_COLOUR: f64 = 2.0;
+/// Share of the response of the brightest colour from which on a colour is driven into saturation too.
+const WEAKEST_COLOUR: f64 = 0.5;
 /// Frames of a stack: they leave a tenth of the temporal noise in the mean frame.
 const EMVA_STACK: usize = 100;
 /// Longest exposure times of a series for the dark current, ms, and the number of its equal steps (the standard asks for
@@ -128,9 +128,10 @@ impl Plan {
             ..Self::default()
         };
         let responses = responses(&plan.lit(sensor).map_or_else(|_| sensor.clone(), |lit| lit.sensor));
-        let (least, most) =
-            responses.iter().fold((f64::MAX, 1e-9_f64), |(low, high), r| (low.min(*r), high.max(*r)));
-        let level = EMVA_BEYOND * (most / least).clamp(1.0, WEAKEST_COLOUR);
+        let most = responses.iter().copied().fold(1e-9, f64::max);
+        let is_strong = |response: &f64| *response >= WEAKEST_COLOUR * most;
+        let least = responses.into_iter().filter(is_strong).fold(most, f64::min);
+        let level = EMVA_BEYOND * most / least;
         let flats = (EMVA_EXPOSURES * level - 1e-9).ceil() as usize;
         let dark_s = derived(sensor, gain).dark_noise_e.powi(2) / sensor.dark_current_e_per_s;
         let [shortest, ..] = DARK_LONGEST_MS;
@@ -379,7 +380,10 @@ mod tests {
         assert!((lit.sensor.relative_qe[2] - blue / most).abs() < 1e-12);
         // Left to itself, the series takes the light that green sees best; a stated efficiency leaves the light white.
         let (peak, _) = curves.peak(Colour::Green).unwrap();
-        assert_eq!(Plan::emva(&sensor, None, None).wavelength_um, Some(peak));
+        let emva = Plan::emva(&sensor, None, None);
+        assert_eq!(emva.wavelength_um, Some(peak));
+        // Red and blue answer it with less than half of green: the series ends where green is saturated.
+        assert!((emva.level - EMVA_BEYOND).abs() < 1e-12 && emva.flat_ms.len() == 60, "{}", emva.level);
         assert_eq!(Plan::emva(&sensor, Some(0.5), None).wavelength_um, None);
         let stated = Plan { quantum_efficiency: Some(0.5), ..plan.clone() }.lit(&sensor).unwrap();
         assert_eq!((stated.photons_per_e, stated.sensor), (Some(2.0), sensor.clone()));
