@@ -171,14 +171,14 @@ pub(super) fn model(all: &Characterization) -> Markup {
                 }
                 tbody {
                     @for (text, meaning, unit, value, fitted, paper) in &rows {
-                            tr {
-                                th { (symbol(text)) }
-                                td.meaning { (meaning) }
-                                td.unit-cell { (unit) }
-                                td { (value) }
-                                @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
-                                @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
-                            }
+                        tr {
+                            th { (symbol(text)) }
+                            td.meaning { (meaning) }
+                            td.unit-cell { (unit) }
+                            td { (value) }
+                            @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
+                            @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
+                        }
                     }
                 }
             }
