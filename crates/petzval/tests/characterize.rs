@@ -37,6 +37,124 @@ fn a_sensor_is_shown_with_what_follows_from_it() {
     );
 }
 
+/// A monochrome sensor with everything that a sheet asks about; its converter ends before the full well.
+const UNEVEN: &str = r#"name = "uneven"
+source = "a test"
+height = 120
+width = 160
+pixel_um = 3.45
+bits = 12
+black_level_dn = 64.0
+gain_dn_per_e = 0.3799999999999999
+full_well_e = 12000.0
+dark_current_e_per_s = 25.0
+read_noise_mean_e = 0.0
+read_noise_e = 2.3
+electronics_mean_dn = 0.0
+electronics_noise_dn = 0.3
+electronics = "before_adc"
+relative_qe = [1.0, 1.0, 1.0]
+cfa = "mono"
+gain_steps = [1.0, 2.0]
+[nonuniformity]
+dsnu_pixel_e = 2.0
+dsnu_row_e = 0.6
+dsnu_column_e = 0.8
+prnu_pixel_percent = 0.8
+prnu_row_percent = 0.3
+prnu_column_percent = 0.3
+[quantum_efficiency]
+wavelength_um = [0.4, 0.53, 0.9]
+clear = [0.4, 0.65, 0.1]
+"#;
+
+#[test]
+fn a_sensor_is_shown_and_listed_in_a_few_digits() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("uneven.toml"), UNEVEN).unwrap();
+    let text = run_ok(folder.path(), &["sensor", "show", "uneven.toml"]).stdout;
+    for line in [
+        "system gain K 0.38 DN/e-",
+        "colour filters none (monochrome)",
+        "linear gains 1, 2",
+        "quantum efficiency 65 % at 0.53 um, the highest",
+        "DSNU, pixels 2 e-",
+        "PRNU, columns 0.3 %",
+        "pixels 160 x 120 of 3.45 um: 0.55 x 0.41 mm",
+    ] {
+        let is_it = |l: &str| l.split_whitespace().collect::<Vec<_>>().join(" ").starts_with(line);
+        assert!(text.lines().any(is_it), "{line}:\n{text}");
+    }
+    assert!(!text.contains("over green") && !text.contains("hot pixels"), "{text}");
+    let colour = run_ok(folder.path(), &["sensor", "show", "imx249-fitted"]).stdout;
+    assert!(colour.contains("red over green") && colour.contains("non-uniformity"), "{colour}");
+
+    let listed = run_ok(folder.path(), &["sensor", "list"]).stdout;
+    let json = run_ok(folder.path(), &["sensor", "list", "--json"]).json();
+    assert_eq!(json.as_array().unwrap().len() + 1, listed.lines().count());
+    for sensor in json.as_array().unwrap() {
+        let name = sensor["name"].as_str().unwrap();
+        assert!(listed.lines().any(|l| l.starts_with(name)), "{name}: {listed}");
+        assert!(sensor["source"].as_str().unwrap().len() > 20, "{name}");
+        run_ok(folder.path(), &["sensor", "show", name]);
+    }
+}
+
+#[test]
+fn the_series_of_the_standard_fills_the_sheet() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("uneven.toml"), UNEVEN).unwrap();
+    let args = ["sensor", "capture", "uneven.toml", "--out", "series", "--emva", "--stack", "25"];
+    let captured = run_ok(folder.path(), &args);
+    // 60 flat and 60 + 10 dark pairs, one of which is among the 60, and two stacks of 25.
+    assert!(captured.says("308 frames, 12 MB"), "{}", captured.stderr);
+    let list = read(&at("series/captures.toml"));
+    assert!(list.contains("wavelength_um = 0.53") && list.contains("photons"), "{list}");
+    let measured =
+        run_ok(folder.path(), &["sensor", "characterize", "series/captures.toml", "--json"]).json();
+    let channel = &measured["gains"][0]["channels"][0];
+    let figure = |name: &str| {
+        let all = channel["figures"].as_array().unwrap();
+        let found = all.iter().find(|f| f["name"] == name).unwrap();
+        let best = found.get("corrected").unwrap_or(&found["value"]);
+        let number = |key: &str| best[key].as_f64().unwrap_or_else(|| panic!("{name}: {best}"));
+        (number("value"), number("standard_error"))
+    };
+    for (name, truth) in [
+        ("K", 0.38),
+        ("QE", 65.0),
+        ("DSNU1288_pixel", 2.0),
+        ("DSNU1288_row", 0.6),
+        ("DSNU1288_col", 0.8),
+        ("PRNU1288_pixel", 0.8),
+        ("PRNU1288_row", 0.3),
+        ("PRNU1288_col", 0.3),
+    ] {
+        let (value, se) = figure(name);
+        // Eight figures at once: five standard errors, and for the specimen's own draw a share of its rows' number.
+        let specimen = if name.contains("row") || name.contains("col") { 0.3 * truth } else { 0.03 * truth };
+        assert!((value - truth).abs() < 5.0 * se + specimen, "{name}: {value} +- {se}, not {truth}");
+    }
+    // Every figure of the printed sheet is told.
+    let text = run_ok(folder.path(), &["sensor", "characterize", "series"]).stdout;
+    let sheet = text.split("gain 1, mono").nth(1).unwrap();
+    assert!(!sheet.contains("not resolved"), "{text}");
+    assert!(text.contains("sensor capture --gains 1,2,4") && !text.contains("over green"), "{text}");
+
+    // What stopped half-way is said to be so, and goes on.
+    std::fs::remove_file(at("series/captures.toml")).unwrap();
+    let half = ["sensor", "characterize", "series"];
+    run_fails(folder.path(), &half, 2, &["series.toml without captures.toml", "capture` again"]);
+    run_ok(folder.path(), &args);
+    assert_eq!(read(&at("series/captures.toml")), list);
+    let frame = ["sensor", "characterize", "uneven.toml"];
+    run_fails(folder.path(), &frame, 2, &["no list of captures", "captures.toml"]);
+    // Light that the sensor file does not tell about.
+    let args = ["sensor", "capture", "imx273-mono", "--out", "no", "--emva", "--wavelength", "0.5"];
+    run_fails(folder.path(), &args, 2, &["wavelength", "no quantum efficiency"]);
+}
+
 #[test]
 fn captures_are_simulated_and_measured() {
     let folder = tempfile::tempdir().unwrap();
@@ -140,7 +258,7 @@ fn corrupt_and_incomplete_captures_are_named() {
     let frame = "gain-2/flat-5ms-1.png";
     case(
         "no-list",
-        &|c| std::fs::remove_file(c.join("captures.toml")).unwrap(),
+        &|c| ["captures.toml", "series.toml"].iter().for_each(|f| std::fs::remove_file(c.join(f)).unwrap()),
         &["neither captures.toml nor"],
     );
     case(

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use petzval_optics::format::{FileError, decode};
 use serde::Serialize;
 
+use super::series::SERIES;
 use super::{descriptor, manifest};
 use crate::raw_file::RawFileError;
 use crate::sensor::CfaPattern;
@@ -116,6 +117,12 @@ pub enum CaptureError {
     /// There is no list of captures.
     #[error("{}: neither {MANIFEST} nor {DESCRIPTOR} is in this folder", .0.display())]
     NoList(PathBuf),
+    /// There is no list of captures yet: the simulation of the series was interrupted.
+    #[error("{}: {SERIES} without {MANIFEST}: the captures of this series are not complete", .0.display())]
+    Unfinished(PathBuf),
+    /// A file is given for a folder.
+    #[error("{}: a file, but no list of captures", .0.display())]
+    NoFolder(PathBuf),
     /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
@@ -214,8 +221,15 @@ pub enum CaptureError {
 }
 
 impl Captures {
-    /// Reads the list of captures of a folder and looks that every frame is there.
-    pub fn open(folder: &Path) -> Result<Self, CaptureError> {
+    /// Reads the list of captures of a folder and looks that every frame is there. The path of the list itself will do.
+    pub fn open(path: &Path) -> Result<Self, CaptureError> {
+        let is_list = path.file_name().is_some_and(|name| name == MANIFEST || name == DESCRIPTOR);
+        let folder = match (path.is_file(), is_list, path.parent()) {
+            (true, true, Some(folder)) if folder.as_os_str().is_empty() => Path::new("."),
+            (true, true, Some(folder)) => folder,
+            (true, ..) => return Err(CaptureError::NoFolder(path.to_owned())),
+            (false, ..) => path,
+        };
         let (ours, theirs) = (folder.join(MANIFEST), folder.join(DESCRIPTOR));
         if !folder.is_dir() {
             let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
@@ -224,6 +238,9 @@ impl Captures {
         let (list, ours) = match (ours.is_file(), theirs.is_file()) {
             (true, _) => (ours, true),
             (false, true) => (theirs, false),
+            (false, false) if folder.join(SERIES).is_file() => {
+                return Err(CaptureError::Unfinished(folder.to_owned()));
+            }
             (false, false) => return Err(CaptureError::NoList(folder.to_owned())),
         };
         let bytes = std::fs::read(&list).map_err(|source| CaptureError::Io { path: list.clone(), source })?;

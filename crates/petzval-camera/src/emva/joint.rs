@@ -95,7 +95,7 @@ pub struct GainInput<'a> {
 }
 
 /// Gains that a line over the gains needs: two would leave nothing to check it by.
-const GAINS: usize = 3;
+pub const GAINS: usize = 3;
 
 /// Fits all gains together.
 pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> JointFit {

@@ -88,18 +88,20 @@ pub enum Unresolved {
 impl fmt::Display for Unresolved {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooFewPoints { got, need } => write!(f, "{got} usable points, {need} are needed"),
+            Self::TooFewPoints { got, need } => {
+                write!(f, "{}, {need} are needed", counted(*got, "usable point"))
+            }
             Self::AllSaturated => f.write_str("every flat point is clipped or above 70 % of saturation"),
             Self::NoFlat => f.write_str("no flat frames with dark ones of their exposure time"),
             Self::TooFewGains { got, need } => {
-                write!(f, "{got} linear gains with all they need, {need} are needed")
+                write!(f, "{} with K and a dark series, {need} are needed", counted(*got, "linear gain"))
             }
             Self::FewInLinearRange(got) => {
-                write!(f, "{got} points within 5 to 95 % of saturation, two or more are needed")
+                write!(f, "{} within 5 to 95 % of saturation, two or more are needed", counted(*got, "point"))
             }
             Self::OneLight => f.write_str("one exposure time and no photons: the light is not known"),
             Self::TooFewExposures { got, need } => {
-                write!(f, "{got} different exposure times, {need} are needed")
+                write!(f, "{}, {need} are needed", counted(*got, "exposure time"))
             }
             Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
             Self::WithinNoise { value, standard_error } => {
@@ -115,6 +117,11 @@ impl fmt::Display for Unresolved {
             Self::NotFinite => f.write_str("a division by zero signal"),
         }
     }
+}
+
+/// So many of something, `1 point`, `3 points`.
+fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 impl Serialize for Unresolved {
@@ -249,6 +256,18 @@ impl Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reasons_count_what_there_is() {
+        let said = |why: Unresolved| why.to_string();
+        assert_eq!(
+            said(Unresolved::TooFewGains { got: 1, need: 3 }),
+            "1 linear gain with K and a dark series, 3 are needed"
+        );
+        assert_eq!(said(Unresolved::TooFewPoints { got: 0, need: 2 }), "0 usable points, 2 are needed");
+        assert!(said(Unresolved::TooFewExposures { got: 1, need: 3 }).starts_with("1 exposure time,"));
+        assert!(said(Unresolved::FewInLinearRange(1)).starts_with("1 point within"));
+    }
 
     #[test]
     fn errors_propagate_and_reasons_stay() {

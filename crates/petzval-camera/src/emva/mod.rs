@@ -16,7 +16,7 @@
 //! | whether they tell of a sensor at all | [`usable`] |
 //! | what is odd about the captures | [`warning`], [`warning_lines`] |
 //! | as files: sensor, XML | [`sensor_file`], [`mod@result_xml`] |
-//! | captures out of a sensor | [`series`] |
+//! | captures out of a sensor | [`plan`], [`series`] |
 //! | figures of a sensor file | [`mod@derived`] |
 //!
 //! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
@@ -35,6 +35,7 @@ pub mod histogram_fit;
 pub mod joint;
 pub mod manifest;
 pub mod measured;
+pub mod plan;
 pub mod pmf;
 pub mod point;
 pub mod result_xml;
@@ -57,9 +58,10 @@ pub use high_pass::HighPass;
 pub use histogram_fit::{HistogramComparison, HistogramFit};
 pub use joint::JointFit;
 pub use measured::{Measured, Unresolved};
+pub use plan::{Plan, PlannedPoint};
 pub use result_xml::{Values, result_xml};
 pub use sensor_file::sensor_toml;
-pub use series::{Plan, Written, write_series};
+pub use series::{Written, write_series};
 pub use spatial::Spatial;
 pub use warning::Warning;
 pub use warning_lines::warning_lines;

@@ -75,6 +75,18 @@ fn even_response() -> [f64; CHANNELS] {
     [1.0 / 3.0; CHANNELS]
 }
 
+/// Says of a key that stands where it is not known that it is one of `[nonuniformity]`.
+fn in_its_table(error: FileError) -> FileError {
+    let known = toml::Table::try_from(NonUniformity::default()).unwrap_or_default();
+    match known.contains_key(&error.key) && error.message.starts_with("no such key") {
+        true => {
+            let hint = format!("`{}` belongs below a line `[nonuniformity]`", error.key);
+            error.hint(hint)
+        }
+        false => error,
+    }
+}
+
 /// A number of a sensor outside its physical range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{key} is {value}, outside {low}..{high}")]
@@ -94,7 +106,7 @@ pub struct OutOfRange {
 impl SensorModel {
     /// Reads and checks a sensor file.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        let sensor: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let sensor: Self = toml::from_str(text).map_err(|e| in_its_table(FileError::from_toml(text, &e)))?;
         sensor.validate().map_err(|wrong| {
             let path: Vec<&str> = wrong.key.split('.').collect();
             FileError::at_key(text, &path, wrong.to_string()).hint(format!("give {}", wrong.meaning))
@@ -272,11 +284,19 @@ mod tests {
             ("[0.3, 0.4, 0.3]", "[0.3, -0.4, 0.3]", "clear_response"),
             ("[0.3, 0.4, 0.3]", "[0.0, 0.0, 0.0]", "clear_response"),
             ("dsnu_pixel_e = 2.0", "dsnu_pixels_e = 2.0", "dsnu_pixels_e"),
+            ("hot_pixel_share = 0.01", "prnu_pixel = 1.0", "prnu_pixel"),
+            ("gain_steps = ", "prnu_pixel_percent = 1.0\ngain_steps = ", "prnu_pixel_percent"),
         ] {
             let text = uneven.replace(from, to);
             let error = SensorModel::from_toml(&text).unwrap_err();
             let line = text.lines().position(|l| l.starts_with(key)).map(|i| i as u32 + 1);
             assert_eq!((error.line, error.key.as_str()), (line, key), "{error}");
+            let says = match key {
+                "prnu_pixel" => "did you mean `prnu_pixel_percent`?",
+                "prnu_pixel_percent" => "belongs below a line `[nonuniformity]`",
+                _ => continue,
+            };
+            assert_eq!(error.hint.as_deref().map(|hint| hint.contains(says)), Some(true), "{error}");
         }
     }
 

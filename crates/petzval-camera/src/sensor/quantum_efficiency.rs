@@ -165,6 +165,13 @@ impl QuantumEfficiency {
             .ok()
     }
 
+    /// Wavelength (um) and value of the highest efficiency of a colour, factors included; of several alike the shortest.
+    pub fn peak(&self, colour: Colour) -> Option<(f64, f64)> {
+        let curve = self.curve(colour)?;
+        let samples = curve.wavelength_um().iter().copied().zip(curve.value().iter().copied());
+        samples.reduce(|best, next| if next.1 > best.1 { next } else { best })
+    }
+
     /// The same curves with the `alpha` and `beta` for which red over green and blue over green signal under `radiance`
     /// (W m-2 sr-1 nm-1) are `red_over_green` and `blue_over_green`, as measured on a white surface.
     ///
@@ -207,7 +214,10 @@ mod tests {
     fn the_shipped_curves_read() {
         for text in [CURVES, include_str!("../../../../data/quantum-efficiency/ov5647.toml")] {
             let curves = QuantumEfficiency::from_toml(text).unwrap();
-            assert!(curves.curve(Colour::Clear).is_none());
+            assert!(curves.curve(Colour::Clear).is_none() && curves.peak(Colour::Clear).is_none());
+            let (um, efficiency) = curves.peak(Colour::Green).unwrap();
+            let green = curves.curve(Colour::Green).unwrap();
+            assert!((0.5..0.56).contains(&um) && green.value().iter().all(|q| *q <= efficiency));
             let [red, green, blue] =
                 [Colour::Red, Colour::Green, Colour::Blue].map(|c| curves.curve(c).unwrap());
             assert!(

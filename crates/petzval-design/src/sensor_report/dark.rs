@@ -32,7 +32,7 @@ fn time_axis(gain: &GainResult, ticks: usize) -> Axis {
 /// Mean of the dark frames of the shown gain, with its line: dark current.
 pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
     let dark = &shown.gain.dark;
-    if dark.points.is_empty() {
+    if dark.points.len() < 2 {
         return None;
     }
     let at: Vec<_> = dark.points.iter().map(|p| (1e3 * p.exposure_s, p.mean_dn, p.mean_se_dn)).collect();
@@ -43,6 +43,7 @@ pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
         let ends = [panel.x.low, panel.x.high];
         panel.curves.push(straight(Pen::thin(NEUTRAL), 1e-3 * slope, intercept, ends));
     }
+    panel.notes_left = true;
     panel.notes.push(match with_error(&dark.mean.slope) {
         Some(slope) => format!("slope {slope} DN/s"),
         None => dark.mean.slope.reason().map_or(String::new(), |why| format!("slope not resolved: {why}")),
@@ -60,7 +61,7 @@ pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
 
 /// Variance of the dark frames of every gain, with its line (Fig. 6 of Tseng et al.).
 pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
-    let gains: Vec<&GainResult> = all.gains.iter().filter(|g| !g.dark.points.is_empty()).collect();
+    let gains: Vec<&GainResult> = all.gains.iter().filter(|g| g.dark.points.len() > 1).collect();
     let panel = |(i, gain): (usize, &&GainResult)| {
         let dark = &gain.dark;
         let at: Vec<_> =
@@ -83,6 +84,7 @@ pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
                 panel.notes.push(format!("χ²/ν = {:.2}", squares / (at.len() - 2) as f64));
             }
         }
+        panel.notes_left = true;
         panel.points.push(Points { colour: colour.into(), marker, is_hollow: false, at });
         panel
     };

@@ -15,8 +15,11 @@ fn standing_for(channels: &[ChannelResult]) -> Option<&ChannelResult> {
     channels.iter().find(|c| c.colour == Colour::Green).or_else(|| channels.first())
 }
 
-/// Variance over signal at every gain, with the fitted gains.
+/// Variance over signal at every gain, with the fitted gains. Of one gain the photon transfer shows it already.
 pub(super) fn all_gains(all: &Characterization) -> Option<Sheet> {
+    if all.gains.len() < 2 {
+        return None;
+    }
     let of_gain = all.gains.iter().enumerate();
     let channels: Vec<(usize, f64, &ChannelResult)> =
         of_gain.filter_map(|(i, g)| Some((i, g.linear_gain, standing_for(&g.channels)?))).collect();

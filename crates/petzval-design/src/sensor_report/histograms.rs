@@ -5,17 +5,23 @@ use petzval_camera::emva::{Characterization, HistogramComparison, PointHistogram
 use petzval_camera::sensor::Colour;
 
 use super::panel::{Panel, Steps};
-use super::style::{Around, colour_name, colour_of, gain_name, sheet, short};
+use super::style::{Around, colour_name, colour_of, gain_name, sheet, short, significant};
 use crate::plot::{Axis, Curve, Key, KeyLine, Pen, Sheet, span};
 
 /// Exposures of a picture.
 const MOST_EXPOSURES: usize = 4;
 /// Most bars of a histogram; where there are more digital numbers, several are drawn as one.
-const MOST_BARS: usize = 300;
+const MOST_BARS: usize = 150;
+/// Spread of the core of a histogram, in standard deviations to either side of the median.
+const CORE_SIGMAS: f64 = 5.0;
+/// Share of the samples beyond the core from which on the frame says so.
+const LEAST_BEYOND: f64 = 1e-5;
 /// Bars up to which the simulated histogram is drawn as bars too.
 const FEW_BARS: usize = 60;
 /// Samples of a bar below which simulated counts are not drawn on a logarithmic scale.
 const LEAST_EXPECTED: f64 = 0.3;
+/// Numbers on the horizontal axis, about.
+const TICKS: usize = 4;
 /// Height of the frames of flat and of dark histograms, px.
 const FLAT_PX: f64 = 230.0;
 const DARK_PX: f64 = 210.0;
@@ -75,41 +81,56 @@ fn compared(all: &Characterization, kind: Kind) -> Option<(f64, Vec<Compared>)> 
             of.map(Compared::fitted).collect()
         }
         None => {
-            let of = all.histograms.iter().filter(|h| h.kind == kind && h.linear_gain == gain);
-            of.map(Compared::alone).collect()
+            // What is saturated is one bar at the end of the range.
+            let is_shown = |h: &&PointHistogram| h.kind == kind && h.linear_gain == gain && h.in_range;
+            all.histograms.iter().filter(is_shown).map(Compared::alone).collect()
         }
     };
     found.sort_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
     Some((gain, found))
 }
 
-/// Exposure times to show: all of a few, else some spread over them.
+/// Exposure times to show: all of a few, else those nearest to equal steps from the shortest to the longest.
 fn chosen_times(found: &[Compared]) -> Vec<f64> {
     let mut times: Vec<f64> = found.iter().map(|h| h.exposure_s).collect();
     times.dedup();
-    let n = times.len();
-    if n <= MOST_EXPOSURES {
+    let (Some(first), Some(last), true) = (times.first(), times.last(), times.len() > MOST_EXPOSURES) else {
         return times;
-    }
-    (0..MOST_EXPOSURES).map(|i| times[i * (n - 1) / (MOST_EXPOSURES - 1)]).collect()
+    };
+    let step = |i: usize| first + (last - first) * i as f64 / (MOST_EXPOSURES - 1) as f64;
+    let nearest =
+        |t: f64| times.iter().copied().min_by(|a, b| (a - t).abs().total_cmp(&(b - t).abs())).unwrap_or(t);
+    let mut chosen: Vec<f64> = (0..MOST_EXPOSURES).map(|i| nearest(step(i))).collect();
+    chosen.dedup();
+    chosen
 }
 
-/// Digital numbers from which on less than one in a hundred thousand samples lies beyond, on either side.
-fn bulk(h: &Compared) -> (f64, f64) {
-    let total: f64 = h.captured.iter().sum();
-    let reached = |places: &mut dyn Iterator<Item = usize>| {
-        let mut sum = 0.0;
-        for i in places {
-            sum += h.captured[i];
-            if sum >= 1e-5 * total {
-                return i;
-            }
-        }
-        0
+/// Digital number below which a share of the samples lies.
+fn quantile(h: &Compared, share: f64) -> f64 {
+    let wanted = share * h.captured.iter().sum::<f64>();
+    let mut sum = 0.0;
+    let reached = |count: &f64| {
+        sum += count;
+        sum >= wanted
     };
-    let n = h.captured.len();
-    let (low, high) = (reached(&mut (0..n)), reached(&mut (0..n).rev()));
-    (f64::from(h.first_dn) + low as f64, f64::from(h.first_dn) + high as f64)
+    f64::from(h.first_dn) + h.captured.iter().position(reached).unwrap_or(0) as f64
+}
+
+/// The core of a histogram, DN: some standard deviations about the median, as wide as the middle 68 % of the samples say, so
+/// that the few that are far off do not stretch it.
+fn core(h: &Compared) -> (f64, f64) {
+    let [low, middle, high] = [0.159, 0.5, 0.841].map(|share| quantile(h, share));
+    let reach = CORE_SIGMAS * (0.5 * (high - low)).max(0.5);
+    let last = f64::from(h.first_dn) + h.captured.len() as f64 - 1.0;
+    ((middle - reach).max(f64::from(h.first_dn)), (middle + reach).min(last))
+}
+
+/// Share of the samples beyond the core, on either side.
+fn share_beyond(h: &Compared) -> f64 {
+    let (low, high) = core(h);
+    let is_beyond = |i: usize| !(low..=high).contains(&(f64::from(h.first_dn) + i as f64));
+    let beyond: f64 = (0..h.captured.len()).filter(|i| is_beyond(*i)).map(|i| h.captured[i]).sum();
+    beyond / h.captured.iter().sum::<f64>().max(1.0)
 }
 
 /// Bars of so many digital numbers each, and the model at their middles. `x` counts digital numbers.
@@ -179,14 +200,14 @@ fn around(
 }
 
 /// A frame of the histograms of one exposure time.
-fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool, ticks: usize) -> Panel {
+fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
     let (low, high) = match is_logarithmic {
         // The whole tail.
         true => span(found.iter().flat_map(|h| {
             let first = f64::from(h.first_dn);
             [first, first + h.captured.len() as f64]
         })),
-        false => span(found.iter().flat_map(|h| [bulk(h).0, bulk(h).1])),
+        false => span(found.iter().flat_map(|h| <[f64; 2]>::from(core(h)))),
     }
     .unwrap_or((0.0, 1.0));
     let each = (((high - low) / MOST_BARS as f64).ceil() as usize).max(1);
@@ -195,7 +216,7 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool, ticks: usize) 
         .flat_map(|h| h.captured.chunks(each).map(|part| part.iter().sum::<f64>()))
         .fold(1.0, f64::max);
     let room = 0.02 * (high - low) + 1.0;
-    let x = Axis::between((low - room).max(-1.0), high + room, ticks);
+    let x = Axis::between((low - room).max(-1.0), high + room, TICKS);
     // Bars end below the notes.
     let notes = found.iter().filter(|h| !h.note.is_empty()).count();
     let notes_px = NOTES_PX[0] + NOTES_PX[1] * notes.saturating_sub(1) as f64;
@@ -211,7 +232,12 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool, ticks: usize) 
         n => format!("samples in {n} DN{unit}"),
     };
     let head = format!("{} ms", short(1e3 * seconds, 3));
-    let mut panel = Panel::new(head, ["digital number, DN", &samples], x, y);
+    let beyond = if is_logarithmic { 0.0 } else { found.iter().map(|h| share_beyond(h)).fold(0.0, f64::max) };
+    let x_name = match beyond >= LEAST_BEYOND {
+        true => format!("digital number, DN ({} % of the samples beyond)", significant(100.0 * beyond, 2)),
+        false => "digital number, DN".to_owned(),
+    };
+    let mut panel = Panel::new(head, [&x_name, &samples], x, y);
     for h in found {
         let scaled = Compared {
             captured: h.captured.iter().map(|c| c * scale).collect(),
@@ -228,29 +254,60 @@ fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool, ticks: usize) 
 pub(super) fn flat(all: &Characterization) -> Option<Sheet> {
     let (gain, found) = compared(all, Kind::Flat)?;
     let at = |t: f64| found.iter().filter(|h| h.exposure_s == t).collect::<Vec<_>>();
-    let panels: Vec<Panel> = chosen_times(&found).into_iter().map(|t| panel(&at(t), t, false, 4)).collect();
+    let panels: Vec<Panel> = chosen_times(&found).into_iter().map(|t| panel(&at(t), t, false)).collect();
     let around = around(all, "histograms-flat", "Histograms of flat frames", gain, &found);
     Some(sheet(all, around, &panels, 2, FLAT_PX))
 }
 
-/// Dark frames at a few exposures, with linear and with logarithmic counts.
+/// Dark frames at a few exposures: the core with linear counts, and beside it everything with logarithmic ones.
 pub(super) fn dark(all: &Characterization) -> Option<Sheet> {
     let (gain, found) = compared(all, Kind::Dark)?;
     let at = |t: f64| found.iter().filter(|h| h.exposure_s == t).collect::<Vec<_>>();
-    let times = chosen_times(&found);
-    let columns = times.len();
-    let panels: Vec<Panel> = [false, true]
+    let panels: Vec<Panel> = chosen_times(&found)
         .into_iter()
-        .flat_map(|log| times.iter().map(move |t| (*t, log)))
-        .map(|(t, log)| panel(&at(t), t, log, if columns > 2 { 2 } else { 4 }))
+        .flat_map(|t| [(t, false), (t, true)])
+        .map(|(t, is_logarithmic)| panel(&at(t), t, is_logarithmic))
         .collect();
     let around = around(all, "histograms-dark", "Histograms of dark frames", gain, &found);
-    Some(sheet(all, around, &panels, columns, DARK_PX))
+    Some(sheet(all, around, &panels, 2, DARK_PX))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn dark(seconds: f64, captured: Vec<f64>) -> Compared {
+        Compared {
+            exposure_s: seconds,
+            colour: None,
+            first_dn: 60,
+            captured,
+            expected: None,
+            note: String::new(),
+        }
+    }
+
+    #[test]
+    fn hot_pixels_do_not_make_a_spike_of_the_core() {
+        let mut captured = vec![0.0; 3000];
+        captured[..7].copy_from_slice(&[500.0, 6e3, 24e3, 39e3, 24e3, 6e3, 300.0]);
+        (500..700).for_each(|i| captured[i] = 1.0);
+        let found = dark(1.0, captured);
+        let [linear, log] = [false, true].map(|is_logarithmic| panel(&[&found], 1.0, is_logarithmic));
+        assert!(linear.x.low < 61.0 && linear.x.high > 65.0 && linear.x.high < 75.0, "{:?}", linear.x);
+        assert!(log.x.high > 3000.0 && log.steps[0].heights.len() <= MOST_BARS + 1);
+        // 200 of 100,000 samples.
+        assert!(linear.x_name.contains("0.2 % of the samples beyond"), "{}", linear.x_name);
+        assert_eq!(log.x_name, "digital number, DN");
+    }
+
+    #[test]
+    fn exposures_are_shown_in_equal_steps_of_time() {
+        let times: Vec<f64> = (1..=60).map(|i| 5e-4 * f64::from(i)).chain([0.5, 1.0, 1.5, 2.0]).collect();
+        let found: Vec<Compared> = times.iter().map(|t| dark(*t, vec![1.0])).collect();
+        assert_eq!(chosen_times(&found), [5e-4, 0.5, 1.5, 2.0]);
+        assert_eq!(chosen_times(&found[..3]), times[..3]);
+    }
 
     #[test]
     fn notes_stand_above_the_bars() {
@@ -270,7 +327,7 @@ mod tests {
                 .collect();
             for count in 1..=3 {
                 let found: Vec<&Compared> = all.iter().take(count).collect();
-                let panel = panel(&found, 0.01, false, 4);
+                let panel = panel(&found, 0.01, false);
                 let tallest = panel.steps[0].heights.iter().copied().fold(0.0, f64::max);
                 // The foot of the last line lies 17 px and 15 px a line below the upper edge.
                 let foot_px = 17.0 + 15.0 * (count - 1) as f64 + 4.0;

@@ -4,6 +4,7 @@
 //! [`Characterization`] goes in and text comes out: nothing here measures. Captured points are markers, fits and models are
 //! lines; colours are those of the mosaic.
 
+mod calibration;
 mod dark;
 mod gains;
 mod histograms;
@@ -11,6 +12,7 @@ mod linearity;
 mod page;
 mod panel;
 mod profiles;
+mod reasons;
 mod signal_to_noise;
 mod spatial;
 mod style;

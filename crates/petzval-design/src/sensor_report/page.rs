@@ -4,7 +4,7 @@ use maud::{PreEscaped, html};
 use petzval_camera::emva::Characterization;
 
 use super::style::gain_name;
-use super::{Shown, sheets, table};
+use super::{Shown, calibration, sheets, table};
 use crate::page::Page;
 use crate::plot::plain;
 
@@ -27,14 +27,14 @@ pub fn page(characterization: &Characterization) -> String {
             section { h2 { "Operating point" } (table::operating_point(shown)) }
             section { h2 { "EMVA 1288 at linear " (gain_name(shown.gain.linear_gain)) } (table::figures(shown)) }
         }
-        section {
-            h2 { "Calibration over all gains" }
-            (table::model(characterization))
-            (table::gains(characterization))
-        }
-        @for sheet in of_all { section { figure { (PreEscaped(sheet.svg())) } } }
         @if !of_one.is_empty() { section { h2 { "Plots of EMVA 1288" } } }
         @for sheet in of_one { section { figure { (PreEscaped(sheet.svg())) } } }
+        section {
+            h2 { "Calibration over all gains" }
+            (calibration::model(characterization))
+            (calibration::gains(characterization))
+        }
+        @for sheet in of_all { section { figure { (PreEscaped(sheet.svg())) } } }
     };
     Page {
         title: html! { (name) " – characterisation" },

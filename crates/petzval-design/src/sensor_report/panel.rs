@@ -9,8 +9,9 @@ const RIGHT_PX: f64 = 22.0;
 const BELOW_PX: f64 = 76.0;
 /// Space above a frame without and with a head, px.
 const ABOVE_PX: [f64; 2] = [14.0, 30.0];
-/// Radius of a measured point, px.
+/// Radius of a measured point, px, and that of points so close that they would hide each other.
 const POINT_PX: f64 = 3.4;
+const CROWDED_PX: f64 = 2.6;
 
 /// Measured points.
 #[derive(Clone, Debug)]
@@ -91,11 +92,17 @@ impl Points {
     fn draw(&self, frame: &Frame) -> Markup {
         let place = |&(x, y, _): &(f64, f64, f64)| frame.at([x, y]);
         let finite = |(x, y, _): &&(f64, f64, f64)| x.is_finite() && y.is_finite();
-        let shapes = self.marker.path(self.at.iter().filter(finite).map(place), POINT_PX);
+        let places: Vec<[f64; 2]> = self.at.iter().filter(finite).map(place).collect();
+        let close =
+            |pair: &&[[f64; 2]]| (pair[0][0] - pair[1][0]).hypot(pair[0][1] - pair[1][1]) < 2.0 * POINT_PX;
+        // Their white rims would cover them.
+        let is_crowded = places.windows(2).filter(close).count() > 2;
+        let radius = if is_crowded { CROWDED_PX } else { POINT_PX };
+        let shapes = self.marker.path(places, radius);
         let mut bars = String::new();
         for &(x, y, se) in self.at.iter().filter(finite) {
             let ([at, low], [_, high]) = (frame.at([x, y - se]), frame.at([x, y + se]));
-            if se > 0.0 && low - high > 2.0 * POINT_PX {
+            if se > 0.0 && low - high > 2.0 * radius {
                 bars += &format!("M{} {}V{}", px(at), px(low), px(high));
             }
         }
@@ -104,7 +111,7 @@ impl Points {
             @if self.is_hollow || self.marker.is_open() {
                 path class="points" d=(shapes) stroke=(self.colour) stroke-width="1.3" fill="#ffffff" {}
             } @else {
-                path class="points" d=(shapes) fill=(self.colour) stroke="#ffffff" stroke-width="0.7" {}
+                path class="points" d=(shapes) fill=(self.colour) stroke="#ffffff" stroke-width=(if is_crowded { "0" } else { "0.7" }) {}
             }
         }
     }

@@ -14,6 +14,8 @@ use super::style::{Around, IDEAL, axis_of_decades, colour_keys, colour_of, point
 use super::transfer::HEIGHT_PX;
 use crate::plot::{Axis, Curve, Key, Pen, Sheet};
 
+/// Colour of the marks of threshold and saturation.
+const MARKS: &str = "#a7aeb7";
 /// Points of a curve over the whole axis.
 const STEPS: usize = 120;
 
@@ -56,7 +58,11 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
 
     let ideal = Pen { width: 2.0, ..Pen::thin(IDEAL) };
     panel.curves.push(Curve::over(ideal.clone(), 0, &grid, grid.iter().map(|p| Some(p.sqrt()))));
-    let mut has_total = false;
+    let marks = match in_photons {
+        true => [("u_p_min", "threshold"), ("u_p_sat", "saturation capacity")],
+        false => [("u_e_min", "threshold"), ("u_e_sat", "saturation capacity")],
+    };
+    let (mut has_total, mut marked) = (false, Vec::new());
     for (channel, gain) in &channels {
         let colour = Some(channel.colour);
         // Electrons per unit of the axis.
@@ -84,6 +90,14 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
                 panel.curves.push(Curve::over(Pen::thin(colour_of(colour)).dashed(), 0, &grid, total));
             }
         }
+        for (name, called) in marks {
+            let Some(mark) = figure(channel, name) else { continue };
+            let upright = [panel.y.low, panel.y.high].map(|y| Some([mark, y])).into();
+            panel.curves.push(Curve { pen: Pen::thin(MARKS), index: 0, points: upright });
+            if !marked.contains(&called) {
+                marked.push(called);
+            }
+        }
         let at = before(channel).filter_map(|p| Some(((light(p, unit(*gain))?, ratio(p), 0.0), true)));
         panel.points.extend(points_of(colour, at));
     }
@@ -94,6 +108,9 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
     }
     let best = if in_photons { "ideal sensor: √photons" } else { "shot noise alone: √electrons" };
     keys.push(Key::pen(ideal, best));
+    if !marked.is_empty() {
+        keys.push(Key::pen(Pen::thin(MARKS), marked.join(", ")));
+    }
     let around = Around {
         class: "snr",
         title: "Signal-to-noise ratio",

@@ -1,12 +1,13 @@
 //! Non-uniformity: spectrograms, and histograms of what deviates.
 
 use petzval_camera::emva::ChannelResult;
+use petzval_camera::emva::figures::QUANTISATION_DN2;
 use petzval_camera::emva::histogram::Histogram;
 use petzval_camera::emva::spatial::{Spatial, StackPlots};
 
 use super::Shown;
 use super::panel::{Panel, Steps};
-use super::style::{Around, axis_of_amplitudes, colour_keys, colour_name, colour_of, sheet};
+use super::style::{Around, IDEAL, axis_of_amplitudes, colour_keys, colour_name, colour_of, sheet};
 use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
 
 /// Which of the two stacks a picture shows.
@@ -58,6 +59,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     if channels.is_empty() {
         return None;
     }
+    let quantisation = Pen::thin(IDEAL);
     let x_name = match is_mosaic(shown) {
         true => "periods per pixel of the colour",
         false => "periods per pixel",
@@ -67,7 +69,8 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         let power = |spatial: &Spatial| {
             of(stack.plots(spatial)).iter().map(|p| p.max(0.0).sqrt()).collect::<Vec<_>>()
         };
-        let all = || channels.iter().flat_map(|(_, s)| power(s).into_iter().skip(1));
+        let lowest = (stack == Stack::Dark).then_some(QUANTISATION_DN2.sqrt());
+        let all = || channels.iter().flat_map(|(_, s)| power(s).into_iter().skip(1)).chain(lowest);
         let mut panel = Panel::new(
             head,
             [x_name, "amplitude √power, DN"],
@@ -91,11 +94,22 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             let pen = Pen::thin(colour_of(Some(channel.colour))).dashed();
             panel.curves.push(Curve::over(pen, 0, &[0.0, 0.5], [Some(kept.max(0.0).sqrt()); 2]));
         }
+        if stack == Stack::Dark {
+            panel.curves.push(Curve::over(
+                quantisation.clone(),
+                0,
+                &[0.0, 0.5],
+                [Some(QUANTISATION_DN2.sqrt()); 2],
+            ));
+        }
         panel
     };
     let panels = [panel("horizontal", along_rows), panel("vertical", along_columns)];
     let mut keys = colour_keys(shown);
     keys.push(Key::pen(Pen::thin("#5f6670").dashed(), "temporal noise left in the mean frame"));
+    if stack == Stack::Dark {
+        keys.push(Key::pen(quantisation, "quantisation of one frame, 1/√12 DN"));
+    }
     let (class, title) = match stack {
         Stack::Dark => ("spectrogram-dsnu", "Spectrograms of the dark frames (DSNU)"),
         Stack::Light => ("spectrogram-prnu", "Spectrograms of the flat frames (PRNU)"),
@@ -168,7 +182,8 @@ fn histogram_panels(
         let (low, high) = span(found().flat_map(|(_, h)| edges(h))).unwrap_or((0.0, 1.0));
         let counts = found().flat_map(|(_, h)| h.values.clone()).filter(|v| *v > 0.0);
         let (least, most) = span(counts).unwrap_or((1.0, 10.0));
-        let y = Axis::decades(least.min(0.9 * most), most);
+        // A single pixel is a bar, not the foot of the frame.
+        let y = Axis::decades(0.5 * least, most);
         let mut panel = Panel::new(stack.name(), names, Axis::between(low, high, 6), y);
         for (channel, histogram) in found() {
             let colour = colour_of(Some(channel.colour));

@@ -1,5 +1,6 @@
 //! The common look: colours of the mosaic and of gains, sheets, and the foot of every picture.
 
+use maud::{Markup, html};
 use petzval_camera::emva::{Characterization, Measured};
 use petzval_camera::sensor::Colour;
 
@@ -91,6 +92,14 @@ pub(super) fn with_error(measured: &Measured) -> Option<String> {
         return Some(format!("{} ± {}", number::significant(value), number::significant(error)));
     }
     Some(format!("{} ± {}", number::fixed(value, digits), number::fixed(error, digits)))
+}
+
+/// A symbol with its index as a subscript: `σ_d`.
+pub(super) fn symbol(text: &str) -> Markup {
+    match text.split_once('_') {
+        Some((base, index)) => html! { (base) sub { (index) } },
+        None => html! { (text) },
+    }
 }
 
 /// A number to so many significant digits, without trailing zeros.

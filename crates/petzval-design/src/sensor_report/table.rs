@@ -1,11 +1,11 @@
-//! Tables: what was known, the figures of EMVA 1288, the fit over all gains beside the paper's tables, warnings.
+//! Tables: what was known, the figures of EMVA 1288, warnings.
 
 use maud::{Markup, html};
-use petzval_camera::emva::captures::Kind;
-use petzval_camera::emva::{ChannelResult, Characterization, Figure, HighPass, Measured};
+use petzval_camera::emva::{ChannelResult, Characterization, HighPass, Measured};
 
 use super::Shown;
-use super::style::{colour_name, short, significant, with_error};
+use super::reasons::Reasons;
+use super::style::{colour_name, short, significant, symbol, with_error};
 use crate::plot::plain;
 use crate::report::number;
 
@@ -45,28 +45,9 @@ const FIGURES: [(&str, &str); 32] = [
     ("u_I_var", "μ_I.var"),
 ];
 
-/// A symbol with its index as a subscript: `σ_d`.
-fn symbol(text: &str) -> Markup {
-    match text.split_once('_') {
-        Some((base, index)) => html! { (base) sub { (index) } },
-        None => html! { (text) },
-    }
-}
-
 /// A unit as it is printed: `e-/um2` becomes e⁻/µm².
 fn unit(text: &str) -> String {
     text.replace("e-", "e⁻").replace("um2", "µm²").replace("DN2", "DN²")
-}
-
-/// A measured value, or why there is none.
-fn measured(value: &Measured) -> Markup {
-    html! {
-        @match (with_error(value), value.reason()) {
-            (Some(text), _) => (text),
-            (None, Some(why)) => { span.unresolved { "not resolved" span.why { (why.to_string()) } } }
-            (None, None) => { "–" }
-        }
-    }
 }
 
 /// Rows of two columns; what is not stated has no row.
@@ -143,37 +124,26 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
     ])
 }
 
-/// One row: the corrected value, and the library's beside it where that differs.
-fn row(name: &str, channels: &[ChannelResult], shown_symbol: &str) -> Markup {
-    let of = |c: &ChannelResult| c.figure(name).cloned();
-    let Some(first) = channels.first().and_then(of) else { return html! {} };
-    let cell = |figure: Option<Figure>| {
-        html! {
-            @if let Some(figure) = figure {
-                td {
-                    (measured(&figure.best()))
-                    @if figure.corrected.is_some() {
-                        span.library { "library: " (with_error(&figure.value).unwrap_or_else(|| "not resolved".into())) }
-                    }
-                }
-            } @else { td { "–" } }
-        }
-    };
+/// One row: the figure of every colour.
+fn row(head: Markup, name: &str, channels: &[ChannelResult], reasons: &mut Reasons) -> Markup {
+    let Some(first) = channels.first().and_then(|c| c.figure(name)) else { return html! {} };
     html! {
         tr {
-            th { (symbol(shown_symbol)) }
+            th { (head) }
             td.meaning { (first.meaning) }
             td.unit-cell { (unit(first.unit)) }
-            @for channel in channels { (cell(of(channel))) }
+            @for channel in channels {
+                td { @if let Some(figure) = channel.figure(name) { (reasons.cell(&figure.best())) } @else { "–" } }
+            }
         }
     }
 }
 
-fn head(channels: &[ChannelResult]) -> Markup {
+fn head(first: &str, channels: &[ChannelResult]) -> Markup {
     html! {
         thead {
             tr {
-                th { "symbol" }
+                th { (first) }
                 th.meaning { "figure" }
                 th.unit-cell { "unit" }
                 @for channel in channels { th { (colour_name(channel.colour)) } }
@@ -182,277 +152,116 @@ fn head(channels: &[ChannelResult]) -> Markup {
     }
 }
 
-/// The figures of EMVA 1288 at the shown gain, and all others folded away.
+/// The figures of EMVA 1288 at the shown gain; all others, and what the library derives otherwise, folded away.
 pub(super) fn figures(shown: &Shown<'_>) -> Markup {
     let channels = shown.channels();
     let Some(first) = channels.first() else {
         return html! { p.caption { "There are no flat frames: no figure of the light can be told." } };
     };
+    let (mut of_standard, mut of_all) = (Reasons::default(), Reasons::default());
     html! {
         div.scroll {
             table.figures {
-                (head(channels))
-                tbody { @for (name, text) in FIGURES { (row(name, channels, text)) } }
+                (head("symbol", channels))
+                tbody { @for (name, text) in FIGURES { (row(symbol(text), name, channels, &mut of_standard)) } }
             }
         }
-        p.caption {
-            "Value ± standard error. " b { "library" } ": what the EMVA 1288 Python library derives from the same captures, where "
-            "that differs; it takes the brightest point for saturation, and non-uniformity without a high-pass."
-        }
+        (of_standard.list())
+        p.caption { "Value ± standard error." }
         details {
             summary { "All figures under their computer names" }
             div.scroll {
                 table.figures {
-                    (head(channels))
+                    (head("name", channels))
                     tbody {
                         @for figure in &first.figures {
-                            (row(figure.name, channels, ""))
-                            tr.name { td colspan=(3 + channels.len()) { code { (figure.name) } } }
+                            (row(html! { code { (figure.name) } }, figure.name, channels, &mut of_all))
                         }
                     }
                 }
             }
+            (of_all.list())
         }
+        (library(channels))
     }
 }
 
-/// What each gain contributes to the joint fit.
-pub(super) fn gains(all: &Characterization) -> Markup {
+/// What the EMVA 1288 Python library derives from the same captures, where that differs.
+fn library(channels: &[ChannelResult]) -> Markup {
+    let of = |c: &ChannelResult, i: usize| c.figures.get(i).filter(|f| f.corrected.is_some()).cloned();
+    let number = channels.first().map_or(0, |c| c.figures.len());
+    let differing: Vec<usize> =
+        (0..number).filter(|i| channels.iter().any(|c| of(c, *i).is_some())).collect();
+    let told = |m: &Measured| with_error(m).unwrap_or_else(|| "not resolved".to_owned());
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "gain" }
-                        th { (symbol("K_g")) span.unit { "DN/e⁻" } }
-                        th { (symbol("K_g")) "/g" span.unit { "DN/e⁻" } }
-                        th { (symbol("μ_I")) ", mean" span.unit { "e⁻/s" } }
-                        th { (symbol("μ_I")) ", variance" span.unit { "e⁻/s" } }
-                        th { "dark variance" span.unit { "DN² at 0 s" } }
-                        th { "dark mean" span.unit { "DN at 0 s" } }
-                    }
-                }
-                tbody {
-                    @for row in &all.joint.rows {
-                        tr {
-                            th { (short(row.linear_gain, 2)) }
-                            @for value in [
-                                &row.gain_dn_per_e,
-                                &row.gain_at_unit_dn_per_e,
-                                &row.dark_current_mean_e_per_s,
-                                &row.dark_current_variance_e_per_s,
-                                &row.dark_variance_dn2,
-                                &row.dark_mean_dn,
-                            ] { td { (measured(value)) } }
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Parameters of the model by the joint fit and by the fit to histograms, beside what Tseng et al. print for their camera.
-pub(super) fn model(all: &Characterization) -> Markup {
-    let (joint, fit) = (&all.joint, all.histogram_fit.as_ref());
-    let is_paper_camera = {
-        let name = all.sensor.name.to_uppercase();
-        ["IMX249", "23S6"].iter().any(|part| name.contains(part))
-    };
-    let stated = |v: f64| Measured::exact(v);
-    // What the histograms do not tell was held, and has no error.
-    let fitted = |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| {
-        let value = of(fit?);
-        let held = if value.standard_error().is_none() { " (held)" } else { "" };
-        Some(with_error(&value)? + held)
-    };
-    // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
-    let black_level = joint.black_level_dn.map_or(html! { "not stated" }, |v| measured(&stated(v)));
-    type Row<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
-    let rows: [Row<'_>; 12] = [
-        (
-            "",
-            "columns × rows",
-            "pixels",
-            html! { (all.width) " × " (all.height) },
-            None,
-            ["1920 × 1200", "", ""],
-        ),
-        ("", "bits", "", measured(&stated(f64::from(all.sensor.bits))), None, ["12", "", ""]),
-        ("BL", "black level, as set", "DN", black_level, None, ["119", "", ""]),
-        (
-            "K",
-            "system gain at linear gain 1",
-            "DN/e⁻",
-            measured(&joint.gain_dn_per_e),
-            fitted(|f| f.gain_dn_per_e),
-            ["", "0.122", "0.14"],
-        ),
-        (
-            "μ_I",
-            "dark current, from the mean",
-            "e⁻/s",
-            measured(&joint.dark_current_e_per_s),
-            fitted(|f| f.dark_current_e_per_s),
-            ["", "25", "25"],
-        ),
-        (
-            "μ_I",
-            "dark current, from the variance",
-            "e⁻/s",
-            measured(&joint.dark_current_variance_e_per_s),
-            None,
-            ["", "", ""],
-        ),
-        (
-            "μ_r",
-            "mean of the read noise",
-            "e⁻",
-            measured(&joint.read_noise_mean_e),
-            fitted(|f| f.read_noise_mean_e),
-            ["", "", "3.25"],
-        ),
-        (
-            "σ²_r",
-            "variance of the read noise",
-            "e⁻²",
-            measured(&joint.read_variance_e2),
-            fitted(|f| f.read_noise_e.map(|v| v * v, |v| 2.0 * v)),
-            ["", "σ: 16", "16"],
-        ),
-        (
-            "σ_el",
-            "electronics noise",
-            "DN",
-            measured(&joint.electronics_noise_dn),
-            fitted(|f| f.electronics_noise_dn),
-            ["", "", "0.92"],
-        ),
-        (
-            "μ_el",
-            "mean of the electronics noise",
-            "DN",
-            measured(&joint.electronics_mean_dn),
-            None,
-            ["", "", "1.15"],
-        ),
-        (
-            "α",
-            "red over green",
-            "",
-            measured(&joint.red_over_green),
-            fitted(|f| f.red_over_green),
-            ["", "", "0.82"],
-        ),
-        (
-            "β",
-            "blue over green",
-            "",
-            measured(&joint.blue_over_green),
-            fitted(|f| f.blue_over_green),
-            ["", "", "1.25"],
-        ),
-    ];
-    let mosaic = all.sensor.cfa.colours().len() > 1;
-    html! {
-        div.scroll {
-            table.figures {
-                thead {
-                    tr {
-                        th { "symbol" }
-                        th.meaning { "parameter" }
-                        th.unit-cell { "unit" }
-                        th { "all gains together" }
-                        @if fit.is_some() { th { "fit to histograms" } }
-                        @if is_paper_camera { th { "Table 3" } th { "Table 4" } th { "Table 5" } }
-                    }
-                }
-                tbody {
-                    @for (text, meaning, unit, value, fitted, paper) in &rows {
-                        @if mosaic || !matches!(*text, "α" | "β") {
+        @if !differing.is_empty() {
+            details {
+                summary { "What the EMVA 1288 Python library derives otherwise" }
+                div.scroll {
+                    table.figures {
+                        thead {
                             tr {
-                                th { (symbol(text)) }
-                                td.meaning { (meaning) }
-                                td.unit-cell { (unit) }
-                                td { (value) }
-                                @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
-                                @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
+                                th { "name" }
+                                th.meaning { "figure" }
+                                th.unit-cell { "unit" }
+                                @for c in channels {
+                                    th { (colour_name(c.colour)) span.unit { "here" } }
+                                    th { (colour_name(c.colour)) span.unit { "library" } }
+                                }
+                            }
+                        }
+                        tbody {
+                            @for i in differing {
+                                tr {
+                                    th { code { (channels[0].figures[i].name) } }
+                                    td.meaning { (channels[0].figures[i].meaning) }
+                                    td.unit-cell { (unit(channels[0].figures[i].unit)) }
+                                    @for c in channels {
+                                        @if let Some(figure) = of(c, i) {
+                                            td { (told(&figure.best())) }
+                                            td { (told(&figure.value)) }
+                                        } @else { td { "=" } td { "=" } }
+                                    }
+                                }
                             }
                         }
                     }
                 }
-            }
-        }
-        @if is_paper_camera {
-            p.caption {
-                "Tables 3 to 5: supplement of Tseng et al. 2021, as printed, for a camera with the Sony IMX249. Table 4 calls σ"
-                sub { "r" } " 16 e⁻, its text and Table 5 call the variance 16 e⁻²; the electronics noise, printed in electrons, acts after the "
-                "converter and is in DN."
-            }
-        }
-        @if let Some(fit) = fit { (agreement(fit)) }
-    }
-}
-
-/// How well all histograms agree before and after the fit.
-fn agreement(fit: &petzval_camera::emva::HistogramFit) -> Markup {
-    let rows = [(Kind::Flat, "flat"), (Kind::Dark, "dark")];
-    let of = |kind: Kind, value: fn(&petzval_camera::emva::HistogramComparison) -> f64| {
-        let all: Vec<f64> = fit.histograms.iter().filter(|h| h.kind == kind).map(value).collect();
-        all.iter().sum::<f64>() / all.len() as f64
-    };
-    html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "histograms" }
-                        th { "number" }
-                        th { "mean χ²/ν" span.unit { "before the fit" } }
-                        th { "mean χ²/ν" span.unit { "after" } }
-                        th { "mean TV, %" span.unit { "before" } }
-                        th { "mean TV, %" span.unit { "after" } }
-                        th { "mean KS, %" span.unit { "after" } }
-                    }
-                }
-                tbody {
-                    @for (kind, name) in rows {
-                        @if fit.histograms.iter().any(|h| h.kind == kind) {
-                            tr {
-                                th { (name) }
-                                td { (fit.histograms.iter().filter(|h| h.kind == kind).count()) }
-                                td { (number::fixed(of(kind, |h| h.before.reduced_chi2), 3)) }
-                                td { (number::fixed(of(kind, |h| h.after.reduced_chi2), 3)) }
-                                td { (number::fixed(100.0 * of(kind, |h| h.before.total_variation), 3)) }
-                                td { (number::fixed(100.0 * of(kind, |h| h.after.total_variation), 3)) }
-                                td { (number::fixed(100.0 * of(kind, |h| h.after.kolmogorov_smirnov), 3)) }
-                            }
-                        }
-                    }
+                p.caption {
+                    "The library takes the brightest point for saturation, and non-uniformity without a high-pass."
                 }
             }
-        }
-        p.caption {
-            "χ²/ν: reduced chi-square, about 1 where only chance is left. TV: total variation. KS: Kolmogorov-Smirnov distance. "
-            @if fit.converged { "The fit converged in " (fit.steps) " steps." }
-            @else { "The fit had not converged after " (fit.steps) " steps." }
-            @if fit.left_out > 0 {
-                " " (fit.left_out) " histograms that are clipped or near saturation do not count."
-            }
-            " Read noise is that of temporal noise; beyond it the histograms have a DSNU of "
-            (with_error(&fit.dsnu_e).map_or("no resolved size".to_owned(), |v| v + " e⁻"))
-            " and a PRNU of " (with_error(&fit.prnu_percent).map_or("no resolved size".to_owned(), |v| v + " %")) "."
         }
     }
 }
 
-/// What is odd about the captures.
+/// What is odd about the captures: one entry for each kind of warning, the first told and the others folded away.
 pub(super) fn warnings(all: &Characterization) -> Markup {
+    let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
+    for warning in &all.warnings {
+        let said = plain(&warning.to_string());
+        match kinds.iter_mut().find(|(name, _)| *name == warning.name()) {
+            Some((_, of_kind)) => of_kind.push(said),
+            None => kinds.push((warning.name(), vec![said])),
+        }
+    }
     html! {
-        @if all.warnings.is_empty() {
+        @if kinds.is_empty() {
             p.caption { "Nothing odd was found in the captures." }
         } @else {
-            ul.warnings { @for warning in &all.warnings { li { (plain(&warning.to_string())) } } }
+            ul.warnings {
+                @for (name, of_kind) in &kinds {
+                    li {
+                        (of_kind[0])
+                        @if of_kind.len() > 1 {
+                            details {
+                                summary { (of_kind.len() - 1) " more of the kind " (name) }
+                                ul { @for said in &of_kind[1..] { li { (said) } } }
+                            }
+                        }
+                    }
+                }
+            }
         }
     }
 }

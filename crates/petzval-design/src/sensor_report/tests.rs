@@ -70,8 +70,8 @@ fn every_picture_is_described_and_holds_its_points() {
     // Three colours at three exposures; four exposures with linear and logarithmic counts.
     assert_eq!((count("histograms-flat", "steps"), count("histograms-flat", "curve")), (9, 9));
     assert_eq!((count("histograms-dark", "steps"), count("histograms-dark", "curve")), (8, 8));
-    // Two directions, three colours, and the temporal noise of each.
-    assert_eq!(count("spectrogram-dsnu", "curve"), 12);
+    // Two directions, three colours, the temporal noise of each, and in the dark the noise of rounding.
+    assert_eq!((count("spectrogram-dsnu", "curve"), count("spectrogram-prnu", "curve")), (14, 12));
     assert_eq!((count("defects", "steps"), count("defects-accumulated", "steps")), (6, 6));
     assert_eq!(count("profiles-prnu", "curve"), 8);
     for sheet in sheets(&found) {
@@ -98,6 +98,45 @@ fn the_page_stands_alone_and_says_values_with_their_errors() {
     }
     let gain = style::with_error(&found.joint.gain_dn_per_e).unwrap();
     assert!(gain.contains(" ± ") && page.contains(&gain), "{gain}");
+    // The sheet of the standard comes first; what the library derives otherwise is folded away.
+    let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
+    assert!(at("Plots of EMVA 1288") < at("Calibration over all gains"));
+    assert!(at("What the EMVA 1288 Python library derives otherwise") > at("<details>"));
+    assert!(!page.contains("library:"));
+}
+
+#[test]
+fn each_reason_stands_once_below_its_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), false);
+    let page = page(&found);
+    let saturation = "the series does not reach saturation";
+    // The table of the standard, and that of all figures.
+    assert_eq!(page.matches(saturation).count(), 2, "{}", page.matches(saturation).count());
+    assert!(page.matches("not resolved").count() > 20);
+}
+
+#[test]
+fn warnings_of_a_kind_are_one_entry() {
+    use petzval_camera::emva::Warning;
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    let dark = |i: usize| Warning::NoDark { point: format!("point {i}") };
+    found.warnings = (0..5).map(dark).collect();
+    found.warnings.insert(2, Warning::TooFewPoints { linear_gain: 2.0, points: 1 });
+    let listed = table::warnings(&found).into_string();
+    assert_eq!(listed.matches("<details>").count(), 1, "{listed}");
+    assert!(listed.contains("4 more of the kind no-dark") && listed.contains("point 4"), "{listed}");
+    assert!(listed.find("point 4") < listed.find("too-few-points"), "{listed}");
+}
+
+#[test]
+fn a_single_gain_has_no_plot_of_gains() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    found.gains.truncate(1);
+    assert!(!picture_names(&found).contains(&"gain-fit"));
+    assert!(page(&found).contains("three or more linear gains"));
 }
 
 #[test]

@@ -5,7 +5,8 @@ use petzval_camera::emva::transfer::{TransferPoint, light};
 use super::Shown;
 use super::panel::Panel;
 use super::style::{
-    Around, axis_from_zero, colour_keys, colour_name, colour_of, points_of, sheet, straight, with_error,
+    Around, axis_from_zero, colour_keys, colour_name, colour_of, points_of, sheet, short, straight,
+    with_error,
 };
 use crate::plot::{Key, KeyLine, Pen, Sheet};
 
@@ -93,7 +94,9 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
         if let Some(gain) = transfer.gain_dn_per_e.value() {
             panel.curves.push(straight(Pen::thin(colour_of(colour)), gain, 0.0, [0.0, signal(used.1)]));
             let k = with_error(&transfer.gain_dn_per_e).unwrap_or_default();
-            panel.notes.push(format!("{}: K = {k} DN/e⁻", colour_name(channel.colour)));
+            let last = short(signal(used.1), 0);
+            let name = colour_name(channel.colour);
+            panel.notes.push(format!("{name}: K = {k} DN/e⁻, fitted up to {last} DN"));
         }
         if let Some(at) = transfer.saturation_signal_dn.value() {
             let pen = Pen::thin(colour_of(colour)).dashed();

@@ -182,6 +182,11 @@ fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
     if let Some(key) = known.iter().find(nearly) {
         return Some(format!("did you mean `{key}`?"));
     }
+    // A name without its unit, or without its last words.
+    let begins = |key: &&&str| key.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('_'));
+    if let Some(key) = known.iter().filter(begins).min_by_key(|key| key.len()) {
+        return Some(format!("did you mean `{key}`?"));
+    }
     let stem = |key: &str| key.rsplit_once('_').map(|(stem, unit)| (stem.to_owned(), unit.to_owned()));
     if let Some((wrong_stem, wrong_unit)) = stem(unknown) {
         for key in known {

@@ -2,6 +2,7 @@
 
 mod capture;
 mod characterize;
+mod list;
 mod show;
 
 use std::process::ExitCode;
@@ -16,6 +17,8 @@ use super::Failure;
 /// Verbs about a sensor.
 #[derive(Debug, Subcommand)]
 pub enum SensorVerb {
+    /// The built-in sensors, a line each
+    List(list::Args),
     /// What a sensor file says, and the EMVA 1288 figures that follow
     Show(show::Args),
     /// Simulate the calibration series of a sensor: flat and dark frames over gains and exposure times
@@ -27,10 +30,17 @@ pub enum SensorVerb {
 /// Runs a verb.
 pub fn run(verb: SensorVerb) -> Result<ExitCode, Failure> {
     match verb {
+        SensorVerb::List(args) => list::run(&args),
         SensorVerb::Show(args) => show::run(&args),
         SensorVerb::Capture(args) => capture::run(&args),
         SensorVerb::Characterize(args) => characterize::run(&args),
     }
+}
+
+/// A number for a reader: six significant digits, without zeros at the end.
+fn six_digits(value: f64) -> String {
+    // Rounding by way of text gives the nearest number, whose shortest form has no more digits.
+    format!("{value:.5e}").parse::<f64>().unwrap_or(value).to_string()
 }
 
 /// A bar over frames, on stderr.
@@ -48,6 +58,10 @@ fn failure(error: CaptureError) -> Failure {
     let hint = match error {
         CaptureError::List { path, error } => return DesignError::Input { path, error }.into(),
         CaptureError::NoList(_) => "the manual's page on characterisation shows how to write captures.toml",
+        CaptureError::Unfinished(_) => {
+            "run the same `petzval sensor capture` again: it goes on where it stopped"
+        }
+        CaptureError::NoFolder(_) => "give the folder of the captures, or its captures.toml",
         CaptureError::Io { .. } => "give a folder that exists and may be read and written",
         CaptureError::Frame(_) => "replace the frame, or take its point off the list",
         CaptureError::Size { .. } => "all frames of a series have one size",
@@ -69,4 +83,15 @@ fn failure(error: CaptureError) -> Failure {
         CaptureError::Image(_) => return Failure::job(said),
     };
     Failure::input(said, hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::six_digits;
+
+    #[test]
+    fn numbers_have_six_digits_at_most() {
+        let all = [0.1399653591279929, 33723.0, 10_471.285_48, 0.0, -1.15, 4.0, 1_234_567.0].map(six_digits);
+        assert_eq!(all, ["0.139965", "33723", "10471.3", "0", "-1.15", "4", "1234570"]);
+    }
 }

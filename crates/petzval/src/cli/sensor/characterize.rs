@@ -6,11 +6,13 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use petzval::camera::emva::captures::milliseconds;
+use petzval::camera::emva::joint::GAINS;
 use petzval::camera::emva::sensor_file::colour_name;
 use petzval::camera::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
     warning_lines,
 };
+use petzval::camera::sensor::Colour;
 use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::sensor_report;
@@ -41,7 +43,7 @@ enum Filter {
 /// plots as .svg.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder of the captures
+    /// Folder of the captures, or its captures.toml
     dir: PathBuf,
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
@@ -196,12 +198,23 @@ fn table(found: &Characterization, values: Values) -> String {
         ("electronics noise sigma_el", j.electronics_noise_dn, "DN"),
         ("BL + mu_el", j.dark_offset_dn, "DN"),
         ("electronics mean mu_el", j.electronics_mean_dn, "DN"),
-        ("red over green (alpha)", j.red_over_green, ""),
-        ("blue over green (beta)", j.blue_over_green, ""),
     ] {
         lines.add(name, measured, unit);
     }
+    let colours = found.sensor.cfa.colours();
+    for (colour, name, measured) in [
+        (Colour::Red, "red over green (alpha)", j.red_over_green),
+        (Colour::Blue, "blue over green (beta)", j.blue_over_green),
+    ] {
+        if colours.contains(&colour) {
+            lines.add(name, measured, "");
+        }
+    }
     lines.reasons("");
+    if found.gains.len() < GAINS {
+        lines.text += "captures at three or more linear gains tell read noise from electronics noise \
+                       (`sensor capture --gains 1,2,4`)\n";
+    }
     if let Some(fit) = &found.histogram_fit {
         let after = |f: fn(&petzval::camera::emva::HistogramComparison) -> f64| {
             let all: Vec<f64> = fit.histograms.iter().map(f).collect();

@@ -4,8 +4,10 @@ use std::process::ExitCode;
 
 use petzval::built_in_assets;
 use petzval::camera::emva::{Derived, derived};
+use petzval::camera::sensor::{Colour, Electronics, SensorModel};
 use serde_json::json;
 
+use super::six_digits;
 use crate::cli::{Failure, print_json};
 
 /// Show a sensor: a file, or the name of a built-in one.
@@ -19,6 +21,97 @@ pub struct Args {
     /// Machine-readable output
     #[arg(long)]
     json: bool,
+}
+
+/// Everything that the file says, a line each.
+fn facts(s: &SensorModel) -> String {
+    let mut text = format!("{}\n{}\n\n", s.name, s.source);
+    let mut line = |name: &str, value: String| text += &format!("{name:<28}{value}\n");
+    let with_unit =
+        |value: f64, unit: &str| format!("{:>12} {unit}", six_digits(value)).trim_end().to_owned();
+    let [width_mm, height_mm] = [s.width, s.height].map(|n| 1e-3 * s.pixel_um * n as f64);
+    line(
+        "pixels",
+        format!(
+            "{} x {} of {} um: {width_mm:.2} x {height_mm:.2} mm, diagonal {:.2} mm",
+            s.width,
+            s.height,
+            six_digits(s.pixel_um),
+            width_mm.hypot(height_mm)
+        ),
+    );
+    let colours = s.cfa.colours();
+    let is_mono = colours == [Colour::Clear];
+    line("colour filters", if is_mono { "none (monochrome)".to_owned() } else { s.cfa.to_string() });
+    line("converter", format!("{} bits, 0 to {} DN", s.bits, s.max_dn()));
+    let steps: Vec<String> = s.gain_steps.iter().map(|g| six_digits(*g)).collect();
+    line("linear gains", if steps.is_empty() { "any".to_owned() } else { steps.join(", ") });
+    for (name, value, unit) in [
+        ("system gain K", s.gain_dn_per_e, "DN/e-"),
+        ("black level", s.black_level_dn, "DN"),
+        ("full well", s.full_well_e, "e-"),
+        ("dark current mu_I", s.dark_current_e_per_s, "e-/s"),
+        ("read noise sigma_r", s.read_noise_e, "e-"),
+        ("read noise mean mu_r", s.read_noise_mean_e, "e-"),
+        ("electronics noise sigma_el", s.electronics_noise_dn, "DN"),
+        ("electronics mean mu_el", s.electronics_mean_dn, "DN"),
+    ] {
+        line(name, with_unit(value, unit));
+    }
+    if s.electronics == Electronics::AfterAdc {
+        line("electronics noise enters", "after the converter, and is rounded a second time".to_owned());
+    }
+    let [red, green, blue] = s.relative_qe;
+    for (colour, name, value) in
+        [(Colour::Red, "red over green", red / green), (Colour::Blue, "blue over green", blue / green)]
+    {
+        if colours.contains(&colour) {
+            line(name, with_unit(value, ""));
+        }
+    }
+    if !is_mono && colours.contains(&Colour::Clear) {
+        let of_white: f64 = s.clear_response.iter().sum();
+        line("clear over green", with_unit(of_white, ""));
+    }
+    match &s.quantum_efficiency {
+        None => line("quantum efficiency", "not stated".to_owned()),
+        Some(curves) => {
+            for (colour, (um, peak)) in colours.iter().filter_map(|c| Some((c, curves.peak(*c)?))) {
+                let of = if is_mono { String::new() } else { format!(", {}", colour.name()) };
+                let peak = with_unit(100.0 * peak, &format!("% at {} um, the highest", six_digits(um)));
+                line(&format!("quantum efficiency{of}"), peak);
+            }
+            for (name, factor) in [
+                ("its scale", curves.scale),
+                ("its alpha (red)", curves.alpha),
+                ("its beta (blue)", curves.beta),
+            ] {
+                if factor != 1.0 {
+                    line(name, with_unit(factor, ""));
+                }
+            }
+        }
+    }
+    let n = &s.nonuniformity;
+    let parts = [
+        ("DSNU, pixels", n.dsnu_pixel_e, "e-"),
+        ("DSNU, rows", n.dsnu_row_e, "e-"),
+        ("DSNU, columns", n.dsnu_column_e, "e-"),
+        ("PRNU, pixels", n.prnu_pixel_percent, "%"),
+        ("PRNU, rows", n.prnu_row_percent, "%"),
+        ("PRNU, columns", n.prnu_column_percent, "%"),
+        ("hot pixels", 100.0 * n.hot_pixel_share, "% of all"),
+        ("their dark current, mean", n.hot_pixel_e_per_s, "e-/s above the others"),
+        ("row noise", n.row_noise_e, "e-, from frame to frame"),
+        ("column noise", n.column_noise_e, "e-, from frame to frame"),
+    ];
+    if parts.iter().all(|(_, value, _)| *value == 0.0) {
+        line("non-uniformity", "none: all pixels are alike".to_owned());
+    }
+    for (name, value, unit) in parts.into_iter().filter(|(_, value, _)| *value != 0.0) {
+        line(name, with_unit(value, unit));
+    }
+    text
 }
 
 /// Runs the verb.
@@ -36,24 +129,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     if args.json {
         return print_json(&json!({ "sensor": sensor, "derived": found }));
     }
-    let s = &sensor;
-    println!("{}\n{}\n", s.name, s.source);
-    println!("{} x {} pixels of {} um, {} bits, {}", s.width, s.height, s.pixel_um, s.bits, s.cfa);
-    let [red, green, blue] = s.relative_qe;
-    for (name, value, unit) in [
-        ("system gain K", s.gain_dn_per_e, "DN/e-"),
-        ("black level", s.black_level_dn, "DN"),
-        ("full well", s.full_well_e, "e-"),
-        ("dark current mu_I", s.dark_current_e_per_s, "e-/s"),
-        ("read noise sigma_r", s.read_noise_e, "e-"),
-        ("read noise mean mu_r", s.read_noise_mean_e, "e-"),
-        ("electronics noise sigma_el", s.electronics_noise_dn, "DN"),
-        ("electronics mean mu_el", s.electronics_mean_dn, "DN"),
-        ("red over green", red / green, ""),
-        ("blue over green", blue / green, ""),
-    ] {
-        println!("{name:<28}{value:>12} {unit}");
-    }
+    print!("{}", facts(&sensor));
     println!(
         "\n{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
         "gain", "K g", "dark noise", "dark noise", "threshold", "saturation", "SNR max", "dynamic", "range"
@@ -65,7 +141,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     for d in &found {
         println!(
             "{:>8} {:>9.5} {:>11.4} {:>11.3} {:>11.3} {:>10.0} {:>9.2} {:>10.1} {:>8.2}{}",
-            d.linear_gain,
+            six_digits(d.linear_gain),
             d.gain_dn_per_e,
             d.dark_noise_dn,
             d.dark_noise_e,
