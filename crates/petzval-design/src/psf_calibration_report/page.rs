@@ -54,6 +54,9 @@ fn subtitle(calibration: &Calibration) -> Markup {
         (plain(&calibration.sensor))
         @if let Some(lens) = &calibration.lens { ", beside " (plain(lens)) " as traced" }
         "."
+        @if calibration.fields.iter().any(|f| f.is_mono) {
+            " The sensor is monochrome: its one channel stands for red, green and blue."
+        }
     }
 }
 
@@ -183,9 +186,13 @@ fn centroids(calibration: &Calibration) -> Markup {
                 }
             }
         }
-        p.caption { "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the "
-            "chief ray should land. “Ideal pixels” is the error of the measured centroid, that of demosaicing included; “same mosaic” leaves "
-            "demosaicing out and shows what noise does. Light is the sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall "
+        p.caption { "Row and column are those of the green centroid on the sensor; the standard error is that of both. "
+            @if calibration.lens.is_some() {
+                "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the chief ray "
+                "should land. “Ideal pixels” is the error of the measured centroid, that of demosaicing included; “same mosaic” leaves "
+                "demosaicing out and shows what noise does. "
+            }
+            "Light is the sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall "
             "on the mosaic, which the bank's relative illumination does not." }
     }
 }
@@ -203,6 +210,8 @@ fn exposures(calibration: &Calibration) -> Markup {
                         th { "position" } th { "exposure" span.unit { "ms" } } th { "frames" } th { "dark frames" }
                         th { "saturated" span.unit { "pixels" } }
                         th { "variance" span.unit { "measured / modelled" } }
+                        th { "light" span.unit { "over the other exposures" } }
+                        th { "χ²" span.unit { "against the others" } }
                     }
                 }
                 tbody {
@@ -212,12 +221,17 @@ fn exposures(calibration: &Calibration) -> Markup {
                                 th { (plain(&position.name)) } td { (e.exposure_ms) } td { (e.frames) } td { (e.dark_frames) }
                                 td { (e.saturated_pixels) }
                                 td { @match e.variance_ratio { Some(r) => (format!("{r:.3}")), None => "–" } }
+                                @let agreement = e.agreement.map(|a| [format!("{:.4}", a.ratio), format!("{:.2}", a.chi2)]);
+                                @for figure in agreement.unwrap_or_else(|| ["–", "–"].map(String::from)) { td { (figure) } }
                             }
                         }
                     }
                 }
             }
         }
+        p.caption { "Variance: that of the frames of one exposure over what the sensor model says, 1 for the right sensor. Light and χ² compare the "
+            "bright pixels of an exposure with all other exposures of its position; both are 1 where they show the same light. A dash: "
+            "one frame, or no bright pixel that is usable in another exposure." }
     }
 }
 
