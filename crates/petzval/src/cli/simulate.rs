@@ -47,7 +47,7 @@ enum Isp {
 /// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
 /// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 ///
-/// The flat scene is a perfect diffuser. Edge and star are the white and the black patch of a ColorChecker, which reflect 0.91
+/// The flat scene is a perfect diffuser. Edge and star are the white and the black patch of a ColorChecker, which reflect 0.89
 /// and 0.03 of the light at 550 nm: black is a dark gray.
 ///
 /// Highlights end in neutral white where white light saturates the first colour. What a PNG shows as white is white, or where
