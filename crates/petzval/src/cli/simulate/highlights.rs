@@ -81,7 +81,7 @@ impl Saturation {
             true => format!("--time-s {}", cut(f64::from(args.time_s) * self.highest)),
             false => format!("--white-e {}", cut(f64::from(shot.white_e) * self.highest)),
         }];
-        // The colour that saturates first collects more than a green pixel by what highlights end too early for green.
+        // What white gives in the colour that saturates first.
         let (sensor, time_s) = (shot.sensor, f64::from(args.time_s));
         let strongest_e = sensor.light_capacity_e(time_s, f64::from(args.gain)) / self.highest;
         let is_stepped = !sensor.gain_steps.is_empty();
