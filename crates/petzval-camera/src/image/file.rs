@@ -1,5 +1,6 @@
 //! Pictures from and to files: PNG, JPEG, TIFF.
 
+use std::error::Error;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
@@ -99,13 +100,16 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     {
         return format!("it has pixels of {bits} bits of a kind that is not read, such as gray floats");
     }
-    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    // What the system says comes as such, or as the cause of what the decoder says.
+    let is_end = |io: &std::io::Error| io.kind() == std::io::ErrorKind::UnexpectedEof;
+    let mut is_cut_off = matches!(error, ::image::ImageError::IoError(io) if is_end(io));
+    let mut cause = error.source();
     while let Some(error) = cause {
-        let io = error.downcast_ref::<std::io::Error>();
-        if io.is_some_and(|io| io.kind() == std::io::ErrorKind::UnexpectedEof) {
-            return "the file ends before the picture does: it is cut off".to_owned();
-        }
+        is_cut_off |= error.downcast_ref().is_some_and(is_end);
         cause = error.source();
+    }
+    if is_cut_off {
+        return "the file ends before the picture does: it is cut off".to_owned();
     }
     error.to_string()
 }

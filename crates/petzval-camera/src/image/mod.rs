@@ -167,8 +167,8 @@ impl LinearImage {
         }
         // Columns before the image, and those that it has.
         let before = (-col).clamp(0, width as isize) as usize;
-        let first = col.max(0) as usize;
-        let inside = self.width.saturating_sub(first).min(width - before);
+        let first = (col.max(0) as usize).min(self.width);
+        let inside = (self.width - first).min(width - before);
         for c in 0..self.channels {
             let source = self.plane(c);
             for (r, line) in out.plane_mut(c).chunks_exact_mut(width.max(1)).enumerate() {

@@ -501,6 +501,6 @@ fn what_is_no_psf_is_told() {
 
     let small = Frame { height: 20, ..frame };
     assert!(measure(&bright, &small, "small", 1).unwrap_err().to_string().contains("at least 36x36"));
-    let gray = Frame { cfa: crate::sensor::CfaPattern::MONO, ..frame };
-    assert!(measure(&bright, &gray, "gray", 1).unwrap_err().to_string().contains("no Bayer mosaic"));
+    let binned = Frame { cfa: "RRGG/RRGG/GGBB/GGBB".parse().unwrap(), ..frame };
+    assert!(measure(&bright, &binned, "binned", 1).unwrap_err().to_string().contains("a Bayer mosaic"));
 }

@@ -282,10 +282,10 @@ mod tests {
             ("wavelength_nm,clear\n400,0.3\n350,0.2\n", 3, "ascend"),
             ("wavelength_um,clear\n0.4,0.3\n0.7,0.2\n", 2, "within 0.01..100 um"),
             ("wavelength_nm,clear\n400,0.3\n700,x\n", 3, "`x`"),
-            ("", 0, "wavelength_um"),
+            ("", 1, "wavelength_um"),
         ] {
             let error = QuantumEfficiency::from_text(text).unwrap_err();
-            assert_eq!(error.line.unwrap_or(0), line, "{error}");
+            assert_eq!(error.line, Some(line), "{error}");
             assert!(error.to_string().contains(needle) && error.hint.is_some(), "{error}");
         }
     }
