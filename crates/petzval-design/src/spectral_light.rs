@@ -1,7 +1,7 @@
 //! A spectral scene through a lens: every band is spread by the PSFs of its own wavelength.
 
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_camera::render::{Placement, RenderGeometry, illumination_map, kernel_radius, render};
+use petzval_camera::render::{RenderGeometry, Window, illumination_map, kernel_radius, render};
 use petzval_camera::sensor::Colour;
 use petzval_camera::spectral::{ColourElectrons, ElectronsError};
 use petzval_optics::lens::Lens;
@@ -15,7 +15,7 @@ pub struct Bands<'a> {
     pub um: &'a [f64],
     /// Electrons per unit radiance of each colour and band ([`petzval_camera::spectral::band_weights`]).
     pub weights: &'a [(Colour, Vec<f64>)],
-    /// Radiance of three bands on the sensor window, one plane each.
+    /// Radiance of three bands on the whole sensor, one plane each.
     pub planes: &'a dyn Fn([usize; CHANNELS]) -> LinearImage,
 }
 
@@ -27,9 +27,9 @@ impl Bands<'_> {
     }
 }
 
-/// Electrons for each filter colour on the sensor window at `placement` when `lens` looks at a scene.
+/// Electrons for each filter colour on a window of the sensor when `lens` looks at a scene.
 ///
-/// The planes of `bands` have the size of the window; what the lens sees beyond it repeats its edge. `plan` gives fields,
+/// What the lens sees beyond the sensor repeats its edge. `plan` gives fields,
 /// grid and pupil; its wavelengths are replaced by those of the bands, three at a time, as many as the renderer takes, so no
 /// more than three planes are in memory. Relative illumination multiplies the electrons off the axis. `done` is told of every band
 /// that has been rendered.
@@ -38,7 +38,7 @@ pub fn render_spectral(
     plan: &PsfPlan,
     geometry: &RenderGeometry,
     bands: &Bands,
-    placement: Placement,
+    window: Window,
     done: &dyn Fn(usize),
 ) -> Result<ColourElectrons, DesignError> {
     let colours: Vec<Colour> = bands.weights.iter().map(|(colour, _)| *colour).collect();
@@ -46,7 +46,7 @@ pub fn render_spectral(
     for group in bands.seen().chunks(CHANNELS) {
         // A last group of less than three bands repeats one, which counts once.
         let three = [0, 1, 2].map(|k| group[k.min(group.len() - 1)]);
-        let light = through_lens(lens, plan, geometry, bands, three, placement).map_err(|error| {
+        let light = through_lens(lens, plan, geometry, bands, three, window).map_err(|error| {
             DesignError::InBands { um: group.iter().map(|b| bands.um[*b]).collect(), error: Box::new(error) }
         })?;
         let sum = electrons.get_or_insert_with(|| ColourElectrons::none(&colours, light.height, light.width));
@@ -69,13 +69,13 @@ fn through_lens(
     geometry: &RenderGeometry,
     bands: &Bands,
     three: [usize; CHANNELS],
-    placement: Placement,
+    window: Window,
 ) -> Result<LinearImage, DesignError> {
     let bank = PsfPlan { wavelengths_um: three.map(|b| bands.um[b]), ..plan.clone() }.bank(lens)?;
-    let planes = (bands.planes)(three);
     let border = kernel_radius(geometry, &bank.layout())?;
-    let blurred = render(geometry, &bank, &planes.pad_replicate(border), placement)?;
-    let (height, width) = (planes.height, planes.width);
+    let scene = window.scene(&(bands.planes)(three), border);
+    let Window { placement, height, width } = window;
+    let blurred = render(geometry, &bank, &scene, placement)?;
     let map = illumination_map(geometry, &bank.layout(), &bank.illumination, placement, height, width)?;
     let data = blurred.data.iter().zip(&map.data).map(|(l, m)| (l * m).max(0.0)).collect();
     Ok(LinearImage { data, ..blurred })

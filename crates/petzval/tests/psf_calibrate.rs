@@ -51,6 +51,9 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
         assert_eq!(position["warnings"].as_array().unwrap().len(), 0, "{position}");
         for exposure in position["exposures"].as_array().unwrap() {
             assert!((number(&exposure["variance_ratio"]) - 1.0).abs() < 0.1);
+            let agreement = &exposure["agreement"];
+            assert!((number(&agreement["light_over_others"]) - 1.0).abs() < 0.05, "{agreement}");
+            assert!(number(&agreement["pixels"]) >= 8.0, "{agreement}");
         }
     }
     // z-test of 30 errors, false alarms once in 10,000 runs (4.65 standard deviations); 48 draws know these to 10 %.
@@ -112,6 +115,35 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
     let off: Vec<f64> = pairs.map(|(a, b)| (f64::from(a) - f64::from(b)).powi(2)).collect();
     let rms = (off.iter().sum::<f64>() / off.len() as f64).sqrt();
     assert!(rms < 3.0, "pictures differ by {rms} of 255");
+}
+
+#[test]
+fn a_monochrome_sensor_is_measured_and_a_binned_one_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    capture(at, "horizontal", "2", &["--sensor", "imx250-mono"]);
+    let found = run_ok(at, &["psf-calibrate", "captures", "--lens", LENS, "--out", "psfs", "--json"]).json();
+    assert_eq!(found["channels"], serde_json::json!(["clear", "clear", "clear"]));
+    for position in found["positions"].as_array().unwrap() {
+        let l1 = &position["simulated"]["l1_ideal_pixels"];
+        assert!(l1[0] == l1[1] && l1[1] == l1[2], "{position}");
+        // Without a mosaic nothing stands between the measured and the ideal PSF but noise.
+        let ratio = number(&l1[1]) / number(&position["noise_floor"]["l1"][1]);
+        assert!((0.5..1.6).contains(&ratio), "{ratio}");
+    }
+    let photo = data("photos/coffee.png").display().to_string();
+    let args = ["simulate", &photo, "--psfs", "psfs", "--sensor", "imx250-mono", "--size", "120x160"];
+    run_ok(at, &args);
+
+    let text = std::fs::read_to_string(data("sensors/imx249-fitted.toml")).unwrap();
+    std::fs::write(at.join("quad.toml"), text.replace("\"RGGB\"", "\"RRGG/RRGG/GGBB/GGBB\"")).unwrap();
+    let args = ["psf-capture", LENS, "--sensor", "quad.toml", "--out", "never"];
+    run_fails(at, &args, 2, &["RRGG/RRGG/GGBB/GGBB", "Bayer mosaic", "read a binned sensor"]);
+    let list = at.join("captures/captures.toml");
+    std::fs::copy(at.join("quad.toml"), at.join("captures/quad.toml")).unwrap();
+    let named = std::fs::read_to_string(&list).unwrap().replace("imx250-mono", "quad.toml");
+    std::fs::write(&list, named).unwrap();
+    run_fails(at, &["psf-calibrate", "captures"], 2, &["RRGG/RRGG/GGBB/GGBB", "read a binned sensor"]);
 }
 
 #[test]

@@ -26,6 +26,7 @@ fn a_photograph_becomes_a_raw_frame_and_a_picture() {
         assert_eq!(written[0]["image"], "coffee");
         assert_eq!(written[0]["raw"], format!("{out}/coffee-raw.tiff"));
         assert_eq!(written[0]["developed"], format!("{out}/coffee-developed.png"));
+        assert_eq!((&written[0]["white_e"], &written[0]["display_white"]), (&16000.0.into(), &1.0.into()));
         folder.path().join(out)
     };
     let (once, again) = (take("once", &["--seed", "5"]), take("again", &["--seed", "5", "--threads", "1"]));
@@ -66,9 +67,17 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
     std::fs::write(folder.path().join("cut.png"), &std::fs::read(&good).unwrap()[..2000]).unwrap();
     std::fs::create_dir(folder.path().join("twin")).unwrap();
     std::fs::copy(&good, folder.path().join("twin/coffee.png")).unwrap();
+    std::fs::create_dir_all(folder.path().join("shots")).unwrap();
+    std::fs::create_dir_all(folder.path().join("done/psf-calibration")).unwrap();
+    for empty in ["shots/captures.toml", "done/captures.toml", "done/psf-calibration/psfs.toml"] {
+        std::fs::write(folder.path().join(empty), "").unwrap();
+    }
     for (args, needles) in [
         (&["notes.png"][..], ["notes.png: cannot decode the picture", "hint: give a PNG, JPEG or TIFF"]),
-        (&[&good, "cut.png"], ["cut.png: cannot decode", "hint"]),
+        (&[&good, "cut.png"], ["cut.png: cannot decode", "it is cut off"]),
+        (&[&good, "--psfs", "shots"], ["--psfs shots: these are captures", "petzval psf-calibrate shots"]),
+        (&[&good, "--psfs", "done"], ["--psfs done: these are captures", "are in done/psf-calibration"]),
+        (&[&good, "--psfs", "none"], ["none", "results of `petzval psf-calibrate`"]),
         (&["nowhere.png"], ["nowhere.png", "No such file"]),
         (&["twin"], ["twin", "directory"]),
         (&[&good, "twin/coffee.png"], ["twin/coffee.png: another image is called `coffee`", "--out"]),
@@ -103,6 +112,102 @@ fn a_result_that_cannot_be_written_leaves_no_other() {
         .collect();
     files.sort();
     assert_eq!(files, ["coffee-developed.npy", "coffee-raw.tiff", "coffee-raw.tiff.toml"]);
+}
+
+/// Pixels of a 16-bit sRGB picture, 0..1.
+fn developed16(path: &Path) -> Vec<[f64; 3]> {
+    let picture = image::open(path).unwrap();
+    assert_eq!(picture.color(), image::ColorType::Rgb16);
+    picture.to_rgb16().pixels().map(|p| p.0.map(|v| f64::from(v) / 65535.0)).collect()
+}
+
+#[test]
+fn overexposed_white_stays_white_and_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    // Black on the left, white on the right.
+    image::RgbImage::from_fn(240, 160, |x, _| image::Rgb([if x < 120 { 60 } else { 255 }; 3]))
+        .save(folder.path().join("bright.png"))
+        .unwrap();
+    let take = |more: &[&str]| {
+        let args = ["simulate", "bright.png", "--json", "--size", "160x240", "--picture-format", "png16"];
+        run_ok(folder.path(), &[&args[..], more].concat())
+    };
+    let over = take(&["--white-e", "16000", "--gain", "4"]);
+    for needle in
+        ["bright: ", "of the pixels are saturated", "2.82 times", "at gain 4", "--white-e 5600 or --gain 1.4"]
+    {
+        assert!(over.stderr.contains(needle), "{needle}: {}", over.stderr);
+    }
+    let facts = over.json();
+    assert!((facts[0]["display_white"].as_f64().unwrap() - 0.3547).abs() < 1e-3, "{facts}");
+    assert!((facts[0]["saturated_share"].as_f64().unwrap() - 0.5).abs() < 0.02, "{facts}");
+    for pixel in
+        developed16(&folder.path().join("bright-developed.png")).chunks(240).flat_map(|row| &row[140..])
+    {
+        assert!(pixel.iter().all(|v| *v > 0.99), "{pixel:?}");
+    }
+    // What is offered holds white, and nothing is told.
+    for more in [
+        &["--white-e", "5600", "--gain", "4"][..],
+        &["--white-e", "16000", "--gain", "1.4"],
+        &["--gain", "4"],
+    ] {
+        let held = take(more);
+        assert!(!held.stderr.contains("saturated"), "{}", held.stderr);
+    }
+    assert_eq!(take(&["--gain", "4"]).json()[0]["white_e"], 4000.0);
+    let args = ["simulate", "bright.png", "--out", "out", "--time-s", "9000"];
+    run_fails(folder.path(), &args, 2, &["--time-s 9000", "dark current alone", "less time"]);
+}
+
+#[test]
+fn a_full_well_below_the_end_of_the_converter_is_the_white_level() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(data("sensors/imx249-fitted.toml")).unwrap();
+    std::fs::write(folder.path().join("small.toml"), text.replace("33723.0", "9000.0")).unwrap();
+    image::RgbImage::from_pixel(32, 24, image::Rgb([255; 3])).save(folder.path().join("white.png")).unwrap();
+    let args = [
+        "simulate",
+        "white.png",
+        "--sensor",
+        "small.toml",
+        "--size",
+        "24x32",
+        "--white-e",
+        "30000",
+        "--no-noise",
+    ];
+    run_ok(folder.path(), &args);
+    // 119 + 1.15 + 0.14 (9000 + 3.25) = 1380.6.
+    let sidecar = std::fs::read_to_string(folder.path().join("white-raw.tiff.toml")).unwrap();
+    assert!(sidecar.contains("white_level_dn = 1380.0"), "{sidecar}");
+    let shown = run_ok(folder.path(), &["raw", "show", "white-raw.tiff", "--json"]).json();
+    let text = shown.to_string();
+    assert!(text.contains("\"saturated\":192") && text.contains("\"saturated\":384"), "{text}");
+    assert_eq!(run_ok(folder.path(), &[&args[..6], &["--json"]].concat()).json()[0]["white_e"], 5000.0);
+}
+
+#[test]
+fn a_part_of_the_sensor_sees_what_it_sees_in_a_whole_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = data("photos/coffee.png").display().to_string();
+    let take = |out: &str, more: &[&str]| {
+        let args = ["simulate", photo.as_str(), "--out", out, "--no-noise"];
+        run_ok(folder.path(), &[&args[..], more].concat());
+        let picture = image::open(folder.path().join(out).join("coffee-raw.tiff")).unwrap();
+        picture.into_luma16()
+    };
+    let (whole, part) = (take("whole", &[]), take("part", &["--size", "90x130"]));
+    assert_eq!(part.dimensions(), (130, 90));
+    // (1200 - 90) / 2 = 555, one less for a whole tile of the mosaic.
+    let off = part.enumerate_pixels().map(|(x, y, dn)| dn[0].abs_diff(whole.get_pixel(x + 894, y + 554)[0]));
+    let off: Vec<u16> = off.collect();
+    assert!(off.iter().all(|d| *d <= 1) && off.iter().filter(|d| **d > 0).count() < 40);
+    let sidecar = std::fs::read_to_string(folder.path().join("part/coffee-raw.tiff.toml")).unwrap();
+    assert!(sidecar.contains("cfa = \"RGGB\""), "{sidecar}");
+    for size in ["9x9999", "1x9", "90", "ax9"] {
+        run_fails(folder.path(), &["simulate", &photo, "--size", size], 2, &["--size"]);
+    }
 }
 
 #[test]

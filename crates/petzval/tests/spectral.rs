@@ -379,12 +379,22 @@ fn what_cannot_be_simulated_is_named() {
     );
     image::RgbImage::from_pixel(20, 20, Rgb([220, 90, 40])).save(folder.path().join("rust.png")).unwrap();
     write_cube(folder.path(), "cube", 2, |_| 0.002);
+    file("bad.csv", "wavelength_nm,red,green,blue\n400,0.1,0.1,0.5\n700,50,10,5\n");
     let stepped = text.replacen("bits = ", "gain_steps = [1.0, 2.0]\nbits = ", 1);
     std::fs::write(&sensor, stepped).unwrap();
     for (args, needles) in [
         (&[chart][..], ["no quantum efficiency curves", "--qe (imx219, ov5647 are built in"]),
         (&[chart, "--qe", "flat:1.5"], ["--qe flat:1.5", "flat:0.6"]),
-        (&[chart, "--sensor", &sensor, "--white-e", "9000"], ["--white-e 9000", "--illuminance-lux"]),
+        (
+            &[chart, "--sensor", &sensor, "--white-e", "9000", "--illuminance-lux", "500"],
+            ["--white-e 9000: --illuminance-lux 500", "leave one of the two out"],
+        ),
+        (
+            &["cube.npy", "--sensor", &sensor, "--white-e", "9000"],
+            ["--white-e 9000: cube.npy has radiances", "--time-s"],
+        ),
+        (&["scene:foo"], ["no scene called `foo`", "scene:colorchecker"]),
+        (&[chart, "--qe", "bad.csv"], ["bad.csv:3", "percent"]),
         (&[chart, "--sensor", &sensor, "--transmission", "0"], ["--transmission 0: no light", "above 0"]),
         (
             &[chart, "--sensor", &sensor, "--illuminance-lux", "1e-300"],
@@ -449,4 +459,39 @@ fn pixels_that_tell_no_colours_apart_give_a_picture_without_a_matrix() {
     let picture = developed(&folder.path().join("flat-developed.png"));
     let centre = mean(&picture, 50..70, 80..110);
     assert!(centre.iter().all(|v| *v > 245.0), "{centre:?}");
+}
+
+#[test]
+fn electrons_of_white_set_the_illuminance() {
+    let folder = tempfile::tempdir().unwrap();
+    let sensor = small_sensor(folder.path(), "");
+    let take = |more: &[&str]| {
+        let args = ["simulate", "scene:flat", "--sensor", &sensor, "--no-noise", "--json"];
+        run_ok(folder.path(), &[&args[..], more].concat()).json()[0].clone()
+    };
+    let number = |facts: &serde_json::Value, key: &str| facts[key].as_f64().unwrap();
+    let (asked, plain) = (take(&["--white-e", "9000"]), take(&[]));
+    assert!((number(&asked, "white_e") - 9000.0).abs() < 1e-6, "{asked}");
+    let lux = 500.0 * 9000.0 / number(&plain, "white_e");
+    assert!((number(&asked, "illuminance_lux") / lux - 1.0).abs() < 1e-9, "{asked} {lux}");
+}
+
+#[test]
+fn curves_in_a_table_are_those_of_the_toml_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let sensor = small_sensor(folder.path(), "");
+    let curves: toml::Table =
+        toml::from_str(&std::fs::read_to_string(data("quantum-efficiency/imx219.toml")).unwrap()).unwrap();
+    let column = |key: &str| -> Vec<f64> {
+        curves[key].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect()
+    };
+    let [um, red, green, blue] = ["wavelength_um", "red", "green", "blue"].map(column);
+    let lines = (0..um.len()).map(|i| format!("{},{},{},{}\n", 1e3 * um[i], red[i], green[i], blue[i]));
+    let table = format!("wavelength_nm,red,green,blue\n{}", lines.collect::<String>());
+    std::fs::write(folder.path().join("curves.csv"), table).unwrap();
+    let white = |qe: &str| {
+        let args = ["simulate", "scene:flat", "--sensor", &sensor, "--qe", qe, "--json"];
+        run_ok(folder.path(), &args).json()[0]["white_e"].as_f64().unwrap()
+    };
+    assert!((white("curves.csv") / white("imx219") - 1.0).abs() < 1e-9);
 }

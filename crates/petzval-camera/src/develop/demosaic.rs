@@ -1,8 +1,8 @@
-//! Bilinear demosaicing: the mean of the nearest pixels that saw the colour. Arrays that are not Bayer's go to [`super::tent`].
+//! Bilinear demosaicing: the mean of the nearest pixels that saw the colour. Arrays that are not Bayer's go to [`super::interpolation`].
 
 use rayon::prelude::*;
 
-use super::tent::Tents;
+use super::interpolation::Interpolation;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
@@ -12,8 +12,8 @@ use crate::sensor::{CfaPattern, SensorError};
 /// Of a Bayer array, green: the mean of the four edge neighbours; red and blue: of the two or four nearest of their colour. Borders
 /// mirror about the outermost pixel, which keeps the phase of the mosaic. At least 2x2 pixels.
 ///
-/// Of any other array of R x C pixels: the mean of the pixels within one tile that saw the colour, with weights
-/// `(1 - |dr| / R) (1 - |dc| / C)`; a colour that the array does not have comes from its clear pixels. At least one tile.
+/// Of any other array: linear interpolation between the nearest pixels that saw the colour, along the row, the column or both;
+/// a colour that the array does not have comes from its clear pixels. At least one tile. The border is not mirrored.
 pub fn demosaic_bilinear(
     mosaic: &[f32],
     height: usize,
@@ -23,7 +23,7 @@ pub fn demosaic_bilinear(
 ) -> Result<LinearImage, SensorError> {
     check(mosaic.len(), height, width)?;
     if !cfa.is_bayer() {
-        return Ok(Tents::new(cfa, placement, height, width)?.fill(mosaic, height, width));
+        return Ok(Interpolation::new(cfa, placement, height, width)?.fill(mosaic, height, width));
     }
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     out.data.par_chunks_exact_mut(width).enumerate().for_each(|(line, values)| {
@@ -53,7 +53,7 @@ pub fn demosaic_bilinear_adjoint(
     }
     check(height * width, height, width)?;
     if !cfa.is_bayer() {
-        return Ok(Tents::new(cfa, placement, height, width)?.gather(d_rgb));
+        return Ok(Interpolation::new(cfa, placement, height, width)?.gather(d_rgb));
     }
     // Each colour hands its gradient to the pixels it came from; the three add up in order.
     let planes: Vec<Vec<f32>> = (0..CHANNELS)

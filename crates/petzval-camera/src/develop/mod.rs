@@ -4,12 +4,15 @@
 //! raw - dark mean -> / (K g white_e) -> / answer to white (white balance) -> bilinear demosaic -> linear RGB
 //! ```
 //!
-//! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`].
+//! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`]. What saturates a colour
+//! stays as it reads, so that the gradient is that of the sensor alone; [`clip_highlights`] before it makes a picture to look at.
 
 mod demosaic;
-mod tent;
+mod highlights;
+mod interpolation;
 
 pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
+pub use highlights::{clip_highlights, saturated_share, white_capacity_e};
 
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
@@ -89,7 +92,7 @@ pub(crate) fn check_colours(cfa: CfaPattern, height: usize, width: usize) -> Res
     if cfa.is_bayer() {
         return Ok(());
     }
-    tent::Tents::new(cfa, Placement::default(), height, width).map(|_| ())
+    interpolation::Interpolation::new(cfa, Placement::default(), height, width).map(|_| ())
 }
 
 /// Lifts the dim corners: divides by relative illumination, at most by `1 / floor`.

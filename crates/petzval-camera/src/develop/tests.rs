@@ -87,19 +87,75 @@ fn pixels_keep_the_colour_they_saw_and_mono_gives_three_equal_planes() {
 }
 
 #[test]
-fn the_tent_of_a_bayer_tile_is_bilinear_interpolation() {
+fn interpolation_in_a_bayer_tile_is_the_mean_of_the_nearest() {
     let (height, width, mosaic) = (10, 12, uniform(6, 120));
     for (cfa, origin) in
         [(CfaPattern::RGGB, Placement { row: 0, col: 0 }), (CfaPattern::GBRG, Placement { row: 1, col: 4 })]
     {
-        let tents = tent::Tents::new(cfa, origin, height, width).unwrap().fill(&mosaic, height, width);
+        let interpolation = interpolation::Interpolation::new(cfa, origin, height, width).unwrap();
+        let filled = interpolation.fill(&mosaic, height, width);
         let bilinear = demosaic_bilinear(&mosaic, height, width, cfa, origin).unwrap();
         for r in 1..height - 1 {
             for c in 1..width - 1 {
                 for channel in 0..CHANNELS {
-                    assert!((tents.get(channel, r, c) - bilinear.get(channel, r, c)).abs() < 1e-6);
+                    assert!((filled.get(channel, r, c) - bilinear.get(channel, r, c)).abs() < 1e-6);
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn an_even_rise_comes_back_through_any_array() {
+    let (height, width) = (24, 26);
+    for tile in TILES {
+        let cfa: CfaPattern = tile.parse().unwrap();
+        let slopes = [(0.02, 0.03), (-0.01, 0.02), (0.03, -0.01)];
+        // In an array without colours of its own, clear pixels see one slope.
+        let of = |c: usize| {
+            if cfa.colours().contains(&[Colour::Red, Colour::Green, Colour::Blue][c]) { c } else { 0 }
+        };
+        let value = |c: usize, r: usize, col: usize| slopes[c].0 * r as f32 + slopes[c].1 * col as f32;
+        for (row, col) in [(0, 0), (1, 3), (5, 2)] {
+            let origin = Placement { row, col };
+            let seen = |i: usize| {
+                let (r, c) = (i / width, i % width);
+                value(cfa.colour(row + r, col + c).plane().map_or(0, of), r, c)
+            };
+            let mosaic: Vec<f32> = (0..height * width).map(seen).collect();
+            let rgb = demosaic_bilinear(&mosaic, height, width, cfa, origin).unwrap();
+            // Away from the border, where there are pixels on both sides.
+            for (r, c) in (6..height - 6).flat_map(|r| (6..width - 6).map(move |c| (r, c))) {
+                for channel in 0..CHANNELS {
+                    let error = rgb.get(channel, r, c) - value(of(channel), r, c);
+                    assert!(error.abs() < 1e-5, "{tile} ({channel}, {r}, {c}): {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_edge_through_a_binned_array_is_no_wider_than_the_gap_between_its_pixels() {
+    const GAP: usize = 3;
+    let (height, width) = (24, 24);
+    let cfa: CfaPattern = "RRGG/RRGG/GGBB/GGBB".parse().unwrap();
+    for edge in 10..14 {
+        let mosaic: Vec<f32> =
+            (0..height * width).map(|i| if i % width < edge { 0.0 } else { 1.0 }).collect();
+        let rgb = demosaic_bilinear(&mosaic, height, width, cfa, Placement::default()).unwrap();
+        for (channel, r, c) in (0..CHANNELS * 16 * 16).map(|i| (i / 256, 4 + i / 16 % 16, 4 + i % 16)) {
+            let value = rgb.get(channel, r, c);
+            let known = if c + GAP <= edge { Some(0.0) } else { (c + 1 >= edge + GAP).then_some(1.0) };
+            assert!(
+                known.is_none_or(|known| (value - known).abs() < 1e-6),
+                "{edge}: {channel} {r} {c} {value}"
+            );
+            // Red and blue lie on a grid of rows and columns: along the edge no row differs from another.
+            assert!(
+                channel == 1 || (value - rgb.get(channel, 4, c)).abs() < 1e-6,
+                "{edge}: {channel} {r} {c}"
+            );
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Pictures from and to files: PNG, JPEG, TIFF.
 
+use std::error::Error;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use ::image::error::UnsupportedErrorKind;
 use ::image::{DynamicImage, ExtendedColorType, GenericImageView, ImageFormat, ImageReader};
 
 use super::{CHANNELS, LinearImage, srgb_decode};
@@ -61,7 +63,7 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<LinearImage, ImageEr
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
     let reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
-    let picture = reader.decode().map_err(|e| decode(e.to_string()))?;
+    let picture = reader.decode().map_err(|e| decode(undecoded(&e)))?;
     let (width, height) = picture.dimensions();
     if width == 0 || height == 0 {
         return Err(ImageError::Empty { name: name.to_owned(), height, width });
@@ -91,18 +93,53 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<LinearImage, ImageEr
     Ok(out)
 }
 
+/// Why a decoder gave up, in words of pictures where it speaks of buffers.
+pub(crate) fn undecoded(error: &::image::ImageError) -> String {
+    if let ::image::ImageError::Unsupported(unsupported) = error
+        && let UnsupportedErrorKind::Color(ExtendedColorType::Unknown(bits)) = unsupported.kind()
+    {
+        return format!("it has pixels of {bits} bits of a kind that is not read, such as gray floats");
+    }
+    // What the system says comes as such, or as the cause of what the decoder says.
+    let is_end = |io: &std::io::Error| io.kind() == std::io::ErrorKind::UnexpectedEof;
+    let mut is_cut_off = matches!(error, ::image::ImageError::IoError(io) if is_end(io));
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        is_cut_off |= error.downcast_ref().is_some_and(is_end);
+        cause = error.source();
+    }
+    if is_cut_off {
+        return "the file ends before the picture does: it is cut off".to_owned();
+    }
+    error.to_string()
+}
+
 /// Encodes a linear image as an 8-bit sRGB PNG; one plane gives a gray picture, otherwise the first three planes are
 /// red, green, blue.
 pub fn png_bytes(image: &LinearImage) -> Result<Vec<u8>, ImageError> {
-    let planes = if image.channels >= CHANNELS { CHANNELS } else { 1 };
-    let display = image.to_srgb();
-    let n = image.height * image.width;
-    let bytes: Vec<u8> = (0..n)
-        .flat_map(|i| (0..planes).map(move |c| (c, i)))
-        .map(|(c, i)| (display[c * n + i] * 255.0).round() as u8)
-        .collect();
-    let color = if planes == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    let bytes: Vec<u8> = display_samples(image).map(|v| (v * 255.0).round() as u8).collect();
+    let color = if planes(image) == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
     encode(&bytes, image.height, image.width, color, ImageFormat::Png, "PNG buffer")
+}
+
+/// Planes of a picture file: gray, or red, green and blue.
+fn planes(image: &LinearImage) -> usize {
+    if image.channels >= CHANNELS { CHANNELS } else { 1 }
+}
+
+/// sRGB samples in 0..1, pixel by pixel.
+fn display_samples(image: &LinearImage) -> impl Iterator<Item = f32> {
+    let (display, planes, n) = (image.to_srgb(), planes(image), image.height * image.width);
+    (0..n * planes).map(move |k| display[k % planes * n + k / planes])
+}
+
+/// Writes a linear image as a 16-bit sRGB PNG file, planes as in [`png_bytes`].
+pub fn save_png16(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
+    // The encoder takes 16-bit samples in the machine's order of bytes, and writes them in that of the format.
+    let sample = |v: f32| ((v * 65535.0).round() as u16).to_ne_bytes();
+    let bytes: Vec<u8> = display_samples(image).flat_map(sample).collect();
+    let color = if planes(image) == 1 { ExtendedColorType::L16 } else { ExtendedColorType::Rgb16 };
+    write(path, &encode(&bytes, image.height, image.width, color, ImageFormat::Png, "PNG buffer")?)
 }
 
 /// Writes a linear image as an 8-bit sRGB PNG file.
@@ -142,6 +179,29 @@ mod tests {
         for (a, b) in image.data.iter().zip(&back.data) {
             assert!((a - b).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn sixteen_bits_keep_what_eight_lose() {
+        let folder = tempfile::tempdir().unwrap();
+        let data: Vec<f32> = (0..3 * 8 * 8).map(|i| srgb_decode(0.2 + i as f32 / 2000.0)).collect();
+        let image = LinearImage::from_data(3, 8, 8, data).unwrap();
+        let path = folder.path().join("fine.png");
+        save_png16(&image, &path).unwrap();
+        let back = load_image(&path).unwrap();
+        for (a, b) in image.to_srgb().iter().zip(back.to_srgb()) {
+            assert!((a - b).abs() <= 0.6 / 65535.0, "{a} {b}");
+        }
+        let samples = ::image::open(&path).unwrap();
+        assert_eq!(samples.color(), ::image::ColorType::Rgb16);
+    }
+
+    #[test]
+    fn a_picture_that_is_cut_off_is_called_so() {
+        let noise = (0..3 * 64 * 64).map(|i| (i * 7919 % 1000) as f32 / 1000.0).collect();
+        let bytes = png_bytes(&LinearImage::from_data(3, 64, 64, noise).unwrap()).unwrap();
+        let error = load_image_bytes(&bytes[..bytes.len() / 2], "half.png").unwrap_err().to_string();
+        assert!(error.contains("half.png") && error.contains("it is cut off"), "{error}");
     }
 
     #[test]

@@ -8,7 +8,8 @@ mod float_file;
 mod place;
 mod srgb;
 
-pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png};
+pub(crate) use file::undecoded;
+pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_png16};
 pub(crate) use float_file::npy_bytes;
 pub use float_file::{exr_bytes, save_exr, save_npy};
 pub use srgb::{srgb_decode, srgb_encode};
@@ -154,19 +155,28 @@ impl LinearImage {
 
     /// Surrounds the image with `border` pixels that repeat its edge, the light a lens needs from outside the frame.
     pub fn pad_replicate(&self, border: usize) -> Self {
-        let (height, width) = (self.height + 2 * border, self.width + 2 * border);
+        let start = -(border as isize);
+        self.window_replicate(start, start, self.height + 2 * border, self.width + 2 * border)
+    }
+
+    /// The window of `height` x `width` pixels whose first is at `(row, col)`; beyond the image its edge is repeated.
+    pub fn window_replicate(&self, row: isize, col: isize, height: usize, width: usize) -> Self {
         let mut out = Self::zeros(self.channels, height, width);
         if self.height == 0 || self.width == 0 {
             return out;
         }
+        // Columns before the image, and those that it has.
+        let before = (-col).clamp(0, width as isize) as usize;
+        let first = (col.max(0) as usize).min(self.width);
+        let inside = (self.width - first).min(width - before);
         for c in 0..self.channels {
             let source = self.plane(c);
-            for (r, line) in out.plane_mut(c).chunks_exact_mut(width).enumerate() {
-                let from = r.saturating_sub(border).min(self.height - 1);
-                let row = &source[from * self.width..(from + 1) * self.width];
-                line[..border].fill(row[0]);
-                line[border..border + self.width].copy_from_slice(row);
-                line[border + self.width..].fill(row[self.width - 1]);
+            for (r, line) in out.plane_mut(c).chunks_exact_mut(width.max(1)).enumerate() {
+                let from = (row + r as isize).clamp(0, self.height as isize - 1) as usize;
+                let seen = &source[from * self.width..(from + 1) * self.width];
+                line[..before].fill(seen[0]);
+                line[before..before + inside].copy_from_slice(&seen[first..first + inside]);
+                line[before + inside..].fill(seen[self.width - 1]);
             }
         }
         out
@@ -191,6 +201,19 @@ mod tests {
         assert_eq!(ramp().crop(1, 2, 2, 2).unwrap().data, vec![6.0, 7.0, 10.0, 11.0]);
         assert!(matches!(ramp().crop(2, 0, 2, 1), Err(ShapeError::Crop { .. })));
         assert!(ramp().crop(usize::MAX, 0, 2, 1).is_err());
+    }
+
+    #[test]
+    fn a_window_beyond_the_image_repeats_its_edge() {
+        for (row, col) in [(-5, -5), (-3, 2), (0, 0), (1, 3), (-4, 1), (3, -2)] {
+            let window = ramp().window_replicate(row, col, 5, 4);
+            for (r, c) in (0..5).flat_map(|r| (0..4).map(move |c| (r, c))) {
+                let nearest = ramp().get(0, (row + r).clamp(0, 2) as usize, (col + c).clamp(0, 3) as usize);
+                assert_eq!(window.get(0, r as usize, c as usize), nearest, "{row} {col}");
+            }
+        }
+        assert_eq!(ramp().window_replicate(0, 9, 1, 2).data, vec![3.0, 3.0]);
+        assert_eq!(ramp().window_replicate(1, -9, 1, 2).data, vec![4.0, 4.0]);
     }
 
     #[test]

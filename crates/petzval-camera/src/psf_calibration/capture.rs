@@ -19,18 +19,19 @@ pub struct WindowLight {
 
 impl WindowLight {
     /// Rate of the brightest pixel behind its own filter, electrons/s: what the other colours would collect there, no
-    /// pixel sees. Clear pixels do not count.
+    /// pixel sees. Clear pixels, those of a monochrome sensor, collect what stands for green.
     pub fn brightest_e_per_s(&self, cfa: &CfaPattern) -> f64 {
         let seen = |i: usize| {
             let Placement { row, col } = self.placement;
             let plane = cfa.colour(row + i / self.width, col + i % self.width).plane();
-            plane.map_or(0.0, |c| self.rate_e_per_s[c][i])
+            self.rate_e_per_s[plane.unwrap_or(1)][i]
         };
         (0..self.height * self.width).map(seen).fold(0.0, f64::max)
     }
 }
 
-/// Takes frame number `frame` of the window; frames of one seed have independent noise.
+/// Takes frame number `frame` of the window; frames of one seed have independent noise. A monochrome sensor sees the three
+/// channels, which are one there, as its clear pixels answer to each.
 pub fn take_frame(
     light: &WindowLight,
     sensor: &SensorModel,
@@ -42,9 +43,13 @@ pub fn take_frame(
     // The sensor takes light relative to white; let white be the brightest pixel.
     let brightest = light.rate_e_per_s.iter().flatten().fold(0.0f64, |a, b| a.max(*b)).max(1e-6);
     let mut irradiance = LinearImage::zeros(CHANNELS, light.height, light.width);
+    let answers = match sensor.cfa == CfaPattern::MONO {
+        true => [sensor.clear_response.iter().sum(); CHANNELS],
+        false => sensor.relative_qe,
+    };
     for (c, rate) in light.rate_e_per_s.iter().enumerate() {
         for (v, rate) in irradiance.plane_mut(c).iter_mut().zip(rate) {
-            *v = (rate / (brightest * sensor.relative_qe[c])) as f32;
+            *v = (rate / (brightest * answers[c])) as f32;
         }
     }
     let exposure = Exposure {

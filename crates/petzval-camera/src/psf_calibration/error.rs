@@ -6,7 +6,7 @@ use petzval_optics::format::FileError;
 
 use crate::psf::PsfError;
 use crate::raw_file::RawFileError;
-use crate::sensor::SensorError;
+use crate::sensor::{CfaPattern, SensorError};
 
 /// Why captures could not be read, or hold no PSF.
 #[derive(Debug, thiserror::Error)]
@@ -85,11 +85,12 @@ pub enum PsfCalibrationError {
         /// What is wrong.
         error: SensorError,
     },
-    /// A mosaic that bilinear interpolation cannot fill.
+    /// A mosaic through which no PSFs are measured.
     #[error(
-        "the mosaic {0} is no Bayer mosaic; PSFs of three colours are measured through RGGB, GRBG, GBRG or BGGR"
+        "the sensor's mosaic is {0}: PSFs are measured through a Bayer mosaic (RGGB, GRBG, GBRG, BGGR), or without one (mono); hint: \
+         read a binned sensor (RRGG/...) out as the Bayer mosaic of its bins, with `cfa` and twice the `pixel_um`"
     )]
-    NotBayer(String),
+    Mosaic(CfaPattern),
     /// Frames too small to hold a PSF and what is around it.
     #[error("position `{position}`: frames of {height}x{width} pixels; at least {least}x{least} are needed")]
     TooSmall {

@@ -89,6 +89,8 @@ pub struct FieldEstimate {
     pub field_radius_mm: f64,
     /// Positions that see it.
     pub positions: usize,
+    /// Whether the sensor is monochrome: all channels are then one.
+    pub is_mono: bool,
     /// Mean squared residual of the fitted pixels over the variance, per channel. Says whether the positions agree, not how
     /// well the PSF is known: see `held_out`.
     pub chi2: [f64; CHANNELS],
@@ -110,6 +112,9 @@ impl FieldEstimate {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let named = |of: &dyn Fn(usize) -> bool, figure: &dyn Fn(usize) -> f64| -> Vec<String> {
+            if self.is_mono {
+                return (of(1)).then(|| format!("{:.2}", figure(1))).into_iter().collect();
+            }
             let told = (0..CHANNELS).filter(|c| of(*c));
             told.map(|c| format!("{} {:.2}", COLOURS[c], figure(c))).collect()
         };
@@ -230,7 +235,8 @@ fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
         let cells_out = CELLS_PER_PIXEL as f64 * (outward_px(&cells[c]) - outward_px(&cells[1]));
         cells_out.round() as isize
     });
-    let (choice, held_out) = choose(&folds, outward, pixel_um);
+    let is_mono = field.iter().all(|p| p.frame.is_mono());
+    let (choice, held_out) = choose(&folds, outward, is_mono, pixel_um);
 
     let fit = |c: usize, green: Option<&Vec<f64>>| {
         let Choice { blob, is_from_green, rounds } = choice[c];
@@ -241,11 +247,15 @@ fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
         (ascent.chi2(), ascent.cells)
     };
     let green = fit(1, None);
-    let (red, blue) = (fit(0, Some(&green.1)), fit(2, Some(&green.1)));
+    let (red, blue) = match is_mono {
+        true => (green.clone(), green.clone()),
+        false => (fit(0, Some(&green.1)), fit(2, Some(&green.1))),
+    };
     let light: f64 = green.1.iter().sum();
     let estimate = FieldEstimate {
         field_radius_mm: radius_mm,
         positions: field.len(),
+        is_mono,
         chi2: [red.0, green.0, blue.0],
         held_out,
         blob_px: choice.map(|c| c.blob / CELLS_PER_PIXEL as f64),

@@ -7,7 +7,7 @@ use petzval_optics::format::FileError;
 use super::PsfCalibrationError;
 use super::average::{Average, Dark, median};
 use super::manifest::{MANIFEST_FILE, Manifest};
-use super::measure::{DETECTION_SIGMAS, Frame, LEAST_SIDE, Measured, SECOND_SOURCE, measure};
+use super::measure::{DETECTION_SIGMAS, Frame, LEAST_SIDE, Measured, SECOND_SOURCE, check_mosaic, measure};
 use super::merge::{
     Agreement, ExposureMean, Merged, SensorNoise, agreement, mask_hot_pixels, merge, saturation_dn,
 };
@@ -92,9 +92,7 @@ pub fn calibrate_position(
 ) -> Result<CalibratedPosition, PsfCalibrationError> {
     let position = &manifest.position[index];
     let name = position.name.get_ref().clone();
-    if !sensor.cfa.is_bayer() {
-        return Err(PsfCalibrationError::NotBayer(sensor.cfa.to_string()));
-    }
+    check_mosaic(sensor.cfa)?;
     let mut reader =
         Reader { folder, position: &name, manifest, origin: *position.origin.get_ref(), sensor, size: None };
 

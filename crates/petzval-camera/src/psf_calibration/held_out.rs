@@ -103,16 +103,25 @@ pub(super) fn start(seen: &[Place], channel: usize, green: Option<(&[f64], isize
     green.map_or_else(|| even(light), |(cells, outward)| shaped(cells, outward, light))
 }
 
-/// Chooses how each channel is fitted, and says how well what was held out is explained then.
+/// Chooses how each channel is fitted, and says how well what was held out is explained then. The channels of a monochrome
+/// sensor are one, and fitted once.
 pub(super) fn choose(
     folds: &[Fold],
     outward: [isize; CHANNELS],
+    is_mono: bool,
     pixel_um: f64,
 ) -> ([Choice; CHANNELS], HeldOut) {
     let green = best(folds, 1, None, pixel_um);
-    let others: Vec<(Choice, Vec<Vec<f64>>)> =
-        [0, 2].into_par_iter().map(|c| best(folds, c, Some((&green.1, outward[c])), pixel_um)).collect();
-    let channels = [&others[0], &green, &others[1]];
+    let others: Vec<(Choice, Vec<Vec<f64>>)> = match is_mono {
+        true => Vec::new(),
+        false => {
+            [0, 2].into_par_iter().map(|c| best(folds, c, Some((&green.1, outward[c])), pixel_um)).collect()
+        }
+    };
+    let channels = match &others[..] {
+        [red, blue] => [red, &green, blue],
+        _ => [&green; CHANNELS],
+    };
     let by = if folds.iter().any(|f| f.part.is_some()) { HeldOutBy::Pixels } else { HeldOutBy::Positions };
     let mut score = [Score::default(); CHANNELS];
     for (k, fold) in folds.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The white diode behind the pinhole, and what of it each colour of the sensor sees.
 
 use crate::image::CHANNELS;
-use crate::sensor::{QuantumEfficiency, SensorModel};
+use crate::sensor::{CfaPattern, Colour, SensorModel};
 
 /// Relative photon flux per wavelength of a white diode of about 4900 K.
 ///
@@ -24,29 +24,22 @@ pub fn led_wavelengths_um() -> Vec<f64> {
 }
 
 /// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1 and the
-/// others to what they see relative to it.
+/// others to what they see relative to it. The three channels of a monochrome sensor are one.
 ///
-/// The sensor's own efficiency curves count where it has them. Without them, stated stand-ins do: Gaussian colour filters
-/// around 0.600, 0.535 and 0.460 um of 80, 85 and 75 nm full width, scaled to the sensor's relative efficiencies.
+/// The sensor's own efficiency curves count where it has them, with their factors. Without them, stated stand-ins do:
+/// Gaussian colour filters around 0.600, 0.535 and 0.460 um of 80, 85 and 75 nm full width, scaled to the sensor's relative
+/// efficiencies; of clear pixels, one efficiency at all wavelengths.
 pub fn channel_weights(sensor: &SensorModel, wavelengths_um: &[f64]) -> [Vec<f64>; CHANNELS] {
-    let curve = |q: &QuantumEfficiency, channel: usize, um: f64| {
-        let values = [&q.red, &q.green, &q.blue][channel];
-        let above = q.wavelength_um.partition_point(|w| *w <= um);
-        match (above.checked_sub(1), q.wavelength_um.get(above)) {
-            (Some(lo), Some(hi_um)) => {
-                let share = (um - q.wavelength_um[lo]) / (hi_um - q.wavelength_um[lo]);
-                let value = |i: usize| values.get(i).copied().unwrap_or(0.0);
-                value(lo) * (1.0 - share) + value(above) * share
-            }
-            (Some(lo), None) if q.wavelength_um[lo] == um => values.get(lo).copied().unwrap_or(0.0),
-            _ => 0.0,
-        }
-    };
-    let known = sensor.quantum_efficiency.as_ref().filter(|q| {
-        [&q.red, &q.green, &q.blue].iter().all(|c| c.len() == q.wavelength_um.len() && !c.is_empty())
+    let is_mono = sensor.cfa == CfaPattern::MONO;
+    let colours =
+        if is_mono { [Colour::Clear; CHANNELS] } else { [Colour::Red, Colour::Green, Colour::Blue] };
+    let known = sensor.quantum_efficiency.as_ref().and_then(|q| {
+        let [first, second, third] = colours.map(|colour| q.curve(colour));
+        Some([first?, second?, third?])
     });
-    let efficiency = |channel: usize, um: f64| match known {
-        Some(q) => curve(q, channel, um),
+    let efficiency = |channel: usize, um: f64| match &known {
+        Some(curves) => curves[channel].at(um),
+        None if is_mono => 1.0,
         None => {
             let (centre, width) = [(0.600, 0.080), (0.535, 0.085), (0.460, 0.075)][channel];
             let gauss = (-4.0 * std::f64::consts::LN_2 * ((um - centre) / width).powi(2)).exp();
@@ -65,6 +58,36 @@ pub fn channel_weights(sensor: &SensorModel, wavelengths_um: &[f64]) -> [Vec<f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn sensor() -> SensorModel {
+        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    }
+
+    #[test]
+    fn a_channel_sees_what_its_curve_with_its_factor_says() {
+        let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
+        let plain = crate::sensor::QuantumEfficiency::from_toml(text).unwrap();
+        let um = led_wavelengths_um();
+        let light = |scale: f64, alpha: f64, beta: f64| {
+            let quantum_efficiency =
+                Some(crate::sensor::QuantumEfficiency { scale, alpha, beta, ..plain.clone() });
+            let weights = channel_weights(&SensorModel { quantum_efficiency, ..sensor() }, &um);
+            weights.map(|w| w.iter().sum::<f64>())
+        };
+        let (one, other) = (light(1.0, 1.0, 1.0), light(0.5, 0.82, 1.25));
+        assert!((one[1] - 1.0).abs() < 1e-12 && (other[1] - 1.0).abs() < 1e-12);
+        assert!((other[0] / one[0] - 0.82).abs() < 1e-12, "{one:?} {other:?}");
+        assert!((other[2] / one[2] - 1.25).abs() < 1e-12, "{one:?} {other:?}");
+    }
+
+    #[test]
+    fn the_channels_of_a_monochrome_sensor_are_one() {
+        let mono = SensorModel { cfa: CfaPattern::MONO, ..sensor() };
+        let [red, green, blue] = channel_weights(&mono, &led_wavelengths_um());
+        assert!(red == green && green == blue);
+        let all: f64 = led_wavelengths_um().into_iter().map(white_led).sum();
+        assert!((green[5] - white_led(led_wavelengths_um()[5]) / all).abs() < 1e-15);
+    }
 
     /// The diode's colour temperature by McCamy's formula, with the colour matching functions as Wyman, Sloan & Shirley
     /// (2013) fitted them.

@@ -20,7 +20,7 @@ use super::merge::Merged;
 use crate::develop::{demosaic_bilinear, demosaic_bilinear_adjoint};
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
-use crate::sensor::{CfaPattern, SensorError};
+use crate::sensor::{CfaPattern, Colour, SensorError};
 
 /// Pixels along a side of a measured PSF, as in the paper.
 pub const CROP: usize = 23;
@@ -52,6 +52,11 @@ const DRAWS: usize = 48;
 
 /// Colours in the order of the planes.
 pub const COLOURS: [&str; CHANNELS] = ["red", "green", "blue"];
+
+/// Checks that PSFs are measured through this mosaic.
+pub fn check_mosaic(cfa: CfaPattern) -> Result<(), PsfCalibrationError> {
+    if cfa.is_bayer() || cfa == CfaPattern::MONO { Ok(()) } else { Err(PsfCalibrationError::Mosaic(cfa)) }
+}
 
 /// Where a mosaic lies on the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,19 +115,29 @@ pub struct Measured {
 }
 
 impl Frame {
-    fn colour(&self, pixel: usize) -> Option<usize> {
+    fn colour(&self, pixel: usize) -> Colour {
         let (row, col) = (pixel / self.width, pixel % self.width);
-        self.cfa.colour(self.placement.row + row, self.placement.col + col).plane()
+        self.cfa.colour(self.placement.row + row, self.placement.col + col)
+    }
+
+    /// The channel that a pixel's value is of; the channels of a monochrome sensor are one, and green stands for it.
+    fn channel(&self, pixel: usize) -> usize {
+        self.colour(pixel).plane().unwrap_or(1)
+    }
+
+    /// Whether there is one channel only, which then stands in the place of all three.
+    pub fn is_mono(&self) -> bool {
+        self.cfa == CfaPattern::MONO
     }
 
     /// What the mosaic keeps of light that all channels bring to every pixel.
     pub fn mosaic(&self, light: &[Vec<f64>; CHANNELS]) -> Vec<f64> {
-        (0..self.height * self.width).map(|i| self.colour(i).map_or(0.0, |c| light[c][i])).collect()
+        (0..self.height * self.width).map(|i| light[self.channel(i)][i]).collect()
     }
 
-    /// Pixels of one colour.
+    /// Pixels of one channel: those of its colour, or all of a monochrome sensor.
     pub fn is_colour(&self, pixel: usize, channel: usize) -> bool {
-        self.colour(pixel) == Some(channel)
+        self.colour(pixel).plane().is_none_or(|plane| plane == channel)
     }
 
     fn demosaic(&self, mosaic: &[f64]) -> Result<LinearImage, SensorError> {
@@ -156,7 +171,7 @@ impl Frame {
 
     /// A mosaic less the background of each colour.
     pub(super) fn without(&self, mosaic: &[f64], background: [f64; CHANNELS]) -> Vec<f64> {
-        mosaic.iter().enumerate().map(|(i, v)| v - self.colour(i).map_or(0.0, |c| background[c])).collect()
+        mosaic.iter().enumerate().map(|(i, v)| v - background[self.channel(i)]).collect()
     }
 }
 
@@ -272,9 +287,7 @@ pub fn measure(
     position: &str,
     seed: u64,
 ) -> Result<Measured, PsfCalibrationError> {
-    if !frame.cfa.is_bayer() {
-        return Err(PsfCalibrationError::NotBayer(frame.cfa.to_string()));
-    }
+    check_mosaic(frame.cfa)?;
     if frame.height.min(frame.width) < LEAST_SIDE {
         let (height, width) = (frame.height, frame.width);
         let position = position.to_owned();

@@ -4,14 +4,14 @@ use super::compare::{Comparison, compare};
 use super::estimate::{FieldEstimate, Place, estimate_bank};
 use super::held_out::HeldOutBy;
 use super::landing::{FinePsf, Landing, Spot};
-use super::measure::{Frame, Measured, extract, extract_ideal, l1, measure};
+use super::measure::{Frame, Measured, check_mosaic, extract, extract_ideal, l1, measure};
 use super::merge::{ExposureMean, Merged, merge};
 use super::register::explain;
 use crate::develop::dark_mean_dn;
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfBank;
 use crate::render::{Placement, RenderGeometry, kernel_radius, render};
-use crate::sensor::{Exposure, Noise, NoiseMode, SensorModel};
+use crate::sensor::{CfaPattern, Exposure, Noise, NoiseMode, SensorModel};
 
 const SIDE: usize = 64;
 const TIMES_S: [f64; 3] = [0.001, 0.004, 0.016];
@@ -59,7 +59,18 @@ fn take(
     brightness: f64,
     seed: u64,
 ) -> Taken {
-    let sensor = sensor();
+    take_with(&sensor(), psf, spot, placement, mode, brightness, seed)
+}
+
+fn take_with(
+    sensor: &SensorModel,
+    psf: &FinePsf,
+    spot: Spot,
+    placement: Placement,
+    mode: NoiseMode,
+    brightness: f64,
+    seed: u64,
+) -> Taken {
     let rate_e_per_s = psf
         .land(spot, sensor.pixel_um, (SIDE, SIDE))
         .map(|plane| plane.into_iter().map(|v| v * brightness).collect::<Vec<f64>>());
@@ -72,15 +83,15 @@ fn take(
             let mut average = Average::default();
             for n in 0..count {
                 let noise = Noise { mode, seed };
-                let raw = take_frame(&light, &sensor, time_s, 1.0, &noise, (k * count + n) as u64).unwrap();
+                let raw = take_frame(&light, sensor, time_s, 1.0, &noise, (k * count + n) as u64).unwrap();
                 average.add(raw.dn.iter().map(|v| f64::from(*v)), sensor.max_dn());
             }
             let exposure = Exposure { white_e: 1.0, time_s: time_s as f32, linear_gain: 1.0 };
-            let dark = Dark::modelled(dark_mean_dn(&sensor, &exposure), SIDE * SIDE);
+            let dark = Dark::modelled(dark_mean_dn(sensor, &exposure), SIDE * SIDE);
             ExposureMean { time_s, light: average, dark }
         })
         .collect();
-    let merged = merge(&exposures, &sensor, 1.0);
+    let merged = merge(&exposures, sensor, 1.0);
     let frame = Frame { height: SIDE, width: SIDE, placement, cfa: sensor.cfa };
     let measured = measure(&merged, &frame, "test", seed).unwrap();
     Taken { frame, merged, exposures, measured }
@@ -200,6 +211,46 @@ fn without_noise_the_fair_psf_is_measured_exactly_and_demosaicing_is_what_remain
             assert!(comparison.centroid_error_px[c][axis].abs() < 2e-3, "{:?}", comparison.centroid_error_px);
         }
     }
+}
+
+#[test]
+fn a_monochrome_sensor_measures_one_psf_without_demosaicing() {
+    let of_green = fine();
+    let [_, green, _] = &of_green.values;
+    let psf = FinePsf { values: [green, green, green].map(Clone::clone), light: [1.0e7; CHANNELS], ..fine() };
+    let mono = SensorModel { cfa: CfaPattern::MONO, ..sensor() };
+    let clean = take_with(&mono, &psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
+    let comparison = against(&psf, &clean, SPOT);
+    assert!(comparison.l1_ideal.iter().chain(&comparison.l1).all(|l1| *l1 < 2e-3), "{comparison:?}");
+    assert!(comparison.demosaic_l1.iter().all(|l1| *l1 < 1e-5));
+
+    // Noise carries it no further than its floor says, and the bank holds one PSF three times.
+    let noisy = take_with(&mono, &psf, SPOT, CORNER, NoiseMode::Exact, 0.8, 2);
+    let comparison = against(&psf, &noisy, SPOT);
+    let (l1, floor) = (comparison.l1[1], noisy.measured.floor.l1[1]);
+    assert!(l1 < 1.5 * floor && l1 > 0.5 * floor, "{l1} {floor}");
+    let place = Place {
+        field_radius_mm: 0.0,
+        azimuth_rad: SPOT.azimuth_rad,
+        light_factor: 1.0,
+        frame: &noisy.frame,
+        merged: &noisy.merged,
+        measured: &noisy.measured,
+    };
+    let (bank, fields) = estimate_bank(&[place], 5.86).unwrap();
+    let planes: Vec<&[f32]> = bank.values.chunks(bank.grid * bank.grid).collect();
+    assert!(planes.len() == CHANNELS && planes[0] == planes[1] && planes[1] == planes[2]);
+    let warnings = fields[0].warnings();
+    assert!(fields[0].is_mono && !warnings.iter().any(|w| w.contains("red")), "{warnings:?}");
+}
+
+#[test]
+fn a_mosaic_that_is_neither_bayer_nor_mono_is_refused_with_a_way_out() {
+    for tile in ["RRGG/RRGG/GGBB/GGBB", "WR/GB", "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG"] {
+        let error = check_mosaic(tile.parse().unwrap()).unwrap_err().to_string();
+        assert!(error.contains(tile) && error.contains("hint: "), "{error}");
+    }
+    assert!(check_mosaic(CfaPattern::MONO).is_ok() && check_mosaic(CfaPattern::GBRG).is_ok());
 }
 
 /// The acceptance: PSF and centroid come back within the predicted noise floor, whatever the azimuth, phase and brightness;
@@ -450,6 +501,6 @@ fn what_is_no_psf_is_told() {
 
     let small = Frame { height: 20, ..frame };
     assert!(measure(&bright, &small, "small", 1).unwrap_err().to_string().contains("at least 36x36"));
-    let gray = Frame { cfa: crate::sensor::CfaPattern::MONO, ..frame };
-    assert!(measure(&bright, &gray, "gray", 1).unwrap_err().to_string().contains("no Bayer mosaic"));
+    let binned = Frame { cfa: "RRGG/RRGG/GGBB/GGBB".parse().unwrap(), ..frame };
+    assert!(measure(&bright, &binned, "binned", 1).unwrap_err().to_string().contains("a Bayer mosaic"));
 }

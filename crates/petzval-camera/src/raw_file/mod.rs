@@ -65,7 +65,8 @@ impl RawFrame {
                 // A window of the sensor begins anywhere in its mosaic.
                 cfa: Some(sensor.cfa.starting_at(placement.row, placement.col)),
                 black_level_dn: Some(sensor.black_level_dn),
-                white_level_dn: Some(sensor.max_dn()),
+                // Whole numbers from here on are saturated.
+                white_level_dn: Some(sensor.white_level_dn(shortest(exposure.linear_gain)).floor()),
                 exposure_s: Some(shortest(exposure.time_s)),
                 linear_gain: Some(shortest(exposure.linear_gain)),
                 pixel_um: Some(sensor.pixel_um),

@@ -8,6 +8,7 @@ use tiff::decoder::Decoder;
 use tiff::tags::{PhotometricInterpretation, Tag};
 
 use super::{RawFrame, RawInfo, Unreadable};
+use crate::image::undecoded;
 
 /// Most bytes that a byte of a file can become: LZW with codes of 12 bits stays below, deflate far below.
 const MOST_EXPANSION: u64 = 4096;
@@ -27,7 +28,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * super::MOST_PIXELS);
     limits.max_alloc = Some(most + WORK_SPACE);
     reader.limits(limits);
-    let picture = reader.decode().map_err(|e| unreadable(e.to_string()))?;
+    let picture = reader.decode().map_err(|e| unreadable(undecoded(&e)))?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let (dn, bits): (Vec<u16>, _) = match picture {
         DynamicImage::ImageLuma16(gray) => (gray.into_raw(), None),

@@ -41,11 +41,37 @@ pub struct Placement {
 }
 
 /// A rectangle of sensor pixels.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Window {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// Its first pixel.
     pub placement: Placement,
+    /// Rows.
     pub height: usize,
+    /// Columns.
     pub width: usize,
+}
+
+impl Window {
+    /// `height` x `width` pixels in the middle of a sensor, moved towards its first pixel by less than a tile of `(rows, columns)`
+    /// so that a colour filter array of such tiles begins anew; `None` if the sensor is smaller.
+    pub fn middle(
+        (sensor_height, sensor_width): (usize, usize),
+        tile: (usize, usize),
+        height: usize,
+        width: usize,
+    ) -> Option<Self> {
+        let start = |whole: usize, part: usize, tile: usize| Some(whole.checked_sub(part)? / 2 / tile * tile);
+        let (row, col) = (start(sensor_height, height, tile.0)?, start(sensor_width, width, tile.1)?);
+        Some(Self { placement: Placement { row, col }, height, width })
+    }
+
+    /// What [`render`](super::render) needs of a picture of the whole sensor for this window: the window and `border` pixels
+    /// around it.
+    pub fn scene(&self, sensor_picture: &LinearImage, border: usize) -> LinearImage {
+        let start = |at: usize| at as isize - border as isize;
+        let (height, width) = (self.height + 2 * border, self.width + 2 * border);
+        sensor_picture.window_replicate(start(self.placement.row), start(self.placement.col), height, width)
+    }
 }
 
 impl RenderGeometry {

@@ -21,7 +21,7 @@ mod spectrum;
 pub use adjoint::{RenderGradient, render_adjoint, render_adjoint_kernels};
 pub use convolve::render_kernels;
 pub use direct::render_direct;
-pub use geometry::{MAX_PATCHES, MAX_SIDE, Placement, RenderGeometry};
+pub use geometry::{MAX_PATCHES, MAX_SIDE, Placement, RenderGeometry, Window};
 pub use illumination::{RadialWeight, illumination_adjoint, illumination_map, illumination_weights};
 pub use kernel::{MAX_RADIUS, PatchKernels, kernel_radius, patch_kernels, patch_kernels_adjoint};
 

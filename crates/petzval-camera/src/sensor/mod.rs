@@ -24,6 +24,7 @@ mod nonuniformity;
 mod pixel;
 mod quantum_efficiency;
 mod random;
+mod saturation;
 mod score_function;
 
 pub use capture::{Capture, Exposure, Raw, SensorError};

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
 use super::model::OutOfRange;
-use crate::spectral::{PixelOptics, Spectrum};
+use crate::spectral::{PixelOptics, Spectrum, SpectrumTable};
 
 /// Quantum efficiency curves, 0..1, on common wavelengths; between samples linear, outside zero.
 ///
@@ -60,6 +60,68 @@ impl QuantumEfficiency {
             let key = wrong.key.rsplit('.').next().unwrap_or(wrong.key);
             FileError::at_key(text, &[key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
         })?;
+        Ok(curves)
+    }
+
+    /// Reads and checks a file of curves of either kind: TOML ([`from_toml`](Self::from_toml)) or a table
+    /// ([`from_csv`](Self::from_csv)), told by the `=` or `[` of the first line that is no comment.
+    pub fn from_text(text: &str) -> Result<Self, FileError> {
+        let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+        match lines.next() {
+            Some(line) if !line.contains('=') && !line.starts_with('[') => Self::from_csv(text),
+            _ => Self::from_toml(text),
+        }
+    }
+
+    /// Reads and checks comma-separated values: a head line `wavelength_nm,red,green,blue`, `wavelength_nm,clear` or any of
+    /// these columns, then one line per wavelength, in nm, with efficiencies in electrons per photon.
+    pub fn from_csv(text: &str) -> Result<Self, FileError> {
+        const HINT: &str = "give a head line such as `wavelength_nm,red,green,blue` or `wavelength_nm,clear`, then wavelengths in nm, \
+                            ascending, with efficiencies of 0 to 1";
+        let table = SpectrumTable::parse(text)?;
+        let is_said = |line: &&(u32, &str)| !line.1.is_empty() && !line.1.starts_with('#');
+        let lines: Vec<(u32, &str)> = (1..).zip(text.lines().map(str::trim)).collect();
+        let mut lines = lines.iter().filter(is_said).copied();
+        let (head_line, head) = lines.next().unwrap_or((0, ""));
+        let wrong = |(line, text): (u32, &str), message: String| {
+            Err(FileError::at_line(line, text, message).hint(HINT))
+        };
+        let mut curves = Self::default();
+        for (name, curve) in &table.curves {
+            let samples = match name.to_ascii_lowercase().as_str() {
+                "red" => &mut curves.red,
+                "green" => &mut curves.green,
+                "blue" => &mut curves.blue,
+                "clear" => &mut curves.clear,
+                _ => {
+                    let message = format!("column `{name}`: not one of red, green, blue, clear");
+                    return wrong((head_line, head), message);
+                }
+            };
+            if !samples.is_empty() {
+                return wrong((head_line, head), format!("column `{name}` is there twice"));
+            }
+            *samples = curve.value().to_vec();
+        }
+        for (number, line) in lines {
+            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+            if let Some(empty) = cells.iter().position(|cell| cell.is_empty()) {
+                let name = table.curves.get(empty.wrapping_sub(1)).map_or("wavelength", |(name, _)| name);
+                return wrong((number, line), format!("column `{name}` has no value here"));
+            }
+            let efficiencies = cells.iter().skip(1).filter_map(|cell| cell.parse::<f64>().ok());
+            if let Some(value) = efficiencies.filter(|v| !(0.0..=1.0).contains(v)).last() {
+                let message =
+                    format!("{value} is no efficiency of 0 to 1 electrons per photon; is it in percent?");
+                return wrong((number, line), message);
+            }
+        }
+        // Without empty cells all columns have the wavelengths of the first.
+        curves.wavelength_um =
+            table.curves.first().map_or_else(Vec::new, |(_, c)| c.wavelength_um().to_vec());
+        curves
+            .validate()
+            .map_err(|wrong| FileError::at_line(head_line, head, wrong.to_string()).hint(HINT))?;
         Ok(curves)
     }
 
@@ -205,6 +267,35 @@ impl QuantumEfficiency {
 mod tests {
     use super::super::model::SensorModel;
     use super::*;
+
+    #[test]
+    fn a_table_reads_as_the_file_of_the_same_curves() {
+        let table = "# mine\nwavelength_nm, Red, green\n400, 0.1, 0\n550, 0.2, 0.6\n700, 0.5, 0.1\n";
+        let toml = "wavelength_um = [0.4, 0.55, 0.7]\nred = [0.1, 0.2, 0.5]\ngreen = [0, 0.6, 0.1]\n";
+        let read = QuantumEfficiency::from_text(table).unwrap();
+        assert_eq!(read, QuantumEfficiency::from_text(toml).unwrap());
+        assert_eq!(read.curve(Colour::Clear), None);
+        let clear = QuantumEfficiency::from_text("wavelength_nm,clear\n400,0.3\n700,0.2\n").unwrap();
+        assert!((clear.curve(Colour::Clear).unwrap().at(0.55) - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn errors_in_a_table_name_the_line() {
+        for (text, line, needle) in [
+            ("wavelength_nm,qe\n400,0.3\n700,0.2\n", 1, "`qe`: not one of red"),
+            ("wavelength_nm,red,red\n400,0,0\n700,0,0\n", 1, "`red` is there twice"),
+            ("wavelength_nm,clear\n400,0.3\n550,70\n700,20\n", 3, "percent"),
+            ("wavelength_nm,red,green\n400,0.3,0\n\n550,,0.1\n700,0.2,0\n", 4, "`red` has no value"),
+            ("wavelength_nm,clear\n400,0.3\n350,0.2\n", 3, "ascend"),
+            ("wavelength_um,clear\n0.4,0.3\n0.7,0.2\n", 2, "within 0.01..100 um"),
+            ("wavelength_nm,clear\n400,0.3\n700,x\n", 3, "`x`"),
+            ("", 1, "wavelength_um"),
+        ] {
+            let error = QuantumEfficiency::from_text(text).unwrap_err();
+            assert_eq!(error.line, Some(line), "{error}");
+            assert!(error.to_string().contains(needle) && error.hint.is_some(), "{error}");
+        }
+    }
     use crate::spectral::Illuminant;
 
     const SENSOR: &str = include_str!("../../../../data/sensors/imx249-fitted.toml");

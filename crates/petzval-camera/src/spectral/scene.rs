@@ -15,7 +15,7 @@ pub enum SceneKind {
     ColourChecker,
     /// The perfect diffuser: reflectance 1 at all wavelengths.
     Flat,
-    /// An edge between the chart's black and white, 5 degrees from the vertical.
+    /// An edge between the chart's black and white, 5 degrees from the vertical; they reflect 0.03 and 0.89.
     SlantedEdge,
     /// 36 pairs of black and white sectors.
     SiemensStar,
@@ -169,6 +169,20 @@ impl ReflectanceScene {
 mod tests {
     use super::super::bands::even_bands;
     use super::*;
+
+    #[test]
+    fn black_and_white_reflect_what_the_book_says() {
+        for kind in [SceneKind::SlantedEdge, SceneKind::SiemensStar] {
+            let scene = kind.draw(24, 32);
+            let reflectance = |material: usize, um: f64| scene.materials[material].at(um);
+            for um in [0.45, 0.55, 0.65, 0.70] {
+                assert!(
+                    (reflectance(0, um) - 0.034).abs() < 0.003 && (reflectance(1, um) - 0.886).abs() < 0.003
+                );
+            }
+            assert!((reflectance(1, 0.40) - 0.41).abs() < 0.005);
+        }
+    }
 
     #[test]
     fn the_chart_shows_its_patches_in_order() {

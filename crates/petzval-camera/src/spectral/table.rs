@@ -2,7 +2,7 @@
 
 use petzval_optics::format::FileError;
 
-use super::spectrum::Spectrum;
+use super::spectrum::{Spectrum, SpectrumError};
 
 /// Named curves.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +29,7 @@ impl SpectrumTable {
             return Err(FileError::at_line(head_line, head, "this is no head line of a table").hint(hint));
         }
         let mut samples: Vec<(Vec<f64>, Vec<f64>)> = vec![Default::default(); names.len() - 1];
+        let mut places: Vec<Vec<(u32, &str)>> = vec![Vec::new(); names.len() - 1];
         for (number, line) in lines {
             let wrong = |message: String| FileError::at_line(number, line, message).hint(hint);
             let cells: Vec<&str> = line.split(',').map(str::trim).collect();
@@ -42,8 +43,9 @@ impl SpectrumTable {
                     .ok_or_else(|| wrong(format!("`{cell}` is no finite number")))
             };
             let um = read(cells[0])? / 1000.0;
-            for (cell, (at, value)) in cells[1..].iter().zip(&mut samples) {
+            for ((cell, (at, value)), places) in cells[1..].iter().zip(&mut samples).zip(&mut places) {
                 if !cell.is_empty() {
+                    places.push((number, line));
                     at.push(um);
                     value.push(read(cell)?);
                 }
@@ -52,9 +54,14 @@ impl SpectrumTable {
         let curves = names[1..]
             .iter()
             .zip(samples)
-            .map(|(name, (at, value))| {
+            .zip(places)
+            .map(|((name, (at, value)), places)| {
                 let curve = Spectrum::new(at, value).map_err(|e| {
-                    FileError::at_line(head_line, head, format!("column `{name}`: {e}")).hint(hint)
+                    let (number, line) = match &e {
+                        SpectrumError::Wavelength { index, .. } => places[*index],
+                        _ => (head_line, head),
+                    };
+                    FileError::at_line(number, line, format!("column `{name}`: {e}")).hint(hint)
                 })?;
                 Ok(((*name).to_owned(), curve))
             })
@@ -100,7 +107,7 @@ mod tests {
             ("400,1\n500,2", Some(1), "head line"),
             ("nm,a\n400,1\n500,x", Some(3), "`x`"),
             ("nm,a\n400,1\n500", Some(3), "1 cells"),
-            ("nm,a\n500,1\n400,2", Some(1), "ascend"),
+            ("nm,a\n500,1\n400,2", Some(3), "ascend"),
             ("nm,a\n400,1\n500,inf", Some(3), "inf"),
         ] {
             let error = SpectrumTable::parse(text).unwrap_err();

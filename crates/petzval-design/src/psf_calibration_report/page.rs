@@ -33,7 +33,8 @@ pub fn page(calibration: &Calibration) -> String {
         @if calibration.lens.is_some() {
             section { h2 { "L1 distance from the simulated PSF" } (distances(calibration)) }
         }
-        section { h2 { "Centroids and light" } (centroids(calibration)) }
+        section { h2 { "Centroids" } (centroids(calibration)) }
+        section { h2 { "Light" } (light(calibration)) }
         section { h2 { "Exposures" } (exposures(calibration)) }
         section { h2 { "Bank for the renderer" } (fields(calibration)) }
         section { h2 { "Warnings" } (warnings(calibration)) }
@@ -54,6 +55,9 @@ fn subtitle(calibration: &Calibration) -> Markup {
         (plain(&calibration.sensor))
         @if let Some(lens) = &calibration.lens { ", beside " (plain(lens)) " as traced" }
         "."
+        @if calibration.fields.iter().any(|f| f.is_mono) {
+            " The sensor is monochrome: its one channel stands for red, green and blue."
+        }
     }
 }
 
@@ -150,8 +154,6 @@ fn centroids(calibration: &Calibration) -> Markup {
                             th { "red – green" span.unit { "same mosaic, 10⁻³ px" } }
                             th { "blue – green" span.unit { "same mosaic, 10⁻³ px" } }
                         }
-                        th { "light R, G, B" span.unit { "Me⁻/s" } }
-                        th { "its error" span.unit { "%" } }
                     }
                 }
                 tbody {
@@ -176,6 +178,37 @@ fn centroids(calibration: &Calibration) -> Markup {
                                     None => { @for _ in 0..4 { td { "–" } } }
                                 }
                             }
+                        }
+                    }
+                }
+            }
+        }
+        p.caption { "Row and column are those of the green centroid on the sensor; the standard error is that of both. "
+            @if calibration.lens.is_some() {
+                "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the chief ray "
+                "should land. “Ideal pixels” is the error of the measured centroid, that of demosaicing included; “same mosaic” leaves "
+                "demosaicing out and shows what noise does."
+            }
+        }
+    }
+}
+
+fn light(calibration: &Calibration) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "position" }
+                        th { "light" span.unit { "R, G, B, Me⁻/s" } }
+                        th { "standard error" span.unit { "R, G, B, %" } }
+                    }
+                }
+                tbody {
+                    @for (position, _) in &calibration.positions {
+                        @let m = &position.measured;
+                        tr {
+                            th { (plain(&position.name)) }
                             td { (m.psf.light_e_per_s.map(|v| format!("{:.3}", 1e-6 * v)).join(", ")) }
                             td { (m.floor.light.map(|v| format!("{:.2}", 100.0 * v)).join(", ")) }
                         }
@@ -183,10 +216,8 @@ fn centroids(calibration: &Calibration) -> Markup {
                 }
             }
         }
-        p.caption { "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the "
-            "chief ray should land. “Ideal pixels” is the error of the measured centroid, that of demosaicing included; “same mosaic” leaves "
-            "demosaicing out and shows what noise does. Light is the sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall "
-            "on the mosaic, which the bank's relative illumination does not." }
+        p.caption { "The sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall on the mosaic, which the "
+            "bank's relative illumination does not." }
     }
 }
 
@@ -203,21 +234,28 @@ fn exposures(calibration: &Calibration) -> Markup {
                         th { "position" } th { "exposure" span.unit { "ms" } } th { "frames" } th { "dark frames" }
                         th { "saturated" span.unit { "pixels" } }
                         th { "variance" span.unit { "measured / modelled" } }
+                        th { "light" span.unit { "over the other exposures" } }
+                        th { "χ²" span.unit { "against the others" } }
                     }
                 }
                 tbody {
                     @for (position, _) in &calibration.positions {
-                        @for e in &position.exposures {
+                        @for (k, e) in position.exposures.iter().enumerate() {
                             tr {
-                                th { (plain(&position.name)) } td { (e.exposure_ms) } td { (e.frames) } td { (e.dark_frames) }
+                                th { @if k == 0 { (plain(&position.name)) } } td { (e.exposure_ms) } td { (e.frames) } td { (e.dark_frames) }
                                 td { (e.saturated_pixels) }
                                 td { @match e.variance_ratio { Some(r) => (format!("{r:.3}")), None => "–" } }
+                                @let agreement = e.agreement.map(|a| [format!("{:.4}", a.ratio), format!("{:.2}", a.chi2)]);
+                                @for figure in agreement.unwrap_or_else(|| ["–", "–"].map(String::from)) { td { (figure) } }
                             }
                         }
                     }
                 }
             }
         }
+        p.caption { "Variance: that of the frames of one exposure over what the sensor model says, 1 for the right sensor. Light and χ² compare the "
+            "bright pixels of an exposure with all other exposures of its position; both are 1 where they show the same light. A dash: "
+            "one frame, or no bright pixel that is usable in another exposure." }
     }
 }
 
@@ -227,25 +265,22 @@ fn fields(calibration: &Calibration) -> Markup {
             table {
                 thead {
                     tr {
-                        th { "field radius" span.unit { "mm" } } th { "positions" }
-                        th { "held-out L1 R, G, B" } th { "of noise R, G, B" } th { "held-out χ² R, G, B" } th { "held out" }
-                        th { "fitted χ² R, G, B" } th { "blobs R, G, B" span.unit { "px" } } th { "rounds R, G, B" }
+                        th { "field radius" span.unit { "mm" } } th { "positions" } th { "held out" }
+                        th { "held-out L1" span.unit { "R, G, B" } } th { "L1 of noise" span.unit { "R, G, B" } }
+                        th { "held-out χ²" span.unit { "R, G, B" } } th { "fitted χ²" span.unit { "R, G, B" } }
+                        th { "blobs" span.unit { "R, G, B, px" } }
                     }
                 }
                 tbody {
                     @for f in &calibration.fields {
                         tr {
                             th { (format!("{:.3}", f.field_radius_mm)) } td { (f.positions) }
+                            td { @match f.held_out.by { HeldOutBy::Positions => "positions", HeldOutBy::Pixels => "pixels" } }
                             td { (f.held_out.score.map(|s| format!("{:.3}", s.l1())).join(", ")) }
                             td { (f.held_out.score.map(|s| format!("{:.3}", s.noise_l1())).join(", ")) }
                             td { (f.held_out.score.map(|s| format!("{:.1}", s.chi2())).join(", ")) }
-                            td { @match f.held_out.by {
-                                HeldOutBy::Positions => "each position",
-                                HeldOutBy::Pixels => "fifths of the pixels",
-                            } }
                             td { (f.chi2.map(|v| format!("{v:.2}")).join(", ")) }
                             td { (f.blob_px.map(|v| format!("{v:.2}")).join(", ")) }
-                            td { (f.rounds.map(|v| v.to_string()).join(", ")) }
                         }
                     }
                 }
@@ -254,7 +289,7 @@ fn fields(calibration: &Calibration) -> Markup {
         p.caption { "Light on cells of a third of a pixel that predicts best the mosaics of directions that took no part in the fit. Held-out "
             "L1 and χ² say how well it does: L1 is the sum of absolute differences over the light on the colour’s pixels, middle and light of the "
             "held-out position free. They hold for the directions and sub-pixel phases captured, and are a little flattered, because smoothness was "
-            "chosen by them. “Fifths of the pixels” of a lone position say nothing about another phase. Fitted χ² well above 1 says that "
+            "chosen by them. Held out is each position in turn, or of a lone one each fifth of its pixels, which says nothing about another phase. Fitted χ² well above 1 says that "
             "positions disagree or that no smooth PSF explains them: a lens that is not rotationally symmetric, a wrong azimuth, detail below "
             "the pixel." }
     }
@@ -271,7 +306,8 @@ fn warnings(calibration: &Calibration) -> Markup {
     let of_bank: Vec<(f64, String)> = calibration
         .fields
         .iter()
-        .flat_map(|f| f.warnings().into_iter().map(|w| (f.field_radius_mm, w)))
+        .map(|f| (f.field_radius_mm, f.warnings().join("; ")))
+        .filter(|(_, warnings)| !warnings.is_empty())
         .collect();
     html! {
         @if said.is_empty() && of_bank.is_empty() { p { "None." } }
@@ -283,7 +319,7 @@ fn warnings(calibration: &Calibration) -> Markup {
                     ")"
                 }
             }
-            @for (radius_mm, warning) in &of_bank { li { "Bank, " (format!("{radius_mm:.2}")) " mm: " (warning) } }
+            @for (radius_mm, warnings) in &of_bank { li { "Bank, " (format!("{radius_mm:.2}")) " mm: " (warnings) } }
         }
     }
 }

@@ -73,6 +73,15 @@ fn page_and_sheet_show_every_psf() {
     assert_eq!(text.matches("data:image/png").count(), 6);
     assert!(text.contains("bench &amp; &lt;co&gt;") && text.contains("no dark frames"));
     assert!(!text.contains("NaN") && !text.contains("http"), "self-contained, and every number is one");
+    assert!(text.contains("over the other exposures") && text.contains("“Ideal pixels”"));
+    // Without a lens nothing is said of columns that are not there.
+    let mut alone = self::calibration();
+    alone.lens = None;
+    alone.positions.iter_mut().for_each(|(_, comparison)| *comparison = None);
+    let alone = page(&alone);
+    for absent in ["deal pixels", "ame mosaic", "chief ray", "simulated"] {
+        assert!(!alone.contains(absent), "{absent}");
+    }
 
     // The peak of the measured PSF is the brightest spot of its picture.
     let sheet = super::sheet::sheet(&calibration);

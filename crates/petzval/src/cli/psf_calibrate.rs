@@ -5,16 +5,18 @@ use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
+use petzval::camera::image::CHANNELS;
 use petzval::camera::psf::PsfBank;
 use petzval::camera::psf_calibration::compare::{Comparison, compare};
 use petzval::camera::psf_calibration::estimate::{Place, estimate_bank};
 use petzval::camera::psf_calibration::held_out::HeldOutBy;
 use petzval::camera::psf_calibration::manifest::Manifest;
+use petzval::camera::psf_calibration::measure::{COLOURS, check_mosaic};
 use petzval::camera::psf_calibration::psf_file::save_psfs;
 use petzval::camera::psf_calibration::{
     CROP, CalibratedPosition, PsfCalibrationError, calibrate_position, read_manifest,
 };
-use petzval::camera::sensor::SensorModel;
+use petzval::camera::sensor::{CfaPattern, SensorModel};
 use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholeView, Refocus};
@@ -31,6 +33,9 @@ use super::{Failure, print_json};
 /// the mosaic is filled bilinearly, and 23x23 pixels around the centroid are kept. With --lens every PSF is
 /// compared with the traced one, and errors stand beside the predicted noise floor. Fields of the bank are tested on positions
 /// that were left out of their fit; a lone position can only be tested on parts of its own pixels.
+///
+/// The sensor has a Bayer mosaic, or none: the one PSF of a monochrome sensor then stands in all three channels. Other
+/// mosaics are refused.
 ///
 /// Files: calibration.json, all figures; psf-calibration.html, a page to look at; psf-calibration.png, all PSFs on a sheet;
 /// measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, what `simulate --psfs` takes in place of a
@@ -60,6 +65,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let fail = |error| failure(error, folder);
     let (manifest, text, path) = read_manifest(folder).map_err(fail)?;
     let sensor = sensor(&manifest, &text, &path)?;
+    check_mosaic(sensor.cfa).map_err(fail)?;
     let view = args.lens.as_ref().map(|name| view(name, &manifest, &sensor)).transpose()?;
 
     let frames: usize = manifest
@@ -244,6 +250,11 @@ fn figures(calibration: &Calibration, bank: &PsfBank, sensor: &SensorModel) -> s
                     "dark_frames": e.dark_frames,
                     "saturated_pixels": e.saturated_pixels,
                     "variance_ratio": e.variance_ratio,
+                    "agreement": e.agreement.map(|a| json!({
+                        "light_over_others": a.ratio,
+                        "chi2": a.chi2,
+                        "pixels": a.pixels,
+                    })),
                 })).collect::<Vec<_>>(),
                 "simulated": comparison.as_ref().map(|c| json!({
                     "l1": c.l1,
@@ -264,7 +275,7 @@ fn figures(calibration: &Calibration, bank: &PsfBank, sensor: &SensorModel) -> s
         "lens": calibration.lens,
         "pixel_um": sensor.pixel_um,
         "crop": CROP,
-        "channels": ["red", "green", "blue"],
+        "channels": if sensor.cfa == CfaPattern::MONO { ["clear"; CHANNELS] } else { COLOURS },
         "positions": positions,
         "bank": {
             "field_radius_mm": bank.field_radius_mm,

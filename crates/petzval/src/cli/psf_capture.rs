@@ -10,6 +10,7 @@ use petzval::camera::psf_calibration::capture::{WindowLight, take_frame};
 use petzval::camera::psf_calibration::manifest::{
     ExposureFiles, MANIFEST_FILE, Manifest, Position, Source, unspanned,
 };
+use petzval::camera::psf_calibration::measure::check_mosaic;
 use petzval::camera::psf_calibration::{CROP, FinePsf, Spot};
 use petzval::camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval::camera::render::Placement;
@@ -19,7 +20,7 @@ use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholePsf, PinholeView, Refocus};
 use serde_json::json;
 
-use super::{Failure, print_json};
+use super::{Failure, print_json, psf_calibrate};
 
 /// Where the lens is focused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -125,12 +126,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let assets = built_in_assets();
     let lens = assets.lens(&args.lens)?.lens;
     let sensor = assets.sensor(&args.sensor)?;
-    if !sensor.cfa.is_bayer() {
-        return Err(Failure::input(
-            format!("{}: its mosaic is {}, not a Bayer mosaic", args.sensor, sensor.cfa),
-            "PSFs of three colours are measured through RGGB, GRBG, GBRG or BGGR",
-        ));
-    }
+    check_mosaic(sensor.cfa).map_err(|error| psf_calibrate::failure(error, &args.out))?;
     let refocus = match args.focus {
         Focus::Source => Refocus::OnSource,
         Focus::File => Refocus::Mm(0.0),

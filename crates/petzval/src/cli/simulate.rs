@@ -1,6 +1,7 @@
 //! `petzval simulate`: photographs and scenes through a lens onto a sensor.
 
 mod camera;
+mod highlights;
 mod output;
 mod spectral;
 
@@ -9,9 +10,9 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use petzval::camera::develop::{correct_shading, develop};
+use petzval::camera::develop::{clip_highlights, correct_shading, develop, saturated_share};
 use petzval::camera::image::{LinearImage, load_image};
-use petzval::camera::render::{Placement, render};
+use petzval::camera::render::render;
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::camera::spectral::{Matrix3, apply};
 use petzval::design::error::DesignError;
@@ -20,9 +21,6 @@ use serde_json::{Value, json};
 
 use self::camera::{Camera, camera};
 use super::{Failure, print_json};
-
-/// Electrons of white unless something else is asked for.
-const WHITE_E: f32 = 16_000.0;
 
 /// How a photograph lands on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -48,6 +46,12 @@ enum Isp {
 /// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
 /// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
 /// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
+///
+/// The flat scene is a perfect diffuser. Edge and star are the white and the black patch of a ColorChecker, which reflect 0.89
+/// and 0.03 of the light at 550 nm: black is a dark gray.
+///
+/// Highlights end in neutral white where white light saturates the first colour. What a PNG shows as white is white, or where
+/// highlights end, if that is less; the linear light of EXR and NPY always has white at 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Photographs (PNG, JPEG, TIFF), spectral images, or scene:NAME
@@ -56,7 +60,8 @@ pub struct Args {
     /// Lens file, or a built-in name
     #[arg(long, default_value = "cooke-triplet-nominal")]
     lens: String,
-    /// Measured PSFs in place of the lens: a folder of psf-calibrate, or its psfs.toml. They bring their own illumination
+    /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They bring their own
+    /// illumination. Clear pixels see the three planes of a picture, each spread by its PSF, by the sensor's clear_response
     #[arg(long, value_name = "PATH", conflicts_with = "lens")]
     psfs: Option<PathBuf>,
     /// Sensor file, or a built-in name
@@ -68,10 +73,14 @@ pub struct Args {
     /// How a photograph lands on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
-    /// Photoelectrons that white gives in a green pixel on the axis; over the spectrum the light says how many, and this is
-    /// refused [default: 16000]
+    /// Photoelectrons that white gives in a green pixel on the axis. By default 70 % of those with which white saturates the
+    /// first colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the light says how many, unless
+    /// they are given: then the illuminance follows from them
     #[arg(long, value_name = "E")]
     white_e: Option<f32>,
+    /// Read only the middle HEIGHTxWIDTH pixels of the sensor, such as 480x640. They see what they see in a whole frame
+    #[arg(long, value_name = "HxW", value_parser = size)]
+    size: Option<(usize, usize)>,
     /// Exposure time, s
     #[arg(long, default_value_t = 0.005, value_name = "S")]
     time_s: f32,
@@ -100,11 +109,11 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let Isp::Linear = args.isp;
     for (name, value, max) in [
-        ("--white-e", args.white_e.unwrap_or(WHITE_E), 1e7),
-        ("--time-s", args.time_s, 1e4),
-        ("--gain", args.gain, 1e3),
+        ("--white-e", args.white_e, 1e7),
+        ("--time-s", Some(args.time_s), 1e4),
+        ("--gain", Some(args.gain), 1e3),
     ] {
-        if !(value > 0.0 && value <= max) {
+        if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= max)) {
             return Err(Failure::input(
                 format!("{name} {value}: not between 0 and {max}"),
                 "a positive number",
@@ -134,7 +143,9 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
         bar.set_message(name.clone());
-        written.push(take(&args, &camera, name, photo, frame as u64)?);
+        let (facts, warning) = take(&args, &camera, name, photo, frame as u64)?;
+        warning.into_iter().for_each(|warning| bar.suspend(|| eprintln!("{warning}")));
+        written.push(Value::Object(facts));
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -181,21 +192,41 @@ fn placed(args: &Args, picture: &LinearImage, sensor: &SensorModel) -> LinearIma
     }
 }
 
-/// A picture on the sensor as the lens images it in three colours: spread by the PSFs, dimmed off the axis.
+/// Rows and columns of `480x640`.
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let wrong = || "rows and columns are given as HEIGHTxWIDTH, such as 480x640".to_owned();
+    let (height, width) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse().map_err(|_| wrong());
+    Ok((number(height)?, number(width)?))
+}
+
+/// A picture on the whole sensor as the lens images it on the pixels that are read, in three colours: spread by the PSFs,
+/// dimmed off the axis.
 fn through_lens(camera: &Camera, picture: &LinearImage) -> Result<LinearImage, DesignError> {
-    let placement = Placement { row: 0, col: 0 };
-    let mut light = render(&camera.geometry, &camera.bank, &picture.pad_replicate(camera.border), placement)?;
+    let scene = camera.window.scene(picture, camera.border);
+    let mut light = render(&camera.geometry, &camera.bank, &scene, camera.window.placement)?;
     light.data.iter_mut().zip(&camera.illumination.data).for_each(|(l, m)| *l *= m);
     Ok(light)
 }
 
 /// Takes one photograph and writes its raw frame and its developed picture.
-fn take(args: &Args, camera: &Camera, name: &str, photo: &LinearImage, frame: u64) -> Result<Value, Failure> {
+fn take(
+    args: &Args,
+    camera: &Camera,
+    name: &str,
+    photo: &LinearImage,
+    frame: u64,
+) -> Result<Finished, Failure> {
     let light = through_lens(camera, &placed(args, photo, &camera.sensor))?;
-    let white_e = args.white_e.unwrap_or(WHITE_E);
-    let shot = Shot { name, frame, light, white_e, sensor: &camera.sensor, matrix: None };
-    Ok(json!(finish(args, camera, &shot)?))
+    let white_e = match args.white_e {
+        Some(white_e) => white_e,
+        None => highlights::default_white_e(args, &camera.sensor)?,
+    };
+    finish(args, camera, &Shot { name, frame, light, white_e, sensor: &camera.sensor, matrix: None })
 }
+
+/// What was written of a shot, for the JSON, and what to warn of.
+type Finished = (serde_json::Map<String, Value>, Option<String>);
 
 /// One picture in front of the sensor.
 struct Shot<'a> {
@@ -212,16 +243,21 @@ struct Shot<'a> {
 }
 
 /// Exposes and develops a shot and writes the results; says where they are.
-fn finish(args: &Args, camera: &Camera, shot: &Shot) -> Result<serde_json::Map<String, Value>, Failure> {
+fn finish(args: &Args, camera: &Camera, shot: &Shot) -> Result<Finished, Failure> {
     let exposure = Exposure { white_e: shot.white_e, time_s: args.time_s, linear_gain: args.gain };
-    let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: shot.frame };
+    let capture = Capture { exposure, placement: camera.window.placement, frame: shot.frame };
     let mode = if args.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
     let raw = expose(&shot.light, shot.sensor, &capture, &Noise { mode, seed: args.seed })
         .map_err(DesignError::from)?;
-    // Development balances white, corrects the shading and turns camera colours into those of a display.
-    let developed = develop(&raw, shot.sensor).map_err(DesignError::from)?;
+    // Development balances white, ends highlights where the first colour saturates, corrects the shading and turns camera colours
+    // into those of a display.
+    let clipped = clip_highlights(&raw, shot.sensor).map_err(DesignError::from)?;
+    let developed = develop(&clipped, shot.sensor).map_err(DesignError::from)?;
     let mut developed =
         correct_shading(&developed, &camera.illumination, SHADING_FLOOR).map_err(DesignError::from)?;
+    let saturation = highlights::Saturation::of(args, shot, saturated_share(&raw, shot.sensor))?;
+    let highest = saturation.highest as f32;
+    developed.data.iter_mut().for_each(|value| *value = value.min(highest));
     if let Some(matrix) = shot.matrix {
         let n = developed.height * developed.width;
         for i in 0..n {
@@ -231,5 +267,15 @@ fn finish(args: &Args, camera: &Camera, shot: &Shot) -> Result<serde_json::Map<S
             }
         }
     }
-    output::write(&args.formats, &args.out, shot.name, &raw, shot.sensor, &developed)
+    let display_white = saturation.display_white();
+    let mut facts =
+        output::write(&args.formats, &args.out, shot.name, &raw, shot.sensor, (&developed, display_white))?;
+    for (key, value) in [
+        ("white_e", json!(shot.white_e)),
+        ("saturated_share", json!(saturation.share)),
+        ("display_white", json!(display_white)),
+    ] {
+        facts.insert(key.to_owned(), value);
+    }
+    Ok((facts, saturation.warning(args, shot)))
 }

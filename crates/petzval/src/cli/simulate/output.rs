@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use petzval::camera::image::{ImageError, LinearImage, save_exr, save_npy, save_png};
+use petzval::camera::image::{ImageError, LinearImage, save_exr, save_npy, save_png, save_png16};
 use petzval::camera::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
 use petzval::camera::sensor::{Raw, SensorModel};
 use petzval::design::error::DesignError;
@@ -29,6 +29,8 @@ pub enum RawAs {
 pub enum PictureAs {
     /// 8-bit sRGB PNG.
     Png,
+    /// 16-bit sRGB PNG.
+    Png16,
     /// OpenEXR, 32-bit floats, linear light.
     Exr,
     /// NumPy array, float32 [plane, row, column], linear light.
@@ -61,20 +63,21 @@ pub struct Formats {
 type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
 
 /// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are. Where one of them cannot be
-/// written, none is.
+/// written, none is. Formats for a display show the light `display_white` as white.
 pub fn write(
     formats: &Formats,
     folder: &Path,
     name: &str,
     raw: &Raw,
     sensor: &SensorModel,
-    developed: &LinearImage,
+    (developed, display_white): (&LinearImage, f32),
 ) -> Result<serde_json::Map<String, Value>, Failure> {
     let format = formats.raw_format.format(sensor.bits);
-    let (extension, save): (_, SavePicture) = match formats.picture_format {
-        PictureAs::Png => ("png", save_png),
-        PictureAs::Exr => ("exr", save_exr),
-        PictureAs::Npy => ("npy", save_npy),
+    let (extension, save, white): (_, SavePicture, _) = match formats.picture_format {
+        PictureAs::Png => ("png", save_png, display_white),
+        PictureAs::Png16 => ("png", save_png16, display_white),
+        PictureAs::Exr => ("exr", save_exr, 1.0),
+        PictureAs::Npy => ("npy", save_npy, 1.0),
     };
     let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
     let developed_path = folder.join(format!("{name}-developed.{extension}"));
@@ -92,7 +95,8 @@ pub fn write(
         RawFileError::Io { source, .. } => not_written(&raw_path, source),
         other => other.into(),
     })?;
-    save(developed, &developed_part).map_err(|error| match error {
+    let shown = developed.data.iter().map(|value| value / white).collect();
+    save(&LinearImage { data: shown, ..*developed }, &developed_part).map_err(|error| match error {
         ImageError::Io { source, .. } => not_written(&developed_path, source),
         other => DesignError::from(other).into(),
     })?;

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use indicatif::ProgressBar;
-use petzval::camera::image::load_image;
-use petzval::camera::render::Placement;
+use petzval::camera::image::{LinearImage, load_image};
 use petzval::camera::spectral::file::{is_spectral, load_spectral};
 use petzval::camera::spectral::{ColourElectrons, SceneKind, SpectralScene};
 use petzval::design::error::DesignError;
@@ -33,15 +32,16 @@ pub struct SpectralArgs {
     /// relative power [default: D65]
     #[arg(long, value_name = "LIGHT")]
     illuminant: Option<String>,
-    /// Illuminance of the scene, lux; white is a matt white surface there [default: 500]
+    /// Illuminance of the scene, lux; white is a matt white surface there [default: 500, or as --white-e needs]
     #[arg(long, value_name = "LUX")]
     illuminance_lux: Option<f64>,
     /// Bands for scenes and photographs, over the wavelengths at which light, lens and sensor all have something [default: 16,
     /// more where these would be over 20 nm apart]
     #[arg(long, value_name = "N")]
     bands: Option<usize>,
-    /// Quantum efficiency curves in place of the sensor's own: a file, a built-in name (imx219, ov5647), or flat:VALUE for one
-    /// efficiency at all wavelengths
+    /// Quantum efficiency curves in place of the sensor's own: a built-in name (imx219, ov5647), flat:VALUE for one efficiency
+    /// at all wavelengths, or a file: CSV with a head line `wavelength_nm,red,green,blue` or `wavelength_nm,clear` and
+    /// efficiencies of 0 to 1, or TOML with the keys of [quantum_efficiency] in a sensor file
     #[arg(long, value_name = "CURVES")]
     qe: Option<String>,
     /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission
@@ -93,12 +93,19 @@ fn kind(path: &Path) -> Kind {
 pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     check(args)?;
     let mut camera = camera(args)?;
-    let request = Request::new(args, &mut camera)?;
-    let shared = Light::over_all(args, &request, &camera)?;
-    // Every image is read before anything is written; only one of them at a time is in memory.
-    for path in &args.images {
-        open(args, path, &request, &camera, &shared)?;
+    let mut request = Request::new(args, &mut camera)?;
+    let mut shared = Light::over_all(args, &request, &camera)?;
+    if let Some(white_e) = args.white_e {
+        // Electrons are proportional to the illuminance.
+        request.lux *= f64::from(white_e) / shared.white.white_e();
+        shared = Light::over_all(args, &request, &camera)?;
     }
+    // Every image is read before anything is written; only one of them at a time is in memory.
+    let mut first = None;
+    for path in &args.images {
+        first = Some(open(args, path, &request, &camera, &shared)?);
+    }
+    first = first.filter(|_| args.images.len() == 1);
     if args.images.iter().any(|path| kind(path) != Kind::Spectral) {
         shared.warn(&request, &camera, None);
     }
@@ -107,30 +114,33 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     let mut written = Vec::new();
     let mut last_said = String::new();
     for (frame, path) in args.images.iter().enumerate() {
-        let (scene, own) = open(args, path, &request, &camera, &shared)?;
+        let (opened, own) = match first.take() {
+            Some(opened) => opened,
+            None => open(args, path, &request, &camera, &shared)?,
+        };
         let light = own.as_ref().unwrap_or(&shared);
         if let Some(own) = &own {
             bar.suspend(|| own.warn(&request, &camera, Some(path)));
         }
         let name = stem(path);
         bar.set_message(name.clone());
-        let electrons = match &scene {
-            Some(scene) => over_bands(args, &camera, &request, light, scene, &bar),
-            None => in_three_bands(args, path, &camera, light),
+        let electrons = match &opened {
+            Opened::Bands(scene) => over_bands(args, &camera, &request, light, scene, &bar),
+            Opened::ThreeBands(photo) => in_three_bands(&camera, light, photo),
         }
         .map_err(|error| named(path, error))?;
         let white_e = light.white.white_e();
-        let origin = Placement { row: 0, col: 0 };
         let matrix = light.matrix.as_ref().filter(|_| !args.spectral.no_colour_matrix);
         let shot = Shot {
             name: &name,
             frame: frame as u64,
-            light: electrons.as_light(&light.sensor, white_e, origin),
+            light: electrons.as_light(&light.sensor, white_e, camera.window.placement),
             white_e: white_e as f32,
             sensor: &light.sensor,
             matrix: matrix.map(|m| &m.matrix),
         };
-        let mut facts = finish(args, &camera, &shot)?;
+        let (mut facts, warning) = finish(args, &camera, &shot)?;
+        warning.into_iter().for_each(|warning| bar.suspend(|| eprintln!("{warning}")));
         facts.extend(light.facts(args, &request));
         written.push(Value::Object(facts));
         let says = light.says(args, &request);
@@ -149,17 +159,28 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
 
 /// Options that fit neither a run over the spectrum nor each other.
 fn check(args: &Args) -> Result<(), Failure> {
-    if let Some(white_e) = args.white_e {
-        return Err(Failure::input(
-            format!("--white-e {white_e}: over the spectrum the light says how many electrons white gives"),
-            "leave it out, and set the light with --illuminance-lux",
-        ));
+    for name in args.images.iter().filter_map(|path| scene_name(path)) {
+        scene(name)?;
     }
     let first = |wanted: Kind| args.images.iter().find(|path| kind(path) == wanted);
     if let (Some(bands), Some(file)) = (args.spectral.bands, first(Kind::Spectral)) {
         return Err(Failure::input(
             format!("--bands {bands}: {} has bands of its own", file.display()),
             "leave --bands out, or simulate scenes and photographs apart from spectral images",
+        ));
+    }
+    if let (Some(white_e), Some(file)) = (args.white_e, first(Kind::Spectral)) {
+        return Err(Failure::input(
+            format!("--white-e {white_e}: {} has radiances of its own", file.display()),
+            "leave --white-e out; --time-s and --gain set the exposure",
+        ));
+    }
+    if let (Some(white_e), Some(lux)) = (args.white_e, args.spectral.illuminance_lux) {
+        return Err(Failure::input(
+            format!(
+                "--white-e {white_e}: --illuminance-lux {lux} says already how many electrons white gives"
+            ),
+            "leave one of the two out",
         ));
     }
     let spectral = first(Kind::Scene).or_else(|| first(Kind::Spectral));
@@ -178,34 +199,44 @@ fn check(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A scene, and its light if its bands are its own; no scene for a photograph that is taken in three bands.
+/// The built-in scene of a name.
+fn scene(name: &str) -> Result<SceneKind, Failure> {
+    SceneKind::named(name).ok_or_else(|| {
+        let known = SceneKind::ALL.map(SceneKind::name).join(", scene:");
+        Failure::input(format!("no scene called `{name}`"), format!("there are scene:{known}"))
+    })
+}
+
+/// What is taken: a scene over its bands, or a photograph on the sensor in three.
+enum Opened {
+    Bands(SpectralScene),
+    ThreeBands(LinearImage),
+}
+
+/// What an image holds, and its light if its bands are its own.
 fn open(
     args: &Args,
     path: &Path,
     request: &Request,
     camera: &Camera,
     shared: &Light,
-) -> Result<(Option<SpectralScene>, Option<Light>), Failure> {
+) -> Result<(Opened, Option<Light>), Failure> {
     let (illuminant, lux, band_um) = (&request.illuminant, request.lux, &shared.band_um);
     if let Some(name) = scene_name(path) {
-        let kind = SceneKind::named(name).ok_or_else(|| {
-            let known = SceneKind::ALL.map(SceneKind::name).join(", scene:");
-            Failure::input(format!("no scene called `{name}`"), format!("there are scene:{known}"))
-        })?;
-        let drawn = kind.draw(camera.sensor.height, camera.sensor.width);
-        return Ok((Some(SpectralScene::surfaces(drawn, illuminant, lux, band_um)), None));
+        let drawn = scene(name)?.draw(camera.sensor.height, camera.sensor.width);
+        return Ok((Opened::Bands(SpectralScene::surfaces(drawn, illuminant, lux, band_um)), None));
     }
     if kind(path) == Kind::Spectral {
         let image = load_spectral(path).map_err(DesignError::from)?;
         let light = Light::in_file(args, request, camera, path, &image.wavelength_um)?;
-        return Ok((Some(SpectralScene::image(image)), Some(light)));
+        return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
     }
-    let photo = load_image(path).map_err(DesignError::from)?;
-    if args.spectral.three_band {
-        return Ok((None, None));
-    }
-    let photo = placed(args, &photo, &camera.sensor);
-    Ok((Some(SpectralScene::print(photo, illuminant, lux, band_um)), None))
+    let photo = placed(args, &load_image(path).map_err(DesignError::from)?, &camera.sensor);
+    let opened = match args.spectral.three_band {
+        true => Opened::ThreeBands(photo),
+        false => Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um)),
+    };
+    Ok((opened, None))
 }
 
 /// Electrons of a scene whose bands go through the lens one by one.
@@ -224,21 +255,18 @@ fn over_bands(
     };
     bar.set_length(bands.seen().len() as u64);
     bar.set_position(0);
-    let origin = Placement { row: 0, col: 0 };
     let done = |_band: usize| bar.inc(1);
-    render_spectral(&request.lens, &request.plan, &camera.geometry, &bands, origin, &done)
+    render_spectral(&request.lens, &request.plan, &camera.geometry, &bands, camera.window, &done)
 }
 
 /// Electrons of a photograph whose three planes go through the lens: the matrix is the integral over the spectrum, only the
 /// PSFs are those of three wavelengths.
 fn in_three_bands(
-    args: &Args,
-    path: &Path,
     camera: &Camera,
     light: &Light,
+    photo: &LinearImage,
 ) -> Result<ColourElectrons, DesignError> {
-    let photo = placed(args, &load_image(path)?, &camera.sensor);
-    Ok(ColourElectrons::of_rgb(&through_lens(camera, &photo)?, &light.white))
+    Ok(ColourElectrons::of_rgb(&through_lens(camera, photo)?, &light.white))
 }
 
 /// A failure with the name of the scene in which it arose.

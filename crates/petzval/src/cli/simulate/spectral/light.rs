@@ -144,7 +144,7 @@ impl Light {
     pub fn says(&self, args: &Args, request: &Request) -> String {
         let mut says = format!(
             "white under {} lux of {} gives {:.0} electrons in {} at f/{:.2} and {} s",
-            request.lux,
+            (1e3 * request.lux).round() / 1e3,
             request.illuminant.name,
             self.white.white_e(),
             if self.white.rows.len() > 1 { "a green pixel" } else { "a pixel" },

@@ -1,0 +1,143 @@
+//! Highlights: where white light first saturates a colour, and the cut there that keeps saturated light neutral.
+//!
+//! White balance multiplies the colours to equal values, and with them the level at which each saturates. Above the least of these levels
+//! a white surface has lost one colour and not the others, and comes out tinted. Raw developers therefore cut every colour
+//! at the level of the one that saturates first: highlights end in neutral white.
+
+use super::dark_mean_dn;
+use super::interpolation::sources;
+use crate::sensor::{CfaPattern, Raw, SensorError, SensorModel};
+
+/// Electrons of white (`white_e`) at which the first of the colours that make a picture saturates:
+/// `capacity / max_c s_c`, with the photoelectrons that a pixel holds ([`SensorModel::light_capacity_e`]) and the answer s_c
+/// of the colours to white.
+///
+/// Zero or negative where dark current alone fills the pixels.
+pub fn white_capacity_e(sensor: &SensorModel, time_s: f64, linear_gain: f64) -> Result<f64, SensorError> {
+    Ok(sensor.light_capacity_e(time_s, linear_gain) / strongest_answer(sensor)?)
+}
+
+/// Cuts the digital numbers of each colour where white light saturates the first colour, so that what
+/// [`develop`](super::develop) makes of them is at most `white_capacity_e / white_e`, and neutral there:
+///
+/// ```text
+/// dn <- min(dn, dark + (W - dark) s_c / max s)
+/// ```
+///
+/// with the dark mean, the white level W and the answer s_c to white. Numbers of pixels below that level stay as they are.
+/// Clear pixels beside all three colours take no part in a picture; they are cut at W.
+pub fn clip_highlights(raw: &Raw, sensor: &SensorModel) -> Result<Raw, SensorError> {
+    sensor.validate()?;
+    let exposure = &raw.capture.exposure;
+    exposure.validate()?;
+    let (white, dark) = (sensor.white_level_dn(exposure.linear_gain.into()), dark_mean_dn(sensor, exposure));
+    let strongest = strongest_answer(sensor)?;
+    let placement = raw.capture.placement;
+    let mut dn = raw.dn.clone();
+    for (i, dn) in dn.iter_mut().enumerate() {
+        let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
+        let answer: f64 = sensor.response(colour).iter().sum();
+        let level = dark + (white - dark) * (answer / strongest).min(1.0);
+        *dn = dn.min(level as f32);
+    }
+    Ok(Raw { height: raw.height, width: raw.width, dn, capture: raw.capture })
+}
+
+/// Share of the pixels that are saturated: at the white level or above it, to the whole number below it.
+pub fn saturated_share(raw: &Raw, sensor: &SensorModel) -> f64 {
+    let white = sensor.white_level_dn(raw.capture.exposure.linear_gain.into()).floor() as f32;
+    let saturated = raw.dn.iter().filter(|dn| **dn >= white).count();
+    saturated as f64 / raw.dn.len().max(1) as f64
+}
+
+/// The largest answer to white of the colours that a picture is made of.
+fn strongest_answer(sensor: &SensorModel) -> Result<f64, SensorError> {
+    let cfa: CfaPattern = sensor.cfa;
+    let answers = sources(cfa)?.map(|colour| sensor.response(colour).iter().sum::<f64>());
+    Ok(answers.into_iter().fold(0.0, f64::max))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::develop;
+    use super::*;
+    use crate::image::{CHANNELS, LinearImage};
+    use crate::render::Placement;
+    use crate::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+
+    const TILES: [&str; 4] = ["RGGB", "RRGG/RRGG/GGBB/GGBB", "WR/GB", "mono"];
+
+    fn sensor(tile: &str, full_well_e: f64) -> SensorModel {
+        let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+        let clear_response = [0.6, 0.9, 0.7];
+        SensorModel {
+            cfa: tile.parse().unwrap(),
+            full_well_e,
+            clear_response,
+            ..SensorModel::from_toml(text).unwrap()
+        }
+    }
+
+    fn take(sensor: &SensorModel, light: &LinearImage, white_e: f32, mode: NoiseMode) -> Raw {
+        let exposure = Exposure { white_e, time_s: 0.005, linear_gain: 2.0 };
+        let capture = Capture { exposure, placement: Placement { row: 1, col: 2 }, frame: 0 };
+        expose(light, sensor, &capture, &Noise { mode, seed: 3 }).unwrap()
+    }
+
+    /// The greatest difference between the colours of a pixel.
+    fn tint(picture: &LinearImage) -> f32 {
+        let n = picture.height * picture.width;
+        let of = |i: usize| {
+            let values = [0, 1, 2].map(|c| picture.data[c * n + i]);
+            values.into_iter().fold(f32::MIN, f32::max) - values.into_iter().fold(f32::MAX, f32::min)
+        };
+        (0..n).map(of).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn gray_of_any_brightness_stays_neutral_and_ends_at_the_capacity_for_white() {
+        // The converter saturates first, or the well.
+        for (tile, well_e) in TILES.into_iter().flat_map(|t| [(t, 33_723.0), (t, 9000.0)]) {
+            let sensor = sensor(tile, well_e);
+            let level = white_capacity_e(&sensor, 0.005, 2.0).unwrap() / 16_000.0;
+            for brightness in [0.1, 0.3, 0.45, 0.6, 0.8, 1.0, 3.0] {
+                let light = LinearImage::filled(CHANNELS, 12, 12, brightness);
+                let raw = take(&sensor, &light, 16_000.0, NoiseMode::Off);
+                let picture = develop(&clip_highlights(&raw, &sensor).unwrap(), &sensor).unwrap();
+                assert!(tint(&picture) < 1e-5, "{tile} {well_e} {brightness}: {}", tint(&picture));
+                let expected = f64::from(brightness).min(level);
+                assert!((f64::from(picture.data[0]) - expected).abs() < 1e-5, "{tile} {well_e} {brightness}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_the_cut_overexposed_white_is_violet_and_its_edge_tinted() {
+        let sensor = sensor("RGGB", 33_723.0);
+        let light: Vec<f32> = (0..CHANNELS * 16 * 16).map(|i| if i % 16 < 8 { 0.05 } else { 2.0 }).collect();
+        let light = LinearImage::from_data(CHANNELS, 16, 16, light).unwrap();
+        let raw = take(&sensor, &light, 16_000.0, NoiseMode::Off);
+        let [tinted, neutral] =
+            [raw.clone(), clip_highlights(&raw, &sensor).unwrap()].map(|raw| develop(&raw, &sensor).unwrap());
+        let at = |picture: &LinearImage| [0, 1, 2].map(|c| picture.get(c, 8, 14));
+        let [red, green, blue] = at(&tinted);
+        assert!(red > 1.15 * green && green > 1.2 * blue, "{red} {green} {blue}");
+        let [red, green, blue] = at(&neutral);
+        assert!((red - green).abs() < 1e-5 && (green - blue).abs() < 1e-5);
+    }
+
+    #[test]
+    fn what_is_below_the_level_keeps_its_bits() {
+        for tile in TILES {
+            let sensor = sensor(tile, 33_723.0);
+            let light = LinearImage::filled(CHANNELS, 40, 40, 0.5);
+            let white_e = white_capacity_e(&sensor, 0.005, 2.0).unwrap() as f32;
+            let raw = take(&sensor, &light, white_e, NoiseMode::Exact);
+            assert_eq!(clip_highlights(&raw, &sensor).unwrap(), raw, "{tile}");
+            assert_eq!(saturated_share(&raw, &sensor), 0.0);
+            // Noise carries a full well to either side of the white level; the converter's end is sharp.
+            let bright = take(&sensor, &light, 8.0 * white_e, NoiseMode::Exact);
+            assert_eq!(saturated_share(&bright, &sensor), 1.0, "{tile}");
+        }
+    }
+}
