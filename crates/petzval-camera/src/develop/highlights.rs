@@ -6,7 +6,7 @@
 
 use super::dark_mean_dn;
 use super::interpolation::sources;
-use crate::sensor::{CfaPattern, Raw, SensorError, SensorModel};
+use crate::sensor::{Raw, SensorError, SensorModel};
 
 /// Electrons of white (`white_e`) at which the first of the colours that make a picture saturates:
 /// `capacity / max_c s_c`, with the photoelectrons that a pixel holds ([`SensorModel::light_capacity_e`]) and the answer s_c
@@ -52,8 +52,7 @@ pub fn saturated_share(raw: &Raw, sensor: &SensorModel) -> f64 {
 
 /// The largest answer to white of the colours that a picture is made of.
 fn strongest_answer(sensor: &SensorModel) -> Result<f64, SensorError> {
-    let cfa: CfaPattern = sensor.cfa;
-    let answers = sources(cfa)?.map(|colour| sensor.response(colour).iter().sum::<f64>());
+    let answers = sources(sensor.cfa)?.map(|colour| sensor.response(colour).iter().sum::<f64>());
     Ok(answers.into_iter().fold(0.0, f64::max))
 }
 
