@@ -69,6 +69,11 @@ fn the_papers_series_recovers_the_papers_sensor() {
     let back = SensorModel::from_toml(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
     assert_eq!(Some(back.gain_dn_per_e), joint.gain_dn_per_e.value());
     assert_eq!((back.black_level_dn, back.bits, back.cfa), (119.0, 12, sensor.cfa));
+    // Without hot pixels the mean of the dark frames is the dark current.
+    assert!(joint.hot_pixel_share.reason().is_some() && back.nonuniformity.hot_pixel_share == 0.0);
+    assert_eq!(Some(back.dark_current_e_per_s), joint.dark_current_e_per_s.value());
+    within("median mu_I", joint.dark_current_median_e_per_s, 25.0, 3.5);
+    within("ordinary mu_I", joint.dark_current_ordinary_e_per_s, 25.0, 3.5);
     assert!(text.contains("gain_dn_per_e = 0.1") && text.contains("DN/e-"), "{text}");
     let xml = result_xml(green, Values::Corrected).unwrap();
     assert!(xml.contains("<u_e_sat>") && xml.contains("<value>None</value>"), "{xml}");
@@ -178,6 +183,16 @@ fn saturation_linearity_and_non_uniformity_are_found_in_a_mono_sensor() {
     for name in ["DSNU1288_pixel", "PRNU1288_pixel"] {
         let relative = best(name).standard_error().unwrap() / best(name).value().unwrap();
         assert!(relative < 0.015, "{name}: {relative}");
+    }
+
+    // Release 4 without a filter, in digital numbers: rows and columns of the specimen and what is left of the pixels.
+    for (name, truth_e) in [("s_2_y_pixel_dark", 6.0_f64), ("s_2_y_row_dark", 3.0), ("s_2_y_col_dark", 4.0)] {
+        let figure = channel.figure(name).unwrap();
+        within(name, figure.value, (0.14 * truth_e).powi(2), 3.5);
+        assert!(figure.corrected.is_none());
+    }
+    for name in ["s_2_y", "s_2_y_dark", "s_2_y_cav", "s_2_y_rav", "s_2_y_measured", "sigma_2_y_stack"] {
+        assert!(channel.figure(name).unwrap().value.standard_error().unwrap() > 0.0, "{name}");
     }
 
     // A sensor without non-uniformity: what is left of its variances is noise (eight numbers, four standard errors).

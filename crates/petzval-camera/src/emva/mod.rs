@@ -2,10 +2,10 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | which captures there are | [`captures`], [`manifest`], [`descriptor`] |
+//! | which captures there are | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
 //! | frames to sums, one at a time | [`point`] |
 //! | signal, noise and light: R, K, QE, saturation, linearity | [`transfer`] |
-//! | dark frames over exposure time | [`dark`] |
+//! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
@@ -25,9 +25,11 @@ pub mod derived;
 pub mod descriptor;
 pub mod figures;
 pub mod fit;
+mod frame_names;
 pub mod high_pass;
 pub mod histogram;
 pub mod histogram_fit;
+pub mod hot_pixels;
 pub mod joint;
 pub mod manifest;
 pub mod measured;
@@ -41,12 +43,13 @@ pub mod spectrogram;
 pub mod transfer;
 pub mod warning;
 
-pub use captures::{CaptureError, Captures, Kind, Point, SensorFacts};
+pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
 pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
 pub use derived::{Derived, derived};
 pub use figures::Figure;
 pub use high_pass::HighPass;
 pub use histogram_fit::{HistogramComparison, HistogramFit};
+pub use hot_pixels::PixelDarkCurrents;
 pub use joint::JointFit;
 pub use measured::{Measured, Unresolved};
 pub use result_xml::{Values, result_xml};

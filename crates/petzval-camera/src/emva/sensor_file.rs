@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::characterize::Characterization;
+use super::characterize::{Characterization, GainResult};
+use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
 use crate::sensor::Colour;
 
@@ -42,6 +43,11 @@ pub fn sensor_toml(found: &Characterization) -> String {
         Some(stated) => Measured::exact(stated),
         None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
     };
+    // Hot pixels have lines of their own: the others have the sensor's dark current.
+    let dark_current = match joint.hot_pixel_share.value() {
+        Some(_) => joint.dark_current_ordinary_e_per_s.if_above_noise(),
+        None => joint.dark_current_e_per_s,
+    };
     let entries = [
         Entry {
             key: "black_level_dn",
@@ -67,7 +73,7 @@ pub fn sensor_toml(found: &Characterization) -> String {
         Entry {
             key: "dark_current_e_per_s",
             unit: "e-/s",
-            value: joint.dark_current_e_per_s,
+            value: dark_current,
             stand_in: 0.0,
             stand_in_is: "none",
         },
@@ -156,13 +162,35 @@ pub fn sensor_toml(found: &Characterization) -> String {
     text
 }
 
-/// Appends what is known of the non-uniformity, of the lowest gain that has stacks, mean of the colours.
+/// Appends what is known of the non-uniformity: hot pixels, and DSNU and PRNU of the lowest gain that has stacks, mean of the
+/// colours.
 fn non_uniformity(found: &Characterization, text: &mut String) {
-    let Some(gain) = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some())) else {
-        let _ = writeln!(text, "\n# Non-uniformity: not resolved: {}", Unresolved::NoStack);
-        return;
-    };
-    let _ = writeln!(text, "\n[nonuniformity]");
+    let joint = &found.joint;
+    let stacks = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some()));
+    let hot = joint.hot_pixel_share.value().is_some();
+    let _ = writeln!(text);
+    if stacks.is_some() || hot {
+        let _ = writeln!(text, "[nonuniformity]");
+    }
+    match stacks {
+        None => {
+            let _ = writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack);
+        }
+        Some(gain) => stack_non_uniformity(joint, gain, text),
+    }
+    if let (true, Some(mean)) = (hot, joint.dark_current_e_per_s.value()) {
+        let _ = writeln!(
+            text,
+            "# dark_current_e_per_s is that of the pixels that are not hot; the mean of all is {mean:?} e-/s"
+        );
+    }
+    line(text, "hot_pixel_share", joint.hot_pixel_share, "");
+    line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s");
+}
+
+/// DSNU and PRNU of one gain. What hot pixels add to the variance of the dark stack has lines of its own, and goes from the DSNU of
+/// single pixels.
+fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) {
     for (key, name, unit) in [
         ("dsnu_pixel_e", "DSNU1288_pixel", "e-"),
         ("dsnu_row_e", "DSNU1288_row", "e-"),
@@ -174,18 +202,37 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
         let all: Vec<Measured> =
             gain.channels.iter().filter_map(|c| c.figure(name)).map(|f| f.best()).collect();
         let known: Vec<f64> = all.iter().filter_map(Measured::value).collect();
-        match (known.is_empty(), all.first().and_then(Measured::reason)) {
-            (false, _) => {
-                let mean = known.iter().sum::<f64>() / known.len() as f64;
+        let count = known.len() as f64;
+        let mut measured = match known.is_empty() {
+            true => all.first().copied().unwrap_or(Measured::none(Unresolved::NoStack)),
+            false => {
                 let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
-                let _ = writeln!(text, "{key} = {mean:?}   # +- {:.2e} {unit}", se / known.len() as f64);
+                Measured::new(known.iter().sum::<f64>() / count, se / count)
             }
-            (true, why) => {
-                let why = why.unwrap_or(Unresolved::NoStack);
-                let _ = writeln!(text, "# {key}: not resolved: {why}");
-            }
+        };
+        let exposure_s = gain.channels.iter().find_map(|c| c.spatial.as_ref()).map(|s| s.exposure_s);
+        if let ("dsnu_pixel_e", Some(hot), Some(t)) =
+            (key, joint.hot_pixel_variance_e2_per_s2.value(), exposure_s)
+        {
+            let squared = measured.map(|v| v * v - hot * t * t, |v| 2.0 * v);
+            measured = squared.if_above_noise().root();
         }
+        line(text, key, measured, unit);
     }
+}
+
+/// One line: a number with its standard error, or a comment that says why there is none.
+fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
+    let _ = match (measured.value(), measured.standard_error(), measured.reason()) {
+        (Some(v), Some(se), _) => {
+            writeln!(text, "{}", format!("{key} = {v:?}   # +- {se:.2e} {unit}").trim_end())
+        }
+        (Some(v), None, _) => writeln!(text, "{key} = {v:?}"),
+        (None, _, why) => {
+            let why = why.map_or(String::new(), |why| why.to_string());
+            writeln!(text, "# {key}: not resolved: {why}")
+        }
+    };
 }
 
 /// Colours by name for headings and files: the letter of the pattern, `mono` for a sensor without filters.
