@@ -357,16 +357,16 @@ fn a_sidecar_that_contradicts_the_list_is_an_error() {
         std::fs::write(&sidecar, text).unwrap();
         measured(folder.path()).map_err(|error| error.to_string())
     };
-    for (text, key, both) in [
-        ("linear_gain = 2.0", "linear_gain", "2 by what stands with the frame, 1 by"),
-        ("exposure_s = 0.0025", "exposure_s", "0.0025 by what stands with the frame, 0.005 by"),
-        ("cfa = \"RGGB\"", "cfa", "RGGB by what stands with the frame, mono by"),
-        ("bits = 14", "bits", "14 by what stands with the frame, 12 by"),
-        ("black_level_dn = 64.0", "black_level_dn", "64 by what stands with the frame, 119 by"),
+    for (text, frame, list) in [
+        ("linear_gain = 2.0", "linear_gain = 2", "says 1"),
+        ("exposure_s = 0.0025", "exposure_s = 0.0025", "says 0.005"),
+        ("cfa = \"RGGB\"", "cfa = RGGB", "[sensor], says mono"),
+        ("bits = 14", "bits = 14", "[sensor], says 12"),
+        ("black_level_dn = 64.0", "black_level_dn = 64", "[sensor], says 119"),
     ] {
         let error = says(text).unwrap_err();
         assert!(error.contains("flat-5ms-1.png: ") && error.contains("captures.toml, "), "{error}");
-        assert!(error.contains(&format!("{key} is {both}")), "{error}");
+        assert!(error.contains(frame) && error.ends_with(list), "{error}");
     }
     // What a camera rounds is no contradiction.
     says("linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2").unwrap();

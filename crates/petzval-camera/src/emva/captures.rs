@@ -184,7 +184,7 @@ pub enum CaptureError {
         expected_width: usize,
     },
     /// A frame, or its sidecar, says something else than the list.
-    #[error("{}: {key} is {frame} by what stands with the frame, {list} by {}", path.display(), place)]
+    #[error("{}: the frame's sidecar or header says {key} = {frame}, {place} says {list}", path.display())]
     Contradiction {
         /// The frame.
         path: PathBuf,

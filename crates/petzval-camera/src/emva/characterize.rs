@@ -11,7 +11,7 @@ use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::figures::{Basis, Figure, figures};
 use super::high_pass::HighPass;
 use super::histogram_fit::{HistogramFit, fit_histograms};
-use super::hot_pixels::{DarkEnd, PixelDarkCurrents, pixel_dark_currents};
+use super::hot_pixels::{PixelDarkCurrents, dark_ends, of_dark_ends};
 use super::joint::{GainInput, JointFit, joint_fit};
 use super::measured::Unresolved;
 use super::point::{Counts, PointStatistics, Stack, reduce};
@@ -330,36 +330,7 @@ fn one_gain(
         }
     }
     let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
-    GainResult { linear_gain, dark, pixel_dark_currents: of_pixels(reduced, max_dn), channels }
-}
-
-/// The dark points of the shortest and of the longest exposure; of one exposure that of the most frames.
-fn dark_ends<'a>(points: &[&'a Point]) -> [Option<&'a Point>; 2] {
-    let darks = || points.iter().copied().filter(|p| p.kind == Kind::Dark);
-    let by_time = |a: &&Point, b: &&Point| a.exposure_s.total_cmp(&b.exposure_s);
-    let frames = |p: &Point| p.frames.len();
-    [
-        darks().min_by(|a, b| by_time(a, b).then(frames(b).cmp(&frames(a)))),
-        darks().max_by(|a, b| by_time(a, b).then(frames(a).cmp(&frames(b)))),
-    ]
-}
-
-/// Dark currents pixel by pixel, from the ends of the dark series of a gain.
-fn of_pixels(reduced: &[(&Point, PointStatistics)], max_dn: f64) -> Option<PixelDarkCurrents> {
-    let points: Vec<&Point> = reduced.iter().map(|(p, _)| *p).collect();
-    let end = |end: Option<&Point>| {
-        let end = end?;
-        let (point, found) = reduced.iter().find(|(p, _)| std::ptr::eq(*p, end))?;
-        let usable = !clipped_at_zero(&found.all);
-        usable.then_some(DarkEnd {
-            exposure_s: point.exposure_s,
-            stack: found.stack.as_ref()?,
-            variance_dn2: found.all.variance_dn2,
-        })
-    };
-    let [short, long] = dark_ends(&points).map(end);
-    let (short, long) = (short?, long?);
-    (long.exposure_s > short.exposure_s).then(|| pixel_dark_currents(&short, &long, max_dn))
+    GainResult { linear_gain, dark, pixel_dark_currents: of_dark_ends(reduced, max_dn), channels }
 }
 
 /// Whether a point is darker than the one of less light: by more than noise below saturation, by a twentieth on the plateau

@@ -21,8 +21,10 @@
 
 use serde::Serialize;
 
-use super::measured::{Measured, Unresolved};
-use super::point::Stack;
+use super::captures::{Kind, Point};
+use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
+use super::point::{PointStatistics, Stack};
+use super::warning::clipped_at_zero;
 
 /// Standard deviations from the median beyond which a dark current is no noise: 2e-9 of normally distributed ones.
 const THRESHOLD_SIGMAS: f64 = 6.0;
@@ -34,13 +36,13 @@ const BELOW_ONE_SIGMA: f64 = 0.158_655_253_931_457_05;
 const ROUNDING_DN2: f64 = 2.0 / 12.0;
 
 /// Dark frames at one end of a dark series.
-pub struct DarkEnd<'a> {
+struct DarkEnd<'a> {
     /// Exposure time, s.
-    pub exposure_s: f64,
+    exposure_s: f64,
     /// Sum of the frames.
-    pub stack: &'a Stack,
+    stack: &'a Stack,
     /// Temporal variance of a frame, DN^2.
-    pub variance_dn2: f64,
+    variance_dn2: f64,
 }
 
 /// Dark currents of the pixels at one gain.
@@ -78,8 +80,37 @@ impl PixelDarkCurrents {
     }
 }
 
+/// The dark points of the shortest and of the longest exposure; of one exposure that of the most frames.
+pub(super) fn dark_ends<'a>(points: &[&'a Point]) -> [Option<&'a Point>; 2] {
+    let darks = || points.iter().copied().filter(|p| p.kind == Kind::Dark);
+    let by_time = |a: &&Point, b: &&Point| a.exposure_s.total_cmp(&b.exposure_s);
+    let frames = |p: &Point| p.frames.len();
+    [
+        darks().min_by(|a, b| by_time(a, b).then(frames(b).cmp(&frames(a)))),
+        darks().max_by(|a, b| by_time(a, b).then(frames(a).cmp(&frames(b)))),
+    ]
+}
+
+/// Dark currents of the pixels from the points of a gain, if its dark frames have two exposure times and are not clipped at zero.
+pub(super) fn of_dark_ends(reduced: &[(&Point, PointStatistics)], max_dn: f64) -> Option<PixelDarkCurrents> {
+    let points: Vec<&Point> = reduced.iter().map(|(p, _)| *p).collect();
+    let end = |end: Option<&Point>| {
+        let end = end?;
+        let (point, found) = reduced.iter().find(|(p, _)| std::ptr::eq(*p, end))?;
+        let usable = !clipped_at_zero(&found.all);
+        usable.then_some(DarkEnd {
+            exposure_s: point.exposure_s,
+            stack: found.stack.as_ref()?,
+            variance_dn2: found.all.variance_dn2,
+        })
+    };
+    let [short, long] = dark_ends(&points).map(end);
+    let (short, long) = (short?, long?);
+    (long.exposure_s > short.exposure_s).then(|| pixel_dark_currents(&short, &long, max_dn))
+}
+
 /// Dark currents of the pixels from the two ends of a dark series. `max_dn` is the largest digital number of the converter.
-pub fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> PixelDarkCurrents {
+fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> PixelDarkCurrents {
     let (short_frames, long_frames) = (short.stack.frames as i64, long.stack.frames as i64);
     let common = greatest_common_divisor(short_frames, long_frames);
     let (of_long, of_short) = (short_frames / common, long_frames / common);
@@ -141,6 +172,10 @@ pub fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64)
     let ratio = spread / theta;
     let share = n / pixels * (above / theta - 0.5 * ratio * ratio).exp();
     let share_error = n.sqrt().recip().hypot((above / theta - ratio * ratio) / known.sqrt());
+    // As every number, the share counts from two standard errors on; and the median is that of ordinary pixels.
+    if share_error * RESOLVED_SIGMAS >= 1.0 || share >= 0.5 {
+        return found;
+    }
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
     let mean = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / pixels;
@@ -234,7 +269,6 @@ mod tests {
                 let n = SPECIMENS as f64;
                 let mean = list.iter().sum::<f64>() / n;
                 let scatter = (list.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-                println!("{share} {excess} {end_dn} {name}: {mean:.3} {scatter:.3}");
                 assert!(mean.abs() < 4.0 / n.sqrt(), "{share} {excess} {name}: mean pull {mean}");
                 assert!((scatter - 1.0).abs() < 4.0 / (2.0 * n).sqrt(), "{share} {excess} {name}: {scatter}");
             }

@@ -364,8 +364,8 @@ fn no_contradiction(
     let of_point = numbers("linear_gain", info.linear_gain, Some(point.linear_gain), &near)
         .or_else(|| numbers("exposure_s", info.exposure_s, Some(point.exposure_s), &near));
     let (found, place) = match (of_sensor, of_point) {
-        (Some(found), _) => (found, format!("{list}, on the sensor")),
-        (None, Some(found)) => (found, format!("{list}, line {}", point.line)),
+        (Some(found), _) => (found, format!("{list}, [sensor],")),
+        (None, Some(found)) => (found, format!("{list}, line {},", point.line)),
         (None, None) => return Ok(()),
     };
     let ((key, frame, list), path) = (found, file.path.clone());

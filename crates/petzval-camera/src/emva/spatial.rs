@@ -46,8 +46,8 @@ pub struct Variances {
 /// Variances of the mean of a stack without a high-pass, as release 4 and the library split them.
 ///
 /// Standard errors are the scatter over specimens of one kind: `A sqrt(2/N)` of the variance `A` of `N` column means, `A sqrt(2/M)`
-/// of that of `M` row means, from the fourth moment of what both leave for the pixels, and the three are independent. Of an uneven
-/// field, whose rows and columns are no draws, they say too much.
+/// of that of `M` row means, from the fourth moment of what both leave for the pixels, and the three are independent. An uneven
+/// field, whose rows and columns are no draws of chance, is less certain than they say.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct StackVariances {
     /// Frames L.
@@ -433,7 +433,7 @@ mod tests {
         }
     }
 
-    /// Three pictures of 72 x 96 pixels with pixels, rows, columns and temporal noise of 100 DN each in the mean of two frames.
+    /// Two frames of 72 x 96 pixels with pixels, rows, columns and temporal noise of 100 DN each in the mean of two frames.
     fn specimen(normal: &mut Normal) -> Stack {
         let (height, width) = (72, 96);
         let rows: Vec<f64> = (0..height).map(|_| 100.0 * normal.draw()).collect();

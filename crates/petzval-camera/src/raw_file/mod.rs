@@ -125,7 +125,9 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
 /// Frames of a file: the pages of a TIFF without its thumbnails and masks, one of every other file.
 pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
     let mut file = BufReader::new(File::open(path).map_err(RawFileError::io(path))?);
-    if !pages::is_tiff(file.fill_buf().map_err(RawFileError::io(path))?) {
+    let head = file.fill_buf().map_err(RawFileError::io(path))?;
+    // A DNG is a TIFF in its bytes, with a reader of its own.
+    if !pages::is_tiff(head) || RawFormat::of(path, head) == Some(RawFormat::Dng) {
         return Ok(1);
     }
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);

@@ -19,7 +19,7 @@ pub(super) fn is_tiff(bytes: &[u8]) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| bytes.starts_with(*magic))
 }
 
-/// Places of the full pictures among all of a file; thumbnails and masks are none.
+/// Places of the full pictures among all of a file; thumbnails and masks are none, unless there is nothing else.
 pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
     let mut tiff = open(file)?;
     let mut pages = Vec::new();
@@ -32,6 +32,9 @@ pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
             break;
         }
         tiff.decoder.next_image().map_err(|error| tiff.unreadable(error))?;
+    }
+    if pages.is_empty() {
+        pages.push(0);
     }
     Ok(pages)
 }

@@ -269,7 +269,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
     // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
     let black_level = joint.black_level_dn.map_or(html! { "not stated" }, |v| measured(&stated(v)));
     type Row<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
-    let rows: [Row<'_>; 12] = [
+    let rows: [Row<'_>; 16] = [
         (
             "",
             "columns × rows",
@@ -290,7 +290,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ),
         (
             "μ_I",
-            "dark current, from the mean",
+            "dark current, from the mean of all pixels",
             "e⁻/s",
             measured(&joint.dark_current_e_per_s),
             fitted(|f| f.dark_current_e_per_s),
@@ -301,6 +301,31 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "dark current, from the variance",
             "e⁻/s",
             measured(&joint.dark_current_variance_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        (
+            "",
+            "dark current, median of the pixels",
+            "e⁻/s",
+            measured(&joint.dark_current_median_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        (
+            "",
+            "dark current, mean of the pixels that are not hot",
+            "e⁻/s",
+            measured(&joint.dark_current_ordinary_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        ("", "share of hot pixels", "%", measured(&joint.hot_pixel_share.scale(100.0)), None, ["", "", ""]),
+        (
+            "",
+            "dark current of hot pixels above the others, mean",
+            "e⁻/s",
+            measured(&joint.hot_pixel_e_per_s),
             None,
             ["", "", ""],
         ),
