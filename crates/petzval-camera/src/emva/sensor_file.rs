@@ -225,7 +225,8 @@ fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) 
 fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
     let _ = match (measured.value(), measured.standard_error(), measured.reason()) {
         (Some(v), Some(se), _) => {
-            writeln!(text, "{}", format!("{key} = {v:?}   # +- {se:.2e} {unit}").trim_end())
+            let comment = format!("+- {se:.2e} {unit}");
+            writeln!(text, "{key} = {v:?}   # {}", comment.trim_end())
         }
         (Some(v), None, _) => writeln!(text, "{key} = {v:?}"),
         (None, _, why) => {
