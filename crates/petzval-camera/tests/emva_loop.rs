@@ -69,6 +69,11 @@ fn the_papers_series_recovers_the_papers_sensor() {
     let back = SensorModel::from_toml(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
     assert_eq!(Some(back.gain_dn_per_e), joint.gain_dn_per_e.value());
     assert_eq!((back.black_level_dn, back.bits, back.cfa), (119.0, 12, sensor.cfa));
+    // Without hot pixels the mean of the dark frames is the dark current.
+    assert!(joint.hot_pixel_share.reason().is_some() && back.nonuniformity.hot_pixel_share == 0.0);
+    assert_eq!(Some(back.dark_current_e_per_s), joint.dark_current_e_per_s.value());
+    within("median mu_I", joint.dark_current_median_e_per_s, 25.0, 3.5);
+    within("ordinary mu_I", joint.dark_current_ordinary_e_per_s, 25.0, 3.5);
     assert!(text.contains("gain_dn_per_e = 0.1") && text.contains("DN/e-"), "{text}");
     let xml = result_xml(green, Values::Corrected).unwrap();
     assert!(xml.contains("<u_e_sat>") && xml.contains("<value>None</value>"), "{xml}");
@@ -180,6 +185,16 @@ fn saturation_linearity_and_non_uniformity_are_found_in_a_mono_sensor() {
         assert!(relative < 0.015, "{name}: {relative}");
     }
 
+    // Release 4 without a filter, in digital numbers: rows and columns of the specimen and what is left of the pixels.
+    for (name, truth_e) in [("s_2_y_pixel_dark", 6.0_f64), ("s_2_y_row_dark", 3.0), ("s_2_y_col_dark", 4.0)] {
+        let figure = channel.figure(name).unwrap();
+        within(name, figure.value, (0.14 * truth_e).powi(2), 3.5);
+        assert!(figure.corrected.is_none());
+    }
+    for name in ["s_2_y", "s_2_y_dark", "s_2_y_cav", "s_2_y_rav", "s_2_y_measured", "sigma_2_y_stack"] {
+        assert!(channel.figure(name).unwrap().value.standard_error().unwrap() > 0.0, "{name}");
+    }
+
     // A sensor without non-uniformity: what is left of its variances is noise (eight numbers, four standard errors).
     let even = SensorModel { nonuniformity: NonUniformity::default(), ..sensor };
     let flat_ms = vec![1.0, 4.0, 8.0];
@@ -285,4 +300,29 @@ fn hot_pixels_are_reported_and_not_made_into_noise() {
     assert!((share - 0.002).abs() < 2e-4 && (mean_dn - 25.0).abs() < 1.0, "{share} {mean_dn}");
     let fit = found.histogram_fit.unwrap();
     within("sigma_el", fit.electronics_noise_dn, 0.92, 3.5);
+}
+
+#[test]
+fn the_sensor_file_takes_what_the_histograms_tell() {
+    let mut sensor = imx249();
+    sensor.nonuniformity =
+        NonUniformity { specimen: 3, dsnu_pixel_e: 3.0, prnu_pixel_percent: 0.8, ..NonUniformity::default() };
+    let plan = small();
+    let fitted = loop_closed(&sensor, &plan, &Options { fit_histograms: true, ..Options::default() });
+    let fit = fitted.histogram_fit.as_ref().unwrap();
+    assert!(fit.is_sound() && fit.dsnu_e.value().is_some(), "{:?}", fit.dsnu_e);
+    let model = SensorModel::from_toml(&sensor_toml(&fitted).unwrap()).unwrap();
+    let value = |m: petzval_camera::emva::Measured| m.value().unwrap();
+    assert_eq!(model.gain_dn_per_e, value(fit.gain_dn_per_e));
+    assert_eq!(model.electronics_noise_dn, value(fit.electronics_noise_dn));
+    assert_eq!(model.relative_qe, [value(fit.red_over_green), 1.0, value(fit.blue_over_green)]);
+    assert_eq!(model.read_noise_e, value(fitted.joint.read_noise_e));
+    assert_eq!(model.nonuniformity.dsnu_pixel_e, value(fit.dsnu_e));
+    assert_eq!(model.nonuniformity.prnu_pixel_percent, value(fit.prnu_percent));
+    assert!((model.black_level_dn + model.electronics_mean_dn - value(fit.dark_offset_dn)).abs() < 1e-9);
+
+    let plain = loop_closed(&sensor, &plan, &Options::default());
+    let model = SensorModel::from_toml(&sensor_toml(&plain).unwrap()).unwrap();
+    assert_eq!(model.gain_dn_per_e, value(plain.joint.gain_dn_per_e));
+    assert_eq!(model.nonuniformity.dsnu_pixel_e, 0.0);
 }

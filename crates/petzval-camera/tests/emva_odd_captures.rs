@@ -372,3 +372,99 @@ fn a_quantum_efficiency_above_one_is_doubted() {
     let said = told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one");
     assert!(said.len() == 1 && said[0].contains("more electrons than photons"), "{said:?}");
 }
+
+/// The list of one gain with the frames of each point as `name` makes them of kind and exposure time in milliseconds.
+fn with_frames(folder: &Path, name: &dyn Fn(&str, &str) -> String) -> String {
+    let text = list(folder);
+    let mut points = text.split("[[point]]");
+    let head = points.next().unwrap().to_owned();
+    points.fold(head, |done, point| {
+        let value = |key: &str| {
+            let line = point.lines().find(|line| line.starts_with(key)).unwrap();
+            line.split(" = ").nth(1).unwrap().trim_matches('"').trim_end_matches(".0").to_owned()
+        };
+        let kept: String = point
+            .lines()
+            .take_while(|line| !line.starts_with("frames"))
+            .fold(String::new(), |kept, line| kept + line + "\n");
+        let frames = name(&value("kind"), &value("exposure_ms"));
+        format!("{done}[[point]]{kept}frames = [\"{frames}\"]\n\n")
+    })
+}
+
+#[test]
+fn wildcards_name_all_frames_that_match() {
+    let folder = series(&mono(), &one_gain());
+    let by_name = measured(folder.path()).unwrap();
+    // Sidecars of the frames match the pattern too, and are no frames.
+    for i in 0..2 {
+        std::fs::write(folder.path().join(format!("gain-1/flat-5ms-{i}.png.toml")), "bits = 12\n").unwrap();
+    }
+    set_list(folder.path(), &with_frames(folder.path(), &|kind, ms| format!("gain-*/{kind}-{ms}ms-*")));
+    assert_eq!(measured(folder.path()).unwrap(), by_name);
+
+    let whole = list(folder.path());
+    for (pattern, says) in [
+        ("gain-1/flut-*.png", "`gain-1/flut-*.png` matches no file"),
+        ("gain-1/[", "`gain-1/[`"),
+        ("gain-1/flat-2.5ms-0.*", "has one frame where two are needed"),
+        ("gain-1/flat-*.png", "is listed twice, first in line"),
+    ] {
+        set_list(folder.path(), &whole.replace("gain-*/flat-2.5ms-*", pattern));
+        let error = measured(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(says) && error.contains("captures.toml: line"), "{pattern}: {error}");
+    }
+}
+
+#[test]
+fn pages_of_a_file_are_frames() {
+    use tiff::encoder::{TiffEncoder, colortype::Gray16};
+    let folder = series(&mono(), &one_gain());
+    let by_name = measured(folder.path()).unwrap();
+    let frame = |kind: &str, ms: &str, i: usize| folder.path().join(format!("gain-1/{kind}-{ms}ms-{i}.png"));
+    set_list(
+        folder.path(),
+        &with_frames(folder.path(), &|kind, ms| {
+            let name = format!("{kind}-{ms}ms.tiff");
+            let mut file = std::fs::File::create(folder.path().join(&name)).unwrap();
+            let mut tiff = TiffEncoder::new(&mut file).unwrap();
+            for i in 0..2 {
+                let picture = image::open(frame(kind, ms, i)).unwrap().into_luma16();
+                tiff.write_image::<Gray16>(80, 80, &picture).unwrap();
+            }
+            name
+        }),
+    );
+    assert_eq!(measured(folder.path()).unwrap(), by_name);
+
+    // A page that is a copy of another is told by its number.
+    let picture = image::open(frame("flat", "5", 0)).unwrap().into_luma16();
+    let mut file = std::fs::File::create(folder.path().join("flat-5ms.tiff")).unwrap();
+    let mut tiff = TiffEncoder::new(&mut file).unwrap();
+    (0..2).for_each(|_| tiff.write_image::<Gray16>(80, 80, &picture).unwrap());
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("flat-5ms.tiff, page 2 is a copy of flat-5ms.tiff, page 1"), "{error}");
+}
+
+#[test]
+fn a_sidecar_that_contradicts_the_list_is_an_error() {
+    let folder = series(&mono(), &one_gain());
+    let sidecar = folder.path().join("gain-1/flat-5ms-1.png.toml");
+    let says = |text: &str| {
+        std::fs::write(&sidecar, text).unwrap();
+        measured(folder.path()).map_err(|error| error.to_string())
+    };
+    for (text, frame, list) in [
+        ("linear_gain = 2.0", "linear_gain = 2", "says 1"),
+        ("exposure_s = 0.0025", "exposure_s = 0.0025", "says 0.005"),
+        ("cfa = \"RGGB\"", "cfa = RGGB", "[sensor], says mono"),
+        ("bits = 14", "bits = 14", "[sensor], says 12"),
+        ("black_level_dn = 64.0", "black_level_dn = 64", "[sensor], says 119"),
+    ] {
+        let error = says(text).unwrap_err();
+        assert!(error.contains("flat-5ms-1.png: ") && error.contains("captures.toml, "), "{error}");
+        assert!(error.contains(frame) && error.ends_with(list), "{error}");
+    }
+    // What a camera rounds is no contradiction.
+    says("linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2").unwrap();
+}

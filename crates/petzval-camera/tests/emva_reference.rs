@@ -60,10 +60,10 @@ fn check_spatial(found: &StackVariances, suffix: &str, theirs: &Value) -> usize 
     let at = |name: &str| number(&theirs[format!("{name}{suffix}")]);
     close("L", found.frames as f64, at("L"));
     close("avg_mean", found.mean_dn, at("avg_mean"));
-    close("var_mean", found.temporal, at("var_mean"));
-    close("avg_var", found.measured, at("avg_var"));
-    close("avg_var_cav", found.column_means, at("avg_var_cav"));
-    close("avg_var_rav", found.row_means, at("avg_var_rav"));
+    close("var_mean", found.variances.temporal, at("var_mean"));
+    close("avg_var", found.variances.measured, at("avg_var"));
+    close("avg_var_cav", found.variances.column_means, at("avg_var_cav"));
+    close("avg_var_rav", found.variances.row_means, at("avg_var_rav"));
     6
 }
 

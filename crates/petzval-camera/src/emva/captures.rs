@@ -10,8 +10,8 @@ use petzval_optics::format::{FileError, decode};
 use serde::Serialize;
 
 use super::series::SERIES;
-use super::{descriptor, manifest};
-use crate::raw_file::RawFileError;
+use super::{descriptor, frame_names, manifest};
+use crate::raw_file::{RawFileError, RawFrame, load_raw, load_raw_page, page_count};
 use crate::sensor::CfaPattern;
 
 /// Name of our list of captures.
@@ -52,6 +52,40 @@ pub enum Kind {
     Dark,
 }
 
+/// A frame as the list names it: a file, or one page of a file of several.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct FrameFile {
+    /// The file.
+    pub path: PathBuf,
+    /// The page, counted from 0, where the file has several.
+    pub page: Option<usize>,
+}
+
+impl From<PathBuf> for FrameFile {
+    fn from(path: PathBuf) -> Self {
+        Self { path, page: None }
+    }
+}
+
+impl FrameFile {
+    /// Reads the frame.
+    pub fn load(&self) -> Result<RawFrame, RawFileError> {
+        match self.page {
+            Some(page) => load_raw_page(&self.path, page),
+            None => load_raw(&self.path),
+        }
+    }
+
+    /// Its name below a folder, with the page.
+    pub fn name_below(&self, folder: &Path) -> String {
+        let name = self.path.strip_prefix(folder).unwrap_or(&self.path).display();
+        match self.page {
+            Some(page) => format!("{name}, page {}", page + 1),
+            None => name.to_string(),
+        }
+    }
+}
+
 /// Frames taken under one setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
@@ -64,7 +98,7 @@ pub struct Point {
     /// Mean number of photons per pixel; `None` if it was not measured, 0 for dark points.
     pub photons: Option<f64>,
     /// The frames.
-    pub frames: Vec<PathBuf>,
+    pub frames: Vec<FrameFile>,
     /// Line of the list where the point begins.
     pub line: u32,
 }
@@ -155,6 +189,20 @@ pub enum CaptureError {
         expected_height: usize,
         /// Columns of the others.
         expected_width: usize,
+    },
+    /// A frame, or its sidecar, says something else than the list.
+    #[error("{}: the frame's sidecar or header says {key} = {frame}, {place} says {list}", path.display())]
+    Contradiction {
+        /// The frame.
+        path: PathBuf,
+        /// What it is about, as the sidecar calls it.
+        key: &'static str,
+        /// What stands with the frame.
+        frame: String,
+        /// What the list says.
+        list: String,
+        /// Where in the list.
+        place: String,
     },
     /// A frame has a digital number that its converter cannot give.
     #[error("{}: digital number {value} at row {row}, column {col}; a converter of {bits} bits gives at most {max}", path.display())]
@@ -247,17 +295,30 @@ impl Captures {
         let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
         let text = decode(&bytes);
         let parsed = if ours { manifest::parse(&text, folder) } else { descriptor::parse(&text, folder) };
-        let captures = parsed.map_err(wrong)?;
-        captures.check().map_err(wrong)?;
-        for point in &captures.points {
-            if let Some(missing) = point.frames.iter().find(|path| !path.is_file()) {
-                let name = missing.strip_prefix(folder).unwrap_or(missing).display().to_string();
+        let mut captures = parsed.map_err(wrong)?;
+        for point in &mut captures.points {
+            if ours {
+                point.frames = frame_names::expanded(folder, point).map_err(wrong)?;
+            }
+            if let Some(missing) = point.frames.iter().find(|frame| !frame.path.is_file()) {
+                let name = missing.name_below(folder);
                 let error = FileError::at_line(point.line, "", format!("the frame {name} is not there"));
                 return Err(wrong(
                     error.hint("copy the frame into the folder, or take the point off the list"),
                 ));
             }
+            let mut frames = Vec::with_capacity(point.frames.len());
+            for FrameFile { path, .. } in std::mem::take(&mut point.frames) {
+                match page_count(&path)? {
+                    1 => frames.push(path.into()),
+                    pages => {
+                        frames.extend((0..pages).map(|k| FrameFile { path: path.clone(), page: Some(k) }))
+                    }
+                }
+            }
+            point.frames = frames;
         }
+        captures.check().map_err(wrong)?;
         Ok(captures)
     }
 
@@ -280,7 +341,7 @@ impl Captures {
         if self.points.is_empty() {
             return Err(FileError::at_line(0, "", "the list has no captures").hint("add points with frames"));
         }
-        let mut listed: HashMap<&Path, &Point> = HashMap::new();
+        let mut listed: HashMap<&FrameFile, &Point> = HashMap::new();
         for (i, point) in self.points.iter().enumerate() {
             let at = |message: String| FileError::at_line(point.line, "", message);
             if point.frames.len() < 2 {
@@ -298,7 +359,7 @@ impl Captures {
             }
             for frame in &point.frames {
                 if let Some(first) = listed.insert(frame, point) {
-                    let name = frame.strip_prefix(&self.folder).unwrap_or(frame).display();
+                    let name = frame.name_below(&self.folder);
                     return Err(at(format!(
                         "the frame {name} is listed twice, first in line {}",
                         first.line

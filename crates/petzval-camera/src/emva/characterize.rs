@@ -1,25 +1,25 @@
 //! From captures to a sensor: everything that a series tells, as plain data.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use petzval_optics::format::FileError;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::captures::{CaptureError, Captures, Kind, Point, SensorFacts, milliseconds};
+use super::captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts, milliseconds};
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::figures::{Basis, Figure, figures};
 use super::high_pass::HighPass;
 use super::histogram_fit::{HistogramFit, fit_histograms};
+use super::hot_pixels::{PixelDarkCurrents, dark_ends, of_dark_ends};
 use super::joint::{GainInput, GainRow, JointFit, joint_fit};
+use super::measured::Unresolved;
 use super::point::{Counts, PointStatistics, Stack, reduce};
 use super::samples::{Samples, clip_dn};
 use super::spatial::{Spatial, spatial};
 use super::transfer::{CLIPPED_SHARE, PhotonTransfer, Rules, TransferPoint, photon_transfer};
 use super::usable::check_usable;
 use super::warning::{Warning, clipped_at_zero, of_point};
-use crate::raw_file::load_raw;
 use crate::sensor::Colour;
 
 /// How a series is evaluated.
@@ -70,6 +70,8 @@ pub struct GainResult {
     pub linear_gain: f64,
     /// Dark series over all pixels.
     pub dark: DarkSeries,
+    /// Dark currents pixel by pixel, if there are two different dark exposure times.
+    pub pixel_dark_currents: Option<PixelDarkCurrents>,
     /// Each colour; mono sensors have the one colour `clear`. Empty if the gain has no flat points.
     pub channels: Vec<ChannelResult>,
 }
@@ -130,13 +132,15 @@ pub fn characterize(
 ) -> Result<Characterization, CaptureError> {
     let size = frame_size(captures)?;
     let (mut warnings, mut gains, mut histograms) = (Vec::new(), Vec::new(), Vec::new());
-    let mut known: HashMap<u64, &Path> = HashMap::new();
+    let mut known: HashMap<u64, &FrameFile> = HashMap::new();
     let (mut samples, max_dn) = (Samples::default(), (1 << captures.sensor.bits) - 1);
     for linear_gain in captures.gains() {
         let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
+        let ends = dark_ends(&points);
+        let is_end = |point: &Point| ends.iter().flatten().any(|end| std::ptr::eq(*end, point));
         let reduced: Vec<(&Point, PointStatistics)> = points
             .into_par_iter()
-            .map(|point| Ok((point, reduce(captures, point, size, read)?)))
+            .map(|point| Ok((point, reduce(captures, point, size, is_end(point), read)?)))
             .collect::<Result<_, CaptureError>>()?;
         for (point, found) in &reduced {
             no_copies(captures, point, found, &mut known)?;
@@ -164,6 +168,7 @@ pub fn characterize(
     warnings.extend(gains.iter().flat_map(more_electrons_than_photons));
     warnings.extend(joint.gain_dn_per_e.reason().map(|why| Warning::NoSensorFile { why }));
     warnings.extend(joint.rows.iter().filter_map(ruled_by_rounding));
+    warnings.extend(hot_pixels(&joint));
     let mut histogram_fit = None;
     if options.fit_histograms {
         histogram_fit = fit_histograms(&captures.sensor, &joint, &histograms);
@@ -190,16 +195,15 @@ fn no_copies<'a>(
     captures: &Captures,
     point: &'a Point,
     found: &PointStatistics,
-    known: &mut HashMap<u64, &'a Path>,
+    known: &mut HashMap<u64, &'a FrameFile>,
 ) -> Result<(), CaptureError> {
-    for (path, print) in point.frames.iter().zip(&found.fingerprints) {
+    for (frame, print) in point.frames.iter().zip(&found.fingerprints) {
         let Some(print) = print else { continue };
-        if let Some(first) = known.insert(*print, path) {
-            let name =
-                |path: &Path| path.strip_prefix(&captures.folder).unwrap_or(path).display().to_string();
+        if let Some(first) = known.insert(*print, frame) {
+            let name = |frame: &FrameFile| frame.name_below(&captures.folder);
             let said = format!(
                 "the frame {} is a copy of {}: every pixel has the same digital number",
-                name(path),
+                name(frame),
                 name(first)
             );
             let error = FileError::at_line(point.line, "", said)
@@ -226,8 +230,8 @@ fn lacking(joint: &JointFit) -> &'static str {
 fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
     match (captures.size, captures.points.first().and_then(|p| p.frames.first())) {
         (Some(size), _) => Ok(size),
-        (None, Some(path)) => {
-            let frame = load_raw(path)?;
+        (None, Some(first)) => {
+            let frame = first.load()?;
             Ok((frame.height, frame.width))
         }
         (None, None) => Err(CaptureError::NoList(captures.folder.clone())),
@@ -263,6 +267,7 @@ fn input(gain: &GainResult) -> GainInput<'_> {
         linear_gain: gain.linear_gain,
         gains: gain.channels.iter().map(|c| c.transfer.gain_dn_per_e).collect(),
         dark: &gain.dark,
+        pixels: gain.pixel_dark_currents.as_ref().ok_or(Unresolved::TooFewExposures { got: 1, need: 2 }),
         points: gain.channels.iter().map(|c| (c.colour, &c.points[..c.transfer.used])).collect(),
     }
 }
@@ -332,7 +337,7 @@ fn one_gain(
         .cfa
         .colours()
         .into_iter()
-        .filter_map(|colour| one_channel(captures, options, colour, &pairs, stacks.as_ref(), clip_dn))
+        .filter_map(|colour| one_channel(captures, options, colour, &pairs, &darks, stacks.as_ref(), clip_dn))
         .collect();
     let saturated = |i: usize, c: &ChannelResult| {
         let beyond = c.transfer.saturated && i > c.transfer.saturation;
@@ -347,7 +352,8 @@ fn one_gain(
             warnings.push(Warning::NotMonotonic { point: point.label() });
         }
     }
-    GainResult { linear_gain, dark, channels }
+    let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
+    GainResult { linear_gain, dark, pixel_dark_currents: of_dark_ends(reduced, max_dn), channels }
 }
 
 /// Whether a point is darker than the one of less light: by more than noise below saturation, by a twentieth on the plateau
@@ -389,12 +395,15 @@ fn ruled_by_rounding(row: &GainRow) -> Option<Warning> {
     })
 }
 
-/// Dark current from the mean and from the noise that it makes, if they differ by more than five standard errors and 10 %.
+/// Dark current from the mean and from the noise that it makes, if they differ by more than five standard errors, 10 %, and what
+/// hot pixels add to the mean: the noise of a few pixels is known badly, and that of full ones is missing.
 fn dark_current_disagrees(joint: &JointFit) -> Option<Warning> {
     let difference = joint.dark_current_difference_e_per_s;
     let (off, se) = (difference.value()?, difference.standard_error()?);
     let mean = joint.dark_current_e_per_s.value().unwrap_or(0.0);
-    (off.abs() > 5.0 * se && off.abs() > 0.1 * mean.abs()).then_some(Warning::DarkCurrentDisagrees {
+    let hot = joint.hot_pixel_share.value().and(joint.dark_current_ordinary_e_per_s.value());
+    let of_hot = hot.map_or(0.0, |ordinary| (mean - ordinary).max(0.0));
+    (off.abs() > 5.0 * se + of_hot && off.abs() > 0.1 * mean.abs()).then_some(Warning::DarkCurrentDisagrees {
         mean_e_per_s: mean,
         difference_e_per_s: off,
         standard_error_e_per_s: se,
@@ -416,6 +425,16 @@ fn more_electrons_than_photons(gain: &GainResult) -> Vec<Warning> {
     gain.channels.iter().filter_map(of).collect()
 }
 
+/// Hot pixels, with what they do to the mean dark current.
+fn hot_pixels(joint: &JointFit) -> Option<Warning> {
+    Some(Warning::HotPixels {
+        share: joint.hot_pixel_share.value()?,
+        excess_e_per_s: joint.hot_pixel_e_per_s.value()?,
+        ordinary_e_per_s: joint.dark_current_ordinary_e_per_s.value()?,
+        mean_e_per_s: joint.dark_current_e_per_s.value()?,
+    })
+}
+
 /// A flat and a dark stack of one exposure time.
 struct Stacks<'a> {
     flat: &'a Stack,
@@ -428,11 +447,11 @@ fn stacks<'a>(
     warnings: &mut Vec<Warning>,
 ) -> Option<Stacks<'a>> {
     let mut chosen: Option<Stacks<'a>> = None;
-    for (point, found) in reduced.iter().filter(|(p, _)| p.kind == Kind::Flat) {
+    let of_kind = |kind| reduced.iter().filter(move |(p, _)| p.kind == kind && p.is_stack());
+    for (point, found) in of_kind(Kind::Flat) {
         let Some(flat) = &found.stack else { continue };
-        let dark = reduced
-            .iter()
-            .filter(|(p, _)| p.kind == Kind::Dark && p.exposure_s == point.exposure_s)
+        let dark = of_kind(Kind::Dark)
+            .filter(|(p, _)| p.exposure_s == point.exposure_s)
             .find_map(|(_, s)| s.stack.as_ref());
         match (dark, &chosen) {
             (None, _) => warnings.push(Warning::LoneStack { point: point.label() }),
@@ -448,6 +467,7 @@ fn one_channel(
     options: &Options,
     colour: Colour,
     pairs: &[(&Point, &PointStatistics, &PointStatistics)],
+    darks: &[&(&Point, PointStatistics)],
     stacks: Option<&Stacks<'_>>,
     clip_dn: u32,
 ) -> Option<ChannelResult> {
@@ -463,10 +483,15 @@ fn one_channel(
     let library_transfer = photon_transfer(&points, Rules::Library)?;
     let spatial = stacks
         .and_then(|s| spatial(s.flat, s.dark, s.exposure_s, &captures.sensor.cfa, colour, options.high_pass));
+    let of_colour = |(point, found): &&(&Point, PointStatistics)| {
+        Some(DarkPoint::new(point.exposure_s, found.colour(colour)?, options.mean_difference))
+    };
+    let dark = dark_series(darks.iter().filter_map(of_colour).collect());
     let figures = figures(&Basis {
         points: &points,
         library: &library_transfer,
         ours: &transfer,
+        dark: &dark,
         spatial: spatial.as_ref(),
         pixel_area_um2: captures.sensor.pixel_um.map(|p| p * p),
     });

@@ -62,7 +62,7 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
                 let Some(point) = points.last_mut() else {
                     return Err(wrong("a frame before the first point", "begin a point with `b` or `d`"));
                 };
-                point.frames.push(folder.join(rest.trim().replace('\\', "/")));
+                point.frames.push(folder.join(rest.trim().replace('\\', "/")).into());
             }
             ("v" | "n" | "b" | "d" | "i", _) => {
                 return Err(wrong(
@@ -104,7 +104,7 @@ mod tests {
         let good = "v 4.0\nn 12 128 96\n# comment\nb 2500000.0 4062.396\ni images\\a.png\ni images\\b.png\nd 2500000.0\n";
         let captures = parse(good, Path::new("x")).unwrap();
         assert_eq!((captures.sensor.bits, captures.size), (12, Some((96, 128))));
-        assert_eq!(captures.points[0].frames[1], Path::new("x/images/b.png"));
+        assert_eq!(captures.points[0].frames[1].path, Path::new("x/images/b.png"));
         assert_eq!((captures.points[1].kind, captures.points[1].exposure_s), (Kind::Dark, 0.0025));
         for (text, line, says) in [
             ("v 4.0\nn 12 128", 2, "wrong number of words"),

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
-use super::spatial::{Components, Spatial, StackVariances};
+use super::spatial::{Components, Spatial, StackVariances, Variances};
 use super::transfer::{PhotonTransfer, Rules, TransferPoint};
 
 /// Variance of rounding to whole digital numbers, DN^2.
@@ -46,6 +46,8 @@ pub struct Basis<'a> {
     pub library: &'a PhotonTransfer,
     /// Photon transfer by ours.
     pub ours: &'a PhotonTransfer,
+    /// All dark frames of the gain, those without flat ones of their exposure time too; the library knows only those of points.
+    pub dark: &'a DarkSeries,
     /// Non-uniformity, if there are stacks.
     pub spatial: Option<&'a Spatial>,
     /// Area of a pixel, um^2, if the pitch is known.
@@ -153,7 +155,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     let transfer = if ours { basis.ours } else { basis.library };
     let points = basis.points;
     let (k, r) = (transfer.gain_dn_per_e, transfer.responsivity_dn);
-    let dark = dark_of(points);
+    let dark = if ours { basis.dark } else { &dark_of(points) };
 
     // Dark noise: the intercept over exposure time, or what there is at a single one.
     let first = &points[0];
@@ -215,8 +217,8 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     let le_min = linearity.map_or(too_few, |l| Measured::new(l.min_percent, l.se_percent.0));
     let index = |i: Option<usize>| i.map_or(too_few, |i| Measured::exact(i as f64));
     let dsnu = non_uniformity(basis, k, ours);
-    let raw = |f: fn(&StackVariances) -> f64, dark: bool| match basis.spatial {
-        Some(s) => Measured::exact(f(if dark { &s.dark } else { &s.flat })),
+    let raw = |f: fn(&Variances) -> f64, dark: bool| match basis.spatial {
+        Some(s) => (if dark { &s.dark } else { &s.flat }).with_error(f),
         None => Measured::none(Unresolved::NoStack),
     };
     vec![
@@ -302,7 +304,14 @@ fn non_uniformity(basis: &Basis<'_>, k: Measured, ours: bool) -> NonUniformityFi
         let none = Measured::none(Unresolved::NoStack);
         return NonUniformityFigures { dsnu_e: [none; 4], dsnu_dn: none, prnu_percent: [none; 4] };
     };
-    let plain = |v: &StackVariances| [v.total, v.row, v.column, v.pixel].map(Measured::exact);
+    let plain = |v: &StackVariances| {
+        [
+            v.with_error(|v| v.total),
+            v.with_error(|v| v.row),
+            v.with_error(|v| v.column),
+            v.with_error(|v| v.pixel),
+        ]
+    };
     let filtered = |c: &Components| [c.total, c.row, c.column, c.pixel];
     let (dark, flat) = match ours {
         true => (filtered(&s.dark_components), filtered(&s.flat_components)),

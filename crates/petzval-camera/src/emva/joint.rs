@@ -18,6 +18,7 @@ use serde::Serialize;
 use super::dark::DarkSeries;
 use super::figures::QUANTISATION_DN2;
 use super::fit::{Line, line, through_origin, weighted_mean};
+use super::hot_pixels::PixelDarkCurrents;
 use super::measured::{Measured, Unresolved};
 use super::transfer::TransferPoint;
 use crate::sensor::Colour;
@@ -58,6 +59,16 @@ pub struct JointFit {
     pub dark_current_variance_e_per_s: Measured,
     /// The first less the second, e-/s: zero within its error but for light or offset that is no dark current.
     pub dark_current_difference_e_per_s: Measured,
+    /// Median of the pixels' dark currents, e-/s: EMVA's mu_I is the mean, which hot pixels raise.
+    pub dark_current_median_e_per_s: Measured,
+    /// Mean dark current of the pixels that are not hot, e-/s.
+    pub dark_current_ordinary_e_per_s: Measured,
+    /// Share of the pixels that are hot.
+    pub hot_pixel_share: Measured,
+    /// Mean dark current of hot pixels above that of the others, e-/s.
+    pub hot_pixel_e_per_s: Measured,
+    /// What the hot pixels add to the variance of the dark currents over all pixels, e-^2/s^2.
+    pub hot_pixel_variance_e2_per_s2: Measured,
     /// Line of dark variance over `K_g^2`: slope e-^2, intercept DN^2.
     pub variance_line: Line,
     /// Line of dark mean over `K_g`: slope e-, intercept DN.
@@ -90,6 +101,8 @@ pub struct GainInput<'a> {
     pub gains: Vec<Measured>,
     /// Dark series over all pixels.
     pub dark: &'a DarkSeries,
+    /// Dark currents of the pixels, or why they are not known.
+    pub pixels: Result<&'a PixelDarkCurrents, Unresolved>,
     /// Points of each colour, as far as its photon transfer goes: none of them is clipped or near saturation.
     pub points: Vec<(Colour, &'a [TransferPoint])>,
 }
@@ -105,6 +118,8 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
     let from_mean = dark_current(|r| r.dark_current_mean_e_per_s);
     let from_variance = dark_current(|r| r.dark_current_variance_e_per_s);
     let dark_current_difference_e_per_s = from_mean.minus(from_variance);
+
+    let pixels = pixel_dark_currents_e(inputs, &rows);
 
     let (variance_line, mean_line) = (
         line_over_gains(&rows, |k| k * k, |k| 2.0 * k, |r| r.dark_variance_dn2),
@@ -122,6 +137,11 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
         dark_current_e_per_s: from_mean.if_above_noise(),
         dark_current_variance_e_per_s: from_variance.if_above_noise(),
         dark_current_difference_e_per_s,
+        dark_current_median_e_per_s: pixels.median,
+        dark_current_ordinary_e_per_s: pixels.ordinary,
+        hot_pixel_share: pixels.hot_share,
+        hot_pixel_e_per_s: pixels.hot_excess,
+        hot_pixel_variance_e2_per_s2: pixels.hot_variance,
         variance_line,
         mean_line,
         read_variance_e2,
@@ -134,6 +154,48 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
         red_over_green: ratio(inputs, Colour::Red),
         blue_over_green: ratio(inputs, Colour::Blue),
         rows,
+    }
+}
+
+/// Dark currents of the pixels in electrons.
+struct PixelDarkCurrentsE {
+    median: Measured,
+    ordinary: Measured,
+    hot_share: Measured,
+    hot_excess: Measured,
+    hot_variance: Measured,
+}
+
+/// Noise differs from gain to gain, so that median and mean of the ordinary pixels are weighted means. Hot pixels are the same at
+/// every gain, so that their scatter is no new evidence: the gain that tells them best counts.
+fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDarkCurrentsE {
+    let known: Vec<(&PixelDarkCurrents, Measured)> =
+        inputs.iter().zip(rows).filter_map(|(i, r)| Some((i.pixels.ok()?, r.gain_dn_per_e))).collect();
+    let Some(first) = known.first() else {
+        let why = inputs.iter().find_map(|i| i.pixels.err()).unwrap_or(Unresolved::NoStack);
+        let none = Measured::none(why);
+        return PixelDarkCurrentsE {
+            median: none,
+            ordinary: none,
+            hot_share: none,
+            hot_excess: none,
+            hot_variance: none,
+        };
+    };
+    let error = |p: &PixelDarkCurrents| p.hot_relative_error().unwrap_or(f64::INFINITY);
+    let (hot, k) =
+        known.iter().fold(first, |best, one| if error(one.0) < error(best.0) { one } else { best });
+    let mean =
+        |f: fn(&PixelDarkCurrents) -> Measured| weighted_mean(known.iter().map(|(p, k)| f(p).over(*k)));
+    PixelDarkCurrentsE {
+        median: mean(|p| p.median_dn_per_s),
+        ordinary: mean(|p| p.ordinary_dn_per_s),
+        hot_share: hot.hot_share,
+        hot_excess: hot.hot_excess_dn_per_s.over(*k),
+        hot_variance: match hot.hot_share.reason() {
+            Some(why) => Measured::none(why),
+            None => Measured::exact(hot.hot_variance_dn2_per_s2).over(k.map(|v| v * v, |v| 2.0 * v)),
+        },
     }
 }
 

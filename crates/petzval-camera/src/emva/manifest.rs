@@ -17,6 +17,8 @@
 //! frames = ["flat-2.5ms-a.tiff", "flat-2.5ms-b.tiff"]
 //! ```
 //!
+//! Names of frames may have the wildcards `*`, `?`, `[...]` and `**`; each page of a TIFF file of several is a frame.
+//!
 //! Two frames of a setting serve the photon transfer, a point of more than two the spatial non-uniformity.
 
 use std::path::Path;
@@ -135,7 +137,7 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
                 "the exposure time in milliseconds",
             )? / 1e3,
             photons: if kind == Kind::Dark { Some(0.0) } else { photons },
-            frames: entry.frames.iter().map(|name| folder.join(name.replace('\\', "/"))).collect(),
+            frames: entry.frames.iter().map(|name| folder.join(name.replace('\\', "/")).into()).collect(),
             line,
         });
     }
@@ -261,7 +263,7 @@ frames = ["c.png", "d.png"]
             (flat.kind, flat.linear_gain, flat.exposure_s, flat.photons),
             (Kind::Flat, 1.0, 0.0025, None)
         );
-        assert_eq!(flat.frames[1], Path::new("folder/sub/b.png"));
+        assert_eq!(flat.frames[1].path, Path::new("folder/sub/b.png"));
         assert_eq!((dark.kind, dark.linear_gain, dark.photons, dark.line), (Kind::Dark, 2.0, Some(0.0), 10));
     }
 

@@ -75,6 +75,11 @@ pub enum Unresolved {
     NotSaturated,
     /// The converter clips before the pixel is full.
     ConverterSaturates,
+    /// Too few pixels stand out of the noise by their dark current, or by too little.
+    NoHotPixels {
+        /// Pixels that do.
+        outliers: usize,
+    },
     /// The frames are smaller than the filter.
     TooSmall,
     /// The manifest does not state a fact of the sensor that is needed.
@@ -111,6 +116,12 @@ impl fmt::Display for Unresolved {
             Self::NoStack => f.write_str("no stack of more than two flat and two dark frames"),
             Self::NotSaturated => f.write_str("the series does not reach saturation"),
             Self::ConverterSaturates => f.write_str("the converter clips before the pixel is full"),
+            Self::NoHotPixels { outliers } => {
+                write!(
+                    f,
+                    "{outliers} pixels stand out of the noise of the dark series: too few, or by too little"
+                )
+            }
             Self::TooSmall => f.write_str("the frames are smaller than the high-pass filter"),
             Self::NotStated(fact) => write!(f, "the captures do not state {fact}"),
             Self::FollowsFrom(name) => write!(f, "{name} is not resolved"),

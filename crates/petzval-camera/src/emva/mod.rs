@@ -2,12 +2,12 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | which captures there are | [`captures`], [`manifest`], [`descriptor`] |
+//! | which captures there are | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
 //! | frames to sums, one at a time | [`point`] |
 //! | what all samples tell of the converter | [`samples`] |
 //! | signal, noise and light: R, K, QE, linearity | [`transfer`] |
 //! | where the signal ends | [`mod@saturation`] |
-//! | dark frames over exposure time | [`dark`] |
+//! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
@@ -29,9 +29,11 @@ pub mod derived;
 pub mod descriptor;
 pub mod figures;
 pub mod fit;
+mod frame_names;
 pub mod high_pass;
 pub mod histogram;
 pub mod histogram_fit;
+pub mod hot_pixels;
 pub mod joint;
 pub mod manifest;
 pub mod measured;
@@ -50,12 +52,13 @@ pub mod usable;
 pub mod warning;
 pub mod warning_lines;
 
-pub use captures::{CaptureError, Captures, Kind, Point, SensorFacts};
+pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
 pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
 pub use derived::{Derived, derived};
 pub use figures::Figure;
 pub use high_pass::HighPass;
 pub use histogram_fit::{HistogramComparison, HistogramFit};
+pub use hot_pixels::PixelDarkCurrents;
 pub use joint::JointFit;
 pub use measured::{Measured, Unresolved};
 pub use plan::{Plan, PlannedPoint};

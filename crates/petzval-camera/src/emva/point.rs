@@ -12,12 +12,11 @@
 //! away what flicker of the light adds. Without it, it is Eq. 6 of Tseng et al. 2021.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::path::Path;
 
 use serde::Serialize;
 
-use super::captures::{CaptureError, Captures, Point};
-use crate::raw_file::{RawFrame, load_raw};
+use super::captures::{CaptureError, Captures, FrameFile, Point};
+use crate::raw_file::{RawFrame, RawInfo};
 use crate::sensor::{CfaPattern, Colour};
 
 /// Blocks a side into which a frame is divided to look for light that is not uniform or moves.
@@ -145,7 +144,7 @@ pub struct PointStatistics {
     /// By frame, a fingerprint of its digital numbers; `None` of a frame that is constant but for clipped samples. Frames
     /// of one fingerprint are copies.
     pub fingerprints: Vec<Option<u64>>,
-    /// The summed frames, of points with more than two.
+    /// The summed frames, of points with more than two and of those that are asked for.
     pub stack: Option<Stack>,
 }
 
@@ -190,11 +189,13 @@ impl Class {
     }
 }
 
-/// Reads the frames of a point one after the other; `read` is told of each. `size` is that of the other frames.
+/// Reads the frames of a point one after the other; `read` is told of each. `size` is that of the other frames. The sum of the
+/// frames is kept of stacks, and of others with `keep_sum`.
 pub fn reduce(
     captures: &Captures,
     point: &Point,
     size: (usize, usize),
+    keep_sum: bool,
     read: &(dyn Fn() + Sync),
 ) -> Result<PointStatistics, CaptureError> {
     let (height, width) = size;
@@ -216,8 +217,8 @@ pub fn reduce(
     let mut block_totals = [0u64; BLOCKS * BLOCKS];
     let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
 
-    for (k, path) in point.frames.iter().enumerate() {
-        let frame = load(path, size, bits)?;
+    for (k, file) in point.frames.iter().enumerate() {
+        let frame = load(captures, point, file, size)?;
         fingerprints.push(fingerprint(&frame.dn, bits));
         for row in 0..height {
             let span = row * width..(row + 1) * width;
@@ -244,7 +245,8 @@ pub fn reduce(
     let l = frames as u64;
     let scale = 1.0 / (l * (l - 1)) as f64;
     let mut block_pixels = vec![0usize; BLOCKS * BLOCKS];
-    let mut variance_dn2 = vec![0.0f64; if point.is_stack() { pixels } else { 0 }];
+    let keep_sum = keep_sum || point.is_stack();
+    let mut variance_dn2 = vec![0.0f64; if keep_sum { pixels } else { 0 }];
     for row in 0..height {
         let kinds = &class_of[row % cfa.rows()];
         for col in 0..width {
@@ -292,7 +294,7 @@ pub fn reduce(
             .collect(),
         block_pixels,
         fingerprints,
-        stack: point.is_stack().then_some(Stack { height, width, frames, sum_dn: sum, variance_dn2 }),
+        stack: keep_sum.then_some(Stack { height, width, frames, sum_dn: sum, variance_dn2 }),
     })
 }
 
@@ -313,9 +315,15 @@ fn classes(cfa: &CfaPattern, colours: &[Colour]) -> Vec<Vec<usize>> {
     (0..cfa.rows()).map(|row| (0..cfa.cols()).map(|col| index(row, col)).collect()).collect()
 }
 
-/// Reads a frame and checks its size and its numbers.
-fn load(path: &Path, (height, width): (usize, usize), bits: u32) -> Result<RawFrame, CaptureError> {
-    let frame = load_raw(path)?;
+/// Reads a frame and checks its size, its numbers, and what stands with it.
+fn load(
+    captures: &Captures,
+    point: &Point,
+    file: &FrameFile,
+    (height, width): (usize, usize),
+) -> Result<RawFrame, CaptureError> {
+    let (path, bits) = (&file.path, captures.sensor.bits);
+    let frame = file.load()?;
     if (frame.height, frame.width) != (height, width) {
         return Err(CaptureError::Size {
             path: path.to_owned(),
@@ -325,10 +333,51 @@ fn load(path: &Path, (height, width): (usize, usize), bits: u32) -> Result<RawFr
             expected_width: width,
         });
     }
+    no_contradiction(captures, point, file, &frame.info)?;
     let max = ((1u32 << bits) - 1) as u16;
     if let Some(i) = frame.dn.iter().position(|dn| *dn > max) {
         let (value, row, col) = (frame.dn[i], i / width, i % width);
         return Err(CaptureError::Value { path: path.to_owned(), value, row, col, bits, max });
     }
     Ok(frame)
+}
+
+/// Settings that cameras round, exposure time, gain and pitch, agree within this share.
+const SAME_SETTING: f64 = 0.01;
+/// Black levels agree within this, DN.
+const SAME_BLACK_DN: f64 = 0.5;
+
+/// What stands with a frame (its sidecar, or the file itself) and what the list says are one: which of the two is wrong cannot be
+/// known, and either puts numbers where they do not belong.
+fn no_contradiction(
+    captures: &Captures,
+    point: &Point,
+    file: &FrameFile,
+    info: &RawInfo,
+) -> Result<(), CaptureError> {
+    let (sensor, list) = (&captures.sensor, captures.list.display());
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME_SETTING * a.abs().max(b.abs());
+    let numbers = |key, frame: Option<f64>, listed: Option<f64>, same: &dyn Fn(f64, f64) -> bool| {
+        let (frame, listed) = (frame?, listed?);
+        (!same(frame, listed)).then(|| (key, frame.to_string(), listed.to_string()))
+    };
+    let black = |a: f64, b: f64| (a - b).abs() <= SAME_BLACK_DN;
+    let exact = |a: f64, b: f64| a == b;
+    let (of_frame, of_list) = (info.bits.map(f64::from), Some(f64::from(sensor.bits)));
+    let of_sensor = numbers("bits", of_frame, of_list, &exact)
+        .or_else(|| {
+            let cfa = info.cfa.filter(|cfa| *cfa != sensor.cfa)?;
+            Some(("cfa", cfa.to_string(), sensor.cfa.to_string()))
+        })
+        .or_else(|| numbers("black_level_dn", info.black_level_dn, sensor.black_level_dn, &black))
+        .or_else(|| numbers("pixel_um", info.pixel_um, sensor.pixel_um, &near));
+    let of_point = numbers("linear_gain", info.linear_gain, Some(point.linear_gain), &near)
+        .or_else(|| numbers("exposure_s", info.exposure_s, Some(point.exposure_s), &near));
+    let (found, place) = match (of_sensor, of_point) {
+        (Some(found), _) => (found, format!("{list}, [sensor],")),
+        (None, Some(found)) => (found, format!("{list}, line {},", point.line)),
+        (None, None) => return Ok(()),
+    };
+    let ((key, frame, list), path) = (found, file.path.clone());
+    Err(CaptureError::Contradiction { path, key, frame, list, place })
 }

@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use super::characterize::Characterization;
+use super::characterize::{Characterization, GainResult};
+use super::histogram_fit::HistogramFit;
+use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
 use crate::sensor::Colour;
 
@@ -16,12 +18,64 @@ struct Entry {
     stand_in_is: &'static str,
 }
 
+/// The numbers of the model that the file takes: those of the fit to the histograms where it was made and is sound, since with
+/// them simulated histograms match captured ones best; else those of the joint fit.
+struct Model<'a> {
+    joint: &'a JointFit,
+    fit: Option<&'a HistogramFit>,
+}
+
+impl<'a> Model<'a> {
+    fn of(found: &'a Characterization) -> Self {
+        Self { joint: &found.joint, fit: found.histogram_fit.as_ref().filter(|fit| fit.is_sound()) }
+    }
+
+    /// A number of the fit if it has an error (what was held has none), else that of the joint fit.
+    fn best(&self, fitted: fn(&HistogramFit) -> Measured, joint: Measured) -> Measured {
+        self.fit.map(fitted).filter(|m| m.standard_error().is_some()).unwrap_or(joint)
+    }
+
+    fn gain(&self) -> Measured {
+        self.best(|f| f.gain_dn_per_e, self.joint.gain_dn_per_e)
+    }
+
+    /// Hot pixels have lines of their own: the others have the sensor's dark current.
+    fn dark_current(&self) -> Measured {
+        let joint = match self.joint.hot_pixel_share.value() {
+            Some(_) => self.joint.dark_current_ordinary_e_per_s.if_above_noise(),
+            None => self.joint.dark_current_e_per_s,
+        };
+        self.best(|f| f.dark_current_e_per_s, joint)
+    }
+
+    /// Noise of the dark that is no DSNU.
+    fn read_noise(&self) -> Measured {
+        match self.fit.and_then(|f| f.dsnu_e.value()) {
+            Some(_) => self.joint.read_noise_e,
+            None => self.best(|f| f.dark_noise_e, self.joint.read_noise_e),
+        }
+    }
+
+    /// BL + mu_el.
+    fn dark_offset(&self) -> Measured {
+        self.best(|f| f.dark_offset_dn, self.joint.dark_offset_dn)
+    }
+
+    /// mu_el, where BL is stated.
+    fn electronics_mean(&self) -> Measured {
+        match self.joint.black_level_dn {
+            Some(black) => self.dark_offset().minus(Measured::exact(black)),
+            None => self.joint.electronics_mean_dn,
+        }
+    }
+}
+
 /// Text of a sensor file: numbers at linear gain 1 with their standard errors as comments. Where the captures do not tell a
 /// number, the file holds a stand-in and says so. For K there is none, because all other numbers in electrons follow from
 /// it: without K there is no file, but the reason.
 pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
-    let joint = &found.joint;
-    let gain = joint.gain_dn_per_e;
+    let (joint, model) = (&found.joint, Model::of(found));
+    let gain = model.gain();
     let Some(k) = gain.value() else { return Err(gain.reason().unwrap_or(Unresolved::NotFinite)) };
     let max_dn = (2.0_f64).powi(found.sensor.bits as i32) - 1.0;
     // With one gain, read noise and electronics noise are one number, and so are their means.
@@ -33,12 +87,10 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let dark_mean = joint.rows.first().map_or(Measured::none(Unresolved::NoStack), |r| r.dark_mean_dn);
     let any_dark = lowest.and_then(|g| g.dark.points.first()).map_or(0.0, |p| p.mean_dn);
     let black_stand_in = dark_mean.value().unwrap_or(any_dark).clamp(0.0, max_dn);
-    let black = match (joint.black_level_dn, joint.dark_offset_dn.value()) {
-        (Some(black), _) => Measured::exact(black),
-        (None, Some(_)) => Measured::none(Unresolved::NotStated("black_level_dn")),
-        (None, None) => Measured::none(Unresolved::NotStated("black_level_dn")),
-    };
-    let black_value = black.value().unwrap_or(joint.dark_offset_dn.value().unwrap_or(black_stand_in));
+    let offset = model.dark_offset().value();
+    let black =
+        joint.black_level_dn.map_or(Measured::none(Unresolved::NotStated("black_level_dn")), Measured::exact);
+    let black_value = black.value().or(offset).unwrap_or(black_stand_in);
     let converter_e = (max_dn - black_value) / k;
     let full_well = match found.sensor.full_well_e {
         Some(stated) => Measured::exact(stated),
@@ -63,29 +115,29 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         Entry {
             key: "dark_current_e_per_s",
             unit: "e-/s",
-            value: joint.dark_current_e_per_s,
+            value: model.dark_current(),
             stand_in: 0.0,
             stand_in_is: "none",
         },
         Entry {
             key: "read_noise_mean_e",
             unit: "e-",
-            value: joint.read_noise_mean_e,
+            value: model.best(|f| f.read_noise_mean_e, joint.read_noise_mean_e),
             stand_in: 0.0,
             stand_in_is: "none; what there is counts as black level",
         },
         Entry {
             key: "read_noise_e",
             unit: "e-",
-            value: joint.read_noise_e,
+            value: model.read_noise(),
             stand_in: dark_noise.value().unwrap_or(0.0),
             stand_in_is: "all of the temporal dark noise at the lowest gain",
         },
         Entry {
             key: "electronics_mean_dn",
             unit: "DN",
-            value: joint.electronics_mean_dn,
-            stand_in: match (joint.black_level_dn, joint.dark_offset_dn.value()) {
+            value: model.electronics_mean(),
+            stand_in: match (joint.black_level_dn, offset) {
                 (Some(black), None) => black_stand_in - black,
                 _ => 0.0,
             },
@@ -94,7 +146,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         Entry {
             key: "electronics_noise_dn",
             unit: "DN",
-            value: joint.electronics_noise_dn,
+            value: model.best(|f| f.electronics_noise_dn, joint.electronics_noise_dn),
             stand_in: 0.0,
             stand_in_is: if single_gain { "none; it is in the read noise" } else { "none" },
         },
@@ -104,6 +156,9 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let quoted = |s: &str| toml::Value::String(s.to_owned()).to_string();
     // Writing to a text cannot fail.
     let _ = writeln!(text, "# Measured by `petzval sensor characterize`; all numbers hold at linear gain 1.");
+    if model.fit.is_some() {
+        let _ = writeln!(text, "# The model is that of the fit to the histograms, as far as they tell it.");
+    }
     let _ = writeln!(text, "name = {}", quoted(&found.sensor.name));
     let _ = writeln!(text, "source = \"characterised from captures after EMVA 1288\"\n");
     let _ = writeln!(text, "height = {}\nwidth = {}", found.height, found.width);
@@ -133,7 +188,8 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     }
     let _ = writeln!(text, "electronics = \"before_adc\"\n");
     let ratio = |m: Measured| m.value().unwrap_or(1.0);
-    let (red, blue) = (joint.red_over_green, joint.blue_over_green);
+    let red = model.best(|f| f.red_over_green, joint.red_over_green);
+    let blue = model.best(|f| f.blue_over_green, joint.blue_over_green);
     if let Some(why) = red.reason().or(blue.reason()) {
         let _ = writeln!(text, "# relative_qe: red and blue not resolved: {why}; the stand-in is 1");
     }
@@ -152,13 +208,44 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     Ok(text)
 }
 
-/// Appends what is known of the non-uniformity, of the lowest gain that has stacks, mean of the colours.
+/// Appends what is known of the non-uniformity: hot pixels, and DSNU and PRNU of the lowest gain that has stacks, mean of the
+/// colours.
 fn non_uniformity(found: &Characterization, text: &mut String) {
-    let Some(gain) = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some())) else {
-        let _ = writeln!(text, "\n# Non-uniformity: not resolved: {}", Unresolved::NoStack);
-        return;
-    };
-    let _ = writeln!(text, "\n[nonuniformity]");
+    let joint = &found.joint;
+    let stacks = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some()));
+    let hot = joint.hot_pixel_share.value().is_some();
+    let fit = Model::of(found).fit.filter(|f| f.dark_noise_e.standard_error().is_some());
+    let _ = writeln!(text);
+    if stacks.is_some() || hot || fit.is_some() {
+        let _ = writeln!(text, "[nonuniformity]");
+    }
+    match stacks {
+        None if fit.is_some() => {
+            for (key, of, unit) in [
+                ("dsnu_pixel_e", (|f| f.dsnu_e) as fn(&HistogramFit) -> Measured, "e-, by the histograms"),
+                ("prnu_pixel_percent", |f| f.prnu_percent, "%, by the histograms"),
+            ] {
+                line(text, key, fit.map_or(Measured::none(Unresolved::NoStack), of), unit);
+            }
+        }
+        None => {
+            let _ = writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack);
+        }
+        Some(gain) => stack_non_uniformity(joint, gain, text),
+    }
+    if let (true, Some(mean)) = (hot, joint.dark_current_e_per_s.value()) {
+        let _ = writeln!(
+            text,
+            "# dark_current_e_per_s is that of the pixels that are not hot; the mean of all is {mean:?} e-/s"
+        );
+    }
+    line(text, "hot_pixel_share", joint.hot_pixel_share, "");
+    line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s");
+}
+
+/// DSNU and PRNU of one gain. What hot pixels add to the variance of the dark stack has lines of its own, and goes from the DSNU of
+/// single pixels.
+fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) {
     for (key, name, unit) in [
         ("dsnu_pixel_e", "DSNU1288_pixel", "e-"),
         ("dsnu_row_e", "DSNU1288_row", "e-"),
@@ -170,18 +257,38 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
         let all: Vec<Measured> =
             gain.channels.iter().filter_map(|c| c.figure(name)).map(|f| f.best()).collect();
         let known: Vec<f64> = all.iter().filter_map(Measured::value).collect();
-        match (known.is_empty(), all.first().and_then(Measured::reason)) {
-            (false, _) => {
-                let mean = known.iter().sum::<f64>() / known.len() as f64;
+        let count = known.len() as f64;
+        let mut measured = match known.is_empty() {
+            true => all.first().copied().unwrap_or(Measured::none(Unresolved::NoStack)),
+            false => {
                 let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
-                let _ = writeln!(text, "{key} = {mean:?}   # +- {:.2e} {unit}", se / known.len() as f64);
+                Measured::new(known.iter().sum::<f64>() / count, se / count)
             }
-            (true, why) => {
-                let why = why.unwrap_or(Unresolved::NoStack);
-                let _ = writeln!(text, "# {key}: not resolved: {why}");
-            }
+        };
+        let exposure_s = gain.channels.iter().find_map(|c| c.spatial.as_ref()).map(|s| s.exposure_s);
+        if let ("dsnu_pixel_e", Some(hot), Some(t)) =
+            (key, joint.hot_pixel_variance_e2_per_s2.value(), exposure_s)
+        {
+            let squared = measured.map(|v| v * v - hot * t * t, |v| 2.0 * v);
+            measured = squared.if_above_noise().root();
         }
+        line(text, key, measured, unit);
     }
+}
+
+/// One line: a number with its standard error, or a comment that says why there is none.
+fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
+    let _ = match (measured.value(), measured.standard_error(), measured.reason()) {
+        (Some(v), Some(se), _) => {
+            let comment = format!("+- {se:.2e} {unit}");
+            writeln!(text, "{key} = {v:?}   # {}", comment.trim_end())
+        }
+        (Some(v), None, _) => writeln!(text, "{key} = {v:?}"),
+        (None, _, why) => {
+            let why = why.map_or(String::new(), |why| why.to_string());
+            writeln!(text, "# {key}: not resolved: {why}")
+        }
+    };
 }
 
 /// Colours by name for headings and files: the letter of the pattern, `mono` for a sensor without filters.

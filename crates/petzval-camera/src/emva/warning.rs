@@ -77,6 +77,17 @@ pub enum Warning {
         /// Standard error of the difference, e-/s.
         standard_error_e_per_s: f64,
     },
+    /// Hot pixels raise the mean dark current.
+    HotPixels {
+        /// Share of the pixels that are hot.
+        share: f64,
+        /// Their mean dark current above that of the others, e-/s.
+        excess_e_per_s: f64,
+        /// Dark current of the others, e-/s.
+        ordinary_e_per_s: f64,
+        /// Mean dark current of all pixels, e-/s.
+        mean_e_per_s: f64,
+    },
     /// The flat field is not flat, which shows in PRNU without a high-pass.
     NotUniform {
         /// The point.
@@ -231,6 +242,7 @@ impl Warning {
             Self::LightLeak { .. } => "light-leak",
             Self::DarkNotLinear { .. } => "dark-not-linear",
             Self::DarkCurrentDisagrees { .. } => "dark-current-disagrees",
+            Self::HotPixels { .. } => "hot-pixels",
             Self::NotUniform { .. } => "not-uniform",
             Self::NoDark { .. } => "no-dark",
             Self::NoSignal { .. } => "no-signal",
@@ -297,6 +309,12 @@ impl fmt::Display for Warning {
             Self::LightLeak { point, difference_dn } => write!(
                 f,
                 "{point}: parts of the dark frames differ by {difference_dn:.2} DN; light leaks in, or the sensor glows"
+            ),
+            Self::HotPixels { share, excess_e_per_s, ordinary_e_per_s, mean_e_per_s } => write!(
+                f,
+                "{:.3} % of the pixels are hot, by {excess_e_per_s:.1} e-/s on average; the others have {ordinary_e_per_s:.3} \
+                 e-/s, the mean of all is {mean_e_per_s:.3} e-/s",
+                100.0 * share
             ),
             Self::NotUniform { point, percent } => {
                 write!(f, "{point}: parts of the flat field differ by {percent:.1} %")

@@ -8,6 +8,8 @@
 //! | `.exr` | no | one channel `Y` of 32-bit floats | size |
 //! | `.dng` | with the cargo feature `dng` | no | size, mosaic, black and white level |
 //!
+//! A TIFF file of several pages is a frame a page ([`page_count`], [`load_raw_page`]).
+//!
 //! Everything else that is known of a frame ([`RawInfo`]) stands in a [`Sidecar`]: a TOML file of the same name with
 //! `.toml` behind it. What a sidecar says wins over what the file says.
 
@@ -18,10 +20,13 @@ mod format;
 mod info;
 mod npy;
 mod packing;
+mod pages;
 mod picture;
 mod sidecar;
 mod statistics;
 
+use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 pub use error::RawFileError;
@@ -115,6 +120,38 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
             "convert from the TIFF, PNG, NPY or packed file",
         )),
         Some(RawFormat::Tiff | RawFormat::Png) | None => said(picture::decode(&bytes).map_err(content)?),
+    }
+}
+
+/// Frames of a file: the pages of a TIFF without its thumbnails and masks, one of every other file.
+pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
+    let mut file = BufReader::new(File::open(path).map_err(RawFileError::io(path))?);
+    let head = file.fill_buf().map_err(RawFileError::io(path))?;
+    // A DNG is a TIFF in its bytes, with a reader of its own.
+    if !pages::is_tiff(head) || RawFormat::of(path, head) == Some(RawFormat::Dng) {
+        return Ok(1);
+    }
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    Ok(pages::pages(file).map_err(content)?.len())
+}
+
+/// Reads one page, counted from 0, of a TIFF file of several; the sidecar of the file is that of every page.
+pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError> {
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    let open = || Ok(BufReader::new(File::open(path).map_err(RawFileError::io(path))?));
+    let places = pages::pages(open()?).map_err(content)?;
+    let Some(place) = places.get(page) else {
+        let reason = format!("the file has {} pages, page {} is asked for", places.len(), page + 1);
+        return Err(RawFileError::content(
+            path,
+            reason,
+            "has the file changed since its pages were counted?",
+        ));
+    };
+    let frame = pages::decode_page(open()?, *place).map_err(content)?;
+    match Sidecar::beside(path)? {
+        Some(sidecar) => sidecar.apply(path, frame),
+        None => Ok(frame),
     }
 }
 

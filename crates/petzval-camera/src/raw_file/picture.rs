@@ -2,22 +2,28 @@
 
 use std::io::Cursor;
 
-use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
-use tiff::ColorType;
-use tiff::decoder::Decoder;
-use tiff::tags::{PhotometricInterpretation, Tag};
-
+use super::pages::{decode_page, is_tiff, pages};
 use super::{RawFrame, RawInfo, Unreadable};
 use crate::image::undecoded;
+use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
 
 /// Most bytes that a byte of a file can become: LZW with codes of 12 bits stays below, deflate far below.
-const MOST_EXPANSION: u64 = 4096;
+pub(super) const MOST_EXPANSION: u64 = 4096;
 
 /// What a decoder may use beside the picture, bytes.
-const WORK_SPACE: u64 = 1 << 20;
+pub(super) const WORK_SPACE: u64 = 1 << 20;
 
-/// Reads a gray picture of 8 or 16 bits.
+/// Reads a gray picture of 8 or 16 bits, the only one of its file.
 pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+    if is_tiff(bytes) {
+        return match pages(Cursor::new(bytes))?[..] {
+            [place] => decode_page(Cursor::new(bytes), place),
+            ref all => Err(Unreadable {
+                reason: format!("a TIFF file of {} pages, and a raw frame is one", all.len()),
+                hint: "split it; in the captures of a characterisation the pages of a file are frames of a point",
+            }),
+        };
+    }
     let unreadable =
         |reason: String| Unreadable { reason, hint: "a raw frame is a gray TIFF or PNG of 8 or 16 bits" };
     let mut reader =
@@ -43,29 +49,15 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
 }
 
-/// Refuses pictures whose samples the decoder would hand over as other numbers: those of fewer than 8 bits, which it spreads
-/// over 8, those that grow darker, which it inverts, and formats that are no array of samples (JPEG).
+/// Refuses PNG pictures whose samples the decoder would spread over 8 bits, and formats that are no array of samples (JPEG).
 fn check_kept(bytes: &[u8], format: Option<ImageFormat>) -> Result<(), String> {
-    let bits = match format {
+    match format {
         // Behind the signature, the header's length and name, width and height: bits of a sample.
-        Some(ImageFormat::Png) => *bytes.get(24).ok_or("the file ends in its header")?,
-        Some(ImageFormat::Tiff) => {
-            let mut tiff = Decoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
-            let meaning = tiff.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation);
-            if meaning.ok().flatten() == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
-                return Err("in its numbers white is zero (PhotometricInterpretation 0)".to_owned());
-            }
-            match tiff.colortype() {
-                Ok(ColorType::Gray(bits)) => bits,
-                // Colours are told of by what comes after.
-                _ => 8,
-            }
-        }
-        _ => return Err("neither a TIFF nor a PNG picture".to_owned()),
-    };
-    match bits {
-        8 | 16 => Ok(()),
-        bits => Err(format!("samples of {bits} bits")),
+        Some(ImageFormat::Png) => match *bytes.get(24).ok_or("the file ends in its header")? {
+            8 | 16 => Ok(()),
+            bits => Err(format!("samples of {bits} bits")),
+        },
+        _ => Err("neither a TIFF nor a PNG picture".to_owned()),
     }
 }
 

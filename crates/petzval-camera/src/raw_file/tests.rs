@@ -288,6 +288,58 @@ fn what_cannot_be_read_is_said() {
     assert!(load_raw(&colour).unwrap_err().to_string().contains("Rgb8, not of digital numbers"));
 }
 
+/// What is wrong with a TIFF is said in the terms of the file.
+#[test]
+fn tiff_files_that_are_no_frame_say_why() {
+    use tiff::encoder::{TiffEncoder, colortype};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tiff");
+    let says = || load_raw(&path).unwrap_err().to_string();
+
+    save_raw_alone(&frame(60, 100, 12), &path, RawFormat::Tiff).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    for kept in [9000, 4, whole.len() - 30] {
+        std::fs::write(&path, &whole[..kept]).unwrap();
+        let error = says();
+        assert!(
+            error.contains("frame.tiff: cut off: ") && error.contains("copy the file again"),
+            "{kept}: {error}"
+        );
+    }
+
+    let write = |encode: &dyn Fn(&mut TiffEncoder<std::fs::File>)| {
+        encode(&mut TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap());
+    };
+    write(&|tiff| tiff.write_image::<colortype::Gray32Float>(2, 1, &[0.5, 1.0]).unwrap());
+    assert!(
+        says().contains("floating-point samples of 32 bits (SampleFormat 3); hint: a raw frame is"),
+        "{}",
+        says()
+    );
+    write(&|tiff| tiff.write_image::<colortype::GrayI16>(2, 1, &[-1, 1]).unwrap());
+    assert!(says().contains("signed samples of 16 bits"), "{}", says());
+    write(&|tiff| tiff.write_image::<colortype::RGB8>(1, 1, &[1, 2, 3]).unwrap());
+    assert!(says().contains("RGB(8), not of digital numbers"), "{}", says());
+
+    // Pages are frames of their own; a thumbnail is none.
+    write(&|tiff| {
+        tiff.write_image::<colortype::Gray16>(2, 1, &[1, 2]).unwrap();
+        let mut thumbnail = tiff.new_image::<colortype::Gray8>(1, 1).unwrap();
+        thumbnail.encoder().write_tag(tiff::tags::Tag::NewSubfileType, 1u32).unwrap();
+        thumbnail.write_data(&[7]).unwrap();
+    });
+    assert_eq!((page_count(&path).unwrap(), load_raw(&path).unwrap().dn), (1, vec![1, 2]));
+    write(&|tiff| {
+        tiff.write_image::<colortype::Gray16>(2, 1, &[1, 2]).unwrap();
+        tiff.write_image::<colortype::Gray16>(1, 2, &[3, 4]).unwrap();
+    });
+    assert!(says().contains("a TIFF file of 2 pages"), "{}", says());
+    assert_eq!(page_count(&path).unwrap(), 2);
+    let second = load_raw_page(&path, 1).unwrap();
+    assert_eq!((second.height, second.width, second.dn), (2, 1, vec![3, 4]));
+    assert!(load_raw_page(&path, 2).unwrap_err().to_string().contains("page 3 is asked for"));
+}
+
 /// Damaged files: no panic, no absurd allocation, no hang. `PETZVAL_MUTATIONS` asks for more of them.
 #[test]
 fn damaged_files_are_errors_or_frames() {

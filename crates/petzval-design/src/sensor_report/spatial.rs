@@ -85,10 +85,10 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             panel.curves.push(Curve::over(Pen::thin(colour_of(Some(channel.colour))), 0, &x, y));
             // White temporal noise that the mean of the frames still holds.
             let kept = match stack {
-                Stack::Dark => spatial.dark.temporal / spatial.dark.frames.max(1) as f64,
+                Stack::Dark => spatial.dark.variances.temporal / spatial.dark.frames.max(1) as f64,
                 Stack::Light => {
-                    spatial.flat.temporal / spatial.flat.frames.max(1) as f64
-                        + spatial.dark.temporal / spatial.dark.frames.max(1) as f64
+                    spatial.flat.variances.temporal / spatial.flat.frames.max(1) as f64
+                        + spatial.dark.variances.temporal / spatial.dark.frames.max(1) as f64
                 }
             };
             let pen = Pen::thin(colour_of(Some(channel.colour))).dashed();

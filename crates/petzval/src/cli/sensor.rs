@@ -65,6 +65,9 @@ fn failure(error: CaptureError) -> Failure {
         CaptureError::Io { .. } => "give a folder that exists and may be read and written",
         CaptureError::Frame(_) => "replace the frame, or take its point off the list",
         CaptureError::Size { .. } => "all frames of a series have one size",
+        CaptureError::Contradiction { .. } => {
+            "correct the list or the sidecar, or take away a sidecar of another frame"
+        }
         CaptureError::Value { .. } => {
             "check `bits`, and that the frames hold digital numbers as the camera gave them"
         }

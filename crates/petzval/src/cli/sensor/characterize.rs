@@ -35,7 +35,8 @@ enum Filter {
 
 /// Measure a sensor from captures.
 ///
-/// DIR holds frames and a list of them: captures.toml, or the EMVA1288descriptor.txt of the EMVA 1288 Python library.
+/// DIR holds frames and a list of them: captures.toml, whose names of frames may have wildcards (flat-*.tiff), or the
+/// EMVA1288descriptor.txt of the EMVA 1288 Python library. Each page of a TIFF file is a frame.
 /// Numbers are printed with their standard errors; what the captures do not tell is named with the reason. What is odd is
 /// told as a warning, one line for each kind; results.json names every point. With --out
 /// they are written too: sensor.toml, which `simulate --sensor` loads (if K is resolved); results.json with everything; for each gain and
@@ -193,6 +194,10 @@ fn table(found: &Characterization, values: Values) -> String {
         ("K at linear gain 1", j.gain_dn_per_e, "DN/e-"),
         ("dark current mu_I (mean)", j.dark_current_e_per_s, "e-/s"),
         ("dark current mu_I (variance)", j.dark_current_variance_e_per_s, "e-/s"),
+        ("dark current, median", j.dark_current_median_e_per_s, "e-/s"),
+        ("dark current, not hot", j.dark_current_ordinary_e_per_s, "e-/s"),
+        ("hot pixels", j.hot_pixel_share.scale(100.0), "% of the pixels"),
+        ("hot pixels, mean excess", j.hot_pixel_e_per_s, "e-/s"),
         ("read noise sigma_r^2", j.read_variance_e2, "e-^2"),
         ("read noise mean mu_r", j.read_noise_mean_e, "e-"),
         ("electronics noise sigma_el", j.electronics_noise_dn, "DN"),

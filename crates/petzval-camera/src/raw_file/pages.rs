@@ -1,0 +1,145 @@
+//! Gray TIFF files: the pages of a file, each a frame.
+
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
+
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::{PhotometricInterpretation, Tag};
+use tiff::{ColorType, TiffError};
+
+use super::picture::{MOST_EXPANSION, WORK_SPACE};
+use super::{RawFrame, RawInfo, Unreadable};
+
+const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8 or 16 bits a sample";
+
+/// `NewSubfileType` of pictures that repeat another at less resolution, or mask it.
+const THUMBNAIL_OR_MASK: u32 = 0b101;
+
+/// First bytes of a TIFF and of a BigTIFF, of either order of bytes.
+pub(super) fn is_tiff(bytes: &[u8]) -> bool {
+    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| bytes.starts_with(*magic))
+}
+
+/// Places of the full pictures among all of a file; thumbnails and masks are none, unless there is nothing else.
+pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
+    let mut tiff = open(file)?;
+    let mut pages = Vec::new();
+    for place in 0.. {
+        let kind = tiff.decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).ok().flatten().unwrap_or(0);
+        if kind & THUMBNAIL_OR_MASK == 0 {
+            pages.push(place);
+        }
+        if !tiff.decoder.more_images() {
+            break;
+        }
+        tiff.decoder.next_image().map_err(|error| tiff.unreadable(error))?;
+    }
+    if pages.is_empty() {
+        pages.push(0);
+    }
+    Ok(pages)
+}
+
+/// Reads the picture at a place of [`pages`].
+pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFrame, Unreadable> {
+    let mut tiff = open(file)?;
+    if place > 0 {
+        tiff.decoder.seek_to_image(place).map_err(|error| tiff.unreadable(error))?;
+    }
+    tiff.check_kept()?;
+    let (width, height) = tiff.decoder.dimensions().map_err(|error| tiff.unreadable(error))?;
+    let pixels = u64::from(width) * u64::from(height);
+    // A damaged header can claim any size; a file cannot hold more than its bytes can become.
+    let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(2 * super::MOST_PIXELS) + WORK_SPACE;
+    if 2 * pixels > most {
+        return Err(refused(format!("{height}x{width} pixels do not fit in a file of {} bytes", tiff.bytes)));
+    }
+    tiff.check_length()?;
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = most as usize;
+    limits.intermediate_buffer_size = most as usize;
+    tiff.decoder = tiff.decoder.with_limits(limits);
+    let (dn, bits): (Vec<u16>, _) = match tiff.decoder.read_image() {
+        Ok(DecodingResult::U16(dn)) => (dn, None),
+        Ok(DecodingResult::U8(dn)) => (dn.into_iter().map(u16::from).collect(), Some(8)),
+        Ok(_) => return Err(refused("samples that are no whole numbers of 8 or 16 bits".to_owned())),
+        Err(error) => return Err(tiff.unreadable(error)),
+    };
+    let (height, width) = (height as usize, width as usize);
+    if dn.is_empty() || dn.len() != height * width {
+        return Err(refused(format!("{} numbers for {height}x{width} pixels", dn.len())));
+    }
+    Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+}
+
+/// A file with its length.
+struct Tiff<R: Read + Seek> {
+    decoder: Decoder<R>,
+    bytes: u64,
+}
+
+fn open<R: Read + Seek>(mut file: R) -> Result<Tiff<R>, Unreadable> {
+    let length = file.seek(SeekFrom::End(0)).and_then(|bytes| file.rewind().map(|()| bytes));
+    let bytes = length.map_err(|error| refused(error.to_string()))?;
+    let decoder = Decoder::new(file).map_err(|error| reason_of(error, bytes))?;
+    Ok(Tiff { decoder, bytes })
+}
+
+impl<R: Read + Seek> Tiff<R> {
+    fn unreadable(&self, error: TiffError) -> Unreadable {
+        reason_of(error, self.bytes)
+    }
+
+    /// Refuses pictures whose samples the decoder would hand over as other numbers: those of fewer than 8 bits, which it packs,
+    /// and those that grow darker, which it inverts; and those that are no digital numbers.
+    fn check_kept(&mut self) -> Result<(), Unreadable> {
+        let mut tag = |tag| self.decoder.find_tag_unsigned_vec::<u16>(tag).ok().flatten();
+        let meaning = tag(Tag::PhotometricInterpretation).and_then(|all| all.first().copied());
+        let format = tag(Tag::SampleFormat).and_then(|all| all.first().copied());
+        if meaning == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
+            return Err(refused("in its numbers white is zero (PhotometricInterpretation 0)".to_owned()));
+        }
+        let colour = self.decoder.colortype().map_err(|error| self.unreadable(error))?;
+        let ColorType::Gray(bits) = colour else {
+            return Err(refused(format!("a picture of {colour:?}, not of digital numbers")));
+        };
+        match (format, bits) {
+            (Some(2), _) => Err(refused(format!("signed samples of {bits} bits (SampleFormat 2)"))),
+            (Some(3), _) => Err(refused(format!("floating-point samples of {bits} bits (SampleFormat 3)"))),
+            (_, 8 | 16) => Ok(()),
+            _ => Err(refused(format!("samples of {bits} bits"))),
+        }
+    }
+
+    /// Refuses a file that ends before the samples that it lists.
+    fn check_length(&mut self) -> Result<(), Unreadable> {
+        let mut list = |tag| self.decoder.find_tag_unsigned_vec::<u64>(tag).ok().flatten();
+        for (offsets, counts) in
+            [(Tag::StripOffsets, Tag::StripByteCounts), (Tag::TileOffsets, Tag::TileByteCounts)]
+        {
+            let (Some(offsets), Some(counts)) = (list(offsets), list(counts)) else { continue };
+            let end = offsets.iter().zip(&counts).map(|(at, n)| at.saturating_add(*n)).max().unwrap_or(0);
+            if end > self.bytes {
+                let has = self.bytes;
+                return Err(cut_off(&format!("its samples reach to byte {end}, the file has {has} bytes")));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn reason_of(error: TiffError, bytes: u64) -> Unreadable {
+    match error {
+        TiffError::IoError(io) if io.kind() == ErrorKind::UnexpectedEof => {
+            cut_off(&format!("the file ends after {bytes} bytes, before what its header lists"))
+        }
+        other => refused(other.to_string()),
+    }
+}
+
+fn refused(reason: String) -> Unreadable {
+    Unreadable { reason, hint: HINT }
+}
+
+fn cut_off(what: &str) -> Unreadable {
+    Unreadable { reason: format!("cut off: {what}"), hint: "copy the file again; it is not whole" }
+}
