@@ -71,14 +71,16 @@ fn beside(position: &CalibratedPosition, psf: &FinePsf, spot: Spot, sensor: &Sen
     compare(&position.measured, &position.frame, psf, sensor.pixel_um, spot.azimuth_rad, at, "p").unwrap()
 }
 
-/// Field radius, mm, and where its source is: 16 phases of the mosaic's tile at the corner of the sensor, and two places at which
-/// one blue pixel beside darker ones of other colours lies near the spot.
+/// Field radius, mm, and where its source is: 16 phases of the mosaic's tile at the corner of the sensor, and three places at which
+/// plain sums of 3x3 pixels have a gap between green and blue, or a pixel of the PSF stands beside some that are darker than
+/// the median around it.
 fn places() -> Vec<(f64, Spot, Placement)> {
     let azimuth_rad = 1200f64.atan2(1920.0);
     let phase =
         |k: u32| Spot { row: 31.0 + 0.5 * f64::from(k / 4), col: 31.0 + 0.5 * f64::from(k % 4), azimuth_rad };
     let mut places: Vec<(f64, Spot, Placement)> =
         (0..16).map(|k| (6.4, phase(k), Placement { row: 1118, col: 1807 })).collect();
+    places.push((6.4, Spot { row: 31.750, col: 32.306, azimuth_rad }, Placement { row: 1118, col: 1807 }));
     places.push((6.4, Spot { row: 32.195, col: 31.815, azimuth_rad }, Placement { row: 1117, col: 1807 }));
     places.push((
         5.6,
