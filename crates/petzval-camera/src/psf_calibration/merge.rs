@@ -299,7 +299,8 @@ pub fn mask_hot_pixels(merged: &mut Merged, frame: &Frame, source: [f64; 2]) -> 
         }
         let mut near: Vec<f64> = around(*i).into_iter().map(|n| rates[n]).collect();
         near.sort_by(f64::total_cmp);
-        let (middle, second) = (near[near.len() / 2], near[near.len() - 2]);
+        let [.., second, _] = near[..] else { return false };
+        let middle = near[near.len() / 2];
         let excess = rates[*i] - middle;
         excess > HOT_SIGMAS * merged.variance[*i].sqrt() && second - middle < HOT_NEIGHBOURS * excess
     };
