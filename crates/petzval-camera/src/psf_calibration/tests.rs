@@ -277,12 +277,12 @@ fn clipped_pixels_come_from_shorter_exposures() {
     assert!(blinding.merged.saturated.iter().any(|s| *s), "told of, not hidden");
 }
 
-fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, FieldEstimate) {
+fn bank_of(psf: &FinePsf) -> (PsfBank, FieldEstimate) {
     let places: Vec<(Taken, Spot)> = (0..3)
         .map(|k| {
             let azimuth_rad = [std::f64::consts::FRAC_PI_2, 0.0, 0.65][k];
             let spot = Spot { row: 31.2 + 0.3 * k as f64, col: 32.3 - 0.4 * k as f64, azimuth_rad };
-            (take(psf, spot, Placement { row: 200 + k, col: 300 }, noise, 0.8, k as u64), spot)
+            (take(psf, spot, Placement { row: 200 + k, col: 300 }, NoiseMode::Exact, 0.8, k as u64), spot)
         })
         .collect();
     let inputs: Vec<Place> = places
@@ -299,14 +299,14 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, Fie
     let (bank, fields) = estimate_bank(&inputs, 5.86).unwrap();
     assert_eq!(bank.illumination, [1.0; 6], "one field is its own reference");
     assert_eq!(bank.field_radius_mm, [0.0, 3.0]);
-    (bank, places, fields[0].clone())
+    (bank, fields[0].clone())
 }
 
 /// A place, an azimuth and noise that took no part: what the bank says of itself holds, on the mosaic and demosaiced.
 #[test]
 fn the_bank_predicts_a_new_position_as_well_as_it_says() {
     let psf = fine();
-    let (bank, _, field) = bank_of(&psf, NoiseMode::Exact);
+    let (bank, field) = bank_of(&psf);
     let cells = bank.grid * bank.grid;
     let values: Vec<Vec<f64>> = bank.values[..CHANNELS * cells]
         .chunks(cells)
