@@ -7,10 +7,11 @@ use petzval_optics::format::FileError;
 use super::PsfCalibrationError;
 use super::average::{Average, Dark, median};
 use super::manifest::{MANIFEST_FILE, Manifest};
-use super::measure::{DETECTION_SIGMAS, Frame, LEAST_SIDE, Measured, SECOND_SOURCE, check_mosaic, measure};
+use super::measure::{DETECTION_SIGMAS, Frame, LEAST_SIDE, Measured, check_mosaic, measure};
 use super::merge::{
     Agreement, ExposureMean, Merged, SensorNoise, agreement, mask_hot_pixels, merge, saturation_dn,
 };
+use super::spots::SECOND_SOURCE;
 use super::track::{Centroid, Mosaics, Track, mean_centroid};
 use super::trouble::{Seen, trouble};
 use crate::develop::dark_mean_dn;

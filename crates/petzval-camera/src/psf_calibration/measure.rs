@@ -17,6 +17,7 @@ use rayon::prelude::*;
 
 use super::PsfCalibrationError;
 use super::merge::Merged;
+use super::spots::{find_source, other_sources};
 use crate::develop::{demosaic_bilinear, demosaic_bilinear_adjoint};
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
@@ -36,16 +37,6 @@ pub const LEAST_SIDE: usize = 2 * BACKGROUND_PX as usize + 4;
 
 /// A source stands out of the noise by so many standard deviations.
 pub(super) const DETECTION_SIGMAS: f64 = 8.0;
-
-/// A second source is told of from this share of the first one's peak.
-pub(super) const SECOND_SOURCE: f64 = 0.1;
-
-/// Nearer than this two maxima are one PSF, px.
-const NEAR_PX: f64 = 4.0;
-
-/// Between two maxima nearer than the background's distance the light falls below this share of the fainter one; tails of a
-/// PSF fall off without such a gap.
-const GAP: f64 = 0.5;
 
 /// Draws of noise behind the noise floor.
 const DRAWS: usize = 48;
@@ -294,13 +285,14 @@ pub fn measure(
         return Err(PsfCalibrationError::TooSmall { position, height, width, least: LEAST_SIDE });
     }
     let (rate, variance) = (&merged.rate_e_per_s, &merged.variance);
-    let found = find_source(rate, variance, frame, position)?;
+    let source = find_source(rate, variance, frame, position)?;
+    let found = source.map(|v| v as f64);
     let background = frame.background(rate, variance, found);
     let mosaic = frame.without(rate, background);
     let psf = extract(&mosaic, frame, found, None, position)?;
     let centre = psf.centroid_px[1];
     // From the brightest spot on, since a second source draws the centroid towards itself.
-    let other_sources = others(&mosaic, variance, frame, found);
+    let other_sources = other_sources(&mosaic, variance, frame, source);
     Ok(Measured {
         centroid_se_px: centroid_error(&mosaic, variance, frame, centre, position)?,
         floor: noise_floor(rate, variance, frame, &psf, position, seed)?,
@@ -309,86 +301,6 @@ pub fn measure(
         mosaic_e_per_s: mosaic,
         other_sources,
     })
-}
-
-/// Green light summed over 3x3 pixels, where all colours have about equal shares, and its standard deviation.
-fn smoothed(mosaic: &[f64], variance: &[f64], frame: &Frame, row: usize, col: usize) -> (f64, f64) {
-    let (mut sum, mut square) = (0.0, 0.0);
-    for r in row - 1..=row + 1 {
-        for c in col - 1..=col + 1 {
-            sum += mosaic[r * frame.width + c];
-            square += variance[r * frame.width + c];
-        }
-    }
-    (sum, square.sqrt())
-}
-
-/// The brightest spot, in 3x3 pixels, if it stands out of the noise around it.
-fn find_source(
-    rate: &[f64],
-    variance: &[f64],
-    frame: &Frame,
-    position: &str,
-) -> Result<[f64; 2], PsfCalibrationError> {
-    let mut spots: Vec<(f64, f64, [f64; 2])> = Vec::new();
-    for row in 1..frame.height - 1 {
-        for col in 1..frame.width - 1 {
-            let (sum, sigma) = smoothed(rate, variance, frame, row, col);
-            spots.push((sum, sigma, [row as f64, col as f64]));
-        }
-    }
-    spots.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // The median stands for the background, in light and in noise.
-    let median = spots[spots.len() / 2];
-    let brightest = spots[spots.len() - 1];
-    let sigmas = (brightest.0 - median.0) / median.1;
-    if sigmas < DETECTION_SIGMAS || !sigmas.is_finite() {
-        return Err(PsfCalibrationError::NoSource { position: position.to_owned(), sigmas });
-    }
-    Ok(brightest.2)
-}
-
-/// Bright spots beyond the background's distance, and nearer ones with a dark gap before them; the brightest first and each
-/// only once.
-fn others(mosaic: &[f64], variance: &[f64], frame: &Frame, centre: [f64; 2]) -> Vec<([usize; 2], f64)> {
-    let distance = |[row, col]: [usize; 2], at: [f64; 2]| (row as f64 - at[0]).hypot(col as f64 - at[1]);
-    let inner = |v: f64, side: usize| (v.round() as usize).clamp(1, side - 2);
-    let spot = |row: f64, col: f64| {
-        smoothed(mosaic, variance, frame, inner(row, frame.height), inner(col, frame.width))
-    };
-    let peak = spot(centre[0], centre[1]).0;
-    // The least light on the way from the source to a place.
-    let least_between = |[row, col]: [usize; 2]| {
-        let steps = distance([row, col], centre).ceil() as usize;
-        let along = (1..steps).map(|k| k as f64 / steps as f64);
-        let light = along.map(|s| {
-            spot(centre[0] + s * (row as f64 - centre[0]), centre[1] + s * (col as f64 - centre[1])).0
-        });
-        light.fold(f64::INFINITY, f64::min)
-    };
-    let mut found: Vec<([usize; 2], f64)> = Vec::new();
-    let mut spots: Vec<([usize; 2], f64)> = Vec::new();
-    for row in 1..frame.height - 1 {
-        for col in 1..frame.width - 1 {
-            let (sum, sigma) = smoothed(mosaic, variance, frame, row, col);
-            let away = distance([row, col], centre);
-            let bright = away >= NEAR_PX && sum > DETECTION_SIGMAS * sigma && sum > SECOND_SOURCE * peak;
-            let apart = || {
-                let gap = least_between([row, col]);
-                gap < GAP * sum && sum - gap > DETECTION_SIGMAS * sigma
-            };
-            if bright && (away > BACKGROUND_PX || apart()) {
-                spots.push(([row, col], sum / peak));
-            }
-        }
-    }
-    spots.sort_by(|a, b| b.1.total_cmp(&a.1));
-    for (at, share) in spots {
-        if found.iter().all(|(f, _)| distance(at, [f[0] as f64, f[1] as f64]) > BACKGROUND_PX) {
-            found.push((at, share));
-        }
-    }
-    found
 }
 
 /// Standard error of the green centroid: variances of the mosaic through the transposed demosaicing.

@@ -258,10 +258,10 @@ pub fn agreement(
     })
 }
 
-/// Hot pixels stand out of the 5x5 pixels around them by so many standard deviations.
+/// Hot pixels stand out of the median of the 5x5 pixels around them by so many standard deviations.
 const HOT_SIGMAS: f64 = 8.0;
 
-/// All neighbours of a hot pixel but the brightest (which may be hot as well) have less than this share of its light.
+/// All neighbours of a hot pixel but the brightest (which may be hot as well) stand out by less than this share of what it does.
 const HOT_NEIGHBOURS: f64 = 0.25;
 
 /// This near to the source a single bright pixel may be its peak, px.
@@ -269,6 +269,19 @@ const HOT_DISTANCE_PX: f64 = 3.0;
 
 /// Finds single bright pixels away from the `source` and replaces them by the median of their colour's neighbours, whose
 /// scatter is then their variance. Returns them in the order of the pixels.
+///
+/// With r the rate of a pixel, sigma its standard deviation, m the median of the up to 24 pixels around it and r2 the second
+/// brightest of them, whatever their colours, a pixel is hot where
+///
+/// ```text
+/// r - m > 8 sigma   and   r2 - m < (r - m) / 4
+/// ```
+///
+/// Light that came through a lens falls on neighbours too: a round spot in the middle of a pixel gives four of them a quarter
+/// of its own share or more from a width of 1.2 px at half of its height on. Those nearest have other colours, but filters
+/// overlap. (In 153 simulated captures of the nominal triplet, no pixel 8 sigma above m has an r2 below m + 0.45 (r - m).)
+/// On the flank of a PSF the neighbours nearer to the source stand out as well, so there a hot pixel is found if it
+/// is four times as bright as they are. What is darker stays, since it cannot be told from light.
 pub fn mask_hot_pixels(merged: &mut Merged, frame: &Frame, source: [f64; 2]) -> Vec<usize> {
     let inside = |at: usize, step: isize, len: usize| at.checked_add_signed(step).filter(|v| *v < len);
     let around = |i: usize| -> Vec<usize> {
@@ -285,16 +298,12 @@ pub fn mask_hot_pixels(merged: &mut Merged, frame: &Frame, source: [f64; 2]) -> 
         if frame.distance(*i, source) <= HOT_DISTANCE_PX {
             return false;
         }
-        let near = around(*i);
-        let middle = median(near.iter().map(|n| rates[*n]));
+        let mut near: Vec<f64> = around(*i).into_iter().map(|n| rates[n]).collect();
+        near.sort_by(f64::total_cmp);
+        let [.., second, _] = near[..] else { return false };
+        let middle = near[near.len() / 2];
         let excess = rates[*i] - middle;
-        if excess <= HOT_SIGMAS * merged.variance[*i].sqrt() {
-            return false;
-        }
-        let others = near.iter().map(|n| rates[*n] - middle);
-        let (sum, most) =
-            others.fold((0.0, f64::NEG_INFINITY), |(sum, most): (f64, f64), v| (sum + v, most.max(v)));
-        sum - most.max(0.0) < HOT_NEIGHBOURS * excess
+        excess > HOT_SIGMAS * merged.variance[*i].sqrt() && second - middle < HOT_NEIGHBOURS * excess
     };
     let hot: Vec<usize> = (0..rates.len()).filter(is_hot).collect();
     let replaced: Vec<(usize, f64, f64)> = hot

@@ -10,6 +10,7 @@
 //! | which frames belong to which place of the source | [`manifest`] |
 //! | mean and variance of repeated frames, dark frames | [`average`] |
 //! | exposures of several times as one rate, with its variance | [`merge`] |
+//! | the source, and whether there is another | `spots` |
 //! | centroid, crop, background, and their noise floor | [`measure`] |
 //! | light of a finely sampled PSF on the pixels of a window | [`landing`] |
 //! | where the source is in each frame, and whether it moved | [`track`] |
@@ -37,6 +38,7 @@ pub mod measure;
 pub mod merge;
 pub mod psf_file;
 pub mod register;
+mod spots;
 pub mod track;
 mod trouble;
 

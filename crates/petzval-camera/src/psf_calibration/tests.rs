@@ -4,13 +4,13 @@ use super::compare::{Comparison, compare};
 use super::estimate::{FieldEstimate, Place, estimate_bank};
 use super::held_out::HeldOutBy;
 use super::landing::{FinePsf, Landing, Spot};
-use super::measure::{Frame, Measured, check_mosaic, extract, extract_ideal, l1, measure};
+use super::measure::{Frame, Measured, check_mosaic, extract, l1, measure};
 use super::merge::{ExposureMean, Merged, merge};
 use super::register::explain;
 use crate::develop::dark_mean_dn;
-use crate::image::{CHANNELS, LinearImage};
+use crate::image::CHANNELS;
 use crate::psf::PsfBank;
-use crate::render::{Placement, RenderGeometry, kernel_radius, render};
+use crate::render::Placement;
 use crate::sensor::{CfaPattern, Exposure, Noise, NoiseMode, SensorModel};
 
 const SIDE: usize = 64;
@@ -328,12 +328,12 @@ fn clipped_pixels_come_from_shorter_exposures() {
     assert!(blinding.merged.saturated.iter().any(|s| *s), "told of, not hidden");
 }
 
-fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, FieldEstimate) {
+fn bank_of(psf: &FinePsf) -> (PsfBank, FieldEstimate) {
     let places: Vec<(Taken, Spot)> = (0..3)
         .map(|k| {
             let azimuth_rad = [std::f64::consts::FRAC_PI_2, 0.0, 0.65][k];
             let spot = Spot { row: 31.2 + 0.3 * k as f64, col: 32.3 - 0.4 * k as f64, azimuth_rad };
-            (take(psf, spot, Placement { row: 200 + k, col: 300 }, noise, 0.8, k as u64), spot)
+            (take(psf, spot, Placement { row: 200 + k, col: 300 }, NoiseMode::Exact, 0.8, k as u64), spot)
         })
         .collect();
     let inputs: Vec<Place> = places
@@ -350,14 +350,14 @@ fn bank_of(psf: &FinePsf, noise: NoiseMode) -> (PsfBank, Vec<(Taken, Spot)>, Fie
     let (bank, fields) = estimate_bank(&inputs, 5.86).unwrap();
     assert_eq!(bank.illumination, [1.0; 6], "one field is its own reference");
     assert_eq!(bank.field_radius_mm, [0.0, 3.0]);
-    (bank, places, fields[0].clone())
+    (bank, fields[0].clone())
 }
 
 /// A place, an azimuth and noise that took no part: what the bank says of itself holds, on the mosaic and demosaiced.
 #[test]
 fn the_bank_predicts_a_new_position_as_well_as_it_says() {
     let psf = fine();
-    let (bank, _, field) = bank_of(&psf, NoiseMode::Exact);
+    let (bank, field) = bank_of(&psf);
     let cells = bank.grid * bank.grid;
     let values: Vec<Vec<f64>> = bank.values[..CHANNELS * cells]
         .chunks(cells)
@@ -414,58 +414,6 @@ fn a_lone_position_is_told_of() {
     assert!(told[0].contains("chi2 green 7.25 where"), "{told:?}");
     fields[0].chi2 = [1.0; CHANNELS];
     assert!(!fields[0].warnings()[0].contains("chi2"));
-}
-
-/// A point of light through the whole renderer, turned to an azimuth that was never measured: pixels integrate once, not
-/// twice. Measured pixels themselves as cells, what one might do first, are visibly worse.
-#[test]
-fn a_rendered_point_is_the_true_psf_integrated_once() {
-    let psf = fine();
-    let (bank, places, _) = bank_of(&psf, NoiseMode::Exact);
-    let geometry =
-        RenderGeometry { sensor_height: 1200, sensor_width: 1920, pixel_um: 5.86, patches: (9, 9) };
-    // A patch off both axes; one image pixel at its centre.
-    let (patch_row, patch_col) = (6, 5);
-    let (x, y) = geometry.patch_centre_um(patch_row * 9 + patch_col);
-    let azimuth_rad = y.atan2(x);
-    let place = |um: f64, side: f64| um / 5.86 + 0.5 * (side - 1.0);
-    let (row, col) = (place(y, 1200.0).round() as usize, place(x, 1920.0).round() as usize);
-    let rendered = |bank: &PsfBank| {
-        let radius = kernel_radius(&geometry, &bank.layout()).unwrap();
-        let mut scene = LinearImage::zeros(CHANNELS, 41 + 2 * radius, 41 + 2 * radius);
-        (0..CHANNELS).for_each(|c| scene.set(c, 20 + radius, 20 + radius, 1.0));
-        let out = render(&geometry, bank, &scene, Placement { row: row - 20, col: col - 20 }).unwrap();
-        let planes: [Vec<f64>; CHANNELS] =
-            std::array::from_fn(|c| out.plane(c).iter().map(|v| f64::from(*v)).collect());
-        extract_ideal(&planes, 41, (9, 9))
-    };
-    // The truth: the bank's middle is the green centroid, so the true PSF lands with that on the pixel.
-    let [across, outward] = psf.centroid_um(1).map(|um| um / 5.86);
-    let (sin, cos) = azimuth_rad.sin_cos();
-    let spot = Spot {
-        row: 20.0 - (outward * sin - across * cos),
-        col: 20.0 - (outward * cos + across * sin),
-        azimuth_rad,
-    };
-    let truth = extract_ideal(&psf.land(spot, 5.86, (41, 41)), 41, (9, 9));
-    let estimated = rendered(&bank);
-
-    // Measured pixels as cells, from the position whose azimuth is that of the bank.
-    let upright = &places[0].0.measured.psf;
-    let mut naive = PsfBank { grid: 23, pitch_um: 5.86, values: Vec::new(), ..bank.clone() };
-    for _ in 0..2 {
-        for c in 0..CHANNELS {
-            let positive: Vec<f64> = upright.values[c].iter().map(|v| v.max(0.0)).collect();
-            let sum: f64 = positive.iter().sum();
-            naive.values.extend(positive.iter().map(|v| (v / sum) as f32));
-        }
-    }
-    let twice = rendered(&naive);
-    for c in 0..CHANNELS {
-        let (error, error_twice) = (l1(&estimated[c], &truth[c]), l1(&twice[c], &truth[c]));
-        assert!(error < 0.12, "channel {c}: {error}");
-        assert!(error < 0.5 * error_twice, "channel {c}: {error} beside {error_twice}");
-    }
 }
 
 #[test]
