@@ -109,8 +109,8 @@ impl QuantumEfficiency {
                 let name = table.curves.get(empty.wrapping_sub(1)).map_or("wavelength", |(name, _)| name);
                 return wrong((number, line), format!("column `{name}` has no value here"));
             }
-            let efficiencies = cells.iter().skip(1).filter_map(|cell| cell.parse::<f64>().ok());
-            if let Some(value) = efficiencies.filter(|v| !(0.0..=1.0).contains(v)).last() {
+            let mut efficiencies = cells.iter().skip(1).filter_map(|cell| cell.parse::<f64>().ok());
+            if let Some(value) = efficiencies.find(|v| !(0.0..=1.0).contains(v)) {
                 let message =
                     format!("{value} is no efficiency of 0 to 1 electrons per photon; is it in percent?");
                 return wrong((number, line), message);
