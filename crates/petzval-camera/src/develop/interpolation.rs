@@ -37,7 +37,7 @@ pub(super) fn sources(cfa: CfaPattern) -> Result<[Colour; CHANNELS], SensorError
     let mut sources = [Colour::Red, Colour::Green, Colour::Blue];
     for colour in &mut sources {
         let source = [*colour, Colour::Clear].into_iter().find(|c| seen.contains(c));
-        *colour = source.ok_or(SensorError::UnseenColour { cfa, colour: name(*colour) })?;
+        *colour = source.ok_or(SensorError::UnseenColour { cfa, colour: colour.name() })?;
     }
     Ok(sources)
 }
@@ -158,13 +158,4 @@ fn between(period: usize, has: impl Fn(isize) -> bool) -> Option<Line> {
     let gap = (before + after) as f32;
     let taps = vec![(-before, after as f32 / gap), (after, before as f32 / gap)];
     Some(Line { taps, miss: (before * after) as f32 })
-}
-
-fn name(colour: Colour) -> &'static str {
-    match colour {
-        Colour::Red => "red",
-        Colour::Green => "green",
-        Colour::Blue => "blue",
-        Colour::Clear => "clear",
-    }
 }
