@@ -93,7 +93,9 @@ impl Assets {
     pub fn names(&self, folder: &str) -> Vec<&str> {
         let prefix = format!("{folder}/");
         let below = |name| str::strip_prefix(name, &prefix).and_then(|n| n.strip_suffix(".toml"));
-        self.files.iter().filter_map(|(name, _)| below(name.as_str())).collect()
+        let mut names: Vec<&str> = self.files.iter().filter_map(|(name, _)| below(name.as_str())).collect();
+        names.sort_unstable();
+        names
     }
 
     /// A text by path or by built-in name: a file that exists wins.

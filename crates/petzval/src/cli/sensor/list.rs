@@ -42,8 +42,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         };
         return print_json(&all.iter().map(row).collect());
     }
+    let names = all.iter().map(|(name, _)| name.len()).fold("sensor".len(), usize::max);
     println!(
-        "{:<18} {:>11} {:>9} {:>7} {:>12} {:>13}  source",
+        "{:<names$} {:>11} {:>9} {:>7} {:>12} {:>13}  source",
         "sensor", "pixels", "pitch um", "filter", "full well e-", "read noise e-"
     );
     for (name, s) in &all {
@@ -51,7 +52,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         // What follows the place is told by `sensor show`.
         let source = s.source.split_once(": ").map_or(&s.source[..], |(place, _)| place);
         println!(
-            "{name:<18} {pixels:>11} {:>9} {:>7} {:>12} {:>13}  {source}",
+            "{name:<names$} {pixels:>11} {:>9} {:>7} {:>12} {:>13}  {source}",
             six_digits(s.pixel_um),
             s.cfa.to_string(),
             six_digits(s.full_well_e),
