@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Each is a line with weights `1/s^2`, where `s` holds the error of the intercept, that of `K_g` and that of rounding: 1/12 is
-//! what whole digital numbers add only to noise that spreads over several of them ([`rounding_error_dn2`]). Averages of what single
+//! what whole digital numbers add only to noise that spreads over several of them (`rounding_error_dn2`). Averages of what single
 //! gains give (Tseng et al. 2021, supplement 2.3.2) cannot separate them. BL and mu_el are one number to the captures: BL
 //! is taken from the setting of the camera.
 

@@ -14,7 +14,7 @@
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
 //! | all of it | [`mod@characterize`] |
 //! | whether they tell of a sensor at all | [`usable`] |
-//! | what is odd about the captures | [`warning`], [`warning_lines`] |
+//! | what is odd about the captures | [`warning`], [`mod@warning_lines`] |
 //! | as files: sensor, XML | [`sensor_file`], [`mod@result_xml`] |
 //! | captures out of a sensor | [`plan`], [`series`] |
 //! | figures of a sensor file | [`mod@derived`] |
