@@ -337,7 +337,7 @@ fn captures_that_show_no_sensor_are_refused() {
         whole.replace("\"flat\"", "\"x\"").replace("\"dark\"", "\"flat\"").replace("\"x\"", "\"dark\"");
     let error = refused(&swapped);
     assert!(
-        error.contains("darker than the dark ones at all 4 points: are flat and dark swapped?"),
+        error.contains("darker than the dark ones at 4 of 4 points: are flat and dark swapped?"),
         "{error}"
     );
 
@@ -467,4 +467,93 @@ fn a_sidecar_that_contradicts_the_list_is_an_error() {
     }
     // What a camera rounds is no contradiction.
     says("linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2").unwrap();
+}
+
+#[test]
+fn stuck_pixels_are_no_clipping() {
+    let plan = Plan { flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    for entry in std::fs::read_dir(folder.path().join("gain-1")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.starts_with("flat") {
+            edit(folder.path(), &name, &|x, y, dn| if y == 7 && x < 3 { 4095 } else { dn });
+        }
+    }
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(found.gains[0].channels[0].transfer.used, 5);
+    assert!(told(&found, "saturated").is_empty(), "{:?}", found.warnings);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn what_moves_counts_neither_for_the_gain_nor_as_saturation() {
+    let plan = Plan { flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    edit(folder.path(), "flat-4ms-1.png", &|x, y, dn| if x < 20 && y < 20 { dn + 400 } else { dn });
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(told(&found, "moved").len(), 1, "{:?}", found.warnings);
+    let channel = &found.gains[0].channels[0];
+    assert!(!channel.transfer.saturated && channel.points.len() == 4, "{:?}", channel.transfer);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn one_point_with_swapped_frames_is_refused_and_one_with_wrong_photons_is_named() {
+    let plan = Plan { quantum_efficiency: Some(0.6), flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    let (text, mut points) = (list(folder.path()), 0);
+    let ten_times = |line: &str| match line.strip_prefix("photons = ") {
+        Some(photons) => {
+            points += 1;
+            let factor = if points == 3 { 0.1 } else { 1.0 };
+            format!("photons = {}", factor * photons.parse::<f64>().unwrap())
+        }
+        None => line.to_owned(),
+    };
+    let wrong: Vec<String> = text.lines().map(ten_times).collect();
+    set_list(folder.path(), &wrong.join("\n"));
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(told(&found, "not-linear").len(), 1, "{:?}", found.warnings);
+
+    set_list(folder.path(), &text);
+    let name = |kind: &str, i: u32| folder.path().join(format!("gain-1/{kind}-4ms-{i}.png"));
+    for i in 0..2 {
+        std::fs::rename(name("flat", i), folder.path().join("kept.png")).unwrap();
+        std::fs::rename(name("dark", i), name("flat", i)).unwrap();
+        std::fs::rename(folder.path().join("kept.png"), name("dark", i)).unwrap();
+    }
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("darker than the dark ones at 1 of 5 points"), "{error}");
+}
+
+#[test]
+fn a_converter_of_coarse_steps_widens_every_error() {
+    // Dark noise of an eighth of a digital number, whose mean lies anywhere between two of them.
+    let (mut of_gain, mut of_dark) = (Vec::new(), Vec::new());
+    for (seed, black_level_dn) in [(1, 6.0), (2, 6.25), (3, 6.5), (4, 6.75)] {
+        let sensor = SensorModel {
+            bits: 8,
+            gain_dn_per_e: 0.03,
+            black_level_dn,
+            electronics_mean_dn: 0.0,
+            electronics_noise_dn: 0.0,
+            ..mono()
+        };
+        let plan = Plan { flat_ms: (1..=10).map(f64::from).collect(), seed, ..one_gain() };
+        let folder = series(&sensor, &plan);
+        let found = measured(folder.path()).unwrap();
+        let z = |m: petzval_camera::emva::Measured, truth: f64| {
+            (m.value().unwrap() - truth) / m.standard_error().unwrap()
+        };
+        of_gain.push(z(found.joint.gain_dn_per_e, 0.03));
+        of_dark.extend(
+            found.joint.dark_current_e_per_s.value().map(|_| z(found.joint.dark_current_e_per_s, 25.0)),
+        );
+        assert_eq!(told(&found, "dark-noise-limit").len(), 1, "{:?}", found.warnings);
+        assert!(told(&found, "dark-current-disagrees").is_empty(), "{:?}", found.warnings);
+        assert!(told(&found, "dark-not-linear").is_empty(), "{:?}", found.warnings);
+        let figure = found.gains[0].channels[0].figure("sigma_d").unwrap().best();
+        assert!(figure.value().is_some() && figure.standard_error().is_none(), "{figure:?}");
+    }
+    assert!(of_gain.iter().chain(&of_dark).all(|z| z.abs() < 3.5), "{of_gain:?} {of_dark:?}");
 }

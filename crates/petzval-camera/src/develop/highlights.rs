@@ -43,9 +43,14 @@ pub fn clip_highlights(raw: &Raw, sensor: &SensorModel) -> Result<Raw, SensorErr
     Ok(Raw { height: raw.height, width: raw.width, dn, capture: raw.capture })
 }
 
-/// Share of the pixels that are saturated: at the white level or above it, to the whole number below it.
+/// Share of the pixels that are saturated: at the white level or above it, to the whole number below it; where the well is full before
+/// the converter ends, to four standard deviations of the read-out below it, by which full pixels scatter.
 pub fn saturated_share(raw: &Raw, sensor: &SensorModel) -> f64 {
-    let white = sensor.white_level_dn(raw.capture.exposure.linear_gain.into()).floor() as f32;
+    let gain = f64::from(raw.capture.exposure.linear_gain);
+    let level = sensor.white_level_dn(gain);
+    let read_out_dn = (sensor.gain_dn_per_e * gain * sensor.read_noise_e).hypot(sensor.electronics_noise_dn);
+    let scatter_dn = if level < sensor.max_dn() { 4.0 * read_out_dn } else { 0.0 };
+    let white = (level - scatter_dn).floor() as f32;
     let saturated = raw.dn.iter().filter(|dn| **dn >= white).count();
     saturated as f64 / raw.dn.len().max(1) as f64
 }
@@ -135,8 +140,11 @@ mod tests {
             assert_eq!(clip_highlights(&raw, &sensor).unwrap(), raw, "{tile}");
             assert_eq!(saturated_share(&raw, &sensor), 0.0);
             // Noise carries a full well to either side of the white level; the converter's end is sharp.
-            let bright = take(&sensor, &light, 8.0 * white_e, NoiseMode::Exact);
-            assert_eq!(saturated_share(&bright, &sensor), 1.0, "{tile}");
+            for full_well_e in [33_723.0, 9000.0] {
+                let sensor = SensorModel { full_well_e, ..sensor.clone() };
+                let bright = take(&sensor, &light, 8.0 * white_e, NoiseMode::Exact);
+                assert!(saturated_share(&bright, &sensor) > 0.999, "{tile} {full_well_e}");
+            }
         }
     }
 }

@@ -221,10 +221,12 @@ pub enum CaptureError {
         max: u16,
     },
     /// The flat frames are darker than the dark ones.
-    #[error("{}: the flat frames are darker than the dark ones at all {points} points: are flat and dark swapped?", list.display())]
+    #[error("{}: the flat frames are darker than the dark ones at {} of {points} points: are flat and dark swapped?", list.display(), swapped)]
     Swapped {
         /// The list of captures.
         list: PathBuf,
+        /// Points at which they are.
+        swapped: usize,
         /// Flat points with dark ones.
         points: usize,
     },

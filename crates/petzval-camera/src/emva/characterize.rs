@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts, milliseconds};
 use super::dark::{DarkPoint, DarkSeries, dark_series};
-use super::figures::{Basis, Figure, figures};
+use super::figures::{Basis, Figure, LEAST_DARK_VARIANCE_DN2, figures};
 use super::high_pass::HighPass;
 use super::histogram_fit::{HistogramFit, fit_histograms};
 use super::hot_pixels::{PixelDarkCurrents, dark_ends, of_dark_ends};
@@ -168,6 +168,9 @@ pub fn characterize(
     warnings.extend(gains.iter().flat_map(more_electrons_than_photons));
     warnings.extend(joint.gain_dn_per_e.reason().map(|why| Warning::NoSensorFile { why }));
     warnings.extend(joint.rows.iter().filter_map(ruled_by_rounding));
+    warnings.extend(joint.rows.iter().filter_map(below_the_converter));
+    warnings.extend(gains.iter().flat_map(not_linear));
+    warnings.extend(full_well_differs(&captures.sensor, &gains));
     warnings.extend(hot_pixels(&joint));
     let mut histogram_fit = None;
     if options.fit_histograms {
@@ -300,8 +303,13 @@ fn one_gain(
         by_light.then(x.all.mean_dn.total_cmp(&y.all.mean_dn))
     });
     // What is clipped at zero has neither the mean nor the noise of the sensor; `of_point` warns of it.
-    flats.retain(|(_, s)| !clipped_at_zero(&s.all));
-    darks.retain(|(_, s)| !clipped_at_zero(&s.all));
+    // Nor does what moved have the noise of the sensor.
+    let has_moved = |p: &Point| {
+        let label = p.label();
+        warnings.iter().any(|w| matches!(w, Warning::Moved { point, .. } if *point == label))
+    };
+    flats.retain(|(p, s)| !clipped_at_zero(&s.all) && !has_moved(p));
+    darks.retain(|(p, s)| !clipped_at_zero(&s.all) && !has_moved(p));
     let dark = dark_series(
         darks.iter().map(|(p, s)| DarkPoint::new(p.exposure_s, &s.all, options.mean_difference)).collect(),
     );
@@ -392,6 +400,50 @@ fn ruled_by_rounding(row: &GainRow) -> Option<Warning> {
         linear_gain: row.linear_gain,
         noise_dn: variance.max(0.0).sqrt(),
         error_dn2: row.rounding_error_dn2,
+    })
+}
+
+/// A gain at which the dark noise is but a limit.
+fn below_the_converter(row: &GainRow) -> Option<Warning> {
+    let variance = row.dark_variance_dn2.value()?;
+    (variance <= LEAST_DARK_VARIANCE_DN2).then_some(Warning::DarkNoiseLimit { linear_gain: row.linear_gain })
+}
+
+/// Deviation from a straight line that no sensor has which is worth measuring, percent.
+const NOT_LINEAR_PERCENT: f64 = 5.0;
+
+/// Colours whose response is off the straight line by more than 5 % and six standard errors.
+fn not_linear(gain: &GainResult) -> Vec<Warning> {
+    let of = |c: &ChannelResult| {
+        let linearity = c.transfer.linearity.as_ref()?;
+        let (first, last) = linearity.range;
+        let off = |i: &usize| linearity.deviation_percent[*i].abs();
+        let worst = (first..=last).max_by(|a, b| off(a).total_cmp(&off(b)))?;
+        let (low, high) = linearity.se_percent;
+        (off(&worst) > NOT_LINEAR_PERCENT && off(&worst) > 6.0 * low.max(high)).then(|| Warning::NotLinear {
+            linear_gain: gain.linear_gain,
+            colour: c.colour,
+            percent: linearity.deviation_percent[worst],
+            mean_dn: c.points[worst].mean_dn,
+        })
+    };
+    gain.channels.iter().filter_map(of).collect()
+}
+
+/// A stated full well beside a measured one that differs by more than five standard errors and 2 %. Where the converter clips
+/// first, the well is larger than what is measured.
+fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warning> {
+    let stated_e = sensor.full_well_e?;
+    let channel = gains.first()?.channels.first()?;
+    let measured = channel.figure("u_e_sat")?.best();
+    let (measured_e, standard_error_e) = (measured.value()?, measured.standard_error()?);
+    let is_clipped = channel.points.last().is_some_and(|p| p.share_at_max > 0.5);
+    let off_e = measured_e - stated_e;
+    let matters = off_e.abs() > (5.0 * standard_error_e).max(0.02 * stated_e);
+    (matters && (off_e > 0.0 || !is_clipped)).then_some(Warning::FullWellDiffers {
+        stated_e,
+        measured_e,
+        standard_error_e,
     })
 }
 

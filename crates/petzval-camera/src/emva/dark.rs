@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::fit::{Line, line};
 use super::measured::Unresolved;
 use super::point::Moments;
+use super::rounding::RoundingError;
 
 /// Dark frames of one exposure time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -18,23 +19,24 @@ pub struct DarkPoint {
     pub exposure_s: f64,
     /// Mean, DN.
     pub mean_dn: f64,
-    /// Its standard error, DN.
+    /// Its standard error with that of rounding, DN.
     pub mean_se_dn: f64,
     /// Temporal variance, DN^2.
     pub variance_dn2: f64,
-    /// Its standard error, DN^2.
+    /// Its standard error with that of rounding, DN^2.
     pub variance_se_dn2: f64,
 }
 
 impl DarkPoint {
     /// Of the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`].
     pub fn new(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
+        let rounding = RoundingError::of(dark.variance_dn2);
         Self {
             exposure_s,
             mean_dn: dark.mean_dn,
-            mean_se_dn: dark.mean_se_dn,
+            mean_se_dn: dark.mean_se_dn.hypot(rounding.mean_dn),
             variance_dn2: if mean_difference { dark.variance_dn2 } else { dark.variance_uncorrected_dn2 },
-            variance_se_dn2: dark.variance_se_dn2,
+            variance_se_dn2: dark.variance_se_dn2.hypot(rounding.variance_dn2),
         }
     }
 }
@@ -67,6 +69,17 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
     if times.len() < EXPOSURES {
         let none = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
         (mean, variance) = (none, none);
+    }
+    // Rounding moves the points together where their means lie alike between two whole numbers, and bends the lines where not.
+    if let Some(noise) = variance.intercept.value() {
+        let rounding = RoundingError::of(noise);
+        let span_s = times[times.len() - 1] - times[0];
+        let bent = 2.0_f64.sqrt() / span_s;
+        let with = |line: Line, error: f64| Line {
+            slope: line.slope.with_error(bent * error),
+            intercept: line.intercept.with_error(error),
+        };
+        (mean, variance) = (with(mean, rounding.mean_dn), with(variance, rounding.variance_dn2));
     }
     DarkSeries { points, mean, variance }
 }

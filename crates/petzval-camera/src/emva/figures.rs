@@ -5,13 +5,14 @@ use serde::Serialize;
 
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
+use super::rounding::RoundingError;
 use super::spatial::{Components, Spatial, StackVariances, Variances};
 use super::transfer::{PhotonTransfer, Rules, TransferPoint};
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
 /// Temporal dark variance below which the noise of the converter rules, DN^2 (release 3.1, Sec. 6.6).
-const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
+pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
 
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -161,12 +162,18 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     let first = &points[0];
     let dark_variance = match dark.variance.intercept.value() {
         Some(_) => dark.variance.intercept,
-        None => Measured::new(first.dark_variance_dn2, first.dark_variance_se_dn2),
+        None => {
+            let rounding = RoundingError::of(first.dark_variance_dn2);
+            Measured::new(first.dark_variance_dn2, first.dark_variance_se_dn2)
+                .with_error(rounding.variance_dn2)
+        }
     };
-    let dark_variance =
-        dark_variance.map(|v| v.max(LEAST_DARK_VARIANCE_DN2), |v| f64::from(v > LEAST_DARK_VARIANCE_DN2));
+    // Below the least that a converter of whole numbers tells, the standard takes that: a limit, which has no error.
+    let is_limit = dark_variance.value().is_some_and(|v| v <= LEAST_DARK_VARIANCE_DN2);
+    let told = |m: Measured| if is_limit { m.limit() } else { m };
+    let dark_variance = told(dark_variance.map(|v| v.max(LEAST_DARK_VARIANCE_DN2), |_| 1.0));
     let sigma_y_dark = dark_variance.root();
-    let sigma_d = dark_variance.map(|v| v - QUANTISATION_DN2, |_| 1.0).root().over(k);
+    let sigma_d = told(dark_variance.map(|v| v - QUANTISATION_DN2, |_| 1.0).root().over(k));
 
     // Threshold: signal of the noise of the dark plus half an electron, at a signal-to-noise ratio of one.
     let threshold_dn = match (sigma_y_dark.value(), k.value()) {
@@ -175,8 +182,8 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         }
         _ => Measured::none(Unresolved::FollowsFrom("K")),
     };
-    let u_e_min = sigma_y_dark.over(k).map(|v| v + 0.5, |_| 1.0);
-    let u_p_min = threshold_dn.over(r);
+    let u_e_min = told(sigma_y_dark.over(k).map(|v| v + 0.5, |_| 1.0));
+    let u_p_min = told(threshold_dn.over(r));
 
     let at = transfer.saturation;
     let (u_p_sat, u_e_sat) = match rules {
@@ -198,6 +205,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         (Rules::Ours, Some(Unresolved::NoPhotons)) => u_e_sat.over(u_e_min),
         _ => u_p_sat.over(u_p_min),
     };
+    let dr = told(dr);
     let db = |m: Measured| m.map(|v| 20.0 * v.log10(), |v| 20.0 / (v * std::f64::consts::LN_10));
     let per_area = |m: Measured| match basis.pixel_area_um2 {
         Some(area) => m.scale(1.0 / area),

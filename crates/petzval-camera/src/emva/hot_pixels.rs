@@ -24,6 +24,7 @@ use serde::Serialize;
 use super::captures::{Kind, Point};
 use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
 use super::point::{PointStatistics, Stack};
+use super::samples::greatest_common_divisor;
 use super::warning::clipped_at_zero;
 
 /// Standard deviations from the median beyond which a dark current is no noise: 2e-9 of normally distributed ones.
@@ -112,7 +113,7 @@ pub(super) fn of_dark_ends(reduced: &[(&Point, PointStatistics)], max_dn: f64) -
 /// Dark currents of the pixels from the two ends of a dark series. `max_dn` is the largest digital number of the converter.
 fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> PixelDarkCurrents {
     let (short_frames, long_frames) = (short.stack.frames as i64, long.stack.frames as i64);
-    let common = greatest_common_divisor(short_frames, long_frames);
+    let common = i64::from(greatest_common_divisor(short.stack.frames as u32, long.stack.frames as u32));
     let (of_long, of_short) = (short_frames / common, long_frames / common);
     // Whole numbers until the end: differences of the mean frames in units of 1 / (short_frames of_short) DN.
     let differences: Vec<i64> = (long.stack.sum_dn.iter().zip(&short.stack.sum_dn))
@@ -212,10 +213,6 @@ fn quantile(values: &mut [i64], q: f64) -> f64 {
     let below = values.iter().filter(|v| **v < value).count() as f64;
     let at = values.iter().filter(|v| **v == value).count() as f64;
     value as f64 - 0.5 + (wanted - below) / at
-}
-
-fn greatest_common_divisor(a: i64, b: i64) -> i64 {
-    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
 #[cfg(test)]

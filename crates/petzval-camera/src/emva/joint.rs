@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Each is a line with weights `1/s^2`, where `s` holds the error of the intercept, that of `K_g` and that of rounding: 1/12 is
-//! what whole digital numbers add only to noise that spreads over several of them (`rounding_error_dn2`). Averages of what single
+//! what whole digital numbers add only to noise that spreads over several of them ([`super::rounding`]). Averages of what single
 //! gains give (Tseng et al. 2021, supplement 2.3.2) cannot separate them. BL and mu_el are one number to the captures: BL
 //! is taken from the setting of the camera.
 
@@ -20,6 +20,7 @@ use super::figures::QUANTISATION_DN2;
 use super::fit::{Line, line, through_origin, weighted_mean};
 use super::hot_pixels::PixelDarkCurrents;
 use super::measured::{Measured, Unresolved};
+use super::rounding::RoundingError;
 use super::transfer::TransferPoint;
 use crate::sensor::Colour;
 
@@ -137,8 +138,8 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
         dark_current_e_per_s: from_mean.if_above_noise(),
         dark_current_variance_e_per_s: from_variance.if_above_noise(),
         dark_current_difference_e_per_s,
-        dark_current_median_e_per_s: pixels.median,
-        dark_current_ordinary_e_per_s: pixels.ordinary,
+        dark_current_median_e_per_s: pixels.median.if_above_noise(),
+        dark_current_ordinary_e_per_s: pixels.ordinary.if_above_noise(),
         hot_pixel_share: pixels.hot_share,
         hot_pixel_e_per_s: pixels.hot_excess,
         hot_pixel_variance_e2_per_s2: pixels.hot_variance,
@@ -204,69 +205,18 @@ fn row(input: &GainInput<'_>) -> GainRow {
     let k = if input.gains.is_empty() { Measured::none(Unresolved::NoFlat) } else { k };
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
     let k_squared = k.squared();
-    let noise_dn2 = variance.intercept.value().map(least_noise_dn2);
-    let rounding_error_dn2 = noise_dn2.map_or(0.0, rounding_error_dn2);
-    let dark_variance_dn2 = with_error(variance.intercept, rounding_error_dn2);
+    let rounding = variance.intercept.value().map(RoundingError::of).unwrap_or_default();
     GainRow {
         linear_gain: input.linear_gain,
         gain_dn_per_e: k,
         gain_at_unit_dn_per_e: k.scale(1.0 / input.linear_gain),
         dark_current_mean_e_per_s: mean.slope.over(k),
         dark_current_variance_e_per_s: variance.slope.over(k_squared),
-        dark_variance_dn2,
-        dark_mean_dn: with_error(mean.intercept, noise_dn2.map_or(0.0, rounding_error_dn)),
-        rounding_error_dn2,
-        naive_read_variance_e2: dark_variance_dn2.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
+        dark_variance_dn2: variance.intercept,
+        dark_mean_dn: mean.intercept,
+        rounding_error_dn2: rounding.variance_dn2,
+        naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
     }
-}
-
-/// A number with another error beside its own.
-fn with_error(measured: Measured, error: f64) -> Measured {
-    match (measured.value(), measured.standard_error()) {
-        (Some(value), Some(own)) => Measured::new(value, own.hypot(error)),
-        _ => measured,
-    }
-}
-
-/// Harmonics of rounding that are summed: without noise the rest is 3 % of them.
-const HARMONICS: i32 = 20;
-
-/// Standard error of `variance - 1/12` as the variance before rounding, DN^2, for normal noise of the variance `noise_dn2`.
-///
-/// Rounding a normal distribution of mean m adds to its variance `1/12` and, by Poisson's summation formula,
-/// `sum_k 4 (-1)^k exp(-2 pi^2 k^2 s^2) (s^2 + 1/(4 pi^2 k^2)) cos(2 pi k m)` (less the square of the mean's own part, which is
-/// smaller): nothing at s = 1 DN, up to 0.017 DN^2 at s = 0.45, 0.044 at s = 0.37. Where m lies between two whole numbers the captures do not tell
-/// well enough, so that this is an error of random phase.
-fn rounding_error_dn2(noise_dn2: f64) -> f64 {
-    of_random_phase(|k| {
-        4.0 * harmonic(k, noise_dn2) * (noise_dn2 + (2.0 * std::f64::consts::PI * k).powi(-2))
-    })
-}
-
-/// Standard error of the mean by rounding, DN: `sum_k (-1)^k exp(-2 pi^2 k^2 s^2) sin(2 pi k m) / (pi k)` of random phase.
-fn rounding_error_dn(noise_dn2: f64) -> f64 {
-    of_random_phase(|k| harmonic(k, noise_dn2) / (std::f64::consts::PI * k))
-}
-
-/// `exp(-2 pi^2 k^2 s^2)`: what noise leaves of the k-th harmonic.
-fn harmonic(k: f64, noise_dn2: f64) -> f64 {
-    (-2.0 * (std::f64::consts::PI * k).powi(2) * noise_dn2).exp()
-}
-
-/// Root of the mean square of a sum of harmonics over the phase.
-fn of_random_phase(amplitude: impl Fn(f64) -> f64) -> f64 {
-    (1..=HARMONICS).map(|k| 0.5 * amplitude(f64::from(k)).powi(2)).sum::<f64>().sqrt()
-}
-
-/// The least variance before rounding with which this variance after it agrees, DN^2: rounding that hides noise and rounding
-/// that makes it look the same.
-fn least_noise_dn2(variance_dn2: f64) -> f64 {
-    let mut least = 0.0_f64;
-    for _ in 0..50 {
-        let most_off = 2.0_f64.sqrt() * rounding_error_dn2(least);
-        least = (variance_dn2 - QUANTISATION_DN2 - most_off).max(0.0);
-    }
-    least
 }
 
 /// Weighted line of `y` over `x(K_g)`; the error of `K_g` counts as one of `y` with the slope of a first fit.
@@ -321,44 +271,5 @@ fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
         true if both => Measured::none(Unresolved::AllSaturated),
         true => Measured::none(Unresolved::NotStated("red, green and blue pixels")),
         false => weighted_mean(found),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Mean and variance of a normal distribution after rounding to whole numbers.
-    fn rounded(mean: f64, sigma: f64) -> (f64, f64) {
-        let below = |z: f64| 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
-        let p = |y: f64| below((y + 0.5 - mean) / sigma) - below((y - 0.5 - mean) / sigma);
-        let moments = |f: fn(f64) -> f64| (-20..=20).map(|y| f(f64::from(y)) * p(f64::from(y))).sum::<f64>();
-        let first = moments(|y| y);
-        (first, moments(|y| y * y) - first * first)
-    }
-
-    #[test]
-    fn rounding_errors_are_those_of_all_phases() {
-        for sigma in [0.3, 0.37, 0.45, 0.6, 0.8] {
-            let phases = 200;
-            let (mut of_mean, mut of_variance, mut least) = (0.0, 0.0, f64::INFINITY);
-            for i in 0..phases {
-                let mean = f64::from(i) / f64::from(phases);
-                let (found, variance) = rounded(mean, sigma);
-                of_mean += (found - mean).powi(2) / f64::from(phases);
-                of_variance += (variance - QUANTISATION_DN2 - sigma * sigma).powi(2) / f64::from(phases);
-                least = least.min(sigma * sigma - least_noise_dn2(variance));
-            }
-            let (of_mean, of_variance) = (of_mean.sqrt(), of_variance.sqrt());
-            let (mean, variance) = (rounding_error_dn(sigma * sigma), rounding_error_dn2(sigma * sigma));
-            assert!((mean / of_mean - 1.0).abs() < 1e-6, "{sigma}: mean {mean}, {of_mean}");
-            // The square of the mean's part is left out: a tenth of the whole where noise is least.
-            assert!(
-                (variance / of_variance - 1.0).abs() < 0.12,
-                "{sigma}: variance {variance}, {of_variance}"
-            );
-            assert!(least > -0.1 * sigma * sigma, "{sigma}: the least noise is above the noise by {least}");
-        }
-        assert!(rounding_error_dn2(1.0) < 1e-8);
     }
 }

@@ -60,6 +60,13 @@ pub enum Unresolved {
     },
     /// The number is the root of a variance that came out negative.
     NegativeVariance(f64),
+    /// The number is below zero by more than two standard errors, which it cannot be.
+    BelowZero {
+        /// The number.
+        value: f64,
+        /// Its standard error.
+        standard_error: f64,
+    },
     /// The number is within two standard errors of zero.
     WithinNoise {
         /// What was found.
@@ -109,6 +116,9 @@ impl fmt::Display for Unresolved {
                 write!(f, "{}, {need} are needed", counted(*got, "exposure time"))
             }
             Self::NegativeVariance(v) => write!(f, "the variance is negative ({v:.4e})"),
+            Self::BelowZero { value, standard_error } => {
+                write!(f, "{value:.4e} +- {standard_error:.2e} is negative")
+            }
             Self::WithinNoise { value, standard_error } => {
                 write!(f, "{value:.4e} +- {standard_error:.2e} is within two standard errors of zero")
             }
@@ -190,6 +200,19 @@ impl Measured {
         self.standard_error().unwrap_or(0.0)
     }
 
+    /// The number with another error beside its own, if it has one.
+    pub fn with_error(self, error: f64) -> Self {
+        match (self.value(), self.standard_error()) {
+            (Some(value), Some(own)) => Self::new(value, own.hypot(error)),
+            _ => self,
+        }
+    }
+
+    /// The number as a limit, which has no error.
+    pub fn limit(self) -> Self {
+        self.value().map_or(self, Self::exact)
+    }
+
     /// `f(x)` with the standard error `|f'(x)| s`.
     pub fn map(self, f: impl FnOnce(f64) -> f64, slope: impl FnOnce(f64) -> f64) -> Self {
         match self {
@@ -254,7 +277,7 @@ impl Measured {
     pub fn if_above_noise(self) -> Self {
         match (self.value(), self.standard_error()) {
             (Some(value), Some(standard_error)) if value < -RESOLVED_SIGMAS * standard_error => {
-                Self::none(Unresolved::NegativeVariance(value))
+                Self::none(Unresolved::BelowZero { value, standard_error })
             }
             (Some(value), Some(standard_error)) if value <= RESOLVED_SIGMAS * standard_error => {
                 Self::none(Unresolved::WithinNoise { value, standard_error })
@@ -297,7 +320,7 @@ mod tests {
         assert!(Measured::new(0.21, 0.1).if_above_noise().value().is_some());
         let below = |v: f64| Measured::new(v, 0.1).if_above_noise().reason();
         assert!(matches!(below(-0.19), Some(Unresolved::WithinNoise { .. })));
-        assert!(matches!(below(-0.21), Some(Unresolved::NegativeVariance(_))));
+        assert!(matches!(below(-0.21), Some(Unresolved::BelowZero { .. })));
         assert!(Measured::new(f64::NAN, 0.1).value().is_none());
     }
 }

@@ -41,6 +41,7 @@ pub mod plan;
 pub mod pmf;
 pub mod point;
 pub mod result_xml;
+pub mod rounding;
 pub mod samples;
 pub mod saturation;
 pub mod sensor_file;

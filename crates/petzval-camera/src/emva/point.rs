@@ -105,6 +105,12 @@ impl Moments {
         let squares = samples.map(|(i, c)| *c as f64 * (first + i as f64 - self.mean_dn).powi(2));
         squares.sum::<f64>() / self.histogram.total() as f64
     }
+
+    /// Whether the samples come near a digital number: the mean lies within eight standard deviations below it. Samples further
+    /// off are those of stuck pixels.
+    pub fn reaches(&self, dn: u32) -> bool {
+        self.mean_dn > f64::from(dn) - 8.0 * self.total_variance_dn2().sqrt()
+    }
 }
 
 /// The sum of the frames of a stack, pixel by pixel.
@@ -298,8 +304,15 @@ pub fn reduce(
     })
 }
 
+/// Pixels of a frame that chance does not make twice.
+const LEAST_FINGERPRINT: usize = 64;
+
 /// Two different numbers that are not clipped tell a frame from one that is constant, whose twins are no copies.
 fn fingerprint(dn: &[u16], bits: u32) -> Option<u64> {
+    // A handful of pixels is the same by chance.
+    if dn.len() < LEAST_FINGERPRINT {
+        return None;
+    }
     let max = ((1u32 << bits) - 1) as u16;
     let mut inside = dn.iter().filter(|v| (1..max).contains(*v));
     let first = inside.next()?;

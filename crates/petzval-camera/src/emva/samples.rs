@@ -15,7 +15,7 @@ const FACTOR_NUMBERS: usize = 8;
 /// up there. It is no matter to the fits whether converter or pixel ends there: what is clipped has lost its noise.
 pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32) -> u32 {
     let Some(largest) = flats.clone().map(|m| m.histogram.last_dn()).max() else { return max_dn };
-    let mut at_end = flats.filter(|m| m.histogram.last_dn() == largest);
+    let mut at_end = flats.filter(|m| m.histogram.last_dn() == largest && m.reaches(largest));
     if at_end.any(|m| piles_up(&m.histogram)) { largest } else { max_dn }
 }
 
@@ -42,9 +42,11 @@ impl Samples {
         self.has_flats |= kind == Kind::Flat;
     }
 
-    /// Notes that the converter clips at a number.
+    /// Notes that samples are clipped at a number. It tells of a converter if it is the last one of fewer bits (left-aligned or
+    /// not); at any other number the pixels are full.
     pub fn clips_at(&mut self, clip_dn: u32, max_dn: u32) {
-        self.piled |= clip_dn < max_dn;
+        let odd = clip_dn >> clip_dn.trailing_zeros().min(31);
+        self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();
     }
 
     /// What they tell of the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below, or
@@ -70,7 +72,8 @@ impl Samples {
     }
 }
 
-fn greatest_common_divisor(a: u32, b: u32) -> u32 {
+/// The largest number that divides both.
+pub(super) fn greatest_common_divisor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 

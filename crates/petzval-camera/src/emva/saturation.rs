@@ -13,7 +13,7 @@
 //! standard deviations before it, `u - 3 sqrt(u)`, which is 3 % of 10,000 electrons.
 
 use super::measured::{Measured, Unresolved};
-use super::transfer::{Rules, TransferPoint, light};
+use super::transfer::{FIT_SHARE, Rules, TransferPoint, light};
 
 /// Standard errors by which the noise must fall, or the signal fall short, before it is saturation: chance does as much
 /// once in a million points.
@@ -69,7 +69,8 @@ fn noise_peak(points: &[TransferPoint]) -> usize {
     peak
 }
 
-/// The point of the largest noise, if the noise of a brighter one is less by [`SATURATION_SIGMAS`].
+/// The point of the largest noise, if the noise of a brighter one is less by [`SATURATION_SIGMAS`] and the signal ends there: pixels
+/// that fill hold it near its largest, while something that moved makes noise anywhere.
 fn significant_peak(points: &[TransferPoint]) -> Option<usize> {
     let peak =
         (0..points.len()).max_by(|a, b| points[*a].variance_dn2.total_cmp(&points[*b].variance_dn2))?;
@@ -78,7 +79,9 @@ fn significant_peak(points: &[TransferPoint]) -> Option<usize> {
         let noise = top.variance_se_dn2.hypot(p.variance_se_dn2);
         top.variance_dn2 - p.variance_dn2 > SATURATION_SIGMAS * noise
     };
-    points[peak + 1..].iter().any(falls).then_some(peak)
+    let largest_dn = points.iter().map(TransferPoint::signal_dn).fold(0.0, f64::max);
+    let ends = top.signal_dn() > FIT_SHARE * largest_dn;
+    (ends && points[peak + 1..].iter().any(falls)).then_some(peak)
 }
 
 /// The first point of a plateau: from it on to the brightest point the signal grows by less than half of what the light asks.

@@ -42,7 +42,7 @@ impl<'a> Model<'a> {
     /// Hot pixels have lines of their own: the others have the sensor's dark current.
     fn dark_current(&self) -> Measured {
         let joint = match self.joint.hot_pixel_share.value() {
-            Some(_) => self.joint.dark_current_ordinary_e_per_s.if_above_noise(),
+            Some(_) => self.joint.dark_current_ordinary_e_per_s,
             None => self.joint.dark_current_e_per_s,
         };
         self.best(|f| f.dark_current_e_per_s, joint)
@@ -131,7 +131,10 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
             unit: "e-",
             value: model.read_noise(),
             stand_in: dark_noise.value().unwrap_or(0.0),
-            stand_in_is: "all of the temporal dark noise at the lowest gain",
+            stand_in_is: match dark_noise.standard_error() {
+                Some(_) => "all of the temporal dark noise at the lowest gain",
+                None => "an upper limit of the temporal dark noise at the lowest gain",
+            },
         },
         Entry {
             key: "electronics_mean_dn",
@@ -186,7 +189,8 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
             }
         }
     }
-    let _ = writeln!(text, "electronics = \"before_adc\"\n");
+    let _ =
+        writeln!(text, "electronics = \"before_adc\"   # assumed: captures do not tell it from after_adc\n");
     let ratio = |m: Measured| m.value().unwrap_or(1.0);
     let red = model.best(|f| f.red_over_green, joint.red_over_green);
     let blue = model.best(|f| f.blue_over_green, joint.blue_over_green);

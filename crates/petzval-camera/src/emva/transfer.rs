@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::fit::{Line, line, through_origin};
 use super::measured::{Measured, Unresolved};
 use super::point::Moments;
+use super::rounding::RoundingError;
 use super::saturation::saturation;
 
 /// One setting with its flat and its dark frames.
@@ -69,7 +70,7 @@ impl TransferPoint {
             dark_variance_dn2: variance(dark),
             dark_variance_se_dn2: dark.variance_se_dn2,
             total_variance_dn2: flat.total_variance_dn2(),
-            share_at_max: flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
+            share_at_max: share_at(flat, clip_dn),
         }
     }
 
@@ -91,6 +92,15 @@ impl TransferPoint {
     /// Standard error of the variance above dark, DN^2.
     pub fn shot_variance_se_dn2(&self) -> f64 {
         self.variance_se_dn2.hypot(self.dark_variance_se_dn2)
+    }
+}
+
+/// Share of the samples at the digital number where they are clipped; none of a point whose mean is so far below that they are
+/// stuck pixels and not its light.
+fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
+    match flat.reaches(clip_dn) {
+        true => flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
+        false => 0.0,
     }
 }
 
@@ -152,7 +162,7 @@ pub struct PhotonTransfer {
 }
 
 /// Share of the way to saturation that the fits of R and K take (EMVA 1288).
-const FIT_SHARE: f64 = 0.7;
+pub(super) const FIT_SHARE: f64 = 0.7;
 
 /// Analyses points in the order of growing light. `None` without points.
 pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonTransfer> {
@@ -166,7 +176,7 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         (Rules::Ours, false) => last_with_the_noise_of_light(points),
     };
     let used = &points[..range_end.map_or(0, |i| i + 1)];
-    let measured = gain(used);
+    let measured = gain_with_rounding(used);
     let gain_dn_per_e = if rules == Rules::Ours { measured.if_above_noise() } else { measured };
     let linearity = linearity(points, &signal, end_dn);
     Some(PhotonTransfer {
@@ -239,7 +249,20 @@ fn gain(used: &[TransferPoint]) -> Measured {
     }
 }
 
-/// R: slope through the origin of the signal over the photons.
+/// K with the error of rounding: that of the dark variance and of the dark mean move all points together, `sum(x) / sum(x x)`
+/// times.
+fn gain_with_rounding(used: &[TransferPoint]) -> Measured {
+    let measured = gain(used);
+    let Some(k) = measured.value() else { return measured };
+    let xx: f64 = used.iter().map(|p| p.signal_dn().powi(2)).sum();
+    let moved = |p: &TransferPoint| {
+        let rounding = RoundingError::of(p.dark_variance_dn2);
+        p.signal_dn().abs() * rounding.variance_dn2.hypot(k * rounding.mean_dn)
+    };
+    measured.with_error(used.iter().map(moved).sum::<f64>() / xx)
+}
+
+/// R: slope through the origin of the signal over the photons; rounding of the dark mean moves all points together.
 fn responsivity(used: &[TransferPoint]) -> Measured {
     let photons: Option<Vec<f64>> = used.iter().map(|p| p.photons).collect();
     match photons {
@@ -248,7 +271,11 @@ fn responsivity(used: &[TransferPoint]) -> Measured {
         Some(photons) => {
             let signal: Vec<f64> = used.iter().map(TransferPoint::signal_dn).collect();
             let error: Vec<f64> = used.iter().map(TransferPoint::signal_se_dn).collect();
-            through_origin(&photons, &signal, &vec![0.0; used.len()], &error).if_above_noise()
+            let own = through_origin(&photons, &signal, &vec![0.0; used.len()], &error);
+            let pp: f64 = photons.iter().map(|p| p * p).sum();
+            let moved = |(p, n): (&TransferPoint, &f64)| n * RoundingError::of(p.dark_variance_dn2).mean_dn;
+            let rounding = used.iter().zip(&photons).map(moved).sum::<f64>() / pp;
+            own.with_error(rounding).if_above_noise()
         }
     }
 }

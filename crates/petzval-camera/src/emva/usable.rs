@@ -8,6 +8,9 @@ use super::warning::Warning;
 /// Standard errors above which a signal is light.
 const LIGHT_SIGMAS: f64 = 5.0;
 
+/// Light that dark frames have more than flat ones of the same time, and that no drift of the black level makes, DN.
+const SWAPPED_DN: f64 = 10.0;
+
 /// An error if there are flat and dark frames, and none of the points shows light below saturation: what they give would be no
 /// sensor. Series of dark frames alone tell of the dark, and pass.
 pub fn check_usable(
@@ -17,10 +20,10 @@ pub fn check_usable(
 ) -> Result<(), CaptureError> {
     let list = || captures.list.clone();
     let channels = || gains.iter().flat_map(|g| &g.channels);
-    let dark: Vec<f64> = warnings
+    let dark: Vec<(f64, f64)> = warnings
         .iter()
         .filter_map(|w| match w {
-            Warning::NoSignal { signal_dn, standard_error_dn, .. } => Some(signal_dn / standard_error_dn),
+            Warning::NoSignal { signal_dn, standard_error_dn, .. } => Some((*signal_dn, *standard_error_dn)),
             _ => None,
         })
         .collect();
@@ -30,8 +33,13 @@ pub fn check_usable(
         return Ok(());
     }
     let lit = channels().flat_map(|c| &c.points).any(|p| p.signal_dn() > LIGHT_SIGMAS * p.signal_se_dn());
-    if !lit && with_signal == 0 && dark.iter().all(|sigmas| *sigmas < -LIGHT_SIGMAS) {
-        return Err(CaptureError::Swapped { list: list(), points });
+    let below = |least_dn: f64| {
+        let is_below = |(signal, se): &&(f64, f64)| *signal < -(LIGHT_SIGMAS * se).max(least_dn);
+        dark.iter().filter(is_below).count()
+    };
+    let swapped = if !lit && below(0.0) == points { points } else { below(SWAPPED_DN) };
+    if swapped > 0 {
+        return Err(CaptureError::Swapped { list: list(), swapped, points });
     }
     if !lit {
         return Err(CaptureError::NoLight { list: list(), points });

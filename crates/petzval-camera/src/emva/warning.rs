@@ -139,6 +139,31 @@ pub enum Warning {
         /// Standard error of its variance by rounding, DN^2.
         error_dn2: f64,
     },
+    /// Dark noise is below the least that EMVA 1288 takes a converter to tell.
+    DarkNoiseLimit {
+        /// Linear gain.
+        linear_gain: f64,
+    },
+    /// The response is far from straight within its range.
+    NotLinear {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour.
+        colour: Colour,
+        /// Deviation from the line, percent.
+        percent: f64,
+        /// Mean of the point that has it, DN.
+        mean_dn: f64,
+    },
+    /// The well that the list states is not the one that is measured.
+    FullWellDiffers {
+        /// As stated, e-.
+        stated_e: f64,
+        /// As measured, e-.
+        measured_e: f64,
+        /// Its standard error, e-.
+        standard_error_e: f64,
+    },
     /// The dark histogram has a tail of bright pixels that the model has not: DSNU, hot pixels.
     DarkTail {
         /// The point.
@@ -250,6 +275,9 @@ impl Warning {
             Self::NotMonotonic { .. } => "not-monotonic",
             Self::GainNotProportional { .. } => "gain-not-proportional",
             Self::Rounding { .. } => "rounding",
+            Self::DarkNoiseLimit { .. } => "dark-noise-limit",
+            Self::NotLinear { .. } => "not-linear",
+            Self::FullWellDiffers { .. } => "full-well-differs",
             Self::DarkTail { .. } => "dark-tail",
             Self::WiderThanNoise { .. } => "wider-than-noise",
             Self::HistogramFitStopped { .. } => "histogram-fit-stopped",
@@ -292,7 +320,7 @@ impl fmt::Display for Warning {
             Self::Moved { point, frame, difference_dn, standard_error_dn } => write!(
                 f,
                 "{point}: frame {frame} differs from the others by {difference_dn:.2} DN in a part of the picture, noise \
-                 explains {standard_error_dn:.3}; something moved"
+                 explains {standard_error_dn:.3}; something moved, and the point does not count for K and the dark series"
             ),
             Self::DarkNotLinear { linear_gain, exposure_ms, off_dn, reduced_chi2 } => write!(
                 f,
@@ -345,12 +373,28 @@ impl fmt::Display for Warning {
             Self::Rounding { linear_gain, noise_dn, error_dn2 } => write!(
                 f,
                 "at gain {linear_gain} dark noise is {noise_dn:.2} DN: rounding to whole digital numbers rules the error of its \
-                 variance, {error_dn2:.4} DN^2, which counts in read noise and electronics noise"
+                 variance, {error_dn2:.4} DN^2, which counts in the errors of K, dark current, read noise and electronics noise"
+            ),
+            Self::DarkNoiseLimit { linear_gain } => write!(
+                f,
+                "at gain {linear_gain} dark noise is below 0.49 DN, the least that EMVA 1288 takes a converter to tell: sigma_d, \
+                 u_e_min and u_p_min are upper limits, DR is a lower one"
+            ),
+            Self::NotLinear { linear_gain, colour, percent, mean_dn } => write!(
+                f,
+                "at gain {linear_gain} the {} point of {mean_dn:.0} DN is {percent:+.1} % off the straight line: are photons and \
+                 exposure times of the list right?",
+                colour.name()
+            ),
+            Self::FullWellDiffers { stated_e, measured_e, standard_error_e } => write!(
+                f,
+                "the list states a full well of {stated_e} e-, and the signal ends at {measured_e:.0} +- {standard_error_e:.0} e-; \
+                 sensor.toml holds what is stated"
             ),
             Self::DarkTail { point, share, mean_dn } => write!(
                 f,
                 "{point}: {:.3} % of the pixels are brighter than the model of the noise explains, by {mean_dn:.1} DN on \
-                 average; this is dark signal non-uniformity, which the fit leaves out",
+                 average: hot pixels or dark signal non-uniformity, which the fit leaves out",
                 100.0 * share
             ),
             Self::WiderThanNoise { fitted_dn, temporal_dn } => write!(

@@ -69,6 +69,7 @@ fn severity(warning: &Warning) -> f64 {
         Warning::HistogramFitDiffers { fitted, joint, standard_error, .. } => {
             ((fitted - joint) / standard_error).abs()
         }
+        Warning::NotLinear { percent, .. } => percent.abs(),
         _ => 0.0,
     }
 }

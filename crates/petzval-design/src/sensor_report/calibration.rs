@@ -59,10 +59,14 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
     let stated = |v: f64| Measured::exact(v);
-    // What the histograms do not tell was held, and has no error.
+    // What the histograms do not tell was held, and has no error; nor has anything of a fit that does not describe them.
     let fitted = |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| {
-        let value = of(fit?);
-        let held = if value.standard_error().is_none() { " (held)" } else { "" };
+        let (fit, value) = (fit?, of(fit?));
+        let held = match value.standard_error() {
+            Some(_) => "",
+            None if fit.is_sound() => " (held)",
+            None => " (no error)",
+        };
         Some(with_error(&value)? + held)
     };
     // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.

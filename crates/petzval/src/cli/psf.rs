@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, default_value_t = 6.634)]
     corner_mm: f64,
     /// Wavelengths of the red, green and blue channel, um
-    #[arg(long, value_name = "UM,UM,UM", value_delimiter = ',', default_values_t = [0.62, 0.55, 0.486])]
+    #[arg(long, value_name = "UM,UM,UM", value_delimiter = ',', default_value = "0.62,0.55,0.486")]
     wavelengths: Vec<f64>,
     /// Cells a side
     #[arg(long, default_value_t = 128)]

@@ -75,10 +75,16 @@ pub struct Args {
     #[arg(long, default_value_t = 6.4)]
     radius_mm: f64,
     /// Directions in which the source is moved
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Axis::Vertical, Axis::Horizontal, Axis::Diagonal])]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS,AXIS,...",
+        value_delimiter = ',',
+        default_value = "vertical,horizontal,diagonal"
+    )]
     axes: Vec<Axis>,
     /// Exposure times, ms, the shortest first
-    #[arg(long, value_delimiter = ',', default_values_t = [1.0, 4.0, 16.0])]
+    #[arg(long, value_name = "MS,MS,...", value_delimiter = ',', default_value = "1,4,16")]
     exposures_ms: Vec<f64>,
     /// Frames of each exposure time
     #[arg(long, default_value_t = 20)]

@@ -245,7 +245,8 @@ fn table(found: &Characterization, values: Values) -> String {
         lines.reasons("  ");
         let _ = writeln!(
             lines.text,
-            "  mean reduced chi^2 {:.3}, before {:.3}; mean total variation {:.4}, before {:.4}",
+            "  mean reduced chi^2 of the cores {:.3}; of whole histograms {:.3}, before {:.3}; mean total variation {:.4}, before {:.4}",
+            after(|h| h.core_reduced_chi2),
             after(|h| h.after.reduced_chi2),
             after(|h| h.before.reduced_chi2),
             after(|h| h.after.total_variation),

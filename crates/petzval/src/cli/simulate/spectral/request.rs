@@ -40,7 +40,7 @@ impl Request {
         let Some((lens, plan)) = camera.traced.take() else {
             return Err(Failure::input(
                 "--psfs: measured PSFs are those of three colours and of an unknown f-number",
-                "name a lens with --lens, or leave out the spectral scene and the options over the spectrum",
+                "leave out --psfs and name a lens with --lens, or leave out the spectral scene and the options over the spectrum",
             ));
         };
         has_curves(&camera.sensor, &assets)?;
