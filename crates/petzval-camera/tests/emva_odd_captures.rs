@@ -95,7 +95,7 @@ fn a_series_that_falls_is_not_monotonic() {
 fn points_without_signal_and_without_evenness_are_named() {
     let folder = series(&mono(), &one_gain());
     for i in 0..2 {
-        edit(folder.path(), &format!("flat-2.5ms-{i}.png"), &|_, _, dn| 100 + dn % 7);
+        edit(folder.path(), &format!("flat-2.5ms-{i}.png"), &|_, _, dn| 116 + dn % 4);
         edit(folder.path(), &format!("flat-5ms-{i}.png"), &|x, _, dn| dn + 4 * x as u16);
     }
     let found = measured(folder.path()).unwrap();

@@ -109,7 +109,7 @@ impl Moments {
     /// Whether the samples come near a digital number: the mean lies within eight standard deviations below it. Samples further
     /// off are those of stuck pixels.
     pub fn reaches(&self, dn: u32) -> bool {
-        self.mean_dn > f64::from(dn) - 8.0 * self.total_variance_dn2().sqrt()
+        self.mean_dn >= f64::from(dn) - 8.0 * self.total_variance_dn2().sqrt()
     }
 }
 
