@@ -63,7 +63,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1500.0)]
     distance_mm: f64,
     /// Diameter of the pinhole, um; its image may be a pixel wide
-    #[arg(long, default_value_t = 75.0)]
+    #[arg(long, default_value_t = 75.0, allow_negative_numbers = true)]
     pinhole_um: f64,
     /// Where the lens is focused
     #[arg(long, value_enum, default_value = "source")]
@@ -246,7 +246,7 @@ fn places<'a>(
             axes.push(*axis);
         }
     });
-    for axis in axes {
+    for axis in &axes {
         let (name, azimuth_rad) = match axis {
             Axis::Vertical => ("vertical", std::f64::consts::FRAC_PI_2),
             Axis::Horizontal => ("horizontal", 0.0),
@@ -261,6 +261,12 @@ fn places<'a>(
                 places.push(place);
             }
         }
+    }
+    // The field on the axis is one place for all axes.
+    let on_axis = psfs.iter().filter(|(radius, _)| *radius == 0.0).count();
+    let asked = axes.len() * (psfs.len() - on_axis) + on_axis.min(1);
+    if (1..asked).contains(&places.len()) {
+        eprintln!("{} of {asked} fields lie beyond the sensor and are left out", asked - places.len());
     }
     if places.is_empty() {
         return Err(Failure::input(

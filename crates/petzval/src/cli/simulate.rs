@@ -76,16 +76,16 @@ pub struct Args {
     /// Photoelectrons that white gives in a green pixel on the axis. By default 70 % of those with which white saturates the
     /// first colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the light says how many, unless
     /// they are given: then the illuminance follows from them
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", allow_negative_numbers = true)]
     white_e: Option<f32>,
     /// Read only the middle HEIGHTxWIDTH pixels of the sensor, such as 480x640. They see what they see in a whole frame
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Exposure time, s
-    #[arg(long, default_value_t = 0.005, value_name = "S")]
+    #[arg(long, default_value_t = 0.005, value_name = "S", allow_negative_numbers = true)]
     time_s: f32,
     /// Linear analogue gain
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     gain: f32,
     /// Leave out all noise
     #[arg(long)]

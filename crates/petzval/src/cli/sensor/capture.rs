@@ -60,7 +60,7 @@ pub struct Args {
     size: Option<String>,
     /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 saturates [default: 0.6; with
     /// --emva 1.2, and more where a weaker colour is to saturate too]
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     level: Option<f64>,
     /// Quantum efficiency (0..1) of green or clear pixels, by which electrons are told as photons
     #[arg(long, value_name = "QE")]
