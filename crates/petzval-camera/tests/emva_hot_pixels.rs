@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{imx249, within};
+use common::{small_mono, within};
 use petzval_camera::SensorModel;
 use petzval_camera::emva::point::Counts;
 use petzval_camera::emva::{
@@ -11,18 +11,9 @@ use petzval_camera::emva::{
 use petzval_camera::sensor::NonUniformity;
 
 fn hot() -> SensorModel {
-    SensorModel {
-        cfa: "mono".parse().unwrap(),
-        clear_response: [1.0 / 3.0; 3],
-        gain_dn_per_e: 0.38,
-        black_level_dn: 64.0,
-        full_well_e: 10_500.0,
-        dark_current_e_per_s: 5.0,
-        read_noise_mean_e: 0.0,
-        read_noise_e: 2.3,
-        electronics_mean_dn: 0.0,
-        electronics_noise_dn: 0.3,
-        nonuniformity: NonUniformity {
+    small_mono(
+        10_500.0,
+        NonUniformity {
             specimen: 3,
             dsnu_pixel_e: 2.0,
             dsnu_row_e: 0.4,
@@ -31,8 +22,7 @@ fn hot() -> SensorModel {
             hot_pixel_e_per_s: 2000.0,
             ..NonUniformity::default()
         },
-        ..imx249()
-    }
+    )
 }
 
 fn plan() -> Plan {

@@ -2,33 +2,16 @@
 
 mod common;
 
-use common::{imx249, within};
+use common::{small_mono, within};
 use petzval_camera::SensorModel;
 use petzval_camera::emva::{Captures, Characterization, Plan, Unresolved, characterize, write_series};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Colour, NonUniformity};
 
-/// The end of the converter is at (4095 - 64) / 0.38 = 10,608 electrons.
 fn sensor(full_well_e: f64, prnu_pixel_percent: f64) -> SensorModel {
-    SensorModel {
-        cfa: "mono".parse().unwrap(),
-        clear_response: [1.0 / 3.0; 3],
-        full_well_e,
-        black_level_dn: 64.0,
-        gain_dn_per_e: 0.38,
-        dark_current_e_per_s: 5.0,
-        read_noise_mean_e: 0.0,
-        read_noise_e: 2.3,
-        electronics_mean_dn: 0.0,
-        electronics_noise_dn: 0.3,
-        nonuniformity: NonUniformity {
-            specimen: 3,
-            dsnu_pixel_e: 2.0,
-            prnu_pixel_percent,
-            ..NonUniformity::default()
-        },
-        ..imx249()
-    }
+    let nonuniformity =
+        NonUniformity { specimen: 3, dsnu_pixel_e: 2.0, prnu_pixel_percent, ..NonUniformity::default() };
+    small_mono(full_well_e, nonuniformity)
 }
 
 /// `points` exposures up to 20 ms, the brightest at `level` of saturation.

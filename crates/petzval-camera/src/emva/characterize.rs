@@ -19,7 +19,7 @@ use super::samples::{Samples, clip_dn};
 use super::spatial::{Spatial, spatial};
 use super::transfer::{CLIPPED_SHARE, PhotonTransfer, Rules, TransferPoint, photon_transfer};
 use super::usable::check_usable;
-use super::warning::{Warning, clipped_at_zero, of_point};
+use super::warning::{Warning, clipped_at_zero, median, of_point};
 use crate::sensor::Colour;
 
 /// How a series is evaluated.
@@ -561,13 +561,11 @@ fn not_proportional(joint: &JointFit) -> Vec<Warning> {
             Some((r.linear_gain, at_unit.value()?, at_unit.standard_error()?))
         })
         .collect();
-    let mut values: Vec<f64> = all.iter().map(|(_, k, _)| *k).collect();
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
+    let n = all.len();
     if n < 2 {
         return Vec::new();
     }
-    let median = 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+    let median = median(all.iter().map(|(_, k, _)| *k).collect());
     // Of a normal distribution the median is pi/2 times as uncertain as the mean, in variance.
     let mean_square = all.iter().map(|(.., se)| se * se).sum::<f64>() / n as f64;
     let median_se = (0.5 * std::f64::consts::PI * mean_square / n as f64).sqrt();

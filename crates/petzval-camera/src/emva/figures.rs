@@ -277,7 +277,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
         sigma_y_dark,
         mean_slope.over(k),
         mean_slope,
-        variance_slope.over(k.map(|v| v * v, |v| 2.0 * v)),
+        variance_slope.over(k.squared()),
         variance_slope.over(k),
         u_e_min,
         per_area(u_e_min),

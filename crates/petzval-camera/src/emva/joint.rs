@@ -195,7 +195,7 @@ fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDar
         hot_excess: hot.hot_excess_dn_per_s.over(*k),
         hot_variance: match hot.hot_share.reason() {
             Some(why) => Measured::none(why),
-            None => Measured::exact(hot.hot_variance_dn2_per_s2).over(k.map(|v| v * v, |v| 2.0 * v)),
+            None => Measured::exact(hot.hot_variance_dn2_per_s2).over(k.squared()),
         },
     }
 }

@@ -575,7 +575,8 @@ pub fn clipped_at_zero(moments: &Moments) -> bool {
     moments.share_at_zero > CLIPPED_SHARE && moments.mean_dn < 8.0 * moments.total_variance_dn2().sqrt()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// Median, of an even number the mean of the two in the middle; 0 of nothing.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }

@@ -42,8 +42,8 @@ pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Re
     Ok(out.into_inner())
 }
 
-/// The bytes of a NumPy array `<f4` of this shape, the last axis fastest.
-pub(crate) fn npy_bytes(shape: &[u64], data: &[f32]) -> std::io::Result<Vec<u8>> {
+/// The bytes of a NumPy array of this shape, the last axis fastest; of `f32` it is `<f4`, of `f64` `<f8`.
+pub fn npy_bytes<T: npyz::AutoSerialize + Copy>(shape: &[u64], data: &[T]) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd()?;
     writer.extend(data.iter().copied())?;

@@ -10,8 +10,7 @@ mod srgb;
 
 pub(crate) use file::undecoded;
 pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_png16};
-pub(crate) use float_file::npy_bytes;
-pub use float_file::{exr_bytes, save_exr, save_npy};
+pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
 pub use srgb::{srgb_decode, srgb_encode};
 
 /// Colour planes of a camera image, in the order red, green, blue.

@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use npyz::WriterBuilder;
 use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
 
 use super::PsfCalibrationError;
-use crate::image::CHANNELS;
+use crate::image::{CHANNELS, npy_bytes};
 use crate::psf::{PsfBank, PsfError, PsfLayout};
 use crate::whole_file::write_whole;
 
@@ -43,14 +42,8 @@ pub fn save_psfs(bank: &PsfBank, source: &str, folder: &Path) -> Result<PathBuf,
     bank.validate()?;
     let values = folder.join("psfs.npy");
     let shape = [bank.field_radius_mm.len() as u64, CHANNELS as u64, bank.grid as u64, bank.grid as u64];
-    let mut npy = Vec::new();
-    npyz::WriteOptions::new()
-        .default_dtype()
-        .shape(&shape)
-        .writer(&mut npy)
-        .begin_nd()
-        .and_then(|mut writer| writer.extend(bank.values.iter().copied()).and_then(|()| writer.finish()))
-        .and_then(|()| write_whole(&values, &npy))
+    npy_bytes(&shape, &bank.values)
+        .and_then(|npy| write_whole(&values, &npy))
         .map_err(PsfCalibrationError::io(&values))?;
     let axes = PsfAxes {
         source: source.to_owned(),

@@ -145,7 +145,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
             "variance of the read noise",
             "e⁻²",
             measured(&joint.read_variance_e2),
-            fitted(|f| f.read_noise_e.map(|v| v * v, |v| 2.0 * v)),
+            fitted(|f| f.read_noise_e.squared()),
             ["", "σ: 16", "16"],
         ),
         (

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
 use petzval::camera::image::CHANNELS;
+use petzval::camera::image::npy_bytes;
 use petzval::camera::psf::PsfBank;
 use petzval::camera::psf_calibration::compare::{Comparison, compare};
 use petzval::camera::psf_calibration::estimate::{Place, estimate_bank};
@@ -310,7 +311,6 @@ fn write_all(
     bank: &PsfBank,
     figures: &serde_json::Value,
 ) -> Result<(), Failure> {
-    use npyz::WriterBuilder;
     Failure::folder(out)?;
     let wrong = |e| failure(e, out);
     let text = serde_json::to_string_pretty(figures).map_err(|e| Failure::job(e.to_string()))?;
@@ -320,14 +320,8 @@ fn write_all(
     };
     let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
     let psfs = calibration.positions.iter().flat_map(|(p, _)| p.measured.psf.values.iter().flatten());
-    let mut npy = Vec::new();
-    npyz::WriteOptions::new()
-        .default_dtype()
-        .shape(&shape)
-        .writer(&mut npy)
-        .begin_nd()
-        .and_then(|mut writer| writer.extend(psfs.copied()).and_then(|()| writer.finish()))
-        .map_err(|e| Failure::job(format!("measured.npy: {e}")))?;
+    let psfs: Vec<f64> = psfs.copied().collect();
+    let npy = npy_bytes(&shape, &psfs).map_err(|e| Failure::job(format!("measured.npy: {e}")))?;
     write("measured.npy", &npy)?;
     write("psf-calibration.png", &sheet_png(calibration))?;
     write("psf-calibration.html", page(calibration).as_bytes())?;
