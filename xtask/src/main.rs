@@ -1,7 +1,5 @@
-//! Chores of the workspace: `cargo xtask layers` checks that the crates keep the order of the light path, `cargo xtask
-//! glasses FOLDER` makes the built-in glass catalogues from the database of refractiveindex.info.
+//! Chores of the workspace: `cargo xtask layers` checks that the crates keep the order of the light path.
 
-mod glasses;
 mod layers;
 
 use std::process::ExitCode;
@@ -19,21 +17,8 @@ fn main() -> ExitCode {
                 ExitCode::FAILURE
             }
         },
-        Some("glasses") if std::env::args().count() == 3 => {
-            let database = std::env::args().nth(2).unwrap_or_default();
-            match glasses::refresh(database.as_ref()) {
-                Ok(report) => {
-                    println!("{report}");
-                    ExitCode::SUCCESS
-                }
-                Err(problem) => {
-                    eprintln!("glasses: {problem}");
-                    ExitCode::FAILURE
-                }
-            }
-        }
         _ => {
-            eprintln!("usage: cargo xtask layers | cargo xtask glasses FOLDER");
+            eprintln!("usage: cargo xtask layers");
             ExitCode::from(2)
         }
     }

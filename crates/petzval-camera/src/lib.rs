@@ -42,7 +42,7 @@
 //! light.data.iter_mut().zip(&dimming.data).for_each(|(l, d)| *l *= d);
 //!
 //! // Expose, develop, undo the dimming.
-//! let sensor = SensorModel::from_toml(include_str!("../../../data/sensors/imx249-fitted.toml"))?;
+//! let sensor = petzval_files::parse_sensor(include_str!("../../../data/sensors/imx249-fitted.toml"))?;
 //! let exposure = Exposure { white_e: 20_000.0, time_s: 0.01, linear_gain: 1.0 };
 //! let capture = Capture { exposure, placement, frame: 0 };
 //! let raw = expose(&light, &sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: 1 })?;
@@ -56,25 +56,18 @@
 //! does not know how a PSF was made. Derivatives are hand-written adjoints; only [`tape`] knows the tensor framework.
 
 pub mod develop;
-pub mod emva;
 pub mod image;
 pub mod psf;
-pub mod psf_calibration;
 pub mod quality;
-pub mod raw_file;
 pub mod render;
 pub mod sensor;
 pub mod spectral;
 pub mod tape;
-mod whole_file;
 
 pub use develop::{correct_shading, dark_mean_dn, develop, develop_adjoint, develop_stops_adjoint};
-pub use image::{
-    CHANNELS, ImageError, LinearImage, load_image, load_image_bytes, save_png, srgb_decode, srgb_encode,
-};
+pub use image::{CHANNELS, LinearImage, srgb_decode, srgb_encode};
 pub use psf::{PsfBank, PsfError, PsfLayout};
 pub use quality::{psnr, ssim_gaussian_wang};
-pub use raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw};
 pub use render::{
     Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, render, render_adjoint,
 };
@@ -82,4 +75,3 @@ pub use sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, Raw, SensorError, SensorModel, Slopes, expose,
     expose_pixel, expose_with_tape, score_function_gradient,
 };
-pub use whole_file::write_whole;

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use petzval_camera::{load_image, psnr, ssim_gaussian_wang};
+use petzval_camera::{psnr, ssim_gaussian_wang};
+use petzval_files::load_image;
 use serde_json::Value;
 
 fn fixture(name: &str) -> PathBuf {

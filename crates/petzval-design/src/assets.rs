@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use petzval_base::FileError;
 use petzval_camera::sensor::SensorModel;
-use petzval_optics::format::{FileError, Import, LensFile, Loss, decode, parse_lens, parse_seq, parse_zmx};
+use petzval_files::{Import, LensFile, Loss, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
@@ -134,7 +135,8 @@ impl Assets {
         // The last that comes counts.
         for name in names.into_iter().rev() {
             let source = self.text("glass catalogue", "glasses", name)?;
-            let part = Catalog::parse(&source.text).map_err(DesignError::input(&source.path))?;
+            let part =
+                petzval_files::parse_catalog(&source.text).map_err(DesignError::input(&source.path))?;
             catalog.merge(part);
         }
         catalog.merge(self.chosen.clone());
@@ -178,7 +180,7 @@ impl Assets {
     /// A sensor by path or built-in name.
     pub fn sensor(&self, name: &str) -> Result<SensorModel, DesignError> {
         let source = self.text("sensor", "sensors", name)?;
-        SensorModel::from_toml(&source.text).map_err(DesignError::input(&source.path))
+        petzval_files::parse_sensor(&source.text).map_err(DesignError::input(&source.path))
     }
 
     /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are

@@ -11,11 +11,11 @@ use std::time::Instant;
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::Noise;
+use petzval_files::{LensFile, write_lens};
 use petzval_learn::dataset::training_crop;
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::UNetConfig;
 use petzval_learn::task::{ImageQualityTask, Task};
-use petzval_optics::format::{LensFile, write_lens};
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::FileError;
 use petzval_camera::sensor::SensorError;
-use petzval_optics::format::FileError;
 
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -102,10 +102,10 @@ pub enum DesignError {
     Sensor(#[from] SensorError),
     /// A picture could not be read or written.
     #[error(transparent)]
-    Image(#[from] petzval_camera::image::ImageError),
+    Image(#[from] petzval_files::ImageError),
     /// A spectral image could not be read or written.
     #[error(transparent)]
-    SpectralFile(#[from] petzval_camera::spectral::file::SpectralFileError),
+    SpectralFile(#[from] petzval_files::spectral_file::SpectralFileError),
     /// There is no such light.
     #[error(transparent)]
     Illuminant(#[from] petzval_camera::spectral::IlluminantError),

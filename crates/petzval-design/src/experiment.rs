@@ -1,9 +1,9 @@
 //! An experiment: everything that a run depends on, as one TOML file.
 
+use petzval_base::FileError;
 use petzval_camera::sensor::{Exposure, NoiseMode};
 use petzval_learn::loss::ImageLoss;
 use petzval_optics::constraint::Clearances;
-use petzval_optics::format::FileError;
 use petzval_optics::psf::PsfKind;
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,8 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use petzval_optics::format::{FileError, decode, parse_agf, parse_rii};
+use petzval_base::FileError;
+use petzval_files::{decode, parse_agf, parse_rii};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
@@ -116,7 +117,7 @@ fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), DesignError>
     let file = match ending(path).as_str() {
         "agf" => parse_agf(&text, &stem(path)),
         "toml" => {
-            let catalog = Catalog::parse(&text).map_err(DesignError::input(path))?;
+            let catalog = petzval_files::parse_catalog(&text).map_err(DesignError::input(path))?;
             chosen.catalog.merge(catalog);
             return Ok(());
         }

@@ -1,7 +1,7 @@
 //! What a run was made from. Its folder keeps lens and sensor, so that it stands on its own; of photographs it keeps a
 //! fingerprint, because a run that went on with other pictures would be worth nothing.
 
-use petzval_optics::format::write_lens;
+use petzval_files::write_lens;
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;

@@ -1,6 +1,7 @@
 //! Held-out pictures of a run, kept as PNG files for the report.
 
-use petzval_camera::image::{LinearImage, png_bytes, srgb_decode};
+use petzval_camera::image::{LinearImage, srgb_decode};
+use petzval_files::png_bytes;
 
 use crate::error::DesignError;
 use crate::run::{RunFolder, write_atomically};

@@ -9,9 +9,9 @@
 //! the PSF is the illumination over `cos^3(theta)`.
 
 use petzval_camera::image::CHANNELS;
-use petzval_camera::psf_calibration::FinePsf;
-use petzval_camera::psf_calibration::led::{channel_weights, led_wavelengths_um};
 use petzval_camera::sensor::SensorModel;
+use petzval_lab::psf_calibration::FinePsf;
+use petzval_lab::psf_calibration::led::{channel_weights, led_wavelengths_um};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::psf::{PsfOptions, psf};

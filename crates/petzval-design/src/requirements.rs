@@ -1,7 +1,7 @@
 //! What every lens of an experiment must keep, beside the bounds of its variables.
 
+use petzval_files::LensFile;
 use petzval_optics::constraint::{Clearances, chief_height_penalty, clearance_penalty, radius_penalty};
-use petzval_optics::format::LensFile;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::chief_ray;

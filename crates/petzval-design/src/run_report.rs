@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use petzval_files::lens_toml::parameter_name;
+use petzval_files::{LensFile, parse_lens};
 use petzval_optics::design_space::Parameter;
-use petzval_optics::format::lens_toml::parameter_name;
-use petzval_optics::format::{LensFile, parse_lens};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 

@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use burn::prelude::Device;
-use petzval_camera::image::load_image_bytes;
+use petzval_base::FileError;
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{RenderGeometry, kernel_radius};
 use petzval_camera::sensor::SensorModel;
+use petzval_files::LensFile;
+use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_optics::design_space::{DesignSpace, Focus};
-use petzval_optics::format::{FileError, LensFile};
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
 use serde::Deserialize;

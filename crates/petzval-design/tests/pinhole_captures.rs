@@ -5,18 +5,18 @@ use std::path::Path;
 
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::psf::PsfBank;
-use petzval_camera::psf_calibration::capture::{WindowLight, take_frame};
-use petzval_camera::psf_calibration::compare::{Comparison, compare};
-use petzval_camera::psf_calibration::estimate::{Place, estimate_bank};
-use petzval_camera::psf_calibration::manifest::{MANIFEST_FILE, Manifest};
-use petzval_camera::psf_calibration::measure::{extract_ideal, l1};
-use petzval_camera::psf_calibration::register::explain;
-use petzval_camera::psf_calibration::{CROP, CalibratedPosition, FinePsf, Spot, calibrate_position};
-use petzval_camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval_camera::render::{Placement, RenderGeometry, kernel_radius, render};
 use petzval_camera::sensor::{Noise, NoiseMode, SensorModel};
 use petzval_design::assets::Assets;
 use petzval_design::pinhole::{PinholeView, Refocus};
+use petzval_files::raw_file::{RawFormat, RawFrame, save_raw_alone};
+use petzval_lab::psf_calibration::capture::{WindowLight, take_frame};
+use petzval_lab::psf_calibration::compare::{Comparison, compare};
+use petzval_lab::psf_calibration::estimate::{Place, estimate_bank};
+use petzval_lab::psf_calibration::manifest::{MANIFEST_FILE, Manifest};
+use petzval_lab::psf_calibration::measure::{extract_ideal, l1};
+use petzval_lab::psf_calibration::register::explain;
+use petzval_lab::psf_calibration::{CROP, CalibratedPosition, FinePsf, Spot, calibrate_position};
 
 const SIDE: usize = 64;
 const TIME_S: f64 = 0.016;

@@ -9,7 +9,8 @@
 
 use std::{collections::HashMap, error::Error, fs, process::ExitCode};
 
-use petzval_camera::image::{load_image, srgb_encode};
+use petzval_camera::image::srgb_encode;
+use petzval_files::load_image;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;

@@ -1,5 +1,6 @@
 //! Analyses against formulas, against each other and against Huygens's wavelets.
 
+mod built_in;
 mod common;
 
 use std::f64::consts::{PI, TAU};
@@ -460,7 +461,7 @@ fn a_fold_mirror_turns_the_picture() {
 #[test]
 fn every_lens_is_analysed_whole() {
     let mut all = special_lenses();
-    all.extend(common::all_lenses().into_iter().map(|file| file.lens));
+    all.extend(built_in::all_lenses().into_iter().map(|file| file.lens));
     for lens in all {
         let coarse = AnalysisOptions { field_points: 3, focus_points: 3, pupil_cells: 32, ..options() };
         let found = analyze(&lens, &coarse).unwrap_or_else(|e| panic!("{}: {e}", lens.name));

@@ -1,8 +1,10 @@
 //! The vector kernels against the readable reference, ray by ray.
 
+mod built_in;
 mod common;
 
-use common::{all_lenses, special_lenses};
+use built_in::all_lenses;
+use common::special_lenses;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::trace::{

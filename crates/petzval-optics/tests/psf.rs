@@ -1,8 +1,10 @@
 //! PSFs from pupil polynomials against PSFs from a traced ray for every pupil cell.
 
+mod built_in;
 mod common;
 
-use common::{all_lenses, nominal_triplet, special_lenses};
+use built_in::all_lenses;
+use common::{nominal_triplet, special_lenses};
 use petzval_optics::lens::{Lens, Placement};
 use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions, psf, psf_traced};
 use petzval_optics::pupil::Quadrature;

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{nominal_triplet, special_lenses};
-use petzval_optics::format::{parse_tolerances, write_tolerances};
+use petzval_files::{parse_tolerances, write_tolerances};
 use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::PsfKind;

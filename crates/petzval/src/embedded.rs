@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use include_dir::{Dir, include_dir};
 use petzval_design::assets::Assets;
-use petzval_optics::format::Loss;
+use petzval_files::Loss;
 use petzval_optics::glass::Catalog;
 
 static DATA: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../../data");

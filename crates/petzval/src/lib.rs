@@ -4,8 +4,11 @@
 //! command. [`optics`] traces the lens, [`camera`] renders, exposes and develops the picture, [`learn`]
 //! holds networks and losses, [`design`] moves everything together.
 
+pub use petzval_base as base;
 pub use petzval_camera as camera;
 pub use petzval_design as design;
+pub use petzval_files as files;
+pub use petzval_lab as lab;
 pub use petzval_learn as learn;
 pub use petzval_optics as optics;
 

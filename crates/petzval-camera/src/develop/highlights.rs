@@ -78,7 +78,7 @@ mod tests {
             cfa: tile.parse().unwrap(),
             full_well_e,
             clear_response,
-            ..SensorModel::from_toml(text).unwrap()
+            ..toml::from_str::<SensorModel>(text).unwrap()
         }
     }
 

@@ -2,7 +2,7 @@ use super::*;
 use crate::sensor::{Noise, NoiseMode, expose};
 
 fn sensor() -> SensorModel {
-    SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
+    toml::from_str::<SensorModel>(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap()
 }
 
 fn capture(row: usize, col: usize) -> Capture {

@@ -3,14 +3,9 @@
 //! Every stage before the display works on [`LinearImage`]; only files and image-quality scores see sRGB-encoded values
 //! ([`srgb_encode`], [`srgb_decode`]).
 
-mod file;
-mod float_file;
 mod place;
 mod srgb;
 
-pub(crate) use file::undecoded;
-pub use file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_png16};
-pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
 pub use srgb::{srgb_decode, srgb_encode};
 
 /// Colour planes of a camera image, in the order red, green, blue.

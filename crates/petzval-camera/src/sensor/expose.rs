@@ -2,18 +2,18 @@
 //!
 //! The physics is that of [`expose_pixel`](super::expose_pixel); here whole rows go through each of its steps, so that
 //! they compile to vector code of the widest instruction set of the machine, or of the one that
-//! [`PETZVAL_SIMD`](petzval_optics::simd) asks for; the bits are the same with all of them.
+//! [`PETZVAL_SIMD`](petzval_base::simd) asks for; the bits are the same with all of them.
 
-use petzval_optics::simd::dispatch;
+use petzval_base::simd::dispatch;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::noise::{FrameStreams, ShotScratch};
 use super::nonuniformity::{Pattern, PatternRow, PatternScratch, PixelPattern, Shared};
 use super::pixel::{Chain, Charge, light};
-use super::random::place;
 use super::{Capture, Noise, Raw, SensorError, SensorModel};
 use crate::image::{CHANNELS, LinearImage};
+use petzval_base::random::place;
 
 /// Derivatives of a frame, one number per pixel and array, row by row.
 #[derive(Debug, Clone, PartialEq)]

@@ -23,7 +23,6 @@ mod noise;
 mod nonuniformity;
 mod pixel;
 mod quantum_efficiency;
-mod random;
 mod saturation;
 mod score_function;
 

@@ -1,6 +1,5 @@
-//! A sensor as its data sheet describes it, and the TOML file that holds it.
+//! A sensor as its data sheet describes it.
 
-use petzval_optics::format::FileError;
 use serde::{Deserialize, Serialize};
 
 use super::SensorError;
@@ -75,18 +74,6 @@ fn even_response() -> [f64; CHANNELS] {
     [1.0 / 3.0; CHANNELS]
 }
 
-/// Says of a key that stands where it is not known that it is one of `[nonuniformity]`.
-fn in_its_table(error: FileError) -> FileError {
-    let known = toml::Table::try_from(NonUniformity::default()).unwrap_or_default();
-    match known.contains_key(&error.key) && error.message.starts_with("no such key") {
-        true => {
-            let hint = format!("`{}` belongs below a line `[nonuniformity]`", error.key);
-            error.hint(hint)
-        }
-        false => error,
-    }
-}
-
 /// A number of a sensor outside its physical range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{key} is {value}, outside {low}..{high}")]
@@ -104,16 +91,6 @@ pub struct OutOfRange {
 }
 
 impl SensorModel {
-    /// Reads and checks a sensor file.
-    pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        let sensor: Self = toml::from_str(text).map_err(|e| in_its_table(FileError::from_toml(text, &e)))?;
-        sensor.validate().map_err(|wrong| {
-            let path: Vec<&str> = wrong.key.split('.').collect();
-            FileError::at_key(text, &path, wrong.to_string()).hint(format!("give {}", wrong.meaning))
-        })?;
-        Ok(sensor)
-    }
-
     /// Largest digital number, `2^bits - 1`.
     pub fn max_dn(&self) -> f64 {
         (2.0f64).powi(self.bits as i32) - 1.0
@@ -208,106 +185,5 @@ impl SensorModel {
         }
         self.nonuniformity.validate()?;
         self.quantum_efficiency.as_ref().map_or(Ok(()), QuantumEfficiency::validate)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const FITTED: &str = include_str!("../../../../data/sensors/imx249-fitted.toml");
-    const CALIBRATED: &str = include_str!("../../../../data/sensors/imx249-calibrated.toml");
-
-    #[test]
-    fn the_shipped_sensors_read() {
-        let fitted = SensorModel::from_toml(FITTED).unwrap();
-        assert_eq!((fitted.gain_dn_per_e, fitted.max_dn(), fitted.read_noise_e), (0.14, 4095.0, 4.0));
-        let calibrated = SensorModel::from_toml(CALIBRATED).unwrap();
-        assert_eq!(calibrated.gain_dn_per_e, 0.122);
-        assert_eq!(
-            SensorModel {
-                gain_dn_per_e: 0.14,
-                name: fitted.name.clone(),
-                source: fitted.source.clone(),
-                ..calibrated
-            },
-            fitted
-        );
-    }
-
-    #[test]
-    fn a_sensor_survives_a_round_trip() {
-        let sensor = SensorModel::from_toml(FITTED).unwrap();
-        assert_eq!(SensorModel::from_toml(&toml::to_string(&sensor).unwrap()).unwrap(), sensor);
-    }
-
-    #[test]
-    fn errors_carry_line_key_value_and_hint() {
-        let error = |from: &str, to: &str| SensorModel::from_toml(&FITTED.replace(from, to)).unwrap_err();
-        let line = |key: &str| FITTED.lines().position(|l| l.starts_with(key)).map(|i| i as u32 + 1);
-
-        let range = error("bits = 12", "bits = 40");
-        assert_eq!((range.line, range.key.as_str()), (line("bits"), "bits"));
-        assert!(range.value.contains("40") && range.hint.is_some());
-
-        let unknown = error("bits = 12", "bitts = 12");
-        assert_eq!((unknown.line, unknown.key.as_str()), (line("bits"), "bitts"));
-        assert!(unknown.to_string().contains("`bits`"), "{unknown}");
-
-        let missing = error("bits = 12", "");
-        assert_eq!(missing.key, "bits");
-
-        let kind = error("bits = 12", "bits = \"twelve\"");
-        assert_eq!((kind.line, kind.key.as_str()), (line("bits"), "bits"));
-        assert!(kind.to_string().contains("twelve"), "{kind}");
-
-        let syntax = error("bits = 12", "bits = = 12");
-        assert_eq!(syntax.line, line("bits"));
-        assert!(error("0.14", "nan").to_string().contains("gain_dn_per_e"));
-        assert!(error("RGGB", "RGX").to_string().contains("RGGB"));
-    }
-
-    #[test]
-    fn errors_of_non_uniformity_gains_and_clear_pixels_carry_their_line() {
-        let uneven = format!(
-            "{FITTED}clear_response = [0.3, 0.4, 0.3]\ngain_steps = [1.0, 2.0]\n[nonuniformity]\nspecimen = 3\n\
-             dsnu_pixel_e = 2.0\nhot_pixel_share = 0.01\n"
-        );
-        let sensor = SensorModel::from_toml(&uneven).unwrap();
-        assert_eq!((sensor.gain_steps.len(), sensor.nonuniformity.specimen), (2, 3));
-        assert_eq!(SensorModel::from_toml(&toml::to_string(&sensor).unwrap()).unwrap(), sensor);
-        for (from, to, key) in [
-            ("dsnu_pixel_e = 2.0", "dsnu_pixel_e = -2.0", "dsnu_pixel_e"),
-            ("hot_pixel_share = 0.01", "hot_pixel_share = 1.5", "hot_pixel_share"),
-            ("hot_pixel_share = 0.01", "prnu_row_percent = nan", "prnu_row_percent"),
-            ("[1.0, 2.0]", "[1.0, 0.0]", "gain_steps"),
-            ("[0.3, 0.4, 0.3]", "[0.3, -0.4, 0.3]", "clear_response"),
-            ("[0.3, 0.4, 0.3]", "[0.0, 0.0, 0.0]", "clear_response"),
-            ("dsnu_pixel_e = 2.0", "dsnu_pixels_e = 2.0", "dsnu_pixels_e"),
-            ("hot_pixel_share = 0.01", "prnu_pixel = 1.0", "prnu_pixel"),
-            ("gain_steps = ", "prnu_pixel_percent = 1.0\ngain_steps = ", "prnu_pixel_percent"),
-        ] {
-            let text = uneven.replace(from, to);
-            let error = SensorModel::from_toml(&text).unwrap_err();
-            let line = text.lines().position(|l| l.starts_with(key)).map(|i| i as u32 + 1);
-            assert_eq!((error.line, error.key.as_str()), (line, key), "{error}");
-            let says = match key {
-                "prnu_pixel" => "did you mean `prnu_pixel_percent`?",
-                "prnu_pixel_percent" => "belongs below a line `[nonuniformity]`",
-                _ => continue,
-            };
-            assert_eq!(error.hint.as_deref().map(|hint| hint.contains(says)), Some(true), "{error}");
-        }
-    }
-
-    proptest::proptest! {
-        #[test]
-        fn no_text_makes_the_reader_panic(line in 0usize..24, text in "\\PC{0,40}", newline in proptest::bool::ANY) {
-            let mut lines: Vec<&str> = FITTED.lines().collect();
-            let at = line.min(lines.len() - 1);
-            if newline { lines.insert(at, &text) } else { lines[at] = &text }
-            let _ = SensorModel::from_toml(&lines.join("\n"));
-            let _ = SensorModel::from_toml(&text);
-        }
     }
 }

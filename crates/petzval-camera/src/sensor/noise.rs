@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Capture;
-use super::random::{PoissonScratch, Stage, Stream, poisson, poisson_row};
+use petzval_base::random::{PoissonScratch, Stage, Stream, poisson, poisson_row};
 
 /// How shot noise is drawn, and what derivative by the rate `lambda` (mean electrons) a draw has.
 ///

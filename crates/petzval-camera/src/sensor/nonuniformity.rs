@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::noise::FrameStreams;
-use super::random::{Stage, Stream, place};
 use super::{OutOfRange, SensorModel};
 use crate::render::Placement;
+use petzval_base::random::{Stage, Stream, place};
 
 /// Non-uniformity of a sensor. All zero by default.
 ///

@@ -3,9 +3,9 @@
 
 use super::noise::FrameStreams;
 use super::nonuniformity::{Pattern, PixelPattern};
-use super::random::place;
 use super::{Capture, Electronics, Noise, SensorModel};
 use crate::image::CHANNELS;
+use petzval_base::random::place;
 
 /// A pixel's digital number and its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]

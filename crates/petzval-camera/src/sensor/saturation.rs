@@ -50,7 +50,7 @@ mod tests {
 
     fn sensor(full_well_e: f64) -> SensorModel {
         let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
-        SensorModel { full_well_e, ..SensorModel::from_toml(text).unwrap() }
+        SensorModel { full_well_e, ..toml::from_str::<SensorModel>(text).unwrap() }
     }
 
     /// Noiseless digital number of a green pixel with so many photoelectrons.

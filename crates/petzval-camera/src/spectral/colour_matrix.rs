@@ -117,7 +117,7 @@ mod tests {
 
     fn sensor(curves: QuantumEfficiency) -> SensorModel {
         let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
-        SensorModel { quantum_efficiency: Some(curves), ..SensorModel::from_toml(text).unwrap() }
+        SensorModel { quantum_efficiency: Some(curves), ..toml::from_str::<SensorModel>(text).unwrap() }
     }
 
     /// A lens of f/4.4 with this transmission.
@@ -127,7 +127,7 @@ mod tests {
 
     fn imx219() -> SensorModel {
         let curves = include_str!("../../../../data/quantum-efficiency/imx219.toml");
-        sensor(QuantumEfficiency::from_toml(curves).unwrap())
+        sensor(toml::from_str::<QuantumEfficiency>(curves).unwrap())
     }
 
     #[test]

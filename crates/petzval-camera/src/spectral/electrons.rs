@@ -209,7 +209,7 @@ mod tests {
         SensorModel {
             quantum_efficiency: Some(curves),
             cfa: CfaPattern::MONO,
-            ..SensorModel::from_toml(text).unwrap()
+            ..toml::from_str::<SensorModel>(text).unwrap()
         }
     }
 

@@ -14,7 +14,6 @@ mod colour;
 mod colour_checker;
 mod colour_matrix;
 mod electrons;
-pub mod file;
 mod illuminant;
 mod image;
 mod observer;

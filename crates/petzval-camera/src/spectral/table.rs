@@ -1,6 +1,6 @@
 //! Tables of spectra: wavelengths in nm in the first column, one named curve in each of the others.
 
-use petzval_optics::format::FileError;
+use petzval_base::FileError;
 
 use super::spectrum::{Spectrum, SpectrumError};
 

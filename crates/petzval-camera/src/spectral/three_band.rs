@@ -86,8 +86,8 @@ mod tests {
     fn sensor() -> SensorModel {
         let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
         let curves = include_str!("../../../../data/quantum-efficiency/imx219.toml");
-        let mut sensor = SensorModel::from_toml(text).unwrap();
-        sensor.quantum_efficiency = Some(QuantumEfficiency::from_toml(curves).unwrap());
+        let mut sensor = toml::from_str::<SensorModel>(text).unwrap();
+        sensor.quantum_efficiency = Some(toml::from_str::<QuantumEfficiency>(curves).unwrap());
         sensor
     }
 

@@ -47,7 +47,7 @@ pub fn expose_op(
 /// use petzval_camera::tape::{develop_with_stops_op, expose_with_stops_op};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let sensor = SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml"))?;
+/// let sensor = petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml"))?;
 /// let exposure = Exposure { white_e: 500.0, time_s: 0.005, linear_gain: 1.0 };
 /// let captures = [Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 }];
 /// let noise = Noise { mode: NoiseMode::Dequantised, seed: 1 };

@@ -21,7 +21,7 @@ fn sensor() -> SensorModel {
         ..Default::default()
     };
     let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
-    SensorModel { nonuniformity, dark_current_e_per_s: 400.0, ..SensorModel::from_toml(text).unwrap() }
+    SensorModel { nonuniformity, dark_current_e_per_s: 400.0, ..toml::from_str::<SensorModel>(text).unwrap() }
 }
 
 fn captures() -> Vec<Capture> {

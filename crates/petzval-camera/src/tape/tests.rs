@@ -128,7 +128,7 @@ fn render_op_has_the_gradient_of_render_adjoint() {
 fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor<1> {
     let (layout, geometry) = (bank().layout(), geometry());
     let sensor: SensorModel =
-        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        toml::from_str::<SensorModel>(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
     let scenes = scenes(&layout, 15, 20);
     let placements: Vec<Placement> = scenes.iter().map(|s| s.placement).collect();
     let captures: Vec<Capture> = placements

@@ -6,9 +6,9 @@ mod sheet;
 pub use page::page;
 pub use sheet::sheet_png;
 
-use petzval_camera::psf_calibration::CalibratedPosition;
-use petzval_camera::psf_calibration::compare::Comparison;
-use petzval_camera::psf_calibration::estimate::FieldEstimate;
+use petzval_lab::psf_calibration::CalibratedPosition;
+use petzval_lab::psf_calibration::compare::Comparison;
+use petzval_lab::psf_calibration::estimate::FieldEstimate;
 
 /// Everything that a calibration found.
 pub struct Calibration {

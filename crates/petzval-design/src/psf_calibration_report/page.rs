@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
 use petzval_camera::image::CHANNELS;
-use petzval_camera::psf_calibration::held_out::HeldOutBy;
+use petzval_lab::psf_calibration::held_out::HeldOutBy;
 
 use super::sheet::{DECADES, Tone, kinds, picture, png};
 use super::{Calibration, by_direction};

@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use image::{ImageFormat, Rgb, RgbImage};
 use petzval_camera::image::{CHANNELS, srgb_encode};
-use petzval_camera::psf_calibration::CROP;
+use petzval_lab::psf_calibration::CROP;
 
 use super::{Calibration, by_direction};
 

@@ -1,17 +1,17 @@
-use petzval_camera::psf_calibration::capture::{WindowLight, take_frame};
-use petzval_camera::psf_calibration::compare::compare;
-use petzval_camera::psf_calibration::manifest::{MANIFEST_FILE, Manifest};
-use petzval_camera::psf_calibration::{CROP, FinePsf, Spot, calibrate_position};
-use petzval_camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval_camera::render::Placement;
-use petzval_camera::sensor::{Noise, NoiseMode, SensorModel};
+use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_files::raw_file::{RawFormat, RawFrame, save_raw_alone};
+use petzval_lab::psf_calibration::capture::{WindowLight, take_frame};
+use petzval_lab::psf_calibration::compare::compare;
+use petzval_lab::psf_calibration::manifest::{MANIFEST_FILE, Manifest};
+use petzval_lab::psf_calibration::{CROP, FinePsf, Spot, calibrate_position};
 
 use super::*;
 
 /// A blurred point on one position, captured twice and measured.
 fn calibration() -> Calibration {
     let sensor =
-        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-calibrated.toml")).unwrap();
+        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-calibrated.toml")).unwrap();
     let grid = 64;
     let spot = |i: usize| {
         let (y, x) = ((i / grid) as f64 - 31.5, (i % grid) as f64 - 31.5);

@@ -1,7 +1,7 @@
 //! The prescription: the surfaces of a lens as a designer lists them.
 
 use maud::{Markup, html};
-use petzval_optics::format::lens_toml::special_lines;
+use petzval_files::lens_toml::special_lines;
 use petzval_optics::lens::{Lens, Surface};
 use petzval_optics::paraxial::first_order;
 

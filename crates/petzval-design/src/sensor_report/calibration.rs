@@ -2,9 +2,9 @@
 //! histograms agree.
 
 use maud::{Markup, html};
-use petzval_camera::emva::captures::Kind;
-use petzval_camera::emva::joint::GAINS;
-use petzval_camera::emva::{Characterization, Measured};
+use petzval_lab::emva::captures::Kind;
+use petzval_lab::emva::joint::GAINS;
+use petzval_lab::emva::{Characterization, Measured};
 
 use super::reasons::Reasons;
 use super::style::{short, symbol, with_error};
@@ -60,7 +60,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
     };
     let stated = |v: f64| Measured::exact(v);
     // What the histograms do not tell was held, and has no error; nor has anything of a fit that does not describe them.
-    let fitted = |of: fn(&petzval_camera::emva::HistogramFit) -> Measured| {
+    let fitted = |of: fn(&petzval_lab::emva::HistogramFit) -> Measured| {
         let (fit, value) = (fit?, of(fit?));
         let held = match value.standard_error() {
             Some(_) => "",
@@ -228,9 +228,9 @@ pub(super) fn model(all: &Characterization) -> Markup {
 }
 
 /// How well all histograms agree before and after the fit.
-fn agreement(fit: &petzval_camera::emva::HistogramFit) -> Markup {
+fn agreement(fit: &petzval_lab::emva::HistogramFit) -> Markup {
     let rows = [(Kind::Flat, "flat"), (Kind::Dark, "dark")];
-    let of = |kind: Kind, value: fn(&petzval_camera::emva::HistogramComparison) -> f64| {
+    let of = |kind: Kind, value: fn(&petzval_lab::emva::HistogramComparison) -> f64| {
         let all: Vec<f64> = fit.histograms.iter().filter(|h| h.kind == kind).map(value).collect();
         all.iter().sum::<f64>() / all.len() as f64
     };

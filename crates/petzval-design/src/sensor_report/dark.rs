@@ -1,6 +1,6 @@
 //! Dark frames over exposure time: their mean, and their variance at every gain.
 
-use petzval_camera::emva::{Characterization, GainResult};
+use petzval_lab::emva::{Characterization, GainResult};
 
 use super::Shown;
 use super::panel::{Panel, Points};

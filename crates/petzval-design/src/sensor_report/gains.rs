@@ -1,8 +1,8 @@
 //! Photon transfer of all gains in one frame (Fig. 5 of Tseng et al.).
 
-use petzval_camera::emva::transfer::TransferPoint;
-use petzval_camera::emva::{ChannelResult, Characterization};
 use petzval_camera::sensor::Colour;
+use petzval_lab::emva::transfer::TransferPoint;
+use petzval_lab::emva::{ChannelResult, Characterization};
 
 use super::panel::{Panel, Points};
 use super::style::{Around, axis_from_zero, colour_name, gain_look, gain_name, sheet, straight};

@@ -1,8 +1,8 @@
 //! Captured histograms beside simulated ones (Figs. 7 and 8 of Tseng et al.), each with the number of its agreement.
 
-use petzval_camera::emva::captures::Kind;
-use petzval_camera::emva::{Characterization, HistogramComparison, PointHistogram};
 use petzval_camera::sensor::Colour;
+use petzval_lab::emva::captures::Kind;
+use petzval_lab::emva::{Characterization, HistogramComparison, PointHistogram};
 
 use super::panel::{Panel, Steps};
 use super::style::{Around, colour_name, colour_of, gain_name, sheet, short, significant};

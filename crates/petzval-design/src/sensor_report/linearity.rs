@@ -1,7 +1,7 @@
 //! How straight the response is.
 
-use petzval_camera::emva::ChannelResult;
-use petzval_camera::emva::transfer::{Linearity, TransferPoint};
+use petzval_lab::emva::ChannelResult;
+use petzval_lab::emva::transfer::{Linearity, TransferPoint};
 
 use super::Shown;
 use super::panel::Panel;

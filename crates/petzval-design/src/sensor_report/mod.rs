@@ -21,8 +21,8 @@ mod transfer;
 
 use std::path::{Path, PathBuf};
 
-use petzval_camera::emva::{ChannelResult, Characterization, GainResult};
-use petzval_camera::write_whole;
+use petzval_base::write_whole;
+use petzval_lab::emva::{ChannelResult, Characterization, GainResult};
 
 use crate::error::DesignError;
 use crate::plot::Sheet;

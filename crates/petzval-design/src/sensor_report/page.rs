@@ -1,7 +1,7 @@
 //! The page: all pictures and tables of a characterisation in one self-contained HTML file.
 
 use maud::{PreEscaped, html};
-use petzval_camera::emva::Characterization;
+use petzval_lab::emva::Characterization;
 
 use super::style::gain_name;
 use super::{Shown, calibration, sheets, table};

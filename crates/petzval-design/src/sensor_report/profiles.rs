@@ -1,7 +1,7 @@
 //! Profiles: rows and columns of the mean frames seen from the side.
 
-use petzval_camera::emva::spatial::Profile;
 use petzval_camera::sensor::Colour;
+use petzval_lab::emva::spatial::Profile;
 
 use super::Shown;
 use super::panel::Panel;

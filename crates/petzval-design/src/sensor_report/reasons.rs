@@ -1,7 +1,7 @@
 //! Why numbers of a table are not resolved: a letter in the cell, and one list of the reasons below the table.
 
 use maud::{Markup, html};
-use petzval_camera::emva::{Measured, Unresolved};
+use petzval_lab::emva::{Measured, Unresolved};
 
 use super::style::with_error;
 

@@ -4,9 +4,9 @@
 //! `SNR = mu / sqrt(sigma_d^2 + 1/(12 K^2) + mu)`, `SNR_total = mu / sqrt(sigma_d^2 + DSNU^2 + 1/(12 K^2) + mu + (PRNU mu)^2)`
 //! (EMVA 1288 release 4.0 Linear); the ideal sensor has `sqrt(photons)`.
 
-use petzval_camera::emva::ChannelResult;
-use petzval_camera::emva::figures::QUANTISATION_DN2;
-use petzval_camera::emva::transfer::TransferPoint;
+use petzval_lab::emva::ChannelResult;
+use petzval_lab::emva::figures::QUANTISATION_DN2;
+use petzval_lab::emva::transfer::TransferPoint;
 
 use super::Shown;
 use super::panel::Panel;

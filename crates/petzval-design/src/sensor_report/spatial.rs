@@ -1,9 +1,9 @@
 //! Non-uniformity: spectrograms, and histograms of what deviates.
 
-use petzval_camera::emva::ChannelResult;
-use petzval_camera::emva::figures::QUANTISATION_DN2;
-use petzval_camera::emva::histogram::Histogram;
-use petzval_camera::emva::spatial::{Spatial, StackPlots};
+use petzval_lab::emva::ChannelResult;
+use petzval_lab::emva::figures::QUANTISATION_DN2;
+use petzval_lab::emva::histogram::Histogram;
+use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
 use super::Shown;
 use super::panel::{Panel, Steps};

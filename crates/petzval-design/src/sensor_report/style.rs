@@ -1,8 +1,8 @@
 //! The common look: colours of the mosaic and of gains, sheets, and the foot of every picture.
 
 use maud::{Markup, html};
-use petzval_camera::emva::{Characterization, Measured};
 use petzval_camera::sensor::Colour;
+use petzval_lab::emva::{Characterization, Measured};
 
 use super::Shown;
 use super::panel::{Panel, Points, grid};

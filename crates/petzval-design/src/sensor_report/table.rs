@@ -1,7 +1,7 @@
 //! Tables: what was known, the figures of EMVA 1288, warnings.
 
 use maud::{Markup, html};
-use petzval_camera::emva::{ChannelResult, Characterization, HighPass, Measured};
+use petzval_lab::emva::{ChannelResult, Characterization, HighPass, Measured};
 
 use super::Shown;
 use super::reasons::Reasons;

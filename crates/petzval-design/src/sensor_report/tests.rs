@@ -1,17 +1,17 @@
 //! The report of a small simulated series.
 
-use petzval_camera::emva::{Captures, Options, characterize};
 use petzval_camera::image::LinearImage;
-use petzval_camera::raw_file::{RawFormat, RawFrame, save_raw};
 use petzval_camera::render::Placement;
-use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+use petzval_files::raw_file::{RawFormat, RawFrame, save_raw};
+use petzval_lab::emva::{Captures, Options, characterize};
 
 use super::*;
 
 /// Flat and dark pairs at two gains and three exposures, dark pairs at two more, and stacks, of a sensor of 48 x 64 pixels.
 fn series(folder: &Path, fit_histograms: bool) -> Characterization {
     let mut sensor =
-        SensorModel::from_toml(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
     (sensor.height, sensor.width) = (48, 64);
     let mut list = "[sensor]\nname = \"Sony IMX249 <simulated> & \\\"small\\\"\"\nbits = 12\npixel_um = 5.86\ncfa = \"RGGB\"\n\
                     black_level_dn = 119.0\nfull_well_e = 33723.0\n"
@@ -118,7 +118,7 @@ fn each_reason_stands_once_below_its_table() {
 
 #[test]
 fn warnings_of_a_kind_are_one_entry() {
-    use petzval_camera::emva::Warning;
+    use petzval_lab::emva::Warning;
     let folder = tempfile::tempdir().unwrap();
     let mut found = series(folder.path(), false);
     let dark = |i: usize| Warning::NoDark { point: format!("point {i}") };
@@ -177,7 +177,7 @@ fn a_report_is_a_page_and_its_pictures() {
 
 #[test]
 fn values_are_written_to_the_second_digit_of_their_error() {
-    use petzval_camera::emva::{Measured, Unresolved};
+    use petzval_lab::emva::{Measured, Unresolved};
     let text = |value, error| style::with_error(&Measured::new(value, error)).unwrap();
     assert_eq!(text(0.140_234, 0.000_312), "0.14023 ± 0.00031");
     assert_eq!(text(24_913.05, 120.0), "24913 ± 120");

@@ -1,6 +1,6 @@
 //! Signal over light, and noise over signal: responsivity and system gain.
 
-use petzval_camera::emva::transfer::{TransferPoint, light};
+use petzval_lab::emva::transfer::{TransferPoint, light};
 
 use super::Shown;
 use super::panel::Panel;

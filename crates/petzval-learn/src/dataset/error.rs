@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_camera::image::ImageError;
+use petzval_files::ImageError;
 
 /// A data set that cannot be used, and what to do about it.
 #[derive(Debug, thiserror::Error)]

@@ -2,7 +2,8 @@
 
 use std::{collections::BTreeSet, fs, path::Path};
 
-use petzval_camera::image::{LinearImage, load_image};
+use petzval_camera::image::LinearImage;
+use petzval_files::load_image;
 use serde::{Deserialize, Serialize};
 
 use super::DatasetError;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::Glass;
-use crate::format::{FileError, parse_catalog};
 
 /// Glasses by name, without regard to upper and lower case. `AIR` is always among them, and nothing else is called so.
 ///
@@ -35,11 +34,6 @@ impl Default for Catalog {
 }
 
 impl Catalog {
-    /// A catalogue from the text of a glass file: one TOML table `[glass.NAME]` for each glass.
-    pub fn parse(toml_text: &str) -> Result<Self, FileError> {
-        parse_catalog(toml_text)
-    }
-
     /// Add a glass under a name, which may be an alias. An earlier glass of that name and maker is gone; one of
     /// another maker can still be had as `MAKER:NAME`. Air stays air.
     pub fn insert(&mut self, name: &str, glass: Arc<Glass>) {
@@ -129,12 +123,19 @@ mod tests {
     use crate::glass::Dispersion;
 
     fn catalog() -> Catalog {
-        Catalog::parse("[glass.N-BK7]\nnd=1.5168\nvd=64.17\n[glass.F2]\nn=1.6\naliases=[\"Flint\"]\n")
-            .unwrap()
+        let mut catalog = Catalog::default();
+        catalog.insert("N-BK7", Arc::new(Glass::new("N-BK7", Dispersion::NdVd { nd: 1.5168, vd: 64.17 })));
+        let flint = Arc::new(Glass::new("F2", Dispersion::Constant(1.6)));
+        catalog.insert("F2", flint.clone());
+        catalog.insert("Flint", flint);
+        catalog
     }
 
     fn of(maker: &str, name: &str, n: f64) -> Catalog {
-        Catalog::parse(&format!("[glass.{name}]\nmaker = \"{maker}\"\nn = {n:?}\n")).unwrap()
+        let mut catalog = Catalog::default();
+        let glass = Glass { maker: maker.into(), ..Glass::new(name, Dispersion::Constant(n)) };
+        catalog.insert(name, Arc::new(glass));
+        catalog
     }
 
     #[test]
@@ -178,7 +179,7 @@ mod tests {
     #[test]
     fn the_later_catalogue_counts() {
         let mut all = catalog();
-        all.merge(Catalog::parse("[glass.f2]\nn = 1.7\n").unwrap());
+        all.merge(of("", "f2", 1.7));
         assert_eq!(all.get("F2").unwrap().dispersion, Dispersion::Constant(1.7));
         assert_eq!(all.iter().count(), 4);
     }

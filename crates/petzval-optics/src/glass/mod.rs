@@ -186,7 +186,7 @@ impl Glass {
 
     /// How far the formula is from the printed n_d and V_d, if by so much that one of them must be mistyped: `nd` or
     /// `vd` and what the formula gives. Lines at which the formula does not hold count for nothing.
-    pub(crate) fn misprint(&self) -> Option<(&'static str, f64)> {
+    pub fn misprint(&self) -> Option<(&'static str, f64)> {
         const ND_SLIP: f64 = 1e-3;
         const VD_SLIP: f64 = 0.02;
         if [LINE_F_UM, LINE_D_UM, LINE_C_UM].iter().any(|line| self.is_outside_range(*line)) {
@@ -205,7 +205,7 @@ impl Glass {
 
     /// Forgets what is printed and cannot be, as files of others have it, and says so: a glass in a file of our own must
     /// agree with its formula.
-    pub(crate) fn drop_misprints(&mut self) -> Vec<String> {
+    pub fn drop_misprints(&mut self) -> Vec<String> {
         let mut said = Vec::new();
         while let Some((what, gives)) = self.misprint() {
             let printed = if what == "nd" { self.printed_nd.take() } else { self.printed_vd.take() };

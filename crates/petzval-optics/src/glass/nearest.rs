@@ -42,14 +42,23 @@ pub fn nearest(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::glass::{Dispersion, Glass};
 
     #[test]
     fn the_nearest_come_first_and_aliases_do_not_count_twice() {
-        let catalog = Catalog::parse(
-            "[glass.A]\nnd = 1.51\nvd = 64.0\naliases = [\"AA\"]\nmaker = \"One\"\n\
-             [glass.B]\nnd = 1.52\nvd = 62.0\n[glass.C]\nnd = 1.7\nvd = 30.0\n[glass.D]\nn = 1.5\n",
-        )
-        .unwrap();
+        let mut catalog = Catalog::default();
+        for (name, maker, dispersion) in [
+            ("A", "One", Dispersion::NdVd { nd: 1.51, vd: 64.0 }),
+            ("B", "", Dispersion::NdVd { nd: 1.52, vd: 62.0 }),
+            ("C", "", Dispersion::NdVd { nd: 1.7, vd: 30.0 }),
+            ("D", "", Dispersion::Constant(1.5)),
+        ] {
+            let glass = Arc::new(Glass { maker: maker.into(), ..Glass::new(name, dispersion) });
+            catalog.insert(name, glass.clone());
+            if name == "A" {
+                catalog.insert("AA", glass);
+            }
+        }
         let near = nearest(&catalog, [1.51, 62.0], 9, |_| true);
         let names: Vec<&str> = near.iter().map(|n| n.glass.name.as_str()).collect();
         assert_eq!(names, ["B", "A", "C"]);

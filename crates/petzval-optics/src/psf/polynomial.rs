@@ -8,8 +8,8 @@ use crate::lanes::{Lanes, MAX_LANES, width};
 use crate::pupil::{
     DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature, Sides,
 };
-use crate::simd::dispatch;
 use crate::trace::Sequence;
+use petzval_base::simd::dispatch;
 
 /// Degrees that are tried, one after the other.
 const DEGREES: [usize; 4] = [8, 12, 16, 20];

@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::simd::dispatch;
+use petzval_base::simd::dispatch;
 
 /// Columns are padded with zeros to a multiple of this, the widest vector.
 const WIDEST: usize = 8;

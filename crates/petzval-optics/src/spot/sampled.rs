@@ -14,8 +14,8 @@ use crate::pupil::{
     DenseCotangent, DenseMap, PointsCotangent, PupilBasis, PupilMap, PupilRows, PupilSamples, PupilSampling,
     Quadrature, SamplesCotangent, Sides,
 };
-use crate::simd::dispatch;
 use crate::trace::Sequence;
+use petzval_base::simd::dispatch;
 
 /// Good to 2e-5 of the spots of the paper's triplets and 3e-4 of those of an f/2 lens of eight elements, by comparison with
 /// a dense grid of traced rays (`examples/spot_accuracy.rs`); not checked for each lens.

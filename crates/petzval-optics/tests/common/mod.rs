@@ -1,4 +1,4 @@
-//! Lenses that tests share: the nominal Cooke triplet, built by hand, and every lens of `data/lenses`.
+//! Lenses that tests share, built by hand.
 
 use std::sync::Arc;
 
@@ -62,27 +62,6 @@ pub fn nominal_triplet() -> Lens {
         reference_um: 0.5875618,
         fields_deg: vec![0.0, 5.0, 10.0, 15.0],
     }
-}
-
-/// Every lens of `data/lenses`.
-#[allow(dead_code, reason = "each test file takes what it needs of this one")]
-pub fn all_lenses() -> Vec<petzval_optics::format::LensFile> {
-    let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
-    let toml_files = |folder: &str| -> Vec<String> {
-        let mut paths: Vec<_> =
-            std::fs::read_dir(data.join(folder)).unwrap().map(|e| e.unwrap().path()).collect();
-        paths.sort();
-        paths
-            .iter()
-            .filter(|p| p.extension().is_some_and(|e| e == "toml"))
-            .map(|p| std::fs::read_to_string(p).unwrap())
-            .collect()
-    };
-    let mut catalog = petzval_optics::glass::Catalog::default();
-    for text in toml_files("glasses") {
-        catalog.merge(petzval_optics::glass::Catalog::parse(&text).unwrap());
-    }
-    toml_files("lenses").iter().map(|t| petzval_optics::format::parse_lens(t, &catalog).unwrap()).collect()
 }
 
 /// The nominal triplet with one surface of every special kind at a time, and systems of mirrors.

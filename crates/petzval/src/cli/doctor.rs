@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
+use petzval::base::simd::level;
 use petzval::built_in_assets;
-use petzval::optics::simd::level;
 use serde_json::json;
 
 use super::{Failure, device, print_json};

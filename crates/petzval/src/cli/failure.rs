@@ -4,10 +4,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
-use petzval::camera::image::ImageError;
-use petzval::camera::raw_file::RawFileError;
+use petzval::base::FileError;
 use petzval::design::error::DesignError;
-use petzval::optics::format::{FileError, decode};
+use petzval::files::ImageError;
+use petzval::files::decode;
+use petzval::files::raw_file::RawFileError;
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;

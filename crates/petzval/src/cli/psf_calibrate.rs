@@ -4,25 +4,25 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use petzval::base::FileError;
+use petzval::base::write_whole;
 use petzval::built_in_assets;
 use petzval::camera::image::CHANNELS;
-use petzval::camera::image::npy_bytes;
 use petzval::camera::psf::PsfBank;
-use petzval::camera::psf_calibration::compare::{Comparison, compare};
-use petzval::camera::psf_calibration::estimate::{Place, estimate_bank};
-use petzval::camera::psf_calibration::held_out::HeldOutBy;
-use petzval::camera::psf_calibration::manifest::Manifest;
-use petzval::camera::psf_calibration::measure::{COLOURS, check_mosaic};
-use petzval::camera::psf_calibration::psf_file::save_psfs;
-use petzval::camera::psf_calibration::{
-    CROP, CalibratedPosition, PsfCalibrationError, calibrate_position, read_manifest,
-};
 use petzval::camera::sensor::{CfaPattern, SensorModel};
-use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholeView, Refocus};
 use petzval::design::psf_calibration_report::{Calibration, page, sheet_png};
-use petzval::optics::format::FileError;
+use petzval::files::npy_bytes;
+use petzval::lab::psf_calibration::compare::{Comparison, compare};
+use petzval::lab::psf_calibration::estimate::{Place, estimate_bank};
+use petzval::lab::psf_calibration::held_out::HeldOutBy;
+use petzval::lab::psf_calibration::manifest::Manifest;
+use petzval::lab::psf_calibration::measure::{COLOURS, check_mosaic};
+use petzval::lab::psf_calibration::psf_file::save_psfs;
+use petzval::lab::psf_calibration::{
+    CROP, CalibratedPosition, PsfCalibrationError, calibrate_position, read_manifest,
+};
 use serde_json::json;
 
 use super::{Failure, print_json};

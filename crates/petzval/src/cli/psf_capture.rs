@@ -5,19 +5,19 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
+use petzval::base::write_whole;
 use petzval::built_in_assets;
-use petzval::camera::psf_calibration::capture::{WindowLight, take_frame};
-use petzval::camera::psf_calibration::manifest::{
-    ExposureFiles, MANIFEST_FILE, Manifest, Position, Source, unspanned,
-};
-use petzval::camera::psf_calibration::measure::check_mosaic;
-use petzval::camera::psf_calibration::{CROP, FinePsf, Spot};
-use petzval::camera::raw_file::{RawFormat, RawFrame, save_raw_alone};
 use petzval::camera::render::Placement;
 use petzval::camera::sensor::{Noise, NoiseMode, SensorModel};
-use petzval::camera::write_whole;
 use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholePsf, PinholeView, Refocus};
+use petzval::files::raw_file::{RawFormat, RawFrame, save_raw_alone};
+use petzval::lab::psf_calibration::capture::{WindowLight, take_frame};
+use petzval::lab::psf_calibration::manifest::{
+    ExposureFiles, MANIFEST_FILE, Manifest, Position, Source, unspanned,
+};
+use petzval::lab::psf_calibration::measure::check_mosaic;
+use petzval::lab::psf_calibration::{CROP, FinePsf, Spot};
 use serde_json::json;
 
 use super::{Failure, print_json, psf_calibrate};

@@ -6,7 +6,7 @@ mod show;
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use petzval::camera::raw_file::{ColourStatistics, RawFrame, colour_statistics};
+use petzval::files::raw_file::{ColourStatistics, RawFrame, colour_statistics};
 use serde_json::{Value, json};
 
 use super::Failure;

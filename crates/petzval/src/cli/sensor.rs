@@ -9,8 +9,8 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
-use petzval::camera::emva::CaptureError;
 use petzval::design::error::DesignError;
+use petzval::lab::emva::CaptureError;
 
 use super::Failure;
 

@@ -11,12 +11,13 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::camera::develop::{clip_highlights, correct_shading, develop, saturated_share};
-use petzval::camera::image::{LinearImage, load_image};
+use petzval::camera::image::LinearImage;
 use petzval::camera::render::render;
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::camera::spectral::{Matrix3, apply};
 use petzval::design::error::DesignError;
 use petzval::design::light_path::SHADING_FLOOR;
+use petzval::files::load_image;
 use serde_json::{Value, json};
 
 use self::camera::{Camera, camera};

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::*;
 use crate::sensor::noise::{FrameStreams, RATE_FLOOR_E, ShotScratch};
-use crate::sensor::random::place;
+use petzval_base::random::place;
 
 /// The functions of the study: name, value, derivative.
 type Function = (&'static str, fn(f64) -> f64, fn(f64) -> f64);

@@ -8,10 +8,10 @@ use super::general;
 use super::surface::{Rays, Tangent, bend, meet, push_forward, slopes};
 use crate::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
 use crate::lens::ObjectDistance;
-use crate::simd::dispatch;
 use crate::trace::launch::launch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
+use petzval_base::simd::dispatch;
 
 /// Evaluations allowed; a well-posed ray needs four or five.
 const MAX_EVALUATIONS: usize = 60;

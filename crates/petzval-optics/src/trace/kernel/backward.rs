@@ -22,9 +22,9 @@ use super::surface::{Rays, Slopes, Tangent, bend, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
 use crate::lanes::{Lanes, V3, along, dot, scaled, width};
 use crate::lens::{ASPHERE_TERMS, DEPARTURE_NUMBERS, PHASE_TERMS, ShapeNumber};
-use crate::simd::dispatch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
+use petzval_base::simd::dispatch;
 
 /// What the loss asks of each ray of a bundle; padded as the bundle is.
 #[derive(Clone, Debug, Default)]

@@ -5,10 +5,10 @@ use pulp::{Simd, WithSimd};
 use super::frame;
 use super::surface::{Rays, meet, redirect};
 use crate::lanes::{Lanes, Mask, V3, along, width};
-use crate::simd::dispatch;
 use crate::trace::SOFT_EDGE_MM;
 use crate::trace::ray::{Fate, RayBundle};
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
+use petzval_base::simd::dispatch;
 
 /// What becomes of rays, as a number per ray that vectors can hold: 0 is ok, `surface + 1` is clipped there, and dead rays
 /// are below zero.

@@ -11,9 +11,9 @@ use super::forward::{fate, load, trace_rays};
 use crate::lanes::{Lanes, width};
 use crate::lens::ShapeNumber;
 use crate::number::Number;
-use crate::simd::dispatch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
+use petzval_base::simd::dispatch;
 
 /// Where the sums of a number are.
 fn slot_of(number: Number) -> usize {

@@ -9,9 +9,9 @@ use super::general;
 use super::surface::{OwnTangent, Rays, Slopes, Tangent, bend, push_forward, redirect, slopes};
 use crate::gradient::{LensGradient, SurfaceGradient};
 use crate::lanes::{Lanes, along, dot, width};
-use crate::simd::dispatch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
+use petzval_base::simd::dispatch;
 
 /// How the rays of a bundle move; padded as the bundle is.
 #[derive(Clone, Debug, Default)]

@@ -1,5 +1,6 @@
 //! Workloads of the camera: a full frame rendered and exposed.
 
+use petzval::base::simd::level;
 use petzval::built_in_assets;
 use petzval::camera::image::LinearImage;
 use petzval::camera::render::{Placement, RenderGeometry, kernel_radius, render};
@@ -8,7 +9,6 @@ use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
-use petzval::optics::simd::level;
 
 use super::{Failure, Prepared, Workload};
 use crate::cli::doctor::simd_level;

@@ -1,5 +1,6 @@
 //! Workloads of the lens: rays, spots, PSFs, and their gradients, on the nominal triplet.
 
+use petzval::base::simd::level;
 use petzval::built_in_assets;
 use petzval::design::analysis_report::{PictureKind, page, picture};
 use petzval::design::error::DesignError;
@@ -12,7 +13,6 @@ use petzval::optics::optimize::{LevenbergOptions, Problem, Solves, descend};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::{PupilSampling, Quadrature};
-use petzval::optics::simd::level;
 use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
 

@@ -1,6 +1,6 @@
 //! Workloads of tolerances: lenses made at random.
 
-use petzval::optics::simd::level;
+use petzval::base::simd::level;
 use petzval::optics::tolerance::{
     Distribution, Freedom, Grade, RmsSpot, Study, Tolerances, default_tolerances, monte_carlo,
 };

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
-use petzval::optics::format::write_catalog;
+use petzval::files::write_catalog;
 use petzval::optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM, Printed};
 use serde_json::{Value, json};
 

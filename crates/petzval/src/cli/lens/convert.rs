@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use petzval::base::FileError;
 use petzval::design::assets::extension;
 use petzval::design::run::write_atomically;
-use petzval::optics::format::{Export, FileError, Loss, write_lens, write_seq, write_zmx};
+use petzval::files::{Export, Loss, write_lens, write_seq, write_zmx};
 use petzval::optics::paraxial::first_order;
 use petzval::{built_in_assets, told};
 use serde_json::{Value, json};

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use petzval::built_in_assets;
 use petzval::design::glass_warnings::glass_warnings;
+use petzval::files::lens_toml::special_lines;
 use petzval::optics::analysis::first_order_table;
-use petzval::optics::format::lens_toml::special_lines;
 use petzval::optics::lens::{Action, Lens, ObjectDistance, Surface};
 use petzval::optics::paraxial::{FirstOrder, first_order};
 use petzval::optics::pupil::{Quadrature, paraxial_launch, trace_beam};

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::camera::raw_file::{Packing, RawFormat, RawInfo, load_raw, save_raw, sidecar_path};
 use petzval::camera::sensor::CfaPattern;
+use petzval::files::raw_file::{Packing, RawFormat, RawInfo, load_raw, save_raw, sidecar_path};
 
 use super::describe;
 use crate::cli::{Failure, print_json};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::camera::raw_file::{RawFrame, colour_statistics, load_raw};
+use petzval::files::raw_file::{RawFrame, colour_statistics, load_raw};
 
 use super::describe;
 use crate::cli::{Failure, print_json};

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use petzval::built_in_assets;
-use petzval::camera::emva::{Plan, write_series};
+use petzval::lab::emva::{Plan, write_series};
 use serde_json::json;
 
 use super::{failure, frames_bar};

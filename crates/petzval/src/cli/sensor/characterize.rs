@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::camera::emva::captures::milliseconds;
-use petzval::camera::emva::joint::GAINS;
-use petzval::camera::emva::sensor_file::colour_name;
-use petzval::camera::emva::{
+use petzval::base::write_whole;
+use petzval::camera::sensor::Colour;
+use petzval::design::error::DesignError;
+use petzval::design::sensor_report;
+use petzval::lab::emva::captures::milliseconds;
+use petzval::lab::emva::joint::GAINS;
+use petzval::lab::emva::sensor_file::colour_name;
+use petzval::lab::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
     warning_lines,
 };
-use petzval::camera::sensor::Colour;
-use petzval::camera::write_whole;
-use petzval::design::error::DesignError;
-use petzval::design::sensor_report;
 use serde_json::json;
 
 use super::{failure, frames_bar};
@@ -221,7 +221,7 @@ fn table(found: &Characterization, values: Values) -> String {
                        (`sensor capture --gains 1,2,4`)\n";
     }
     if let Some(fit) = &found.histogram_fit {
-        let after = |f: fn(&petzval::camera::emva::HistogramComparison) -> f64| {
+        let after = |f: fn(&petzval::lab::emva::HistogramComparison) -> f64| {
             let all: Vec<f64> = fit.histograms.iter().map(f).collect();
             all.iter().sum::<f64>() / all.len().max(1) as f64
         };
@@ -293,7 +293,7 @@ const SHOWN: [&str; 21] = [
 
 #[cfg(test)]
 mod tests {
-    use petzval::camera::emva::Unresolved;
+    use petzval::lab::emva::Unresolved;
 
     use super::*;
 

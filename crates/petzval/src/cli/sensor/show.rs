@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
-use petzval::camera::emva::{Derived, derived};
 use petzval::camera::sensor::{Colour, Electronics, SensorModel};
+use petzval::lab::emva::{Derived, derived};
 use serde_json::json;
 
 use super::six_digits;

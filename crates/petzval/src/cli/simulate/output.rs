@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use petzval::camera::image::{ImageError, LinearImage, save_exr, save_npy, save_png, save_png16};
-use petzval::camera::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
+use petzval::camera::image::LinearImage;
 use petzval::camera::sensor::{Raw, SensorModel};
 use petzval::design::error::DesignError;
+use petzval::files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
+use petzval::files::{ImageError, save_exr, save_npy, save_png, save_png16};
 use serde_json::{Value, json};
 
 use super::Failure;

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use indicatif::ProgressBar;
-use petzval::camera::image::{LinearImage, load_image};
-use petzval::camera::spectral::file::{is_spectral, load_spectral};
+use petzval::camera::image::LinearImage;
 use petzval::camera::spectral::{ColourElectrons, SceneKind, SpectralScene};
 use petzval::design::error::DesignError;
 use petzval::design::spectral_light::{Bands, render_spectral};
+use petzval::files::load_image;
+use petzval::files::spectral_file::{is_spectral, load_spectral};
 use serde_json::{Value, json};
 
 use self::light::Light;

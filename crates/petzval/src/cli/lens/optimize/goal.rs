@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use petzval::files::LensFile;
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
-use petzval::optics::format::LensFile;
 use petzval::optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval::optics::lens::{Action, Lens};
 use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use petzval::design::run::write_atomically;
+use petzval::files::{LensFile, write_lens};
 use petzval::optics::design_space::EflSolve;
-use petzval::optics::format::{LensFile, write_lens};
 use petzval::optics::optimize::{Analysis, Kept, Problem, SearchState};
 use serde::{Deserialize, Serialize};
 

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use petzval::built_in_assets;
-use petzval::optics::format::LensFile;
+use petzval::files::LensFile;
 use petzval::optics::glass::Catalog;
 use petzval::optics::lens::Lens;
 use petzval::optics::optimize::{

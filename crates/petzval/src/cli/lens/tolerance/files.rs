@@ -5,7 +5,7 @@ use std::path::Path;
 
 use petzval::design::report::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 use petzval::design::run::write_atomically;
-use petzval::optics::format::{LensFile, write_lens, write_tolerances};
+use petzval::files::{LensFile, write_lens, write_tolerances};
 use petzval::optics::tolerance::{Better, MonteCarlo};
 
 use super::result::{self, Findings};

@@ -11,8 +11,8 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use petzval::built_in_assets;
 use petzval::design::error::DesignError;
+use petzval::files::{ToleranceFile, parse_tolerances};
 use petzval::optics::analysis::first_order_table;
-use petzval::optics::format::{ToleranceFile, parse_tolerances};
 use petzval::optics::lens::Lens;
 use petzval::optics::psf::PsfKind;
 use petzval::optics::tolerance::{

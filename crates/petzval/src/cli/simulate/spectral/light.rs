@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use petzval::camera::raw_file::shortest;
 use petzval::camera::sensor::{Colour, SensorError, SensorModel};
 use petzval::camera::spectral::{
     ColourMatrix, Spectrum, ThreeBand, band_weights, bands_within, even_bands, fit_colour_matrix,
     share_outside, white_range_um,
 };
 use petzval::design::error::DesignError;
+use petzval::files::raw_file::shortest;
 use serde_json::{Map, Value, json};
 
 use super::super::{Args, Camera, Failure};

@@ -83,7 +83,7 @@ fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency, Failur
         });
     }
     let source = assets.text("quantum efficiency", "quantum-efficiency", curves)?;
-    Ok(QuantumEfficiency::from_text(&source.text).map_err(DesignError::input(&source.path))?)
+    Ok(petzval::files::parse_quantum_efficiency(&source.text).map_err(DesignError::input(&source.path))?)
 }
 
 /// Checks that every colour of the filter array has a curve, and says which built-in curves would have them.

@@ -1,0 +1,205 @@
+//! What is wrong in a file, where, and what to write instead.
+
+use std::fmt;
+use std::ops::Range;
+
+/// One error in a file. The caller, who opened the file, adds its path.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct FileError {
+    /// Line, from 1; `None` where the error has no single place.
+    pub line: Option<u32>,
+    /// Column, in characters from 1.
+    pub column: Option<u32>,
+    /// The key as the file spells it; empty where the text is no TOML at all.
+    pub key: String,
+    /// The value as the file spells it; empty where the key is missing.
+    pub value: String,
+    /// What is wrong.
+    pub message: String,
+    /// What to write instead.
+    pub hint: Option<String>,
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.line, self.column) {
+            (Some(line), Some(column)) => write!(f, "line {line}, column {column}: ")?,
+            (Some(line), None) => write!(f, "line {line}: ")?,
+            _ => {}
+        }
+        match (self.key.is_empty(), self.value.is_empty()) {
+            (false, false) => write!(f, "`{} = {}`: ", self.key, self.value)?,
+            (false, true) => write!(f, "`{}`: ", self.key)?,
+            (true, false) => write!(f, "`{}`: ", self.value)?,
+            (true, true) => {}
+        }
+        write!(f, "{}", self.message)?;
+        match &self.hint {
+            Some(hint) => write!(f, " (hint: {hint})"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl FileError {
+    /// An error about the bytes `span` of `text`; the value is quoted from there.
+    pub fn at(text: &str, span: Range<usize>, key: &str, message: impl Into<String>) -> Self {
+        let (line, column) = position(text, span.start);
+        Self {
+            line: Some(line),
+            column: Some(column),
+            key: key.into(),
+            value: quote(text.get(span).unwrap_or("")),
+            message: message.into(),
+            hint: None,
+        }
+    }
+
+    /// An error about a whole line of a file that has no keys; the line is quoted.
+    pub fn at_line(line: u32, record: &str, message: impl Into<String>) -> Self {
+        Self {
+            line: (line > 0).then_some(line),
+            column: None,
+            key: String::new(),
+            value: quote(record),
+            message: message.into(),
+            hint: None,
+        }
+    }
+
+    /// An error about the value at a path of keys, e.g. `["psf", "grid"]`, of a text that is valid TOML.
+    pub fn at_key(text: &str, path: &[&str], message: impl Into<String>) -> Self {
+        let key = path.last().copied().unwrap_or("");
+        match toml::de::DeTable::parse(text).ok().and_then(|table| value_span(table.get_ref(), path)) {
+            Some(span) => Self::at(text, span, key, message),
+            None => Self {
+                line: None,
+                column: None,
+                key: key.into(),
+                value: String::new(),
+                message: message.into(),
+                hint: None,
+            },
+        }
+    }
+
+    /// The same error with a hint.
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+
+    /// The same error about a key that is not there, so that there is no value to quote.
+    pub fn without_value(mut self) -> Self {
+        self.value.clear();
+        self
+    }
+
+    /// What the TOML reader says, with the key, the value and the nearest known key drawn out of it.
+    pub fn from_toml(text: &str, error: &toml::de::Error) -> Self {
+        let span = error.span().unwrap_or(0..0);
+        let message = error.message().trim().replace('\n', ", ").replace("usize", "a number from 0");
+        let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+
+        if message.starts_with("unknown field") && !words.is_empty() {
+            let mut unknown = Self::at(text, span.clone(), words[0], "no such key here");
+            unknown.value = quote(value_after(text, span.end));
+            unknown.hint = key_hint(words[0], &words[1..]);
+            return unknown;
+        }
+        if message.starts_with("missing field") && !words.is_empty() {
+            let message = format!("the key `{}` is missing", words[0]);
+            let missing = Self::at(text, span, words[0], message).without_value();
+            return missing.hint(format!("add a line `{} = ...`", words[0]));
+        }
+        // A value of the wrong type belongs to the key before the last `=`.
+        let of_value = message.starts_with("invalid") || message.starts_with("unknown variant");
+        let key = if of_value { key_before(text, span.start) } else { "" };
+        let wrong = Self::at(text, span, key, message.clone());
+        match words.split_first() {
+            Some((unknown, known)) if message.starts_with("unknown variant") => Self {
+                hint: known
+                    .iter()
+                    .min_by_key(|word| strsim::damerau_levenshtein(unknown, word))
+                    .map(|nearest| format!("did you mean \"{nearest}\"?")),
+                ..wrong
+            },
+            _ => wrong,
+        }
+    }
+}
+
+/// Where the value at a path of keys stands.
+fn value_span(table: &toml::de::DeTable<'_>, path: &[&str]) -> Option<Range<usize>> {
+    let (first, rest) = path.split_first()?;
+    let (_, value) = table.iter().find(|(key, _)| key.get_ref().as_ref() == *first)?;
+    match (rest.is_empty(), value.get_ref()) {
+        (true, _) => Some(value.span()),
+        (false, toml::de::DeValue::Table(inner)) => value_span(inner, rest),
+        _ => None,
+    }
+}
+
+/// Line and column, both from 1, of a byte offset.
+fn position(text: &str, offset: usize) -> (u32, u32) {
+    let before = &text.as_bytes()[..offset.min(text.len())];
+    let line_start = before.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
+    let line = before.iter().filter(|b| **b == b'\n').count() + 1;
+    let column = String::from_utf8_lossy(&before[line_start..]).chars().count() + 1;
+    (line as u32, column as u32)
+}
+
+/// The first line of a piece of the file, cut to a length that fits in a message.
+pub fn quote(piece: &str) -> String {
+    const LONGEST: usize = 60;
+    let first = piece.trim().lines().next().unwrap_or("").trim_end();
+    match first.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}...", &first[..end]),
+        None => first.into(),
+    }
+}
+
+/// The rest of the line behind a key's `=`, up to a comment.
+fn value_after(text: &str, key_end: usize) -> &str {
+    let line = text.get(key_end..).and_then(|rest| rest.lines().next()).unwrap_or("");
+    let value = line.split_once('=').map_or("", |(_, value)| value);
+    value.split(" #").next().unwrap_or("")
+}
+
+/// The key whose value starts at a byte offset.
+fn key_before(text: &str, offset: usize) -> &str {
+    let before = text.get(..offset).unwrap_or("");
+    let Some((left, _)) = before.rsplit_once('=') else { return "" };
+    left.trim_end().rsplit([' ', '\t', '\n', '{', ',', '.']).next().unwrap_or("")
+}
+
+/// Which known key was meant: the same quantity in another unit, or the nearest spelling.
+fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
+    // A letter too many or too few is no other unit.
+    let nearly = |key: &&&str| {
+        unknown.len().abs_diff(key.len()) == 1 && (unknown.starts_with(**key) || key.starts_with(unknown))
+    };
+    if let Some(key) = known.iter().find(nearly) {
+        return Some(format!("did you mean `{key}`?"));
+    }
+    // A name without its unit, or without its last words.
+    let begins = |key: &&&str| key.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('_'));
+    if let Some(key) = known.iter().filter(begins).min_by_key(|key| key.len()) {
+        return Some(format!("did you mean `{key}`?"));
+    }
+    let stem = |key: &str| key.rsplit_once('_').map(|(stem, unit)| (stem.to_owned(), unit.to_owned()));
+    if let Some((wrong_stem, wrong_unit)) = stem(unknown) {
+        for key in known {
+            if stem(key).is_some_and(|(known_stem, unit)| known_stem == wrong_stem && unit != wrong_unit) {
+                let unit = key.rsplit('_').next().unwrap_or("");
+                return Some(format!("convert from {wrong_unit} to {unit} and write `{key}`"));
+            }
+        }
+    }
+    let distance = |key: &&&str| strsim::damerau_levenshtein(unknown, key);
+    let nearest = known.iter().min_by_key(distance)?;
+    Some(match 2 * distance(&nearest) <= unknown.len() {
+        true => format!("did you mean `{nearest}`?"),
+        false => format!("the keys here are {}", known.join(", ")),
+    })
+}

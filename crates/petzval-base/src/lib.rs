@@ -1,0 +1,18 @@
+//! What every other crate stands on, and no physics.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`FileError`] | an error in a file: line, key, value, and a hint |
+//! | [`write_whole`] | writes a file completely or not at all |
+//! | [`simd`] | chooses the instruction set of the vector kernels |
+//! | [`random`] | random numbers as a function of seed, frame, stage and place |
+//! | [`statistics`] | the median |
+
+mod file_error;
+pub mod random;
+pub mod simd;
+pub mod statistics;
+mod whole_file;
+
+pub use file_error::{FileError, quote};
+pub use whole_file::write_whole;

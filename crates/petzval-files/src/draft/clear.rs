@@ -1,0 +1,142 @@
+//! Clear semi-diameters of surfaces that lose no light: where the beams of the lens's own fields pass.
+
+use super::{Clear, Drafted, Effect, Losses};
+use petzval_optics::lens::{Lens, LensDefect, validate};
+use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::paraxial_launch;
+use petzval_optics::trace::{SOFT_EDGE_MM, aim_at_stop, launch, trace_ray};
+
+/// Room around the beams, as a share of their height; the soft edge of apertures comes on top.
+const ROOM: f64 = 0.01;
+
+/// Fields that are looked at: the outermost and some between.
+const FIELDS: usize = 8;
+
+/// Directions of the pupil that are looked at.
+const AZIMUTHS: usize = 12;
+
+/// Radii of the pupil that are looked at: the rim, and within it for lenses through which the rim does not pass.
+const RADII: [f64; 3] = [1.0, 0.7, 0.3];
+
+/// Steps of 3 % by which beams are narrowed for surfaces that cannot be so large.
+const NARROWER: i32 = 60;
+
+/// The lens with clear semi-diameters everywhere.
+///
+/// Surfaces without an edge get room for their beams, and at least what the file prints if the lens can exist like that;
+/// beams that no such surfaces could let through are narrowed. A lens that cannot exist even so is an error.
+pub(super) fn with_semi_diameters(
+    lens: Lens,
+    drafted: &[Drafted],
+    losses: &mut Losses,
+) -> Result<Lens, LensDefect> {
+    if drafted.iter().all(|d| matches!(d.clear, Clear::Edge(_))) {
+        let lens = filled(&lens, drafted, |_, _| 0.0);
+        return validate(&lens).map(|()| lens);
+    }
+    let heights = beam_heights(&lens, drafted);
+    let roomy = |i: usize| heights[i] * (1.0 + ROOM) + SOFT_EDGE_MM;
+    let open: [&dyn Fn(usize, f64) -> f64; 3] =
+        [&|i, printed| printed.max(roomy(i)), &|i, _| roomy(i), &|i, _| heights[i]];
+    let mut outcome = Err(LensDefect::NoSurface);
+    for (attempt, semi) in open.iter().enumerate() {
+        let lens = filled(&lens, drafted, semi);
+        outcome = validate(&lens).map(|()| lens);
+        if outcome.is_ok() {
+            if attempt > 0 && drafted.iter().enumerate().any(|(i, d)| is_cut(d, semi(i, 0.0))) {
+                let message = "surfaces end or cross within their printed semi-diameters, which lose no light; \
+                               they are made as large as the beams";
+                losses.add(0, "", Effect::Approximated, message);
+            }
+            break;
+        }
+    }
+    if outcome.is_ok() {
+        return outcome;
+    }
+    // Beams wider than the surfaces can be: take as much of them as there is room for.
+    for k in 1..=NARROWER {
+        let share = 0.97_f64.powi(k);
+        let lens = filled(&lens, drafted, |i, _| heights[i] * share);
+        if validate(&lens).is_ok() {
+            let message = format!(
+                "the beams are wider than the surfaces can be; the clear semi-diameters take {:.0} % of them",
+                100.0 * share
+            );
+            losses.add(0, "", Effect::Approximated, message);
+            return Ok(lens);
+        }
+    }
+    outcome
+}
+
+/// Whether a surface without an edge is smaller than the file prints.
+fn is_cut(drafted: &Drafted, semi: f64) -> bool {
+    matches!(drafted.clear, Clear::Open(printed) if printed > semi)
+}
+
+/// The lens with the edges of the file, and `open(surface, printed)` where it has none.
+fn filled(lens: &Lens, drafted: &[Drafted], open: impl Fn(usize, f64) -> f64) -> Lens {
+    let mut lens = lens.clone();
+    let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
+    for (i, d) in drafted.iter().enumerate() {
+        lens.surfaces[i].semi_diameter_mm = match d.clear {
+            Clear::Edge(mm) => mm,
+            Clear::Open(_) if i == lens.stop && stop_radius > 0.0 && stop_radius.is_finite() => stop_radius,
+            Clear::Open(printed) => {
+                let semi = open(i, printed);
+                // A beam may pass through the axis alone.
+                if semi > 0.0 { semi } else { SOFT_EDGE_MM }
+            }
+        };
+    }
+    lens
+}
+
+/// How far from its vertex light meets each surface, mm.
+fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
+    let mut lens = lens.clone();
+    for (surface, d) in lens.surfaces.iter_mut().zip(drafted) {
+        if let Clear::Edge(mm) = d.clear {
+            surface.semi_diameter_mm = mm;
+        }
+    }
+    let all = &lens.fields_deg;
+    let looked_at: Vec<f64> = match all.len() {
+        few if few <= FIELDS => all.clone(),
+        many => (0..FIELDS).map(|i| all[i * (many - 1) / (FIELDS - 1)]).collect(),
+    };
+    let ends = [lens.wavelengths_um.first(), lens.wavelengths_um.last(), Some(&lens.reference_um)];
+    let mut colours: Vec<f64> = ends.into_iter().flatten().copied().collect();
+    colours.dedup();
+    let mut heights = vec![0.0_f64; lens.surfaces.len()];
+    let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+    for um in colours {
+        let sequence = lens.at_wavelength(um);
+        let order = first_order(&sequence);
+        for field in &looked_at {
+            let field = field.to_radians();
+            for k in 0..AZIMUTHS {
+                let (sin, cos) = (k as f64 / AZIMUTHS as f64 * std::f64::consts::TAU).sin_cos();
+                for radius in RADII {
+                    let p = [radius * cos, radius * sin];
+                    let guess = paraxial_launch(&order, &sequence, field, p);
+                    let aimed = aim_at_stop(&sequence, field, p.map(|v| v * stop_radius), guess);
+                    let at = aimed.map_or(guess, |aimed| aimed.launch_mm);
+                    let path = trace_ray(&sequence, launch(&sequence, field, at).ray);
+                    for (height, passage) in heights.iter_mut().zip(&path.passages) {
+                        let [x, y, _] = passage.point;
+                        let here = x.hypot(y);
+                        if here.is_finite() {
+                            *height = height.max(here);
+                        }
+                    }
+                    if path.fate.reaches_image() {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+    heights
+}

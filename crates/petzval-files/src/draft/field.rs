@@ -1,0 +1,129 @@
+//! Fields of every kind, as angles in the y-z plane.
+
+use super::{Effect, FileError, Losses, Record};
+use crate::decimal::shown;
+use petzval_optics::lens::{Lens, ObjectDistance};
+use petzval_optics::paraxial::{first_order, image_height_per_tangent};
+use petzval_optics::pupil::field_imaged_at;
+
+/// What the numbers of a field are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum FieldKind {
+    /// Degrees: the chief ray's angle to the axis in front of the lens. Its tangent in x and in y is that of each number.
+    #[default]
+    Angle,
+    /// Height of the object point, mm.
+    ObjectHeight,
+    /// Height of the paraxial image, mm.
+    ParaxialImageHeight,
+    /// Height at which the chief ray lands, mm.
+    RealImageHeight,
+}
+
+/// The fields of a file.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Fields {
+    pub kind: FieldKind,
+    /// x and y of each.
+    pub points: Vec<[f64; 2]>,
+    pub record: Record,
+}
+
+/// Field angles of the lens, degrees, ascending, each once.
+///
+/// In a rotationally symmetric lens a field is as good as any other at its distance from the axis; in others only fields in
+/// the y-z plane can be looked at.
+pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> Result<Vec<f64>, FileError> {
+    let record = &fields.record;
+    let round = lens.is_rotationally_symmetric();
+    let (mut turned, mut mirrored) = (false, false);
+    let mut angles = Vec::with_capacity(fields.points.len());
+    if fields.kind == FieldKind::ObjectHeight
+        && lens.object == ObjectDistance::Infinity
+        && fields.points.iter().any(|point| *point != [0.0; 2])
+    {
+        let message =
+            "heights of the object need an object at a finite distance, and this one is at infinity";
+        return Err(record.error(message).hint("give the fields as angles"));
+    }
+    let point = |x: f64, y: f64| format!("({}, {})", shown(x), shown(y));
+    for &[x, y] in &fields.points {
+        if x != 0.0 && !round {
+            let message = format!(
+                "the field {} lies off the y-z plane, and the lens is not rotationally symmetric",
+                point(x, y)
+            );
+            return Err(record
+                .error(message)
+                .hint("fields are looked at in the y-z plane; take this one out"));
+        }
+        turned |= x != 0.0;
+        mirrored |= x == 0.0 && y < 0.0 && round;
+        let value = match (x, fields.kind) {
+            (0.0, _) if round => y.abs(),
+            (0.0, _) => y,
+            (_, FieldKind::Angle) => {
+                let tangent = |v: f64| v.to_radians().tan();
+                tangent(x).hypot(tangent(y)).atan().to_degrees()
+            }
+            _ => x.hypot(y),
+        };
+        let angle = angle_deg(lens, fields.kind, value);
+        match angle.filter(|angle| angle.abs() < 90.0) {
+            // No sign on the axis.
+            Some(angle) => angles.push(angle + 0.0),
+            None => {
+                let message = format!("no ray from below 90 degrees belongs to the field {}", point(x, y));
+                return Err(record.error(message));
+            }
+        }
+    }
+    if turned {
+        let message = "fields off the y axis are turned into it: the lens is rotationally symmetric";
+        losses.add(record.line, &record.text, Effect::NoRay, message);
+    }
+    if mirrored {
+        let message =
+            "negative fields are the mirror images of positive ones: the lens is rotationally symmetric";
+        losses.add(record.line, &record.text, Effect::NoRay, message);
+    }
+    angles.sort_by(f64::total_cmp);
+    angles.dedup();
+    Ok(angles)
+}
+
+/// One field as the angle under which it is seen from the first vertex.
+fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
+    if value == 0.0 {
+        return Some(0.0);
+    }
+    let sequence = lens.at_wavelength(lens.reference_um);
+    // Seen from the first vertex, an object point at the height h has the field -atan(h / D): its light goes down.
+    let seen = |height: f64, distance: f64| {
+        let turned = if lens.is_rotationally_symmetric() { height } else { -height };
+        (turned / distance).atan().to_degrees()
+    };
+    let angle = match (kind, lens.object) {
+        (FieldKind::Angle, ObjectDistance::Infinity) => value,
+        (FieldKind::Angle, ObjectDistance::Finite(distance)) => {
+            // The angle is that at the entrance pupil.
+            let to_pupil = distance + first_order(&sequence).entrance_pupil_at_mm;
+            (value.to_radians().tan() * to_pupil / distance).atan().to_degrees()
+        }
+        (FieldKind::ObjectHeight, ObjectDistance::Finite(distance)) => seen(value, distance),
+        (FieldKind::ObjectHeight, ObjectDistance::Infinity) => return None,
+        (FieldKind::ParaxialImageHeight, _) => {
+            let angle = (value / image_height_per_tangent(&sequence)).atan().to_degrees();
+            if lens.is_rotationally_symmetric() { angle.abs() } else { angle }
+        }
+        (FieldKind::RealImageHeight, _) => {
+            let per_tangent = image_height_per_tangent(&sequence);
+            let height = match lens.is_rotationally_symmetric() {
+                true => value.copysign(per_tangent),
+                false => value,
+            };
+            field_imaged_at(&sequence, height, (height / per_tangent).atan())?.to_degrees()
+        }
+    };
+    angle.is_finite().then_some(angle)
+}

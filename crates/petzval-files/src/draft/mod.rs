@@ -1,0 +1,210 @@
+//! A lens as other programs' files describe it, on its way to a [`Lens`]: coordinate breaks among the surfaces, an aperture
+//! of any kind, fields of any kind, surfaces without clear semi-diameters.
+//!
+//! Readers of a format fill a [`Draft`]; [`Draft::finish`] turns it into a lens, and says where in the file it cannot.
+
+mod aperture;
+mod clear;
+mod field;
+mod place;
+mod power;
+
+pub(super) use aperture::Aperture;
+pub(super) use field::{FieldKind, Fields};
+pub(super) use place::{Break, check_angles, is_bend, undone};
+pub(super) use power::{in_mm, set_powers};
+
+use super::lens_toml::OPTICAL_UM;
+use super::loss::{Effect, Loss, Losses};
+use petzval_base::FileError;
+
+use super::LensFile;
+use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
+
+/// Surfaces that a file may have. A ray takes a microsecond for so many, and no lens has a tenth of them.
+pub(super) const MOST_SURFACES: usize = 500;
+
+/// Wavelengths and fields that a file may have each.
+pub(super) const MOST_VALUES: usize = 100;
+
+/// Bytes that a file may have.
+pub(super) const MOST_BYTES: usize = 16 << 20;
+
+/// An object further away than this is at infinity, mm: the distance that CODE V writes for it.
+pub(super) const FAR_MM: f64 = 1e10;
+
+/// A lens that was read from a file of another program, with all that it lost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Import {
+    /// The lens. Without variables: other programs' have no bounds.
+    pub file: LensFile,
+    /// What the file says and the lens does not.
+    pub losses: Vec<Loss>,
+}
+
+/// What ends a line: in files of old Macintoshes a carriage return alone.
+pub(super) fn line_end(text: &str) -> char {
+    if text.contains('\n') { '\n' } else { '\r' }
+}
+
+/// A line of a file, for messages.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Record {
+    /// From 1; 0 for what no line says.
+    pub line: u32,
+    /// As it stands there.
+    pub text: String,
+}
+
+impl Record {
+    pub fn new(line: u32, text: &str) -> Self {
+        Self { line, text: text.to_owned() }
+    }
+
+    pub fn error(&self, message: impl Into<String>) -> FileError {
+        FileError::at_line(self.line, &self.text, message)
+    }
+}
+
+/// How far out a surface works.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Clear {
+    /// Light beyond this is lost, mm.
+    Edge(f64),
+    /// No light is lost; the file prints this, mm, or 0.
+    Open(f64),
+}
+
+/// A surface of the file.
+#[derive(Clone, Debug)]
+pub(super) struct Drafted {
+    /// Its clear semi-diameter is not filled in yet; nor is the medium behind a mirror.
+    pub surface: Surface,
+    pub clear: Clear,
+    pub record: Record,
+}
+
+/// What stands between object and image.
+#[derive(Clone, Debug)]
+pub(super) enum Item {
+    Surface(Box<Drafted>),
+    Break(Break),
+}
+
+/// Wavelengths, um, with their weights, in the order of the file.
+pub(super) type Wavelengths = (Vec<(f64, f64)>, Record);
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub(super) struct Draft {
+    pub name: String,
+    pub source: String,
+    pub items: Vec<Item>,
+    /// Index of the stop in `items`.
+    pub stop: usize,
+    pub aperture: (Aperture, Record),
+    /// Distance from the object to the first vertex, mm; may be infinite.
+    pub object: (f64, Record),
+    pub wavelengths: Wavelengths,
+    /// Index of the reference wavelength.
+    pub reference: usize,
+    pub fields: Fields,
+    /// Whether the image plane goes to the paraxial image, as a solve without a stored value asks.
+    pub at_paraxial_focus: bool,
+}
+
+impl Draft {
+    /// The lens; errors name the record at fault.
+    pub fn finish(self, mut losses: Losses) -> Result<Import, FileError> {
+        let (drafted, stop) = place::lower(self.items, self.stop)?;
+        if drafted.is_empty() {
+            return Err(Record::default().error("there is no surface between object and image"));
+        }
+        let (wavelengths_um, reference_um) = wavelengths(&self.wavelengths, self.reference, &mut losses)?;
+        let object = match self.object.0 {
+            far if far >= FAR_MM => ObjectDistance::Infinity,
+            near if near > 0.0 => ObjectDistance::Finite(near),
+            _ => {
+                let message = "the object must lie in front of the first surface";
+                return Err(self.object.1.error(message).hint("a virtual object is not traced"));
+            }
+        };
+        let mut lens = Lens {
+            name: self.name,
+            source: self.source,
+            surfaces: drafted.iter().map(|d| d.surface.clone()).collect(),
+            stop,
+            entrance_pupil_mm: 1.0,
+            object,
+            wavelengths_um,
+            reference_um,
+            fields_deg: vec![0.0],
+        };
+        // What first-order optics needs must hold before anything is computed from it.
+        validate(&opened(&lens)).map_err(|defect| at_fault(&defect, &drafted))?;
+        if self.at_paraxial_focus {
+            lens = petzval_optics::solve::with_paraxial_focus(&lens, 0.0);
+        }
+        lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
+        lens.fields_deg = field::angles_deg(&lens, &self.fields, &mut losses)?;
+        let lens = clear::with_semi_diameters(lens, &drafted, &mut losses)
+            .map_err(|defect| at_fault(&defect, &drafted))?;
+        Ok(Import { file: LensFile::of(lens), losses: losses.into_list() })
+    }
+}
+
+/// The lens with surfaces so small that they neither end nor cross.
+fn opened(lens: &Lens) -> Lens {
+    let mut open = lens.clone();
+    for surface in &mut open.surfaces {
+        surface.semi_diameter_mm = 1e-9;
+    }
+    open
+}
+
+/// A defect of the lens, at the record of its surface.
+fn at_fault(defect: &LensDefect, drafted: &[Drafted]) -> FileError {
+    let surface = defect.surface().and_then(|number| drafted.get(number - 1));
+    let record = surface.map_or_else(Record::default, |d| d.record.clone());
+    record.error(format!("this lens is impossible: {defect}"))
+}
+
+/// The wavelengths in which the lens is judged, ascending, and the reference. A wavelength of weight 0 is only looked at if it
+/// is the reference.
+fn wavelengths(
+    (list, record): &Wavelengths,
+    reference: usize,
+    losses: &mut Losses,
+) -> Result<(Vec<f64>, f64), FileError> {
+    for (um, _) in list {
+        if !OPTICAL_UM.contains(um) {
+            let message = format!(
+                "a wavelength of {} um is not optical ({} to {} um)",
+                super::decimal::shown(*um),
+                OPTICAL_UM.start(),
+                OPTICAL_UM.end()
+            );
+            return Err(record.error(message));
+        }
+    }
+    let Some((reference_um, _)) = list.get(reference) else {
+        let message = format!("there is no wavelength {}: the file has {}", reference + 1, list.len());
+        return Err(record.error(message));
+    };
+    let judged = |(_, weight): &&(f64, f64)| *weight != 0.0;
+    let mut all: Vec<f64> = match list.iter().any(|w| w.1 != 0.0) {
+        true => list.iter().filter(judged).map(|w| w.0).collect(),
+        false => list.iter().map(|w| w.0).collect(),
+    };
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    let weights: Vec<f64> = list.iter().filter(judged).map(|w| w.1).collect();
+    if weights.windows(2).any(|w| w[0] != w[1]) {
+        losses.add(record.line, &record.text, Effect::NoRay, "weights of wavelengths are not kept");
+    }
+    let idle = |(i, w): &(usize, &(f64, f64))| w.1 == 0.0 && *i != reference;
+    if list.iter().any(|w| w.1 != 0.0) && list.iter().enumerate().any(|w| idle(&w)) {
+        losses.add(record.line, &record.text, Effect::NoRay, "wavelengths of weight 0 are not kept");
+    }
+    Ok((all, *reference_um))
+}

@@ -1,0 +1,188 @@
+//! Coordinate breaks become placements of surfaces where they belong to one, and planes that do nothing where they do not.
+//!
+//! A break moves the axis: a shift and rotations about x, y and z as in [`Placement`], or in the reverse order (rotations about
+//! z, y and x, then the shift), which undoes a break of the first kind with all numbers negated.
+
+use std::sync::Arc;
+
+use super::{Clear, Drafted, FileError, Item, Record};
+use petzval_optics::glass::Glass;
+use petzval_optics::lens::{Action, Axis, Placement, Surface};
+
+/// A move of the axis.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Break {
+    /// Along x and y, mm.
+    pub decenter_mm: [f64; 2],
+    /// About x, y and z, rad.
+    pub tilt_rad: [f64; 3],
+    /// Whether the rotations come first, in reverse order.
+    pub tilt_first: bool,
+    /// Along the new axis to what comes next, mm.
+    pub thickness_mm: f64,
+    pub record: Record,
+}
+
+impl Break {
+    fn moves_nothing(&self) -> bool {
+        self.decenter_mm == [0.0; 2] && self.tilt_rad == [0.0; 3]
+    }
+
+    /// Whether the order of its parts is the one of a placement, or makes no difference.
+    fn is_placement(&self) -> bool {
+        let shifts = self.decenter_mm != [0.0; 2];
+        let turns = self.tilt_rad.iter().filter(|t| **t != 0.0).count();
+        !self.tilt_first || turns == 0 || (turns == 1 && !shifts)
+    }
+
+    fn placement(&self) -> Placement {
+        Placement { decenter_mm: self.decenter_mm, tilt_rad: self.tilt_rad, axis: Axis::Follows }
+    }
+}
+
+/// Whether a break takes the axis back to where it was before a placement.
+fn undoes(b: &Break, placed: &Placement) -> bool {
+    b.tilt_first
+        && b.decenter_mm == placed.decenter_mm.map(|v| -v)
+        && b.tilt_rad == placed.tilt_rad.map(|v| -v)
+}
+
+/// The break, in reverse order, that takes the axis back to where it was before a placement: shift and rotations.
+pub(crate) fn undone(placed: &Placement) -> ([f64; 2], [f64; 3]) {
+    (placed.decenter_mm.map(|v| 0.0 - v), placed.tilt_rad.map(|v| 0.0 - v))
+}
+
+/// Whether a break turns the axis behind a mirror as the mirror turns light along it: rotations `(x, y, -z)` in reverse order.
+///
+/// With R the mirror's rotation and D = diag(-1, -1, 1) the axis behind is turned by `D R^T D` against the mirror.
+fn bends(b: &Break, placed: &Placement) -> bool {
+    let [x, y, z] = placed.tilt_rad;
+    let turns = [x, y, z].iter().filter(|t| **t != 0.0).count();
+    b.decenter_mm == [0.0; 2] && b.tilt_rad == [x, y, -z] && (b.tilt_first || turns == 1)
+}
+
+/// Whether an axis that bends at a mirror can be said with its angles given once: one rotation, about x or y.
+pub(crate) fn is_bend(placed: &Placement) -> bool {
+    let [x, y, z] = placed.tilt_rad;
+    placed.axis == Axis::Bends && z == 0.0 && (x == 0.0 || y == 0.0)
+}
+
+/// Surfaces with their placements and media, and the index of the stop among them.
+pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>, usize), FileError> {
+    let mut surfaces: Vec<Drafted> = Vec::with_capacity(items.len());
+    let mut stop = None;
+    let mut rest = items.into_iter().enumerate().peekable();
+    while let Some((index, item)) = rest.next() {
+        let mut drafted = match item {
+            Item::Surface(drafted) => *drafted,
+            Item::Break(b) => {
+                check_angles(&b.tilt_rad, &b.record)?;
+                if index == stop_item {
+                    return Err(b.record.error("a coordinate break cannot be the aperture stop"));
+                }
+                let taken = rest.next_if(|(_, next)| {
+                    let free = |d: &Drafted| d.surface.placement.is_none();
+                    b.is_placement()
+                        && b.thickness_mm == 0.0
+                        && matches!(next, Item::Surface(drafted) if free(drafted))
+                });
+                match taken {
+                    Some((next, Item::Surface(mut drafted))) => {
+                        if next == stop_item {
+                            stop = Some(surfaces.len());
+                        }
+                        drafted.surface.placement = (!b.moves_nothing()).then(|| b.placement());
+                        *drafted
+                    }
+                    _ => {
+                        let front = surfaces.last().map_or_else(Glass::air, |d| d.surface.glass.clone());
+                        surfaces.extend(dummies(&b, &front));
+                        continue;
+                    }
+                }
+            }
+        };
+        if index == stop_item {
+            stop = Some(surfaces.len());
+        }
+        if let Some(placed) = &drafted.surface.placement {
+            check_angles(&placed.tilt_rad, &drafted.record)?;
+        }
+        // A second break at the same vertex may belong to the surface, too.
+        let placement = drafted.surface.placement;
+        if let Some(mut placed) = placement.filter(|p| p.axis == Axis::Follows)
+            && drafted.surface.thickness_mm == 0.0
+        {
+            let mirror = drafted.surface.action == Action::Reflect;
+            let belongs = |item: &Item| match item {
+                Item::Break(b) => undoes(b, &placed) || (mirror && bends(b, &placed)),
+                Item::Surface(_) => false,
+            };
+            if let Some((second, Item::Break(b))) = rest.next_if(|(_, item)| belongs(item)) {
+                if second == stop_item {
+                    return Err(b.record.error("a coordinate break cannot be the aperture stop"));
+                }
+                placed.axis = if undoes(&b, &placed) { Axis::Returns } else { Axis::Bends };
+                drafted.surface.thickness_mm = b.thickness_mm;
+                drafted.surface.placement = Some(placed);
+            }
+        }
+        push(&mut surfaces, drafted);
+    }
+    let stop = stop.ok_or_else(|| Record::default().error("no surface is the aperture stop"))?;
+    Ok((surfaces, stop))
+}
+
+/// Adds a surface; behind a mirror is the medium that is in front.
+fn push(surfaces: &mut Vec<Drafted>, mut drafted: Drafted) {
+    if drafted.surface.action == Action::Reflect {
+        drafted.surface.glass = surfaces.last().map_or_else(Glass::air, |d| d.surface.glass.clone());
+    }
+    surfaces.push(drafted);
+}
+
+/// Planes that do nothing but move the axis, in the medium that is in front.
+fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
+    let mut moves: Vec<Placement> = Vec::new();
+    if b.moves_nothing() {
+        moves.push(Placement { axis: Axis::Returns, ..Placement::default() });
+    } else if b.is_placement() {
+        moves.push(b.placement());
+    } else {
+        let [x, y, z] = b.tilt_rad;
+        for tilt_rad in [[0.0, 0.0, z], [0.0, y, 0.0], [x, 0.0, 0.0]] {
+            if tilt_rad != [0.0; 3] {
+                moves.push(Placement { tilt_rad, axis: Axis::Follows, ..Placement::default() });
+            }
+        }
+        if b.decenter_mm != [0.0; 2] {
+            moves.push(Placement { decenter_mm: b.decenter_mm, axis: Axis::Follows, ..Placement::default() });
+        }
+    }
+    let last = moves.len() - 1;
+    let dummy = |(i, placement): (usize, Placement)| Drafted {
+        surface: Surface {
+            thickness_mm: if i == last { b.thickness_mm } else { 0.0 },
+            placement: (placement.axis == Axis::Follows).then_some(placement),
+            glass: front.clone(),
+            ..Surface::default()
+        },
+        clear: Clear::Open(0.0),
+        record: b.record.clone(),
+    };
+    moves.into_iter().enumerate().map(dummy).collect()
+}
+
+/// Light along the axis must meet what is turned from in front.
+pub(crate) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> Result<(), FileError> {
+    match x.cos() > 1e-6 && y.cos() > 1e-6 {
+        true => Ok(()),
+        false => {
+            let message = "what is turned by 90 degrees or more is edge-on to light along the axis in front of it, \
+                           and only what such light meets is traced";
+            Err(record.error(message).hint(
+                "it cannot be left out: a plane square to that axis in its place would be another image",
+            ))
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! What the writers of other programs' formats share.
+
+use super::lens_toml::exact_degrees;
+use super::loss::{Effect, Loss, Losses};
+use petzval_base::FileError;
+
+use super::LensFile;
+use petzval_optics::lens::Lens;
+
+/// A lens as another program's text, with all that the text does not say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Export {
+    /// The text.
+    pub text: String,
+    /// What the lens has and the text has not.
+    pub losses: Vec<Loss>,
+}
+
+/// What files of other programs have no place for.
+pub(super) fn lose_the_rest(file: &LensFile, losses: &mut Losses) {
+    let mut lose = |what: &str| losses.add(0, what, Effect::NoRay, "the format has no place for this");
+    if !file.variables.is_empty() {
+        lose("[[variable]]");
+    }
+    if !file.pickups.is_empty() {
+        lose("[[pickup]]");
+    }
+    if file.efl_solve.is_some() || file.length_solve.is_some() {
+        lose("[solve]");
+    }
+    if file.expect.is_some() {
+        lose("[expect]");
+    }
+}
+
+/// An error about a surface, counted from 1.
+pub(super) fn surface_error(number: usize, message: impl Into<String>) -> FileError {
+    FileError::at_line(0, &format!("surface {number}"), message)
+}
+
+/// Text on one line.
+pub(super) fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Text without spaces or control characters, as a name among other words must be.
+pub(super) fn one_word(text: &str) -> String {
+    let visible: String = text.chars().map(|c| if c.is_control() { '_' } else { c }).collect();
+    visible.split_whitespace().collect::<Vec<_>>().join("_")
+}
+
+/// Degrees that read as the same angle in rad, or the nearest; whether they are exact.
+pub(super) fn degrees(rad: f64) -> (f64, bool) {
+    exact_degrees(rad).map_or((rad.to_degrees(), false), |deg| (deg, true))
+}
+
+/// Heights of a near object that are seen under the fields of the lens, as a reader computes them from the heights; whether
+/// all are exact.
+pub(super) fn object_heights(lens: &Lens, distance: f64) -> (Vec<f64>, bool) {
+    const NEIGHBOURS: usize = 8;
+    let sign = if lens.is_rotationally_symmetric() { 1.0 } else { -1.0 };
+    let mut all_exact = true;
+    let heights = lens.fields_deg.iter().map(|field| {
+        let near = sign * distance * field.to_radians().tan();
+        let read = |height: f64| (sign * height / distance).atan().to_degrees();
+        let (mut up, mut down) = (near, near);
+        for _ in 0..NEIGHBOURS {
+            for candidate in [up, down] {
+                if read(candidate) == *field {
+                    return candidate;
+                }
+            }
+            (up, down) = (up.next_up(), down.next_down());
+        }
+        all_exact = false;
+        near
+    });
+    let heights = heights.collect();
+    (heights, all_exact)
+}
+
+/// Wavelengths with weights, and the index of the reference among them: one that is not judged has weight 0.
+pub(super) fn weighted_wavelengths(lens: &Lens) -> (Vec<(f64, u32)>, usize) {
+    let mut list: Vec<(f64, u32)> = lens.wavelengths_um.iter().map(|um| (*um, 1)).collect();
+    let reference = list.iter().position(|(um, _)| *um == lens.reference_um).unwrap_or_else(|| {
+        list.push((lens.reference_um, 0));
+        list.len() - 1
+    });
+    (list, reference)
+}

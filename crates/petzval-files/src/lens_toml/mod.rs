@@ -1,0 +1,138 @@
+//! The lens file: a lens, what it should measure, and which of its numbers may move, in TOML.
+//!
+//! ```
+//! # use petzval_base::FileError; use petzval_files::{parse_lens};
+//! # use petzval_optics::glass::Catalog;
+//! let catalog = parse_catalog("[glass.N-BK7]\nnd = 1.5168\nvd = 64.17\n")?;
+//! let file = parse_lens(
+//!     r#"
+//! name = "singlet"
+//! source = "a plano-convex lens of 100 mm"
+//! units = "mm"
+//!
+//! [aperture]
+//! entrance_pupil_diameter_mm = 10.0
+//!
+//! [object]
+//! distance_mm = inf
+//!
+//! [wavelengths]
+//! um = [0.4861, 0.5876, 0.6563]
+//!
+//! [fields]
+//! angle_deg = [0.0, 2.0]
+//!
+//! [[surface]]
+//! stop = true
+//! radius_mm = 51.68
+//! thickness_mm = 4.0
+//! glass = "N-BK7"
+//! semi_diameter_mm = 6.0
+//!
+//! [[surface]]
+//! radius_mm = inf
+//! thickness_mm = 97.3
+//! semi_diameter_mm = 6.0
+//!
+//! [[variable]]
+//! surface = 1
+//! parameter = "radius_mm"
+//! min = 40.0
+//! max = 60.0
+//! "#,
+//!     &catalog,
+//! )?;
+//! assert_eq!(file.lens.total_track_mm(), 101.3);
+//! # Ok::<(), FileError>(())
+//! ```
+//!
+//! Surfaces are counted from 1 in the file and from 0 in [`LensFile`].
+
+mod parameter;
+mod read;
+mod read_surface;
+mod text;
+mod write;
+
+pub use parameter::parameter_name;
+pub(super) use read::OPTICAL_UM;
+pub use read::parse_lens;
+pub(super) use text::Number;
+pub(super) use write::{exact_degrees, exact_reciprocal, number, numbers, quoted};
+pub use write::{special_lines, write_lens};
+
+use petzval_optics::design_space::{EflSolve, Pickup, Variable};
+use petzval_optics::lens::Lens;
+
+/// What a lens file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LensFile {
+    /// The lens.
+    pub lens: Lens,
+    /// What its source says that it measures.
+    pub expect: Option<Expect>,
+    /// The numbers that may move, with their bounds.
+    pub variables: Vec<Variable>,
+    /// The numbers that follow variables. Radii follow as curvatures.
+    pub pickups: Vec<Pickup>,
+    /// The radius that is not free but keeps the focal length.
+    pub efl_solve: Option<EflSolve>,
+    /// The surface whose thickness keeps the distance from the first vertex to the last, and that distance, mm.
+    pub length_solve: Option<(usize, f64)>,
+}
+
+impl LensFile {
+    /// A lens of which nothing is free, solved for or expected.
+    pub fn of(lens: Lens) -> Self {
+        Self {
+            lens,
+            expect: None,
+            variables: Vec::new(),
+            pickups: Vec::new(),
+            efl_solve: None,
+            length_solve: None,
+        }
+    }
+}
+
+/// Published properties, against which the lens is tested.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expect {
+    /// Effective focal length, mm.
+    pub efl_mm: Option<Expected>,
+    /// Last vertex to the paraxial focus, mm.
+    pub bfl_mm: Option<Expected>,
+    /// Focal length over entrance pupil diameter.
+    pub f_number: Option<Expected>,
+    /// First vertex to the paraxial focus, mm.
+    pub total_track_mm: Option<Expected>,
+    /// RMS spot radius at each field, um: all wavelengths with equal weight, in the file's image
+    /// plane, from rays spread evenly over the paraxial entrance pupil, as design programs do it
+    /// unless told to aim at the stop.
+    pub rms_spot_um: Option<ExpectedSpots>,
+}
+
+/// A number and how far from it the lens may be, both in the unit of the key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// The published value.
+    pub value: f64,
+    /// The largest difference that still agrees.
+    pub tolerance: f64,
+}
+
+impl Expected {
+    /// Whether a measured value agrees.
+    pub fn agrees(&self, measured: f64) -> bool {
+        (measured - self.value).abs() <= self.tolerance
+    }
+}
+
+/// One number per field, with a relative tolerance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectedSpots {
+    /// The published values, one per field, um.
+    pub values_um: Vec<f64>,
+    /// The largest relative difference that still agrees.
+    pub relative_tolerance: f64,
+}

@@ -1,0 +1,477 @@
+//! Reading a lens file: every number is checked where it stands, so that errors know their line.
+
+use std::ops::{Range, RangeInclusive};
+
+use toml::Spanned;
+
+use super::parameter::parameters;
+use super::text::{
+    ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
+};
+use super::{Expect, Expected, ExpectedSpots, LensFile};
+use crate::glass_toml::read_glasses;
+use petzval_base::FileError;
+use petzval_optics::design_space::{EflSolve, Parameter, Pickup, Variable};
+use petzval_optics::glass::Catalog;
+use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
+use petzval_optics::solve::with_length;
+
+/// Reference wavelength of a file that names none: the helium d line, um.
+const DEFAULT_REFERENCE_UM: f64 = 0.5876;
+
+/// Wavelengths for which lenses are made, um.
+pub(crate) const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
+
+/// A lens from its file. Glasses are looked up in the file's own tables first, then in `catalog`.
+pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
+    let file: LensText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let reader = Reader { text };
+
+    if file.units.get_ref() != "mm" {
+        return Err(reader
+            .error("units", file.units.span(), "lengths in a lens file are in mm")
+            .hint("convert to mm and write `units = \"mm\"`"));
+    }
+    let mut glasses = catalog.clone();
+    glasses.merge(read_glasses(text, &file.glass)?);
+
+    let pupil = &file.aperture.entrance_pupil_diameter_mm;
+    let mut surfaces = Vec::with_capacity(file.surface.len());
+    for (i, surface) in file.surface.iter().enumerate() {
+        let front = surfaces.last().map(|s: &Surface| s.glass.clone());
+        surfaces.push(reader.surface(i + 1, surface, &glasses, front)?);
+    }
+    let (wavelengths_um, reference_um) = reader.wavelengths(&file.wavelengths)?;
+    let mut lens = Lens {
+        name: file.name.clone(),
+        source: file.source.clone(),
+        surfaces,
+        stop: reader.stop(&file.surface)?,
+        entrance_pupil_mm: reader.positive("entrance_pupil_diameter_mm", pupil)?,
+        object: reader.object(&file)?,
+        wavelengths_um,
+        reference_um,
+        fields_deg: Vec::new(),
+    };
+    lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.is_rotationally_symmetric())?;
+    validate(&lens).map_err(|defect| reader.defect(&defect, &file))?;
+
+    let variables = reader.variables(&file.variable, &lens)?;
+    Ok(LensFile {
+        pickups: reader.pickups(&file, &lens, &variables)?,
+        length_solve: reader.length_solve(&file, &lens, &variables)?,
+        efl_solve: reader.efl_solve(&file, &lens, &variables)?,
+        expect: file.expect.as_ref().map(|e| reader.expect(e, &lens)).transpose()?,
+        variables,
+        lens,
+    })
+}
+
+/// The text that is being read, for the places of errors.
+pub(super) struct Reader<'a> {
+    text: &'a str,
+}
+
+impl Reader<'_> {
+    pub(super) fn error(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
+        FileError::at(self.text, span, key, message)
+    }
+
+    /// An error about something that is not there; `span` is where it belongs.
+    pub(super) fn missing(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
+        self.error(key, span, message).without_value()
+    }
+
+    pub(super) fn finite(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
+        let value = number.get_ref().0;
+        match value.is_finite() {
+            true => Ok(value),
+            false => Err(self.error(key, number.span(), "this must be a finite number")),
+        }
+    }
+
+    pub(super) fn positive(&self, key: &str, number: &Placed) -> Result<f64, FileError> {
+        let value = self.finite(key, number)?;
+        match value > 0.0 {
+            true => Ok(value),
+            false => Err(self.error(key, number.span(), "this must be positive")),
+        }
+    }
+
+    /// The one surface that says `stop = true`, from 0.
+    fn stop(&self, surfaces: &[Spanned<SurfaceText>]) -> Result<usize, FileError> {
+        let mut stops = surfaces.iter().enumerate().filter_map(|(i, surface)| {
+            surface.get_ref().stop.as_ref().filter(|stop| *stop.get_ref()).map(|stop| (i, stop.span()))
+        });
+        let Some((first, _)) = stops.next() else {
+            let start = surfaces.first().map_or(0..0, |s| s.span());
+            return Err(self
+                .missing("stop", start, "no surface is the aperture stop")
+                .hint("write `stop = true` into one [[surface]]"));
+        };
+        match stops.next() {
+            None => Ok(first),
+            Some((second, span)) => {
+                let message = format!("surfaces {} and {} both are the aperture stop", first + 1, second + 1);
+                Err(self.error("stop", span, message).hint("a lens has one stop"))
+            }
+        }
+    }
+
+    fn object(&self, file: &LensText) -> Result<ObjectDistance, FileError> {
+        let Some(object) = &file.object else { return Ok(ObjectDistance::Infinity) };
+        match object.distance_mm.get_ref().0 {
+            f64::INFINITY => Ok(ObjectDistance::Infinity),
+            _ => Ok(ObjectDistance::Finite(self.positive("distance_mm", &object.distance_mm)?)),
+        }
+    }
+
+    /// Wavelengths and the reference wavelength.
+    fn wavelengths(&self, text: &WavelengthsText) -> Result<(Vec<f64>, f64), FileError> {
+        let optical = |key: &str, number: &Placed| {
+            let value = number.get_ref().0;
+            if OPTICAL_UM.contains(&value) {
+                return Ok(value);
+            }
+            let message = format!(
+                "a wavelength of {value} um is not optical ({} to {} um)",
+                OPTICAL_UM.start(),
+                OPTICAL_UM.end()
+            );
+            let error = self.error(key, number.span(), message);
+            let from_nm = value / 1000.0;
+            Err(match OPTICAL_UM.contains(&from_nm) {
+                true => error.hint(format!("wavelengths are in um; did you mean {from_nm}?")),
+                false => error.hint("wavelengths are in um"),
+            })
+        };
+        let mut list = Vec::new();
+        for number in text.um.get_ref() {
+            list.push(optical("um", number)?);
+        }
+        self.check_ascending("um", &text.um)?;
+        let reference = text.reference_um.as_ref();
+        let reference = reference.map(|r| optical("reference_um", r)).transpose()?;
+        Ok((list, reference.unwrap_or(DEFAULT_REFERENCE_UM)))
+    }
+
+    /// Field angles; only a lens that is not rotationally symmetric has negative ones.
+    fn fields(&self, angles: &Spanned<Vec<Placed>>, lens_is_symmetric: bool) -> Result<Vec<f64>, FileError> {
+        let mut list = Vec::new();
+        for number in angles.get_ref() {
+            let value = number.get_ref().0;
+            if !(0.0..90.0).contains(&value.abs()) {
+                let message = "a field is an angle below 90 degrees";
+                return Err(self.error("angle_deg", number.span(), message));
+            }
+            if value < 0.0 && lens_is_symmetric {
+                return Err(self
+                    .error("angle_deg", number.span(), "a field is an angle from 0 to below 90 degrees")
+                    .hint("the lens is symmetric: a negative field is the mirror image"));
+            }
+            list.push(value);
+        }
+        self.check_ascending("angle_deg", angles)?;
+        Ok(list)
+    }
+
+    fn check_ascending(&self, key: &str, list: &Spanned<Vec<Placed>>) -> Result<(), FileError> {
+        if list.get_ref().is_empty() {
+            return Err(self.error(key, list.span(), "the list is empty"));
+        }
+        for pair in list.get_ref().windows(2) {
+            if pair[0].get_ref().0 >= pair[1].get_ref().0 {
+                return Err(self
+                    .error(key, pair[1].span(), "the list does not ascend")
+                    .hint("sort it, each value once"));
+            }
+        }
+        Ok(())
+    }
+
+    /// A 1-based surface number as an index.
+    fn surface_index(&self, number: &Spanned<usize>, lens: &Lens) -> Result<usize, FileError> {
+        let count = lens.surfaces.len();
+        match *number.get_ref() {
+            n if (1..=count).contains(&n) => Ok(n - 1),
+            n => {
+                let message = format!("there is no surface {n}");
+                Err(self
+                    .error("surface", number.span(), message)
+                    .hint(format!("surfaces are counted from 1 to {count}")))
+            }
+        }
+    }
+
+    fn variables(&self, texts: &[VariableText], lens: &Lens) -> Result<Vec<Variable>, FileError> {
+        let mut variables: Vec<Variable> = Vec::with_capacity(texts.len());
+        for text in texts {
+            let surface = self.surface_index(&text.surface, lens)?;
+            let key = text.parameter.get_ref();
+            let parameter = self.parameter(&text.parameter, &lens.surfaces[surface])?;
+            let (min, max) = (self.finite("min", &text.min)?, self.finite("max", &text.max)?);
+            let variable = Variable { surface, parameter, min, max };
+            self.check_bounds(text, &variable, lens)?;
+            if variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter)) {
+                let message = format!("{key} of surface {} is a variable already", surface + 1);
+                return Err(self.error("parameter", text.parameter.span(), message));
+            }
+            variables.push(variable);
+        }
+        Ok(variables)
+    }
+
+    /// The number of a surface that a file names.
+    fn parameter(&self, name: &Spanned<String>, surface: &Surface) -> Result<Parameter, FileError> {
+        let key = name.get_ref();
+        let known = parameters(surface);
+        known.iter().find(|(known, _)| known == key).map(|(_, parameter)| *parameter).ok_or_else(|| {
+            let distance = |known: &str| strsim::damerau_levenshtein(key, known);
+            let nearest = known.iter().map(|(k, _)| k.as_str()).min_by_key(|known| distance(known));
+            let error = self.error("parameter", name.span(), format!("the surface has no parameter `{key}`"));
+            match nearest.filter(|nearest| distance(nearest) <= 2) {
+                Some(nearest) => error.hint(format!("did you mean `{nearest}`?")),
+                None => {
+                    let all: Vec<&str> = known.iter().map(|(k, _)| k.as_str()).collect();
+                    error.hint(format!("it has {}", all.join(", ")))
+                }
+            }
+        })
+    }
+
+    fn pickups(
+        &self,
+        file: &LensText,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Vec<Pickup>, FileError> {
+        let mut pickups: Vec<Pickup> = Vec::with_capacity(file.pickup.len());
+        for text in &file.pickup {
+            let surface = self.surface_index(&text.surface, lens)?;
+            let followed = self.surface_index(&text.follows, lens)?;
+            let parameter = self.parameter(&text.parameter, &lens.surfaces[followed])?;
+            let is_named = |v: &Variable| (v.surface, v.parameter) == (followed, parameter);
+            let name = text.parameter.get_ref();
+            let Some(variable) = variables.iter().position(is_named) else {
+                let message = format!("{name} of surface {} is no variable", followed + 1);
+                return Err(self
+                    .error("follows", text.follows.span(), message)
+                    .hint("a pickup follows a number that a [[variable]] names"));
+            };
+            // The same number by name: the first of one departure is not the first of another.
+            if !parameters(&lens.surfaces[surface]).iter().any(|(known, _)| known == name) {
+                let message = format!("surface {} has no {name}", surface + 1);
+                return Err(self.error("surface", text.surface.span(), message));
+            }
+            let is_last = parameter == Parameter::Thickness && surface + 1 == lens.surfaces.len();
+            let settled = match (file.solve.as_ref(), parameter) {
+                _ if is_last => Some("the image plane goes where the image is"),
+                (Some(SolveText { efl: Some(efl), .. }), Parameter::Radius)
+                    if *efl.surface.get_ref() == surface + 1 =>
+                {
+                    Some("[solve] efl computes it")
+                }
+                (Some(SolveText { length: Some(length), .. }), Parameter::Thickness)
+                    if *length.surface.get_ref() == surface + 1 =>
+                {
+                    Some("[solve] length computes it")
+                }
+                _ => None,
+            };
+            if let Some(why) = settled {
+                let message = format!("{name} of surface {} cannot follow", surface + 1);
+                return Err(self.error("surface", text.surface.span(), message).hint(why));
+            }
+            let taken = variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter))
+                || pickups
+                    .iter()
+                    .any(|p| p.surface == surface && variables[p.variable].parameter == parameter);
+            if taken {
+                let message = format!("{name} of surface {} is a variable or follows already", surface + 1);
+                return Err(self.error("surface", text.surface.span(), message));
+            }
+            let number = |key: &str, text: &Option<Placed>, default: f64| {
+                text.as_ref().map_or(Ok(default), |value| self.finite(key, value))
+            };
+            let scale = number("scale", &text.scale, 1.0)?;
+            let offset = number("offset", &text.offset, 0.0)?;
+            pickups.push(Pickup { surface, variable, scale, offset });
+        }
+        Ok(pickups)
+    }
+
+    fn length_solve(
+        &self,
+        file: &LensText,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Option<(usize, f64)>, FileError> {
+        let Some(text) = file.solve.as_ref().and_then(|s| s.length.as_ref()) else { return Ok(None) };
+        let surface = self.surface_index(&text.surface, lens)?;
+        let length_mm = self.finite("length_mm", &text.length_mm)?;
+        if surface + 1 == lens.surfaces.len() {
+            let message = "the last distance is to the image, and the length is that between the vertices";
+            return Err(self.error("surface", text.surface.span(), message));
+        }
+        if variables.iter().any(|v| (v.surface, v.parameter) == (surface, Parameter::Thickness)) {
+            let message = format!("the thickness behind surface {} is a variable already", surface + 1);
+            return Err(self
+                .error("surface", text.surface.span(), message)
+                .hint("a thickness is either solved for or varied"));
+        }
+        if let Err(defect) = validate(&with_length(lens, surface, length_mm)) {
+            let message = format!("a length of {length_mm} mm makes this lens impossible: {defect}");
+            return Err(self.error("length_mm", text.length_mm.span(), message).hint(format!(
+                "it counts from the first vertex to the last, here {} mm",
+                lens.total_track_mm() - lens.image_distance_mm()
+            )));
+        }
+        Ok(Some((surface, length_mm)))
+    }
+
+    /// Bounds enclose the lens's own value, and every value between them is a possible one.
+    fn check_bounds(&self, text: &VariableText, variable: &Variable, lens: &Lens) -> Result<(), FileError> {
+        let Variable { surface, parameter, min, max } = *variable;
+        let name = format!("{} of surface {}", text.parameter.get_ref(), surface + 1);
+        if min >= max {
+            let message = format!("the bounds of {name} are reversed: {min} is not below {max}");
+            return Err(self.error("max", text.max.span(), message).hint("exchange `min` and `max`"));
+        }
+        if parameter == Parameter::Radius && min <= 0.0 && max >= 0.0 {
+            let message = format!("the bounds of {name} include a radius of 0");
+            return Err(self
+                .error("min", text.min.span(), message)
+                .hint("keep both bounds on the side of the centre of curvature"));
+        }
+        let (forwards, backwards) = (lens.light_goes_forwards(surface), max > 0.0);
+        if parameter == Parameter::Thickness && forwards && min < 0.0 {
+            let message = format!("the bounds of {name} include a negative thickness");
+            return Err(self.error("min", text.min.span(), message).hint("the least is 0"));
+        }
+        if parameter == Parameter::Thickness && !forwards && backwards {
+            let message = format!("the bounds of {name} include a positive thickness behind a mirror");
+            return Err(self.error("max", text.max.span(), message).hint("the greatest is 0"));
+        }
+        // A radius comes back from its curvature with a rounding error, hence the slack.
+        let (value, slack) = (parameter.value(lens, surface), 1e-9 * (max - min));
+        let (key, number) = if value < min - slack {
+            ("min", &text.min)
+        } else if value > max + slack {
+            ("max", &text.max)
+        } else {
+            return Ok(());
+        };
+        let message = format!("{name} is {value} in this lens, outside its bounds {min} to {max}");
+        Err(self.error(key, number.span(), message).hint("widen the bounds or change the lens"))
+    }
+
+    fn efl_solve(
+        &self,
+        file: &LensText,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Option<EflSolve>, FileError> {
+        let Some(text) = file.solve.as_ref().and_then(|s| s.efl.as_ref()) else { return Ok(None) };
+        let surface = self.surface_index(&text.surface, lens)?;
+        let efl_mm = self.finite("efl_mm", &text.efl_mm)?;
+        if !parameters(&lens.surfaces[surface]).iter().any(|(_, p)| *p == Parameter::Radius) {
+            let message = format!("surface {} is a thin lens and has no radius to solve for", surface + 1);
+            return Err(self.error("surface", text.surface.span(), message));
+        }
+        if efl_mm == 0.0 {
+            return Err(self.error("efl_mm", text.efl_mm.span(), "no lens has a focal length of 0"));
+        }
+        if variables.iter().any(|v| (v.surface, v.parameter) == (surface, Parameter::Radius)) {
+            let message = format!("the radius of surface {} is a variable already", surface + 1);
+            return Err(self
+                .error("surface", text.surface.span(), message)
+                .hint("a radius is either solved for or varied"));
+        }
+        let radius_mm = match &text.radius_mm {
+            None => None,
+            Some(bounds) => {
+                let [min, max] = *bounds.get_ref();
+                let radius = Parameter::Radius.value(lens, surface);
+                // A radius comes back from its curvature with a rounding error, hence the slack.
+                if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
+                    let message = format!("radius {radius} of this lens is not between {min} and {max}");
+                    return Err(self
+                        .error("radius_mm", bounds.span(), message)
+                        .hint("write [min, max] around the lens's own radius"));
+                }
+                Some([min, max])
+            }
+        };
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm }))
+    }
+
+    fn expect(&self, text: &ExpectText, lens: &Lens) -> Result<Expect, FileError> {
+        let one = |key: &str, text: &Option<ExpectedText>| {
+            let read = |text: &ExpectedText| {
+                Ok(Expected {
+                    value: self.finite(key, &text.value)?,
+                    tolerance: self.positive("tolerance", &text.tolerance)?,
+                })
+            };
+            text.as_ref().map(read).transpose()
+        };
+        let mut spots = None;
+        if let Some(text) = &text.rms_spot_um {
+            let (found, fields) = (text.values.get_ref().len(), lens.fields_deg.len());
+            if found != fields {
+                let message = format!("{found} values do not fit the lens's {fields} fields");
+                return Err(self.error("values", text.values.span(), message).hint("one per field"));
+            }
+            let values = text.values.get_ref().iter();
+            spots = Some(ExpectedSpots {
+                values_um: values.map(|v| self.positive("values", v)).collect::<Result<_, _>>()?,
+                relative_tolerance: self.positive("relative_tolerance", &text.relative_tolerance)?,
+            });
+        }
+        Ok(Expect {
+            efl_mm: one("efl_mm", &text.efl_mm)?,
+            bfl_mm: one("bfl_mm", &text.bfl_mm)?,
+            f_number: one("f_number", &text.f_number)?,
+            total_track_mm: one("total_track_mm", &text.total_track_mm)?,
+            rms_spot_um: spots,
+        })
+    }
+
+    /// Say where in the file an impossible lens went wrong.
+    fn defect(&self, defect: &LensDefect, file: &LensText) -> FileError {
+        let message = defect.to_string();
+        let surface = defect.surface().and_then(|n| file.surface.get(n - 1)).map(Spanned::get_ref);
+        let Some(surface) = surface else {
+            return self.missing("surface", 0..0, message);
+        };
+        let thickness = ("thickness_mm", surface.thickness_mm.span());
+        let semi_diameter = ("semi_diameter_mm", surface.semi_diameter_mm.span());
+        let ((key, span), hint) = match defect {
+            LensDefect::CentreThickness { .. } => (
+                thickness,
+                "it is 0 at least; behind an odd number of mirrors 0 at most, since light goes back",
+            ),
+            LensDefect::BendsWithoutMirror { .. } => {
+                let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());
+                (("placement", key), "only a mirror bends the axis; let it follow or return")
+            }
+            LensDefect::ThinLens { .. } => {
+                let key = surface.thin_lens.as_ref().map_or(thickness.1.clone(), |p| p.span());
+                (("thin_lens", key), "write `radius_mm = inf` and nothing else")
+            }
+            LensDefect::EdgeThickness { .. } | LensDefect::AirGap { .. } => {
+                (thickness, "raise the thickness, or lower the semi-diameters")
+            }
+            LensDefect::SurfaceEnds { .. } => {
+                (semi_diameter, "lower the semi-diameter, or flatten the surface")
+            }
+            LensDefect::Index { .. } => {
+                let glass = surface.glass.as_ref();
+                let glass = glass.map_or(thickness, |glass| ("glass", glass.span()));
+                (glass, "the formula does not hold at this wavelength")
+            }
+            _ => (semi_diameter, "every number of a surface is finite"),
+        };
+        self.error(key, span, message).hint(hint)
+    }
+}

@@ -1,0 +1,286 @@
+//! Writing a lens file, such that reading it gives the same bits.
+
+use std::fmt::Write;
+
+use toml_writer::{ToTomlValue, TomlStringBuilder};
+
+use super::parameter::parameter_name;
+use super::{Expected, LensFile};
+use crate::glass_toml::write_glass;
+use petzval_optics::glass::Glass;
+use petzval_optics::lens::{
+    Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
+};
+
+/// A lens file as text. It carries the formula of each of its glasses, so that it means the same
+/// lens with any catalogue.
+pub fn write_lens(file: &LensFile) -> String {
+    let mut out = String::new();
+    write(file, &mut out).expect("a string takes whatever is written to it");
+    out
+}
+
+fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
+    let lens = &file.lens;
+    writeln!(out, "name = {}", quoted(&lens.name))?;
+    if !lens.source.is_empty() {
+        writeln!(out, "source = {}", quoted(&lens.source))?;
+    }
+    writeln!(out, "units = \"mm\"")?;
+
+    writeln!(out, "\n[aperture]")?;
+    writeln!(out, "entrance_pupil_diameter_mm = {}", number(lens.entrance_pupil_mm))?;
+    let distance_mm = match lens.object {
+        ObjectDistance::Infinity => f64::INFINITY,
+        ObjectDistance::Finite(mm) => mm,
+    };
+    writeln!(out, "\n[object]\ndistance_mm = {}", number(distance_mm))?;
+    writeln!(out, "\n[wavelengths]\num = {}", numbers(&lens.wavelengths_um))?;
+    writeln!(out, "reference_um = {}", number(lens.reference_um))?;
+    writeln!(out, "\n[fields]\nangle_deg = {}", numbers(&lens.fields_deg))?;
+
+    let glasses = named_glasses(lens);
+    for (name, glass) in &glasses {
+        write_glass(name, glass, out)?;
+    }
+    for (i, surface) in lens.surfaces.iter().enumerate() {
+        write_surface(surface, i == lens.stop, &glasses, out)?;
+    }
+    for v in &file.variables {
+        let parameter = parameter_name(&lens.surfaces[v.surface], v.parameter);
+        writeln!(out, "\n[[variable]]\nsurface = {}", v.surface + 1)?;
+        writeln!(out, "parameter = {}", quoted(&parameter))?;
+        writeln!(out, "min = {}\nmax = {}", number(v.min), number(v.max))?;
+    }
+    for p in &file.pickups {
+        let followed = &file.variables[p.variable];
+        let parameter = parameter_name(&lens.surfaces[followed.surface], followed.parameter);
+        writeln!(out, "\n[[pickup]]\nsurface = {}\nfollows = {}", p.surface + 1, followed.surface + 1)?;
+        writeln!(out, "parameter = {}", quoted(&parameter))?;
+        writeln!(out, "scale = {}\noffset = {}", number(p.scale), number(p.offset))?;
+    }
+    if file.efl_solve.is_some() || file.length_solve.is_some() {
+        writeln!(out, "\n[solve]")?;
+    }
+    if let Some((surface, length_mm)) = file.length_solve {
+        writeln!(out, "length = {{ surface = {}, length_mm = {} }}", surface + 1, number(length_mm))?;
+    }
+    if let Some(solve) = &file.efl_solve {
+        let (surface, efl_mm) = (solve.surface + 1, number(solve.efl_mm));
+        let bounds = match solve.radius_mm {
+            Some([min, max]) => format!(", radius_mm = [{}, {}]", number(min), number(max)),
+            None => String::new(),
+        };
+        writeln!(out, "efl = {{ surface = {surface}, efl_mm = {efl_mm}{bounds} }}")?;
+    }
+    let Some(expect) = &file.expect else { return Ok(()) };
+    writeln!(out, "\n[expect]")?;
+    for (key, expected) in [
+        ("efl_mm", expect.efl_mm),
+        ("bfl_mm", expect.bfl_mm),
+        ("f_number", expect.f_number),
+        ("total_track_mm", expect.total_track_mm),
+    ] {
+        if let Some(Expected { value, tolerance }) = expected {
+            let (value, tolerance) = (number(value), number(tolerance));
+            writeln!(out, "{key} = {{ value = {value}, tolerance = {tolerance} }}")?;
+        }
+    }
+    if let Some(spots) = &expect.rms_spot_um {
+        let (values, tolerance) = (numbers(&spots.values_um), number(spots.relative_tolerance));
+        writeln!(out, "rms_spot_um = {{ values = {values}, relative_tolerance = {tolerance} }}")?;
+    }
+    Ok(())
+}
+
+/// The lens's materials with names that differ from each other, whatever the glasses are called.
+fn named_glasses(lens: &Lens) -> Vec<(String, &Glass)> {
+    let mut named: Vec<(String, &Glass)> = Vec::new();
+    for surface in &lens.surfaces {
+        let glass = surface.glass.as_ref();
+        if *glass == *Glass::air() || named.iter().any(|(_, known)| *known == glass) {
+            continue;
+        }
+        let taken = |name: &str| {
+            let name = name.to_uppercase();
+            name == "AIR" || named.iter().any(|(known, _)| known.to_uppercase() == name)
+        };
+        let mut name = glass.name.clone();
+        let mut copy = 1;
+        while taken(&name) {
+            copy += 1;
+            name = format!("{}-{copy}", glass.name);
+        }
+        named.push((name, glass));
+    }
+    named
+}
+
+fn write_surface(
+    surface: &Surface,
+    stop: bool,
+    glasses: &[(String, &Glass)],
+    out: &mut String,
+) -> std::fmt::Result {
+    writeln!(out, "\n[[surface]]")?;
+    if !surface.label.is_empty() {
+        writeln!(out, "label = {}", quoted(&surface.label))?;
+    }
+    if stop {
+        writeln!(out, "stop = true")?;
+    }
+    let shape = &surface.shape;
+    match exact_reciprocal(shape.curvature) {
+        Some(radius_mm) => writeln!(out, "radius_mm = {}", number(radius_mm))?,
+        None => {
+            let (curvature, about_mm) = (number(shape.curvature), 1.0 / shape.curvature);
+            writeln!(out, "curvature_per_mm = {curvature} # radius {about_mm:.6} mm")?;
+        }
+    }
+    if shape.conic.to_bits() != 0 {
+        writeln!(out, "conic = {}", number(shape.conic))?;
+    }
+    let terms = named((0..).zip(shape.asphere).map(|(i, a)| (format!("a{}", 2 * i + 2), a)));
+    if !terms.is_empty() {
+        writeln!(out, "asphere = {{ {} }}", terms.join(", "))?;
+    }
+    out.push_str(&special_lines(surface));
+    writeln!(out, "thickness_mm = {}", number(surface.thickness_mm))?;
+    if surface.action != Action::Reflect
+        && let Some((name, _)) = glasses.iter().find(|(_, glass)| **glass == *surface.glass)
+    {
+        writeln!(out, "glass = {}", quoted(name))?;
+    }
+    writeln!(out, "semi_diameter_mm = {}", number(surface.semi_diameter_mm))
+}
+
+/// What a surface has beyond a conic with an even polynomial, a glass and a place on the axis, as lines of its file; empty for
+/// an ordinary surface.
+pub fn special_lines(surface: &Surface) -> String {
+    let mut out = departure_line(&surface.shape.departure) + &action_lines(surface);
+    if let Some(placement) = &surface.placement {
+        out += &placement_line(placement);
+        out.push('\n');
+    }
+    out
+}
+
+/// A departure as the line that says it; empty for none.
+fn departure_line(departure: &Departure) -> String {
+    let values = departure.numbers();
+    match departure {
+        Departure::None => String::new(),
+        Departure::Odd(b) => {
+            let terms = named((0..).zip(b).map(|(i, b)| (format!("b{}", 2 * i + 1), *b)));
+            format!("odd = {{ {} }}\n", terms.join(", "))
+        }
+        Departure::Xy { norm_radius_mm, .. } => {
+            let mut terms = vec![format!("norm_radius_mm = {}", number(*norm_radius_mm))];
+            terms.extend(named(xy_powers().zip(values).map(|((i, j), b)| (format!("x{i}y{j}"), b))));
+            format!("xy = {{ {} }}\n", terms.join(", "))
+        }
+        Departure::Qbfs { norm_radius_mm, .. } | Departure::Qcon { norm_radius_mm, .. } => {
+            let key = if matches!(departure, Departure::Qbfs { .. }) { "q_bfs" } else { "q_con" };
+            let (h, a) = (number(*norm_radius_mm), numbers(trimmed(&values)));
+            format!("{key} = {{ norm_radius_mm = {h}, a = {a} }}\n")
+        }
+        Departure::Biconic { curvature_x, conic_x } => {
+            let section = reciprocal(["radius_x_mm", "curvature_x_per_mm"], *curvature_x);
+            format!("biconic = {{ {section}, conic_x = {} }}\n", number(*conic_x))
+        }
+        Departure::Toroid { curvature_x } => {
+            format!("toroid = {{ {} }}\n", reciprocal(["radius_x_mm", "curvature_x_per_mm"], *curvature_x))
+        }
+    }
+}
+
+/// What a surface does to light, as lines.
+fn action_lines(surface: &Surface) -> String {
+    let mut out = match surface.action {
+        Action::Refract => String::new(),
+        Action::Reflect => "mirror = true\n".to_owned(),
+        Action::ThinLens { power_per_mm } => {
+            format!("thin_lens = {{ {} }}\n", reciprocal(["focal_length_mm", "power_per_mm"], power_per_mm))
+        }
+    };
+    match surface.phase {
+        None => {}
+        Some(Phase { order, pattern: Pattern::Grating { lines_per_mm } }) => {
+            out += &format!("grating = {{ lines_per_mm = {}, order = {order} }}\n", number(lines_per_mm));
+        }
+        Some(Phase { order, pattern: Pattern::Binary { norm_radius_mm, coefficients_rad } }) => {
+            let (h, a) = (number(norm_radius_mm), numbers(trimmed(&coefficients_rad)));
+            out += &format!("binary = {{ norm_radius_mm = {h}, order = {order}, a_rad = {a} }}\n");
+        }
+    }
+    out
+}
+
+fn placement_line(placement: &Placement) -> String {
+    let degrees = placement.tilt_rad.map(exact_degrees);
+    let tilt = match degrees {
+        [Some(x), Some(y), Some(z)] => format!("tilt_deg = {}", numbers(&[x, y, z])),
+        _ => format!("tilt_rad = {}", numbers(&placement.tilt_rad)),
+    };
+    let axis = match placement.axis {
+        Axis::Returns => "returns",
+        Axis::Follows => "follows",
+        Axis::Bends => "bends",
+    };
+    let decenter = numbers(&placement.decenter_mm);
+    format!("placement = {{ decenter_mm = {decenter}, {tilt}, axis = \"{axis}\" }}")
+}
+
+/// Terms that are not zero, as `name = value`. Zero is the default, but not negative zero: its bits are another number's.
+fn named(terms: impl Iterator<Item = (String, f64)>) -> Vec<String> {
+    let said = terms.filter(|(_, v)| v.to_bits() != 0);
+    said.map(|(name, v)| format!("{name} = {}", number(v))).collect()
+}
+
+/// Without the zeros at the end.
+fn trimmed(values: &[f64]) -> &[f64] {
+    let count = values.iter().rposition(|v| v.to_bits() != 0).map_or(0, |last| last + 1);
+    &values[..count]
+}
+
+/// A number by its reciprocal where that is exact, else as it is.
+fn reciprocal([reciprocal_key, key]: [&str; 2], value: f64) -> String {
+    match exact_reciprocal(value) {
+        Some(reciprocal) => format!("{reciprocal_key} = {}", number(reciprocal)),
+        None => format!("{key} = {}", number(value)),
+    }
+}
+
+/// A number whose reciprocal is the given one to the last bit, the shortest to print; most but not all numbers have one.
+pub(crate) fn exact_reciprocal(value: f64) -> Option<f64> {
+    shortest(1.0 / value, |candidate| (1.0 / candidate).to_bits() == value.to_bits())
+}
+
+/// An angle in degrees that is the given one in rad to the last bit.
+pub(crate) fn exact_degrees(rad: f64) -> Option<f64> {
+    shortest(rad.to_degrees(), |candidate| candidate.to_radians().to_bits() == rad.to_bits())
+}
+
+/// Of a number and its neighbours, the shortest to print that will do.
+fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
+    let candidates = [near, near.next_down(), near.next_up()];
+    candidates.into_iter().filter(|c| will_do(*c)).min_by_key(|c| number(*c).len())
+}
+
+/// The shortest decimal that reads back as the same bits.
+pub(crate) fn number(value: f64) -> String {
+    match value.is_nan() {
+        true => "nan".into(),
+        false => format!("{value:?}"),
+    }
+}
+
+pub(crate) fn numbers(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(|v| number(*v)).collect();
+    format!("[{}]", values.join(", "))
+}
+
+/// A one-line TOML string.
+pub(crate) fn quoted(text: &str) -> String {
+    TomlStringBuilder::new(text).as_basic().to_toml_value()
+}

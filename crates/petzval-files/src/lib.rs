@@ -1,0 +1,39 @@
+//! File formats: text in, values out, and every error with its line.
+
+pub mod agf;
+mod decimal;
+mod draft;
+mod encoding;
+mod export;
+mod float_file;
+mod glass_file;
+mod glass_toml;
+pub mod lens_toml;
+mod loss;
+mod picture_file;
+pub mod quantum_efficiency;
+pub mod raw_file;
+pub mod rii;
+pub mod sensor;
+pub mod seq;
+pub mod spectral_file;
+mod tolerance_toml;
+pub mod zmx;
+
+pub use agf::parse_agf;
+pub use draft::Import;
+pub use encoding::decode;
+pub use export::Export;
+pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
+pub use glass_file::GlassFile;
+pub use glass_toml::{parse_catalog, write_catalog};
+pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, write_lens};
+pub use loss::{Effect, Loss};
+pub(crate) use picture_file::undecoded;
+pub use picture_file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_png16};
+pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
+pub use rii::parse_rii;
+pub use sensor::parse_sensor;
+pub use seq::{parse_seq, write_seq};
+pub use tolerance_toml::{ToleranceFile, parse_tolerances, write_tolerances};
+pub use zmx::{parse_zmx, write_zmx};

@@ -1,0 +1,52 @@
+//! What is wrong with the file of a raw frame.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+
+/// Why a raw frame could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum RawFileError {
+    /// The file cannot be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The content is not what its name or its sidecar says.
+    #[error("{}: {reason}; hint: {hint}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+        /// What would be right.
+        hint: &'static str,
+    },
+    /// The sidecar says something that cannot be used.
+    #[error("{}: {error}", path.display())]
+    Sidecar {
+        /// The sidecar.
+        path: PathBuf,
+        /// What is wrong, where, and what to write instead.
+        error: Box<FileError>,
+    },
+}
+
+impl RawFileError {
+    /// An I/O error about a path.
+    pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { path, source }
+    }
+
+    pub(super) fn content(path: &Path, reason: String, hint: &'static str) -> Self {
+        Self::Content { path: path.to_owned(), reason, hint }
+    }
+
+    pub(super) fn sidecar(path: &Path, error: FileError) -> Self {
+        Self::Sidecar { path: path.to_owned(), error: Box::new(error) }
+    }
+}

@@ -1,0 +1,78 @@
+//! What is known of a raw frame beside its digital numbers.
+
+use serde::Serialize;
+
+use petzval_camera::sensor::{CfaPattern, OutOfRange};
+
+/// Camera and exposure of a frame, as far as the file and its sidecar say.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct RawInfo {
+    /// Name of the sensor or camera.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<String>,
+    /// Bits of the converter: digital numbers are 0..2^bits - 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bits: Option<u32>,
+    /// Colour filter array, from the frame's first pixel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cfa: Option<CfaPattern>,
+    /// Digital number of no light, as the camera is set, DN.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub black_level_dn: Option<f64>,
+    /// Digital number of saturation, DN.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub white_level_dn: Option<f64>,
+    /// Exposure time, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure_s: Option<f64>,
+    /// Linear analogue gain, 1 = the sensor's system gain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub linear_gain: Option<f64>,
+    /// Pixel pitch, um.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_um: Option<f64>,
+    /// Temperature of the sensor, degrees Celsius.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_c: Option<f64>,
+}
+
+impl RawInfo {
+    /// Checks that every number that is given is finite and in its physical range.
+    pub fn validate(&self) -> Result<(), OutOfRange> {
+        let checks = [
+            ("bits", self.bits.map(f64::from), 1.0, 16.0, "the bits of the converter, 1 to 16"),
+            ("black_level_dn", self.black_level_dn, 0.0, 65535.0, "the black level in DN"),
+            ("white_level_dn", self.white_level_dn, 1.0, 65535.0, "the digital number of saturation"),
+            ("exposure_s", self.exposure_s, 0.0, 1e6, "the exposure time in seconds"),
+            ("linear_gain", self.linear_gain, 1e-6, 1e6, "the linear gain, 1 for 0 dB"),
+            ("pixel_um", self.pixel_um, 0.1, 1000.0, "the pixel pitch in um"),
+            ("temperature_c", self.temperature_c, -273.15, 1000.0, "the temperature in degrees Celsius"),
+        ];
+        for (key, value, low, high, meaning) in checks {
+            if let Some(value) = value.filter(|v| !(low..=high).contains(v)) {
+                return Err(OutOfRange { key, value, low, high, meaning });
+            }
+        }
+        Ok(())
+    }
+
+    /// This, and what it does not say as `other` says it.
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            sensor: self.sensor.or(other.sensor),
+            bits: self.bits.or(other.bits),
+            cfa: self.cfa.or(other.cfa),
+            black_level_dn: self.black_level_dn.or(other.black_level_dn),
+            white_level_dn: self.white_level_dn.or(other.white_level_dn),
+            exposure_s: self.exposure_s.or(other.exposure_s),
+            linear_gain: self.linear_gain.or(other.linear_gain),
+            pixel_um: self.pixel_um.or(other.pixel_um),
+            temperature_c: self.temperature_c.or(other.temperature_c),
+        }
+    }
+}
+
+/// Largest digital number of a converter, `2^bits - 1`; 65535 from 16 bits on.
+pub(super) fn largest_dn(bits: u32) -> u16 {
+    if bits >= 16 { u16::MAX } else { (1u16 << bits) - 1 }
+}

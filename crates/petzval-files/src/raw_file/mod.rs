@@ -1,0 +1,232 @@
+//! Raw frames from and to files: digital numbers, never a display curve.
+//!
+//! | file | read | written | what the file itself says |
+//! |---|---|---|---|
+//! | `.tif`, `.tiff`, `.png` | gray, 8 or 16 bits | 16 bits | size |
+//! | `.raw`, `.bin` | any [`Packing`], by its sidecar | any [`Packing`] | nothing |
+//! | `.npy` | two axes of whole numbers | `<u2` | size |
+//! | `.exr` | no | one channel `Y` of 32-bit floats | size |
+//! | `.dng` | with the cargo feature `dng` | no | size, mosaic, black and white level |
+//!
+//! A TIFF file of several pages is a frame a page ([`page_count`], [`load_raw_page`]).
+//!
+//! Everything else that is known of a frame ([`RawInfo`]) stands in a [`Sidecar`]: a TOML file of the same name with
+//! `.toml` behind it. What a sidecar says wins over what the file says.
+
+#[cfg(feature = "dng")]
+mod dng;
+mod error;
+mod format;
+mod info;
+mod npy;
+mod packing;
+mod pages;
+mod picture;
+mod sidecar;
+mod statistics;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+pub use error::RawFileError;
+pub use format::RawFormat;
+pub use info::RawInfo;
+pub use packing::{PackedLayout, Packing, PackingError};
+pub use sidecar::{Sidecar, sidecar_path};
+pub use statistics::{ColourStatistics, colour_statistics};
+
+use petzval_base::write_whole;
+use petzval_camera::sensor::{Raw, SensorModel};
+
+/// Most pixels of a frame, 2^28: 512 MiB of digital numbers.
+pub(crate) const MOST_PIXELS: u64 = 1 << 28;
+
+/// A frame of digital numbers, and what is known of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RawFrame {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Digital numbers, row by row.
+    pub dn: Vec<u16>,
+    /// What the file and its sidecar say of the camera and the exposure.
+    pub info: RawInfo,
+}
+
+impl RawFrame {
+    /// An exposed frame with all that its sensor and its exposure are. Digital numbers are rounded (those of a simulation
+    /// without noise are fractions) and clipped to 0..65535.
+    pub fn from_raw(raw: &Raw, sensor: &SensorModel) -> Self {
+        let (exposure, placement) = (&raw.capture.exposure, &raw.capture.placement);
+        Self {
+            height: raw.height,
+            width: raw.width,
+            dn: raw.dn.iter().map(|v| v.round().clamp(0.0, 65535.0) as u16).collect(),
+            info: RawInfo {
+                sensor: Some(sensor.name.clone()),
+                bits: Some(sensor.bits),
+                // A window of the sensor begins anywhere in its mosaic.
+                cfa: Some(sensor.cfa.starting_at(placement.row, placement.col)),
+                black_level_dn: Some(sensor.black_level_dn),
+                // Whole numbers from here on are saturated.
+                white_level_dn: Some(sensor.white_level_dn(shortest(exposure.linear_gain)).floor()),
+                exposure_s: Some(shortest(exposure.time_s)),
+                linear_gain: Some(shortest(exposure.linear_gain)),
+                pixel_um: Some(sensor.pixel_um),
+                temperature_c: None,
+            },
+        }
+    }
+
+    /// The first digital number that `bits` cannot hold: its row, column and value.
+    pub fn beyond(&self, bits: u32) -> Option<(usize, usize, u16)> {
+        let max = info::largest_dn(bits);
+        let at = self.dn.iter().position(|dn| *dn > max)?;
+        Some((at / self.width, at % self.width, self.dn[at]))
+    }
+}
+
+/// The number that was meant: 0.005 rather than the 32-bit float next to it.
+pub fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// Reads a frame of digital numbers of any known format, told by the file's first bytes and, for packed frames, by its
+/// sidecar.
+pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
+    let bytes = std::fs::read(path).map_err(RawFileError::io(path))?;
+    let sidecar = Sidecar::beside(path)?;
+    let said = |frame: RawFrame| match &sidecar {
+        Some(sidecar) => sidecar.apply(path, frame),
+        None => Ok(frame),
+    };
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    match RawFormat::of(path, &bytes) {
+        Some(RawFormat::Packed(_)) => match &sidecar {
+            Some(sidecar) => sidecar.unpack(path, &bytes),
+            None => Err(RawFileError::content(
+                path,
+                format!("no sidecar {} says how its numbers are packed", sidecar_path(path).display()),
+                sidecar::EXAMPLE,
+            )),
+        },
+        Some(RawFormat::Npy) => said(npy::decode(&bytes).map_err(content)?),
+        Some(RawFormat::Dng) => said(decode_dng(&bytes).map_err(content)?),
+        Some(RawFormat::Exr) => Err(RawFileError::content(
+            path,
+            "OpenEXR files are written, not read, as raw frames".to_owned(),
+            "convert from the TIFF, PNG, NPY or packed file",
+        )),
+        Some(RawFormat::Tiff | RawFormat::Png) | None => said(picture::decode(&bytes).map_err(content)?),
+    }
+}
+
+/// Frames of a file: the pages of a TIFF without its thumbnails and masks, one of every other file.
+pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
+    let mut file = BufReader::new(File::open(path).map_err(RawFileError::io(path))?);
+    let head = file.fill_buf().map_err(RawFileError::io(path))?;
+    // A DNG is a TIFF in its bytes, with a reader of its own.
+    if !pages::is_tiff(head) || RawFormat::of(path, head) == Some(RawFormat::Dng) {
+        return Ok(1);
+    }
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    Ok(pages::pages(file).map_err(content)?.len())
+}
+
+/// Reads one page, counted from 0, of a TIFF file of several; the sidecar of the file is that of every page.
+pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError> {
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    let open = || Ok(BufReader::new(File::open(path).map_err(RawFileError::io(path))?));
+    let places = pages::pages(open()?).map_err(content)?;
+    let Some(place) = places.get(page) else {
+        let reason = format!("the file has {} pages, page {} is asked for", places.len(), page + 1);
+        return Err(RawFileError::content(
+            path,
+            reason,
+            "has the file changed since its pages were counted?",
+        ));
+    };
+    let frame = pages::decode_page(open()?, *place).map_err(content)?;
+    match Sidecar::beside(path)? {
+        Some(sidecar) => sidecar.apply(path, frame),
+        None => Ok(frame),
+    }
+}
+
+/// Writes a frame and its sidecar. The file's name does not matter: `format` decides.
+///
+/// The sidecar always comes with it, so that what another frame of the same name left there is not read with this one.
+pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    let (bytes, sidecar) = encode(frame, path, format)?;
+    let beside = sidecar_path(path);
+    write_whole(path, &bytes).map_err(RawFileError::io(path))?;
+    write_whole(&beside, sidecar.to_toml().as_bytes()).map_err(RawFileError::io(&beside))
+}
+
+/// Writes a frame without a sidecar, for frames that are listed elsewhere with all that is known of them. A packed frame
+/// cannot be read again so.
+pub fn save_raw_alone(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    let (bytes, _) = encode(frame, path, format)?;
+    write_whole(path, &bytes).map_err(RawFileError::io(path))
+}
+
+/// The bytes of a file, and its sidecar.
+fn encode(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(Vec<u8>, Sidecar), RawFileError> {
+    let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
+    if frame.height == 0 || frame.width == 0 || frame.dn.len() != frame.height * frame.width {
+        let reason =
+            format!("{} numbers do not fill {}x{} pixels", frame.dn.len(), frame.height, frame.width);
+        return Err(RawFileError::content(path, reason, "give one number per pixel, and at least one pixel"));
+    }
+    let mut sidecar = Sidecar::of(frame);
+    let bytes = match format {
+        RawFormat::Tiff => picture::encode(frame, ::image::ImageFormat::Tiff).map_err(content)?,
+        RawFormat::Png => picture::encode(frame, ::image::ImageFormat::Png).map_err(content)?,
+        RawFormat::Npy => npy::encode(frame).map_err(content)?,
+        RawFormat::Exr => {
+            let values: Vec<f32> = frame.dn.iter().map(|v| f32::from(*v)).collect();
+            crate::exr_bytes(frame.height, frame.width, &[("Y", &values)])
+                .map_err(|reason| RawFileError::content(path, reason, "write a TIFF"))?
+        }
+        RawFormat::Packed(packing) => {
+            let bits = frame.info.bits.unwrap_or(16);
+            let layout = PackedLayout::tight(frame.height, frame.width, bits, packing);
+            sidecar.layout = Some(layout);
+            let fits = "give a packing and a number of bits that hold every digital number";
+            packing::pack(&layout, &frame.dn)
+                .map_err(|error| RawFileError::content(path, error.to_string(), fits))?
+        }
+        RawFormat::Dng => {
+            return Err(RawFileError::content(
+                path,
+                "DNG files are read, not written".to_owned(),
+                "write .tiff, .png, .npy or .raw",
+            ));
+        }
+    };
+    Ok((bytes, sidecar))
+}
+
+/// Why bytes are no raw frame, or a frame no bytes; the caller adds the file.
+struct Unreadable {
+    reason: String,
+    hint: &'static str,
+}
+
+#[cfg(feature = "dng")]
+fn decode_dng(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+    dng::decode(bytes)
+}
+
+#[cfg(not(feature = "dng"))]
+fn decode_dng(_: &[u8]) -> Result<RawFrame, Unreadable> {
+    Err(Unreadable {
+        reason: "this build does not read DNG files".to_owned(),
+        hint: "build with the cargo feature `dng`, or convert the file to a 16-bit gray TIFF without any curve",
+    })
+}
+
+#[cfg(test)]
+mod tests;

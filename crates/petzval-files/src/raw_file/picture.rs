@@ -1,0 +1,75 @@
+//! Raw frames as gray TIFF and PNG pictures.
+
+use std::io::Cursor;
+
+use super::pages::{decode_page, is_tiff, pages};
+use super::{RawFrame, RawInfo, Unreadable};
+use crate::undecoded;
+use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
+
+/// Most bytes that a byte of a file can become: LZW with codes of 12 bits stays below, deflate far below.
+pub(super) const MOST_EXPANSION: u64 = 4096;
+
+/// What a decoder may use beside the picture, bytes.
+pub(super) const WORK_SPACE: u64 = 1 << 20;
+
+/// Reads a gray picture of 8 or 16 bits, the only one of its file.
+pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
+    if is_tiff(bytes) {
+        return match pages(Cursor::new(bytes))?[..] {
+            [place] => decode_page(Cursor::new(bytes), place),
+            ref all => Err(Unreadable {
+                reason: format!("a TIFF file of {} pages, and a raw frame is one", all.len()),
+                hint: "split it; in the captures of a characterisation the pages of a file are frames of a point",
+            }),
+        };
+    }
+    let unreadable =
+        |reason: String| Unreadable { reason, hint: "a raw frame is a gray TIFF or PNG of 8 or 16 bits" };
+    let mut reader =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(e.to_string()))?;
+    check_kept(bytes, reader.format()).map_err(unreadable)?;
+    // A damaged header can claim any size; a file cannot hold more than its bytes can become.
+    let mut limits = Limits::default();
+    let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * super::MOST_PIXELS);
+    limits.max_alloc = Some(most + WORK_SPACE);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| unreadable(undecoded(&e)))?;
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let (dn, bits): (Vec<u16>, _) = match picture {
+        DynamicImage::ImageLuma16(gray) => (gray.into_raw(), None),
+        DynamicImage::ImageLuma8(gray) => (gray.into_raw().into_iter().map(u16::from).collect(), Some(8)),
+        other => {
+            return Err(unreadable(format!("a picture of {:?}, not of digital numbers", other.color())));
+        }
+    };
+    if dn.is_empty() {
+        return Err(unreadable("the picture is empty".to_owned()));
+    }
+    Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
+}
+
+/// Refuses PNG pictures whose samples the decoder would spread over 8 bits, and formats that are no array of samples (JPEG).
+fn check_kept(bytes: &[u8], format: Option<ImageFormat>) -> Result<(), String> {
+    match format {
+        // Behind the signature, the header's length and name, width and height: bits of a sample.
+        Some(ImageFormat::Png) => match *bytes.get(24).ok_or("the file ends in its header")? {
+            8 | 16 => Ok(()),
+            bits => Err(format!("samples of {bits} bits")),
+        },
+        _ => Err("neither a TIFF nor a PNG picture".to_owned()),
+    }
+}
+
+/// The bytes of a 16-bit gray picture.
+pub(super) fn encode(frame: &RawFrame, format: ImageFormat) -> Result<Vec<u8>, Unreadable> {
+    let unwritable = |reason: String| Unreadable { reason, hint: "write the frame as .npy or .raw" };
+    let size = || unwritable(format!("{}x{} pixels are too many", frame.height, frame.width));
+    let (width, height) = (u32::try_from(frame.width), u32::try_from(frame.height));
+    let (Ok(width), Ok(height)) = (width, height) else { return Err(size()) };
+    let gray: ImageBuffer<Luma<u16>, &[u16]> =
+        ImageBuffer::from_raw(width, height, frame.dn.as_slice()).ok_or_else(size)?;
+    let mut out = Cursor::new(Vec::new());
+    gray.write_to(&mut out, format).map_err(|e| unwritable(e.to_string()))?;
+    Ok(out.into_inner())
+}

@@ -1,0 +1,238 @@
+//! The sidecar of a raw file: a TOML file that says what the raw file cannot.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+use serde::{Deserialize, Serialize};
+
+use super::packing::unpack;
+use super::{PackedLayout, Packing, RawFileError, RawFrame, RawInfo};
+use petzval_camera::sensor::CfaPattern;
+
+/// What to write where a sidecar is missing.
+pub(super) const EXAMPLE: &str = "write one beside it, with lines such as: height = 1200, width = 1920, bits = 12, \
+                                  packing = \"mipi\" (or \"lsb\", \"u16le\", \"u16be\")";
+
+/// What a sidecar says: how a packed file lies in its bytes, and camera and exposure of any raw file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Sidecar {
+    /// Rows, if given.
+    pub height: Option<usize>,
+    /// Columns, if given.
+    pub width: Option<usize>,
+    /// Layout of a packed file.
+    pub layout: Option<PackedLayout>,
+    /// Camera and exposure.
+    pub info: RawInfo,
+    /// The file's text, for errors that quote it.
+    text: String,
+    /// Where it was read.
+    path: PathBuf,
+}
+
+/// The keys of the file, in the order in which they are written.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sensor: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    width: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bits: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    packing: Option<Packing>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    row_stride_bytes: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    header_bytes: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    footer_bytes: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cfa: Option<CfaPattern>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    black_level_dn: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    white_level_dn: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exposure_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    linear_gain: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pixel_um: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    temperature_c: Option<f64>,
+}
+
+/// Where the sidecar of a raw file is: the same name with `.toml` behind it.
+pub fn sidecar_path(raw: &Path) -> PathBuf {
+    let mut name = raw.as_os_str().to_owned();
+    name.push(".toml");
+    PathBuf::from(name)
+}
+
+impl Sidecar {
+    /// Reads the sidecar of a raw file, if there is one.
+    pub fn beside(raw: &Path) -> Result<Option<Self>, RawFileError> {
+        let path = sidecar_path(raw);
+        let bytes = match std::fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(RawFileError::io(&path)(error)),
+        };
+        let Ok(text) = String::from_utf8(bytes) else {
+            return Err(RawFileError::content(&path, "the sidecar is not UTF-8 text".to_owned(), EXAMPLE));
+        };
+        let sidecar = Self::from_toml(&text).map_err(|error| RawFileError::sidecar(&path, error))?;
+        Ok(Some(Self { path, ..sidecar }))
+    }
+
+    /// Reads and checks the text of a sidecar.
+    pub fn from_toml(text: &str) -> Result<Self, FileError> {
+        let keys: Keys = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let info = RawInfo {
+            sensor: keys.sensor,
+            bits: keys.bits,
+            cfa: keys.cfa,
+            black_level_dn: keys.black_level_dn,
+            white_level_dn: keys.white_level_dn,
+            exposure_s: keys.exposure_s,
+            linear_gain: keys.linear_gain,
+            pixel_um: keys.pixel_um,
+            temperature_c: keys.temperature_c,
+        };
+        info.validate().map_err(|wrong| {
+            FileError::at_key(text, &[wrong.key], wrong.to_string()).hint(format!("give {}", wrong.meaning))
+        })?;
+        let missing = |key: &str| {
+            FileError::at_key(text, &[key], format!("a packed file needs the key `{key}`"))
+                .hint(format!("add a line `{key} = ...`"))
+        };
+        let layout = match keys.packing {
+            Some(packing) => {
+                let height = keys.height.ok_or_else(|| missing("height"))?;
+                let width = keys.width.ok_or_else(|| missing("width"))?;
+                let bits = keys.bits.ok_or_else(|| missing("bits"))?;
+                let tight = PackedLayout::tight(height, width, bits, packing);
+                let layout = PackedLayout {
+                    row_stride_bytes: keys.row_stride_bytes.unwrap_or(tight.row_stride_bytes),
+                    header_bytes: keys.header_bytes.unwrap_or(0),
+                    footer_bytes: keys.footer_bytes.unwrap_or(0),
+                    ..tight
+                };
+                layout.file_bytes().map_err(|error| layout_error(text, &error))?;
+                Some(layout)
+            }
+            None => {
+                let lost = [
+                    ("row_stride_bytes", keys.row_stride_bytes),
+                    ("header_bytes", keys.header_bytes),
+                    ("footer_bytes", keys.footer_bytes),
+                ];
+                if let Some((key, _)) = lost.iter().find(|(_, value)| value.is_some()) {
+                    let message = "this key is about packed files, and `packing` is missing";
+                    return Err(FileError::at_key(text, &[key], message).hint(
+                        "add packing = \"mipi\", \"lsb\", \"u16le\" or \"u16be\", or take the line out",
+                    ));
+                }
+                None
+            }
+        };
+        let (height, width, path) = (keys.height, keys.width, PathBuf::new());
+        Ok(Self { height, width, layout, info, text: text.to_owned(), path })
+    }
+
+    /// The sidecar of a frame that says its own layout.
+    pub fn of(frame: &RawFrame) -> Self {
+        Self {
+            height: Some(frame.height),
+            width: Some(frame.width),
+            info: frame.info.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// The text of the file.
+    pub fn to_toml(&self) -> String {
+        let tight = self.layout.map(|l| PackedLayout::tight(l.height, l.width, l.bits, l.packing));
+        let differs = |of: fn(&PackedLayout) -> usize| {
+            self.layout.as_ref().map(of).filter(|value| tight.as_ref().map(of) != Some(*value))
+        };
+        let keys = Keys {
+            sensor: self.info.sensor.clone(),
+            height: self.layout.map(|l| l.height).or(self.height),
+            width: self.layout.map(|l| l.width).or(self.width),
+            bits: self.layout.map(|l| l.bits).or(self.info.bits),
+            packing: self.layout.map(|l| l.packing),
+            row_stride_bytes: differs(|l| l.row_stride_bytes),
+            header_bytes: differs(|l| l.header_bytes),
+            footer_bytes: differs(|l| l.footer_bytes),
+            cfa: self.info.cfa,
+            black_level_dn: self.info.black_level_dn,
+            white_level_dn: self.info.white_level_dn,
+            exposure_s: self.info.exposure_s,
+            linear_gain: self.info.linear_gain,
+            pixel_um: self.info.pixel_um,
+            temperature_c: self.info.temperature_c,
+        };
+        // A table of numbers and short texts is always TOML.
+        toml::to_string(&keys).unwrap_or_default()
+    }
+
+    /// A packed file as the sidecar says.
+    pub(super) fn unpack(&self, raw: &Path, bytes: &[u8]) -> Result<RawFrame, RawFileError> {
+        let Some(layout) = &self.layout else {
+            let error = FileError::at_key(&self.text, &["packing"], "a packed file needs the key `packing`");
+            return Err(RawFileError::sidecar(&self.path, error.hint(EXAMPLE)));
+        };
+        let hint = "compare height, width, bits, packing, row_stride_bytes, header_bytes and footer_bytes of the sidecar \
+                    with what the camera wrote";
+        let dn = unpack(layout, bytes).map_err(|e| RawFileError::content(raw, e.to_string(), hint))?;
+        Ok(RawFrame { height: layout.height, width: layout.width, dn, info: self.info.clone() })
+    }
+
+    /// What the sidecar says of a frame that has a format of its own; it wins over what that says.
+    pub(super) fn apply(&self, raw: &Path, frame: RawFrame) -> Result<RawFrame, RawFileError> {
+        let at = |key: &str, message: String, hint: &str| {
+            let error = FileError::at_key(&self.text, &[key], message).hint(hint);
+            Err(RawFileError::sidecar(&self.path, error))
+        };
+        let name = raw.display();
+        if self.layout.is_some() {
+            let message = format!("{name} is no packed file: it says itself how its numbers lie");
+            return at("packing", message, "take out `packing`, and what belongs to it");
+        }
+        for (key, said, is) in [("height", self.height, frame.height), ("width", self.width, frame.width)] {
+            if said.is_some_and(|said| said != is) {
+                return at(
+                    key,
+                    format!("{name} has the {key} {is}"),
+                    "is this the sidecar of another frame?",
+                );
+            }
+        }
+        let frame = RawFrame { info: self.info.clone().or(frame.info), ..frame };
+        if let Some((row, col, dn)) = frame.info.bits.and_then(|bits| frame.beyond(bits)) {
+            let message = format!("{name} has the value {dn} at row {row}, column {col}");
+            return at(
+                "bits",
+                message,
+                "give the bits that the numbers have in the file; are they shifted up?",
+            );
+        }
+        Ok(frame)
+    }
+}
+
+/// A layout that cannot be, at the key that says so.
+fn layout_error(text: &str, error: &super::PackingError) -> FileError {
+    use super::PackingError as E;
+    let (key, hint) = match error {
+        E::Bits { .. } => ("bits", "give bits that the packing has, or packing = \"lsb\" or \"u16le\""),
+        E::Stride { .. } => ("row_stride_bytes", "leave the key out for rows without padding"),
+        _ => ("height", "give the rows and columns of the frame"),
+    };
+    FileError::at_key(text, &[key], error.to_string()).hint(hint)
+}

@@ -1,0 +1,121 @@
+//! As much YAML as the pages of refractiveindex.info have: a tree whose nodes know their line. Aliases, by which a short
+//! text means an exponentially long one, are refused, and so is deep nesting.
+
+use saphyr_parser::{Event, Parser};
+
+use petzval_base::FileError;
+use petzval_base::quote;
+
+/// A node of the tree.
+pub(super) struct Node {
+    /// Its line, from 1.
+    pub line: usize,
+    pub value: Value,
+}
+
+pub(super) enum Value {
+    Text(String),
+    List(Vec<Node>),
+    /// In the order of the file.
+    Map(Vec<(String, Node)>),
+}
+
+impl Node {
+    /// The value of a key; `None` also if this is no map.
+    pub fn get(&self, key: &str) -> Option<&Node> {
+        match &self.value {
+            Value::Map(entries) => entries.iter().find(|(known, _)| known == key).map(|(_, node)| node),
+            _ => None,
+        }
+    }
+
+    /// The scalar text; `None` if this is a list or a map.
+    pub fn text(&self) -> Option<&str> {
+        match &self.value {
+            Value::Text(text) => Some(text.trim()),
+            _ => None,
+        }
+    }
+
+    /// The nodes of a list; a single node counts as a list of one.
+    pub fn list(&self) -> &[Node] {
+        match &self.value {
+            Value::List(nodes) => nodes,
+            _ => std::slice::from_ref(self),
+        }
+    }
+
+    pub fn error(&self, key: &str, message: impl Into<String>) -> FileError {
+        error(self.line, key, self.text().unwrap_or(""), message)
+    }
+}
+
+pub(super) fn error(line: usize, key: &str, value: &str, message: impl Into<String>) -> FileError {
+    FileError {
+        line: u32::try_from(line).ok(),
+        column: None,
+        key: key.into(),
+        value: quote(value),
+        message: message.into(),
+        hint: None,
+    }
+}
+
+/// A list or map that is being read.
+enum Open {
+    List(Vec<Node>),
+    /// With the key whose value comes next.
+    Map(Vec<(String, Node)>, Option<String>),
+}
+
+/// The first document of a text.
+pub(super) fn parse(text: &str) -> Result<Node, FileError> {
+    // Pages have 6 levels; a few more are harmless.
+    const DEEPEST: usize = 32;
+    let mut open: Vec<(usize, Open)> = Vec::new();
+    for event in Parser::new_from_str(text) {
+        let (event, span) = event.map_err(|e| {
+            let mark = e.marker();
+            let mut found = error(mark.line(), "", "", format!("this is no YAML: {}", e.info()));
+            found.column = u32::try_from(mark.col() + 1).ok();
+            found
+        })?;
+        let line = span.start.line();
+        let done = match event {
+            Event::Scalar(text, ..) => Node { line, value: Value::Text(text.into_owned()) },
+            Event::SequenceStart(..) | Event::MappingStart(..) if open.len() == DEEPEST => {
+                return Err(error(line, "", "", format!("this is nested deeper than {DEEPEST} levels")));
+            }
+            Event::SequenceStart(..) => {
+                open.push((line, Open::List(Vec::new())));
+                continue;
+            }
+            Event::MappingStart(..) => {
+                open.push((line, Open::Map(Vec::new(), None)));
+                continue;
+            }
+            Event::SequenceEnd | Event::MappingEnd => match open.pop() {
+                Some((line, Open::List(nodes))) => Node { line, value: Value::List(nodes) },
+                Some((line, Open::Map(entries, _))) => Node { line, value: Value::Map(entries) },
+                None => break,
+            },
+            Event::Alias(_) => {
+                return Err(error(line, "", "", "an alias is no data").hint("write the values out"));
+            }
+            Event::DocumentEnd | Event::StreamEnd => break,
+            Event::Nothing | Event::StreamStart | Event::DocumentStart(_) => continue,
+        };
+        match open.last_mut() {
+            None => return Ok(done),
+            Some((_, Open::List(nodes))) => nodes.push(done),
+            Some((_, Open::Map(entries, key))) => match key.take() {
+                Some(key) => entries.push((key, done)),
+                None => match done.value {
+                    Value::Text(text) => *key = Some(text),
+                    _ => return Err(error(done.line, "", "", "a key is a word")),
+                },
+            },
+        }
+    }
+    Err(error(1, "", "", "there is nothing in this file"))
+}

@@ -1,0 +1,212 @@
+//! Commands: words on lines, with quotes, comments and continuations.
+
+use std::collections::VecDeque;
+
+use crate::draft::{Record, line_end};
+use petzval_base::FileError;
+
+/// Characters that a command with its continuations may have.
+const LONGEST: usize = 64 << 10;
+
+/// A word of a command.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Word {
+    pub text: String,
+    /// Whether it stood in quotes.
+    pub quoted: bool,
+}
+
+/// A command with its values.
+#[derive(Clone, Debug)]
+pub(super) struct Command {
+    /// Where it stands.
+    pub record: Record,
+    /// Its name in upper case; names are told apart by three letters, and longer forms are cut to them.
+    pub name: String,
+    /// The whole name in upper case, as private glasses have it.
+    pub full: String,
+    /// Whether the name stood in quotes, as that of a glass does.
+    pub quoted: bool,
+    /// The values.
+    pub words: Vec<Word>,
+}
+
+impl Command {
+    fn new(line: u32, text: &str) -> Option<Self> {
+        let mut words = split_words(text);
+        if words.is_empty() {
+            return None;
+        }
+        let first = words.remove(0);
+        let upper = first.text.to_uppercase();
+        let name = match first.quoted || !upper.bytes().all(|b| b.is_ascii_alphabetic()) {
+            true => upper.clone(),
+            false => upper.chars().take(3).collect(),
+        };
+        Some(Self { record: Record::new(line, text.trim()), name, full: upper, quoted: first.quoted, words })
+    }
+
+    pub fn error(&self, message: impl Into<String>) -> FileError {
+        self.record.error(message)
+    }
+
+    /// Value `index` as it stands there.
+    pub fn word(&self, index: usize) -> Option<&str> {
+        self.words.get(index).map(|word| word.text.as_str())
+    }
+
+    /// Value `index` as a finite number, which must be there.
+    pub fn number(&self, index: usize) -> Result<f64, FileError> {
+        match self.words.get(index) {
+            Some(word) => self.parse(word),
+            None => Err(self.error(format!("value {} is missing", index + 1))),
+        }
+    }
+
+    /// The only value, as a finite number.
+    pub fn only_number(&self) -> Result<f64, FileError> {
+        match self.words.len() {
+            0 | 1 => self.number(0),
+            count => Err(self.error(format!("one value is read, and there are {count}"))),
+        }
+    }
+
+    /// Whether the only value is a no.
+    pub fn says_no(&self) -> bool {
+        matches!(&self.words[..], [no] if no.text.eq_ignore_ascii_case("N") || no.text.eq_ignore_ascii_case("NO"))
+    }
+
+    /// All values as finite numbers, `most` at most.
+    pub fn numbers(&self, most: usize) -> Result<Vec<f64>, FileError> {
+        if self.words.len() > most {
+            return Err(self.error(format!("more than {most} values are not read")));
+        }
+        self.words.iter().map(|word| self.parse(word)).collect()
+    }
+
+    fn parse(&self, word: &Word) -> Result<f64, FileError> {
+        match word.text.parse::<f64>() {
+            Ok(value) if value.is_finite() && !word.quoted => Ok(value),
+            _ => Err(self.error(format!("`{}` is not a finite number", word.text))),
+        }
+    }
+}
+
+/// The commands of a text, one after the other.
+pub(super) struct Commands<'a> {
+    lines: std::iter::Zip<std::str::Split<'a, char>, std::ops::RangeFrom<u32>>,
+    waiting: VecDeque<Command>,
+}
+
+impl<'a> Commands<'a> {
+    pub fn new(text: &'a str) -> Self {
+        Self { lines: text.split(line_end(text)).zip(1..), waiting: VecDeque::new() }
+    }
+}
+
+impl Iterator for Commands<'_> {
+    type Item = Result<Command, FileError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.waiting.is_empty() {
+            let (line, number) = self.lines.next()?;
+            let mut whole = without_comment(line).trim_end().to_owned();
+            while let Some(kept) = whole.strip_suffix('&') {
+                whole = kept.to_owned();
+                let Some((more, _)) = self.lines.next() else { break };
+                whole.push(' ');
+                whole.push_str(without_comment(more).trim_end());
+                if whole.len() > LONGEST {
+                    break;
+                }
+            }
+            if whole.len() > LONGEST {
+                let message = format!("a line of more than {LONGEST} characters is not read");
+                return Some(Err(FileError::at_line(number, &whole, message)));
+            }
+            self.waiting.extend(parts(&whole).into_iter().filter_map(|part| Command::new(number, part)));
+        }
+        self.waiting.pop_front().map(Ok)
+    }
+}
+
+/// The parts of a text outside quotes: `at` is called with each byte outside them and says where to end.
+fn scan(text: &str, mut at: impl FnMut(usize, u8) -> bool) {
+    let mut quote = None;
+    for (i, byte) in text.bytes().enumerate() {
+        match (quote, byte) {
+            (None, b'\'' | b'"') => quote = Some(byte),
+            (Some(open), _) if open == byte => quote = None,
+            (Some(_), _) => {}
+            (None, _) => {
+                if at(i, byte) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// A line up to its comment.
+fn without_comment(line: &str) -> &str {
+    let mut end = line.len();
+    scan(line, |i, byte| {
+        if byte == b'!' {
+            end = i;
+        }
+        byte == b'!'
+    });
+    &line[..end]
+}
+
+/// The commands of a line.
+fn parts(line: &str) -> Vec<&str> {
+    let mut cuts = vec![0];
+    scan(line, |i, byte| {
+        if byte == b';' {
+            cuts.push(i + 1);
+        }
+        false
+    });
+    cuts.push(line.len() + 1);
+    cuts.windows(2).map(|w| &line[w[0]..w[1] - 1]).collect()
+}
+
+/// The words of a command. A quote begins a word only where one may begin, so that a label may follow its qualifier: `L'a b'`.
+fn split_words(text: &str) -> Vec<Word> {
+    let mut words = Vec::new();
+    let mut rest = text.trim_start();
+    while let Some(first) = rest.chars().next() {
+        let (text, quoted, after) = match first {
+            '\'' | '"' => match rest[1..].split_once(first) {
+                Some((inside, after)) => (inside, true, after),
+                None => (rest[1..].trim_end(), true, ""),
+            },
+            _ => {
+                let end = rest.find(char::is_whitespace).unwrap_or(rest.len());
+                (&rest[..end], false, &rest[end..])
+            }
+        };
+        words.push(Word { text: text.to_owned(), quoted });
+        rest = after.trim_start();
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn semicolons_comments_quotes_and_continuations() {
+        let text = "rdm;LEN \"a; b ! c\"\nXAN 0.0 & ! more\n  1.0\n\nTITLE 'it''s' ! end\n  A 1; B -2.e-3";
+        let all: Vec<Command> = Commands::new(text).map(Result::unwrap).collect();
+        let names: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
+        assert_eq!(names, ["RDM", "LEN", "XAN", "TIT", "A", "B"]);
+        assert_eq!(all[1].word(0), Some("a; b ! c"));
+        assert_eq!(all[2].numbers(9).unwrap(), [0.0, 1.0]);
+        assert_eq!((all[2].record.line, all[3].record.line, all[5].record.line), (2, 5, 6));
+        assert_eq!(all[5].number(0).unwrap(), -2e-3);
+        assert!(all[4].number(1).unwrap_err().to_string().contains("line 6: `A 1`: value 2 is missing"));
+    }
+}

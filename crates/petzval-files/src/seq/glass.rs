@@ -1,0 +1,212 @@
+//! Glasses: private catalogues, names without hyphens and with their maker, codes and fictitious glasses.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::command::{Command, Word};
+use crate::decimal::{shifted, shown};
+use crate::draft::{MOST_VALUES, Record};
+use petzval_base::FileError;
+use petzval_optics::glass::{Catalog, Dispersion, Glass};
+
+/// Glasses of a file's own.
+const MOST_GLASSES: usize = 1000;
+
+/// What the program calls the maker of materials that have none.
+pub(super) const NO_MAKER: &str = "SPECIAL";
+
+/// A private catalogue, `PRV` to `END`.
+#[derive(Debug, Default)]
+pub(super) struct PrivateGlasses {
+    /// Wavelengths of the indices that follow, um.
+    wavelengths_um: Vec<f64>,
+    /// By upper-case name; a glass whose formula is not known is an error where it is used.
+    glasses: BTreeMap<String, Result<Arc<Glass>, FileError>>,
+}
+
+impl PrivateGlasses {
+    /// Reads one line of the catalogue.
+    pub fn read(&mut self, command: &Command) -> Result<(), FileError> {
+        if command.full == "PWL" && !command.quoted {
+            let nm = command.words.iter().take(MOST_VALUES).map(|word| shifted(&word.text, -3));
+            let um: Option<Vec<f64>> = nm.collect();
+            self.wavelengths_um = um
+                .filter(|list| list.iter().all(|um| *um > 0.0))
+                .ok_or_else(|| command.error("the wavelengths must be positive numbers, in nm"))?;
+            return Ok(());
+        }
+        if self.glasses.len() >= MOST_GLASSES {
+            return Err(command.error(format!("more than {MOST_GLASSES} private glasses are not read")));
+        }
+        let glass =
+            self.dispersion(command).map(|dispersion| Arc::new(Glass::new(&command.full, dispersion)));
+        self.glasses.insert(command.full.clone(), glass);
+        Ok(())
+    }
+
+    /// Laurent's series (that of Schott), or an index at each of the catalogue's wavelengths.
+    fn dispersion(&self, command: &Command) -> Result<Dispersion, FileError> {
+        let kind = command.word(0).unwrap_or("").to_uppercase();
+        if kind == "LAU" {
+            let mut a = [0.0; 6];
+            for (i, a) in a.iter_mut().enumerate() {
+                if i + 1 < command.words.len() {
+                    *a = command.number(i + 1)?;
+                }
+            }
+            return match command.words.len() {
+                2..=7 => Ok(Dispersion::Schott(a)),
+                _ => Err(command.error("Laurent's series has one to six coefficients")),
+            };
+        }
+        if kind.parse::<f64>().is_err() {
+            return Err(command
+                .error(format!("private glasses by the formula {kind} are not read"))
+                .hint("LAU and indices at the wavelengths of PWL are; or name a catalogue glass"));
+        }
+        let index = command.numbers(MOST_VALUES)?;
+        if index.len() != self.wavelengths_um.len() {
+            let message = format!("{} indices for {} wavelengths", index.len(), self.wavelengths_um.len());
+            return Err(command.error(message).hint("PWL lists the wavelengths before the glasses"));
+        }
+        if index.iter().any(|n| *n < 1.0) {
+            return Err(command.error("an index is a number from 1"));
+        }
+        if index.windows(2).all(|n| n[0] == n[1]) {
+            return Ok(Dispersion::Constant(index[0]));
+        }
+        let mut pairs: Vec<(f64, f64)> = self.wavelengths_um.iter().copied().zip(index).collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if pairs.windows(2).any(|w| w[0].0 >= w[1].0) {
+            return Err(command.error("PWL names a wavelength twice"));
+        }
+        let (wavelength_um, index) = pairs.into_iter().unzip();
+        Ok(Dispersion::Table { wavelength_um, index })
+    }
+
+    /// The glass that a word names.
+    pub fn medium(&self, word: &Word, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>, FileError> {
+        let upper = word.text.to_uppercase();
+        if let Some(glass) = self.glasses.get(&upper) {
+            return glass.clone();
+        }
+        if upper == "AIR" {
+            return Ok(Glass::air());
+        }
+        if let Some((nd, vd)) = fictitious(&word.text) {
+            return match nd > 1.0 && nd < 10.0 && vd > 0.0 && vd.is_finite() {
+                true => Ok(Arc::new(Glass::new(&word.text, Dispersion::NdVd { nd, vd }))),
+                false => Err(record.error(format!(
+                    "a glass with nd = {} and Vd = {} is none",
+                    shown(nd),
+                    shown(vd)
+                ))),
+            };
+        }
+        if word.text.starts_with(|c: char| c.is_ascii_digit()) && word.text.parse::<f64>().is_ok() {
+            let message = format!("`{}` is neither a glass code nor a name", word.text);
+            return Err(record.error(message).hint("codes are 517642, 516800.6417 or 1.5168:64.17"));
+        }
+        by_name(&word.text, catalog, record)
+    }
+}
+
+/// Index and Abbe number of a fictitious glass: `1.5168:64.17`; the code `517642`, which means 1.517 and 64.2; or
+/// `516800.6417`, which means 1.5168 and 64.17.
+fn fictitious(text: &str) -> Option<(f64, f64)> {
+    if let Some((nd, vd)) = text.split_once(':') {
+        return Some((nd.parse().ok()?, vd.parse().ok()?));
+    }
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    if text.len() == 6 && digits(text) {
+        return Some((format!("1.{}", &text[..3]).parse().ok()?, shifted(&text[3..], -1)?));
+    }
+    let (index, abbe) = text.split_once('.')?;
+    let is_code = index.len() >= 3 && digits(index) && digits(abbe);
+    if !is_code {
+        None
+    } else {
+        Some((format!("1.{index}").parse().ok()?, shifted(&format!("0.{abbe}"), 2)?))
+    }
+}
+
+/// Letters and digits alone, in upper case: as the program spells names of glasses.
+pub(super) fn bare(name: &str) -> String {
+    name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_uppercase()).collect()
+}
+
+/// The program's name of a maker.
+pub(super) fn maker_suffix(maker: &str) -> String {
+    let maker = bare(maker);
+    if maker == "GENERIC" { NO_MAKER.to_owned() } else { maker }
+}
+
+/// A catalogue glass by its very name, or by its name without punctuation behind which its maker stands.
+fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>, FileError> {
+    if let Ok(glass) = catalog.get(name) {
+        return Ok(glass);
+    }
+    let (wanted, suffix) = match name.rsplit_once('_') {
+        Some((glass, maker)) => (bare(glass), Some(bare(maker))),
+        None => (bare(name), None),
+    };
+    let same_name = catalog.iter().filter(|(known, _)| bare(known) == wanted);
+    let mut found: Vec<&Arc<Glass>> = match &suffix {
+        None => same_name.map(|(_, glass)| glass).collect(),
+        Some(suffix) => same_name
+            .flat_map(|(known, _)| catalog.all(known))
+            .filter(|glass| !glass.maker.is_empty() && maker_suffix(&glass.maker) == *suffix)
+            .collect(),
+    };
+    found.dedup();
+    match found[..] {
+        [glass] => Ok(glass.clone()),
+        [] => {
+            let (asked, maker) = name.rsplit_once('_').unwrap_or((name, ""));
+            let message = match maker {
+                "" => format!("no glass is called `{name}`"),
+                maker => format!("no glass of {maker} is called `{asked}`"),
+            };
+            // Where the name is another maker's, the whole may be near to a third one's.
+            let nearest = catalog.get(asked).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
+            let nearest = nearest.map(|unknown| unknown.nearest.join(", ")).unwrap_or_default();
+            Err(record.error(message).hint(format!("the nearest names are {nearest}")))
+        }
+        _ => {
+            let message = format!("several glasses are called `{name}` but for punctuation");
+            Err(record.error(message).hint("add the maker, as in NBK7_SCHOTT"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_of_fictitious_glasses() {
+        assert_eq!(fictitious("1.5168:64.17"), Some((1.5168, 64.17)));
+        assert_eq!(fictitious("517642"), Some((1.517, 64.2)));
+        assert_eq!(fictitious("516800.6417"), Some((1.5168, 64.17)));
+        assert_eq!(fictitious("517.642"), Some((1.517, 64.2)));
+        for none in ["NBK7", "1.5", "12", "5176420", "1.5:x", "e"] {
+            assert_eq!(fictitious(none), None, "{none}");
+        }
+    }
+
+    #[test]
+    fn names_are_matched_without_punctuation_but_never_guessed() {
+        let text =
+            "[glass.N-BK7]\nnd=1.5168\nvd=64.17\nmaker=\"Schott\"\n[glass.SK16]\nn=1.6\nmaker=\"Hikari\"\n";
+        let catalog = crate::parse_catalog(text).unwrap();
+        let record = Record::new(7, "S 1 2 x");
+        let get = |name: &str| by_name(name, &catalog, &record).map(|g| g.name.clone());
+        for name in ["NBK7_SCHOTT", "nbk7_schott", "N-BK7", "nbk7", "N-BK7_SCHOTT"] {
+            assert_eq!(get(name).unwrap(), "N-BK7", "{name}");
+        }
+        for name in ["BK7_SCHOTT", "SK16_SCHOTT", "NBK7_OHARA", "NBK", "_", "", "NBK7_"] {
+            let error = get(name).unwrap_err().to_string();
+            assert!(error.starts_with("line 7: ") && error.contains("nearest names are"), "{error}");
+        }
+    }
+}

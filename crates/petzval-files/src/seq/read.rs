@@ -1,0 +1,356 @@
+//! Reading a file: commands one after the other, then the lens that they make.
+
+use super::command::{Command, Commands, Word};
+use super::glass::PrivateGlasses;
+use super::read_surface::{RawSurface, is_surface_command};
+use super::system::System;
+use crate::draft::{Aperture, Break, Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
+use crate::loss::{Effect, Losses};
+use petzval_base::FileError;
+use petzval_optics::glass::Catalog;
+
+/// Commands that say nothing about the lens: how the program starts, shows and ends, what may vary (codes of variables end in
+/// C: `CCY`, `THC`, `GLC`, `KC`, `AC`, ...), which apertures count in drawings.
+const BOOKKEEPING: &[&str] = &[
+    "LEN", "GO", "INI", "CWL", "CA", "CCY", "CCX", "THC", "GLC", "KC", "AC", "BC", "CC", "DC", "EC", "FC",
+    "GC", "HC", "JC", "CUC", "SCC", "XDC", "YDC", "ZDC", "ADC", "BDC", "CDC",
+];
+
+/// Commands that bend light in ways that are not traced.
+const REFUSED: &[(&str, &str)] = &[
+    ("DIF", "diffractive structures are not read: which way their orders go is not known"),
+    ("GRT", "gratings are not read: which way their orders go is not known"),
+    ("HOE", "holograms are not traced"),
+    ("XTO", "toroids whose section in x is turned are not traced"),
+    ("SPL", "splines are not traced"),
+    ("UDS", "surfaces of the user's own code are not traced"),
+    ("UDG", "gradient-index media are not traced"),
+    ("GRI", "gradient-index media are not traced"),
+    ("ARR", "arrays of surfaces are not traced"),
+    ("NSS", "non-sequential ranges are not traced"),
+    ("ENS", "non-sequential ranges are not traced"),
+    ("MOD", "lens modules are not traced"),
+    ("LMO", "lens modules are not traced"),
+    ("RET", "returns to an earlier surface are not read"),
+    ("GLB", "positions against an earlier surface are not read"),
+    ("FRZ", "Fresnel surfaces are not traced"),
+    ("HCO", HOLOGRAM),
+    ("HCT", HOLOGRAM),
+    ("HWL", HOLOGRAM),
+    ("HOR", HOLOGRAM),
+    ("HTO", HOLOGRAM),
+    ("HX1", HOLOGRAM),
+    ("HY1", HOLOGRAM),
+    ("HZ1", HOLOGRAM),
+    ("HX2", HOLOGRAM),
+    ("HY2", HOLOGRAM),
+    ("HZ2", HOLOGRAM),
+    ("HV1", HOLOGRAM),
+    ("HV2", HOLOGRAM),
+    ("ZRN", "Zernike surfaces are not traced"),
+    ("INT", "measured and computed deformations of surfaces are not traced"),
+    ("BIR", "birefringent media are not traced"),
+    ("RED", "a magnification from which the program finds the object is not read"),
+    ("SCA", EDIT),
+    ("DEL", EDIT),
+    ("INS", EDIT),
+    ("COP", EDIT),
+    ("FLP", EDIT),
+    ("INV", EDIT),
+];
+
+const HOLOGRAM: &str = "holograms are not traced";
+
+const EDIT: &str =
+    "commands that change the lens once it is there are not read; write the lens that they make";
+
+/// A lens from its file; glasses are looked up in the file's private catalogue, then in `catalog`, by their exact name or by
+/// the program's spelling of it, as `NBK7_SCHOTT`.
+///
+/// Errors name the first command that cannot be traced as it stands, with its line.
+pub fn parse_seq(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
+    if text.len() > MOST_BYTES {
+        let message = format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20);
+        return Err(FileError::at_line(0, "", message));
+    }
+    let mut reader = Reader::default();
+    for command in Commands::new(text) {
+        reader.read(&command?)?;
+    }
+    reader.finish(catalog)
+}
+
+/// What has been read so far.
+#[derive(Default)]
+struct Reader {
+    system: System,
+    losses: Losses,
+    private: PrivateGlasses,
+    in_private: bool,
+    /// Whether surfaces have radii; the program's default is curvatures.
+    radius_mode: Option<bool>,
+    /// From the object to the image.
+    surfaces: Vec<RawSurface>,
+    has_image: bool,
+    /// The surface that commands without one are about.
+    current: usize,
+    stop: Option<(usize, Record)>,
+    paraxial_image: Option<Record>,
+}
+
+impl Reader {
+    fn lose(&mut self, record: &Record, effect: Effect, message: &str) {
+        self.losses.add(record.line, &record.text, effect, message);
+    }
+
+    fn read(&mut self, command: &Command) -> Result<(), FileError> {
+        if self.in_private && (command.full != "END" || command.quoted) {
+            return self.private.read(command);
+        }
+        if command.quoted {
+            let message = "this is no command: it stands in quotes";
+            self.lose(&command.record, Effect::NotUnderstood, message);
+            return Ok(());
+        }
+        if self.is_surface(command) {
+            return self.add_surface(command);
+        }
+        if self.system.read(command, &mut self.losses)? {
+            return Ok(());
+        }
+        match command.name.as_str() {
+            "PRV" => self.in_private = true,
+            "END" => self.in_private = false,
+            "RDM" => self.radius_mode = Some(!command.word(0).is_some_and(|w| w.eq_ignore_ascii_case("N"))),
+            "STO" => {
+                let (surface, _) = self.target(command)?;
+                if let Some((earlier, record)) = &self.stop
+                    && *earlier != surface
+                {
+                    let message = format!("line {} has made another surface the stop", record.line);
+                    return Err(command.error(message));
+                }
+                self.stop = Some((surface, command.record.clone()));
+            }
+            "PIM" => {
+                self.paraxial_image = Some(command.record.clone());
+                self.lose(
+                    &command.record,
+                    Effect::NoRay,
+                    "the solve is not kept; the value that it found is",
+                );
+            }
+            "ZOO" => self.lose(&command.record, Effect::NoRay, "only the first zoom position is read"),
+            "PIK" => self.lose(
+                &command.record,
+                Effect::NoRay,
+                "the pickup is not kept; the value that it found is",
+            ),
+            name if BOOKKEEPING.contains(&name) => {}
+            name if is_surface_command(name) => {
+                let (surface, words) = self.target(command)?;
+                let raw = &mut self.surfaces[surface];
+                raw.read(command, words, &mut self.losses)?;
+            }
+            name => {
+                if let Some((_, message)) = REFUSED.iter().find(|(refused, _)| *refused == name) {
+                    return Err(command.error(*message));
+                }
+                self.lose(&command.record, Effect::NotUnderstood, "this command is not understood");
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a command adds a surface: `SO`, `S`, `S12`, `SI`, with at least a radius and a thickness.
+    fn is_surface(&self, command: &Command) -> bool {
+        let numbered = command.name.strip_prefix('S').is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit()));
+        numbered || matches!(command.name.as_str(), "SO" | "SI")
+    }
+
+    fn add_surface(&mut self, command: &Command) -> Result<(), FileError> {
+        let is_object = command.name == "SO" || command.name == "S0";
+        if is_object != self.surfaces.is_empty() {
+            let message =
+                if is_object { "the object is there already" } else { "the object, SO, comes first" };
+            return Err(command.error(message));
+        }
+        if self.has_image {
+            return Err(command.error("no surface comes behind the image"));
+        }
+        if self.surfaces.len() > MOST_SURFACES {
+            return Err(command.error(format!("a lens with more than {MOST_SURFACES} surfaces is not read")));
+        }
+        if let Some(number) = command.name[1..].parse::<usize>().ok().filter(|n| *n != self.surfaces.len()) {
+            let message = format!("surface {number} is not the next one, which is {}", self.surfaces.len());
+            return Err(command.error(message));
+        }
+        self.has_image = command.name == "SI";
+        self.current = self.surfaces.len();
+        self.surfaces.push(RawSurface::new(command)?);
+        Ok(())
+    }
+
+    /// The surface that a command is about, and its values: a word `S3`, `SO`, `SI` or `SS` names another than the current.
+    fn target<'c>(&self, command: &'c Command) -> Result<(usize, &'c [Word]), FileError> {
+        if self.surfaces.is_empty() {
+            return Err(command.error("this is about a surface, and there is none yet"));
+        }
+        let named = command.words.first().filter(|word| !word.quoted).map(|word| word.text.to_uppercase());
+        let Some(of) = named.as_deref().and_then(surface_name) else {
+            return Ok((self.current, &command.words));
+        };
+        let surface = match of {
+            "O" => Some(0),
+            "I" => self.has_image.then(|| self.surfaces.len() - 1),
+            "S" => self.stop.as_ref().map(|(surface, _)| *surface),
+            number => number.parse::<usize>().ok(),
+        };
+        match surface.filter(|s| *s < self.surfaces.len()) {
+            Some(surface) => Ok((surface, &command.words[1..])),
+            None => Err(command
+                .error(format!("there is no surface S{of}"))
+                .hint("one surface at a time is read, from S1; ranges and labels are not")),
+        }
+    }
+
+    fn finish(mut self, catalog: &Catalog) -> Result<Import, FileError> {
+        let radii = self.radius_mode.unwrap_or(false);
+        if self.radius_mode.is_none() {
+            // Radii of lenses are above a lens unit and curvatures below: what contradicts the default is not guessed.
+            if let Some(raw) = self.surfaces.iter().find(|raw| raw.is_hardly_a_curvature()) {
+                let message = "the file does not say whether its surfaces have radii or curvatures";
+                let hint =
+                    "write a line `RDM` for radii, or `RDM N` for curvatures, before the first surface";
+                return Err(raw.record.error(message).hint(hint));
+            }
+            self.losses.add(
+                0,
+                "",
+                Effect::Assumed,
+                "the file does not say RDM; its surfaces have curvatures",
+            );
+        }
+        if self.system.mm == 0.0 {
+            self.losses.add(0, "", Effect::Assumed, "the file says no unit; lengths are taken as mm");
+            self.system.mm = 1.0;
+        }
+        let mm = self.system.mm;
+        let count = self.surfaces.len();
+        if count < 3 || !self.has_image {
+            let message = "this is no lens: it has no object, surface and image";
+            return Err(FileError::at_line(0, "", message).hint("they are SO, S and SI"));
+        }
+        let (object, image) = (&self.surfaces[0], &self.surfaces[count - 1]);
+        object.check_plane(mm, radii, "object")?;
+        image.check_plane(mm, radii, "image")?;
+        if object.is_moved() {
+            return Err(object.turned.error("a shifted or turned object is not traced"));
+        }
+        let stop_surface = match &self.stop {
+            Some((surface, _)) if (1..count - 1).contains(surface) => *surface,
+            Some((_, record)) => return Err(record.error("neither object nor image can be the stop")),
+            None => {
+                self.losses.add(0, "", Effect::Assumed, "the file says no stop; surface 1 is taken");
+                1
+            }
+        };
+
+        let mut object_mm = object.thickness * mm;
+        let object_record = object.record.clone();
+        let mut items: Vec<Item> = Vec::with_capacity(count);
+        let mut stop = 0;
+        let mut front = petzval_optics::glass::Glass::air();
+        for raw in &self.surfaces[1..count - 1] {
+            if std::ptr::eq(raw, &self.surfaces[stop_surface]) {
+                stop = items.len();
+            }
+            let is_stop = std::ptr::eq(raw, &self.surfaces[stop_surface]);
+            let made = raw.make(mm, radii, &front, &self.private, catalog)?;
+            add_to_last(&mut items, &mut object_mm, made.along_mm);
+            front = made.drafted.surface.glass.clone();
+            let is_plain = made.does_nothing && last_thickness(&items) == Some(0.0) && !is_stop;
+            if !(is_plain && made.behind.is_some()) {
+                items.push(Item::Surface(Box::new(made.drafted)));
+            }
+            items.extend(made.behind.map(Item::Break));
+        }
+        // The image's own thickness is a defocus.
+        let image = &self.surfaces[count - 1];
+        let turned = image.decenter(mm)?;
+        add_to_last(&mut items, &mut object_mm, turned.along_mm);
+        if turned.placement.is_some() || turned.behind.is_some() {
+            let placed = turned.placement.unwrap_or_default();
+            items.push(Item::Break(Break {
+                decenter_mm: placed.decenter_mm,
+                tilt_rad: placed.tilt_rad,
+                record: image.record.clone(),
+                ..Break::default()
+            }));
+        }
+        let stored_mm = last_thickness(&items).unwrap_or(0.0);
+        let at_paraxial_focus = self.paraxial_image.is_some() && stored_mm == 0.0;
+        if let Some(record) = self.paraxial_image.as_ref().filter(|_| at_paraxial_focus) {
+            let message = "no distance is stored; the image is at the paraxial focus";
+            self.losses.add(record.line, &record.text, Effect::Assumed, message);
+        }
+        add_to_last(&mut items, &mut object_mm, image.thickness * mm);
+
+        let (wavelengths, reference) = self.system.wavelengths(&mut self.losses)?;
+        let fields = self.system.fields(mm, &mut self.losses);
+        let Some((aperture, record)) = self.system.aperture else {
+            let message = "the file says no aperture";
+            return Err(FileError::at_line(0, "", message).hint("EPD, FNO, NA and NAO are read"));
+        };
+        let aperture = match aperture {
+            Aperture::EntrancePupil(v) => Aperture::EntrancePupil(v * mm),
+            other => other,
+        };
+        let draft = Draft {
+            name: self.system.title,
+            source: String::new(),
+            items,
+            stop,
+            aperture: (aperture, record),
+            object: (object_mm, object_record),
+            wavelengths,
+            reference,
+            fields,
+            at_paraxial_focus,
+        };
+        draft.finish(self.losses)
+    }
+}
+
+/// What a word that names surfaces says behind its `S`: object, image, stop, all, a number, a label, or a range of these. Other
+/// words, as the glass SF5, name none.
+fn surface_name(word: &str) -> Option<&str> {
+    let of = word.strip_prefix('S')?;
+    let one = |name: &str| {
+        matches!(name, "O" | "I" | "S" | "A") || name.bytes().all(|b| b.is_ascii_digit()) && !name.is_empty()
+    };
+    let label = of.starts_with(['\'', '"']);
+    (label
+        || of.split("..").all(|name| one(name.strip_prefix('S').filter(|n| !n.is_empty()).unwrap_or(name))))
+    .then_some(of)
+}
+
+/// Thickness behind what stands last, mm.
+fn last_thickness(items: &[Item]) -> Option<f64> {
+    match items.last()? {
+        Item::Surface(drafted) => Some(drafted.surface.thickness_mm),
+        Item::Break(b) => Some(b.thickness_mm),
+    }
+}
+
+/// Moves what comes next along the axis.
+fn add_to_last(items: &mut [Item], object_mm: &mut f64, along_mm: f64) {
+    if along_mm == 0.0 {
+        return;
+    }
+    match items.last_mut() {
+        None => *object_mm += along_mm,
+        Some(Item::Surface(drafted)) => drafted.surface.thickness_mm += along_mm,
+        Some(Item::Break(b)) => b.thickness_mm += along_mm,
+    }
+}

@@ -1,0 +1,613 @@
+//! A surface: its line, the commands about it, and what they make.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::command::{Command, Word};
+use super::glass::PrivateGlasses;
+use crate::draft::{Break, Clear, Drafted, Record, check_angles, in_mm, is_bend, set_powers};
+use crate::loss::{Effect, Losses};
+use petzval_base::FileError;
+use petzval_optics::glass::{Catalog, Glass};
+use petzval_optics::lens::{Action, Axis, Departure, Placement, Surface, SurfaceShape, XY_TERMS};
+
+/// Coefficients of r^4, r^6, ..., r^20.
+const LETTERS: [&str; 9] = ["A", "B", "C", "D", "E", "F", "G", "H", "J"];
+
+/// Coefficients of an anamorphic asphere: those that are round, and how far they are not.
+const ROUND: [&str; 4] = ["AR", "BR", "CR", "DR"];
+const UNROUND: [&str; 4] = ["AP", "BP", "CP", "DP"];
+
+const DECENTERS: [&str; 6] = ["XDE", "YDE", "ZDE", "ADE", "BDE", "CDE"];
+
+/// The highest number of a coefficient of a special surface.
+const MOST_COEFFICIENTS: usize = 200;
+
+/// Whether a command is about a surface.
+pub(super) fn is_surface_command(name: &str) -> bool {
+    const OTHERS: &[&str] = &[
+        "CON", "ASP", "SPH", "CYL", "YTO", "AAS", "SPS", "SCO", "K", "KX", "KY", "CUF", "RDY", "RDX", "CUY",
+        "CUX", "THI", "GLA", "RMD", "SLB", "DAR", "BEN", "REV", "XOD", "YOD", "ZOD", "CIR", "REX", "REY",
+        "ELX", "ELY", "ADX", "ADY", "ARO", "MLT", "COA",
+    ];
+    [OTHERS, &LETTERS, &ROUND, &UNROUND, &DECENTERS].iter().any(|list| list.contains(&name))
+}
+
+/// The formula of a shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Formula {
+    /// A conic with even powers from r^4.
+    Asphere,
+    Cylinder,
+    ToroidY,
+    Anamorphic,
+    /// All powers of r.
+    Odd,
+    /// Powers of x and y.
+    Polynomial,
+}
+
+/// Where the axis goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Turn {
+    Follow,
+    Return,
+    Bend,
+    Reverse,
+}
+
+/// What the commands about one surface say, in the units of the file.
+#[derive(Debug)]
+pub(super) struct RawSurface {
+    pub record: Record,
+    is_object: bool,
+    /// Radius or curvature, as the mode of the file says, unless a command has said which.
+    radius_or_curvature: f64,
+    curvature: Option<f64>,
+    curvature_x: Option<f64>,
+    pub thickness: f64,
+    glass: Option<(Word, Record)>,
+    mirror: bool,
+    formula: (Formula, Record),
+    conic: f64,
+    conic_x: f64,
+    even: [f64; 9],
+    round: [f64; 4],
+    coefficients: BTreeMap<usize, f64>,
+    norm_radius: f64,
+    decenter: [f64; 6],
+    turn: (Turn, Record),
+    /// The last command that turns the surface.
+    pub turned: Record,
+    is_placed: bool,
+    edge: Option<f64>,
+    half_widths: [f64; 2],
+    offset: [f64; 2],
+    label: String,
+}
+
+/// A surface as it goes into the lens.
+pub(super) struct Made {
+    pub drafted: Drafted,
+    /// How far the surface is moved along the axis in front, mm.
+    pub along_mm: f64,
+    /// The move of the axis behind it.
+    pub behind: Option<Break>,
+    /// Whether it is a plane without a change of medium or an edge, so that only its move matters.
+    pub does_nothing: bool,
+}
+
+/// A surface's place.
+#[derive(Default)]
+pub(super) struct Decenter {
+    pub placement: Option<Placement>,
+    pub along_mm: f64,
+    pub behind: Option<Break>,
+    /// What the thickness behind loses because the axis goes back, mm.
+    back_mm: f64,
+}
+
+impl RawSurface {
+    /// `S radius thickness [glass] [REFL]`.
+    pub fn new(command: &Command) -> Result<Self, FileError> {
+        let infinite = |index: usize| {
+            is_infinite(command.words.get(index..=index).unwrap_or(&[])).then_some(f64::INFINITY)
+        };
+        let is_object = command.name == "SO" || command.name == "S0";
+        let radius = infinite(0).map_or_else(|| command.number(0), Ok)?;
+        let thickness = match (command.words.len(), infinite(1)) {
+            (_, Some(_)) if !is_object => {
+                return Err(command.error("only the object may be at infinity"));
+            }
+            (_, Some(far)) => far,
+            (1, None) => 0.0,
+            (_, None) => command.number(1)?,
+        };
+        let mut raw = Self {
+            record: command.record.clone(),
+            is_object,
+            radius_or_curvature: radius,
+            curvature: None,
+            curvature_x: None,
+            thickness,
+            glass: None,
+            mirror: false,
+            formula: (Formula::Asphere, command.record.clone()),
+            conic: 0.0,
+            conic_x: 0.0,
+            even: [0.0; 9],
+            round: [0.0; 4],
+            coefficients: BTreeMap::new(),
+            norm_radius: 0.0,
+            decenter: [0.0; 6],
+            turn: (Turn::Follow, command.record.clone()),
+            turned: command.record.clone(),
+            is_placed: false,
+            edge: None,
+            half_widths: [0.0; 2],
+            offset: [0.0; 2],
+            label: String::new(),
+        };
+        for (i, word) in command.words.iter().enumerate().skip(2) {
+            match word.text.to_uppercase().as_str() {
+                _ if word.quoted && i == 2 => raw.glass = Some((word.clone(), command.record.clone())),
+                "REFL" => raw.mirror = true,
+                "REFR" => {}
+                _ if i == 2 => raw.glass = Some((word.clone(), command.record.clone())),
+                other => {
+                    let message = format!("`{other}` behind radius, thickness and glass is not read");
+                    return Err(command
+                        .error(message)
+                        .hint("a glass of nd and Vd is one word, as 1.5168:64.17"));
+                }
+            }
+        }
+        Ok(raw)
+    }
+
+    /// Reads a command about the surface.
+    pub fn read(&mut self, command: &Command, words: &[Word], losses: &mut Losses) -> Result<(), FileError> {
+        let name = command.name.as_str();
+        let value = || only_number(command, words);
+        let is_number = is_infinite(words) || words.first().is_some_and(|w| w.text.parse::<f64>().is_ok());
+        let mut lose =
+            |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
+        let place = |list: &[&str]| list.iter().position(|known| *known == name);
+        if let Some(i) = place(&LETTERS) {
+            self.even[i] = value()?;
+            return Ok(());
+        }
+        if let Some(i) = place(&ROUND) {
+            self.round[i] = value()?;
+            return Ok(());
+        }
+        if place(&UNROUND).is_some() {
+            return match value()? {
+                0.0 => Ok(()),
+                _ => {
+                    Err(command.error("terms of an anamorphic asphere that differ in x and y are not traced"))
+                }
+            };
+        }
+        if let Some(i) = place(&DECENTERS) {
+            self.decenter[i] = value()?;
+            self.is_placed = true;
+            if self.decenter[i] != 0.0 && i > 2 {
+                self.turned = command.record.clone();
+            }
+            return Ok(());
+        }
+        match name {
+            "CON" | "ASP" | "SPH" => self.formula = (Formula::Asphere, command.record.clone()),
+            "CYL" => self.formula = (Formula::Cylinder, command.record.clone()),
+            "YTO" => self.formula = (Formula::ToroidY, command.record.clone()),
+            "AAS" => self.formula = (Formula::Anamorphic, command.record.clone()),
+            "SPS" => {
+                let formula = match words.first().map(|w| w.text.to_uppercase()).as_deref() {
+                    Some("ODD") => Formula::Odd,
+                    Some("XYP") => Formula::Polynomial,
+                    other => {
+                        let message = format!("special surfaces {} are not read", other.unwrap_or(""));
+                        return Err(command.error(message).hint("ODD and XYP are"));
+                    }
+                };
+                if words.len() > 1 {
+                    self.norm_radius = only_number(command, &words[1..])?;
+                }
+                self.formula = (formula, command.record.clone());
+            }
+            "SCO" => self.read_coefficient(command, words)?,
+            "K" | "KY" => self.conic = value()?,
+            "KX" => self.conic_x = value()?,
+            "CUF" if value()? != 0.0 => return Err(command.error("Fresnel surfaces are not traced")),
+            "CUF" => {}
+            "RDY" | "CUY" | "RDX" | "CUX" | "THI" if !is_number => {
+                lose(Effect::NoRay, "the solve is not kept; the value that it found is");
+            }
+            "RDY" | "RDX" => {
+                let curvature = curvature_of(if is_infinite(words) { f64::INFINITY } else { value()? });
+                let to = if name == "RDY" { &mut self.curvature } else { &mut self.curvature_x };
+                *to = Some(curvature);
+            }
+            "CUY" => self.curvature = Some(value()?),
+            "CUX" => self.curvature_x = Some(value()?),
+            "THI" if is_infinite(words) => {
+                if !self.is_object {
+                    return Err(command.error("only the object may be at infinity"));
+                }
+                self.thickness = f64::INFINITY;
+            }
+            "THI" => self.thickness = value()?,
+            "GLA" => {
+                let [word] = words else { return Err(command.error("the glass must be one word")) };
+                self.glass = Some((word.clone(), command.record.clone()));
+            }
+            "RMD" => {
+                self.mirror = match words.first().map(|w| w.text.to_uppercase()).as_deref() {
+                    Some("REFL") => true,
+                    Some("REFR") => false,
+                    _ => return Err(command.error("of the ways of a ray only REFR and REFL are traced")),
+                }
+            }
+            "SLB" => self.label = words.first().map(|w| w.text.clone()).unwrap_or_default(),
+            "DAR" | "BEN" | "REV" => {
+                let turn = match name {
+                    "DAR" => Turn::Return,
+                    "BEN" => Turn::Bend,
+                    _ => Turn::Reverse,
+                };
+                self.turn = (turn, command.record.clone());
+                self.is_placed = true;
+            }
+            "XOD" | "YOD" | "ZOD" => {
+                if value()? != 0.0 {
+                    return Err(command.error("rotations about another point than the vertex are not read"));
+                }
+            }
+            "CIR" | "REX" | "REY" | "ELX" | "ELY" => self.read_aperture(command, words, losses)?,
+            "ADX" | "ADY" => {
+                let value = qualified_number(command, words)?;
+                // Where an edge or an obscuration sits is as little kept as they are.
+                if !["EDG", "OBS", "HOL"].iter().any(|what| says(words, what)) {
+                    self.offset[usize::from(name == "ADY")] = value;
+                }
+            }
+            "ARO" => {}
+            _ => lose(Effect::NoRay, "coatings are not read"),
+        }
+        if matches!(name, "ADX" | "ADY") && self.offset != [0.0; 2] {
+            let message = "the aperture is off the vertex; a circle around it about the vertex is taken";
+            losses.add(command.record.line, &command.record.text, Effect::Approximated, message);
+        }
+        Ok(())
+    }
+
+    /// `SCO name value`: `K`, `AR3` (of r^3), `C4` or `NRADIUS`.
+    fn read_coefficient(&mut self, command: &Command, words: &[Word]) -> Result<(), FileError> {
+        let name = words.first().map(|w| w.text.to_uppercase()).unwrap_or_default();
+        let value = only_number(command, words.get(1..).unwrap_or(&[]))?;
+        let counted = |prefix: &str| name.strip_prefix(prefix).and_then(|n| n.parse::<usize>().ok());
+        let norm = if self.formula.0 == Formula::Odd { 33 } else { 67 };
+        let index = match name.as_str() {
+            "K" => Some(1),
+            "NRADIUS" => Some(norm),
+            _ => counted("AR")
+                .filter(|_| self.formula.0 == Formula::Odd)
+                .map(|n| n + 1)
+                .or_else(|| counted("C")),
+        };
+        match index {
+            Some(1) => self.conic = value,
+            Some(index) if index == norm => self.norm_radius = value,
+            Some(index) if (2..=MOST_COEFFICIENTS).contains(&index) => {
+                self.coefficients.insert(index, value);
+            }
+            _ => return Err(command.error(format!("the coefficient `{name}` is not known"))),
+        }
+        Ok(())
+    }
+
+    /// `CIR [EDG|OBS|HOL|CLR] [L'label'] radius` and the like.
+    fn read_aperture(
+        &mut self,
+        command: &Command,
+        words: &[Word],
+        losses: &mut Losses,
+    ) -> Result<(), FileError> {
+        let says = |what: &str| says(words, what);
+        let value = qualified_number(command, words)?;
+        // Edges are where a piece of glass ends, not where light is lost.
+        if says("EDG") {
+            return Ok(());
+        }
+        let mut lose = |message: &str| {
+            losses.add(command.record.line, &command.record.text, Effect::Approximated, message);
+        };
+        if says("OBS") || says("HOL") {
+            lose("obscurations and holes are not kept: light passes there as anywhere");
+            return Ok(());
+        }
+        if value <= 0.0 {
+            return Err(command.error("an aperture must be positive"));
+        }
+        match command.name.as_str() {
+            "CIR" => self.edge = Some(value),
+            "REX" => self.half_widths[0] = value,
+            "REY" => self.half_widths[1] = value,
+            _ => self.edge = Some(self.edge.map_or(value, |e| e.max(value))),
+        }
+        if self.half_widths != [0.0; 2] && command.name.starts_with("RE") {
+            self.edge = Some(self.half_widths[0].hypot(self.half_widths[1]));
+        }
+        if command.name != "CIR" {
+            lose("the aperture is not round; a circle around it is taken");
+        }
+        Ok(())
+    }
+
+    /// Whether the number of the surface's line would be the radius of a ball smaller than a lens unit, as a curvature.
+    pub fn is_hardly_a_curvature(&self) -> bool {
+        self.curvature.is_none() && self.radius_or_curvature.abs() > 1.0
+    }
+
+    /// Curvature in the y-z section, in units of the file.
+    fn curvature(&self, radii: bool) -> f64 {
+        // `INF` says a plane whatever the mode.
+        self.curvature.unwrap_or(if radii || self.radius_or_curvature.is_infinite() {
+            curvature_of(self.radius_or_curvature)
+        } else {
+            self.radius_or_curvature
+        })
+    }
+
+    /// Object and image are planes in air.
+    pub fn check_plane(&self, mm: f64, radii: bool, what: &str) -> Result<(), FileError> {
+        if self.curvature(radii) != 0.0 {
+            return Err(self.record.error(format!("a curved {what} is not traced")).hint("make it a plane"));
+        }
+        // A plane has any conic constant.
+        let shape = SurfaceShape { conic: 0.0, ..self.shape(mm, radii)? };
+        if shape != SurfaceShape::PLANE {
+            let message = format!("an {what} that is no plane is not traced");
+            return Err(self.formula.1.error(message).hint("make it a plane"));
+        }
+        match &self.glass {
+            Some((_, record)) if what == "object" => Err(record.error("an object in glass is not traced")),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the surface is shifted or turned.
+    pub fn is_moved(&self) -> bool {
+        self.decenter != [0.0; 6]
+    }
+
+    /// The surface, in mm.
+    pub fn make(
+        &self,
+        mm: f64,
+        radii: bool,
+        front: &Arc<Glass>,
+        private: &PrivateGlasses,
+        catalog: &Catalog,
+    ) -> Result<Made, FileError> {
+        let glass = match &self.glass {
+            _ if self.mirror => front.clone(),
+            None => Glass::air(),
+            Some((word, record)) => private.medium(word, catalog, record)?,
+        };
+        let shape = self.shape(mm, radii)?;
+        let Decenter { placement, along_mm, behind, back_mm } = self.decenter(mm)?;
+        if self.turn.0 == Turn::Bend && self.is_placed && !self.mirror {
+            return Err(self.turn.1.error("only a mirror bends the axis"));
+        }
+        let thickness_mm = self.thickness * mm - back_mm;
+        let edge = self.edge.map(|edge| (edge + self.offset[0].hypot(self.offset[1])) * mm);
+        let does_nothing = shape == SurfaceShape::PLANE
+            && !self.mirror
+            && glass == *front
+            && edge.is_none()
+            && placement.is_none();
+        let surface = Surface {
+            label: self.label.clone(),
+            shape,
+            thickness_mm: if behind.is_some() { 0.0 } else { thickness_mm },
+            glass,
+            action: if self.mirror { Action::Reflect } else { Action::Refract },
+            placement,
+            ..Surface::default()
+        };
+        let clear = edge.map_or(Clear::Open(0.0), Clear::Edge);
+        Ok(Made {
+            drafted: Drafted { surface, clear, record: self.record.clone() },
+            along_mm,
+            behind: behind.map(|b| Break { thickness_mm, ..b }),
+            does_nothing,
+        })
+    }
+
+    /// Where the surface sits. Rotations about x and y are left-handed.
+    pub fn decenter(&self, mm: f64) -> Result<Decenter, FileError> {
+        if !self.is_placed || self.decenter == [0.0; 6] {
+            return Ok(Decenter::default());
+        }
+        let [x, y, z, alpha, beta, gamma] = self.decenter;
+        let placed = Placement {
+            decenter_mm: [x * mm, y * mm],
+            tilt_rad: [0.0 - alpha.to_radians(), 0.0 - beta.to_radians(), gamma.to_radians()],
+            axis: Axis::Follows,
+        };
+        check_angles(&placed.tilt_rad, &self.turned)?;
+        let along_mm = z * mm;
+        let (turn, record) = &self.turn;
+        let with = |axis: Axis| Some(Placement { axis, ..placed });
+        match turn {
+            Turn::Follow => Ok(Decenter { placement: Some(placed), along_mm, ..Decenter::default() }),
+            Turn::Return => {
+                Ok(Decenter { placement: with(Axis::Returns), along_mm, back_mm: along_mm, behind: None })
+            }
+            _ if along_mm != 0.0 => {
+                Err(record
+                    .error("a shift along the axis that is bent or turned back at the surface is not read"))
+            }
+            Turn::Bend => match with(Axis::Bends) {
+                Some(bend) if is_bend(&bend) => Ok(Decenter { placement: Some(bend), ..Decenter::default() }),
+                _ => {
+                    Err(record.error("a mirror that bends the axis about two axes at once is not read").hint(
+                        "which of them comes first behind the mirror is not known; use two dummy surfaces",
+                    ))
+                }
+            },
+            Turn::Reverse => {
+                let behind = Break {
+                    decenter_mm: placed.decenter_mm.map(|v| 0.0 - v),
+                    tilt_rad: placed.tilt_rad.map(|v| 0.0 - v),
+                    tilt_first: true,
+                    thickness_mm: 0.0,
+                    record: record.clone(),
+                };
+                Ok(Decenter { behind: Some(behind), ..Decenter::default() })
+            }
+        }
+    }
+
+    /// The shape, in mm.
+    fn shape(&self, mm: f64, radii: bool) -> Result<SurfaceShape, FileError> {
+        let (formula, record) = &self.formula;
+        let mut shape =
+            SurfaceShape { curvature: self.curvature(radii) / mm, conic: self.conic, ..SurfaceShape::PLANE };
+        for (i, value) in self.even.iter().enumerate() {
+            match shape.asphere.get_mut(i + 1) {
+                Some(a) => *a = in_mm(*value, 2 * i + 4, mm),
+                None if *value == 0.0 => {}
+                None => {
+                    let message = format!(
+                        "the term {} of r^{} is not traced: powers up to 16 are",
+                        LETTERS[i],
+                        2 * i + 4
+                    );
+                    return Err(record.error(message));
+                }
+            }
+        }
+        let has_even = self.even.iter().any(|a| *a != 0.0);
+        let special = matches!(formula, Formula::Odd | Formula::Polynomial);
+        if !special && self.coefficients.values().any(|v| *v != 0.0) {
+            return Err(record.error("coefficients SCO belong to a special surface, SPS, and this is none"));
+        }
+        let unround = self.round.iter().any(|v| *v != 0.0) || self.conic_x != 0.0;
+        if unround && *formula != Formula::Anamorphic {
+            return Err(record.error("coefficients of an anamorphic asphere need AAS"));
+        }
+        let unexpected =
+            |what: &str| Err(record.error(format!("{what} of this kind of surface are not read")));
+        match formula {
+            Formula::Asphere if self.curvature_x.is_some_and(|c| c != self.curvature(radii)) => {
+                return Err(record.error("a surface with another curvature in x must say which kind it is"));
+            }
+            Formula::Asphere => {}
+            Formula::Cylinder | Formula::ToroidY => {
+                let curvature_x = match (formula, self.curvature_x) {
+                    (_, Some(c)) => c / mm,
+                    (Formula::Cylinder, None) => 0.0,
+                    _ => shape.curvature,
+                };
+                if *formula == Formula::Cylinder && curvature_x != 0.0 && shape.curvature != 0.0 {
+                    return Err(record.error("a cylinder is curved in x or in y, not in both"));
+                }
+                shape.departure = Departure::Toroid { curvature_x };
+            }
+            Formula::Anamorphic => {
+                if has_even {
+                    return unexpected("coefficients A, B, ...");
+                }
+                for (i, value) in self.round.iter().enumerate() {
+                    shape.asphere[i + 1] = in_mm(*value, 2 * i + 4, mm);
+                }
+                let curvature_x = self.curvature_x.map_or(shape.curvature, |c| c / mm);
+                shape.departure = Departure::Biconic { curvature_x, conic_x: self.conic_x };
+            }
+            Formula::Odd => {
+                if has_even {
+                    return unexpected("coefficients A, B, ...");
+                }
+                self.powers(&mut shape, mm)?;
+            }
+            Formula::Polynomial => {
+                if has_even {
+                    return unexpected("coefficients A, B, ...");
+                }
+                let mut coefficients = [0.0; XY_TERMS];
+                for (index, value) in &self.coefficients {
+                    match coefficients.get_mut(index - 2) {
+                        Some(to) => *to = value * mm,
+                        None if *value == 0.0 => {}
+                        None => {
+                            let message =
+                                format!("the coefficient C{index} is not traced: degrees up to 8 are");
+                            return Err(record.error(message));
+                        }
+                    }
+                }
+                let norm_radius_mm = self.norm_radius_or_one() * mm;
+                if !(1e-6..=1e6).contains(&norm_radius_mm) {
+                    let message = format!("a normalisation radius of {norm_radius_mm} mm is not traced");
+                    return Err(record.error(message));
+                }
+                shape.departure = Departure::Xy { norm_radius_mm, coefficients };
+            }
+        }
+        Ok(shape)
+    }
+
+    /// 0 stands for coordinates that are not divided by anything.
+    fn norm_radius_or_one(&self) -> f64 {
+        if self.norm_radius == 0.0 { 1.0 } else { self.norm_radius }
+    }
+
+    /// Coefficient i + 1 is that of r^i.
+    fn powers(&self, shape: &mut SurfaceShape, mm: f64) -> Result<(), FileError> {
+        let terms = self.coefficients.iter().map(|(index, value)| (index - 1, *value));
+        set_powers(shape, terms, self.norm_radius_or_one(), mm)
+            .map_err(|message| self.formula.1.error(message))
+    }
+}
+
+/// The only value of a command.
+fn only_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
+    match words {
+        [word] => finite(word),
+        _ => None,
+    }
+    .ok_or_else(|| match words.len() {
+        0 | 1 => command.error("a finite number is missing"),
+        count => command.error(format!("one value is read, and there are {count}")),
+    })
+}
+
+/// The only number of a command, behind words that say what it is about.
+fn qualified_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
+    let (last, before) = words.split_last().ok_or_else(|| command.error("a finite number is missing"))?;
+    match before.iter().any(|word| finite(word).is_some()) {
+        true => Err(command.error("one number is read, and there are more")),
+        false => only_number(command, std::slice::from_ref(last)),
+    }
+}
+
+fn finite(word: &Word) -> Option<f64> {
+    word.text.parse().ok().filter(|v: &f64| v.is_finite() && !word.quoted)
+}
+
+fn says(words: &[Word], what: &str) -> bool {
+    words.iter().any(|w| w.text.eq_ignore_ascii_case(what))
+}
+
+/// Whether the only value is infinity.
+fn is_infinite(words: &[Word]) -> bool {
+    matches!(words, [word] if ["INF", "INFINITY"].iter().any(|name| word.text.eq_ignore_ascii_case(name)))
+}
+
+/// The curvature of a radius; 0 and infinity stand for a plane.
+fn curvature_of(radius: f64) -> f64 {
+    if radius == 0.0 { 0.0 } else { 1.0 / radius }
+}

@@ -1,0 +1,165 @@
+//! Commands about the lens as a whole: title, units, aperture, fields, wavelengths.
+
+use super::command::Command;
+use crate::decimal::shifted;
+use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::loss::{Effect, Losses};
+use petzval_base::FileError;
+
+/// The wavelength of a file that names none, um.
+const DEFAULT_UM: f64 = 0.5876;
+
+/// What the commands about the whole say.
+#[derive(Debug, Default)]
+pub(super) struct System {
+    pub title: String,
+    /// Millimetres in a lens unit; 0 where the file does not say.
+    pub mm: f64,
+    pub aperture: Option<(Aperture, Record)>,
+    wavelengths: Option<(Vec<f64>, Record)>,
+    weights: Option<Vec<f64>>,
+    reference: Option<(usize, Record)>,
+    field_kind: Option<(FieldKind, Record)>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+}
+
+impl System {
+    /// Reads a command; `false` if it is not one of these.
+    pub fn read(&mut self, command: &Command, losses: &mut Losses) -> Result<bool, FileError> {
+        let mut lose =
+            |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
+        match command.name.as_str() {
+            "TIT" => self.title = command.word(0).unwrap_or("").trim().to_owned(),
+            "DIM" => {
+                self.mm = match command.word(0).unwrap_or("").to_uppercase().as_str() {
+                    "M" | "MM" => 1.0,
+                    "C" | "CM" => 10.0,
+                    "I" | "IN" => 25.4,
+                    _ => {
+                        return Err(command
+                            .error("no such unit")
+                            .hint("M (mm), C (cm) and I (inches) are known"));
+                    }
+                }
+            }
+            "EPD" => self.set_aperture(Aperture::EntrancePupil(command.only_number()?), command)?,
+            "FNO" => self.set_aperture(Aperture::ImageFNumber(command.only_number()?), command)?,
+            "NA" => self.set_aperture(Aperture::ImageNa(command.only_number()?), command)?,
+            "NAO" => self.set_aperture(Aperture::ObjectNa(command.only_number()?), command)?,
+            "WL" => {
+                // From nm, in decimals.
+                command.numbers(MOST_VALUES)?;
+                let um = command.words.iter().filter_map(|word| shifted(&word.text, -3));
+                self.wavelengths = Some((um.collect(), command.record.clone()));
+            }
+            "WTW" => self.weights = Some(command.numbers(MOST_VALUES)?),
+            "REF" => {
+                let value = command.only_number()?;
+                if !(1.0..=MOST_VALUES as f64).contains(&value) || value.fract() != 0.0 {
+                    return Err(command.error("the reference is the number of a wavelength, from 1"));
+                }
+                self.reference = Some((value as usize - 1, command.record.clone()));
+            }
+            "XAN" | "YAN" => self.read_fields(FieldKind::Angle, command)?,
+            "XOB" | "YOB" => self.read_fields(FieldKind::ObjectHeight, command)?,
+            "XIM" | "YIM" => self.read_fields(FieldKind::ParaxialImageHeight, command)?,
+            "XRI" | "YRI" => self.read_fields(FieldKind::RealImageHeight, command)?,
+            "WTF" => {
+                if command.numbers(MOST_VALUES)?.windows(2).any(|w| w[0] != w[1]) {
+                    lose(Effect::NoRay, "weights of fields are not kept");
+                }
+            }
+            "VUX" | "VLX" | "VUY" | "VLY" => {
+                if command.numbers(MOST_VALUES)?.iter().any(|v| *v != 0.0) {
+                    let message = "vignetting factors are not read: clear semi-diameters are what vignettes";
+                    lose(Effect::Approximated, message);
+                }
+            }
+            "TEM" if command.only_number()? != 20.0 => {
+                lose(Effect::Approximated, "glass has its index at 20 degrees Celsius");
+            }
+            "PRE" if command.only_number()? != 760.0 => {
+                lose(Effect::Approximated, "glass has its index at 760 mm of mercury");
+            }
+            "TEM" | "PRE" => {}
+            "TEL" | "AFO" if command.says_no() => {}
+            "TEL" => {
+                let message =
+                    "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
+                return Err(command.error(message));
+            }
+            "AFO" => lose(Effect::Approximated, "afocal: the image plane is where the file puts it"),
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    fn set_aperture(&mut self, aperture: Aperture, command: &Command) -> Result<(), FileError> {
+        if let Some((_, earlier)) = &self.aperture {
+            let message = format!("line {} has said the aperture already", earlier.line);
+            return Err(command.error(message).hint("keep one of the two"));
+        }
+        self.aperture = Some((aperture, command.record.clone()));
+        Ok(())
+    }
+
+    fn read_fields(&mut self, kind: FieldKind, command: &Command) -> Result<(), FileError> {
+        if let Some((earlier, record)) = &self.field_kind
+            && *earlier != kind
+        {
+            let message = format!("line {} has said fields of another kind", record.line);
+            return Err(command.error(message).hint("keep one of the two"));
+        }
+        let values = command.numbers(MOST_VALUES)?;
+        let list = if command.name.starts_with('X') { &mut self.x } else { &mut self.y };
+        *list = values;
+        if self.field_kind.is_none() || command.name.starts_with('Y') {
+            self.field_kind = Some((kind, command.record.clone()));
+        }
+        Ok(())
+    }
+
+    /// The fields, heights in mm; the axis if the file names none.
+    pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
+        let Some((kind, record)) = self.field_kind.clone() else {
+            losses.add(0, "", Effect::Assumed, "the file says no fields; the axis is the only one");
+            return Fields { points: vec![[0.0; 2]], ..Fields::default() };
+        };
+        let scale = if kind == FieldKind::Angle { 1.0 } else { mm };
+        let at = |list: &[f64], i: usize| list.get(i).map_or(0.0, |v| v * scale);
+        let count = self.x.len().max(self.y.len()).max(1);
+        Fields { kind, points: (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect(), record }
+    }
+
+    /// Wavelengths with their weights, and the index of the reference.
+    pub fn wavelengths(&self, losses: &mut Losses) -> Result<(Wavelengths, usize), FileError> {
+        let (um, record) = match &self.wavelengths {
+            Some((um, record)) if !um.is_empty() => (um.clone(), record.clone()),
+            _ => {
+                losses.add(0, "", Effect::Assumed, "the file says no wavelength; 587.6 nm is taken");
+                (vec![DEFAULT_UM], Record::default())
+            }
+        };
+        let weight = |i: usize| self.weights.as_ref().and_then(|w| w.get(i)).copied().unwrap_or(1.0);
+        let reference = match &self.reference {
+            Some((index, record)) if *index >= um.len() => {
+                return Err(record.error(format!("there is no wavelength {}", index + 1)));
+            }
+            Some((index, _)) => *index,
+            None => {
+                let middle = um.len() / 2;
+                if um.len() > 1 {
+                    let message = format!(
+                        "the file says no reference wavelength; the middle one, {}, is taken",
+                        middle + 1
+                    );
+                    losses.add(0, "", Effect::Assumed, message);
+                }
+                middle
+            }
+        };
+        let list = um.into_iter().enumerate().map(|(i, um)| (um, weight(i))).collect();
+        Ok(((list, record), reference))
+    }
+}

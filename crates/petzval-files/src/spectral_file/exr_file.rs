@@ -1,0 +1,127 @@
+//! OpenEXR with a channel per band.
+
+use std::io::Cursor;
+
+use exr::meta::MetaData;
+use exr::prelude::*;
+
+use super::{MAX_VALUES, SpectralImage};
+use crate::exr_bytes;
+
+type Wrong = (String, &'static str);
+
+const HINT: &str = "name the channels by their wavelength: `S0.450,5nm`, `450.5nm` or `w450`";
+
+/// No compression of OpenEXR makes an image this many times smaller; a header that claims it is damaged.
+const MOST_COMPRESSED: usize = 2000;
+
+/// Attribute that holds the unit of radiance.
+const UNIT_ATTRIBUTE: &str = "emissiveUnits";
+
+/// Reads all channels that are named by a wavelength, of the first layer that has any; other channels are left. Values are
+/// multiplied by `scale`; without one the unit of the file, if it says one, must be that of all spectral images.
+pub fn read(bytes: &[u8], scale: Option<f64>) -> std::result::Result<SpectralImage, Wrong> {
+    let damaged =
+        |e: Error| (format!("not a readable OpenEXR file: {e}"), "give an OpenEXR file of plain pixels");
+    // Look at the header first: what it claims must be possible before anything is made room for.
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(damaged)?;
+    let claimed = meta.headers.iter().try_fold(0usize, |sum, header| {
+        let pixels = header.layer_size.0.checked_mul(header.layer_size.1)?;
+        sum.checked_add(pixels.checked_mul(header.channels.list.len())?)
+    });
+    let possible = MAX_VALUES.min(bytes.len().saturating_mul(MOST_COMPRESSED));
+    if claimed.is_none_or(|n| n > possible) {
+        let reason = format!("{} bytes cannot hold what the header claims, or it is too large", bytes.len());
+        return Err((reason, "give an OpenEXR file of at most 2 GiB of pixels"));
+    }
+    let picture = read_layers(bytes).map_err(damaged)?;
+    let names: Vec<String> = picture
+        .layer_data
+        .iter()
+        .flat_map(|l| l.channel_data.list.iter().map(|c| c.name.to_string()))
+        .collect();
+    for layer in &picture.layer_data {
+        let mut bands: Vec<(f64, &FlatSamples)> = layer
+            .channel_data
+            .list
+            .iter()
+            .filter_map(|c| Some((wavelength_um(&c.name.to_string())?, &c.sample_data)))
+            .collect();
+        if bands.is_empty() {
+            continue;
+        }
+        bands.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let Vec2(width, height) = layer.size;
+        if bands.iter().any(|(_, samples)| samples.len() != width * height) {
+            return Err((
+                "channels of different resolution".to_owned(),
+                "give every channel at full resolution",
+            ));
+        }
+        let said = [&layer.attributes.other, &picture.attributes.other];
+        if let (None, Some(unit)) = (scale, said.iter().find_map(|attributes| unit(attributes)))
+            && !is_radiance_per_nm(&unit)
+        {
+            let unit: String = unit.chars().take(80).collect();
+            return Err((format!("its values are in `{unit}` (attribute {UNIT_ATTRIBUTE})"), UNIT_HINT));
+        }
+        let factor = scale.unwrap_or(1.0);
+        let mut data = Vec::with_capacity(bands.len() * width * height);
+        for (_, samples) in &bands {
+            data.extend(samples.values_as_f32().map(|v| (f64::from(v) * factor) as f32));
+        }
+        let wavelength_um = bands.iter().map(|(um, _)| *um).collect();
+        return Ok(SpectralImage { wavelength_um, height, width, data });
+    }
+    let found: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
+    Err((format!("no channel is named by a wavelength (there are {})", found.join(", ")), HINT))
+}
+
+const UNIT_HINT: &str =
+    "write the factor to W m-2 sr-1 nm-1 as `scale = ...` into a file of the same name that ends with .toml";
+
+fn unit(attributes: &std::collections::HashMap<Text, AttributeValue>) -> Option<String> {
+    attributes.iter().find_map(|(name, value)| match value {
+        AttributeValue::Text(text) if name.eq(UNIT_ATTRIBUTE) => Some(text.to_string()),
+        _ => None,
+    })
+}
+
+/// Whether a unit is that of radiance per nm, with whatever dots, spaces and carets. The programs that write the layout
+/// of Fichet et al. leave the nm away and mean it.
+fn is_radiance_per_nm(unit: &str) -> bool {
+    let plain: String =
+        unit.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').collect::<String>().to_lowercase();
+    matches!(plain.as_str(), "wm-2sr-1" | "wm-2sr-1nm-1" | "wm-2nm-1sr-1")
+}
+
+fn read_layers(bytes: &[u8]) -> Result<Image<Layers<AnyChannels<FlatSamples>>>> {
+    exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+}
+
+/// Wavelength, um, in the name of a channel; of the Stokes components only the intensity S0 counts.
+pub fn wavelength_um(name: &str) -> Option<f64> {
+    let text = name.strip_prefix("S0.").unwrap_or(name).replace(',', ".");
+    let nm = match text.strip_suffix("nm") {
+        Some(number) => number.trim().trim_start_matches(['w', 'W']).parse::<f64>().ok()?,
+        None => text.strip_prefix(['w', 'W'])?.parse::<f64>().ok()?,
+    };
+    (10.0..=100_000.0).contains(&nm).then_some(nm / 1000.0)
+}
+
+/// The image as float channels `S0.<nm>nm`, decimal comma, as the layout of Fichet et al. has it.
+pub fn bytes(image: &SpectralImage) -> std::result::Result<Vec<u8>, String> {
+    let names: Vec<String> = (image.wavelength_um.iter())
+        .map(|um| format!("S0.{}nm", format!("{:.6}", um * 1000.0).replace('.', ",")))
+        .collect();
+    let channels: Vec<(&str, &[f32])> =
+        names.iter().enumerate().map(|(band, name)| (name.as_str(), image.plane(band))).collect();
+    exr_bytes(image.height, image.width, &channels)
+}

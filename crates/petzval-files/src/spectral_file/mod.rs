@@ -1,0 +1,191 @@
+//! Spectral images from and to files.
+//!
+//! | file | bands | wavelengths |
+//! |---|---|---|
+//! | `NAME.npy` | an array of three axes | sidecar `NAME.toml` |
+//! | `NAME.tif`, `.tiff` | a page, or a sample of the only page, per band | sidecar `NAME.toml` |
+//! | `NAME.exr` | a channel per band | channel names: `S0.450,5nm` (A. Fichet, R. Pacanowski and A. Wilkie, "An OpenEXR layout for spectral images", JCGT 10(3), 2021), `450.5nm`, `w450` |
+//!
+//! Values are radiance in W m-2 sr-1 nm-1; a sidecar may give a factor to that unit, also one beside an OpenEXR file, whose
+//! channels hold the wavelengths. An OpenEXR file that names another unit is refused without one.
+
+mod exr_file;
+mod npy_file;
+mod sidecar;
+mod tiff_file;
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+
+pub use sidecar::{Axes, Sidecar, sidecar_path};
+
+use petzval_base::write_whole;
+use petzval_camera::spectral::{SpectralImage, SpectralImageError};
+
+/// Largest number of values of an image that is read: 2 GiB.
+pub const MAX_VALUES: usize = 1 << 29;
+
+/// Why a spectral image could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum SpectralFileError {
+    /// A file cannot be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The sidecar is missing.
+    #[error(
+        "{}: the wavelengths of {} are missing; hint: write them as `wavelength_um = [0.40, 0.42, ...]` into this file",
+        sidecar.display(), image.display()
+    )]
+    NoSidecar {
+        /// The image.
+        image: PathBuf,
+        /// The file that is missing.
+        sidecar: PathBuf,
+    },
+    /// The sidecar is wrong.
+    #[error("{}: {error}", path.display())]
+    Sidecar {
+        /// The sidecar.
+        path: PathBuf,
+        /// What is wrong, and where.
+        error: Box<FileError>,
+    },
+    /// The content is not what its name says.
+    #[error("{}: {reason}; hint: {hint}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+        /// What would be right.
+        hint: &'static str,
+    },
+    /// The planes do not make an image.
+    #[error("{}: {error}", path.display())]
+    Image {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: SpectralImageError,
+    },
+    /// The ending of the name is none of those that are written.
+    #[error("{}: spectral images are written as .npy or .exr", path.display())]
+    Ending {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// The kinds of file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Npy,
+    Exr,
+    Tiff,
+}
+
+fn kind(path: &Path) -> Option<Kind> {
+    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+        "npy" => Some(Kind::Npy),
+        "exr" => Some(Kind::Exr),
+        "tif" | "tiff" => Some(Kind::Tiff),
+        _ => None,
+    }
+}
+
+/// Whether a file is a spectral image by its name: `.npy`, `.exr`, or a TIFF with a sidecar.
+pub fn is_spectral(path: &Path) -> bool {
+    match kind(path) {
+        Some(Kind::Npy | Kind::Exr) => true,
+        Some(Kind::Tiff) => sidecar_path(path).is_file(),
+        None => false,
+    }
+}
+
+/// Reads and checks a spectral image.
+pub fn load_spectral(path: &Path) -> Result<SpectralImage, SpectralFileError> {
+    let bytes = std::fs::read(path).map_err(io(path))?;
+    let content = |(reason, hint): (String, &'static str)| SpectralFileError::Content {
+        path: path.to_owned(),
+        reason,
+        hint,
+    };
+    let image = match kind(path) {
+        Some(Kind::Exr) => exr_file::read(&bytes, exr_scale(path)?).map_err(content)?,
+        Some(Kind::Npy) => npy_file::read(&bytes, &read_sidecar(path)?).map_err(content)?,
+        Some(Kind::Tiff) => tiff_file::read(&bytes, &read_sidecar(path)?).map_err(content)?,
+        None => {
+            let reason = "the name has no ending of a spectral image".to_owned();
+            return Err(content((reason, "give a .npy, .exr or .tif file")));
+        }
+    };
+    image.validate().map_err(|error| SpectralFileError::Image { path: path.to_owned(), error })?;
+    Ok(image)
+}
+
+/// Writes a spectral image as `.npy` (bands, rows, columns; with its sidecar) or `.exr` (channels `S0.450,5nm`).
+pub fn save_spectral(image: &SpectralImage, path: &Path) -> Result<(), SpectralFileError> {
+    image.validate().map_err(|error| SpectralFileError::Image { path: path.to_owned(), error })?;
+    let content = |reason: String| SpectralFileError::Content {
+        path: path.to_owned(),
+        reason,
+        hint: "this is a fault of the program",
+    };
+    match kind(path) {
+        Some(Kind::Npy) => {
+            write(path, &npy_file::bytes(image).map_err(content)?)?;
+            let sidecar = Sidecar {
+                wavelength_um: image.wavelength_um.clone(),
+                axes: Axes::BandsFirst,
+                scale: 1.0,
+                unit: sidecar::UNIT.to_owned(),
+            };
+            write(&sidecar_path(path), sidecar.to_toml().map_err(content)?.as_bytes())
+        }
+        Some(Kind::Exr) => write(path, &exr_file::bytes(image).map_err(content)?),
+        _ => Err(SpectralFileError::Ending { path: path.to_owned() }),
+    }
+}
+
+fn read_sidecar(image: &Path) -> Result<Sidecar, SpectralFileError> {
+    match sidecar_as(image, Sidecar::parse)? {
+        Some(sidecar) => Ok(sidecar),
+        None => Err(SpectralFileError::NoSidecar { image: image.to_owned(), sidecar: sidecar_path(image) }),
+    }
+}
+
+/// The factor in the sidecar of an OpenEXR file, if there is one.
+fn exr_scale(image: &Path) -> Result<Option<f64>, SpectralFileError> {
+    sidecar_as(image, sidecar::parse_scale)
+}
+
+/// What `parse` reads in the sidecar of an image, if it has one.
+fn sidecar_as<T>(
+    image: &Path,
+    parse: impl FnOnce(&str) -> Result<T, FileError>,
+) -> Result<Option<T>, SpectralFileError> {
+    let path = sidecar_path(image);
+    let text = match std::fs::read_to_string(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        other => other.map_err(io(&path))?,
+    };
+    parse(&text).map(Some).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), SpectralFileError> {
+    write_whole(path, bytes).map_err(io(path))
+}
+
+fn io(path: &Path) -> impl FnOnce(std::io::Error) -> SpectralFileError {
+    let path = path.to_owned();
+    move |source| SpectralFileError::Io { path, source }
+}
+
+#[cfg(test)]
+mod tests;

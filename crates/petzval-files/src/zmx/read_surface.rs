@@ -1,0 +1,365 @@
+//! A surface block: its records, and the surface that they make.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
+use crate::decimal::shown;
+use crate::draft::{Break, Clear, Drafted};
+use crate::loss::{Effect, Losses};
+use petzval_base::FileError;
+use petzval_optics::glass::{Catalog, Dispersion, Glass};
+use petzval_optics::lens::{Action, Surface, SurfaceShape};
+
+/// The highest number of a parameter or an extra value.
+const MOST_PARAMETERS: usize = 300;
+
+/// The codes of a value's state that leave it as it is: fixed and variable.
+const FREE_STATES: [f64; 2] = [0.0, 1.0];
+
+/// What surfaces are made with.
+pub(super) struct Shapes<'a> {
+    /// Millimetres in a lens unit.
+    pub mm: f64,
+    pub catalog: &'a Catalog,
+    /// Catalogues that the file names, in upper case.
+    pub catalogs: &'a [String],
+}
+
+/// A value with the line that says it.
+pub(super) type Said<'a> = (f64, Line<'a>);
+
+/// The records of one surface.
+#[derive(Debug)]
+pub(super) struct RawSurface<'a> {
+    pub line: Line<'a>,
+    pub kind: Option<Line<'a>>,
+    pub curvature: Option<Said<'a>>,
+    pub conic: Option<Said<'a>>,
+    pub parameters: BTreeMap<usize, Said<'a>>,
+    pub extra: BTreeMap<usize, Said<'a>>,
+    pub thickness: Option<Line<'a>>,
+    glass: Option<Line<'a>>,
+    semi_diameter: Option<Line<'a>>,
+    pub stop: Option<Line<'a>>,
+    comment: String,
+    /// The edge that light meets: half-widths or radius, and how far it is off the vertex.
+    aperture: Option<(f64, Line<'a>)>,
+    offset: Option<Said<'a>>,
+    floats: bool,
+    turned: Option<Line<'a>>,
+    /// Records of [`ONCE`] that were there.
+    said: Vec<&'a str>,
+}
+
+/// Records that a surface has once.
+const ONCE: &[&str] = &["TYPE", "CURV", "CONI", "DISZ", "GLAS", "DIAM", "STOP", "OBDC"];
+
+impl<'a> RawSurface<'a> {
+    pub fn new(line: Line<'a>) -> Self {
+        Self {
+            line,
+            kind: None,
+            curvature: None,
+            conic: None,
+            parameters: BTreeMap::new(),
+            extra: BTreeMap::new(),
+            thickness: None,
+            glass: None,
+            semi_diameter: None,
+            stop: None,
+            comment: String::new(),
+            aperture: None,
+            offset: None,
+            floats: false,
+            turned: None,
+            said: Vec::new(),
+        }
+    }
+
+    /// Reads one record.
+    pub fn read(&mut self, line: Line<'a>, losses: &mut Losses) -> Result<(), FileError> {
+        if ONCE.contains(&line.keyword) {
+            if self.said.contains(&line.keyword) {
+                let message = format!("the surface has another line {} already", line.keyword);
+                return Err(line.error(message).hint("keep one of the two"));
+            }
+            self.said.push(line.keyword);
+        }
+        match line.keyword {
+            "TYPE" => self.kind = Some(line),
+            "CURV" => {
+                let state = line.number(1)?.unwrap_or(0.0);
+                if !FREE_STATES.contains(&state) {
+                    report_solve(&line, losses);
+                }
+                self.curvature = Some((line.needed(0)?, line));
+            }
+            "CONI" => self.conic = Some((line.needed(0)?, line)),
+            "PARM" | "XDAT" => {
+                let index = line.count(0)?;
+                if index > MOST_PARAMETERS {
+                    return Err(line.error(format!("numbers are counted up to {MOST_PARAMETERS}")));
+                }
+                let value = line.needed(1)?;
+                let to = if line.keyword == "PARM" { &mut self.parameters } else { &mut self.extra };
+                if let Some((_, earlier)) = to.insert(index, (value, line.clone())) {
+                    let message = format!("line {} has said this number already", earlier.number);
+                    return Err(line.error(message).hint("keep one of the two"));
+                }
+            }
+            "DISZ" => self.thickness = Some(line),
+            "GLAS" => self.glass = Some(line),
+            "DIAM" => self.semi_diameter = Some(line),
+            "STOP" => self.stop = Some(line),
+            "COMM" => self.comment = line.rest().to_owned(),
+            "FLAP" => self.floats = true,
+            "CLAP" => {
+                if line.needed(0)? != 0.0 {
+                    let message = "the hole in the middle of the aperture is not kept";
+                    losses.add(line.number, line.text, Effect::Approximated, message);
+                }
+                self.aperture = Some((line.needed(1)?, line));
+            }
+            "SQAP" | "ELAP" => {
+                let [a, b] = [line.needed(0)?, line.needed(1)?];
+                let around = if line.keyword == "SQAP" { a.hypot(b) } else { a.abs().max(b.abs()) };
+                let message = "the aperture is not round; a circle around it is taken";
+                losses.add(line.number, line.text, Effect::Approximated, message);
+                self.aperture = Some((around, line));
+            }
+            "OBDC" => {
+                let offset = line.needed(0)?.hypot(line.needed(1)?);
+                if offset != 0.0 {
+                    self.offset = Some((offset, line));
+                }
+            }
+            "OBSC" | "SQOB" | "ELOB" | "SPID" | "UDAD" => {
+                let message = "obscurations and apertures of free shape are not kept: light passes there";
+                losses.add(line.number, line.text, Effect::Approximated, message);
+            }
+            // Tilts as properties of a surface: two flags and an order, then shifts and angles.
+            "SCBD" => {
+                if line.has_values(3) {
+                    self.turned = Some(line);
+                }
+            }
+            known if SURFACE_BOOKKEEPING.contains(&known) => {}
+            known if SOLVES.contains(&known) => report_solve(&line, losses),
+            known => {
+                let lost = SURFACE_LOST.iter().find(|(keyword, _)| *keyword == known);
+                match lost {
+                    Some((_, message)) => losses.add(line.number, line.text, Effect::NoRay, *message),
+                    None => {
+                        let message = "this record is not understood";
+                        losses.add(line.number, line.text, Effect::NotUnderstood, message);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The name of the surface's formula.
+    pub fn kind_name(&self) -> &'a str {
+        self.kind.as_ref().and_then(|line| line.word(0)).unwrap_or("STANDARD")
+    }
+
+    /// An error about the kind of the surface.
+    pub fn kind_error(&self, message: impl Into<String>) -> FileError {
+        self.kind.as_ref().unwrap_or(&self.line).error(message)
+    }
+
+    pub fn parameter(&self, index: usize) -> f64 {
+        self.parameters.get(&index).map_or(0.0, |said| said.0)
+    }
+
+    /// Distance to the next surface, mm; may be infinite.
+    pub fn thickness_mm(&self, shapes: &Shapes<'_>) -> Result<f64, FileError> {
+        match &self.thickness {
+            None => Ok(0.0),
+            Some(line) if line.word(0).is_some_and(|w| w.eq_ignore_ascii_case("INFINITY")) => {
+                Ok(f64::INFINITY)
+            }
+            Some(line) => Ok(line.needed(0)? * shapes.mm),
+        }
+    }
+
+    /// Distance to the next surface where it must be finite, mm.
+    fn finite_thickness_mm(&self, shapes: &Shapes<'_>) -> Result<f64, FileError> {
+        let mm = self.thickness_mm(shapes)?;
+        match (&self.thickness, mm.is_finite()) {
+            (Some(line), false) => Err(line.error("only the object may be at infinity")),
+            _ => Ok(mm),
+        }
+    }
+
+    /// Object and image are planes, the object in air.
+    pub fn check_end(&self, shapes: &Shapes<'_>, what: &str) -> Result<(), FileError> {
+        self.check_not_turned()?;
+        if matches!(self.kind_name(), "COORDBRK" | "PARAXIAL") {
+            let message = format!("the {what} cannot be of this type");
+            return Err(self.kind_error(message).hint("make it a plane, STANDARD"));
+        }
+        if let Some((_, line)) = self.curvature.as_ref().filter(|c| c.0 != 0.0) {
+            return Err(line.error(format!("a curved {what} is not traced")).hint("make it a plane"));
+        }
+        let (shape, phase) = self.shape(shapes)?;
+        // A plane has any conic constant.
+        if phase.is_some() || (SurfaceShape { conic: 0.0, ..shape }) != SurfaceShape::PLANE {
+            let message = format!("an {what} that is no plane is not traced");
+            return Err(self.kind_error(message).hint("make it a plane"));
+        }
+        match &self.glass {
+            Some(line) if what == "object" => Err(line.error("an object in glass is not traced")),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_not_turned(&self) -> Result<(), FileError> {
+        match &self.turned {
+            None => Ok(()),
+            Some(line) => Err(line
+                .error("shifts and tilts as properties of a surface are not read")
+                .hint("write them as coordinate breaks (surfaces of type COORDBRK)")),
+        }
+    }
+
+    /// The coordinate break that this surface is; `None` if it is a surface.
+    pub fn coordinate_break(&self, shapes: &Shapes<'_>) -> Result<Option<Break>, FileError> {
+        if self.kind_name() != "COORDBRK" {
+            return Ok(None);
+        }
+        self.check_not_turned()?;
+        let p = |index: usize| self.parameter(index);
+        Ok(Some(Break {
+            decenter_mm: [p(1) * shapes.mm, p(2) * shapes.mm],
+            tilt_rad: [p(3), p(4), p(5)].map(f64::to_radians),
+            tilt_first: p(6) != 0.0,
+            thickness_mm: self.finite_thickness_mm(shapes)?,
+            record: self.kind.as_ref().unwrap_or(&self.line).record(),
+        }))
+    }
+
+    /// The surface.
+    pub fn surface(&self, shapes: &Shapes<'_>, losses: &mut Losses) -> Result<Drafted, FileError> {
+        self.check_not_turned()?;
+        let mirror = self.glass.as_ref().filter(|line| line.word(0) == Some("MIRROR"));
+        let (shape, phase) = self.shape(shapes)?;
+        let action = match (self.kind_name(), mirror) {
+            ("PARAXIAL", None) => Action::ThinLens { power_per_mm: self.power(shapes)? },
+            ("PARAXIAL", Some(line)) => return Err(line.error("a thin lens that reflects is not traced")),
+            (_, Some(line)) if phase.is_some() => {
+                let message =
+                    "a diffractive structure on a mirror is not read: which way its orders go is not known";
+                return Err(line.error(message));
+            }
+            (_, Some(_)) => Action::Reflect,
+            (_, None) => Action::Refract,
+        };
+        let glass = match &self.glass {
+            Some(line) if mirror.is_none() => self.medium(line, shapes, losses)?,
+            _ => Glass::air(),
+        };
+        let surface = Surface {
+            label: self.comment.clone(),
+            shape,
+            thickness_mm: self.finite_thickness_mm(shapes)?,
+            glass,
+            action,
+            phase,
+            ..Surface::default()
+        };
+        let record = self.kind.as_ref().unwrap_or(&self.line).record();
+        Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record })
+    }
+
+    /// Where light is lost: at an aperture. A semi-diameter without one loses none.
+    fn clear(&self, shapes: &Shapes<'_>, losses: &mut Losses) -> Result<Clear, FileError> {
+        if let Some((_, line)) = &self.offset {
+            let message = match self.aperture {
+                Some(_) => "the aperture is off the vertex; a circle around it about the vertex is taken",
+                None if self.floats => "a floating aperture stays about the vertex; its shift is not kept",
+                None => "this shifts no aperture that is kept",
+            };
+            losses.add(line.number, line.text, Effect::Approximated, message);
+        }
+        let offset = self.offset.as_ref().map_or(0.0, |said| said.0);
+        let printed = match &self.semi_diameter {
+            None => 0.0,
+            Some(line) => line.needed(0)?.abs() * shapes.mm,
+        };
+        match &self.aperture {
+            Some((radius, line)) => match (radius + offset) * shapes.mm {
+                edge if edge > 0.0 => Ok(Clear::Edge(edge)),
+                _ => Err(line.error("the aperture must be positive")),
+            },
+            None if self.floats && printed > 0.0 => Ok(Clear::Edge(printed)),
+            None => Ok(Clear::Open(printed)),
+        }
+    }
+
+    /// The medium of `GLAS name state pickup nd Vd ...`.
+    fn medium(
+        &self,
+        line: &Line<'a>,
+        shapes: &Shapes<'_>,
+        losses: &mut Losses,
+    ) -> Result<Arc<Glass>, FileError> {
+        let Some(name) = line.word(0) else { return Err(line.error("the glass has no name")) };
+        match line.number(1)?.unwrap_or(0.0) {
+            // A model glass: its index and Abbe number.
+            1.0 => {
+                let [nd, vd] = [line.needed(3)?, line.number(4)?.unwrap_or(0.0)];
+                if !(nd >= 1.0 && vd >= 0.0) {
+                    return Err(line.error("a model glass has an index from 1 and an Abbe number from 0"));
+                }
+                let dispersion = match vd {
+                    // What bends no colour has no Abbe number either.
+                    vd if vd == 0.0 || nd == 1.0 => Dispersion::Constant(nd),
+                    vd => {
+                        let message =
+                            "the model glass has the dispersion of its Abbe number by Cauchy's formula";
+                        losses.add(line.number, line.text, Effect::Approximated, message);
+                        Dispersion::NdVd { nd, vd }
+                    }
+                };
+                let name =
+                    if name == "___BLANK" { format!("{}:{}", shown(nd), shown(vd)) } else { name.to_owned() };
+                return Ok(Arc::new(Glass::new(&name, dispersion)));
+            }
+            0.0 | 3.0 => {}
+            2.0 => report_solve(line, losses),
+            4.0 => return Err(line.error("a glass with offsets of its index and Abbe number is not read")),
+            other => {
+                let message = format!("what state {} of a glass does is not known", shown(other));
+                return Err(line.error(message).hint("0 is a fixed glass, 1 a model glass"));
+            }
+        }
+        // Of makers that share the name, the one that the file's catalogues are of.
+        let of_file = |glass: &&Arc<Glass>| shapes.catalogs.iter().any(|c| is_of(c, &glass.maker));
+        if let Some(glass) = shapes.catalog.all(name).iter().rfind(of_file) {
+            return Ok(glass.clone());
+        }
+        let glass = shapes.catalog.get(name).map_err(|unknown| {
+            let message = format!("no glass is called `{}`", unknown.name);
+            line.error(message).hint(format!("the nearest names are {}", unknown.nearest.join(", ")))
+        })?;
+        let maker = &glass.maker;
+        if !maker.is_empty() && !shapes.catalogs.is_empty() {
+            let message = format!("the glass taken is that of {maker}, which the file's GCAT does not name");
+            losses.add(line.number, line.text, Effect::Approximated, message);
+        }
+        Ok(glass)
+    }
+}
+
+/// Whether a catalogue of the program holds glasses of a maker. What has no maker of its own is in several.
+fn is_of(catalog: &str, maker: &str) -> bool {
+    let maker = maker.to_uppercase();
+    maker == "GENERIC" || catalog.contains(&maker)
+}
+
+fn report_solve(line: &Line<'_>, losses: &mut Losses) {
+    losses.add(line.number, line.text, Effect::NoRay, "the solve is not kept; the value that it found is");
+}

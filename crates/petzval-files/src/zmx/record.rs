@@ -1,0 +1,112 @@
+//! Lines of a file, and the records that are known to change no ray.
+
+use crate::draft::{Record, line_end};
+use petzval_base::FileError;
+
+/// A line: a keyword and its values.
+#[derive(Clone, Debug)]
+pub(super) struct Line<'a> {
+    /// From 1.
+    pub number: u32,
+    /// Whether it is set in, as records of a surface are.
+    pub indented: bool,
+    /// Without the space around it.
+    pub text: &'a str,
+    /// Its first word.
+    pub keyword: &'a str,
+}
+
+impl<'a> Line<'a> {
+    /// The lines that say something.
+    pub fn all(text: &'a str) -> impl Iterator<Item = Self> {
+        text.split(line_end(text)).zip(1..).filter_map(|(whole, number)| {
+            let text = whole.trim();
+            let keyword = text.split_whitespace().next()?;
+            Some(Self { number, indented: whole.starts_with([' ', '\t']), text, keyword })
+        })
+    }
+
+    /// Everything behind the keyword.
+    pub fn rest(&self) -> &'a str {
+        self.text[self.keyword.len()..].trim()
+    }
+
+    /// Value `index` as it stands there, from 0.
+    pub fn word(&self, index: usize) -> Option<&'a str> {
+        self.text.split_whitespace().nth(index + 1)
+    }
+
+    /// Value `index` as a finite number; `None` if the line ends before it.
+    pub fn number(&self, index: usize) -> Result<Option<f64>, FileError> {
+        self.word(index).map(|word| self.parse(word)).transpose()
+    }
+
+    /// Value `index` as a finite number, which must be there.
+    pub fn needed(&self, index: usize) -> Result<f64, FileError> {
+        match self.number(index)? {
+            Some(value) => Ok(value),
+            None => Err(self.error(format!("value {} is missing", index + 1))),
+        }
+    }
+
+    /// Value `index` as a count from 0, which must be there.
+    pub fn count(&self, index: usize) -> Result<usize, FileError> {
+        let value = self.needed(index)?;
+        match (0.0..=1e6).contains(&value) && value.fract() == 0.0 {
+            true => Ok(value as usize),
+            false => Err(self.error(format!("value {} must be a whole number from 0", index + 1))),
+        }
+    }
+
+    /// All values as finite numbers, `most` at most.
+    pub fn numbers(&self, most: usize) -> Result<Vec<f64>, FileError> {
+        self.text.split_whitespace().skip(1).take(most).map(|word| self.parse(word)).collect()
+    }
+
+    /// Whether values other than 0 follow the first `skip` ones.
+    pub fn has_values(&self, skip: usize) -> bool {
+        let values = self.text.split_whitespace().skip(1 + skip);
+        values.filter_map(|word| word.parse::<f64>().ok()).any(|v| v != 0.0)
+    }
+
+    fn parse(&self, word: &str) -> Result<f64, FileError> {
+        match word.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ => Err(self.error(format!("`{word}` is not a finite number"))),
+        }
+    }
+
+    pub fn record(&self) -> Record {
+        Record::new(self.number, self.text)
+    }
+
+    pub fn error(&self, message: impl Into<String>) -> FileError {
+        FileError::at_line(self.number, self.text, message)
+    }
+}
+
+/// Records of the header that say how the program shows and computes things, and nothing about the lens.
+pub(super) const HEADER_BOOKKEEPING: &[&str] = &[
+    "VERS", "AUTH", "IWDP", "STUD", "PFIL", "LANG", "GFAC", "RAIM", "PUSH", "SDMA", "OMMA", "ROPD", "HYPR",
+    "PICB", "FCOM", "POLS", "GLRS", "GSTD", "NSCD", "COFN", "LUID", "EERA",
+];
+
+/// Records of a surface that say how it is drawn, mounted, numbered or sampled, and nothing that a ray meets.
+///
+/// `MEMA` is the semi-diameter of the mount, `VDSZ` and `VPAR` mark what may vary.
+pub(super) const SURFACE_BOOKKEEPING: &[&str] =
+    &["FIMP", "HIDE", "MIRR", "SLAB", "SSID", "POPS", "MEMA", "SCOL", "VDSZ", "VPAR"];
+
+/// Records of a surface that change no ray, with what is said of them.
+pub(super) const SURFACE_LOST: &[(&str, &str)] = &[
+    ("COAT", "coatings are not read"),
+    ("SCAT", "scattering is not read"),
+    ("RSCE", "scattering is not read"),
+    ("TCEX", "thermal expansion is not read"),
+];
+
+/// Solves: the file prints the value that they found.
+pub(super) const SOLVES: &[&str] = &[
+    "MAZH", "CHZH", "PZUP", "EDGE", "OPDZ", "POSZ", "COMP", "CCUR", "CNUP", "PICK", "COPK", "TOLE", "GPIK",
+    "PPUP", "PRPK", "XPUP", "MAZA",
+];

@@ -1,0 +1,515 @@
+//! The data files read, are possible lenses and survive a round trip; bad files say where and why.
+
+#[path = "../../petzval-optics/tests/common/mod.rs"]
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use common::special_lenses;
+use petzval_base::FileError;
+use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, write_lens};
+use petzval_optics::design_space::{EflSolve, Parameter, Pickup, Variable};
+use petzval_optics::glass::{Catalog, Dispersion, Glass};
+use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
+
+fn data(folder: &str) -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
+    let files = fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> =
+        files.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
+    files.sort();
+    files
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap()
+}
+
+fn catalog() -> Catalog {
+    let mut catalog = Catalog::default();
+    for path in data("glasses") {
+        let one =
+            petzval_files::parse_catalog(&read(&path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        catalog.merge(one);
+    }
+    catalog
+}
+
+fn nominal() -> String {
+    read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/lenses/cooke-triplet-nominal.toml"))
+}
+
+#[test]
+fn catalogue_holds_the_materials_of_the_triplet() {
+    let catalog = catalog();
+    let pmma = catalog.get("pmma").unwrap();
+    assert!((pmma.nd() - 1.491_755_710_891_999_4).abs() < 1e-12);
+    assert!((pmma.abbe_vd() - 57.440_791_425_729_84).abs() < 1e-9);
+    assert!((catalog.get("N-SF11").unwrap().nd() - 1.78472).abs() < 1e-5);
+}
+
+#[test]
+fn data_lenses_read_and_survive_a_round_trip() {
+    let catalog = catalog();
+    let paths = data("lenses");
+    assert!(paths.len() >= 8);
+    for path in paths {
+        let file = parse_lens(&read(&path), &catalog).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        validate(&file.lens).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        assert!(!file.lens.source.is_empty() && file.expect.is_some(), "{}", path.display());
+        // The written file knows its glasses, so an empty catalogue is enough.
+        let again = parse_lens(&write_lens(&file), &Catalog::default()).unwrap();
+        assert_eq!(again, file, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_written_lens_carries_all_that_is_known_of_its_glasses() {
+    let file = parse_lens(&nominal().replace("\"N-SF11\"", "\"SCHOTT:N-SF11\""), &catalog()).unwrap();
+    let flint = &file.lens.surfaces[2].glass;
+    assert!(flint.thermal.is_some() && flint.absorption.is_some() && flint.range_um.is_some());
+    let again = parse_lens(&write_lens(&file), &Catalog::default()).unwrap();
+    assert_eq!(again.lens.surfaces[2].glass, *flint);
+    assert_eq!(write_lens(&again), write_lens(&file));
+}
+
+#[test]
+fn the_nominal_triplet_says_what_may_move() {
+    let file = parse_lens(&nominal(), &catalog()).unwrap();
+    assert_eq!(file.lens.stop, 4);
+    assert_eq!(file.variables.len(), 18);
+    let radius_mm = Some([-15.05, -11.5]);
+    assert_eq!(file.efl_solve, Some(EflSolve { surface: 6, efl_mm: 25.04003827951391, radius_mm }));
+    let l_12 = Variable { surface: 1, parameter: Parameter::Thickness, min: 4.58, max: 10.11 };
+    assert!(file.variables.contains(&l_12));
+    assert!(file.expect.unwrap().efl_mm.unwrap().agrees(25.04));
+}
+
+/// Doubles from their bits by xorshift: every exponent, no NaN, no infinity.
+fn odd_number(state: &mut u64) -> f64 {
+    loop {
+        *state ^= *state << 13;
+        *state ^= *state >> 7;
+        *state ^= *state << 17;
+        let value = f64::from_bits(*state);
+        if value.is_finite() {
+            return value;
+        }
+    }
+}
+
+#[test]
+fn every_number_of_a_lens_file_keeps_its_bits() {
+    let mut state = 0x9e37_79b9_7f4a_7c15;
+    for round in 0..400 {
+        let mut any = || odd_number(&mut state);
+        // Mantissas are arbitrary; exponents are those of possible lenses.
+        let scaled = |value: f64, exponent: i32| {
+            let mantissa = f64::from_bits(value.to_bits() & !(0x7ff << 52) | (1023 << 52));
+            mantissa * 2f64.powi(exponent)
+        };
+        let size = |value: f64, exponent: i32| scaled(value, exponent).abs();
+        let mut asphere = [0.0; 8];
+        for (i, a) in asphere.iter_mut().enumerate() {
+            *a = scaled(any(), -20 - 12 * i as i32);
+        }
+        asphere[round % 8] = -0.0;
+        let glass = |dispersion| Arc::new(Glass::new(format!("g\"{}\\\n", round), dispersion));
+        let glasses = [
+            glass(Dispersion::Constant(size(any(), 0))),
+            glass(Dispersion::Schott([3.0, scaled(any(), -9), scaled(any(), -9), 0.0, -0.0, 0.0])),
+            glass(Dispersion::Sellmeier { b: vec![size(any(), 0)], c_um2: vec![size(any(), -9)] }),
+            glass(Dispersion::NdVd { nd: 1.0 + size(any(), -1), vd: size(any(), 5) }),
+            glass(Dispersion::Table { wavelength_um: vec![0.4, 0.7], index: vec![1.5, size(any(), 0)] }),
+            Glass::air(),
+        ];
+        let surfaces: Vec<Surface> = glasses
+            .into_iter()
+            .enumerate()
+            .map(|(i, glass)| Surface {
+                label: format!("{i}\t\u{7f}'''\""),
+                shape: SurfaceShape {
+                    curvature: scaled(any(), -6 - i as i32),
+                    conic: scaled(any(), -3),
+                    asphere,
+                    ..SurfaceShape::PLANE
+                },
+                thickness_mm: size(any(), 3),
+                glass,
+                semi_diameter_mm: size(any(), 0),
+                ..Surface::default()
+            })
+            .collect();
+        let mut surfaces = surfaces;
+        surfaces[3].shape = SurfaceShape { curvature: -0.0, ..SurfaceShape::PLANE };
+        let (conic, efl_mm) = (surfaces[0].shape.conic, scaled(any(), 5));
+        let file = LensFile {
+            lens: petzval_optics::lens::Lens {
+                name: "odd\n\"\"\" lens".into(),
+                source: String::new(),
+                surfaces,
+                stop: round % 6,
+                entrance_pupil_mm: size(any(), 1),
+                object: match round % 2 {
+                    0 => ObjectDistance::Infinity,
+                    _ => ObjectDistance::Finite(size(any(), 9)),
+                },
+                wavelengths_um: vec![0.4 + size(any(), -7), 0.5 + size(any(), -7)],
+                reference_um: size(any(), -1),
+                fields_deg: vec![-0.0, size(any(), 4)],
+            },
+            expect: Some(Expect {
+                efl_mm: Some(Expected { value: any(), tolerance: size(any(), -10) }),
+                rms_spot_um: Some(ExpectedSpots {
+                    values_um: vec![size(any(), 1), size(any(), -3)],
+                    relative_tolerance: size(any(), -5),
+                }),
+                ..Expect::default()
+            }),
+            variables: vec![Variable {
+                surface: 0,
+                parameter: Parameter::Conic,
+                min: conic - size(any(), -4),
+                max: conic + size(any(), -4),
+            }],
+            pickups: Vec::new(),
+            efl_solve: Some(EflSolve { surface: 0, efl_mm, radius_mm: None }),
+            length_solve: None,
+        };
+        let text = write_lens(&file);
+        let again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        // Glasses of one name get names of their own; all else is as it was, to the bit.
+        assert_eq!(write_lens(&again), text);
+        let bits = |file: &LensFile| {
+            let mut bits = Vec::new();
+            for s in &file.lens.surfaces {
+                bits.extend([s.shape.curvature, s.shape.conic, s.thickness_mm, s.semi_diameter_mm]);
+                bits.extend(s.shape.asphere);
+                bits.extend([0.4, 0.5, 0.7].map(|um| s.glass.index(um)));
+            }
+            bits.extend(&file.lens.wavelengths_um);
+            bits.extend(&file.lens.fields_deg);
+            bits.extend([file.lens.entrance_pupil_mm, file.lens.reference_um]);
+            bits.into_iter().map(f64::to_bits).collect::<Vec<u64>>()
+        };
+        assert_eq!(bits(&again), bits(&file));
+        assert_eq!((again.lens.object, &again.lens.name), (file.lens.object, &file.lens.name));
+        assert_eq!((again.expect, again.variables), (file.expect, file.variables));
+        assert_eq!(again.efl_solve, file.efl_solve);
+    }
+}
+
+/// Special surfaces, pickups and a length solve come back as they went, to the bit.
+#[test]
+fn special_surfaces_are_written_and_read_alike() {
+    for mut lens in special_lenses() {
+        for (i, s) in lens.surfaces.iter_mut().enumerate() {
+            // Awkward bits.
+            s.thickness_mm *= 1.0 + f64::EPSILON * i as f64;
+            if let Some(placement) = &mut s.placement {
+                placement.tilt_rad[0] += 1e-17 * i as f64;
+                placement.decenter_mm[1] /= 3.0;
+            }
+        }
+        let two = lens.surfaces.len() > 3;
+        let thickness = lens.surfaces[0].thickness_mm;
+        let variable = Variable {
+            surface: 0,
+            parameter: Parameter::Thickness,
+            min: thickness - 0.5 * thickness.abs(),
+            max: thickness + 0.5 * thickness.abs(),
+        };
+        let pickup = Pickup { surface: 1, variable: 0, scale: -1.0 / 3.0, offset: 0.1 };
+        let file = LensFile {
+            lens,
+            expect: None,
+            variables: vec![variable],
+            pickups: if two { vec![pickup] } else { Vec::new() },
+            efl_solve: None,
+            length_solve: two.then_some((2, 50.3)),
+        };
+        let text = write_lens(&file);
+        let mut again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        for (a, b) in again.lens.surfaces.iter_mut().zip(&file.lens.surfaces) {
+            // The file holds the formula of a glass, whatever it is called.
+            assert_eq!(a.glass.index(0.55), b.glass.index(0.55));
+            a.glass = b.glass.clone();
+        }
+        assert_eq!(again, file, "{text}");
+    }
+}
+
+/// Every number of a special surface can be named as a variable.
+#[test]
+fn numbers_of_special_surfaces_have_names() {
+    let text = nominal();
+    let catalog = catalog();
+    let with = |surface: &str, name: &str, min: f64, max: f64| {
+        let text = text.replace("label = \"V2 front\"", &format!("label = \"V2 front\"\n{surface}"));
+        let variable =
+            format!("\n[[variable]]\nsurface = 3\nparameter = \"{name}\"\nmin = {min:?}\nmax = {max:?}\n");
+        let at = text.find("[[variable]]").unwrap();
+        parse_lens(&format!("{}{variable}\n{}", &text[..at], &text[at..]), &catalog)
+    };
+    for (surface, name, parameter) in [
+        ("odd = { b3 = 1e-5 }", "odd.b5", Parameter::Departure(2)),
+        ("xy = { norm_radius_mm = 4.0, x2y0 = 1e-3 }", "xy.x0y2", Parameter::Departure(xy_index(0, 2))),
+        ("q_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs.a12", Parameter::Departure(12)),
+        ("q_con = { norm_radius_mm = 5.0, a = [] }", "q_con.a0", Parameter::Departure(0)),
+        ("biconic = { radius_x_mm = -40.0 }", "biconic.conic_x", Parameter::Departure(1)),
+        ("toroid = { radius_x_mm = -40.0 }", "toroid.curvature_x_per_mm", Parameter::Departure(0)),
+        ("grating = { lines_per_mm = 0.5, order = 1 }", "grating.lines_per_mm", Parameter::Phase(0)),
+        ("binary = { norm_radius_mm = 5.0, order = 1, a_rad = [1.0] }", "binary.a1", Parameter::Phase(0)),
+    ] {
+        let file = with(surface, name, -2.0, 2.0).unwrap_or_else(|e| panic!("{surface}: {e}"));
+        let found = file.variables.iter().any(|v| v.surface == 2 && v.parameter == parameter);
+        assert!(found, "{name}: {:?}", file.variables);
+        let error = with("", name, -2.0, 2.0).unwrap_err();
+        assert!(error.message.contains("no parameter") && error.hint.is_some(), "{error}");
+    }
+}
+
+/// What is wrong with a special surface is said with its line.
+#[test]
+fn bad_special_surfaces_are_refused() {
+    let text = nominal();
+    let catalog = catalog();
+    for (lines, key, message) in [
+        ("odd = { b4 = 1.0 }", "b4", "no odd term"),
+        ("xy = { x2y0 = 1.0 }", "norm_radius_mm", "normalisation radius"),
+        ("xy = { norm_radius_mm = 1.0, x9y0 = 1.0 }", "x9y0", "no term"),
+        (
+            "xy = { norm_radius_mm = 1.0, x18446744073709551615y9 = 1.0 }",
+            "x18446744073709551615y9",
+            "no term",
+        ),
+        ("xy = { norm_radius_mm = 1e-21 }", "norm_radius_mm", "clear semi-diameter"),
+        ("xy = { norm_radius_mm = -1.0 }", "norm_radius_mm", "positive"),
+        ("q_bfs = { norm_radius_mm = 1.0, a = [0,0,0,0,0,0,0,0,0,0,0,0,0,0] }", "a", "at most 13"),
+        ("conic = 1.0\nq_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs", "from a sphere"),
+        ("odd = { b3 = 1.0 }\nxy = { norm_radius_mm = 1.0 }", "xy", "already"),
+        ("toroid = { radius_x_mm = 10.0, conic_x = 1.0 }", "conic_x", "circle"),
+        ("biconic = { conic_x = 1.0 }", "radius_x_mm", "no radius"),
+        ("thin_lens = { focal_length_mm = 10.0 }", "thin_lens", "plane"),
+        ("thin_lens = { power_per_mm = nan }", "power_per_mm", "finite"),
+        ("mirror = true", "glass", "medium behind it"),
+        ("placement = { axis = \"bends\" }", "placement", "no mirror"),
+        ("placement = { axis = \"turns\" }", "axis", "cannot be"),
+        ("placement = { decenter_mm = [1.0] }", "decenter_mm", "2 are needed"),
+        ("placement = { tilt_deg = [0.0, 0.0, inf] }", "tilt_deg", "finite"),
+        (
+            "grating = { lines_per_mm = 1.0, order = 1 }\nbinary = { norm_radius_mm = 1.0, order = 1, a_rad = [] }",
+            "binary",
+            "already",
+        ),
+    ] {
+        let text = text.replace("label = \"V2 front\"", &format!("label = \"V2 front\"\n{lines}"));
+        let error = parse_lens(&text, &catalog).expect_err(lines);
+        assert_eq!(error.key, key, "{error}");
+        assert!(error.message.contains(message), "{error}");
+        assert!(error.line.is_some(), "{error}");
+    }
+    let pickup = |lines: &str| {
+        let at = text.find("[[variable]]").unwrap();
+        parse_lens(&format!("{}[[pickup]]\n{lines}\n\n{}", &text[..at], &text[at..]), &catalog).unwrap_err()
+    };
+    let error = pickup("surface = 4\nfollows = 3\nparameter = \"radius_mm\"");
+    assert!(error.message.contains("no variable"), "{error}");
+    let error = pickup("surface = 2\nfollows = 1\nparameter = \"radius_mm\"");
+    assert!(error.message.contains("already"), "{error}");
+    // The radius that is solved for, and the distance to the image, follow nothing.
+    for (surface, follows, parameter) in [(7, 1, "radius_mm"), (7, 2, "thickness_mm")] {
+        let error = pickup(&format!("surface = {surface}\nfollows = {follows}\nparameter = \"{parameter}\""));
+        assert!(error.message.contains("cannot follow"), "{error}");
+    }
+}
+
+/// A bad file: what is replaced in the nominal triplet by what, and what the error must say.
+struct Bad {
+    from: &'static str,
+    to: &'static str,
+    /// Text on the line that the error must name.
+    line_with: &'static str,
+    key: &'static str,
+    value: &'static str,
+    message: &'static str,
+    hint: &'static str,
+}
+
+#[rustfmt::skip]
+const BAD: &[Bad] = &[
+    Bad { from: "radius_mm = 11.45", to: "radius_mm = 0", line_with: "radius_mm = 0", key: "radius_mm", value: "0",
+          message: "surface 2: a surface cannot have the radius 0", hint: "`radius_mm = inf`" },
+    Bad { from: "radius_mm = 11.45", to: "radius_mm = nan", line_with: "radius_mm = nan", key: "radius_mm", value: "nan",
+          message: "not a number", hint: "" },
+    Bad { from: "radius_mm = 11.45", to: "radius_um = 11450 # long", line_with: "radius_um", key: "radius_um", value: "11450",
+          message: "no such key", hint: "convert from um to mm and write `radius_mm`" },
+    Bad { from: "thickness_mm = 8.11", to: "thickness_cm = 0.811", line_with: "thickness_cm", key: "thickness_cm", value: "0.811",
+          message: "no such key", hint: "`thickness_mm`" },
+    Bad { from: "thickness_mm = 8.11", to: "thicknes_mm = 8.11", line_with: "thicknes_mm", key: "thicknes_mm", value: "8.11",
+          message: "no such key", hint: "did you mean `thickness_mm`?" },
+    Bad { from: "thickness_mm = 8.11\n", to: "", line_with: "[[surface]]\nlabel = \"V1 rear\"", key: "thickness_mm", value: "",
+          message: "the key `thickness_mm` is missing", hint: "" },
+    Bad { from: "thickness_mm = 8.11", to: "thickness_mm = \"thick\"", line_with: "\"thick\"", key: "thickness_mm", value: "\"thick\"",
+          message: "expected a number", hint: "" },
+    Bad { from: "thickness_mm = 4.014", to: "thickness_mm = -4.014", line_with: "-4.014", key: "thickness_mm", value: "-4.014",
+          message: "surface 1: the thickness of -4.014 mm of PMMA goes against the light", hint: "it is 0 at least" },
+    Bad { from: "thickness_mm = 2.698", to: "thickness_mm = 0.3", line_with: "thickness_mm = 0.3", key: "thickness_mm", value: "0.3",
+          message: "surface 6: the edge thickness of PMMA is -0.", hint: "semi-diameters" },
+    Bad { from: "semi_diameter_mm = 4.56", to: "semi_diameter_mm = -4.56", line_with: "= -4.56", key: "semi_diameter_mm", value: "-4.56",
+          message: "positive", hint: "" },
+    Bad { from: "semi_diameter_mm = 6.415", to: "semi_diameter_mm = 11.5", line_with: "= 11.5", key: "semi_diameter_mm", value: "11.5",
+          message: "surface 2: the shape ends 11.4500 mm from its vertex", hint: "flatten" },
+    Bad { from: "glass = \"N-SF11\"", to: "glass = \"NSF11\"", line_with: "\"NSF11\"", key: "glass", value: "\"NSF11\"",
+          message: "surface 3: no glass is called `NSF11`", hint: "N-SF11" },
+    Bad { from: "stop = true\n", to: "", line_with: "[[surface]]", key: "stop", value: "",
+          message: "no surface is the aperture stop", hint: "stop = true" },
+    Bad { from: "label = \"V3 rear\"", to: "stop = true # V3 rear", line_with: "# V3 rear", key: "stop", value: "true",
+          message: "surfaces 5 and 7", hint: "one stop" },
+    Bad { from: "um = [0.486, 0.55, 0.62]", to: "um = [\n0.486,\n550,\n620]", line_with: "550", key: "um", value: "550",
+          message: "a wavelength of 550 um", hint: "did you mean 0.55?" },
+    Bad { from: "um = [0.486, 0.55, 0.62]", to: "um = [0.55, 0.486]", line_with: "0.486", key: "um", value: "0.486",
+          message: "does not ascend", hint: "sort" },
+    Bad { from: "angle_deg = [0.0, 5.0, 10.0, 15.0]", to: "angle_deg = []", line_with: "angle_deg", key: "angle_deg", value: "[]",
+          message: "empty", hint: "" },
+    Bad { from: "angle_deg = [0.0, 5.0, 10.0, 15.0]", to: "angle_deg = [-5]", line_with: "angle_deg", key: "angle_deg", value: "-5",
+          message: "angle", hint: "mirror" },
+    Bad { from: "units = \"mm\"", to: "units = \"inch\"", line_with: "units", key: "units", value: "\"inch\"",
+          message: "in mm", hint: "convert to mm" },
+    Bad { from: "distance_mm = inf", to: "distance_mm = -100", line_with: "distance_mm", key: "distance_mm", value: "-100",
+          message: "positive", hint: "" },
+    Bad { from: "diameter_mm = 5.7", to: "diameter_mm = 0.0", line_with: "pupil_diameter", key: "entrance_pupil_diameter_mm", value: "0.0",
+          message: "positive", hint: "" },
+    Bad { from: "min = 9.85\nmax = 14.98", to: "min = 14.98\nmax = 9.85", line_with: "max = 9.85", key: "max", value: "9.85",
+          message: "radius_mm of surface 1 are reversed", hint: "exchange" },
+    Bad { from: "min = 9.85", to: "min = 12.0", line_with: "min = 12.0", key: "min", value: "12.0",
+          message: "radius_mm of surface 1 is 11.34", hint: "widen" },
+    Bad { from: "min = 9.85", to: "min = -9.85", line_with: "min = -9.85", key: "min", value: "-9.85",
+          message: "include a radius of 0", hint: "" },
+    Bad { from: "parameter = \"a10\"", to: "parameter = \"a9\"", line_with: "\"a9\"", key: "parameter", value: "\"a9\"",
+          message: "no parameter `a9`", hint: "did you mean" },
+    Bad { from: "surface = 7, efl_mm", to: "surface = 8, efl_mm", line_with: "efl = {", key: "surface", value: "8",
+          message: "no surface 8", hint: "from 1 to 7" },
+    Bad { from: "surface = 7, efl_mm", to: "surface = 6, efl_mm", line_with: "efl = {", key: "surface", value: "6",
+          message: "a variable already", hint: "solved for or varied" },
+    Bad { from: "values = [4.0,", to: "values = [", line_with: "rms_spot_um", key: "values", value: "[ 7.7, 16.4, 22.3]",
+          message: "3 values do not fit the lens's 4 fields", hint: "one per field" },
+    Bad { from: "efl_mm = { value = 25.04, tolerance = 0.005 }", to: "efl_mm = 25.04", line_with: "efl_mm = 25.04\n", key: "efl_mm", value: "25.04",
+          message: "expected { value = ..., tolerance = ... }", hint: "" },
+    Bad { from: "surface = 1\n", to: "surface = -1\n", line_with: "surface = -1", key: "surface", value: "-1",
+          message: "expected a number from 0", hint: "" },
+    Bad { from: "[aperture]", to: "[aperture", line_with: "[aperture", key: "", value: "",
+          message: "", hint: "" },
+    Bad { from: "[fields]", to: "[glass.MINE]\nnd = 1.5\n[fields]", line_with: "[glass.MINE]", key: "glass", value: "MINE",
+          message: "no formula", hint: "`nd` and `vd`" },
+    Bad { from: "[fields]", to: "[glass.MINE]\nnd = 1.5\nn = 1.6\n[fields]", line_with: "nd = 1.5", key: "nd", value: "1.5",
+          message: "gives nd = 1.60000", hint: "mistyped" },
+    Bad { from: "[fields]", to: "[glass.air]\nn = 1.6\n[fields]", line_with: "[glass.air]", key: "glass", value: "air",
+          message: "already there", hint: "AIR" },
+];
+
+#[test]
+fn a_bad_file_names_line_key_value_and_hint() {
+    let (good, catalog) = (nominal(), catalog());
+    for bad in BAD {
+        assert!(good.contains(bad.from), "the nominal triplet has no `{}`", bad.from);
+        let text = good.replacen(bad.from, bad.to, 1);
+        let error = parse_lens(&text, &catalog).map(|_| ()).expect_err(bad.to);
+        let line = text[..text.find(bad.line_with).unwrap()].matches('\n').count() + 1;
+        let place = format!("`{}` gave {error:?}", bad.to);
+        assert_eq!(error.line, Some(line as u32), "{place}");
+        assert!(error.column.is_some(), "{place}");
+        assert_eq!((error.key.as_str(), error.value.as_str()), (bad.key, bad.value), "{place}");
+        assert!(error.message.contains(bad.message), "{place}");
+        assert!(error.hint.as_deref().unwrap_or("").contains(bad.hint), "{place}");
+        assert!(error.to_string().starts_with(&format!("line {line}, column ")), "{place}");
+    }
+}
+
+#[test]
+fn an_error_reads_as_one_sentence_with_its_place() {
+    let text = nominal().replacen("radius_mm = 11.45", "radius_mm = 0", 1);
+    let error: FileError = parse_lens(&text, &catalog()).unwrap_err();
+    let (line, column) = (error.line.unwrap(), error.column.unwrap());
+    assert_eq!(column, 13);
+    assert_eq!(
+        error.to_string(),
+        format!(
+            "line {line}, column 13: `radius_mm = 0`: surface 2: a surface cannot have the radius \
+             0 (hint: a plane is `radius_mm = inf`)"
+        )
+    );
+}
+
+#[test]
+fn infinity_may_be_quoted_and_a_file_may_bring_its_own_glass() {
+    let text = nominal().replacen("radius_mm = inf", "radius_mm = \"inf\"", 1).replacen(
+        "[fields]",
+        "[glass.N-SF11]\nnd = 1.7\nvd = 30\n[fields]",
+        1,
+    );
+    let lens = parse_lens(&text, &catalog()).unwrap().lens;
+    assert_eq!(lens.surfaces[4].shape.curvature, 0.0);
+    assert_eq!(lens.surfaces[2].glass.dispersion, Dispersion::NdVd { nd: 1.7, vd: 30.0 });
+}
+
+#[test]
+fn mutilated_files_never_panic() {
+    let catalog = catalog();
+    let good = nominal();
+    let lines: Vec<&str> = good.lines().collect();
+    let nasty = ["", "=", "nan", "-inf", "1e999", "[[surface]]", "{", "\"\"\"", "\u{fffd}=1", "-0.0", "[]"];
+    let mut state = 1;
+    for _ in 0..3000 {
+        odd_number(&mut state);
+        let (line, cut) = (state as usize % lines.len(), (state >> 20) as usize);
+        let insert = nasty[(state >> 40) as usize % nasty.len()];
+        let old = lines[line];
+        let mut cut = cut % (old.len() + 1);
+        while !old.is_char_boundary(cut) {
+            cut -= 1;
+        }
+        let keep = if state >> 60 & 1 == 0 { &old[cut..] } else { "" };
+        let new = format!("{}{insert}{keep}", &old[..cut]);
+        let mut changed = lines.clone();
+        changed[line] = &new;
+        if let Err(error) = parse_lens(&changed.join("\n"), &catalog) {
+            assert!(!error.to_string().is_empty());
+        }
+    }
+}
+
+#[test]
+fn impossible_lenses_are_named() {
+    let lens = parse_lens(&nominal(), &catalog()).unwrap().lens;
+    let with = |change: &dyn Fn(&mut petzval_optics::lens::Lens)| {
+        let mut lens = lens.clone();
+        change(&mut lens);
+        validate(&lens).unwrap_err()
+    };
+    assert_eq!(with(&|l| l.surfaces.clear()), LensDefect::NoSurface);
+    assert_eq!(with(&|l| l.stop = 7), LensDefect::NoStop { stop: 8, surfaces: 7 });
+    assert_eq!(with(&|l| l.fields_deg.clear()), LensDefect::Nothing { what: "field" });
+    assert_eq!(with(&|l| l.entrance_pupil_mm = -1.0), LensDefect::Pupil { diameter_mm: -1.0 });
+    let nan = with(&|l| l.surfaces[2].shape.conic = f64::NAN);
+    assert!(matches!(nan, LensDefect::NotFinite { surface: 3, .. }), "{nan}");
+
+    // A biconcave element is thinnest in the middle, a biconvex one at the edge.
+    let thin = with(&|l| l.surfaces[2].thickness_mm = -0.1);
+    assert!(matches!(thin, LensDefect::CentreThickness { surface: 3, thickness_mm: -0.1, .. }), "{thin}");
+    let sharp = with(&|l| l.surfaces[5].thickness_mm = 0.5);
+    assert!(matches!(sharp, LensDefect::EdgeThickness { surface: 6, .. }), "{sharp}");
+
+    // S2 sags towards V2 by 0.95 mm at V2's edge, and V2 comes to meet it with 0.26 mm.
+    let crossing = with(&|l| l.surfaces[1].thickness_mm = 1.0);
+    let LensDefect::AirGap { surface: 2, gap_mm, .. } = crossing else { panic!("{crossing}") };
+    assert!(gap_mm < 0.0 && crossing.surface() == Some(2));
+
+    let short = with(&|l| l.surfaces[6].semi_diameter_mm = 13.06);
+    assert!(matches!(short, LensDefect::SurfaceEnds { surface: 7, .. }), "{short}");
+    let glass = Glass::new("BAD", Dispersion::Sellmeier { b: vec![1.0], c_um2: vec![0.3025] });
+    let no_index = with(&|l| l.surfaces[0].glass = Arc::new(glass.clone()));
+    assert!(matches!(no_index, LensDefect::Index { surface: 1, .. }), "{no_index}");
+}

@@ -1,0 +1,420 @@
+//! A series of captures: which frames there are, and how each was taken.
+//!
+//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`]), or
+//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`]).
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+use petzval_files::decode;
+use serde::Serialize;
+
+use super::series::SERIES;
+use super::{descriptor, frame_names, manifest};
+use petzval_camera::sensor::CfaPattern;
+use petzval_files::raw_file::{RawFileError, RawFrame, load_raw, load_raw_page, page_count};
+
+/// Name of our list of captures.
+pub const MANIFEST: &str = "captures.toml";
+/// Name of the list of captures of the EMVA 1288 Python library.
+pub const DESCRIPTOR: &str = "EMVA1288descriptor.txt";
+
+/// What the owner of the camera knows about its sensor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SensorFacts {
+    /// Name of the sensor.
+    pub name: String,
+    /// Bits of the converter.
+    pub bits: u32,
+    /// Pixel pitch, um, if it is known.
+    pub pixel_um: Option<f64>,
+    /// Colour filter array; mono if there is none.
+    pub cfa: CfaPattern,
+    /// Black level BL that the camera is set to, DN.
+    pub black_level_dn: Option<f64>,
+    /// Full well capacity of the data sheet, electrons.
+    pub full_well_e: Option<f64>,
+    /// f-number of the lens or of the light source, if one matters.
+    pub f_number: Option<f64>,
+    /// Wavelength of the light, um.
+    pub wavelength_um: Option<f64>,
+    /// Temperature of the sensor, degrees Celsius.
+    pub temperature_c: Option<f64>,
+}
+
+/// Whether light falls on the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Uniform light.
+    Flat,
+    /// None.
+    Dark,
+}
+
+/// A frame as the list names it: a file, or one page of a file of several.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct FrameFile {
+    /// The file.
+    pub path: PathBuf,
+    /// The page, counted from 0, where the file has several.
+    pub page: Option<usize>,
+}
+
+impl From<PathBuf> for FrameFile {
+    fn from(path: PathBuf) -> Self {
+        Self { path, page: None }
+    }
+}
+
+impl FrameFile {
+    /// Reads the frame.
+    pub fn load(&self) -> Result<RawFrame, RawFileError> {
+        match self.page {
+            Some(page) => load_raw_page(&self.path, page),
+            None => load_raw(&self.path),
+        }
+    }
+
+    /// Its name below a folder, with the page.
+    pub fn name_below(&self, folder: &Path) -> String {
+        let name = self.path.strip_prefix(folder).unwrap_or(&self.path).display();
+        match self.page {
+            Some(page) => format!("{name}, page {}", page + 1),
+            None => name.to_string(),
+        }
+    }
+}
+
+/// Frames taken under one setting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Whether light falls on the sensor.
+    pub kind: Kind,
+    /// Linear gain g.
+    pub linear_gain: f64,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Mean number of photons per pixel; `None` if it was not measured, 0 for dark points.
+    pub photons: Option<f64>,
+    /// The frames.
+    pub frames: Vec<FrameFile>,
+    /// Line of the list where the point begins.
+    pub line: u32,
+}
+
+impl Point {
+    /// Two frames serve the photon transfer, more than two the spatial non-uniformity.
+    pub fn is_stack(&self) -> bool {
+        self.frames.len() > 2
+    }
+
+    /// The setting in words.
+    pub fn label(&self) -> String {
+        let kind = match self.kind {
+            Kind::Flat => "flat",
+            Kind::Dark => "dark",
+        };
+        let photons = match (self.kind, self.photons) {
+            (Kind::Flat, Some(p)) => format!(", {p} photons"),
+            _ => String::new(),
+        };
+        let frames = self.frames.len();
+        let ms = milliseconds(self.exposure_s);
+        format!("{kind}, gain {}, {ms} ms{photons}, {frames} frames", self.linear_gain)
+    }
+}
+
+/// An exposure time in milliseconds without the digits that binary fractions add: to a thousandth of a nanosecond.
+pub fn milliseconds(exposure_s: f64) -> f64 {
+    (1e12 * exposure_s).round() / 1e9
+}
+
+/// A series of captures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Captures {
+    /// The folder.
+    pub folder: PathBuf,
+    /// The list of captures that was read.
+    pub list: PathBuf,
+    /// What is known about the sensor.
+    pub sensor: SensorFacts,
+    /// Rows and columns, where the list states them.
+    pub size: Option<(usize, usize)>,
+    /// The points in the order of the list.
+    pub points: Vec<Point>,
+}
+
+/// Why a series of captures cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// There is no list of captures.
+    #[error("{}: neither {MANIFEST} nor {DESCRIPTOR} is in this folder", .0.display())]
+    NoList(PathBuf),
+    /// There is no list of captures yet: the simulation of the series was interrupted.
+    #[error("{}: {SERIES} without {MANIFEST}: the captures of this series are not complete", .0.display())]
+    Unfinished(PathBuf),
+    /// A file is given for a folder.
+    #[error("{}: a file, but no list of captures", .0.display())]
+    NoFolder(PathBuf),
+    /// A file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The list says something that cannot be used.
+    #[error("{}: {error}", path.display())]
+    List {
+        /// The list.
+        path: PathBuf,
+        /// What is wrong and where.
+        error: Box<FileError>,
+    },
+    /// A frame cannot be read.
+    #[error(transparent)]
+    Frame(#[from] RawFileError),
+    /// A frame has another size than the others.
+    #[error("{}: {height}x{width} pixels, the other frames have {expected_height}x{expected_width}", path.display())]
+    Size {
+        /// The frame.
+        path: PathBuf,
+        /// Its rows.
+        height: usize,
+        /// Its columns.
+        width: usize,
+        /// Rows of the others.
+        expected_height: usize,
+        /// Columns of the others.
+        expected_width: usize,
+    },
+    /// A frame, or its sidecar, says something else than the list.
+    #[error("{}: the frame's sidecar or header says {key} = {frame}, {place} says {list}", path.display())]
+    Contradiction {
+        /// The frame.
+        path: PathBuf,
+        /// What it is about, as the sidecar calls it.
+        key: &'static str,
+        /// What stands with the frame.
+        frame: String,
+        /// What the list says.
+        list: String,
+        /// Where in the list.
+        place: String,
+    },
+    /// A frame has a digital number that its converter cannot give.
+    #[error("{}: digital number {value} at row {row}, column {col}; a converter of {bits} bits gives at most {max}", path.display())]
+    Value {
+        /// The frame.
+        path: PathBuf,
+        /// The number.
+        value: u16,
+        /// Its row.
+        row: usize,
+        /// Its column.
+        col: usize,
+        /// Bits of the converter.
+        bits: u32,
+        /// Largest number it gives.
+        max: u16,
+    },
+    /// The flat frames are darker than the dark ones.
+    #[error("{}: the flat frames are darker than the dark ones at {} of {points} points: are flat and dark swapped?", list.display(), swapped)]
+    Swapped {
+        /// The list of captures.
+        list: PathBuf,
+        /// Points at which they are.
+        swapped: usize,
+        /// Flat points with dark ones.
+        points: usize,
+    },
+    /// The flat frames are as dark as the dark ones.
+    #[error("{}: at none of {points} points are the flat frames brighter than the dark ones", list.display())]
+    NoLight {
+        /// The list of captures.
+        list: PathBuf,
+        /// Flat points with dark ones.
+        points: usize,
+    },
+    /// Every flat point is full.
+    #[error("{}: all {points} flat points are clipped or above 70 % of saturation", list.display())]
+    AllSaturated {
+        /// The list of captures.
+        list: PathBuf,
+        /// Flat points with dark ones.
+        points: usize,
+    },
+    /// Another series is in the folder.
+    #[error("{}: the folder holds another series of captures ({what})", path.display())]
+    OtherSeries {
+        /// The file that tells.
+        path: PathBuf,
+        /// How it differs.
+        what: String,
+    },
+    /// A frame cannot be simulated.
+    #[error(transparent)]
+    Sensor(#[from] petzval_camera::sensor::SensorError),
+    /// A frame cannot be written.
+    #[error(transparent)]
+    Image(#[from] petzval_files::ImageError),
+    /// The plan of a series is out of range.
+    #[error("{what}: {problem}")]
+    Plan {
+        /// Which number of the plan.
+        what: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+impl Captures {
+    /// Reads the list of captures of a folder and looks that every frame is there. The path of the list itself will do.
+    pub fn open(path: &Path) -> Result<Self, CaptureError> {
+        let is_list = path.file_name().is_some_and(|name| name == MANIFEST || name == DESCRIPTOR);
+        let folder = match (path.is_file(), is_list, path.parent()) {
+            (true, true, Some(folder)) if folder.as_os_str().is_empty() => Path::new("."),
+            (true, true, Some(folder)) => folder,
+            (true, ..) => return Err(CaptureError::NoFolder(path.to_owned())),
+            (false, ..) => path,
+        };
+        let (ours, theirs) = (folder.join(MANIFEST), folder.join(DESCRIPTOR));
+        if !folder.is_dir() {
+            let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
+            return Err(CaptureError::Io { path: folder.to_owned(), source });
+        }
+        let (list, ours) = match (ours.is_file(), theirs.is_file()) {
+            (true, _) => (ours, true),
+            (false, true) => (theirs, false),
+            (false, false) if folder.join(SERIES).is_file() => {
+                return Err(CaptureError::Unfinished(folder.to_owned()));
+            }
+            (false, false) => return Err(CaptureError::NoList(folder.to_owned())),
+        };
+        let bytes = std::fs::read(&list).map_err(|source| CaptureError::Io { path: list.clone(), source })?;
+        let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
+        let text = decode(&bytes);
+        let parsed = if ours { manifest::parse(&text, folder) } else { descriptor::parse(&text, folder) };
+        let mut captures = parsed.map_err(wrong)?;
+        for point in &mut captures.points {
+            if ours {
+                point.frames = frame_names::expanded(folder, point).map_err(wrong)?;
+            }
+            if let Some(missing) = point.frames.iter().find(|frame| !frame.path.is_file()) {
+                let name = missing.name_below(folder);
+                let error = FileError::at_line(point.line, "", format!("the frame {name} is not there"));
+                return Err(wrong(
+                    error.hint("copy the frame into the folder, or take the point off the list"),
+                ));
+            }
+            let mut frames = Vec::with_capacity(point.frames.len());
+            for FrameFile { path, .. } in std::mem::take(&mut point.frames) {
+                match page_count(&path)? {
+                    1 => frames.push(path.into()),
+                    pages => {
+                        frames.extend((0..pages).map(|k| FrameFile { path: path.clone(), page: Some(k) }))
+                    }
+                }
+            }
+            point.frames = frames;
+        }
+        captures.check().map_err(wrong)?;
+        Ok(captures)
+    }
+
+    /// The linear gains, ascending.
+    pub fn gains(&self) -> Vec<f64> {
+        let mut gains: Vec<f64> = self.points.iter().map(|p| p.linear_gain).collect();
+        gains.sort_by(f64::total_cmp);
+        gains.dedup();
+        gains
+    }
+
+    /// Frames in all.
+    pub fn frames(&self) -> usize {
+        self.points.iter().map(|p| p.frames.len()).sum()
+    }
+
+    /// What both kinds of list must hold: frames enough at every point, no point and no frame twice, and photons at all flat
+    /// points of a gain or at none.
+    fn check(&self) -> Result<(), FileError> {
+        if self.points.is_empty() {
+            return Err(FileError::at_line(0, "", "the list has no captures").hint("add points with frames"));
+        }
+        let mut listed: HashMap<&FrameFile, &Point> = HashMap::new();
+        for (i, point) in self.points.iter().enumerate() {
+            let at = |message: String| FileError::at_line(point.line, "", message);
+            if point.frames.len() < 2 {
+                let frames = match point.frames.len() {
+                    0 => "no frame",
+                    _ => "one frame",
+                };
+                return Err(at(format!("{} has {frames} where two are needed", point.label()))
+                    .hint("noise is measured from the difference of two frames of one setting"));
+            }
+            if point.frames.len() > MAX_FRAMES {
+                return Err(
+                    at(format!("{} is more than {MAX_FRAMES}", point.label())).hint("use fewer frames")
+                );
+            }
+            for frame in &point.frames {
+                if let Some(first) = listed.insert(frame, point) {
+                    let name = frame.name_below(&self.folder);
+                    return Err(at(format!(
+                        "the frame {name} is listed twice, first in line {}",
+                        first.line
+                    ))
+                    .hint("every frame is an exposure of its own, listed once"));
+                }
+            }
+            let other_light = |other: &&Point| {
+                (other.kind, point.kind) == (Kind::Flat, Kind::Flat)
+                    && other.linear_gain == point.linear_gain
+                    && other.photons.is_some() != point.photons.is_some()
+            };
+            if let Some(first) = self.points[..i].iter().find(other_light) {
+                let (here, there) = match point.photons {
+                    Some(_) => ("states photons", "does not"),
+                    None => ("states no photons", "does"),
+                };
+                return Err(at(format!(
+                    "{} {here}, the flat point of this gain in line {} {there}",
+                    point.label(),
+                    first.line
+                ))
+                .hint("state `photons` at every flat point of a gain, or at none"));
+            }
+            let same = |other: &&Point| {
+                other.kind == point.kind
+                    && other.linear_gain == point.linear_gain
+                    && other.exposure_s == point.exposure_s
+                    && other.photons == point.photons
+                    && other.is_stack() == point.is_stack()
+                    && !self.is_illumination_series(point)
+            };
+            if let Some(first) = self.points[..i].iter().find(same) {
+                return Err(at(format!("{} is listed already in line {}", point.label(), first.line))
+                    .hint("list all frames of one setting as one point"));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Captures {
+    /// Whether the light, not the exposure time, changes over the flat points of this point's gain without being stated: all
+    /// of them have one exposure time and no photons. Their own signal puts them in order.
+    fn is_illumination_series(&self, point: &Point) -> bool {
+        let flats =
+            || self.points.iter().filter(|p| p.kind == Kind::Flat && p.linear_gain == point.linear_gain);
+        point.kind == Kind::Flat
+            && flats().filter(|p| !p.is_stack()).count() > 2
+            && flats().all(|p| p.photons.is_none() && p.exposure_s == point.exposure_s)
+    }
+}
+
+/// More frames than a point can have: sums stay within whole numbers of 64 bits.
+const MAX_FRAMES: usize = 4096;

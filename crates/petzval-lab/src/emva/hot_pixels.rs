@@ -1,0 +1,300 @@
+//! Dark current pixel by pixel: what most pixels have, and the hot ones that stand out of them.
+//!
+//! From the mean frames of the shortest and of the longest dark exposure of a gain each pixel has a dark current
+//!
+//! ```text
+//! x_p = (mean_p(t_long) - mean_p(t_short)) / (t_long - t_short)        [DN/s]
+//! ```
+//!
+//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`; a share `h` of them, the hot
+//! ones, has more dark current, exponentially distributed with mean `theta` ([`NonUniformity`](petzval_camera::sensor::NonUniformity)).
+//! An exponential distribution has no memory: what exceeds a threshold `T` is distributed as before. So the `n` pixels more than
+//! `T = 6 s` above the others tell both numbers, whatever the noise looks like below (peaks over a threshold):
+//!
+//! ```text
+//! theta = sum(x_p - T) / m                       m of the n are not full at t_long: maximum likelihood of a censored sample
+//! h     = n / N exp(T / theta - s^2 / (2 theta^2))                     N pixels; the exponent is what lies below T
+//! ```
+//!
+//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen is one draw
+//! of its kind. The dark current of the ordinary pixels is the mean of those within `T`, less what hot ones below `T` add.
+
+use serde::Serialize;
+
+use super::captures::{Kind, Point};
+use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
+use super::point::{PointStatistics, Stack};
+use super::samples::greatest_common_divisor;
+use super::warning::clipped_at_zero;
+
+/// Standard deviations from the median beyond which a dark current is no noise: 2e-9 of normally distributed ones.
+const THRESHOLD_SIGMAS: f64 = 6.0;
+/// Fewest pixels that tell a distribution: the mean excess is known to a third.
+const FEWEST: usize = 10;
+/// Share of normal pixels below the median by more than one standard deviation.
+const BELOW_ONE_SIGMA: f64 = 0.158_655_253_931_457_05;
+/// Variance of the difference of two numbers that are both rounded, DN^2.
+const ROUNDING_DN2: f64 = 2.0 / 12.0;
+
+/// Dark frames at one end of a dark series.
+struct DarkEnd<'a> {
+    /// Exposure time, s.
+    exposure_s: f64,
+    /// Sum of the frames.
+    stack: &'a Stack,
+    /// Temporal variance of a frame, DN^2.
+    variance_dn2: f64,
+}
+
+/// Dark currents of the pixels at one gain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PixelDarkCurrents {
+    /// Exposure time of the shorter dark frames, s.
+    pub short_s: f64,
+    /// Exposure time of the longer ones, s.
+    pub long_s: f64,
+    /// Median over the pixels, DN/s.
+    pub median_dn_per_s: Measured,
+    /// Mean of the ordinary pixels, those that are not hot, DN/s.
+    pub ordinary_dn_per_s: Measured,
+    /// Standard deviation of the ordinary pixels, noise and all, DN/s.
+    pub spread_dn_per_s: f64,
+    /// Dark current above which a pixel stands out, DN/s.
+    pub threshold_dn_per_s: f64,
+    /// Pixels that stand out.
+    pub outliers: usize,
+    /// Of these, how many are full at the longer exposure: their dark current is known from below.
+    pub full: usize,
+    /// Share of the pixels that are hot, h.
+    pub hot_share: Measured,
+    /// Mean dark current of hot pixels above that of the ordinary ones, theta, DN/s.
+    pub hot_excess_dn_per_s: Measured,
+    /// What the hot pixels add to the variance of the dark currents over all pixels, DN^2/s^2; 0 if there are none.
+    pub hot_variance_dn2_per_s2: f64,
+}
+
+impl PixelDarkCurrents {
+    /// Relative standard error of the hot pixels' dark current in all, if there are hot pixels.
+    pub(super) fn hot_relative_error(&self) -> Option<f64> {
+        let relative = |m: &Measured| Some(m.standard_error()? / m.value()?);
+        Some(relative(&self.hot_share)?.hypot(relative(&self.hot_excess_dn_per_s)?))
+    }
+}
+
+/// The dark points of the shortest and of the longest exposure; of one exposure that of the most frames.
+pub(super) fn dark_ends<'a>(points: &[&'a Point]) -> [Option<&'a Point>; 2] {
+    let darks = || points.iter().copied().filter(|p| p.kind == Kind::Dark);
+    let by_time = |a: &&Point, b: &&Point| a.exposure_s.total_cmp(&b.exposure_s);
+    let frames = |p: &Point| p.frames.len();
+    [
+        darks().min_by(|a, b| by_time(a, b).then(frames(b).cmp(&frames(a)))),
+        darks().max_by(|a, b| by_time(a, b).then(frames(a).cmp(&frames(b)))),
+    ]
+}
+
+/// Dark currents of the pixels from the points of a gain, if its dark frames have two exposure times and are not clipped at zero.
+pub(super) fn of_dark_ends(reduced: &[(&Point, PointStatistics)], max_dn: f64) -> Option<PixelDarkCurrents> {
+    let points: Vec<&Point> = reduced.iter().map(|(p, _)| *p).collect();
+    let end = |end: Option<&Point>| {
+        let end = end?;
+        let (point, found) = reduced.iter().find(|(p, _)| std::ptr::eq(*p, end))?;
+        let usable = !clipped_at_zero(&found.all);
+        usable.then_some(DarkEnd {
+            exposure_s: point.exposure_s,
+            stack: found.stack.as_ref()?,
+            variance_dn2: found.all.variance_dn2,
+        })
+    };
+    let [short, long] = dark_ends(&points).map(end);
+    let (short, long) = (short?, long?);
+    (long.exposure_s > short.exposure_s).then(|| pixel_dark_currents(&short, &long, max_dn))
+}
+
+/// Dark currents of the pixels from the two ends of a dark series. `max_dn` is the largest digital number of the converter.
+fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> PixelDarkCurrents {
+    let (short_frames, long_frames) = (short.stack.frames as i64, long.stack.frames as i64);
+    let common = i64::from(greatest_common_divisor(short.stack.frames as u32, long.stack.frames as u32));
+    let (of_long, of_short) = (short_frames / common, long_frames / common);
+    // Whole numbers until the end: differences of the mean frames in units of 1 / (short_frames of_short) DN.
+    let differences: Vec<i64> = (long.stack.sum_dn.iter().zip(&short.stack.sum_dn))
+        .map(|(l, s)| of_long * i64::from(*l) - of_short * i64::from(*s))
+        .collect();
+    let time_s = long.exposure_s - short.exposure_s;
+    let per_unit = 1.0 / ((short_frames * of_short) as f64 * time_s);
+    let pixels = differences.len() as f64;
+
+    let mut sorted = differences.clone();
+    let median = quantile(&mut sorted, 0.5) * per_unit;
+    let below = quantile(&mut sorted, BELOW_ONE_SIGMA) * per_unit;
+    let spread = (median - below).max(ROUNDING_DN2.sqrt() / time_s);
+    let threshold = median + THRESHOLD_SIGMAS * spread;
+
+    let currents = || differences.iter().map(|d| *d as f64 * per_unit);
+    let within = |x: &f64| (x - median).abs() <= threshold - median;
+    let (core, core_sum) = currents().filter(within).fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x));
+    let core_mean = core_sum / core;
+    let core_se = spread / f64::sqrt(core);
+
+    // The pixels that stand out: dark current, and digital number at the longer exposure.
+    let long_dn = |sum: u32| f64::from(sum) / long_frames as f64;
+    let outliers: Vec<(f64, f64)> = currents()
+        .zip(&long.stack.sum_dn)
+        .filter(|(x, _)| *x > threshold)
+        .map(|(x, sum)| (x, long_dn(*sum)))
+        .collect();
+    let n = outliers.len() as f64;
+    let excess = |x: f64| x - core_mean;
+    let frame_noise_dn = (short.variance_dn2.max(0.0) / long_frames as f64).sqrt();
+    let mean_excess_dn = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / n * time_s;
+    let end_dn = full_from(&outliers, frame_noise_dn, mean_excess_dn).min(max_dn);
+    let full = outliers.iter().filter(|(_, dn)| *dn >= end_dn).count();
+    let known = (outliers.len() - full) as f64;
+
+    let above = threshold - core_mean;
+    let theta = outliers.iter().map(|(x, _)| x - threshold).sum::<f64>() / known;
+    let found = PixelDarkCurrents {
+        short_s: short.exposure_s,
+        long_s: long.exposure_s,
+        // The median of normally distributed numbers scatters by sqrt(pi/2) as much as their mean.
+        median_dn_per_s: Measured::new(median, (0.5 * std::f64::consts::PI / pixels).sqrt() * spread),
+        ordinary_dn_per_s: Measured::new(core_mean, core_se),
+        spread_dn_per_s: spread,
+        threshold_dn_per_s: threshold,
+        outliers: outliers.len(),
+        full,
+        hot_share: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
+        hot_excess_dn_per_s: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
+        hot_variance_dn2_per_s2: 0.0,
+    };
+    // The tail of noise falls faster than its standard deviation: six of them out, a normal one by a sixth of it.
+    if outliers.len() - full < FEWEST || theta <= spread {
+        return found;
+    }
+    let ratio = spread / theta;
+    let share = n / pixels * (above / theta - 0.5 * ratio * ratio).exp();
+    let share_error = n.sqrt().recip().hypot((above / theta - ratio * ratio) / known.sqrt());
+    // As every number, the share counts from two standard errors on; and the median is that of ordinary pixels.
+    if share_error * RESOLVED_SIGMAS >= 1.0 || share >= 0.5 {
+        return found;
+    }
+    let below_share = (-above / theta).exp();
+    let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
+    let mean = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / pixels;
+    let square = outliers.iter().map(|(x, _)| excess(*x).powi(2)).sum::<f64>() / pixels;
+    PixelDarkCurrents {
+        ordinary_dn_per_s: Measured::new(core_mean - hidden, core_se.hypot(hidden * share_error)),
+        hot_share: Measured::new(share, share * share_error),
+        hot_excess_dn_per_s: Measured::new(theta, theta / known.sqrt()),
+        hot_variance_dn2_per_s2: square - mean * mean,
+        ..found
+    }
+}
+
+/// Outliers that pile up at the top, within noise of the largest, before these are no chance. The largest of exponentially
+/// distributed numbers lie apart by about their mean: four of them within a tenth of it are one sample in a thousand.
+const PILE: usize = 4;
+
+/// Digital number from which pixels are full: where the outliers `(dark current, digital number)` pile up at their top.
+fn full_from(outliers: &[(f64, f64)], frame_noise_dn: f64, mean_excess_dn: f64) -> f64 {
+    let top = outliers.iter().map(|(_, dn)| *dn).fold(f64::NEG_INFINITY, f64::max);
+    let from = top - THRESHOLD_SIGMAS * frame_noise_dn;
+    let piled = outliers.iter().filter(|(_, dn)| *dn >= from).count();
+    match piled >= PILE && top - from <= 0.1 * mean_excess_dn {
+        true => from,
+        false => f64::INFINITY,
+    }
+}
+
+/// The value below which a share `q` of whole numbers lies, each spread evenly over the unit around it. Sorts in part.
+fn quantile(values: &mut [i64], q: f64) -> f64 {
+    let wanted = q * values.len() as f64;
+    let (_, value, _) = values.select_nth_unstable((wanted as usize).min(values.len() - 1));
+    let value = *value;
+    let below = values.iter().filter(|v| **v < value).count() as f64;
+    let at = values.iter().filter(|v| **v == value).count() as f64;
+    value as f64 - 0.5 + (wanted - below) / at
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::{Distribution, Exp, Normal};
+
+    use super::*;
+
+    /// Sums of `frames` dark frames of 1 ms and of 1 s: noise of 2 DN, 30 DN/s, hot pixels, a plateau where pixels are full.
+    fn ends(seed: u64, pixels: usize, frames: usize, share: f64, excess: f64, end_dn: f64) -> [Stack; 2] {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let (noise, exponential) = (Normal::new(0.0, 2.0).unwrap(), Exp::new(1.0 / excess).unwrap());
+        let mut stacks = [vec![0u32; pixels], vec![0u32; pixels]];
+        for i in 0..pixels {
+            let offset_dn = 100.0 + 5.0 * noise.sample(&mut rng);
+            let hot = if rng.random::<f64>() < share { exponential.sample(&mut rng) } else { 0.0 };
+            for (stack, time_s) in stacks.iter_mut().zip([0.001, 1.0]) {
+                for _ in 0..frames {
+                    let dn = (offset_dn + (30.0 + hot) * time_s).min(end_dn) + noise.sample(&mut rng);
+                    stack[i] += dn.round().clamp(0.0, 4095.0) as u32;
+                }
+            }
+        }
+        stacks.map(|sum_dn| Stack { height: 1, width: pixels, frames, sum_dn, variance_dn2: Vec::new() })
+    }
+
+    fn found(stacks: &[Stack; 2]) -> PixelDarkCurrents {
+        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 4.1 };
+        pixel_dark_currents(&end(&stacks[0], 0.001), &end(&stacks[1], 1.0), 4095.0)
+    }
+
+    #[test]
+    fn errors_are_the_scatter_over_specimens_whether_pixels_are_full_or_not() {
+        const SPECIMENS: u64 = 60;
+        for (share, excess, end_dn) in [(0.01, 300.0, 1e6), (0.02, 1500.0, 2000.0), (0.02, 25.0, 1e6)] {
+            let mut pulls = [const { Vec::new() }; 4];
+            for seed in 0..SPECIMENS {
+                let f = found(&ends(seed, 20_000, 2, share, excess, end_dn));
+                let measured = [f.hot_share, f.hot_excess_dn_per_s, f.ordinary_dn_per_s, f.median_dn_per_s];
+                // The median of all pixels is that of the ordinary ones, moved by half the share of the hot.
+                let median = 30.0 + f.spread_dn_per_s * (0.5 * std::f64::consts::PI).sqrt() * share;
+                for (list, (m, truth)) in
+                    pulls.iter_mut().zip(measured.iter().zip([share, excess, 30.0, median]))
+                {
+                    list.push((m.value().unwrap() - truth) / m.standard_error().unwrap());
+                }
+            }
+            // Means of 60 pulls within 4 / sqrt(60), their scatter within 4 / sqrt(120) of one: eight numbers at 6e-5 each.
+            for (name, list) in ["share", "excess", "ordinary", "median"].iter().zip(&pulls) {
+                let n = SPECIMENS as f64;
+                let mean = list.iter().sum::<f64>() / n;
+                let scatter = (list.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+                assert!(mean.abs() < 4.0 / n.sqrt(), "{share} {excess} {name}: mean pull {mean}");
+                assert!((scatter - 1.0).abs() < 4.0 / (2.0 * n).sqrt(), "{share} {excess} {name}: {scatter}");
+            }
+        }
+    }
+
+    #[test]
+    fn noise_alone_has_no_hot_pixels() {
+        let f = found(&ends(1, 200_000, 3, 0.0, 1.0, 1e6));
+        assert_eq!((f.outliers, f.full, f.hot_variance_dn2_per_s2), (0, 0, 0.0));
+        assert!(f.hot_share.reason().is_some() && f.hot_excess_dn_per_s.reason().is_some());
+        let (value, se) =
+            (f.ordinary_dn_per_s.value().unwrap(), f.ordinary_dn_per_s.standard_error().unwrap());
+        assert!(((value - 30.0) / se).abs() < 4.0, "{value} +- {se}");
+    }
+
+    #[test]
+    fn stacks_of_different_lengths_and_constant_frames_have_a_dark_current() {
+        let stack = |frames: usize, dn: u32| Stack {
+            height: 10,
+            width: 10,
+            frames,
+            sum_dn: vec![frames as u32 * dn; 100],
+            variance_dn2: Vec::new(),
+        };
+        let (short, long) = (stack(4, 100), stack(6, 110));
+        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 0.0 };
+        let f = pixel_dark_currents(&end(&short, 1.0), &end(&long, 3.0), 4095.0);
+        assert_eq!(f.ordinary_dn_per_s.value(), Some(5.0));
+        assert!((f.median_dn_per_s.value().unwrap() - 5.0).abs() < 1e-12 && f.outliers == 0);
+    }
+}

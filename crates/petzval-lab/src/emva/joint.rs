@@ -1,0 +1,275 @@
+//! All gains together: what read noise, electronics noise and dark current are, and the ratios of the colours.
+//!
+//! Electronics noise does not grow with the gain, read noise does. So the intercepts of the dark series over the gains tell
+//! them apart:
+//!
+//! ```text
+//! I_g = sigma_r^2 K_g^2 + (sigma_el^2 + 1/12)        intercept of the dark variance [DN^2]
+//! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
+//! ```
+//!
+//! Each is a line with weights `1/s^2`, where `s` holds the error of the intercept, that of `K_g` and that of rounding: 1/12 is
+//! what whole digital numbers add only to noise that spreads over several of them ([`super::rounding`]). Averages of what single
+//! gains give (Tseng et al. 2021, supplement 2.3.2) cannot separate them. BL and mu_el are one number to the captures: BL
+//! is taken from the setting of the camera.
+
+use serde::Serialize;
+
+use super::dark::DarkSeries;
+use super::figures::QUANTISATION_DN2;
+use super::fit::{Line, line, through_origin, weighted_mean};
+use super::hot_pixels::PixelDarkCurrents;
+use super::measured::{Measured, Unresolved};
+use super::rounding::RoundingError;
+use super::transfer::TransferPoint;
+use petzval_camera::sensor::Colour;
+
+/// What one linear gain contributes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GainRow {
+    /// Linear gain g.
+    pub linear_gain: f64,
+    /// K_g, DN/e-: the weighted mean of the colours.
+    pub gain_dn_per_e: Measured,
+    /// `K_g / g`, DN/e-.
+    pub gain_at_unit_dn_per_e: Measured,
+    /// Dark current from the mean, e-/s.
+    pub dark_current_mean_e_per_s: Measured,
+    /// Dark current from the variance, e-/s.
+    pub dark_current_variance_e_per_s: Measured,
+    /// Intercept of the dark variance, DN^2; its error holds that of rounding.
+    pub dark_variance_dn2: Measured,
+    /// Intercept of the dark mean, DN; its error holds that of rounding.
+    pub dark_mean_dn: Measured,
+    /// Part of the first of these errors that is of rounding, DN^2.
+    pub rounding_error_dn2: f64,
+    /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
+    pub naive_read_variance_e2: Measured,
+}
+
+/// The joint fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JointFit {
+    /// The gains.
+    pub rows: Vec<GainRow>,
+    /// K at linear gain 1, DN/e-.
+    pub gain_dn_per_e: Measured,
+    /// mu_I from the mean of dark frames, e-/s.
+    pub dark_current_e_per_s: Measured,
+    /// mu_I from their variance, e-/s.
+    pub dark_current_variance_e_per_s: Measured,
+    /// The first less the second, e-/s: zero within its error but for light or offset that is no dark current.
+    pub dark_current_difference_e_per_s: Measured,
+    /// Median of the pixels' dark currents, e-/s: EMVA's mu_I is the mean, which hot pixels raise.
+    pub dark_current_median_e_per_s: Measured,
+    /// Mean dark current of the pixels that are not hot, e-/s.
+    pub dark_current_ordinary_e_per_s: Measured,
+    /// Share of the pixels that are hot.
+    pub hot_pixel_share: Measured,
+    /// Mean dark current of hot pixels above that of the others, e-/s.
+    pub hot_pixel_e_per_s: Measured,
+    /// What the hot pixels add to the variance of the dark currents over all pixels, e-^2/s^2.
+    pub hot_pixel_variance_e2_per_s2: Measured,
+    /// Line of dark variance over `K_g^2`: slope e-^2, intercept DN^2.
+    pub variance_line: Line,
+    /// Line of dark mean over `K_g`: slope e-, intercept DN.
+    pub mean_line: Line,
+    /// sigma_r^2, e-^2.
+    pub read_variance_e2: Measured,
+    /// sigma_r, e-.
+    pub read_noise_e: Measured,
+    /// mu_r, e-.
+    pub read_noise_mean_e: Measured,
+    /// sigma_el, DN.
+    pub electronics_noise_dn: Measured,
+    /// BL + mu_el, DN.
+    pub dark_offset_dn: Measured,
+    /// BL as the camera is set, DN.
+    pub black_level_dn: Option<f64>,
+    /// mu_el, DN, if BL is known.
+    pub electronics_mean_dn: Measured,
+    /// Signal of red over that of green in the light of the captures, alpha.
+    pub red_over_green: Measured,
+    /// Signal of blue over that of green, beta.
+    pub blue_over_green: Measured,
+}
+
+/// One gain as the joint fit takes it.
+pub struct GainInput<'a> {
+    /// Linear gain.
+    pub linear_gain: f64,
+    /// K_g of each colour, DN/e-.
+    pub gains: Vec<Measured>,
+    /// Dark series over all pixels.
+    pub dark: &'a DarkSeries,
+    /// Dark currents of the pixels, or why they are not known.
+    pub pixels: Result<&'a PixelDarkCurrents, Unresolved>,
+    /// Points of each colour, as far as its photon transfer goes: none of them is clipped or near saturation.
+    pub points: Vec<(Colour, &'a [TransferPoint])>,
+}
+
+/// Gains that a line over the gains needs: two would leave nothing to check it by.
+pub const GAINS: usize = 3;
+
+/// Fits all gains together.
+pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> JointFit {
+    let rows: Vec<GainRow> = inputs.iter().map(row).collect();
+    let gain_dn_per_e = weighted_mean(rows.iter().map(|r| r.gain_at_unit_dn_per_e));
+    let dark_current = |f: fn(&GainRow) -> Measured| weighted_mean(rows.iter().map(f));
+    let from_mean = dark_current(|r| r.dark_current_mean_e_per_s);
+    let from_variance = dark_current(|r| r.dark_current_variance_e_per_s);
+    let dark_current_difference_e_per_s = from_mean.minus(from_variance);
+
+    let pixels = pixel_dark_currents_e(inputs, &rows);
+
+    let (variance_line, mean_line) = (
+        line_over_gains(&rows, |k| k * k, |k| 2.0 * k, |r| r.dark_variance_dn2),
+        line_over_gains(&rows, |k| k, |_| 1.0, |r| r.dark_mean_dn),
+    );
+    let read_variance_e2 = variance_line.slope.if_above_noise();
+    let electronics = variance_line.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).if_above_noise();
+    let dark_offset_dn = mean_line.intercept;
+    let electronics_mean_dn = match black_level_dn {
+        Some(black) => dark_offset_dn.map(|v| v - black, |_| 1.0),
+        None => Measured::none(Unresolved::NotStated("black_level_dn")),
+    };
+    JointFit {
+        gain_dn_per_e,
+        dark_current_e_per_s: from_mean.if_above_noise(),
+        dark_current_variance_e_per_s: from_variance.if_above_noise(),
+        dark_current_difference_e_per_s,
+        dark_current_median_e_per_s: pixels.median.if_above_noise(),
+        dark_current_ordinary_e_per_s: pixels.ordinary.if_above_noise(),
+        hot_pixel_share: pixels.hot_share,
+        hot_pixel_e_per_s: pixels.hot_excess,
+        hot_pixel_variance_e2_per_s2: pixels.hot_variance,
+        variance_line,
+        mean_line,
+        read_variance_e2,
+        read_noise_e: read_variance_e2.root(),
+        read_noise_mean_e: mean_line.slope,
+        electronics_noise_dn: electronics.root(),
+        dark_offset_dn,
+        black_level_dn,
+        electronics_mean_dn,
+        red_over_green: ratio(inputs, Colour::Red),
+        blue_over_green: ratio(inputs, Colour::Blue),
+        rows,
+    }
+}
+
+/// Dark currents of the pixels in electrons.
+struct PixelDarkCurrentsE {
+    median: Measured,
+    ordinary: Measured,
+    hot_share: Measured,
+    hot_excess: Measured,
+    hot_variance: Measured,
+}
+
+/// Noise differs from gain to gain, so that median and mean of the ordinary pixels are weighted means. Hot pixels are the same at
+/// every gain, so that their scatter is no new evidence: the gain that tells them best counts.
+fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDarkCurrentsE {
+    let known: Vec<(&PixelDarkCurrents, Measured)> =
+        inputs.iter().zip(rows).filter_map(|(i, r)| Some((i.pixels.ok()?, r.gain_dn_per_e))).collect();
+    let Some(first) = known.first() else {
+        let why = inputs.iter().find_map(|i| i.pixels.err()).unwrap_or(Unresolved::NoStack);
+        let none = Measured::none(why);
+        return PixelDarkCurrentsE {
+            median: none,
+            ordinary: none,
+            hot_share: none,
+            hot_excess: none,
+            hot_variance: none,
+        };
+    };
+    let error = |p: &PixelDarkCurrents| p.hot_relative_error().unwrap_or(f64::INFINITY);
+    let (hot, k) =
+        known.iter().fold(first, |best, one| if error(one.0) < error(best.0) { one } else { best });
+    let mean =
+        |f: fn(&PixelDarkCurrents) -> Measured| weighted_mean(known.iter().map(|(p, k)| f(p).over(*k)));
+    PixelDarkCurrentsE {
+        median: mean(|p| p.median_dn_per_s),
+        ordinary: mean(|p| p.ordinary_dn_per_s),
+        hot_share: hot.hot_share,
+        hot_excess: hot.hot_excess_dn_per_s.over(*k),
+        hot_variance: match hot.hot_share.reason() {
+            Some(why) => Measured::none(why),
+            None => Measured::exact(hot.hot_variance_dn2_per_s2).over(k.squared()),
+        },
+    }
+}
+
+fn row(input: &GainInput<'_>) -> GainRow {
+    let k = weighted_mean(input.gains.iter().copied());
+    let k = if input.gains.is_empty() { Measured::none(Unresolved::NoFlat) } else { k };
+    let (mean, variance) = (&input.dark.mean, &input.dark.variance);
+    let k_squared = k.squared();
+    let rounding = variance.intercept.value().map(RoundingError::of).unwrap_or_default();
+    GainRow {
+        linear_gain: input.linear_gain,
+        gain_dn_per_e: k,
+        gain_at_unit_dn_per_e: k.scale(1.0 / input.linear_gain),
+        dark_current_mean_e_per_s: mean.slope.over(k),
+        dark_current_variance_e_per_s: variance.slope.over(k_squared),
+        dark_variance_dn2: variance.intercept,
+        dark_mean_dn: mean.intercept,
+        rounding_error_dn2: rounding.variance_dn2,
+        naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
+    }
+}
+
+/// Weighted line of `y` over `x(K_g)`; the error of `K_g` counts as one of `y` with the slope of a first fit.
+fn line_over_gains(
+    rows: &[GainRow],
+    x: fn(f64) -> f64,
+    dx: fn(f64) -> f64,
+    y: fn(&GainRow) -> Measured,
+) -> Line {
+    let usable: Vec<(f64, f64, f64, f64)> = rows
+        .iter()
+        .filter_map(|r| {
+            let (k, k_se) = (r.gain_dn_per_e.value()?, r.gain_dn_per_e.standard_error()?);
+            let (v, v_se) = (y(r).value()?, y(r).standard_error().filter(|s| *s > 0.0)?);
+            Some((x(k), dx(k) * k_se, v, v_se))
+        })
+        .collect();
+    if usable.len() < GAINS {
+        return Line::none(Unresolved::TooFewGains { got: usable.len(), need: GAINS });
+    }
+    let of = |f: fn(&(f64, f64, f64, f64)) -> f64| usable.iter().map(f).collect::<Vec<f64>>();
+    let (xs, ys) = (of(|u| u.0), of(|u| u.2));
+    let mut errors = of(|u| u.3);
+    let mut fitted = Line::none(Unresolved::NotFinite);
+    for _ in 0..3 {
+        let weights: Vec<f64> = errors.iter().map(|s| 1.0 / (s * s)).collect();
+        fitted = line(&xs, &ys, &weights, &errors);
+        let slope = fitted.slope.value().unwrap_or(0.0);
+        errors = usable.iter().map(|u| u.3.hypot(slope * u.1)).collect();
+    }
+    fitted
+}
+
+/// Signal of a colour over that of green, over the points within the photon transfer of both.
+fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
+    let (mut found, mut both) = (Vec::new(), false);
+    for input in inputs {
+        let points = |c: Colour| input.points.iter().find(|(k, _)| *k == c).map(|(_, p)| *p);
+        let (Some(ours), Some(green)) = (points(colour), points(Colour::Green)) else { continue };
+        both = true;
+        let pairs: Vec<(&TransferPoint, &TransferPoint)> = ours.iter().zip(green).collect();
+        if pairs.is_empty() {
+            continue;
+        }
+        let of = |f: fn(&TransferPoint) -> f64, second: bool| {
+            pairs.iter().map(|(a, b)| f(if second { b } else { a })).collect::<Vec<f64>>()
+        };
+        let (signal, se) = (TransferPoint::signal_dn, TransferPoint::signal_se_dn);
+        found.push(through_origin(&of(signal, true), &of(signal, false), &of(se, true), &of(se, false)));
+    }
+    match found.is_empty() {
+        true if both => Measured::none(Unresolved::AllSaturated),
+        true => Measured::none(Unresolved::NotStated("red, green and blue pixels")),
+        false => weighted_mean(found),
+    }
+}

@@ -1,0 +1,396 @@
+//! What is kept of the frames of one point: moments per colour, histograms, and for stacks the sum of the frames.
+//!
+//! Frames are reduced as they are read; two images of sums, not the frames, are in memory. With frames `y_k`, `k = 1..L`,
+//!
+//! ```text
+//! mu    = mean over pixels and frames of y                                              [DN]
+//! s2_p  = sum_k (y_k - mean_k y)^2 / (L - 1)                       per pixel            [DN^2]
+//! s2    = mean over pixels of s2_p - variance over frames of the frames' means          [DN^2]
+//! ```
+//!
+//! For two frames A and B that is `mean((A - B)^2)/2 - (mu_A - mu_B)^2/2` (EMVA 1288 release 4, Eq. 18); the second term takes
+//! away what flicker of the light adds. Without it, it is Eq. 6 of Tseng et al. 2021.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use serde::Serialize;
+
+use super::captures::{CaptureError, Captures, FrameFile, Point};
+use petzval_camera::sensor::{CfaPattern, Colour};
+use petzval_files::raw_file::{RawFrame, RawInfo};
+
+/// Blocks a side into which a frame is divided to look for light that is not uniform or moves.
+pub const BLOCKS: usize = 8;
+
+/// How often each digital number occurs.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Counts {
+    /// First digital number that occurs.
+    pub first_dn: u32,
+    /// Occurrences of `first_dn`, `first_dn + 1`, ...
+    pub counts: Vec<u64>,
+}
+
+impl Counts {
+    /// Of a table over all digital numbers from 0.
+    fn of(table: &[u64]) -> Self {
+        let first = table.iter().position(|c| *c > 0).unwrap_or(0);
+        let end = table.iter().rposition(|c| *c > 0).map_or(first, |last| last + 1);
+        Self { first_dn: first as u32, counts: table[first..end].to_vec() }
+    }
+
+    /// Occurrences in all.
+    pub fn total(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// Last digital number that occurs.
+    pub fn last_dn(&self) -> u32 {
+        self.first_dn + self.counts.len().saturating_sub(1) as u32
+    }
+
+    /// Occurrences of one digital number.
+    pub fn at(&self, dn: i64) -> u64 {
+        usize::try_from(dn - i64::from(self.first_dn))
+            .ok()
+            .and_then(|i| self.counts.get(i))
+            .copied()
+            .unwrap_or(0)
+    }
+
+    /// The sum of two.
+    pub fn merge(&self, other: &Self) -> Self {
+        match (self.counts.is_empty(), other.counts.is_empty()) {
+            (true, _) => return other.clone(),
+            (_, true) => return self.clone(),
+            _ => {}
+        }
+        let (first, last) = (self.first_dn.min(other.first_dn), self.last_dn().max(other.last_dn()));
+        let counts = (first..=last).map(|dn| self.at(dn.into()) + other.at(dn.into())).collect();
+        Self { first_dn: first, counts }
+    }
+}
+
+/// Moments of the pixels of one colour (or of all) at one point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Moments {
+    /// Pixels.
+    pub pixels: usize,
+    /// Mean, DN.
+    pub mean_dn: f64,
+    /// Standard error of the mean from temporal noise, DN: the pixels are the same in flat and dark frames, so that their
+    /// non-uniformity is no error of a difference.
+    pub mean_se_dn: f64,
+    /// Temporal variance with the variance of the frames' means taken away, DN^2.
+    pub variance_dn2: f64,
+    /// Temporal variance without that correction, DN^2.
+    pub variance_uncorrected_dn2: f64,
+    /// Standard error of the variance, from its spread over the pixels, DN^2.
+    pub variance_se_dn2: f64,
+    /// Mean of each frame, DN.
+    pub frame_means_dn: Vec<f64>,
+    /// Share of the samples at digital number 0.
+    pub share_at_zero: f64,
+    /// Share of the samples at the largest digital number.
+    pub share_at_max: f64,
+    /// Histogram of all frames.
+    pub histogram: Counts,
+}
+
+impl Moments {
+    /// Variance of all samples, over pixels and frames, DN^2.
+    pub fn total_variance_dn2(&self) -> f64 {
+        let first = f64::from(self.histogram.first_dn);
+        let samples = self.histogram.counts.iter().enumerate();
+        let squares = samples.map(|(i, c)| *c as f64 * (first + i as f64 - self.mean_dn).powi(2));
+        squares.sum::<f64>() / self.histogram.total() as f64
+    }
+
+    /// Whether the samples come near a digital number: the mean lies within eight standard deviations below it. Samples further
+    /// off are those of stuck pixels.
+    pub fn reaches(&self, dn: u32) -> bool {
+        self.mean_dn >= f64::from(dn) - 8.0 * self.total_variance_dn2().sqrt()
+    }
+}
+
+/// The sum of the frames of a stack, pixel by pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stack {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Frames.
+    pub frames: usize,
+    /// Sum over the frames, DN.
+    pub sum_dn: Vec<u32>,
+    /// Temporal variance of each pixel, DN^2.
+    pub variance_dn2: Vec<f64>,
+}
+
+/// What is kept of a point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointStatistics {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Number of frames.
+    pub frames: usize,
+    /// All pixels.
+    pub all: Moments,
+    /// The pixels of each colour that the sensor has.
+    pub colours: Vec<(Colour, Moments)>,
+    /// Mean of each of 8x8 blocks of the mean frame, DN.
+    pub block_means_dn: Vec<f64>,
+    /// By frame, mean of each of 8x8 blocks less that of the other frames, DN.
+    pub block_deviations_dn: Vec<Vec<f64>>,
+    /// Pixels of each block.
+    pub block_pixels: Vec<usize>,
+    /// By frame, a fingerprint of its digital numbers; `None` of a frame that is constant but for clipped samples. Frames
+    /// of one fingerprint are copies.
+    pub fingerprints: Vec<Option<u64>>,
+    /// The summed frames, of points with more than two and of those that are asked for.
+    pub stack: Option<Stack>,
+}
+
+impl PointStatistics {
+    /// Moments of one colour.
+    pub fn colour(&self, colour: Colour) -> Option<&Moments> {
+        self.colours.iter().find(|(c, _)| *c == colour).map(|(_, m)| m)
+    }
+}
+
+/// Sums of one class of pixels while frames come in.
+#[derive(Clone)]
+struct Class {
+    pixels: usize,
+    frame_sums: Vec<u64>,
+    table: Vec<u64>,
+    variance: f64,
+    variance_squared: f64,
+}
+
+impl Class {
+    fn moments(&self, frames: usize) -> Moments {
+        let (n, l) = (self.pixels as f64, frames as f64);
+        let frame_means_dn: Vec<f64> = self.frame_sums.iter().map(|s| *s as f64 / n).collect();
+        let mean_dn = self.frame_sums.iter().sum::<u64>() as f64 / (n * l);
+        let spread = frame_means_dn.iter().map(|m| (m - mean_dn).powi(2)).sum::<f64>() / (l - 1.0);
+        let mean_variance = self.variance / n;
+        let samples = n * l;
+        Moments {
+            pixels: self.pixels,
+            mean_dn,
+            mean_se_dn: (mean_variance / samples).sqrt(),
+            variance_dn2: mean_variance - spread,
+            variance_uncorrected_dn2: mean_variance,
+            variance_se_dn2: ((self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n)
+                .sqrt(),
+            frame_means_dn,
+            share_at_zero: self.table[0] as f64 / samples,
+            share_at_max: self.table[self.table.len() - 1] as f64 / samples,
+            histogram: Counts::of(&self.table),
+        }
+    }
+}
+
+/// Reads the frames of a point one after the other; `read` is told of each. `size` is that of the other frames. The sum of the
+/// frames is kept of stacks, and of others with `keep_sum`.
+pub fn reduce(
+    captures: &Captures,
+    point: &Point,
+    size: (usize, usize),
+    keep_sum: bool,
+    read: &(dyn Fn() + Sync),
+) -> Result<PointStatistics, CaptureError> {
+    let (height, width) = size;
+    let (bits, cfa, pixels) = (captures.sensor.bits, &captures.sensor.cfa, height * width);
+    let frames = point.frames.len();
+    let colours = cfa.colours();
+    let class_of = classes(cfa, &colours);
+    let empty = Class {
+        pixels: 0,
+        frame_sums: vec![0; frames],
+        table: vec![0; 1 << bits],
+        variance: 0.0,
+        variance_squared: 0.0,
+    };
+    let mut class = vec![empty; colours.len()];
+    let (mut sum, mut squares) = (vec![0u32; pixels], vec![0u64; pixels]);
+    let mut block_sums = vec![[0u64; BLOCKS * BLOCKS]; frames];
+    let mut fingerprints = Vec::with_capacity(frames);
+    let mut block_totals = [0u64; BLOCKS * BLOCKS];
+    let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
+
+    for (k, file) in point.frames.iter().enumerate() {
+        let frame = load(captures, point, file, size)?;
+        fingerprints.push(fingerprint(&frame.dn, bits));
+        for row in 0..height {
+            let span = row * width..(row + 1) * width;
+            let kinds = &class_of[row % cfa.rows()];
+            for (col, dn) in frame.dn[span.clone()].iter().enumerate() {
+                let c = &mut class[kinds[col % cfa.cols()]];
+                c.frame_sums[k] += u64::from(*dn);
+                c.table[usize::from(*dn)] += 1;
+                let block = block_of(row, col);
+                block_totals[block] += u64::from(*dn);
+                block_sums[k][block] += u64::from(*dn);
+            }
+            for ((s, q), dn) in
+                sum[span.clone()].iter_mut().zip(&mut squares[span.clone()]).zip(&frame.dn[span])
+            {
+                *s += u32::from(*dn);
+                *q += u64::from(*dn) * u64::from(*dn);
+            }
+        }
+        read();
+    }
+
+    // The variance of each pixel over the frames, from sums of whole numbers.
+    let l = frames as u64;
+    let scale = 1.0 / (l * (l - 1)) as f64;
+    let mut block_pixels = vec![0usize; BLOCKS * BLOCKS];
+    let keep_sum = keep_sum || point.is_stack();
+    let mut variance_dn2 = vec![0.0f64; if keep_sum { pixels } else { 0 }];
+    for row in 0..height {
+        let kinds = &class_of[row % cfa.rows()];
+        for col in 0..width {
+            let i = row * width + col;
+            let s = u64::from(sum[i]);
+            let variance = (l * squares[i] - s * s) as f64 * scale;
+            let c = &mut class[kinds[col % cfa.cols()]];
+            c.pixels += 1;
+            c.variance += variance;
+            c.variance_squared += variance * variance;
+            block_pixels[block_of(row, col)] += 1;
+            if let Some(v) = variance_dn2.get_mut(i) {
+                *v = variance;
+            }
+        }
+    }
+    let mut all = class[0].clone();
+    for c in &class[1..] {
+        all.pixels += c.pixels;
+        all.variance += c.variance;
+        all.variance_squared += c.variance_squared;
+        all.frame_sums.iter_mut().zip(&c.frame_sums).for_each(|(a, b)| *a += b);
+        all.table.iter_mut().zip(&c.table).for_each(|(a, b)| *a += b);
+    }
+    let mean_of = |sum: u64, pixels: usize| sum as f64 / pixels.max(1) as f64;
+    let blocks = || block_pixels.iter().enumerate();
+    Ok(PointStatistics {
+        height,
+        width,
+        frames,
+        all: all.moments(frames),
+        colours: colours
+            .iter()
+            .zip(&class)
+            .filter(|(_, c)| c.pixels > 0)
+            .map(|(colour, c)| (*colour, c.moments(frames)))
+            .collect(),
+        block_means_dn: blocks().map(|(b, n)| mean_of(block_totals[b], n * frames)).collect(),
+        block_deviations_dn: block_sums
+            .iter()
+            .map(|own| {
+                let others = |b: usize, n: usize| mean_of(block_totals[b] - own[b], n * (frames - 1));
+                blocks().map(|(b, n)| mean_of(own[b], *n) - others(b, *n)).collect()
+            })
+            .collect(),
+        block_pixels,
+        fingerprints,
+        stack: keep_sum.then_some(Stack { height, width, frames, sum_dn: sum, variance_dn2 }),
+    })
+}
+
+/// Pixels of a frame that chance does not make twice.
+const LEAST_FINGERPRINT: usize = 64;
+
+/// Two different numbers that are not clipped tell a frame from one that is constant, whose twins are no copies.
+fn fingerprint(dn: &[u16], bits: u32) -> Option<u64> {
+    // A handful of pixels is the same by chance.
+    if dn.len() < LEAST_FINGERPRINT {
+        return None;
+    }
+    let max = ((1u32 << bits) - 1) as u16;
+    let mut inside = dn.iter().filter(|v| (1..max).contains(*v));
+    let first = inside.next()?;
+    inside.find(|v| *v != first)?;
+    let mut hasher = DefaultHasher::new();
+    dn.hash(&mut hasher);
+    Some(hasher.finish())
+}
+
+/// Index of each colour of the tile, rows of columns.
+fn classes(cfa: &CfaPattern, colours: &[Colour]) -> Vec<Vec<usize>> {
+    let index = |row, col| colours.iter().position(|c| *c == cfa.colour(row, col)).unwrap_or(0);
+    (0..cfa.rows()).map(|row| (0..cfa.cols()).map(|col| index(row, col)).collect()).collect()
+}
+
+/// Reads a frame and checks its size, its numbers, and what stands with it.
+fn load(
+    captures: &Captures,
+    point: &Point,
+    file: &FrameFile,
+    (height, width): (usize, usize),
+) -> Result<RawFrame, CaptureError> {
+    let (path, bits) = (&file.path, captures.sensor.bits);
+    let frame = file.load()?;
+    if (frame.height, frame.width) != (height, width) {
+        return Err(CaptureError::Size {
+            path: path.to_owned(),
+            height: frame.height,
+            width: frame.width,
+            expected_height: height,
+            expected_width: width,
+        });
+    }
+    no_contradiction(captures, point, file, &frame.info)?;
+    let max = ((1u32 << bits) - 1) as u16;
+    if let Some(i) = frame.dn.iter().position(|dn| *dn > max) {
+        let (value, row, col) = (frame.dn[i], i / width, i % width);
+        return Err(CaptureError::Value { path: path.to_owned(), value, row, col, bits, max });
+    }
+    Ok(frame)
+}
+
+/// Settings that cameras round, exposure time, gain and pitch, agree within this share.
+const SAME_SETTING: f64 = 0.01;
+/// Black levels agree within this, DN.
+const SAME_BLACK_DN: f64 = 0.5;
+
+/// What stands with a frame (its sidecar, or the file itself) and what the list says are one: which of the two is wrong cannot be
+/// known, and either puts numbers where they do not belong.
+fn no_contradiction(
+    captures: &Captures,
+    point: &Point,
+    file: &FrameFile,
+    info: &RawInfo,
+) -> Result<(), CaptureError> {
+    let (sensor, list) = (&captures.sensor, captures.list.display());
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME_SETTING * a.abs().max(b.abs());
+    let numbers = |key, frame: Option<f64>, listed: Option<f64>, same: &dyn Fn(f64, f64) -> bool| {
+        let (frame, listed) = (frame?, listed?);
+        (!same(frame, listed)).then(|| (key, frame.to_string(), listed.to_string()))
+    };
+    let black = |a: f64, b: f64| (a - b).abs() <= SAME_BLACK_DN;
+    let exact = |a: f64, b: f64| a == b;
+    let (of_frame, of_list) = (info.bits.map(f64::from), Some(f64::from(sensor.bits)));
+    let of_sensor = numbers("bits", of_frame, of_list, &exact)
+        .or_else(|| {
+            let cfa = info.cfa.filter(|cfa| *cfa != sensor.cfa)?;
+            Some(("cfa", cfa.to_string(), sensor.cfa.to_string()))
+        })
+        .or_else(|| numbers("black_level_dn", info.black_level_dn, sensor.black_level_dn, &black))
+        .or_else(|| numbers("pixel_um", info.pixel_um, sensor.pixel_um, &near));
+    let of_point = numbers("linear_gain", info.linear_gain, Some(point.linear_gain), &near)
+        .or_else(|| numbers("exposure_s", info.exposure_s, Some(point.exposure_s), &near));
+    let (found, place) = match (of_sensor, of_point) {
+        (Some(found), _) => (found, format!("{list}, [sensor],")),
+        (None, Some(found)) => (found, format!("{list}, line {},", point.line)),
+        (None, None) => return Ok(()),
+    };
+    let ((key, frame, list), path) = (found, file.path.clone());
+    Err(CaptureError::Contradiction { path, key, frame, list, place })
+}

@@ -1,0 +1,304 @@
+//! The characterisation as a sensor file that the simulator loads.
+
+use std::fmt::Write;
+
+use super::characterize::{Characterization, GainResult};
+use super::histogram_fit::HistogramFit;
+use super::joint::JointFit;
+use super::measured::{Measured, Unresolved};
+use petzval_camera::sensor::Colour;
+
+/// One line of the file.
+struct Entry {
+    key: &'static str,
+    unit: &'static str,
+    value: Measured,
+    /// What the file holds where the captures do not tell, and in which words that is said.
+    stand_in: f64,
+    stand_in_is: &'static str,
+}
+
+/// The numbers of the model that the file takes: those of the fit to the histograms where it was made and is sound, since with
+/// them simulated histograms match captured ones best; else those of the joint fit.
+struct Model<'a> {
+    joint: &'a JointFit,
+    fit: Option<&'a HistogramFit>,
+}
+
+impl<'a> Model<'a> {
+    fn of(found: &'a Characterization) -> Self {
+        Self { joint: &found.joint, fit: found.histogram_fit.as_ref().filter(|fit| fit.is_sound()) }
+    }
+
+    /// A number of the fit if it has an error (what was held has none), else that of the joint fit.
+    fn best(&self, fitted: fn(&HistogramFit) -> Measured, joint: Measured) -> Measured {
+        self.fit.map(fitted).filter(|m| m.standard_error().is_some()).unwrap_or(joint)
+    }
+
+    fn gain(&self) -> Measured {
+        self.best(|f| f.gain_dn_per_e, self.joint.gain_dn_per_e)
+    }
+
+    /// Hot pixels have lines of their own: the others have the sensor's dark current.
+    fn dark_current(&self) -> Measured {
+        let joint = match self.joint.hot_pixel_share.value() {
+            Some(_) => self.joint.dark_current_ordinary_e_per_s,
+            None => self.joint.dark_current_e_per_s,
+        };
+        self.best(|f| f.dark_current_e_per_s, joint)
+    }
+
+    /// Noise of the dark that is no DSNU.
+    fn read_noise(&self) -> Measured {
+        match self.fit.and_then(|f| f.dsnu_e.value()) {
+            Some(_) => self.joint.read_noise_e,
+            None => self.best(|f| f.dark_noise_e, self.joint.read_noise_e),
+        }
+    }
+
+    /// BL + mu_el.
+    fn dark_offset(&self) -> Measured {
+        self.best(|f| f.dark_offset_dn, self.joint.dark_offset_dn)
+    }
+
+    /// mu_el, where BL is stated.
+    fn electronics_mean(&self) -> Measured {
+        match self.joint.black_level_dn {
+            Some(black) => self.dark_offset().minus(Measured::exact(black)),
+            None => self.joint.electronics_mean_dn,
+        }
+    }
+}
+
+/// Text of a sensor file: numbers at linear gain 1 with their standard errors as comments. Where the captures do not tell a
+/// number, the file holds a stand-in and says so. For K there is none, because all other numbers in electrons follow from
+/// it: without K there is no file, but the reason.
+pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
+    let (joint, model) = (&found.joint, Model::of(found));
+    let gain = model.gain();
+    let Some(k) = gain.value() else { return Err(gain.reason().unwrap_or(Unresolved::NotFinite)) };
+    let max_dn = (2.0_f64).powi(found.sensor.bits as i32) - 1.0;
+    // With one gain, read noise and electronics noise are one number, and so are their means.
+    let lowest = found.gains.first();
+    let channel = lowest.and_then(|g| g.channels.first());
+    let figure = |name: &str| channel.and_then(|c| c.figure(name)).map(|f| f.best());
+    let single_gain = joint.read_noise_e.value().is_none();
+    let dark_noise = figure("sigma_d").unwrap_or(Measured::none(Unresolved::FollowsFrom("K")));
+    let dark_mean = joint.rows.first().map_or(Measured::none(Unresolved::NoStack), |r| r.dark_mean_dn);
+    let any_dark = lowest.and_then(|g| g.dark.points.first()).map_or(0.0, |p| p.mean_dn);
+    let black_stand_in = dark_mean.value().unwrap_or(any_dark).clamp(0.0, max_dn);
+    let offset = model.dark_offset().value();
+    let black =
+        joint.black_level_dn.map_or(Measured::none(Unresolved::NotStated("black_level_dn")), Measured::exact);
+    let black_value = black.value().or(offset).unwrap_or(black_stand_in);
+    let converter_e = (max_dn - black_value) / k;
+    let full_well = match found.sensor.full_well_e {
+        Some(stated) => Measured::exact(stated),
+        None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
+    };
+    let entries = [
+        Entry {
+            key: "black_level_dn",
+            unit: "DN",
+            value: black,
+            stand_in: black_value,
+            stand_in_is: "the dark mean without dark current, electronics included",
+        },
+        Entry { key: "gain_dn_per_e", unit: "DN/e-", value: gain, stand_in: k, stand_in_is: "none" },
+        Entry {
+            key: "full_well_e",
+            unit: "e-",
+            value: full_well,
+            stand_in: converter_e,
+            stand_in_is: "the range of the converter",
+        },
+        Entry {
+            key: "dark_current_e_per_s",
+            unit: "e-/s",
+            value: model.dark_current(),
+            stand_in: 0.0,
+            stand_in_is: "none",
+        },
+        Entry {
+            key: "read_noise_mean_e",
+            unit: "e-",
+            value: model.best(|f| f.read_noise_mean_e, joint.read_noise_mean_e),
+            stand_in: 0.0,
+            stand_in_is: "none; what there is counts as black level",
+        },
+        Entry {
+            key: "read_noise_e",
+            unit: "e-",
+            value: model.read_noise(),
+            stand_in: dark_noise.value().unwrap_or(0.0),
+            stand_in_is: match dark_noise.standard_error() {
+                Some(_) => "all of the temporal dark noise at the lowest gain",
+                None => "an upper limit of the temporal dark noise at the lowest gain",
+            },
+        },
+        Entry {
+            key: "electronics_mean_dn",
+            unit: "DN",
+            value: model.electronics_mean(),
+            stand_in: match (joint.black_level_dn, offset) {
+                (Some(black), None) => black_stand_in - black,
+                _ => 0.0,
+            },
+            stand_in_is: "what the dark mean leaves of the black level",
+        },
+        Entry {
+            key: "electronics_noise_dn",
+            unit: "DN",
+            value: model.best(|f| f.electronics_noise_dn, joint.electronics_noise_dn),
+            stand_in: 0.0,
+            stand_in_is: if single_gain { "none; it is in the read noise" } else { "none" },
+        },
+    ];
+
+    let mut text = String::new();
+    let quoted = |s: &str| toml::Value::String(s.to_owned()).to_string();
+    // Writing to a text cannot fail.
+    let _ = writeln!(text, "# Measured by `petzval sensor characterize`; all numbers hold at linear gain 1.");
+    if model.fit.is_some() {
+        let _ = writeln!(text, "# The model is that of the fit to the histograms, as far as they tell it.");
+    }
+    let _ = writeln!(text, "name = {}", quoted(&found.sensor.name));
+    let _ = writeln!(text, "source = \"characterised from captures after EMVA 1288\"\n");
+    let _ = writeln!(text, "height = {}\nwidth = {}", found.height, found.width);
+    match found.sensor.pixel_um {
+        Some(pitch) => {
+            let _ = writeln!(text, "pixel_um = {pitch:?}");
+        }
+        None => {
+            let _ =
+                writeln!(text, "pixel_um = 1.0   # not resolved: the captures do not state the pixel pitch");
+        }
+    }
+    let _ = writeln!(text, "bits = {}\n", found.sensor.bits);
+    for e in &entries {
+        match (e.value.value(), e.value.standard_error(), e.value.reason()) {
+            (Some(v), Some(se), _) => {
+                let _ = writeln!(text, "{} = {v:?}   # +- {se:.2e} {}", e.key, e.unit);
+            }
+            (_, _, Some(why)) => {
+                let _ = writeln!(text, "# {}: not resolved: {why}; the stand-in is {}", e.key, e.stand_in_is);
+                let _ = writeln!(text, "{} = {:?}", e.key, e.stand_in);
+            }
+            (v, ..) => {
+                let _ = writeln!(text, "{} = {:?}   # {}, as stated", e.key, v.unwrap_or(e.stand_in), e.unit);
+            }
+        }
+    }
+    let _ =
+        writeln!(text, "electronics = \"before_adc\"   # assumed: captures do not tell it from after_adc\n");
+    let ratio = |m: Measured| m.value().unwrap_or(1.0);
+    let red = model.best(|f| f.red_over_green, joint.red_over_green);
+    let blue = model.best(|f| f.blue_over_green, joint.blue_over_green);
+    if let Some(why) = red.reason().or(blue.reason()) {
+        let _ = writeln!(text, "# relative_qe: red and blue not resolved: {why}; the stand-in is 1");
+    }
+    let _ = writeln!(
+        text,
+        "relative_qe = [{:?}, 1.0, {:?}]   # in the light of the captures",
+        ratio(red),
+        ratio(blue)
+    );
+    let _ = writeln!(text, "cfa = {}", quoted(&found.sensor.cfa.to_string()));
+    let gains: Vec<String> = found.gains.iter().map(|g| format!("{:?}", g.linear_gain)).collect();
+    if gains.len() > 1 {
+        let _ = writeln!(text, "gain_steps = [{}]", gains.join(", "));
+    }
+    non_uniformity(found, &mut text);
+    Ok(text)
+}
+
+/// Appends what is known of the non-uniformity: hot pixels, and DSNU and PRNU of the lowest gain that has stacks, mean of the
+/// colours.
+fn non_uniformity(found: &Characterization, text: &mut String) {
+    let joint = &found.joint;
+    let stacks = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some()));
+    let hot = joint.hot_pixel_share.value().is_some();
+    let fit = Model::of(found).fit.filter(|f| f.dark_noise_e.standard_error().is_some());
+    let _ = writeln!(text);
+    if stacks.is_some() || hot || fit.is_some() {
+        let _ = writeln!(text, "[nonuniformity]");
+    }
+    match stacks {
+        None if fit.is_some() => {
+            for (key, of, unit) in [
+                ("dsnu_pixel_e", (|f| f.dsnu_e) as fn(&HistogramFit) -> Measured, "e-, by the histograms"),
+                ("prnu_pixel_percent", |f| f.prnu_percent, "%, by the histograms"),
+            ] {
+                line(text, key, fit.map_or(Measured::none(Unresolved::NoStack), of), unit);
+            }
+        }
+        None => {
+            let _ = writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack);
+        }
+        Some(gain) => stack_non_uniformity(joint, gain, text),
+    }
+    if let (true, Some(mean)) = (hot, joint.dark_current_e_per_s.value()) {
+        let _ = writeln!(
+            text,
+            "# dark_current_e_per_s is that of the pixels that are not hot; the mean of all is {mean:?} e-/s"
+        );
+    }
+    line(text, "hot_pixel_share", joint.hot_pixel_share, "");
+    line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s");
+}
+
+/// DSNU and PRNU of one gain. What hot pixels add to the variance of the dark stack has lines of its own, and goes from the DSNU of
+/// single pixels.
+fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) {
+    for (key, name, unit) in [
+        ("dsnu_pixel_e", "DSNU1288_pixel", "e-"),
+        ("dsnu_row_e", "DSNU1288_row", "e-"),
+        ("dsnu_column_e", "DSNU1288_col", "e-"),
+        ("prnu_pixel_percent", "PRNU1288_pixel", "%"),
+        ("prnu_row_percent", "PRNU1288_row", "%"),
+        ("prnu_column_percent", "PRNU1288_col", "%"),
+    ] {
+        let all: Vec<Measured> =
+            gain.channels.iter().filter_map(|c| c.figure(name)).map(|f| f.best()).collect();
+        let known: Vec<f64> = all.iter().filter_map(Measured::value).collect();
+        let count = known.len() as f64;
+        let mut measured = match known.is_empty() {
+            true => all.first().copied().unwrap_or(Measured::none(Unresolved::NoStack)),
+            false => {
+                let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
+                Measured::new(known.iter().sum::<f64>() / count, se / count)
+            }
+        };
+        let exposure_s = gain.channels.iter().find_map(|c| c.spatial.as_ref()).map(|s| s.exposure_s);
+        if let ("dsnu_pixel_e", Some(hot), Some(t)) =
+            (key, joint.hot_pixel_variance_e2_per_s2.value(), exposure_s)
+        {
+            let squared = measured.map(|v| v * v - hot * t * t, |v| 2.0 * v);
+            measured = squared.if_above_noise().root();
+        }
+        line(text, key, measured, unit);
+    }
+}
+
+/// One line: a number with its standard error, or a comment that says why there is none.
+fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
+    let _ = match (measured.value(), measured.standard_error(), measured.reason()) {
+        (Some(v), Some(se), _) => {
+            let comment = format!("+- {se:.2e} {unit}");
+            writeln!(text, "{key} = {v:?}   # {}", comment.trim_end())
+        }
+        (Some(v), None, _) => writeln!(text, "{key} = {v:?}"),
+        (None, _, why) => {
+            let why = why.map_or(String::new(), |why| why.to_string());
+            writeln!(text, "# {key}: not resolved: {why}")
+        }
+    };
+}
+
+/// Colours by name for headings and files: the letter of the pattern, `mono` for a sensor without filters.
+pub fn colour_name(colour: Colour) -> &'static str {
+    match colour {
+        Colour::Clear => "mono",
+        filtered => filtered.name(),
+    }
+}

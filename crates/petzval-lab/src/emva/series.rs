@@ -1,0 +1,170 @@
+//! Simulated captures: the calibration series of a sensor, written as a camera would leave it.
+//!
+//! The frames of a [`Plan`] come from [`expose`] with a flat field, are written one by one under a temporary name and
+//! renamed, and are listed in `captures.toml` at the end. A series that was interrupted
+//! goes on where it stopped: a frame depends on nothing but sensor, plan and its own number.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::captures::{CaptureError, Kind, MANIFEST, SensorFacts};
+use super::manifest::{self, Listed};
+use super::plan::{Plan, PlannedPoint};
+use petzval_base::write_whole;
+use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw_alone};
+
+/// Name of the file that says which series a folder holds, from the first frame on.
+pub(super) const SERIES: &str = "series.toml";
+
+#[derive(Serialize)]
+struct Identity<'a> {
+    plan: &'a Plan,
+    sensor: &'a SensorModel,
+}
+
+/// What came of writing a series.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Written {
+    /// The list of captures.
+    pub list: PathBuf,
+    /// Frames in all.
+    pub frames: usize,
+    /// Frames that were there already.
+    pub kept: usize,
+}
+
+/// Writes the series into a folder, which is made if need be. `told` hears of every frame. Same sensor and plan: same bits,
+/// on any number of threads, in one go or in several.
+pub fn write_series(
+    sensor: &SensorModel,
+    plan: &Plan,
+    folder: &Path,
+    told: &(dyn Fn() + Sync),
+) -> Result<Written, CaptureError> {
+    plan.validate(sensor)?;
+    sensor.validate().map_err(petzval_camera::sensor::SensorError::from)?;
+    let io = |path: &Path| {
+        let path = path.to_owned();
+        move |source| CaptureError::Io { path, source }
+    };
+    let unwritable = |e: toml::ser::Error| CaptureError::Plan { what: "series", problem: e.to_string() };
+    let identity = toml::to_string(&Identity { plan, sensor }).map_err(unwritable)?;
+    check_folder(folder, &identity)?;
+    std::fs::create_dir_all(folder).map_err(io(folder))?;
+    let series = folder.join(SERIES);
+    write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
+
+    let lit = plan.lit(sensor)?;
+    let points = plan.points_lit(&lit.sensor);
+    for gain in &plan.gains {
+        let below = folder.join(format!("gain-{gain}"));
+        std::fs::create_dir_all(&below).map_err(io(&below))?;
+    }
+    let frames: Vec<(&PlannedPoint, usize)> =
+        points.iter().flat_map(|p| (0..p.names.len()).map(move |i| (p, i))).collect();
+    let kept: Vec<bool> = frames
+        .par_iter()
+        .map(|(point, i)| {
+            let path = folder.join(&point.names[*i]);
+            let there = path.is_file();
+            if !there {
+                write_frame(&lit.sensor, plan, point, *i, &path)?;
+            }
+            told();
+            Ok(there)
+        })
+        .collect::<Result<_, CaptureError>>()?;
+
+    let list = folder.join(MANIFEST);
+    let facts = SensorFacts {
+        name: sensor.name.clone(),
+        bits: sensor.bits,
+        pixel_um: Some(sensor.pixel_um),
+        cfa: sensor.cfa,
+        black_level_dn: Some(sensor.black_level_dn),
+        full_well_e: Some(sensor.full_well_e),
+        f_number: None,
+        wavelength_um: plan.wavelength_um,
+        temperature_c: None,
+    };
+    let listed: Vec<Listed> = points
+        .iter()
+        .map(|p| Listed {
+            kind: p.kind,
+            linear_gain: p.linear_gain,
+            exposure_ms: p.exposure_ms,
+            photons: lit.photons_per_e.filter(|_| p.kind == Kind::Flat).map(|each| each * p.white_e),
+            frames: p.names.clone(),
+        })
+        .collect();
+    let text = manifest::write(&facts, &listed).map_err(unwritable)?;
+    write_whole(&list, text.as_bytes()).map_err(io(&list))?;
+    Ok(Written { list, frames: frames.len(), kept: kept.iter().filter(|k| **k).count() })
+}
+
+/// A folder may hold the beginning of this very series, or no captures at all.
+fn check_folder(folder: &Path, identity: &str) -> Result<(), CaptureError> {
+    let path = folder.join(SERIES);
+    match std::fs::read_to_string(&path) {
+        Ok(there) if there == identity => Ok(()),
+        Ok(there) => {
+            let line = there.lines().zip(identity.lines()).find(|(a, b)| a != b);
+            let what = line.map_or("it ends elsewhere".to_owned(), |(a, b)| format!("`{a}`, not `{b}`"));
+            Err(CaptureError::OtherSeries { path, what })
+        }
+        Err(_) if folder.join(MANIFEST).exists() => {
+            let what = format!("{MANIFEST} without {SERIES}");
+            Err(CaptureError::OtherSeries { path: folder.join(MANIFEST), what })
+        }
+        Err(_) => Ok(()),
+    }
+}
+
+fn write_frame(
+    sensor: &SensorModel,
+    plan: &Plan,
+    point: &PlannedPoint,
+    index: usize,
+    path: &Path,
+) -> Result<(), CaptureError> {
+    // In the dark the light is zero; the exposure still needs a white.
+    let light = if point.kind == Kind::Flat { 1.0 } else { 0.0 };
+    let exposure = Exposure {
+        white_e: if point.kind == Kind::Flat { point.white_e as f32 } else { 1.0 },
+        time_s: (1e-3 * point.exposure_ms) as f32,
+        linear_gain: point.linear_gain as f32,
+    };
+    let capture =
+        Capture { exposure, placement: Placement::default(), frame: point.first_frame + index as u64 };
+    let scene = LinearImage::filled(CHANNELS, plan.height, plan.width, light);
+    let raw = expose(&scene, sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: plan.seed })?;
+    // The list of captures says what a sidecar would.
+    let format = RawFormat::of_name(path, Packing::U16le).unwrap_or(RawFormat::Tiff);
+    save_raw_alone(&RawFrame::from_raw(&raw, sensor), path, format).map_err(|error| match error {
+        RawFileError::Io { path, source } => CaptureError::Io { path, source },
+        other => other.into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_that_cannot_be_written_leaves_nothing_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let sensor =
+            petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        let (gains, flat_ms, dark_ms) = (vec![1.0], vec![5.0], Vec::new());
+        let plan = Plan { height: 4, width: 4, gains, flat_ms, dark_ms, ..Plan::default() };
+        std::fs::create_dir(folder.path().join(SERIES)).unwrap();
+        let error = write_series(&sensor, &plan, folder.path(), &|| ()).unwrap_err();
+        assert!(matches!(error, CaptureError::Io { .. }), "{error}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,8 @@
+//! Measuring real cameras: from captures back to the numbers of the forward model.
+//!
+//! [`emva`] characterises a sensor from flat and dark frames (EMVA 1288, and the joint fit of the paper's supplement,
+//! section 10). [`psf_calibration`] measures point-spread functions from captures of a pinhole (section 11).
+//! The forward model itself is in `petzval-camera`.
+
+pub mod emva;
+pub mod psf_calibration;

@@ -1,0 +1,171 @@
+//! Why captures give no PSF.
+
+use std::path::PathBuf;
+
+use petzval_base::FileError;
+
+use petzval_camera::psf::PsfError;
+use petzval_camera::sensor::{CfaPattern, SensorError};
+use petzval_files::raw_file::RawFileError;
+
+/// Why captures could not be read, or hold no PSF.
+#[derive(Debug, thiserror::Error)]
+pub enum PsfCalibrationError {
+    /// The manifest, or a file of measured PSFs, says something that cannot be used.
+    #[error("{}: {error}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, where.
+        error: Box<FileError>,
+    },
+    /// A file could not be read or written.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// A frame could not be read.
+    #[error(transparent)]
+    Frame(#[from] RawFileError),
+    /// A frame has another size than the first of its position.
+    #[error(
+        "{}: {height}x{width} pixels, but the first frame of position `{position}` has {first_height}x{first_width}; hint: \
+         all frames of a position show the same window of the sensor", path.display()
+    )]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// Position.
+        position: String,
+        /// Rows found.
+        height: usize,
+        /// Columns found.
+        width: usize,
+        /// Rows of the first frame.
+        first_height: usize,
+        /// Columns of the first frame.
+        first_width: usize,
+    },
+    /// A frame holds numbers that the sensor cannot give.
+    #[error(
+        "{}: holds {value} DN, but the sensor's converter ends at {max}; hint: check `bits` of the sensor, and that numbers \
+         are not shifted to fill 16 bits", path.display()
+    )]
+    AboveConverter {
+        /// The file.
+        path: PathBuf,
+        /// Largest number found.
+        value: u16,
+        /// Largest that the sensor gives.
+        max: f64,
+    },
+    /// A frame, or its sidecar, says of itself what sensor and manifest say otherwise.
+    #[error(
+        "{}: `{what} = {said}`, but {is}; hint: correct the one that is wrong, or take `{what}` out of the sidecar",
+        path.display()
+    )]
+    Contradiction {
+        /// The sidecar, or the frame if it has none.
+        path: PathBuf,
+        /// Key of the sidecar.
+        what: &'static str,
+        /// Its value.
+        said: String,
+        /// What sensor or manifest say.
+        is: String,
+    },
+    /// Exposing, or a window that leaves the sensor.
+    #[error("position `{position}`: {error}")]
+    Sensor {
+        /// Position.
+        position: String,
+        /// What is wrong.
+        error: SensorError,
+    },
+    /// A mosaic through which no PSFs are measured.
+    #[error(
+        "the sensor's mosaic is {0}: PSFs are measured through a Bayer mosaic (RGGB, GRBG, GBRG, BGGR), or without one (mono); hint: \
+         read a binned sensor (RRGG/...) out as the Bayer mosaic of its bins, with `cfa` and twice the `pixel_um`"
+    )]
+    Mosaic(CfaPattern),
+    /// Frames too small to hold a PSF and what is around it.
+    #[error("position `{position}`: frames of {height}x{width} pixels; at least {least}x{least} are needed")]
+    TooSmall {
+        /// Position.
+        position: String,
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+        /// Least side.
+        least: usize,
+    },
+    /// Nothing stands out of the noise.
+    #[error(
+        "position `{position}`: no source: the brightest spot is {sigmas:.1} standard deviations above the background; hint: \
+         is the source on, in the window, and are these the right frames?"
+    )]
+    NoSource {
+        /// Position.
+        position: String,
+        /// How far the brightest spot stands out.
+        sigmas: f64,
+    },
+    /// The PSF would be cut off.
+    #[error(
+        "position `{position}`: the source is at row {row:.1}, column {col:.1} of the frame, and {size}x{size} pixels around it \
+         leave its {height}x{width}; hint: capture a larger window, or move the source inwards"
+    )]
+    NearBorder {
+        /// Position.
+        position: String,
+        /// Row in the frame.
+        row: f64,
+        /// Column in the frame.
+        col: f64,
+        /// Pixels a side of the crop.
+        size: usize,
+        /// Frame rows.
+        height: usize,
+        /// Frame columns.
+        width: usize,
+    },
+    /// No light in a colour.
+    #[error(
+        "position `{position}`: the {colour} channel has no light left after the background is taken off"
+    )]
+    NoLight {
+        /// Position.
+        position: String,
+        /// Colour.
+        colour: &'static str,
+    },
+    /// The measured PSFs make no bank.
+    #[error("measured PSFs: {0}")]
+    Bank(#[from] PsfError),
+    /// The numbers and the axes of a file of PSFs disagree.
+    #[error("{}: {reason}", path.display())]
+    Values {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+impl PsfCalibrationError {
+    /// An I/O error about a path.
+    pub fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::Io { path, error }
+    }
+
+    /// An error in a file.
+    pub fn file(path: &std::path::Path) -> impl FnOnce(FileError) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::File { path, error: Box::new(error) }
+    }
+}

@@ -1,0 +1,197 @@
+//! How smooth the cells of a field have to be: what explains pixels that took no part in the fit.
+//!
+//! The cells are not determined by the pixels. Red and blue are sampled at two pixels, spots have structure of two, and cells of a third
+//! of a pixel reach a chi^2 of 1 on the pixels they are fitted to whatever their detail. So size of the blobs, number of
+//! rounds and start are those that predict best what was held out: each position of a radius in turn, its middle and light
+//! free; or, where a radius has one position only, each fifth of its 2x2 tiles. The latter says nothing about another
+//! sub-pixel phase.
+
+use rayon::prelude::*;
+
+use super::ascent::{Ascent, Datum, even, landing, pixels, shaped};
+use super::estimate::Place;
+use super::landing::Landing;
+use super::register::{Score, explain};
+use petzval_camera::image::CHANNELS;
+
+/// Standard deviations of a blob, cells.
+const BLOBS_CELLS: [f64; 4] = [1.8, 1.25, 0.8, 0.5];
+
+/// The fit is looked at after so many rounds.
+const LOOKS: [usize; 11] = [10, 15, 25, 40, 60, 90, 140, 200, 300, 450, 700];
+
+/// A fit that got worse at so many looks in a row is not followed further.
+const PATIENCE: usize = 3;
+
+/// Parts into which the tiles of a lone position fall.
+const TILE_FOLDS: usize = 5;
+
+/// What was held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HeldOutBy {
+    /// Each position in turn.
+    Positions,
+    /// Parts of the pixels of the only position.
+    Pixels,
+}
+
+/// How well the cells explain what was held out, per channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeldOut {
+    /// What was held out.
+    pub by: HeldOutBy,
+    /// Score of each channel, all parts together.
+    pub score: [Score; CHANNELS],
+}
+
+/// One split of a field into what is fitted and what is held out.
+pub(super) struct Fold<'a> {
+    /// Fitted positions, at each azimuth.
+    pub seen: Vec<Place<'a>>,
+    /// Their landings.
+    pub landings: Vec<Landing>,
+    /// The position that holds what is held out, ...
+    pub held: Place<'a>,
+    /// ... where its middle lies.
+    pub middle: [f64; 2],
+    /// Which part of its tiles is held out; all if `None`.
+    pub part: Option<usize>,
+}
+
+impl Fold<'_> {
+    /// Pixels of one colour, fitted or held out.
+    fn data(&self, place: &Place, channel: usize, is_held: bool) -> Vec<Datum> {
+        let width = place.frame.width;
+        let mut data = pixels(place, channel);
+        if let Some(part) = self.part {
+            data.retain(|d| {
+                let tile = d.pixel / width / 2 + 2 * (d.pixel % width / 2);
+                (tile % TILE_FOLDS == part) == is_held
+            });
+        }
+        data
+    }
+}
+
+/// Splits of a field whose only position is seen at `seen`.
+pub(super) fn tile_folds<'a>(
+    seen: &[Place<'a>],
+    landings: &[Landing],
+    held: Place<'a>,
+    middle: [f64; 2],
+) -> Vec<Fold<'a>> {
+    (0..TILE_FOLDS)
+        .map(|part| Fold { seen: seen.to_vec(), landings: landings.to_vec(), held, middle, part: Some(part) })
+        .collect()
+}
+
+/// How the cells of one channel are fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Choice {
+    /// Standard deviation of a blob, cells.
+    pub blob: f64,
+    /// Whether the fit starts from green's cells.
+    pub is_from_green: bool,
+    /// Rounds.
+    pub rounds: usize,
+}
+
+/// Where a fit starts: even light, or green's cells this many cells further out.
+pub(super) fn start(seen: &[Place], channel: usize, green: Option<(&[f64], isize)>) -> Vec<f64> {
+    let sum = seen.iter().map(|p| p.measured.psf.light_e_per_s[channel]).sum::<f64>();
+    let light = sum / seen.len().max(1) as f64;
+    green.map_or_else(|| even(light), |(cells, outward)| shaped(cells, outward, light))
+}
+
+/// Chooses how each channel is fitted, and says how well what was held out is explained then. The channels of a monochrome
+/// sensor are one, and fitted once.
+pub(super) fn choose(
+    folds: &[Fold],
+    outward: [isize; CHANNELS],
+    is_mono: bool,
+    pixel_um: f64,
+) -> ([Choice; CHANNELS], HeldOut) {
+    let green = best(folds, 1, None, pixel_um);
+    let others: Vec<(Choice, Vec<Vec<f64>>)> = match is_mono {
+        true => Vec::new(),
+        false => {
+            [0, 2].into_par_iter().map(|c| best(folds, c, Some((&green.1, outward[c])), pixel_um)).collect()
+        }
+    };
+    let channels = match &others[..] {
+        [red, blue] => [red, &green, blue],
+        _ => [&green; CHANNELS],
+    };
+    let by = if folds.iter().any(|f| f.part.is_some()) { HeldOutBy::Pixels } else { HeldOutBy::Positions };
+    let mut score = [Score::default(); CHANNELS];
+    for (k, fold) in folds.iter().enumerate() {
+        let cells = channels.map(|c| &c.1[k][..]);
+        let of_fold = match by {
+            HeldOutBy::Positions => explain(&fold.held, fold.middle, cells, pixel_um).1,
+            HeldOutBy::Pixels => {
+                let landing = landing(&fold.held, fold.middle, pixel_um);
+                let of =
+                    |c: usize| Score::of(&fold.data(&fold.held, c, true), &landing.land(cells[c]), false);
+                std::array::from_fn(of)
+            }
+        };
+        score = std::array::from_fn(|c| score[c].and(of_fold[c]));
+    }
+    (channels.map(|c| c.0), HeldOut { by, score })
+}
+
+/// The way to fit one channel that explains best what is held out, and the cells of each split fitted so.
+fn best(
+    folds: &[Fold],
+    channel: usize,
+    green: Option<(&Vec<Vec<f64>>, isize)>,
+    pixel_um: f64,
+) -> (Choice, Vec<Vec<f64>>) {
+    let starts: &[bool] = if green.is_some() { &[false, true] } else { &[false] };
+    let ways: Vec<(f64, bool)> = BLOBS_CELLS.iter().flat_map(|b| starts.iter().map(|s| (*b, *s))).collect();
+    let tried: Vec<(f64, Choice, Vec<Vec<f64>>)> = ways
+        .into_par_iter()
+        .map(|(blob, is_from_green)| {
+            let mut fits: Vec<(Ascent, Landing, Vec<Datum>)> = folds
+                .iter()
+                .enumerate()
+                .map(|(k, fold)| {
+                    let data = fold.seen.iter().map(|p| fold.data(p, channel, false)).collect();
+                    let from = green.filter(|_| is_from_green).map(|(cells, by)| (&cells[k][..], by));
+                    let ascent = Ascent::new(&fold.landings, data, blob, start(&fold.seen, channel, from));
+                    let landing = landing(&fold.held, fold.middle, pixel_um);
+                    (ascent, landing, fold.data(&fold.held, channel, true))
+                })
+                .collect();
+            let is_light_free = folds.iter().all(|f| f.part.is_none());
+            let mut best = (f64::INFINITY, Choice { blob, is_from_green, rounds: 0 }, Vec::new());
+            let (mut rounds, mut worse) = (0, 0);
+            for look in LOOKS {
+                fits.par_iter_mut().for_each(|(ascent, ..)| (rounds..look).for_each(|_| ascent.advance()));
+                rounds = look;
+                let score = fits
+                    .iter()
+                    .map(|(ascent, landing, held)| {
+                        Score::of(held, &landing.land(&ascent.cells), is_light_free)
+                    })
+                    .fold(Score::default(), Score::and);
+                if best.2.is_empty() || score.chi2() < best.0 {
+                    let cells = fits.iter().map(|(ascent, ..)| ascent.cells.clone()).collect();
+                    best = (score.chi2(), Choice { rounds, ..best.1 }, cells);
+                    worse = 0;
+                } else {
+                    worse += 1;
+                }
+                if worse == PATIENCE {
+                    break;
+                }
+            }
+            best
+        })
+        .collect();
+    let mut tried = tried.into_iter();
+    let first =
+        tried.next().unwrap_or((0.0, Choice { blob: 1.0, is_from_green: false, rounds: 1 }, Vec::new()));
+    let best = tried.fold(first, |a, b| if b.0 < a.0 { b } else { a });
+    (best.1, best.2)
+}

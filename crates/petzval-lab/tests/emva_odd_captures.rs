@@ -1,0 +1,559 @@
+//! Captures that mislead: each either is an error, or gives a warning and leaves the numbers right.
+
+mod common;
+
+use std::path::Path;
+
+use common::{imx249, within};
+use petzval_camera::SensorModel;
+use petzval_lab::emva::{
+    CaptureError, Captures, Characterization, Kind, Options, Plan, Point, Warning, characterize, write_series,
+};
+
+fn mono() -> SensorModel {
+    SensorModel { cfa: "mono".parse().unwrap(), clear_response: [1.0 / 3.0; 3], ..imx249() }
+}
+
+/// One gain of a small sensor.
+fn one_gain() -> Plan {
+    Plan { height: 80, width: 80, gains: vec![1.0], format: "png".into(), seed: 5, ..Plan::default() }
+}
+
+/// A series in a folder that goes when it is dropped.
+fn series(sensor: &SensorModel, plan: &Plan) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_series(sensor, plan, folder.path(), &|| {}).unwrap();
+    folder
+}
+
+fn measured(folder: &Path) -> Result<Characterization, CaptureError> {
+    characterize(&Captures::open(folder)?, &Options::default(), &|| {})
+}
+
+fn list(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("captures.toml")).unwrap()
+}
+
+fn set_list(folder: &Path, text: &str) {
+    std::fs::write(folder.join("captures.toml"), text).unwrap();
+}
+
+fn edit(folder: &Path, name: &str, change: &dyn Fn(u32, u32, u16) -> u16) {
+    let path = folder.join("gain-1").join(name);
+    let mut picture = image::open(&path).unwrap().into_luma16();
+    picture.enumerate_pixels_mut().for_each(|(x, y, p)| p.0[0] = change(x, y, p.0[0]));
+    picture.save(&path).unwrap();
+}
+
+/// The warnings of one name, as they are told.
+fn told(found: &Characterization, name: &str) -> Vec<String> {
+    found.warnings.iter().filter(|w| w.name() == name).map(ToString::to_string).collect()
+}
+
+#[test]
+fn full_pixels_do_not_count_in_the_ratios_of_the_colours() {
+    // Blue is full at 12000 electrons while green still grows; the converter ends at 28400.
+    let sensor = SensorModel { full_well_e: 12_000.0, ..imx249() };
+    let plan = Plan {
+        height: 160,
+        width: 240,
+        gains: vec![1.0, 1.77, 10.0],
+        level: 1.2,
+        seed: 7,
+        ..Plan::default()
+    };
+    let found = measured(series(&sensor, &plan).path()).unwrap();
+    within("alpha", found.joint.red_over_green, 0.82, 3.5);
+    within("beta", found.joint.blue_over_green, 1.25, 3.5);
+    // At gain 1 no sample is at the end of the converter, and saturation is told all the same.
+    assert!(told(&found, "saturated").iter().any(|w| w.contains("at gain 1 ")), "{:?}", found.warnings);
+}
+
+#[test]
+fn a_sound_series_into_saturation_is_monotonic() {
+    // On the plateau the dark signal that is subtracted still grows, by 0.35 DN from point to point.
+    let sensor = SensorModel { full_well_e: 15_000.0, dark_current_e_per_s: 2500.0, ..mono() };
+    let plan = Plan { flat_ms: (1..=12).map(f64::from).collect(), level: 1.4, ..one_gain() };
+    let found = measured(series(&sensor, &plan).path()).unwrap();
+    assert!(told(&found, "not-monotonic").is_empty(), "{:?}", found.warnings);
+    assert_eq!(told(&found, "saturated").len(), 1, "{:?}", found.warnings);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn a_series_that_falls_is_not_monotonic() {
+    let folder = series(&mono(), &one_gain());
+    for i in 0..2 {
+        edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, dn| dn / 2);
+    }
+    let found = measured(folder.path()).unwrap();
+    let told = told(&found, "not-monotonic");
+    assert!(told.len() == 1 && told[0].contains("10 ms"), "{:?}", found.warnings);
+}
+
+#[test]
+fn points_without_signal_and_without_evenness_are_named() {
+    let folder = series(&mono(), &one_gain());
+    for i in 0..2 {
+        edit(folder.path(), &format!("flat-2.5ms-{i}.png"), &|_, _, dn| 116 + dn % 4);
+        edit(folder.path(), &format!("flat-5ms-{i}.png"), &|x, _, dn| dn + 4 * x as u16);
+    }
+    let found = measured(folder.path()).unwrap();
+    let (dark, uneven) = (told(&found, "no-signal"), told(&found, "not-uniform"));
+    assert!(dark.len() == 1 && dark[0].contains("2.5 ms"), "{:?}", found.warnings);
+    assert!(uneven.len() == 1 && uneven[0].contains("5 ms"), "{:?}", found.warnings);
+}
+
+#[test]
+fn light_that_leaks_in_evenly_is_seen_by_the_dark_mean() {
+    let folder = series(&mono(), &one_gain());
+    for i in 0..2 {
+        edit(folder.path(), &format!("dark-30ms-{i}.png"), &|_, _, dn| dn + 40);
+    }
+    let found = measured(folder.path()).unwrap();
+    let leak = found.warnings.iter().find_map(|w| match w {
+        Warning::DarkNotLinear { exposure_ms, reduced_chi2, .. } => Some((*exposure_ms, *reduced_chi2)),
+        _ => None,
+    });
+    let (exposure_ms, reduced_chi2) = leak.unwrap_or_else(|| panic!("{:?}", found.warnings));
+    assert!(exposure_ms == 30.0 && reduced_chi2 > 100.0, "{exposure_ms} ms {reduced_chi2}");
+    assert_eq!(told(&found, "dark-current-disagrees").len(), 1, "{:?}", found.warnings);
+}
+
+#[test]
+fn gains_that_are_clipped_at_zero_do_not_count() {
+    // At gain 31.62 the dark frames are 1.7 standard deviations above zero, at gain 1 fifteen.
+    let sensor = SensorModel { black_level_dn: 15.0, ..imx249() };
+    let plan = Plan { height: 160, width: 240, seed: 7, ..Plan::default() };
+    let found = measured(series(&sensor, &plan).path()).unwrap();
+    assert!(
+        told(&found, "clipped-at-zero").iter().any(|w| w.contains("31.62") && w.contains("does not count"))
+    );
+    let last = found.gains.last().unwrap();
+    assert!(last.dark.points.is_empty() && last.channels.is_empty(), "{last:?}");
+    within("sigma_r^2", found.joint.read_variance_e2, 16.0, 3.5);
+    within("mu_r", found.joint.read_noise_mean_e, 3.25, 3.5);
+    within("BL + mu_el", found.joint.dark_offset_dn, 16.15, 3.5);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn a_gain_that_is_off_is_blamed_alone() {
+    let plan = Plan { height: 160, width: 240, gains: vec![1.0, 2.0, 4.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    set_list(folder.path(), &list(folder.path()).replace("linear_gain = 4.0", "linear_gain = 5.0"));
+    let found = measured(folder.path()).unwrap();
+    let blamed: Vec<f64> = found
+        .warnings
+        .iter()
+        .filter_map(|w| match w {
+            Warning::GainNotProportional { linear_gain, .. } => Some(*linear_gain),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(blamed, [5.0], "{:?}", found.warnings);
+}
+
+#[test]
+fn what_moves_in_a_late_frame_is_no_flicker() {
+    let plan = Plan { stack: 5, ..one_gain() };
+    let folder = series(&mono(), &plan);
+    edit(folder.path(), "flat-7.5ms-stack-3.png", &|x, y, dn| if x < 20 && y < 20 { dn + 400 } else { dn });
+    let found = measured(folder.path()).unwrap();
+    let moved = found.warnings.iter().find_map(|w| match w {
+        Warning::Moved { point, frame, difference_dn, .. } => Some((point.clone(), *frame, *difference_dn)),
+        _ => None,
+    });
+    let (point, frame, difference_dn) = moved.unwrap_or_else(|| panic!("{:?}", found.warnings));
+    assert!(point.contains("flat, gain 1, 7.5 ms, 5 frames") && frame == 4, "{point} {frame}");
+    assert!((difference_dn - 400.0).abs() < 20.0, "{difference_dn}");
+    assert!(told(&found, "flicker").is_empty(), "{:?}", found.warnings);
+}
+
+#[test]
+fn a_second_stack_and_a_lone_one_are_named() {
+    // Two series with stacks at 4 and at 5 ms, in one list.
+    let folder = tempfile::tempdir().unwrap();
+    let mut points = Vec::new();
+    for (name, flat_ms, seed) in [("a", vec![2.0, 4.0, 6.0], 1), ("b", vec![3.0, 5.0, 7.0], 2)] {
+        let plan = Plan { flat_ms, dark_ms: vec![], stack: 4, seed, ..one_gain() };
+        write_series(&mono(), &plan, &folder.path().join(name), &|| {}).unwrap();
+        let text = list(&folder.path().join(name)).replace("gain-1/", &format!("{name}/gain-1/"));
+        points.extend(text.split("[[point]]").skip(1).map(|p| format!("[[point]]{p}")));
+    }
+    let head = "[sensor]\nname = \"two\"\nbits = 12\n\n";
+    set_list(folder.path(), &format!("{head}{}", points.concat()));
+    let found = measured(folder.path()).unwrap();
+    let more = told(&found, "more-stacks");
+    assert!(more.len() == 1 && more[0].contains("5 ms") && told(&found, "lone-stack").is_empty(), "{more:?}");
+
+    points.retain(|p| !(p.contains("b/gain-1") && p.contains("dark") && p.contains("stack")));
+    set_list(folder.path(), &format!("{head}{}", points.concat()));
+    let found = measured(folder.path()).unwrap();
+    let lone = told(&found, "lone-stack");
+    assert!(
+        lone.len() == 1 && lone[0].contains("5 ms") && told(&found, "more-stacks").is_empty(),
+        "{lone:?}"
+    );
+    assert_eq!(found.gains[0].channels[0].spatial.as_ref().unwrap().exposure_s, 0.004);
+}
+
+#[test]
+fn a_frame_is_an_exposure_of_its_own() {
+    let folder = series(&mono(), &one_gain());
+    let whole = list(folder.path());
+    let frame = |name: &str| folder.path().join("gain-1").join(name);
+
+    // The same file at two points.
+    set_list(folder.path(), &whole.replace("flat-5ms-1.png", "flat-2.5ms-1.png"));
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("gain-1/flat-2.5ms-1.png is listed twice, first in line"), "{error}");
+
+    // The same contents under another name, at one point and across points.
+    set_list(folder.path(), &whole);
+    for (from, to) in [("flat-5ms-0.png", "flat-5ms-1.png"), ("dark-20ms-0.png", "dark-30ms-0.png")] {
+        let kept = std::fs::read(frame(to)).unwrap();
+        std::fs::copy(frame(from), frame(to)).unwrap();
+        let error = measured(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(&format!("gain-1/{to} is a copy of gain-1/{from}")), "{error}");
+        std::fs::write(frame(to), kept).unwrap();
+    }
+
+    // Frames that are clipped all over are alike and no copies.
+    for i in 0..2 {
+        edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, _| 4095);
+    }
+    assert_eq!(told(&measured(folder.path()).unwrap(), "saturated").len(), 1);
+}
+
+#[test]
+fn photons_are_stated_at_all_flat_points_of_a_gain_or_at_none() {
+    let plan = Plan { quantum_efficiency: Some(0.5), ..one_gain() };
+    let folder = series(&mono(), &plan);
+    let whole = list(folder.path());
+    let mut seen = 0;
+    let less: Vec<&str> = whole
+        .lines()
+        .filter(|line| {
+            seen += usize::from(line.starts_with("photons"));
+            !(line.starts_with("photons") && seen == 2)
+        })
+        .collect();
+    set_list(folder.path(), &less.join("\n"));
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("flat, gain 1, 5 ms, 2 frames states no photons"), "{error}");
+    assert!(error.contains("captures.toml:") && error.contains("in line"), "{error}");
+}
+
+#[test]
+fn light_that_is_not_known_still_tells_the_system_gain() {
+    let folder = series(&mono(), &one_gain());
+    let mut text = list(folder.path());
+    let points: Vec<String> = text.split("[[point]]").map(str::to_owned).collect();
+    for (i, ms) in ["5.0", "7.5", "10.0"].iter().enumerate() {
+        let flat = points.iter().filter(|p| p.contains("\"flat\"")).nth(i + 1).unwrap();
+        text = text.replace(flat, &flat.replace(&format!("exposure_ms = {ms}"), "exposure_ms = 2.5"));
+    }
+    set_list(folder.path(), &text);
+    let found = measured(folder.path()).unwrap();
+    let channel = &found.gains[0].channels[0];
+    assert!(channel.points.len() == 4 && channel.points.iter().all(|p| p.exposure_s == 0.0025));
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+    let reason = channel.figure("LE_min").unwrap().best().reason().unwrap().to_string();
+    assert!(reason.contains("the light is not known"), "{reason}");
+}
+
+#[test]
+fn exposure_times_are_told_as_they_were_written() {
+    let point = Point {
+        kind: Kind::Dark,
+        linear_gain: 1.0,
+        exposure_s: 1e-3 * 9.0,
+        photons: None,
+        frames: Vec::new(),
+        line: 1,
+    };
+    assert_eq!(point.label(), "dark, gain 1, 9 ms, 0 frames");
+}
+
+/// Shifts all samples of a series left, as some cameras write them, and states other bits.
+fn restate(folder: &Path, shift: u32, bits: u32) {
+    for entry in std::fs::read_dir(folder.join("gain-1")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        edit(folder, &name, &|_, _, dn| dn << shift);
+    }
+    set_list(folder, &list(folder).replace("bits = 12", &format!("bits = {bits}")));
+}
+
+#[test]
+fn bits_that_are_not_those_of_the_frames_are_named() {
+    // The converter ends below the full well: what is clipped at 4095 piles up there, and does not count.
+    let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
+    let plan = Plan { level: 1.02, flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&sensor, &plan);
+    assert!(told(&measured(folder.path()).unwrap(), "top-not-reached").is_empty());
+    restate(folder.path(), 0, 14);
+    let found = measured(folder.path()).unwrap();
+    let said = told(&found, "top-not-reached");
+    assert_eq!(said.len(), 1, "{:?}", found.warnings);
+    assert!(said[0].contains("above 4095 of 16383, where samples pile up"), "{}", said[0]);
+    assert!(said[0].contains("12 bits hold all samples"), "{}", said[0]);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+    assert!(told(&found, "saturated")[0].contains("1 of 5"), "{:?}", found.warnings);
+
+    let folder = series(&sensor, &plan);
+    restate(folder.path(), 4, 16);
+    let found = measured(folder.path()).unwrap();
+    let said = told(&found, "common-factor");
+    assert!(said.len() == 1 && said[0].contains("multiple of 16"), "{:?}", found.warnings);
+    assert!(said[0].contains("12 bits in 16") && said[0].contains("down by 4 bits"), "{}", said[0]);
+    assert!(told(&found, "top-not-reached").is_empty(), "{:?}", found.warnings);
+    within("K", found.joint.gain_dn_per_e, 16.0 * 0.14, 3.5);
+}
+
+#[test]
+fn a_pile_at_the_top_keeps_slightly_clipped_points_out() {
+    // One sample in a hundred is clipped: too little for the fall of the noise, and enough to be seen.
+    let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
+    let folder = series(&sensor, &Plan { level: 0.985, ..one_gain() });
+    restate(folder.path(), 0, 14);
+    let found = measured(folder.path()).unwrap();
+    let channel = &found.gains[0].channels[0];
+    let shares: Vec<f64> = channel.points.iter().map(|p| p.share_at_max).collect();
+    assert!(shares[..3] == [0.0; 3] && (0.001..0.3).contains(&shares[3]), "{shares:?}");
+    assert!(channel.transfer.used <= 3, "{:?}", channel.transfer);
+}
+
+#[test]
+fn captures_that_show_no_sensor_are_refused() {
+    let folder = series(&mono(), &one_gain());
+    let whole = list(folder.path());
+    let refused = |text: &str| {
+        set_list(folder.path(), text);
+        measured(folder.path()).unwrap_err().to_string()
+    };
+    // Flat and dark are swapped.
+    let swapped =
+        whole.replace("\"flat\"", "\"x\"").replace("\"dark\"", "\"flat\"").replace("\"x\"", "\"dark\"");
+    let error = refused(&swapped);
+    assert!(
+        error.contains("darker than the dark ones at 4 of 4 points: are flat and dark swapped?"),
+        "{error}"
+    );
+
+    // No light: the flat frames are dark ones of another time of the day.
+    let other = series(&mono(), &Plan { seed: 6, ..one_gain() });
+    for ms in ["2.5", "5", "7.5", "10"] {
+        for i in 0..2 {
+            let from = other.path().join(format!("gain-1/dark-{ms}ms-{i}.png"));
+            std::fs::copy(from, folder.path().join(format!("gain-1/flat-{ms}ms-{i}.png"))).unwrap();
+        }
+    }
+    let error = refused(&whole);
+    assert!(error.contains("at none of 4 points are the flat frames brighter"), "{error}");
+
+    // Too much of it.
+    let bright = series(&SensorModel { full_well_e: 15_000.0, ..mono() }, &Plan { level: 8.0, ..one_gain() });
+    let error = measured(bright.path()).unwrap_err().to_string();
+    assert!(error.contains("all 4 flat points are clipped or above 70 % of saturation"), "{error}");
+}
+
+#[test]
+fn a_quantum_efficiency_above_one_is_doubted() {
+    let plan = Plan { quantum_efficiency: Some(0.6), ..one_gain() };
+    let folder = series(&mono(), &plan);
+    assert!(told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one").is_empty());
+    let half = |line: &str| match line.strip_prefix("photons = ") {
+        Some(photons) => format!("photons = {}", 0.5 * photons.parse::<f64>().unwrap()),
+        None => line.to_owned(),
+    };
+    let text: Vec<String> = list(folder.path()).lines().map(half).collect();
+    set_list(folder.path(), &text.join("\n"));
+    let said = told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one");
+    assert!(said.len() == 1 && said[0].contains("more electrons than photons"), "{said:?}");
+}
+
+/// The list of one gain with the frames of each point as `name` makes them of kind and exposure time in milliseconds.
+fn with_frames(folder: &Path, name: &dyn Fn(&str, &str) -> String) -> String {
+    let text = list(folder);
+    let mut points = text.split("[[point]]");
+    let head = points.next().unwrap().to_owned();
+    points.fold(head, |done, point| {
+        let value = |key: &str| {
+            let line = point.lines().find(|line| line.starts_with(key)).unwrap();
+            line.split(" = ").nth(1).unwrap().trim_matches('"').trim_end_matches(".0").to_owned()
+        };
+        let kept: String = point
+            .lines()
+            .take_while(|line| !line.starts_with("frames"))
+            .fold(String::new(), |kept, line| kept + line + "\n");
+        let frames = name(&value("kind"), &value("exposure_ms"));
+        format!("{done}[[point]]{kept}frames = [\"{frames}\"]\n\n")
+    })
+}
+
+#[test]
+fn wildcards_name_all_frames_that_match() {
+    let folder = series(&mono(), &one_gain());
+    let by_name = measured(folder.path()).unwrap();
+    // Sidecars of the frames match the pattern too, and are no frames.
+    for i in 0..2 {
+        std::fs::write(folder.path().join(format!("gain-1/flat-5ms-{i}.png.toml")), "bits = 12\n").unwrap();
+    }
+    set_list(folder.path(), &with_frames(folder.path(), &|kind, ms| format!("gain-*/{kind}-{ms}ms-*")));
+    assert_eq!(measured(folder.path()).unwrap(), by_name);
+
+    let whole = list(folder.path());
+    for (pattern, says) in [
+        ("gain-1/flut-*.png", "`gain-1/flut-*.png` matches no file"),
+        ("gain-1/[", "`gain-1/[`"),
+        ("gain-1/flat-2.5ms-0.*", "has one frame where two are needed"),
+        ("gain-1/flat-*.png", "is listed twice, first in line"),
+    ] {
+        set_list(folder.path(), &whole.replace("gain-*/flat-2.5ms-*", pattern));
+        let error = measured(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(says) && error.contains("captures.toml: line"), "{pattern}: {error}");
+    }
+}
+
+#[test]
+fn pages_of_a_file_are_frames() {
+    use tiff::encoder::{TiffEncoder, colortype::Gray16};
+    let folder = series(&mono(), &one_gain());
+    let by_name = measured(folder.path()).unwrap();
+    let frame = |kind: &str, ms: &str, i: usize| folder.path().join(format!("gain-1/{kind}-{ms}ms-{i}.png"));
+    set_list(
+        folder.path(),
+        &with_frames(folder.path(), &|kind, ms| {
+            let name = format!("{kind}-{ms}ms.tiff");
+            let mut file = std::fs::File::create(folder.path().join(&name)).unwrap();
+            let mut tiff = TiffEncoder::new(&mut file).unwrap();
+            for i in 0..2 {
+                let picture = image::open(frame(kind, ms, i)).unwrap().into_luma16();
+                tiff.write_image::<Gray16>(80, 80, &picture).unwrap();
+            }
+            name
+        }),
+    );
+    assert_eq!(measured(folder.path()).unwrap(), by_name);
+
+    // A page that is a copy of another is told by its number.
+    let picture = image::open(frame("flat", "5", 0)).unwrap().into_luma16();
+    let mut file = std::fs::File::create(folder.path().join("flat-5ms.tiff")).unwrap();
+    let mut tiff = TiffEncoder::new(&mut file).unwrap();
+    (0..2).for_each(|_| tiff.write_image::<Gray16>(80, 80, &picture).unwrap());
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("flat-5ms.tiff, page 2 is a copy of flat-5ms.tiff, page 1"), "{error}");
+}
+
+#[test]
+fn a_sidecar_that_contradicts_the_list_is_an_error() {
+    let folder = series(&mono(), &one_gain());
+    let sidecar = folder.path().join("gain-1/flat-5ms-1.png.toml");
+    let says = |text: &str| {
+        std::fs::write(&sidecar, text).unwrap();
+        measured(folder.path()).map_err(|error| error.to_string())
+    };
+    for (text, frame, list) in [
+        ("linear_gain = 2.0", "linear_gain = 2", "says 1"),
+        ("exposure_s = 0.0025", "exposure_s = 0.0025", "says 0.005"),
+        ("cfa = \"RGGB\"", "cfa = RGGB", "[sensor], says mono"),
+        ("bits = 14", "bits = 14", "[sensor], says 12"),
+        ("black_level_dn = 64.0", "black_level_dn = 64", "[sensor], says 119"),
+    ] {
+        let error = says(text).unwrap_err();
+        assert!(error.contains("flat-5ms-1.png: ") && error.contains("captures.toml, "), "{error}");
+        assert!(error.contains(frame) && error.ends_with(list), "{error}");
+    }
+    // What a camera rounds is no contradiction.
+    says("linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2").unwrap();
+}
+
+#[test]
+fn stuck_pixels_are_no_clipping() {
+    let plan = Plan { flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    for entry in std::fs::read_dir(folder.path().join("gain-1")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.starts_with("flat") {
+            edit(folder.path(), &name, &|x, y, dn| if y == 7 && x < 3 { 4095 } else { dn });
+        }
+    }
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(found.gains[0].channels[0].transfer.used, 5);
+    assert!(told(&found, "saturated").is_empty(), "{:?}", found.warnings);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn what_moves_counts_neither_for_the_gain_nor_as_saturation() {
+    let plan = Plan { flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    edit(folder.path(), "flat-4ms-1.png", &|x, y, dn| if x < 20 && y < 20 { dn + 400 } else { dn });
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(told(&found, "moved").len(), 1, "{:?}", found.warnings);
+    let channel = &found.gains[0].channels[0];
+    assert!(!channel.transfer.saturated && channel.points.len() == 4, "{:?}", channel.transfer);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn one_point_with_swapped_frames_is_refused_and_one_with_wrong_photons_is_named() {
+    let plan = Plan { quantum_efficiency: Some(0.6), flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
+    let folder = series(&mono(), &plan);
+    let (text, mut points) = (list(folder.path()), 0);
+    let ten_times = |line: &str| match line.strip_prefix("photons = ") {
+        Some(photons) => {
+            points += 1;
+            let factor = if points == 3 { 0.1 } else { 1.0 };
+            format!("photons = {}", factor * photons.parse::<f64>().unwrap())
+        }
+        None => line.to_owned(),
+    };
+    let wrong: Vec<String> = text.lines().map(ten_times).collect();
+    set_list(folder.path(), &wrong.join("\n"));
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(told(&found, "not-linear").len(), 1, "{:?}", found.warnings);
+
+    set_list(folder.path(), &text);
+    let name = |kind: &str, i: u32| folder.path().join(format!("gain-1/{kind}-4ms-{i}.png"));
+    for i in 0..2 {
+        std::fs::rename(name("flat", i), folder.path().join("kept.png")).unwrap();
+        std::fs::rename(name("dark", i), name("flat", i)).unwrap();
+        std::fs::rename(folder.path().join("kept.png"), name("dark", i)).unwrap();
+    }
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("darker than the dark ones at 1 of 5 points"), "{error}");
+}
+
+#[test]
+fn a_converter_of_coarse_steps_widens_every_error() {
+    // Dark noise of an eighth of a digital number, whose mean lies anywhere between two of them.
+    let (mut of_gain, mut of_dark) = (Vec::new(), Vec::new());
+    for (seed, black_level_dn) in [(1, 6.0), (2, 6.25), (3, 6.5), (4, 6.75)] {
+        let sensor = SensorModel {
+            bits: 8,
+            gain_dn_per_e: 0.03,
+            black_level_dn,
+            electronics_mean_dn: 0.0,
+            electronics_noise_dn: 0.0,
+            ..mono()
+        };
+        let plan = Plan { flat_ms: (1..=10).map(f64::from).collect(), seed, ..one_gain() };
+        let folder = series(&sensor, &plan);
+        let found = measured(folder.path()).unwrap();
+        let z = |m: petzval_lab::emva::Measured, truth: f64| {
+            (m.value().unwrap() - truth) / m.standard_error().unwrap()
+        };
+        of_gain.push(z(found.joint.gain_dn_per_e, 0.03));
+        of_dark.extend(
+            found.joint.dark_current_e_per_s.value().map(|_| z(found.joint.dark_current_e_per_s, 25.0)),
+        );
+        assert_eq!(told(&found, "dark-noise-limit").len(), 1, "{:?}", found.warnings);
+        assert!(told(&found, "dark-current-disagrees").is_empty(), "{:?}", found.warnings);
+        assert!(told(&found, "dark-not-linear").is_empty(), "{:?}", found.warnings);
+        let figure = found.gains[0].channels[0].figure("sigma_d").unwrap().best();
+        assert!(figure.value().is_some() && figure.standard_error().is_none(), "{figure:?}");
+    }
+    assert!(of_gain.iter().chain(&of_dark).all(|z| z.abs() < 3.5), "{of_gain:?} {of_dark:?}");
+}
