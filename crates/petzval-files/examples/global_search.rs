@@ -1,6 +1,6 @@
 //! The six-week job: a search from random starts inside the bounds of a lens file, for two seconds a seed.
 //!
-//! `cargo run --release -p petzval-optics --example global_search -- data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
+//! `cargo run --release -p petzval-files --example global_search -- data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
 
 mod common;
 

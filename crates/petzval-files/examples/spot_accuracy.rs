@@ -1,6 +1,6 @@
 //! How far an RMS spot by quadrature is from one of a fine grid of traced rays, and what it costs, by degree.
 //!
-//! `cargo run --release -p petzval-optics --example spot_accuracy -- data/lenses/cooke-triplet-nominal.toml`
+//! `cargo run --release -p petzval-files --example spot_accuracy -- data/lenses/cooke-triplet-nominal.toml`
 
 mod common;
 

@@ -1,6 +1,6 @@
 //! How far RMS spots of lenses made at random are from those of many more rays, and what they cost, by degree.
 //!
-//! `cargo run --release -p petzval-optics --example tolerance_accuracy -- data/lenses/cooke-triplet-nominal.toml [TRIALS]`
+//! `cargo run --release -p petzval-files --example tolerance_accuracy -- data/lenses/cooke-triplet-nominal.toml [TRIALS]`
 
 mod common;
 

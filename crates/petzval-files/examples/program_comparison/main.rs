@@ -1,6 +1,6 @@
 //! Prints the page of the manual that sets Petzval's numbers beside those of Optiland and ray-optics.
 //!
-//! `cargo run --release -p petzval-optics --example program_comparison > book/src/comparison.md`
+//! `cargo run --release -p petzval-files --example program_comparison > book/src/comparison.md`
 
 mod checks;
 mod listed;
