@@ -1,7 +1,7 @@
 //! Glasses in TOML: one table `[glass.NAME]` each, the same in a catalogue and in a lens file.
 //!
 //! ```
-//! # use petzval_optics::glass::Catalog;
+//! use petzval_files::parse_catalog;
 //! let text = "
 //! [glass.N-BK7]
 //! maker = \"Schott\"

@@ -1,8 +1,8 @@
 //! The lens file: a lens, what it should measure, and which of its numbers may move, in TOML.
 //!
 //! ```
-//! # use petzval_base::FileError; use petzval_files::{parse_lens};
-//! # use petzval_optics::glass::Catalog;
+//! # use petzval_base::FileError;
+//! use petzval_files::{parse_catalog, parse_lens};
 //! let catalog = parse_catalog("[glass.N-BK7]\nnd = 1.5168\nvd = 64.17\n")?;
 //! let file = parse_lens(
 //!     r#"

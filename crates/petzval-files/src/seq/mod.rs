@@ -10,8 +10,8 @@
 //! diffractive structures, mirrors that bend the axis about two axes at once.
 //!
 //! ```
-//! # use petzval_base::FileError; use petzval_files::{parse_seq};
-//! # use petzval_optics::glass::Catalog;
+//! # use petzval_base::FileError;
+//! use petzval_files::{parse_catalog, parse_seq};
 //! let catalog = parse_catalog("[glass.N-BK7]\nnd = 1.5168\nvd = 64.17\nmaker = \"Schott\"\n")?;
 //! let text = "\
 //! RDM; LEN

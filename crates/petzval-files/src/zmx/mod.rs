@@ -9,8 +9,8 @@
 //! record is refused: Forbes surfaces, diffractive structures on mirrors, tilts kept as surface properties.
 //!
 //! ```
-//! # use petzval_base::FileError; use petzval_files::{parse_zmx};
-//! # use petzval_optics::glass::Catalog;
+//! # use petzval_base::FileError;
+//! use petzval_files::{parse_catalog, parse_zmx};
 //! let catalog = parse_catalog("[glass.N-BK7]\nnd = 1.5168\nvd = 64.17\n")?;
 //! let text = "\
 //! MODE SEQ
