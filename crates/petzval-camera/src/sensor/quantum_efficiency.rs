@@ -196,7 +196,6 @@ mod tests {
 
     use crate::spectral::Illuminant;
 
-    const SENSOR: &str = include_str!("../../../../data/sensors/imx249-fitted.toml");
     const CURVES: &str = include_str!("../../../../data/quantum-efficiency/imx219.toml");
 
     #[test]
