@@ -14,19 +14,16 @@ const ORDER: [&str; 9] = [
     "petzval-files",
     "petzval-lab",
     "petzval-learn",
+    "petzval-report",
     "petzval-design",
     "petzval",
 ];
 
 /// Outside crates that only some of ours may use directly, with the reason.
 const RESERVED: [(&str, &[&str], &str); 8] = [
-    (
-        "burn",
-        &["petzval-camera", "petzval-learn", "petzval-report", "petzval-design"],
-        "the tape is cut at the PSF",
-    ),
-    ("maud", &["petzval-design"], "reports are made in one place"),
-    ("plotters", &["petzval-design"], "reports are made in one place"),
+    ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
+    ("maud", &["petzval-report"], "reports are made in one place"),
+    ("plotters", &["petzval-report"], "reports are made in one place"),
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),

@@ -12,7 +12,7 @@ const FIELDS: usize = 25;
 
 /// A lens at one field, over all colour channels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FieldPoint {
+pub(crate) struct FieldPoint {
     /// Field angle, degrees.
     pub field_deg: f64,
     /// RMS spot radius about the common centroid of the channels, um.
@@ -22,7 +22,7 @@ pub(super) struct FieldPoint {
 }
 
 /// Traces a lens at given fields; a field without light is left out.
-pub(super) fn at_fields(lens: &Lens, fields_rad: &[f64], wavelengths_um: &[f64]) -> Vec<FieldPoint> {
+pub(crate) fn at_fields(lens: &Lens, fields_rad: &[f64], wavelengths_um: &[f64]) -> Vec<FieldPoint> {
     let lens = Lens { wavelengths_um: wavelengths_um.to_vec(), ..lens.clone() };
     let Ok(quadrature) = Quadrature::grid(PUPIL_CELLS) else { return Vec::new() };
     fields_rad
@@ -37,7 +37,7 @@ pub(super) fn at_fields(lens: &Lens, fields_rad: &[f64], wavelengths_um: &[f64])
 }
 
 /// Traces a lens at evenly spaced fields up to the full field, rad.
-pub(super) fn to_full_field(lens: &Lens, full_rad: f64, wavelengths_um: &[f64]) -> Vec<FieldPoint> {
+pub(crate) fn to_full_field(lens: &Lens, full_rad: f64, wavelengths_um: &[f64]) -> Vec<FieldPoint> {
     let fields: Vec<f64> = (0..FIELDS).map(|i| full_rad * i as f64 / (FIELDS - 1) as f64).collect();
     at_fields(lens, &fields, wavelengths_um)
 }

@@ -22,7 +22,7 @@ pub(crate) fn short(value: f64, decimals: usize) -> String {
 }
 
 /// A difference with its sign, `±0` if it rounds to nothing.
-pub(super) fn signed(value: f64, decimals: usize) -> String {
+pub(crate) fn signed(value: f64, decimals: usize) -> String {
     let text = fixed(value, decimals);
     if !value.is_finite() || text.starts_with('\u{2212}') {
         text
@@ -34,7 +34,7 @@ pub(super) fn signed(value: f64, decimals: usize) -> String {
 }
 
 /// Whether a value rounds to zero at so many decimals.
-pub(super) fn is_nothing(value: f64, decimals: usize) -> bool {
+pub(crate) fn is_nothing(value: f64, decimals: usize) -> bool {
     (value * 10_f64.powi(decimals as i32)).round() == 0.0
 }
 

@@ -1,8 +1,6 @@
 //! Colours: of cameras, of fields, of glass. All sets are told apart by colour-blind readers (Okabe and
 //! Ito, "Color Universal Design", 2008) and stand on white.
 
-use super::CameraView;
-
 /// Lines of cameras: the baseline is grey, the rest stand out from it.
 const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
 
@@ -27,11 +25,6 @@ pub(crate) fn camera(i: usize) -> &'static str {
     CAMERAS[i % CAMERAS.len()]
 }
 
-/// Colour of a camera by its name; a name without a camera takes the colour after theirs.
-pub(super) fn camera_named(cameras: &[CameraView], name: &str, i: usize) -> &'static str {
-    camera(cameras.iter().position(|c| c.name == name).unwrap_or(cameras.len() + i))
-}
-
 /// Colour of the i-th field.
 pub(crate) fn field(i: usize) -> &'static str {
     FIELDS[i % FIELDS.len()]
@@ -53,7 +46,7 @@ pub(crate) fn glass(vd: f64) -> String {
 }
 
 /// Red, green and blue of a `#rrggbb` colour; grey if it is not one.
-pub(super) fn rgb(hex: &str) -> [u8; 3] {
+pub(crate) fn rgb(hex: &str) -> [u8; 3] {
     let part = |i: usize| hex.get(i..i + 2).and_then(|h| u8::from_str_radix(h, 16).ok()).unwrap_or(128);
     [part(1), part(3), part(5)]
 }

@@ -88,7 +88,7 @@ pub(crate) fn cemented_doublet() -> Lens {
 }
 
 /// Scores in which every step is a gain.
-pub(super) fn rows() -> Vec<TableRow> {
+pub(crate) fn rows() -> Vec<TableRow> {
     let row = |i: usize, lpips, psnr, ssim, spot| TableRow {
         camera: CAMERAS[i].into(),
         one_minus_lpips: lpips,
@@ -107,7 +107,7 @@ pub(super) fn rows() -> Vec<TableRow> {
 }
 
 /// A picture of stripes, PNG.
-pub(super) fn picture_png(width: u32, height: u32, softness: u32) -> Vec<u8> {
+pub(crate) fn picture_png(width: u32, height: u32, softness: u32) -> Vec<u8> {
     let picture = RgbImage::from_fn(width, height, |x, y| {
         let bright = (x / 5 + y / 7) % 2 == 0;
         Rgb([if bright { 230 - 20 * softness as u8 } else { 30 }, (4 * x) as u8, (4 * y) as u8])
@@ -138,7 +138,7 @@ fn camera(i: usize) -> CameraView {
 }
 
 /// A whole report.
-pub(super) fn report() -> Report {
+pub(crate) fn report() -> Report {
     let shot = |i: usize| CameraPicture {
         camera: CAMERAS[i].into(),
         developed_png: picture_png(64, 64, 3),

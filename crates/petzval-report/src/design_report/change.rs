@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::{Change, number};
+use super::Change;
+use crate::number;
 
 /// A value nearer to a bound than this share of the range is said to lie on it.
 const ON_BOUND: f64 = 0.01;

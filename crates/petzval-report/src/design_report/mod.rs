@@ -12,6 +12,7 @@ mod psf_table;
 mod reading;
 mod score_table;
 
+use crate::palette;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
@@ -177,4 +178,9 @@ pub struct LossCurve {
 /// The report as one self-contained HTML file.
 pub fn html(report: &Report) -> String {
     page::page(report)
+}
+
+/// Colour of a camera by its name; a name without a camera takes the colour after theirs.
+fn camera_colour(cameras: &[CameraView], name: &str, i: usize) -> &'static str {
+    palette::camera(cameras.iter().position(|c| c.name == name).unwrap_or(cameras.len() + i))
 }

@@ -9,10 +9,11 @@ use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
-use super::{CameraView, LossCurve, Report, palette};
+use super::{CameraView, LossCurve, Report};
 use crate::chart::{Chart, Series, chart_svg};
 use crate::field_curve::{FieldPoint, to_full_field};
 use crate::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
+use crate::palette;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -214,7 +215,7 @@ fn over_the_run(report: &Report) -> Markup {
 fn loss_chart(group: &[&LossCurve], report: &Report) -> Chart {
     let series = group.iter().enumerate().map(|(i, curve)| Series {
         name: curve.camera.clone(),
-        colour: palette::camera_named(&report.cameras, &curve.camera, i).into(),
+        colour: super::camera_colour(&report.cameras, &curve.camera, i).into(),
         points: curve.points.iter().map(|(step, value)| (*step as f64, *value)).collect(),
     });
     let (block, label) = (&group[0].block, &group[0].label);

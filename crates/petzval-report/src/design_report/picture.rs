@@ -7,7 +7,8 @@ use base64::engine::general_purpose::STANDARD;
 use image::ImageFormat;
 use maud::{Markup, html};
 
-use super::{CameraPicture, PictureView, Report, number, palette};
+use super::{CameraPicture, PictureView, Report};
+use crate::number;
 
 /// The enlarged part is this share of a side.
 const ZOOM: f64 = 0.25;
@@ -63,7 +64,7 @@ fn camera_column(
     i: usize,
     group: usize,
 ) -> Markup {
-    let colour = palette::camera_named(&report.cameras, &shot.camera, i);
+    let colour = super::camera_colour(&report.cameras, &shot.camera, i);
     let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
     html! {
         div.shot {

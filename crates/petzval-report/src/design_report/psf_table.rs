@@ -7,7 +7,8 @@ use base64::engine::general_purpose::STANDARD;
 use image::{ImageFormat, Rgb, RgbImage};
 use maud::{Markup, html};
 
-use super::{CameraView, PsfView, Report, field_curve, number, palette};
+use super::{CameraView, PsfView, Report};
+use crate::{field_curve, number, palette};
 
 /// Columns, as shares of the half-diagonal.
 const SHARES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];

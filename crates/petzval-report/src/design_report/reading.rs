@@ -1,7 +1,8 @@
 //! The reading: what the scores say, in plain sentences, also when they say that nothing was won.
 
+use super::TableRow;
 use super::score_table::{EFL, F_NUMBER, FOV, LPIPS, PSNR, SPOT, SSIM, Score};
-use super::{TableRow, number};
+use crate::number;
 
 /// A camera whose first-order data differ by more than this share is not like for like.
 const LIKE_FOR_LIKE: f64 = 0.01;

@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::{CameraView, TableRow, number, palette};
+use super::{CameraView, TableRow};
+use crate::number;
 
 /// A column of scores.
 pub(super) struct Score {
@@ -95,7 +96,7 @@ pub(super) fn score_table(rows: &[TableRow], cameras: &[CameraView]) -> Markup {
                 } }
                 tbody {
                     @for (i, row) in rows.iter().enumerate() {
-                        @let colour = palette::camera_named(cameras, &row.camera, i);
+                        @let colour = super::camera_colour(cameras, &row.camera, i);
                         tr {
                             th scope="row" style=(format!("--camera:{colour}")) { (row.camera) }
                             @for score in &SCORES { (cell(score, row, rows, baseline, i > 0)) }

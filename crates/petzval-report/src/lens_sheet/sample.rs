@@ -5,7 +5,7 @@ use petzval_optics::analysis::{Analysis, AnalysisOptions, analyze};
 use crate::sample::triplet;
 
 /// A triplet, looked at coarsely.
-pub(super) fn analysis() -> Analysis {
+pub(crate) fn analysis() -> Analysis {
     let options = AnalysisOptions {
         pupil_cells: 24,
         spot_rings: 4,

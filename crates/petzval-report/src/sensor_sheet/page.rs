@@ -9,7 +9,7 @@ use crate::page::Page;
 use crate::plot::plain;
 
 /// The look of all reports, and what this one adds.
-const STYLE: &str = concat!(include_str!("../analysis_report/page.css"), include_str!("page.css"));
+const STYLE: &str = concat!(include_str!("../lens_sheet/page.css"), include_str!("page.css"));
 
 /// Pictures that show all gains rather than one.
 const OF_ALL_GAINS: [&str; 4] = ["gain-fit", "dark-variance", "histograms-flat", "histograms-dark"];

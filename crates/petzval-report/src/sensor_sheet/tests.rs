@@ -6,6 +6,8 @@ use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
 use petzval_files::raw_file::{RawFormat, RawFrame, save_raw};
 use petzval_lab::emva::{Captures, Options, characterize};
 
+use std::path::Path;
+
 use super::*;
 
 /// Flat and dark pairs at two gains and three exposures, dark pairs at two more, and stacks, of a sensor of 48 x 64 pixels.
