@@ -219,7 +219,7 @@ fn captures_are_simulated_and_measured() {
 fn the_series_of_the_library_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let series = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../petzval-camera/tests/fixtures/emva/emva_dataset/seed_parameters_exposure_series");
+        .join("../petzval-lab/tests/fixtures/emva/emva_dataset/seed_parameters_exposure_series");
     let series = series.display().to_string();
     let args = ["sensor", "characterize", &series, "--compatible", "--pixel-um", "5.86", "--json"];
     let json = run_ok(folder.path(), &args).json();
