@@ -2,10 +2,9 @@
 //!
 //! An [`experiment`] says what is designed; [`setup`] turns its names into values; the [`design_loop`] lets
 //! blocks take turns, with [`optics`] where the lens meets the picture and [`light_path`] where the picture is
-//! taken; [`joint`] brings the loss back to the lens; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`report`] shows it.
+//! taken; [`joint`] brings the loss back to the lens; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`run_report`] gathers what the report shows.
 
 pub mod adam;
-pub mod analysis_report;
 pub mod assets;
 pub mod cameras;
 pub mod design_loop;
@@ -17,18 +16,12 @@ pub mod inputs;
 pub mod joint;
 pub mod light_path;
 pub mod optics;
-mod page;
 pub mod pictures;
 pub mod pinhole;
-mod plot;
-pub mod psf_calibration_report;
-pub mod psf_sheet;
-pub mod report;
 pub mod requirements;
 pub mod run;
 pub mod run_report;
 pub mod scoring;
-pub mod sensor_report;
 pub mod setup;
 pub mod spectral_light;
 pub mod spot_design;

@@ -13,9 +13,11 @@ use petzval_optics::lens::Lens;
 use crate::cameras::CameraKind;
 use crate::error::DesignError;
 use crate::pictures::file_name;
-use crate::report::{CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow};
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
+use petzval_report::design_report::{
+    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
+};
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
 const SHOWN_QUARTERS: [usize; 5] = [0, 1, 2, 3, 4];

@@ -5,11 +5,11 @@
 use std::path::Path;
 
 use petzval::built_in_assets;
-use petzval::design::analysis_report::{PictureKind, picture, spots_in_boxes};
-use petzval::design::report::{Extent, LayoutOptions, layout_extent, layout_svg};
 use petzval::optics::analysis::{Analysis, AnalysisOptions, FieldMtf, MtfCurve, analyze, first_order_table};
 use petzval::optics::lens::Lens;
 use petzval::optics::solve::with_paraxial_focus;
+use petzval::report::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
+use petzval::report::lens_sheet::{PictureKind, picture, spots_in_boxes};
 
 /// Half a cycle on two pixels of 5.86 um, cycles/mm.
 const NYQUIST_PER_MM: f64 = 85.32;

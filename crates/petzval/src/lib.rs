@@ -11,6 +11,7 @@ pub use petzval_files as files;
 pub use petzval_lab as lab;
 pub use petzval_learn as learn;
 pub use petzval_optics as optics;
+pub use petzval_report as report;
 
 mod embedded;
 

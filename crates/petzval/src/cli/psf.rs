@@ -7,10 +7,10 @@ use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
-use petzval::design::psf_sheet::psf_sheet;
 use petzval::optics::paraxial::first_order;
 use petzval::optics::psf::{FieldPsf, PsfKind, PsfMethod, PsfOptions};
 use petzval::optics::pupil::Quadrature;
+use petzval::report::psf_sheet::psf_sheet;
 use serde_json::json;
 
 use super::{Failure, print_json};

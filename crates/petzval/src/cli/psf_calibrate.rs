@@ -12,7 +12,6 @@ use petzval::camera::psf::PsfBank;
 use petzval::camera::sensor::{CfaPattern, SensorModel};
 use petzval::design::error::DesignError;
 use petzval::design::pinhole::{PinholeView, Refocus};
-use petzval::design::psf_calibration_report::{Calibration, page, sheet_png};
 use petzval::files::npy_bytes;
 use petzval::lab::psf_calibration::compare::{Comparison, compare};
 use petzval::lab::psf_calibration::estimate::{Place, estimate_bank};
@@ -23,6 +22,7 @@ use petzval::lab::psf_calibration::psf_file::save_psfs;
 use petzval::lab::psf_calibration::{
     CROP, CalibratedPosition, PsfCalibrationError, calibrate_position, read_manifest,
 };
+use petzval::report::psf_calibration_sheet::{Calibration, page, sheet_png};
 use serde_json::json;
 
 use super::{Failure, print_json};

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use petzval::built_in_assets;
-use petzval::design::report::html;
 use petzval::design::run::{RunFolder, write_atomically};
 use petzval::design::run_report::{read_metrics, report_of_run};
 use petzval::design::setup::Setup;
+use petzval::report::design_report::html;
 
 use super::{Failure, device};
 

@@ -2,7 +2,6 @@
 
 use petzval::base::simd::level;
 use petzval::built_in_assets;
-use petzval::design::analysis_report::{PictureKind, page, picture};
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::analysis::{AnalysisOptions, analyze};
@@ -15,6 +14,7 @@ use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::{PupilSampling, Quadrature};
 use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
+use petzval::report::lens_sheet::{PictureKind, page, picture};
 
 use super::{Failure, Prepared, Workload};
 

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::builder::PossibleValuesParser;
 use petzval::built_in_assets;
-use petzval::design::analysis_report::{PictureKind, page, picture};
 use petzval::design::error::DesignError;
 use petzval::optics::analysis::{Analysis, AnalysisOptions, analyze, first_order_table};
+use petzval::report::lens_sheet::{PictureKind, page, picture};
 
 use super::focus::{FocusAt, focused};
 use crate::cli::Failure;

@@ -8,7 +8,6 @@ use clap::ValueEnum;
 use petzval::base::write_whole;
 use petzval::camera::sensor::Colour;
 use petzval::design::error::DesignError;
-use petzval::design::sensor_report;
 use petzval::lab::emva::captures::milliseconds;
 use petzval::lab::emva::joint::GAINS;
 use petzval::lab::emva::sensor_file::colour_name;
@@ -16,6 +15,7 @@ use petzval::lab::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
     warning_lines,
 };
+use petzval::report::sensor_sheet;
 use serde_json::json;
 
 use super::{failure, frames_bar};
@@ -118,7 +118,9 @@ fn write_results(found: &Characterization, values: Values, out: &Path) -> Result
     }
     whole(&out.join("results.json"), &results)?;
     whole(&out.join("histograms.csv"), &histograms_csv(found))?;
-    sensor_report::write(found, out)?;
+    for (name, text) in sensor_sheet::files(found) {
+        whole(&out.join(name), &text)?;
+    }
     for gain in &found.gains {
         for channel in &gain.channels {
             let name = format!("emva-gain-{}-{}.xml", gain.linear_gain, colour_name(channel.colour));

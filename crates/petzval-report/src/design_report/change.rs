@@ -1,0 +1,99 @@
+//! Changes: the numbers of a lens before and after, and where they lie between their bounds.
+
+use maud::{Markup, html};
+
+use super::Change;
+use crate::number;
+
+/// A value nearer to a bound than this share of the range is said to lie on it.
+const ON_BOUND: f64 = 0.01;
+
+/// The table of changes; nothing if there are none.
+pub(super) fn change_table(changes: &[Change], baseline: &str) -> Markup {
+    html! {
+        @if !changes.is_empty() {
+            div.scroll {
+                table.changes {
+                    thead { tr {
+                        th scope="col" { "parameter" }
+                        th scope="col" { (baseline) }
+                        th scope="col" { "now" }
+                        th scope="col" { "change" }
+                        th scope="col" { "unit" }
+                        th.range scope="col" { "between its bounds" }
+                    } }
+                    tbody {
+                        @for change in changes {
+                            tr {
+                                th scope="row" { (change.parameter) }
+                                td { (number::significant(change.from)) }
+                                td { (number::significant(change.to)) }
+                                td { (percent(change)) }
+                                td.unit-cell { (change.unit) }
+                                td.range { (range(change)) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The change in per cent of the old value; a dash where that has no meaning.
+fn percent(change: &Change) -> String {
+    let share = 100.0 * (change.to - change.from) / change.from.abs();
+    match change.from == 0.0 || !share.is_finite() || share.abs() > 1e3 {
+        true => number::fixed(f64::NAN, 0),
+        false => format!("{} %", number::signed(share, 1)),
+    }
+}
+
+/// A line from bound to bound, a tick where the value was, a dot where it is.
+fn range(change: &Change) -> Markup {
+    let width = change.max - change.min;
+    if !(width > 0.0 && width.is_finite()) {
+        return html! { span.muted { "not bounded" } };
+    }
+    let share = |value: f64| ((value - change.min) / width).clamp(0.0, 1.0);
+    let (from, to) = (share(change.from), share(change.to));
+    let is_on_bound = !(ON_BOUND..=1.0 - ON_BOUND).contains(&to);
+    let (low, high) = (number::significant(change.min), number::significant(change.max));
+    let place = number::fixed(100.0 * to, 0);
+    let way = format!("left:{:.1}%;width:{:.1}%", 100.0 * from.min(to), 100.0 * (to - from).abs());
+    html! {
+        div.bounds title=(format!("{low} … {high}")) role="img"
+            aria-label=(format!("at {place} % of the range from {low} to {high}")) {
+            i.was style=(format!("left:{:.1}%", 100.0 * from)) {}
+            i.way style=(way) {}
+            i.is.on-bound[is_on_bound] style=(format!("left:{:.1}%", 100.0 * to)) {}
+        }
+        @if is_on_bound { span.bound-note { "on its bound" } }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn change(from: f64, to: f64, min: f64, max: f64) -> Change {
+        Change { parameter: "V1 <front>".into(), from, to, unit: "mm".into(), min, max }
+    }
+
+    #[test]
+    fn values_lie_between_their_bounds() {
+        let table = change_table(&[change(11.34, 12.0, 10.0, 14.0)], "nominal").into_string();
+        assert!(table.contains("V1 &lt;front&gt;") && table.contains("11.340") && table.contains("+5.8 %"));
+        assert!(table.contains("left:50.0%") && !table.contains("on its bound"));
+        let bound = change_table(&[change(11.0, 14.0, 10.0, 14.0)], "nominal").into_string();
+        assert!(bound.contains("on its bound"));
+    }
+
+    #[test]
+    fn what_has_no_bounds_or_no_scale_says_so() {
+        let free =
+            change_table(&[change(0.0, 1e-5, f64::NEG_INFINITY, f64::INFINITY)], "nominal").into_string();
+        assert!(free.contains("not bounded") && free.contains("1.0000·10⁻⁵") && !free.contains("inf %"));
+        assert!(change_table(&[], "nominal").into_string().is_empty());
+    }
+}

@@ -1,0 +1,324 @@
+//! The page: all sections in the order in which a reader asks for them.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use petzval_optics::lens::Lens;
+
+use super::change::change_table;
+use super::picture::pictures;
+use super::prescription::{first_order_line, prescription};
+use super::psf_table::psf_table;
+use super::reading::reading;
+use super::score_table::score_table;
+use super::{CameraView, LossCurve, Report};
+use crate::chart::{Chart, Series, chart_svg};
+use crate::field_curve::{FieldPoint, to_full_field};
+use crate::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
+use crate::palette;
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// Width of a layout drawing, px.
+const LAYOUT_PX: f64 = 1020.0;
+
+/// Rays of a fan in a layout.
+const FAN_RAYS: usize = 9;
+
+/// The whole page.
+pub(super) fn page(report: &Report) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (report.title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                (head(report))
+                main {
+                    (result(report))
+                    (section("Pictures", !report.pictures.is_empty(), || pictures(report)))
+                    (section("Lenses", !report.cameras.is_empty(), || lenses(report)))
+                    (section("Point-spread functions", has_psfs(report), || psf_table(report)))
+                    (section("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
+                    (section("Over the run", !report.losses.is_empty(), || over_the_run(report)))
+                    (how_it_was_made(report))
+                }
+                (viewer())
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// A section under a headline, if there is something to show.
+fn section(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> Markup {
+    html! {
+        @if is_there { section { h2 { (headline) } (body()) } }
+    }
+}
+
+fn head(report: &Report) -> Markup {
+    html! {
+        header {
+            p.mark { "Petzval" }
+            h1 { (report.title) }
+            @if !report.subtitle.is_empty() { p.subtitle { (report.subtitle) } }
+            @if !report.command_line.is_empty() { pre.command { code { "$ " (report.command_line) } } }
+        }
+    }
+}
+
+/// The reading, the scores, and what to keep in mind.
+fn result(report: &Report) -> Markup {
+    let sentences = reading(&report.table);
+    html! {
+        @if !report.table.is_empty() || !report.notes.is_empty() {
+            section {
+                h2 { "Result" }
+                @if let Some((first, rest)) = sentences.split_first() {
+                    p.lead { (first) }
+                    @for sentence in rest { p.reading { (sentence) } }
+                }
+                (score_table(&report.table, &report.cameras))
+                @if !report.notes.is_empty() {
+                    ul.notes { @for note in &report.notes { li { (note) } } }
+                }
+            }
+        }
+    }
+}
+
+/// Layouts on one scale, with what changed.
+fn lenses(report: &Report) -> Markup {
+    let full = report.fields_rad.last().copied().unwrap_or(0.0);
+    let mut options = LayoutOptions {
+        px_per_mm: 1.0,
+        fields_rad: vec![0.0, 0.5 * full, full],
+        rays: FAN_RAYS,
+        half_diagonal_mm: report.half_diagonal_mm,
+        ghost: None,
+        extent: Extent::default(),
+    };
+    options.extent = report
+        .cameras
+        .iter()
+        .map(|c| layout_extent(&c.lens, &options))
+        .fold(Extent::default(), Extent::union);
+    options.px_per_mm = LAYOUT_PX / (options.extent.z_max_mm - options.extent.z_min_mm).max(1e-6);
+    let baseline = report.cameras.first();
+    html! {
+        @for (i, camera) in report.cameras.iter().enumerate() {
+            @let ghost = baseline.filter(|b| i > 0 && b.lens != camera.lens).map(|b| b.lens.clone());
+            (lens_card(camera, i, baseline, &LayoutOptions { ghost, ..options.clone() }))
+        }
+        p.caption {
+            "All layouts are on one scale. Fans of " (FAN_RAYS) " rays are aimed at the stop by real tracing "
+            "at " (lens_reference(baseline.map(|b| &b.lens))) " µm; a ray that is clipped ends in a dot. "
+            "Glass is blue for crowns and plastics of low dispersion, sand for flints."
+            @if let (Some(b), true) = (baseline, report.cameras.len() > 1) {
+                " Dashed: the elements of " (b.name) "."
+            }
+        }
+    }
+}
+
+fn lens_reference(lens: Option<&Lens>) -> String {
+    crate::number::fixed(lens.map_or(f64::NAN, |l| l.reference_um), 4)
+}
+
+fn lens_card(
+    camera: &CameraView,
+    i: usize,
+    baseline: Option<&CameraView>,
+    options: &LayoutOptions,
+) -> Markup {
+    html! {
+        article.lens {
+            h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
+            p.muted { (first_order_line(&camera.lens)) }
+            div.card { (PreEscaped(layout_svg(&camera.lens, options))) }
+            @if let (Some(b), false) = (baseline, camera.changes.is_empty()) {
+                details open {
+                    summary { "What changed (" (camera.changes.len()) ")" }
+                    (change_table(&camera.changes, &b.name))
+                }
+            }
+            details {
+                summary { "Prescription" }
+                (prescription(&camera.lens))
+            }
+        }
+    }
+}
+
+/// Spot radius and illumination of every camera from the axis to the full field.
+fn over_the_field(report: &Report) -> Markup {
+    let full = report.fields_rad.last().copied().unwrap_or(0.0);
+    let curves: Vec<Vec<FieldPoint>> =
+        report.cameras.iter().map(|c| to_full_field(&c.lens, full, &report.wavelengths_um)).collect();
+    let chart = |what: &str, y_axis: &str, value: fn(&FieldPoint) -> f64| {
+        let series = report.cameras.iter().zip(&curves).enumerate().map(|(i, (camera, curve))| Series {
+            name: camera.name.clone(),
+            colour: palette::camera(i).into(),
+            points: curve.iter().map(|p| (p.field_deg, value(p))).collect(),
+        });
+        figure(&Chart {
+            alt: format!("{what} over the field angle, one curve per camera"),
+            x_axis: "field angle, degrees".into(),
+            y_axis: y_axis.into(),
+            series: series.collect(),
+            smooth: false,
+            from_zero: true,
+        })
+    };
+    html! {
+        div.charts {
+            (chart("RMS spot radius", "RMS spot radius, µm", |p| p.rms_um))
+            (chart("Relative illumination", "relative illumination, %", |p| 100.0 * p.illumination))
+        }
+        p.caption {
+            "Traced from the lenses above: means over the three wavelengths, spots about their common centroid."
+        }
+    }
+}
+
+fn figure(chart: &Chart) -> Markup {
+    html! { div.card { (PreEscaped(chart_svg(chart))) } }
+}
+
+/// One chart for each block and loss, one curve for each camera.
+fn over_the_run(report: &Report) -> Markup {
+    let mut groups: Vec<Vec<&LossCurve>> = Vec::new();
+    for curve in &report.losses {
+        let is_same = |g: &&mut Vec<&LossCurve>| g[0].block == curve.block && g[0].label == curve.label;
+        match groups.iter_mut().find(is_same) {
+            Some(group) => group.push(curve),
+            None => groups.push(vec![curve]),
+        }
+    }
+    html! {
+        div.charts {
+            @for group in &groups { (figure(&loss_chart(group, report))) }
+        }
+        p.caption {
+            "Faint: every step. Thick: smoothed by local straight lines. Axes are logarithmic where values "
+            "span more than a decade."
+        }
+    }
+}
+
+fn loss_chart(group: &[&LossCurve], report: &Report) -> Chart {
+    let series = group.iter().enumerate().map(|(i, curve)| Series {
+        name: curve.camera.clone(),
+        colour: super::camera_colour(&report.cameras, &curve.camera, i).into(),
+        points: curve.points.iter().map(|(step, value)| (*step as f64, *value)).collect(),
+    });
+    let (block, label) = (&group[0].block, &group[0].label);
+    Chart {
+        alt: format!("{label} of the {block} block over the steps of the run"),
+        x_axis: format!("step of the {block} block"),
+        y_axis: label.clone(),
+        series: series.collect(),
+        smooth: true,
+        from_zero: false,
+    }
+}
+
+fn has_psfs(report: &Report) -> bool {
+    report.cameras.iter().any(|c| !c.psfs.is_empty())
+}
+
+/// The machine, and the configuration that runs it again.
+fn how_it_was_made(report: &Report) -> Markup {
+    let is_there = !report.environment.is_empty() || !report.config_toml.is_empty();
+    section("How it was made", is_there, || {
+        html! {
+            @if !report.environment.is_empty() {
+                dl.environment {
+                    @for (name, value) in &report.environment { div { dt { (name) } dd { (value) } } }
+                }
+            }
+            @if !report.config_toml.is_empty() {
+                details {
+                    summary { "Configuration, as resolved" }
+                    pre.config { code { (report.config_toml) } }
+                }
+            }
+        }
+    })
+}
+
+/// The large view that the script fills.
+fn viewer() -> Markup {
+    html! {
+        dialog #viewer aria-label="Picture, large" {
+            img alt="" {}
+            div.viewer-bar {
+                button type="button" data-step="-1" aria-label="previous camera" { "←" }
+                output {}
+                button type="button" data-step="1" aria-label="next camera" { "→" }
+                button type="button" data-close="" aria-label="close" { "✕" }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample;
+
+    #[test]
+    fn the_page_needs_nothing_but_itself() {
+        let page = page(&sample::report());
+        let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
+        assert!(!elsewhere.contains("http://") && !elsewhere.contains("https://"));
+        assert!(!page.contains("@import") && !page.contains("url("));
+        for source in page.split("src=\"").skip(1) {
+            assert!(source.starts_with("data:image/png;base64,"));
+        }
+    }
+
+    #[test]
+    fn every_section_is_there_and_every_picture_is_described() {
+        let report = sample::report();
+        let page = page(&report);
+        for headline in
+            ["Result", "Pictures", "Lenses", "Point-spread functions", "Over the field", "Over the run"]
+        {
+            assert!(page.contains(&format!("<h2>{headline}</h2>")), "{headline}");
+        }
+        assert_eq!(page.matches("class=\"layout\"").count(), 3);
+        assert_eq!(page.matches("class=\"psf-picture\"").count(), 15);
+        assert!(page.contains("class=\"ghost\""));
+        assert_eq!(page.matches("<img").count(), page.matches(" alt=\"").count());
+        assert!(!page.contains("NaN"));
+    }
+
+    #[test]
+    fn names_are_escaped_everywhere() {
+        let mut report = sample::report();
+        let bad = "<script>alert(1)</script>";
+        report.title = bad.into();
+        report.config_toml = bad.into();
+        report.notes.push(bad.into());
+        report.environment.push((bad.into(), bad.into()));
+        report.table[1].camera = bad.into();
+        report.cameras[1].name = bad.into();
+        report.cameras[1].lens.name = bad.into();
+        report.losses[0].label = bad.into();
+        assert!(!page(&report).contains("alert(1)</script>"));
+    }
+
+    #[test]
+    fn an_empty_report_is_a_page() {
+        let page = page(&Report::default());
+        assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>"));
+        assert!(!page.contains("<h2>"));
+    }
+}

@@ -1,0 +1,140 @@
+//! Pictures: a scene, and what each camera makes of it, with the middle enlarged.
+
+use std::io::Cursor;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::ImageFormat;
+use maud::{Markup, html};
+
+use super::{CameraPicture, PictureView, Report};
+use crate::number;
+
+/// The enlarged part is this share of a side.
+const ZOOM: f64 = 0.25;
+
+/// So many pictures are shown at once, the others on demand.
+const UNFOLDED: usize = 6;
+
+/// All pictures; a click on any opens it large, where arrow keys flick through the cameras.
+pub(super) fn pictures(report: &Report) -> Markup {
+    html! {
+        @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
+        @for (i, picture) in first.iter().enumerate() { (comparison(report, picture, i)) }
+        @if !rest.is_empty() {
+            details {
+                summary { (rest.len()) " more held-out pictures" }
+                @for (i, picture) in rest.iter().enumerate() { (comparison(report, picture, UNFOLDED + i)) }
+            }
+        }
+        p.caption {
+            "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw "
+            "frame developed but not yet processed by the network. Select a picture to see it large; the "
+            "arrow keys then switch cameras in place."
+        }
+    }
+}
+
+/// One scene in columns: truth, then the cameras.
+fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
+    let columns = picture.cameras.len() + 1;
+    html! {
+        figure.comparison {
+            figcaption { b { (picture.title) } span.muted { " " (picture.place) } }
+            div.comparison-grid style=(format!("--columns:{columns}")) {
+                div.shot {
+                    div.shot-name style="--camera:currentColor" { "truth" span.muted { " the scene" } }
+                    (framed(&picture.truth_png, &format!("{}: the scene", picture.title), "truth", group))
+                    div.shot-scores.muted { span { "1 − LPIPS" } span { "PSNR" } span { "SSIM" } }
+                    (zoomed(&picture.truth_png, &format!("{}: the scene, enlarged", picture.title)))
+                    div.shot-note { "the framed middle, enlarged" }
+                }
+                @for (i, shot) in picture.cameras.iter().enumerate() {
+                    (camera_column(report, picture, shot, i, group))
+                }
+            }
+        }
+    }
+}
+
+fn camera_column(
+    report: &Report,
+    picture: &PictureView,
+    shot: &CameraPicture,
+    i: usize,
+    group: usize,
+) -> Markup {
+    let colour = super::camera_colour(&report.cameras, &shot.camera, i);
+    let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
+    html! {
+        div.shot {
+            div.shot-name style=(format!("--camera:{}", colour)) { (shot.camera) }
+            (framed(&shot.output_png, &alt("network output"), &shot.camera, group))
+            div.shot-scores {
+                span { b { (number::fixed(shot.one_minus_lpips, 3)) } }
+                span { (number::fixed(shot.psnr_db, 1)) " dB" }
+                span { (number::fixed(shot.ssim, 3)) }
+            }
+            (zoomed(&shot.output_png, &alt("network output, enlarged,")))
+            div.shot-note { "after the network" }
+            (zoomed(&shot.developed_png, &alt("developed raw frame, enlarged,")))
+            div.shot-note { "before the network" }
+        }
+    }
+}
+
+/// A picture with a frame around what is enlarged.
+fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
+    let edge = 100.0 * 0.5 * (1.0 - ZOOM);
+    html! {
+        button.frame type="button" data-group=(group) data-name=(name) {
+            img src=(data_url(png)) alt=(alt);
+            i style=(format!("inset:{edge}%")) {}
+        }
+    }
+}
+
+/// The middle of a picture; nothing if it cannot be decoded.
+fn zoomed(png: &[u8], alt: &str) -> Markup {
+    html! {
+        @if let Some(middle) = middle(png) { img.pixels.zoom src=(data_url(&middle)) alt=(alt); }
+    }
+}
+
+fn middle(png: &[u8]) -> Option<Vec<u8>> {
+    let picture = image::load_from_memory_with_format(png, ImageFormat::Png).ok()?;
+    let side = |length: u32| ((f64::from(length) * ZOOM).round() as u32).max(1);
+    let (w, h) = (side(picture.width()), side(picture.height()));
+    let (x, y) = ((picture.width() - w) / 2, (picture.height() - h) / 2);
+    let mut out = Cursor::new(Vec::new());
+    picture.crop_imm(x, y, w, h).write_to(&mut out, ImageFormat::Png).ok()?;
+    Some(out.into_inner())
+}
+
+fn data_url(png: &[u8]) -> String {
+    format!("data:image/png;base64,{}", STANDARD.encode(png))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample;
+
+    #[test]
+    fn the_middle_is_a_quarter_of_each_side() {
+        let png = sample::picture_png(64, 32, 0);
+        let cut = image::load_from_memory(&middle(&png).unwrap()).unwrap().to_rgb8();
+        assert_eq!(cut.dimensions(), (16, 8));
+        let whole = image::load_from_memory(&png).unwrap().to_rgb8();
+        assert_eq!(cut.get_pixel(0, 0), whole.get_pixel(24, 12));
+    }
+
+    #[test]
+    fn a_broken_picture_is_shown_by_its_alt_text() {
+        let mut report = sample::report();
+        report.pictures[0].truth_png = vec![1, 2, 3];
+        report.pictures[0].title = "a \"quoted\" <scene>".into();
+        let page = pictures(&report).into_string();
+        assert!(page.contains("a &quot;quoted&quot; &lt;scene&gt;: the scene"));
+    }
+}

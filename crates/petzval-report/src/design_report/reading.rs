@@ -1,0 +1,168 @@
+//! The reading: what the scores say, in plain sentences, also when they say that nothing was won.
+
+use super::TableRow;
+use super::score_table::{EFL, F_NUMBER, FOV, LPIPS, PSNR, SPOT, SSIM, Score};
+use crate::number;
+
+/// A camera whose first-order data differ by more than this share is not like for like.
+const LIKE_FOR_LIKE: f64 = 0.01;
+
+/// Sentences on the table: the last design (or `end-to-end`, if there is one) against the baseline and
+/// against the control that was optimised for spots. Empty if there is nothing to compare.
+pub(super) fn reading(rows: &[TableRow]) -> Vec<String> {
+    let named = |name: &str| rows.iter().find(|r| r.camera.eq_ignore_ascii_case(name));
+    let (Some(baseline), Some(last)) = (named("nominal").or(rows.first()), rows.last()) else {
+        return Vec::new();
+    };
+    let design = named("end-to-end").unwrap_or(last);
+    if design.camera == baseline.camera {
+        return Vec::new();
+    }
+    let mut sentences = vec![compare(design, baseline, "")];
+    let control = named("spot-optimised").filter(|c| c.camera != design.camera);
+    if let Some(control) = control {
+        sentences.push(compare(design, control, " control"));
+    }
+    sentences.extend(spot_sentence(design, baseline, control));
+    sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
+    sentences
+}
+
+/// How a camera does against another in the three picture scores.
+fn compare(design: &TableRow, other: &TableRow, role: &str) -> String {
+    let scores = [&LPIPS, &PSNR, &SSIM];
+    let known: Vec<&Score> = scores.into_iter().filter(|s| s.gain(other, design).is_finite()).collect();
+    let article = if role.is_empty() { "" } else { "the " };
+    let against = format!("{article}{}{role}", other.camera);
+    let name = capitalised(&design.camera);
+    if known.is_empty() {
+        return format!("{name} and {against} have no picture score in common.");
+    }
+    let gains: Vec<f64> = known.iter().map(|s| s.gain(other, design)).collect();
+    let (wins, losses) =
+        (gains.iter().filter(|g| **g > 0.0).count(), gains.iter().filter(|g| **g < 0.0).count());
+    let verdict = match (wins, losses) {
+        (0, 0) => "equals",
+        (_, 0) if wins == known.len() => "beats",
+        (_, 0) => "is as good as or better than",
+        (0, _) if losses == known.len() => "loses to",
+        (0, _) => "is as good as or worse than",
+        _ => "wins in some scores and loses in others against",
+    };
+    let differences: Vec<String> = known.iter().map(|s| difference(s, design, other)).collect();
+    format!("{name} {verdict} {against}: {}.", differences.join(", "))
+}
+
+/// A difference with its sign, unit and name: `+0.0187 in 1 − LPIPS`, `+1.30 dB PSNR`.
+fn difference(score: &Score, design: &TableRow, other: &TableRow) -> String {
+    let value = number::signed((score.value)(design) - (score.value)(other), score.decimals);
+    match score.unit {
+        "" => format!("{value} in {}", score.name),
+        unit => format!("{value}\u{a0}{unit} {}", score.name),
+    }
+}
+
+/// How the spots changed, and whether another camera has the better spots but the worse pictures, which
+/// is the point of designing end to end.
+fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableRow>) -> Option<String> {
+    let um = |row: &TableRow| number::fixed(row.rms_spot_um, SPOT.decimals);
+    let gain = SPOT.gain(baseline, design);
+    if !gain.is_finite() {
+        return None;
+    }
+    let verb = match gain {
+        g if g > 0.0 => "shrink",
+        g if g < 0.0 => "grow",
+        _ => "stay",
+    };
+    let mut sentence = format!("Its RMS spots {verb} from {} to {} µm", um(baseline), um(design));
+    let is_sharper_but_worse = |r: &&TableRow| SPOT.gain(r, design) < 0.0 && LPIPS.gain(r, design) > 0.0;
+    if let Some(other) = control.into_iter().chain([baseline]).find(is_sharper_but_worse) {
+        sentence += &format!(
+            "; those of {} are smaller ({} µm), and yet its pictures score lower in {}",
+            other.camera,
+            um(other),
+            LPIPS.name
+        );
+    }
+    Some(sentence + ".")
+}
+
+/// Warns of a camera that differs from the baseline in what should be held fixed.
+fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
+    let differences: Vec<String> = [&EFL, &F_NUMBER, &FOV]
+        .into_iter()
+        .filter_map(|s| {
+            let (from, to) = ((s.value)(baseline), (s.value)(row));
+            let share = to / from - 1.0;
+            (share.abs() > LIKE_FOR_LIKE)
+                .then(|| format!("{} {} %", s.name, number::signed(100.0 * share, 1)))
+        })
+        .collect();
+    (!differences.is_empty()).then(|| {
+        format!(
+            "Not like for like: {} differs from {} ({}).",
+            row.camera,
+            baseline.camera,
+            differences.join(", ")
+        )
+    })
+}
+
+fn capitalised(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::rows;
+
+    /// The reading without its unbreakable spaces.
+    fn reading(rows: &[TableRow]) -> Vec<String> {
+        super::reading(rows).iter().map(|s| s.replace('\u{a0}', " ")).collect()
+    }
+
+    #[test]
+    fn a_win_is_said_with_its_numbers() {
+        let said = reading(&rows());
+        assert_eq!(
+            said[0],
+            "End-to-end beats nominal: +0.0187 in 1 − LPIPS, +1.30 dB PSNR, +0.0210 in SSIM."
+        );
+        assert!(
+            said[1].starts_with("End-to-end beats the spot-optimised control: +0.0066 in"),
+            "{}",
+            said[1]
+        );
+    }
+
+    #[test]
+    fn a_loss_and_a_tie_are_said_too() {
+        let mut rows = rows();
+        rows[2] = TableRow { camera: "end-to-end".into(), ..rows[0].clone() };
+        assert!(reading(&rows)[0].starts_with("End-to-end equals nominal: ±0.0000"));
+        assert!(reading(&rows)[1].starts_with("End-to-end loses to the spot-optimised control"));
+        rows[2].psnr_db += 0.5;
+        rows[2].one_minus_lpips -= 0.01;
+        assert!(reading(&rows)[0].contains("wins in some scores and loses in others"));
+    }
+
+    #[test]
+    fn smaller_spots_with_worse_pictures_are_pointed_out() {
+        assert_eq!(
+            reading(&rows())[2],
+            "Its RMS spots shrink from 12.60 to 8.05 µm; those of spot-optimised are smaller (7.31 µm), and \
+             yet its pictures score lower in 1 − LPIPS."
+        );
+    }
+
+    #[test]
+    fn a_longer_focal_length_is_not_like_for_like() {
+        let mut rows = rows();
+        rows[2].efl_mm *= 1.1;
+        assert!(reading(&rows).last().unwrap().contains("EFL +10.0 %"));
+        assert!(reading(&rows[..1]).is_empty() && reading(&[]).is_empty());
+    }
+}

@@ -1,0 +1,126 @@
+//! Tables: first order, the fields at a glance, third-order sums by surface.
+
+use maud::{Markup, html};
+use petzval_optics::analysis::Analysis;
+
+use super::seidel::{SUMS, sums};
+use super::style::{field_name, method, short, wavelength_name};
+use super::wavefront::nearest_to_reference;
+use crate::number;
+
+/// First-order quantities as a list of two columns; what does not exist is left out.
+pub(super) fn first_order(analysis: &Analysis) -> Markup {
+    let o = &analysis.first_order;
+    let mm = |v: Option<f64>| v.map(|v| format!("{} mm", number::fixed(v, 4)));
+    let plain = |v: Option<f64>, decimals: usize| v.map(|v| number::fixed(v, decimals));
+    let rows: [(&str, Option<String>); 22] = [
+        ("focal length", mm(o.efl_mm)),
+        ("back focal length", mm(o.bfl_mm)),
+        ("front focal length", mm(o.ffl_mm)),
+        ("f-number", plain(o.f_number, 3)),
+        ("working f-number", plain(Some(o.working_f_number), 3)),
+        ("object from the first vertex", Some(mm(o.object_mm).unwrap_or_else(|| "at infinity".into()))),
+        ("magnification", plain(o.magnification, 4)),
+        ("full field", Some(field_name(o.full_field_deg))),
+        ("height of the paraxial image", mm(o.image_height_mm)),
+        ("image plane from the last vertex", mm(Some(o.image_mm))),
+        ("image plane from the paraxial image", mm(o.defocus_mm)),
+        ("first vertex to the image plane", mm(Some(o.total_track_mm))),
+        ("entrance pupil, diameter", mm(Some(o.entrance_pupil_mm))),
+        ("entrance pupil from the first vertex", mm(o.entrance_pupil_at_mm)),
+        ("exit pupil, diameter", mm(o.exit_pupil_mm)),
+        ("exit pupil from the last vertex", mm(o.exit_pupil_at_mm)),
+        ("stop, radius", mm(Some(o.stop_radius_mm))),
+        ("Petzval radius", mm(o.petzval_radius_mm)),
+        ("Lagrange invariant", mm(Some(o.lagrange_invariant_mm))),
+        ("Airy disk, radius", Some(format!("{} µm", number::fixed(o.airy_radius_um, 3)))),
+        ("cutoff", Some(format!("{} cycles/mm", number::fixed(o.cutoff_per_mm, 1)))),
+        ("reference wavelength", Some(wavelength_name(analysis.reference_um))),
+    ];
+    html! {
+        dl.first-order {
+            @for (name, value) in rows {
+                @if let Some(value) = value { div { dt { (name) } dd { (value) } } }
+            }
+        }
+    }
+}
+
+/// One line a field.
+pub(super) fn by_field(analysis: &Analysis) -> Markup {
+    let shown = nearest_to_reference(analysis);
+    let highest = analysis.mtf.first().and_then(|m| m.frequency_per_mm.last()).copied().unwrap_or(0.0);
+    let um = analysis.wavelengths_um.get(shown).copied().unwrap_or(f64::NAN);
+    let has_waves: Vec<bool> = analysis.mtf.iter().map(|m| m.diffraction.is_some()).collect();
+    let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "field" }
+                        th { "chief ray y" span.unit { "mm" } }
+                        th { "RMS spot" span.unit { "µm" } }
+                        th { "largest" span.unit { "µm" } }
+                        th { "RMS wavefront" span.unit { "waves" } }
+                        th { "P–V" span.unit { "waves" } }
+                        th { "Strehl" span.unit { "ratio" } }
+                        th { "MTF T" span.unit { "at " (short(highest, 2)) } }
+                        th { "MTF S" span.unit { "cycles/mm" } }
+                    }
+                }
+                tbody {
+                    @for (i, field) in analysis.fields_deg.iter().enumerate() {
+                        @let (spot, wave, mtf) = (&analysis.spots[i], &analysis.wavefronts[i], &analysis.mtf[i]);
+                        @let curve = mtf.diffraction.as_ref().unwrap_or(&mtf.geometric);
+                        tr {
+                            th { (field_name(*field)) }
+                            td { (number::fixed(spot.chief_mm[1], 4)) }
+                            td { (number::fixed(spot.rms_um, 2)) }
+                            td { (number::fixed(spot.geometric_radius_um, 2)) }
+                            td { (number::fixed(wave.rms_waves[shown], 3)) }
+                            td { (number::fixed(wave.peak_to_valley_waves[shown], 2)) }
+                            td { (number::fixed(wave.strehl[shown].unwrap_or(f64::NAN), 3)) }
+                            td { (number::fixed(last(&curve.tangential), 3)) }
+                            td { (number::fixed(last(&curve.sagittal), 3)) }
+                        }
+                    }
+                }
+            }
+        }
+        p.caption {
+            "Spots of all wavelengths about their common centroid; wavefronts at " (wavelength_name(um))
+            ". MTF: " (method(&has_waves).to_lowercase()) "; mean of the wavelengths."
+        }
+    }
+}
+
+/// Third-order sums by surface.
+pub(super) fn third_order(analysis: &Analysis) -> Markup {
+    let line = |values: [f64; 7]| html! { @for v in values { td { (number::fixed(v, 5)) } } };
+    html! {
+        @if let Some(order) = &analysis.third_order {
+            div.scroll {
+                table {
+                    thead {
+                        tr {
+                            th { "surface" }
+                            @for (sum, name) in SUMS { th { (sum) span.unit { (name) } } }
+                        }
+                    }
+                    tbody {
+                        @for (i, surface) in order.surfaces.iter().enumerate() {
+                            tr { th { (i + 1) } (line(sums(surface))) }
+                        }
+                        tr.sum { th { "sum, mm" } (line(sums(&order.total))) }
+                    }
+                }
+            }
+            @let [w040, w131, w222, w220, w311] = order.wavefront_waves.map(|w| number::fixed(w, 3));
+            p.caption {
+                "As wavefronts at the edge of pupil and field, waves: W040 " (w040) ", W131 " (w131) ", W222 " (w222)
+                ", W220 " (w220) ", W311 " (w311) "."
+            }
+        }
+    }
+}

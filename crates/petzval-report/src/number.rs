@@ -1,0 +1,125 @@
+//! How numbers are written for a reader: true minus signs, no negative zero, a dash for what is not known.
+
+/// What stands for a value that nobody measured.
+const UNKNOWN: &str = "–";
+
+/// A value with so many decimals; a dash if it is not finite.
+///
+/// A typographic minus sign keeps columns aligned, and what rounds to zero has no sign.
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return UNKNOWN.into();
+    }
+    let digits = format!("{:.decimals$}", value.abs());
+    let is_zero = digits.bytes().all(|b| matches!(b, b'0' | b'.'));
+    if value < 0.0 && !is_zero { format!("\u{2212}{digits}") } else { digits }
+}
+
+/// A value with up to so many decimals.
+pub(crate) fn short(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+}
+
+/// A difference with its sign, `±0` if it rounds to nothing.
+pub(crate) fn signed(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    if !value.is_finite() || text.starts_with('\u{2212}') {
+        text
+    } else if is_nothing(value, decimals) {
+        format!("±{text}")
+    } else {
+        format!("+{text}")
+    }
+}
+
+/// Whether a value rounds to zero at so many decimals.
+pub(crate) fn is_nothing(value: f64, decimals: usize) -> bool {
+    (value * 10_f64.powi(decimals as i32)).round() == 0.0
+}
+
+/// A number of unknown size with about five significant digits: `11.340`, `−4.0600·10⁻⁵`, `∞`.
+pub(crate) fn significant(value: f64) -> String {
+    if value.is_infinite() {
+        return if value > 0.0 { "∞".into() } else { "\u{2212}∞".into() };
+    }
+    if value == 0.0 || value.is_nan() {
+        return fixed(value, 0);
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if (-2..5).contains(&exponent) {
+        return fixed(value, (4 - exponent).clamp(0, 5) as usize);
+    }
+    format!("{}·10{}", fixed(value / 10_f64.powi(exponent), 4), superscript(exponent))
+}
+
+/// A whole number in superscript characters.
+pub(crate) fn superscript(value: i32) -> String {
+    value
+        .to_string()
+        .chars()
+        .map(|c| match c {
+            '-' => '⁻',
+            digit => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize - '0' as usize],
+        })
+        .collect()
+}
+
+/// Tick positions for an axis from `low` to `high`: about `count` multiples of 1, 2 or 5 times a power
+/// of ten.
+pub(crate) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let rough = (high - low) / count.max(1) as f64;
+    if !(rough > 0.0 && rough.is_finite()) {
+        return Vec::new();
+    }
+    let step = round_length(rough);
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    (first..=last).map(|i| i as f64 * step).collect()
+}
+
+/// The length nearest to `rough` (in ratio) among 1, 2 and 5 times a power of ten.
+pub(crate) fn round_length(rough: f64) -> f64 {
+    let decade = 10_f64.powf(rough.log10().floor());
+    let share = rough / decade;
+    let digit = match share {
+        s if s < 1.5 => 1.0,
+        s if s < 3.5 => 2.0,
+        s if s < 7.5 => 5.0,
+        _ => 10.0,
+    };
+    digit * decade
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signs_and_zeros_are_typographic() {
+        assert_eq!(fixed(-1.25, 1), "\u{2212}1.2");
+        assert_eq!(fixed(-0.0004, 3), "0.000");
+        assert_eq!(fixed(f64::NAN, 3), "–");
+        assert_eq!(signed(0.0125, 3), "+0.013");
+        assert_eq!(signed(-0.0125, 2), "\u{2212}0.01");
+        assert_eq!(signed(-0.0001, 3), "±0.000");
+    }
+
+    #[test]
+    fn significant_digits_follow_the_size() {
+        assert_eq!(significant(11.34), "11.340");
+        assert_eq!(significant(-4.06e-5), "\u{2212}4.0600·10⁻⁵");
+        assert_eq!(significant(0.848), "0.84800");
+        assert_eq!(significant(f64::INFINITY), "∞");
+        assert_eq!(significant(0.0), "0");
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        assert_eq!(ticks(0.0, 15.3, 5), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0]);
+        assert_eq!(ticks(0.0, 100.0, 5), [0.0, 20.0, 40.0, 60.0, 80.0, 100.0]);
+        assert!(ticks(1.0, 1.0, 5).is_empty());
+        assert_eq!(round_length(8.1), 10.0);
+        assert_eq!(round_length(13.0), 10.0);
+    }
+}

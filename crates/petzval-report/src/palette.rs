@@ -1,0 +1,52 @@
+//! Colours: of cameras, of fields, of glass. All sets are told apart by colour-blind readers (Okabe and
+//! Ito, "Color Universal Design", 2008) and stand on white.
+
+/// Lines of cameras: the baseline is grey, the rest stand out from it.
+const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
+
+/// Ray fans, from the axis outwards.
+const FIELDS: [&str; 5] = ["#0072b2", "#009e73", "#d55e00", "#aa4499", "#b98200"];
+
+/// Wavelengths from short to long, near their hues; a lens of few takes those that are farthest apart.
+const WAVELENGTHS: [&str; 7] = ["#8a3ea6", "#0072b2", "#3a9bd0", "#009e73", "#b98200", "#d55e00", "#8c2d04"];
+
+/// Which of them, by how many there are.
+const CHOICES: [&[usize]; 7] =
+    [&[3], &[1, 5], &[1, 3, 5], &[1, 3, 4, 5], &[0, 1, 3, 4, 5], &[0, 1, 2, 3, 4, 5], &[0, 1, 2, 3, 4, 5, 6]];
+
+/// Fill of a crown of high Abbe number, RGB.
+const CROWN: [f64; 3] = [206.0, 226.0, 243.0];
+
+/// Fill of a dense flint, RGB.
+const FLINT: [f64; 3] = [244.0, 222.0, 190.0];
+
+/// Colour of the i-th camera.
+pub(crate) fn camera(i: usize) -> &'static str {
+    CAMERAS[i % CAMERAS.len()]
+}
+
+/// Colour of the i-th field.
+pub(crate) fn field(i: usize) -> &'static str {
+    FIELDS[i % FIELDS.len()]
+}
+
+/// Colour of the i-th of so many wavelengths, from the shortest.
+pub(crate) fn wavelength(i: usize, count: usize) -> &'static str {
+    let choice = CHOICES[count.clamp(1, CHOICES.len()) - 1];
+    // More wavelengths than colours: neighbours share one and keep their markers.
+    let place = if count > choice.len() { i * choice.len() / count } else { i };
+    WAVELENGTHS[choice[place.min(choice.len() - 1)]]
+}
+
+/// Fill of an element by its Abbe number: blue for crowns (V >= 55), sand for flints (V <= 25).
+pub(crate) fn glass(vd: f64) -> String {
+    let crown = if vd.is_finite() { ((vd - 25.0) / 30.0).clamp(0.0, 1.0) } else { 1.0 };
+    let mix = |i: usize| (FLINT[i] + crown * (CROWN[i] - FLINT[i])).round() as u8;
+    format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
+}
+
+/// Red, green and blue of a `#rrggbb` colour; grey if it is not one.
+pub(crate) fn rgb(hex: &str) -> [u8; 3] {
+    let part = |i: usize| hex.get(i..i + 2).and_then(|h| u8::from_str_radix(h, 16).ok()).unwrap_or(128);
+    [part(1), part(3), part(5)]
+}

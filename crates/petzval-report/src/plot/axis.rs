@@ -1,0 +1,158 @@
+//! Axes: a range of values with round ticks.
+
+use crate::number;
+
+/// An axis, linear or logarithmic.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Axis {
+    /// Value at its beginning, left or below.
+    pub low: f64,
+    /// Value at its end.
+    pub high: f64,
+    /// Values with a tick and a number.
+    pub ticks: Vec<f64>,
+    /// Decimals that tell neighbouring ticks apart.
+    decimals: usize,
+    /// Whether equal ratios, rather than equal differences, are equally long.
+    is_logarithmic: bool,
+}
+
+impl Axis {
+    /// Exactly from one value to another, with about so many ticks at multiples of 1, 2 or 5. Without a range between them it
+    /// reaches 1 to both sides.
+    pub fn between(low: f64, high: f64, count: usize) -> Self {
+        let (low, high) = match (low.is_finite() && high.is_finite(), high > low) {
+            (true, true) => (low, high),
+            (true, false) => (low - 1.0, low + 1.0),
+            _ => (0.0, 1.0),
+        };
+        let ticks = number::ticks(low, high, count);
+        let step = ticks.get(1).zip(ticks.first()).map_or(high - low, |(b, a)| b - a);
+        let decimals = (-(step.log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
+        Self { low, high, ticks, decimals, is_logarithmic: false }
+    }
+
+    /// Logarithmic, from the power of ten at or below one value to that at or above another, both positive; at least one
+    /// decade. Every decade has a tick, or every second, third, ... where there are more than about nine.
+    pub fn decades(low: f64, high: f64) -> Self {
+        let power = |v: f64| if v > 0.0 && v.is_finite() { v.log10().clamp(-30.0, 30.0) } else { 0.0 };
+        let first = (power(low) + 1e-9).floor() as i32;
+        let last = ((power(high) - 1e-9).ceil() as i32).max(first + 1);
+        let step = (last - first).div_euclid(9) + 1;
+        let ticks = (first..=last).step_by(step as usize).map(|p| 10_f64.powi(p)).collect();
+        Self { low: 10_f64.powi(first), high: 10_f64.powi(last), ticks, decimals: 0, is_logarithmic: true }
+    }
+
+    /// From the tick at or below one value to that at or above another.
+    pub fn around(low: f64, high: f64, count: usize) -> Self {
+        let mut axis = Self::between(low, high, count);
+        // Ticks of the wider range may be farther apart than those of the narrower one: then it grows once more.
+        for _ in 0..3 {
+            let step = number::round_length((axis.high - axis.low) / count.max(1) as f64);
+            let down = (axis.low / step + 1e-9).floor() * step;
+            let up = (axis.high / step - 1e-9).ceil() * step;
+            axis = Self::between(down, up, count);
+        }
+        axis
+    }
+
+    /// From `-reach` to `reach`, widened to a round number.
+    pub fn about_zero(reach: f64) -> Self {
+        let reach = round_up(reach);
+        let mut axis = Self::between(-reach, reach, 4);
+        axis.ticks = vec![-reach, 0.0, reach];
+        let text = format!("{reach:.9}");
+        axis.decimals = text.trim_end_matches('0').split('.').nth(1).map_or(0, str::len);
+        axis
+    }
+
+    /// Where a value lies on the axis, 0..1 between its ends.
+    pub fn share(&self, value: f64) -> f64 {
+        if self.is_logarithmic {
+            // What is not positive lies below every axis.
+            let value = value.max(self.low * 1e-9);
+            return (value / self.low).ln() / (self.high / self.low).ln();
+        }
+        (value - self.low) / (self.high - self.low)
+    }
+
+    /// The number at a tick.
+    pub fn label(&self, value: f64) -> String {
+        if self.is_logarithmic {
+            return match value.log10().round() as i32 {
+                power @ -3..=4 => number::fixed(value, (-power).max(0) as usize),
+                power => format!("10{}", number::superscript(power)),
+            };
+        }
+        let size = value.abs().max(self.low.abs()).max(self.high.abs());
+        if (1e-6..1e7).contains(&size) {
+            number::fixed(value, self.decimals)
+        } else {
+            number::significant(value)
+        }
+    }
+
+    /// Characters of the widest number.
+    pub fn widest_label(&self) -> usize {
+        self.ticks.iter().map(|t| self.label(*t).chars().count()).max().unwrap_or(1)
+    }
+}
+
+/// The next of 1, 1.5, 2, 3, 5, 8 times a power of ten that is not less; 1 if there is none.
+pub(crate) fn round_up(value: f64) -> f64 {
+    if !(value > 0.0 && value.is_finite()) {
+        return 1.0;
+    }
+    let decade = 10_f64.powf(value.log10().floor());
+    let digit = [1.0, 1.5, 2.0, 3.0, 5.0, 8.0].into_iter().find(|d| d * decade >= value * (1.0 - 1e-9));
+    digit.unwrap_or(10.0) * decade
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(axis: &Axis) -> Vec<String> {
+        axis.ticks.iter().map(|t| axis.label(*t)).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_and_labels_no_longer_than_needed() {
+        assert_eq!(labels(&Axis::between(0.0, 1.0, 5)), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(&Axis::between(0.0, 85.32, 4)), ["0", "20", "40", "60", "80"]);
+        assert_eq!(labels(&Axis::about_zero(13.0)), ["\u{2212}15", "0", "15"]);
+        assert_eq!(labels(&Axis::about_zero(0.12)), ["\u{2212}0.15", "0.00", "0.15"]);
+    }
+
+    #[test]
+    fn an_axis_around_values_ends_at_ticks() {
+        let axis = Axis::around(-0.37, 1.42, 4);
+        assert_eq!((axis.low, axis.high), (-0.5, 1.5));
+        assert_eq!(axis.share(0.5), 0.5);
+        // Between -7 and 1 ticks are 2 apart.
+        let wide = Axis::around(-6.9, 0.15, 5);
+        assert_eq!((wide.low, wide.high, wide.ticks.len()), (-8.0, 2.0, 6));
+        let fits = Axis::around(0.0, 10.0, 5);
+        assert_eq!((fits.low, fits.high), (0.0, 10.0));
+    }
+
+    #[test]
+    fn decades_are_equally_long() {
+        let axis = Axis::decades(0.02, 50_000.0);
+        assert_eq!((axis.low, axis.high, axis.ticks.len()), (0.01, 100_000.0, 8));
+        assert!((axis.share(1.0) - 2.0 / 7.0).abs() < 1e-12 && axis.share(0.0) < 0.0);
+        assert_eq!(labels(&axis)[..3], ["0.01", "0.1", "1"]);
+        assert_eq!(labels(&axis)[7], "10⁵");
+        let wide = Axis::decades(1.0, 1e20);
+        assert!(wide.ticks.len() <= 10 && Axis::decades(0.0, 0.0).high > 1.0, "{wide:?}");
+    }
+
+    #[test]
+    fn a_range_of_nothing_or_of_no_number_is_still_an_axis() {
+        for (low, high) in [(3.0, 3.0), (f64::NAN, 1.0), (0.0, f64::INFINITY), (5.0, 1.0)] {
+            let axis = Axis::around(low, high, 4);
+            assert!(axis.high > axis.low && !axis.ticks.is_empty(), "{axis:?}");
+        }
+        assert_eq!(Axis::about_zero(0.0).high, 1.0);
+    }
+}

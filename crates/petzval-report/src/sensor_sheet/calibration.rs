@@ -1,0 +1,280 @@
+//! The calibration over all gains: each gain, the parameters of the model beside the tables of the paper, and how well the
+//! histograms agree.
+
+use maud::{Markup, html};
+use petzval_lab::emva::captures::Kind;
+use petzval_lab::emva::joint::GAINS;
+use petzval_lab::emva::{Characterization, Measured};
+
+use super::reasons::Reasons;
+use super::style::{short, symbol, with_error};
+use crate::number;
+
+/// What each gain contributes to the joint fit.
+pub(super) fn gains(all: &Characterization) -> Markup {
+    let mut reasons = Reasons::default();
+    html! {
+        div.scroll {
+            table.figures {
+                thead {
+                    tr {
+                        th { "gain" }
+                        th { (symbol("K_g")) span.unit { "DN/e⁻" } }
+                        th { (symbol("K_g")) "/g" span.unit { "DN/e⁻" } }
+                        th { (symbol("μ_I")) ", mean" span.unit { "e⁻/s" } }
+                        th { (symbol("μ_I")) ", variance" span.unit { "e⁻/s" } }
+                        th { "dark variance" span.unit { "DN² at 0 s" } }
+                        th { "dark mean" span.unit { "DN at 0 s" } }
+                    }
+                }
+                tbody {
+                    @for row in &all.joint.rows {
+                        tr {
+                            th { (short(row.linear_gain, 2)) }
+                            @for value in [
+                                &row.gain_dn_per_e,
+                                &row.gain_at_unit_dn_per_e,
+                                &row.dark_current_mean_e_per_s,
+                                &row.dark_current_variance_e_per_s,
+                                &row.dark_variance_dn2,
+                                &row.dark_mean_dn,
+                            ] { td { (reasons.cell(value)) } }
+                        }
+                    }
+                }
+            }
+        }
+        (reasons.list())
+    }
+}
+
+/// Parameters of the model by the joint fit and by the fit to histograms, beside what Tseng et al. print for their camera.
+pub(super) fn model(all: &Characterization) -> Markup {
+    let (joint, fit) = (&all.joint, all.histogram_fit.as_ref());
+    let mut reasons = Reasons::default();
+    let mosaic = all.sensor.cfa.colours().len() > 1;
+    let mut measured = |value: &Measured| reasons.cell(value);
+    let is_paper_camera = {
+        let name = all.sensor.name.to_uppercase();
+        ["IMX249", "23S6"].iter().any(|part| name.contains(part))
+    };
+    let stated = |v: f64| Measured::exact(v);
+    // What the histograms do not tell was held, and has no error; nor has anything of a fit that does not describe them.
+    let fitted = |of: fn(&petzval_lab::emva::HistogramFit) -> Measured| {
+        let (fit, value) = (fit?, of(fit?));
+        let held = match value.standard_error() {
+            Some(_) => "",
+            None if fit.is_sound() => " (held)",
+            None => " (no error)",
+        };
+        Some(with_error(&value)? + held)
+    };
+    // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
+    let black_level = joint.black_level_dn.map_or(html! { "not stated" }, |v| measured(&stated(v)));
+    type Row<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
+    let mut rows: Vec<Row<'_>> = vec![
+        (
+            "",
+            "columns × rows",
+            "pixels",
+            html! { (all.width) " × " (all.height) },
+            None,
+            ["1920 × 1200", "", ""],
+        ),
+        ("", "bits", "", measured(&stated(f64::from(all.sensor.bits))), None, ["12", "", ""]),
+        ("BL", "black level, as set", "DN", black_level, None, ["119", "", ""]),
+        (
+            "K",
+            "system gain at linear gain 1",
+            "DN/e⁻",
+            measured(&joint.gain_dn_per_e),
+            fitted(|f| f.gain_dn_per_e),
+            ["", "0.122", "0.14"],
+        ),
+        (
+            "μ_I",
+            "dark current, from the mean of all pixels",
+            "e⁻/s",
+            measured(&joint.dark_current_e_per_s),
+            fitted(|f| f.dark_current_e_per_s),
+            ["", "25", "25"],
+        ),
+        (
+            "μ_I",
+            "dark current, from the variance",
+            "e⁻/s",
+            measured(&joint.dark_current_variance_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        (
+            "",
+            "dark current, median of the pixels",
+            "e⁻/s",
+            measured(&joint.dark_current_median_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        (
+            "",
+            "dark current, mean of the pixels that are not hot",
+            "e⁻/s",
+            measured(&joint.dark_current_ordinary_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        ("", "share of hot pixels", "%", measured(&joint.hot_pixel_share.scale(100.0)), None, ["", "", ""]),
+        (
+            "",
+            "dark current of hot pixels above the others, mean",
+            "e⁻/s",
+            measured(&joint.hot_pixel_e_per_s),
+            None,
+            ["", "", ""],
+        ),
+        (
+            "μ_r",
+            "mean of the read noise",
+            "e⁻",
+            measured(&joint.read_noise_mean_e),
+            fitted(|f| f.read_noise_mean_e),
+            ["", "", "3.25"],
+        ),
+        (
+            "σ²_r",
+            "variance of the read noise",
+            "e⁻²",
+            measured(&joint.read_variance_e2),
+            fitted(|f| f.read_noise_e.squared()),
+            ["", "σ: 16", "16"],
+        ),
+        (
+            "σ_el",
+            "electronics noise",
+            "DN",
+            measured(&joint.electronics_noise_dn),
+            fitted(|f| f.electronics_noise_dn),
+            ["", "", "0.92"],
+        ),
+        (
+            "μ_el",
+            "mean of the electronics noise",
+            "DN",
+            measured(&joint.electronics_mean_dn),
+            None,
+            ["", "", "1.15"],
+        ),
+    ];
+    if mosaic {
+        rows.extend([
+            (
+                "α",
+                "red over green",
+                "",
+                measured(&joint.red_over_green),
+                fitted(|f| f.red_over_green),
+                ["", "", "0.82"],
+            ),
+            (
+                "β",
+                "blue over green",
+                "",
+                measured(&joint.blue_over_green),
+                fitted(|f| f.blue_over_green),
+                ["", "", "1.25"],
+            ),
+        ]);
+    }
+    html! {
+        div.scroll {
+            table.figures {
+                thead {
+                    tr {
+                        th { "symbol" }
+                        th.meaning { "parameter" }
+                        th.unit-cell { "unit" }
+                        th { "all gains together" }
+                        @if fit.is_some() { th { "fit to histograms" } }
+                        @if is_paper_camera { th { "Table 3" } th { "Table 4" } th { "Table 5" } }
+                    }
+                }
+                tbody {
+                    @for (text, meaning, unit, value, fitted, paper) in &rows {
+                        tr {
+                            th { (symbol(text)) }
+                            td.meaning { (meaning) }
+                            td.unit-cell { (unit) }
+                            td { (value) }
+                            @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
+                            @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
+                        }
+                    }
+                }
+            }
+        }
+        (reasons.list())
+        @if all.gains.len() < GAINS {
+            p.caption { "Captures at three or more linear gains tell read noise from electronics noise." }
+        }
+        @if is_paper_camera {
+            p.caption {
+                "Tables 3 to 5: supplement of Tseng et al. 2021, as printed, for a camera with the Sony IMX249. Table 4 calls σ"
+                sub { "r" } " 16 e⁻, its text and Table 5 call the variance 16 e⁻²; the electronics noise, printed in electrons, acts after the "
+                "converter and is in DN."
+            }
+        }
+        @if let Some(fit) = fit { (agreement(fit)) }
+    }
+}
+
+/// How well all histograms agree before and after the fit.
+fn agreement(fit: &petzval_lab::emva::HistogramFit) -> Markup {
+    let rows = [(Kind::Flat, "flat"), (Kind::Dark, "dark")];
+    let of = |kind: Kind, value: fn(&petzval_lab::emva::HistogramComparison) -> f64| {
+        let all: Vec<f64> = fit.histograms.iter().filter(|h| h.kind == kind).map(value).collect();
+        all.iter().sum::<f64>() / all.len() as f64
+    };
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th { "histograms" }
+                        th { "number" }
+                        th { "mean χ²/ν" span.unit { "before the fit" } }
+                        th { "mean χ²/ν" span.unit { "after" } }
+                        th { "mean TV, %" span.unit { "before" } }
+                        th { "mean TV, %" span.unit { "after" } }
+                        th { "mean KS, %" span.unit { "after" } }
+                    }
+                }
+                tbody {
+                    @for (kind, name) in rows {
+                        @if fit.histograms.iter().any(|h| h.kind == kind) {
+                            tr {
+                                th { (name) }
+                                td { (fit.histograms.iter().filter(|h| h.kind == kind).count()) }
+                                td { (number::fixed(of(kind, |h| h.before.reduced_chi2), 3)) }
+                                td { (number::fixed(of(kind, |h| h.after.reduced_chi2), 3)) }
+                                td { (number::fixed(100.0 * of(kind, |h| h.before.total_variation), 3)) }
+                                td { (number::fixed(100.0 * of(kind, |h| h.after.total_variation), 3)) }
+                                td { (number::fixed(100.0 * of(kind, |h| h.after.kolmogorov_smirnov), 3)) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        p.caption {
+            "χ²/ν: reduced chi-square, about 1 where only chance is left. TV: total variation. KS: Kolmogorov-Smirnov distance. "
+            @if fit.converged { "The fit converged in " (fit.steps) " steps." }
+            @else { "The fit had not converged after " (fit.steps) " steps." }
+            @if fit.left_out > 0 {
+                " " (fit.left_out) " histograms that are clipped or near saturation do not count."
+            }
+            " Read noise is that of temporal noise; beyond it the histograms have a DSNU of "
+            (with_error(&fit.dsnu_e).map_or("no resolved size".to_owned(), |v| v + " e⁻"))
+            " and a PRNU of " (with_error(&fit.prnu_percent).map_or("no resolved size".to_owned(), |v| v + " %")) "."
+        }
+    }
+}

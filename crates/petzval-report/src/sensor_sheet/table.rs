@@ -1,0 +1,267 @@
+//! Tables: what was known, the figures of EMVA 1288, warnings.
+
+use maud::{Markup, html};
+use petzval_lab::emva::{ChannelResult, Characterization, HighPass, Measured};
+
+use super::Shown;
+use super::reasons::Reasons;
+use super::style::{colour_name, short, significant, symbol, with_error};
+use crate::number;
+use crate::plot::plain;
+
+/// Figures of the table that release 4.0 asks for: computer name and symbol, in the order of its report.
+const FIGURES: [(&str, &str); 32] = [
+    ("QE", "η"),
+    ("R", "R"),
+    ("K", "K"),
+    ("inverse_K", "1/K"),
+    ("sigma_d", "σ_d"),
+    ("sigma_y_dark", "σ_y.dark"),
+    ("SNR_max", "SNR_max"),
+    ("SNR_max_dB", ""),
+    ("SNR_max_bit", ""),
+    ("inverse_SNR_max", "1/SNR_max"),
+    ("u_p_min", "μ_p.min"),
+    ("u_p_min_area", ""),
+    ("u_e_min", "μ_e.min"),
+    ("u_e_min_area", ""),
+    ("u_p_sat", "μ_p.sat"),
+    ("u_p_sat_area", ""),
+    ("u_e_sat", "μ_e.sat"),
+    ("u_e_sat_area", ""),
+    ("DR", "DR"),
+    ("DR_dB", ""),
+    ("DSNU1288", "DSNU"),
+    ("DSNU1288_row", "DSNU_row"),
+    ("DSNU1288_col", "DSNU_col"),
+    ("DSNU1288_pixel", "DSNU_pixel"),
+    ("PRNU1288", "PRNU"),
+    ("PRNU1288_row", "PRNU_row"),
+    ("PRNU1288_col", "PRNU_col"),
+    ("PRNU1288_pixel", "PRNU_pixel"),
+    ("LE_min", "LE_min"),
+    ("LE_max", "LE_max"),
+    ("u_I_mean", "μ_I.mean"),
+    ("u_I_var", "μ_I.var"),
+];
+
+/// A unit as it is printed: `e-/um2` becomes e⁻/µm².
+fn unit(text: &str) -> String {
+    text.replace("e-", "e⁻").replace("um2", "µm²").replace("DN2", "DN²")
+}
+
+/// Rows of two columns; what is not stated has no row.
+fn facts(rows: &[(&str, Option<String>)]) -> Markup {
+    html! {
+        dl.first-order {
+            @for (name, value) in rows {
+                @if let Some(value) = value { div { dt { (name) } dd { (plain(value)) } } }
+            }
+        }
+    }
+}
+
+/// What is known of the sensor.
+pub(super) fn basic_data(all: &Characterization) -> Markup {
+    let s = &all.sensor;
+    let number = |v: Option<f64>, unit: &str| v.map(|v| format!("{} {unit}", significant(v, 6)));
+    let diagonal = s.pixel_um.map(|pitch| 1e-3 * pitch * (all.height as f64).hypot(all.width as f64));
+    let colour = if s.cfa.colours().len() > 1 { s.cfa.to_string() } else { "none (monochrome)".to_owned() };
+    facts(&[
+        ("sensor", Some(s.name.clone())),
+        ("type of data", Some("single".to_owned())),
+        ("size of the frames", Some(format!("{} × {} pixels", all.width, all.height))),
+        ("pixel pitch", number(s.pixel_um, "µm")),
+        ("diagonal of the frames", diagonal.map(|d| format!("{} mm", short(d, 2)))),
+        ("colour filter array", Some(colour)),
+        ("bits", Some(s.bits.to_string())),
+        ("black level, as set", number(s.black_level_dn, "DN")),
+        ("full well, as stated", number(s.full_well_e, "e⁻")),
+    ])
+}
+
+/// At which setting the plots and figures hold.
+pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
+    let (all, gain) = (shown.all, shown.gain);
+    let s = &all.sensor;
+    let range = |values: Vec<f64>, unit: &str| {
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let text = match high > low {
+            true => format!("{} … {} {unit}", significant(low, 4), significant(high, 4)),
+            false => format!("{} {unit}", significant(low, 4)),
+        };
+        (!values.is_empty()).then_some(text)
+    };
+    let points = shown.channels().first().map_or(&[][..], |c| &c.points[..]);
+    let times = points.iter().map(|p| 1e3 * p.exposure_s).collect::<Vec<f64>>();
+    let photons: Option<Vec<f64>> = points.iter().map(|p| p.photons).collect();
+    let dark_times = gain.dark.points.iter().map(|p| 1e3 * p.exposure_s).collect::<Vec<f64>>();
+    let spatial = shown.channels().iter().find_map(|c| c.spatial.as_ref());
+    let high_pass = match all.options.high_pass {
+        HighPass::None => "none",
+        HighPass::R31 => "release 3.1",
+        HighPass::R4 => "release 4",
+    };
+    let varied = match times.windows(2).any(|t| t[0] != t[1]) {
+        true => "exposure time",
+        false => "irradiance",
+    };
+    facts(&[
+        ("linear gain", Some(short(gain.linear_gain, 3))),
+        ("wavelength", s.wavelength_um.map(|um| format!("{} nm", short(1e3 * um, 1)))),
+        ("f-number", s.f_number.map(|f| short(f, 2))),
+        ("temperature", s.temperature_c.map(|c| format!("{} °C", number::fixed(c, 1)))),
+        ("light varied by", (points.len() > 1).then(|| varied.to_owned())),
+        ("flat points", Some(points.len().to_string())),
+        ("exposure times, flat", range(times, "ms")),
+        ("photons per pixel", photons.and_then(|p| range(p, ""))),
+        ("dark points", Some(gain.dark.points.len().to_string())),
+        ("exposure times, dark", range(dark_times, "ms")),
+        ("stacks, flat and dark", spatial.map(|s| format!("{} and {} frames", s.flat.frames, s.dark.frames))),
+        ("exposure time of the stacks", spatial.map(|s| format!("{} ms", short(1e3 * s.exposure_s, 3)))),
+        ("high-pass for DSNU, PRNU", spatial.map(|_| high_pass.to_owned())),
+    ])
+}
+
+/// One row: the figure of every colour.
+fn row(head: Markup, name: &str, channels: &[ChannelResult], reasons: &mut Reasons) -> Markup {
+    let Some(first) = channels.first().and_then(|c| c.figure(name)) else { return html! {} };
+    html! {
+        tr {
+            th { (head) }
+            td.meaning { (first.meaning) }
+            td.unit-cell { (unit(first.unit)) }
+            @for channel in channels {
+                td { @if let Some(figure) = channel.figure(name) { (reasons.cell(&figure.best())) } @else { "–" } }
+            }
+        }
+    }
+}
+
+fn head(first: &str, channels: &[ChannelResult]) -> Markup {
+    html! {
+        thead {
+            tr {
+                th { (first) }
+                th.meaning { "figure" }
+                th.unit-cell { "unit" }
+                @for channel in channels { th { (colour_name(channel.colour)) } }
+            }
+        }
+    }
+}
+
+/// The figures of EMVA 1288 at the shown gain; all others, and what the library derives otherwise, folded away.
+pub(super) fn figures(shown: &Shown<'_>) -> Markup {
+    let channels = shown.channels();
+    let Some(first) = channels.first() else {
+        return html! { p.caption { "There are no flat frames: no figure of the light can be told." } };
+    };
+    let (mut of_standard, mut of_all) = (Reasons::default(), Reasons::default());
+    html! {
+        div.scroll {
+            table.figures {
+                (head("symbol", channels))
+                tbody { @for (name, text) in FIGURES { (row(symbol(text), name, channels, &mut of_standard)) } }
+            }
+        }
+        (of_standard.list())
+        p.caption { "Value ± standard error." }
+        details {
+            summary { "All figures under their computer names" }
+            div.scroll {
+                table.figures {
+                    (head("name", channels))
+                    tbody {
+                        @for figure in &first.figures {
+                            (row(html! { code { (figure.name) } }, figure.name, channels, &mut of_all))
+                        }
+                    }
+                }
+            }
+            (of_all.list())
+        }
+        (library(channels))
+    }
+}
+
+/// What the EMVA 1288 Python library derives from the same captures, where that differs.
+fn library(channels: &[ChannelResult]) -> Markup {
+    let of = |c: &ChannelResult, i: usize| c.figures.get(i).filter(|f| f.corrected.is_some()).cloned();
+    let number = channels.first().map_or(0, |c| c.figures.len());
+    let differing: Vec<usize> =
+        (0..number).filter(|i| channels.iter().any(|c| of(c, *i).is_some())).collect();
+    let told = |m: &Measured| with_error(m).unwrap_or_else(|| "not resolved".to_owned());
+    html! {
+        @if !differing.is_empty() {
+            details {
+                summary { "What the EMVA 1288 Python library derives otherwise" }
+                div.scroll {
+                    table.figures {
+                        thead {
+                            tr {
+                                th { "name" }
+                                th.meaning { "figure" }
+                                th.unit-cell { "unit" }
+                                @for c in channels {
+                                    th { (colour_name(c.colour)) span.unit { "here" } }
+                                    th { (colour_name(c.colour)) span.unit { "library" } }
+                                }
+                            }
+                        }
+                        tbody {
+                            @for i in differing {
+                                tr {
+                                    th { code { (channels[0].figures[i].name) } }
+                                    td.meaning { (channels[0].figures[i].meaning) }
+                                    td.unit-cell { (unit(channels[0].figures[i].unit)) }
+                                    @for c in channels {
+                                        @if let Some(figure) = of(c, i) {
+                                            td { (told(&figure.best())) }
+                                            td { (told(&figure.value)) }
+                                        } @else { td { "=" } td { "=" } }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+                p.caption {
+                    "The library takes the brightest point for saturation, and non-uniformity without a high-pass."
+                }
+            }
+        }
+    }
+}
+
+/// What is odd about the captures: one entry for each kind of warning, the first told and the others folded away.
+pub(super) fn warnings(all: &Characterization) -> Markup {
+    let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
+    for warning in &all.warnings {
+        let said = plain(&warning.to_string());
+        match kinds.iter_mut().find(|(name, _)| *name == warning.name()) {
+            Some((_, of_kind)) => of_kind.push(said),
+            None => kinds.push((warning.name(), vec![said])),
+        }
+    }
+    html! {
+        @if kinds.is_empty() {
+            p.caption { "Nothing odd was found in the captures." }
+        } @else {
+            ul.warnings {
+                @for (name, of_kind) in &kinds {
+                    li {
+                        (of_kind[0])
+                        @if of_kind.len() > 1 {
+                            details {
+                                summary { (of_kind.len() - 1) " more of the kind " (name) }
+                                ul { @for said in &of_kind[1..] { li { (said) } } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

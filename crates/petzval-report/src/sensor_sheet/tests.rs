@@ -1,0 +1,187 @@
+//! The report of a small simulated series.
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+use petzval_files::raw_file::{RawFormat, RawFrame, save_raw};
+use petzval_lab::emva::{Captures, Options, characterize};
+
+use std::path::Path;
+
+use super::*;
+
+/// Flat and dark pairs at two gains and three exposures, dark pairs at two more, and stacks, of a sensor of 48 x 64 pixels.
+fn series(folder: &Path, fit_histograms: bool) -> Characterization {
+    let mut sensor =
+        petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+    (sensor.height, sensor.width) = (48, 64);
+    let mut list = "[sensor]\nname = \"Sony IMX249 <simulated> & \\\"small\\\"\"\nbits = 12\npixel_um = 5.86\ncfa = \"RGGB\"\n\
+                    black_level_dn = 119.0\nfull_well_e = 33723.0\n"
+        .to_owned();
+    let mut number = 0;
+    let mut take = |kind: &str, gain: f32, time_s: f32, frames: usize| {
+        let light = LinearImage::filled(3, 48, 64, if kind == "flat" { 1.0 } else { 0.0 });
+        let exposure = Exposure { white_e: 4e5 * time_s, time_s, linear_gain: gain };
+        let mut names = Vec::new();
+        for _ in 0..frames {
+            let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: number };
+            let noise = Noise { mode: NoiseMode::Exact, seed: 7 };
+            let raw = expose(&light, &sensor, &capture, &noise).unwrap();
+            let name = format!("{number}.tiff");
+            save_raw(&RawFrame::from_raw(&raw, &sensor), &folder.join(&name), RawFormat::Tiff).unwrap();
+            names.push(name);
+            number += 1;
+        }
+        let photons = match kind {
+            "flat" => format!("photons = {}\n", 6e5 * time_s),
+            _ => String::new(),
+        };
+        list += &format!(
+            "[[point]]\nkind = \"{kind}\"\nlinear_gain = {gain}\nexposure_ms = {}\n{photons}frames = {names:?}\n",
+            1e3 * time_s
+        );
+    };
+    for gain in [1.0, 2.0, 4.0] {
+        for time_s in [0.0025, 0.005, 0.0075] {
+            take("flat", gain, time_s, 2);
+            take("dark", gain, time_s, 2);
+        }
+        take("dark", gain, 0.03, 2);
+    }
+    take("flat", 1.0, 0.005, 8);
+    take("dark", 1.0, 0.005, 8);
+    std::fs::write(folder.join("captures.toml"), list).unwrap();
+    let captures = Captures::open(folder).unwrap();
+    characterize(&captures, &Options { fit_histograms, ..Options::default() }, &|| {}).unwrap()
+}
+
+#[test]
+fn every_picture_is_described_and_holds_its_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), true);
+    let names = picture_names(&found);
+    assert_eq!(names.len(), 16, "{names:?}");
+    let svg = |class: &str| sheets(&found).into_iter().find(|s| s.class == class).unwrap().svg();
+    let count = |class: &str, what: &str| svg(class).matches(&format!("class=\"{what}\"")).count();
+    // Three colours, with their lines.
+    assert_eq!((count("sensitivity", "points"), count("sensitivity", "curve")), (3, 3));
+    assert_eq!((count("photon-transfer", "points"), count("photon-transfer", "curve")), (3, 3));
+    // Three gains in one frame; three panels of a series and a line each.
+    assert_eq!((count("gain-fit", "points"), count("gain-fit", "curve")), (3, 3));
+    assert_eq!((count("dark-variance", "points"), count("dark-variance", "curve")), (3, 3));
+    // Three colours at three exposures; four exposures with linear and logarithmic counts.
+    assert_eq!((count("histograms-flat", "steps"), count("histograms-flat", "curve")), (9, 9));
+    assert_eq!((count("histograms-dark", "steps"), count("histograms-dark", "curve")), (8, 8));
+    // Two directions, three colours, the temporal noise of each, and in the dark the noise of rounding.
+    assert_eq!((count("spectrogram-dsnu", "curve"), count("spectrogram-prnu", "curve")), (14, 12));
+    assert_eq!((count("defects", "steps"), count("defects-accumulated", "steps")), (6, 6));
+    assert_eq!(count("profiles-prnu", "curve"), 8);
+    for sheet in sheets(&found) {
+        let svg = sheet.svg();
+        assert!(svg.contains("role=\"img\"") && svg.contains("aria-label=\""), "{}", sheet.class);
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{}", sheet.class);
+    }
+}
+
+#[test]
+fn the_page_stands_alone_and_says_values_with_their_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), true);
+    let page = page(&found);
+    assert!(page.contains("Sony IMX249 &lt;simulated&gt; &amp; "));
+    assert_eq!(page.matches("<figure>").count(), 16);
+    let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("http") && !elsewhere.contains("url(") && !elsewhere.contains("@import"));
+    // The printed tables of the paper stand beside what was measured.
+    for words in
+        ["Table 5", "0.122", "33723 e⁻", "fit to histograms", "mean χ²/ν", "black level, as set", "PRNU"]
+    {
+        assert!(page.contains(words), "{words}");
+    }
+    let gain = style::with_error(&found.joint.gain_dn_per_e).unwrap();
+    assert!(gain.contains(" ± ") && page.contains(&gain), "{gain}");
+    // The sheet of the standard comes first; what the library derives otherwise is folded away.
+    let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
+    assert!(at("Plots of EMVA 1288") < at("Calibration over all gains"));
+    assert!(at("What the EMVA 1288 Python library derives otherwise") > at("<details>"));
+    assert!(!page.contains("library:"));
+}
+
+#[test]
+fn each_reason_stands_once_below_its_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), false);
+    let page = page(&found);
+    let saturation = "the series does not reach saturation";
+    // The table of the standard, and that of all figures.
+    assert_eq!(page.matches(saturation).count(), 2, "{}", page.matches(saturation).count());
+    assert!(page.matches("not resolved").count() > 20);
+}
+
+#[test]
+fn warnings_of_a_kind_are_one_entry() {
+    use petzval_lab::emva::Warning;
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    let dark = |i: usize| Warning::NoDark { point: format!("point {i}") };
+    found.warnings = (0..5).map(dark).collect();
+    found.warnings.insert(2, Warning::TooFewPoints { linear_gain: 2.0, points: 1 });
+    let listed = table::warnings(&found).into_string();
+    assert_eq!(listed.matches("<details>").count(), 1, "{listed}");
+    assert!(listed.contains("4 more of the kind no-dark") && listed.contains("point 4"), "{listed}");
+    assert!(listed.find("point 4") < listed.find("too-few-points"), "{listed}");
+}
+
+#[test]
+fn a_single_gain_has_no_plot_of_gains() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    found.gains.truncate(1);
+    assert!(!picture_names(&found).contains(&"gain-fit"));
+    assert!(page(&found).contains("three or more linear gains"));
+}
+
+#[test]
+fn what_was_not_captured_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = series(folder.path(), false);
+    assert!(page(&found).contains("--fit-histograms"));
+    found.sensor.name = "another".into();
+    assert!(!page(&found).contains("Table 5"));
+    // A list need not state the black level.
+    let frames = |page: &str| page.matches("64 × 48").count();
+    let before = frames(&page(&found));
+    found.joint.black_level_dn = None;
+    let without = page(&found);
+    assert!(without.contains("not stated") && frames(&without) == before, "{before}");
+    for gain in &mut found.gains {
+        gain.channels.iter_mut().for_each(|c| c.spatial = None);
+    }
+    assert_eq!(picture_names(&found).len(), 10);
+    found.gains.iter_mut().for_each(|gain| gain.channels.clear());
+    assert!(page(&found).contains("no flat frames"));
+    found.gains.clear();
+    found.histograms.clear();
+    assert!(picture_names(&found).is_empty() && page(&found).contains("another"));
+}
+
+#[test]
+fn a_report_is_a_page_and_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = series(folder.path(), false);
+    let files = files(&found);
+    assert_eq!(files[0].0, "report.html");
+    assert_eq!(files.len(), 17);
+    assert!(files.iter().all(|(_, text)| text.len() > 500));
+}
+
+#[test]
+fn values_are_written_to_the_second_digit_of_their_error() {
+    use petzval_lab::emva::{Measured, Unresolved};
+    let text = |value, error| style::with_error(&Measured::new(value, error)).unwrap();
+    assert_eq!(text(0.140_234, 0.000_312), "0.14023 ± 0.00031");
+    assert_eq!(text(24_913.05, 120.0), "24913 ± 120");
+    assert_eq!(text(-0.5, 0.25), "\u{2212}0.50 ± 0.25");
+    assert_eq!(style::with_error(&Measured::exact(12.0)).unwrap(), "12");
+    assert_eq!(style::with_error(&Measured::none(Unresolved::NoStack)), None);
+}
