@@ -7,7 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Crates in the order in which light meets them: each may use only those before it.
-const ORDER: [&str; 9] = [
+const ORDER: [&str; 10] = [
     "petzval-base",
     "petzval-optics",
     "petzval-camera",
@@ -16,6 +16,7 @@ const ORDER: [&str; 9] = [
     "petzval-learn",
     "petzval-report",
     "petzval-design",
+    "petzval-jobs",
     "petzval",
 ];
 
@@ -27,7 +28,7 @@ const RESERVED: [(&str, &[&str], &str); 8] = [
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),
-    ("include_dir", &["petzval"], "data travels with the binary"),
+    ("include_dir", &["petzval-jobs"], "data travels with the binary"),
     ("signal-hook", &["petzval"], "only the command owns the process"),
 ];
 

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::path::Path;
 
 /// How a record that is not kept matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -41,6 +42,17 @@ pub struct Loss {
     pub message: String,
     /// How many further records of the same kind were treated alike.
     pub more: usize,
+}
+
+impl Loss {
+    /// The loss with the file it is from, as `FILE:LINE: ...`.
+    pub fn in_file(&self, path: &Path) -> String {
+        let placeless = Self { line: None, ..self.clone() };
+        match self.line {
+            Some(line) => format!("{}:{line}: {placeless}", path.display()),
+            None => format!("{}: {placeless}", path.display()),
+        }
+    }
 }
 
 impl fmt::Display for Loss {

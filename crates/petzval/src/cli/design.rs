@@ -12,7 +12,7 @@ use petzval::design::inputs::{check_inputs, keep_inputs};
 use petzval::design::run::{Metrics, RunFolder, write_atomically};
 use petzval::design::setup::{BUILT_IN_PHOTOS, Setup};
 
-use super::{EXIT_STOPPED, Failure, device, doctor, report, signals};
+use super::{EXIT_STOPPED, Failure, context, doctor, report, signals};
 
 /// The experiment that runs when none is named.
 const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
@@ -54,7 +54,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let stop = signals::stop_on_signal()?;
     let assets = built_in_assets();
-    let device = device::device(&args.device)?;
+    let device = context().device(&args.device)?;
     let (setup, folder) = match &args.resume {
         Some(root) => {
             let folder = RunFolder::open(root)?;

@@ -6,7 +6,7 @@ use petzval::base::simd::level;
 use petzval::built_in_assets;
 use serde_json::json;
 
-use super::{Failure, device, print_json};
+use super::{Failure, print_json};
 
 /// Say what this machine and this build offer.
 #[derive(Debug, clap::Args)]
@@ -55,7 +55,7 @@ pub fn environment() -> serde_json::Value {
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let assets = built_in_assets();
-    let devices = device::compiled_in();
+    let devices = petzval::jobs::compiled_in_devices();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let (lenses, sensors) = (assets.names("lenses"), assets.names("sensors"));
     let experiments = assets.names("experiments");

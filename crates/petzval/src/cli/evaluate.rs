@@ -15,7 +15,7 @@ use petzval::design::setup::Setup;
 use petzval::learn::loss::Lpips;
 use serde_json::json;
 
-use super::{Failure, device, print_json};
+use super::{Failure, context, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
@@ -38,7 +38,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let kept = read_metrics(&folder)?;
     let assets = built_in_assets();
     let experiment = assets.experiment(&folder.config().display().to_string())?;
-    let setup = Setup::new(experiment, &assets, device::device(&args.device)?)?;
+    let setup = Setup::new(experiment, &assets, context().device(&args.device)?)?;
     check_inputs(&setup, &folder)?;
     let path = light_path(&setup);
     let lpips = Lpips::from_safetensors(&setup.lpips_weights, &setup.device).map_err(DesignError::from)?;

@@ -4,7 +4,6 @@
 
 mod bench;
 mod design;
-mod device;
 mod doctor;
 mod evaluate;
 mod failure;
@@ -21,8 +20,10 @@ mod simulate;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
+use petzval::jobs::{Context, Watcher};
 
 pub use failure::Failure;
 
@@ -147,9 +148,27 @@ fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints a JSON value on stdout, indented.
-fn print_json(value: &serde_json::Value) -> Result<ExitCode, Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(|e| Failure::job(e.to_string()))?;
-    println!("{text}");
+/// What the jobs of a command are given: the built-in library with the user's glasses, and stderr for what they report.
+fn context() -> Context {
+    Context::new(petzval::built_in_assets(), Arc::new(Stderr))
+}
+
+/// Prints what a job reports, a line each.
+struct Stderr;
+
+impl Watcher for Stderr {
+    fn warning(&self, text: &str) {
+        eprintln!("warning: {text}");
+    }
+
+    fn note(&self, text: &str) {
+        eprintln!("{text}");
+    }
+}
+
+/// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
+fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
+    let print = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
+    println!("{}", print().map_err(|e| Failure::job(e.to_string()))?);
     Ok(ExitCode::SUCCESS)
 }

@@ -9,7 +9,7 @@ use petzval::design::run_report::{read_metrics, report_of_run};
 use petzval::design::setup::Setup;
 use petzval::report::design_report::html;
 
-use super::{Failure, device};
+use super::{Failure, context};
 
 /// Write report.html of a finished run again, from what the run folder holds.
 #[derive(Debug, clap::Args)]
@@ -24,7 +24,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     read_metrics(&folder)?;
     let assets = built_in_assets();
     let experiment = assets.experiment(&folder.config().display().to_string())?;
-    let setup = Setup::without_photos(experiment, &assets, device::device("cpu")?)?;
+    let setup = Setup::without_photos(experiment, &assets, context().device("cpu")?)?;
     println!("{}", write(&setup, &folder)?.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -7,7 +7,6 @@ use petzval::design::run::RunFolder;
 use petzval::design::setup::Setup;
 
 use super::{Failure, Prepared, Workload};
-use crate::cli::device;
 use crate::cli::doctor::simd_level;
 
 pub(super) fn workloads() -> Vec<Workload> {
@@ -23,7 +22,8 @@ fn step(kind: StepKind) -> Result<Prepared, Failure> {
     let training = experiment.training;
     let network = experiment.network;
     // The loop lives as long as the process: its settings and its scratch folder are leaked on purpose.
-    let setup: &'static Setup = Box::leak(Box::new(Setup::new(experiment, &assets, device::device("cpu")?)?));
+    let setup: &'static Setup =
+        Box::leak(Box::new(Setup::new(experiment, &assets, crate::cli::context().device("cpu")?)?));
     let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
     let folder: &'static RunFolder = Box::leak(Box::new(RunFolder::create(&scratch)?));
     let mut design = DesignLoop::new(setup, folder)?;

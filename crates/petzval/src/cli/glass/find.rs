@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
                 "distance": near.distance,
             })
         });
-        return print_json(&list.collect());
+        return print_json(&list.collect::<Vec<_>>());
     }
     println!("glass             maker       nd       Vd       PgF      distance  status");
     for near in &found {

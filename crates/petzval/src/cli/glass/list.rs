@@ -48,7 +48,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
                 "range_um": glass.range_um,
             })
         });
-        return print_json(&list.collect());
+        return print_json(&list.collect::<Vec<_>>());
     }
     println!("glass                  maker            nd       Vd  status");
     for glass in &listed {

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use petzval::base::FileError;
+use petzval::built_in_assets;
 use petzval::design::assets::extension;
 use petzval::design::run::write_atomically;
 use petzval::files::{Export, Loss, write_lens, write_seq, write_zmx};
 use petzval::optics::paraxial::first_order;
-use petzval::{built_in_assets, told};
 use serde_json::{Value, json};
 
 use crate::cli::{Failure, print_json};
@@ -58,10 +58,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         }));
     }
     for loss in &import.losses {
-        eprintln!("{}: {}", loss.effect.name(), told(Path::new(&args.from), loss));
+        eprintln!("{}: {}", loss.effect.name(), loss.in_file(Path::new(&args.from)));
     }
     for loss in &export.losses {
-        eprintln!("{}: {}", loss.effect.name(), told(&args.to, loss));
+        eprintln!("{}: {}", loss.effect.name(), loss.in_file(&args.to));
     }
     println!("{}", args.to.display());
     Ok(ExitCode::SUCCESS)

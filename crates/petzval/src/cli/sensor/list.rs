@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
                 "source": s.source,
             })
         };
-        return print_json(&all.iter().map(row).collect());
+        return print_json(&all.iter().map(row).collect::<Vec<_>>());
     }
     let names = all.iter().map(|(name, _)| name.len()).fold("sensor".len(), usize::max);
     println!(

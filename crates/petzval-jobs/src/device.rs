@@ -1,11 +1,11 @@
-//! `--device`: where tensors live.
+//! Where tensors live.
 
-use petzval::learn::Device;
+use petzval_learn::Device;
 
-use super::Failure;
+use crate::error::JobError;
 
-/// Devices that this build can use, by name, with a word about each.
-pub fn compiled_in() -> Vec<(&'static str, &'static str)> {
+/// Devices that this build can use: name and description.
+pub fn compiled_in_devices() -> Vec<(&'static str, &'static str)> {
     vec![
         ("cpu", "Burn flex on the CPU"),
         #[cfg(feature = "wgpu")]
@@ -16,7 +16,7 @@ pub fn compiled_in() -> Vec<(&'static str, &'static str)> {
 }
 
 /// The device of a name, with automatic differentiation.
-pub fn device(name: &str) -> Result<Device, Failure> {
+pub(crate) fn device(name: &str) -> Result<Device, JobError> {
     let device = match name {
         "cpu" => Device::flex(),
         #[cfg(feature = "wgpu")]
@@ -24,9 +24,11 @@ pub fn device(name: &str) -> Result<Device, Failure> {
         #[cfg(feature = "cuda")]
         "cuda" => Device::cuda(0),
         other => {
-            let known: Vec<&str> = compiled_in().iter().map(|(name, _)| *name).collect();
-            return Err(Failure::input(
-                format!("--device {other}: not in this build"),
+            let known: Vec<&str> = compiled_in_devices().iter().map(|(name, _)| *name).collect();
+            return Err(JobError::setting(
+                "device",
+                other,
+                "not in this build",
                 format!(
                     "this build has {}; build with `--features wgpu` or `cuda` for more",
                     known.join(", ")
