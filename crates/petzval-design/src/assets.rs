@@ -184,7 +184,9 @@ impl Assets {
         let source = self.text("experiment", "experiments", name)?;
         let mut experiment = Experiment::parse(&source.text).map_err(DesignError::input(&source.path))?;
         let folder = source.path.parent().unwrap_or(Path::new(""));
-        for input in [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos] {
+        let own = experiment.variant.iter_mut().filter_map(|v| v.lens.as_mut());
+        let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos];
+        for input in shared.into_iter().chain(own) {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();

@@ -118,9 +118,20 @@ pub enum DesignError {
     /// The loss could not be computed.
     #[error(transparent)]
     Loss(#[from] petzval_learn::loss::LossError),
-    /// The task could not be made, computed, kept or restored.
+    /// A score could not be computed.
     #[error(transparent)]
-    Task(#[from] petzval_learn::task::TaskError),
+    Score(#[from] petzval_learn::score::ScoreError),
+    /// The network could not be made.
+    #[error(transparent)]
+    Network(#[from] petzval_learn::network::NetworkError),
+    /// The experiment names a score that does not exist.
+    #[error("scoring.scores: there is no score called `{name}`; there are {known}")]
+    UnknownScore {
+        /// The name.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
     /// A tensor could not be brought back from the device.
     #[error("reading a result back from the device failed: {0}")]
     Device(String),
@@ -184,6 +195,7 @@ impl DesignError {
             self,
             Self::Input { .. }
                 | Self::Unknown { .. }
+                | Self::UnknownScore { .. }
                 | Self::NothingToMove(_)
                 | Self::NotSymmetric(_)
                 | Self::NoRealImage { .. }

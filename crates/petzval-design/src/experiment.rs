@@ -7,7 +7,9 @@ use petzval_optics::constraint::Clearances;
 use petzval_optics::psf::PsfKind;
 use serde::{Deserialize, Serialize};
 
+use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::variant::{Variant, variants};
 
 /// A joint design of lens and network, and the two controls it is compared with.
 ///
@@ -39,7 +41,7 @@ pub struct Experiment {
     pub loss: ImageLoss,
     /// How the lens moves with the network.
     pub optics: OpticsConfig,
-    /// The spot-optimised control.
+    /// The spot goal of a stage.
     pub spot: SpotConfig,
     /// What the lens must keep.
     pub constraints: ConstraintConfig,
@@ -47,6 +49,88 @@ pub struct Experiment {
     pub scoring: ScoringConfig,
     /// How often the run can be resumed from.
     pub checkpoint: CheckpointConfig,
+    /// The cameras that are made and compared, in this order.
+    #[serde(default = "standard_variants")]
+    pub variant: Vec<VariantConfig>,
+}
+
+/// A camera of the comparison.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VariantConfig {
+    /// Its name in tables and folders.
+    pub name: String,
+    /// The lens from which it starts; the experiment's if none is named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<String>,
+    /// The variant, earlier in the file, whose finished lens and network it starts from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
+    /// What is done with it, in this order.
+    pub stage: Vec<StageConfig>,
+}
+
+/// Blocks that move for one goal. What a stage leaves out comes from the experiment's tables.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StageConfig {
+    /// What the stage improves.
+    #[serde(default)]
+    pub goal: Goal,
+    /// The blocks that move.
+    pub moves: Vec<BlockName>,
+    /// How the lens steps in this stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub optics: Option<ScheduleConfig>,
+    /// How the network steps in this stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub network: Option<ScheduleConfig>,
+}
+
+/// What a stage improves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// The objective of the experiment.
+    #[default]
+    Task,
+    /// The RMS spot of the lens, whatever the rest of the camera is.
+    Spot,
+}
+
+/// How a block steps in one stage, where that differs from the experiment's tables.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScheduleConfig {
+    /// Steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<usize>,
+    /// First learning rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learning_rate: Option<f64>,
+    /// Learning rate at the end over that at the start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub final_learning_rate: Option<f64>,
+    /// Share of the stage's network steps over which the steps of this block are spread.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub share: Option<f64>,
+    /// Weight of the proximal term.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proximal: Option<f64>,
+}
+
+/// The comparison that makes a gain a gain: the lens of the file, fixed; the same lens optimised for its spot alone, then
+/// fixed; and lens and network together.
+pub fn standard_variants() -> Vec<VariantConfig> {
+    let stage =
+        |goal, moves: &[BlockName]| StageConfig { goal, moves: moves.to_vec(), optics: None, network: None };
+    let variant = |name: &str, stage| VariantConfig { name: name.to_owned(), lens: None, from: None, stage };
+    let network = stage(Goal::Task, &[BlockName::Network]);
+    vec![
+        variant("nominal", vec![network.clone()]),
+        variant("spot-optimised", vec![stage(Goal::Spot, &[BlockName::Optics]), network]),
+        variant("end-to-end", vec![stage(Goal::Task, &[BlockName::Optics, BlockName::Network])]),
+    ]
 }
 
 /// What the camera is for.
@@ -118,9 +202,12 @@ pub struct TrainingConfig {
     pub final_learning_rate: f64,
     /// How noise is sampled and differentiated.
     pub noise: NoiseMode,
+    /// Weight of the network's proximal term.
+    #[serde(default)]
+    pub proximal: f64,
 }
 
-/// The optics block of the end-to-end camera.
+/// How the lens moves for the task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OpticsConfig {
@@ -134,9 +221,12 @@ pub struct OpticsConfig {
     pub final_learning_rate: f64,
     /// Half-range of the image plane around the paraxial focus, mm.
     pub defocus_mm: f64,
+    /// Weight of the proximal term of the lens, per squared coordinate.
+    #[serde(default)]
+    pub proximal: f64,
 }
 
-/// The spot-optimised control: the same bounds, RMS spot alone.
+/// How the lens moves for its RMS spot alone, within the same bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpotConfig {
@@ -166,7 +256,7 @@ pub struct ConstraintConfig {
 }
 
 /// Scoring on held-out pictures with exact noise.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScoringConfig {
     /// Each held-out picture is scored at this many places squared, on a grid over a quadrant of the sensor, from its
@@ -174,6 +264,14 @@ pub struct ScoringConfig {
     pub places_per_side: usize,
     /// Side of a scored crop, pixels.
     pub crop: usize,
+    /// Names of the scores, see `petzval_learn::score`.
+    #[serde(default = "standard_scores")]
+    pub scores: Vec<String>,
+}
+
+/// The scores that results of image quality are published in.
+pub fn standard_scores() -> Vec<String> {
+    ["one_minus_lpips", "psnr_db", "ssim"].map(str::to_owned).to_vec()
 }
 
 /// Checkpoints.
@@ -235,11 +333,14 @@ impl Experiment {
                 return Err(FileError::at_key(text, &[r.table, r.key], message).hint(r.hint));
             }
         }
-        if self.training.noise == NoiseMode::Exact && self.optics.steps > 0 {
+        let moves_lens_for_task =
+            |v: &Variant| v.stages.iter().any(|s| s.goal == Goal::Task && s.steps_of(BlockName::Optics) > 0);
+        if self.training.noise == NoiseMode::Exact && variants(self).iter().any(moves_lens_for_task) {
             let error =
                 FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
+        self.check_variants(text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
@@ -255,6 +356,82 @@ impl Experiment {
             }
         }
         Ok(())
+    }
+
+    /// Refuses variants that cannot be made or told apart.
+    fn check_variants(&self, text: &str) -> Result<(), FileError> {
+        let error = |key: &str, message: String| FileError::at_key(text, &["variant", key], message);
+        if self.variant.is_empty() {
+            let none = FileError::at_key(text, &["variant"], "there are no variants");
+            return Err(none.hint("add a [[variant]] with a name and a [[variant.stage]]"));
+        }
+        let mut known: Vec<&str> = Vec::new();
+        for variant in &self.variant {
+            let name = variant.name.as_str();
+            let is_folder_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            if name.is_empty() || !name.chars().all(is_folder_name) {
+                let message = format!("`{name}` cannot be the name of a folder");
+                return Err(error("name", message).hint("use letters, digits, `-` and `_`"));
+            }
+            if known.contains(&name) {
+                return Err(error("name", format!("two variants are called `{name}`"))
+                    .hint("give each a name of its own"));
+            }
+            if let Some(from) = &variant.from {
+                if !known.contains(&from.as_str()) {
+                    let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
+                    let hint = match known.is_empty() {
+                        true => "the first variant starts from a lens".to_owned(),
+                        false => format!("earlier variants: {}", known.join(", ")),
+                    };
+                    return Err(error("from", message).hint(hint));
+                }
+                if variant.lens.is_some() {
+                    let message = format!("`{name}` starts from a lens and from a variant");
+                    return Err(error("from", message).hint("leave out `lens` or `from`"));
+                }
+            }
+            if variant.stage.is_empty() {
+                return Err(error("stage", format!("`{name}` has no stages"))
+                    .hint("add a [[variant.stage]] with `moves = [\"network\"]`"));
+            }
+            for stage in &variant.stage {
+                if stage.moves.is_empty() {
+                    return Err(error("stage", format!("a stage of `{name}` moves no block"))
+                        .hint("write `moves = [\"network\"]`, or leave the stage out"));
+                }
+                if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
+                    return Err(error("stage", format!("the spot goal of `{name}` moves the lens alone"))
+                        .hint("write `moves = [\"optics\"]`"));
+                }
+            }
+            known.push(name);
+        }
+        Ok(())
+    }
+
+    /// Sets the network steps of every stage that trains for `training.steps` steps, and changes all other steps in proportion,
+    /// rounded up.
+    pub fn scale_steps(&mut self, network_steps: usize) {
+        let share = network_steps as f64 / self.training.steps as f64;
+        let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
+        self.optics.steps = scaled(self.optics.steps);
+        self.spot.steps = scaled(self.spot.steps);
+        self.training.steps = network_steps;
+        for stage in self.variant.iter_mut().flat_map(|v| &mut v.stage) {
+            let own = [&mut stage.optics, &mut stage.network].into_iter().flatten();
+            own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
+        }
+    }
+
+    /// The experiment with one variant alone, and those from which it starts. `None` if it has none of that name.
+    pub fn only(&self, name: &str) -> Option<Self> {
+        let mut wanted = vec![self.variant.iter().find(|v| v.name == name)?];
+        while let Some(from) = wanted.last().and_then(|v| v.from.as_deref()) {
+            wanted.push(self.variant.iter().find(|v| v.name == from)?);
+        }
+        let is_wanted = |v: &&VariantConfig| wanted.iter().any(|w| w.name == v.name);
+        Some(Self { variant: self.variant.iter().filter(is_wanted).cloned().collect(), ..self.clone() })
     }
 
     fn ranges(&self) -> Vec<Range> {
@@ -311,6 +488,8 @@ impl Experiment {
             add("constraints", key, value, 0.0, 1e3, "a length in mm");
         }
         add("constraints", "distortion_tolerance", c.distortion_tolerance, 0.0, 1.0, "0.003 is 0.3 %");
+        add("optics", "proximal", o.proximal, 0.0, 1e6, "0 leaves the proximal term out");
+        add("training", "proximal", t.proximal, 0.0, 1e6, "0 leaves the proximal term out");
         add("scoring", "places_per_side", self.scoring.places_per_side as f64, 1.0, 15.0, "3 gives 9 places");
         add("scoring", "crop", self.scoring.crop as f64, 64.0, 1200.0, "LPIPS needs at least 64 pixels");
         add("checkpoint", "every", self.checkpoint.every as f64, 1.0, 1e8, "steps between checkpoints");

@@ -10,11 +10,12 @@ use petzval_optics::design_space::Parameter;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 
-use crate::cameras::CameraKind;
+use crate::block::BlockName;
 use crate::error::DesignError;
 use crate::pictures::file_name;
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
+use crate::variant::Variant;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
 };
@@ -23,8 +24,8 @@ use petzval_report::design_report::{
 const SHOWN_QUARTERS: [usize; 5] = [0, 1, 2, 3, 4];
 
 /// The lens of a finished camera.
-pub fn camera_lens(run: &RunFolder, kind: CameraKind) -> Result<LensFile, DesignError> {
-    let path = run.camera(kind.name()).join("lens.toml");
+pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile, DesignError> {
+    let path = run.camera(camera).join("lens.toml");
     let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
     // A lens that we wrote carries its glasses with it.
     parse_lens(&text, &Catalog::default()).map_err(DesignError::input(&path))
@@ -45,19 +46,19 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 /// Gathers everything that a report shows.
 pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
     let metrics = read_metrics(run)?;
-    let nominal = &setup.lens_file.lens;
+    let nominal = &setup.nominal().lens_file.lens;
     let mut cameras = Vec::new();
-    for kind in CameraKind::ALL {
-        let lens = camera_lens(run, kind)?.lens;
+    for variant in &setup.variants {
+        let lens = camera_lens(run, &variant.name)?.lens;
         let psfs = setup.fixed_plan.psfs(&lens)?;
         let last = psfs.len() - 1;
         let shown = SHOWN_QUARTERS.map(|q| (q * last + 2) / 4);
         cameras.push(CameraView {
-            name: kind.name().to_owned(),
+            name: variant.name.clone(),
             psfs: shown.iter().filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options)).collect(),
-            changes: match kind {
-                CameraKind::Nominal => Vec::new(),
-                _ => changes(&setup.lens_file, &lens),
+            changes: match variant.moves_lens() {
+                false => Vec::new(),
+                true => changes(&setup.start(variant).lens_file, &lens),
             },
             lens,
         });
@@ -66,10 +67,12 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     Ok(Report {
         title: e.name.clone(),
         subtitle: format!(
-            "Three cameras with the same focal length, f-number, field of view, exposure ({} e- of white), data order and {} \
-             network steps: the nominal lens, a lens optimised for its RMS spot alone, and lens and network designed \
-             together. Scored on {} held-out photographs, each at {} places of the sensor.",
-            e.exposure.white_e, e.training.steps, metrics.held_out_images, metrics.held_out_places
+            "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {} held-out photographs, \
+             each at {} places of the sensor.",
+            cameras_in_words(&setup.variants),
+            e.exposure.white_e,
+            metrics.held_out_images,
+            metrics.held_out_places
         ),
         command_line: command_line.to_owned(),
         table: metrics.rows.iter().map(row).collect(),
@@ -83,6 +86,21 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         environment: environment(&run.environment())?,
         notes: notes(&metrics),
     })
+}
+
+/// `3 cameras: nominal (800 network steps), ...`.
+fn cameras_in_words(variants: &[Variant]) -> String {
+    let one = |v: &Variant| {
+        let steps = |block: BlockName| match v.steps_of(block) {
+            0 => None,
+            n => Some(format!("{n} {} steps", block.name())),
+        };
+        let all: Vec<String> =
+            [BlockName::Optics, BlockName::Network].into_iter().filter_map(steps).collect();
+        format!("{} ({})", v.name, all.join(", "))
+    };
+    let list: Vec<String> = variants.iter().map(one).collect();
+    format!("{} cameras: {},", variants.len(), list.join(", "))
 }
 
 fn notes(metrics: &Metrics) -> Vec<String> {
@@ -111,14 +129,18 @@ fn notes(metrics: &Metrics) -> Vec<String> {
 fn row(m: &CameraMetrics) -> TableRow {
     TableRow {
         camera: m.camera.clone(),
-        one_minus_lpips: m.one_minus_lpips,
-        psnr_db: m.psnr_db,
-        ssim: m.ssim,
+        one_minus_lpips: score(&m.scores, "one_minus_lpips"),
+        psnr_db: score(&m.scores, "psnr_db"),
+        ssim: score(&m.scores, "ssim"),
         rms_spot_um: m.rms_spot_um,
         efl_mm: m.efl_mm,
         f_number: m.f_number,
         fov_deg: m.fov_deg,
     }
+}
+
+fn score(scores: &BTreeMap<String, f64>, name: &str) -> f64 {
+    scores.get(name).copied().unwrap_or(f64::NAN)
 }
 
 /// The variables, before and after, and the radius that keeps the focal length.
@@ -204,14 +226,14 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
         let picture = &first.pictures[index];
         let mut cameras = Vec::new();
         for m in &metrics.rows {
-            let Some(score) = m.pictures.get(index) else { continue };
+            let Some(picture) = m.pictures.get(index) else { continue };
             cameras.push(CameraPicture {
                 camera: m.camera.clone(),
                 developed_png: read(file_name(index, "developed", Some(&m.camera)))?,
                 output_png: read(file_name(index, "output", Some(&m.camera)))?,
-                psnr_db: score.psnr_db,
-                ssim: score.ssim,
-                one_minus_lpips: score.one_minus_lpips,
+                psnr_db: score(&picture.scores, "psnr_db"),
+                ssim: score(&picture.scores, "ssim"),
+                one_minus_lpips: score(&picture.scores, "one_minus_lpips"),
             });
         }
         let title = picture.photo.split('.').next().unwrap_or(&picture.photo).to_owned();

@@ -118,7 +118,8 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
     std::fs::create_dir_all(path).map_err(|e| JobError::input(format!("{}: {e}", path.display()), hint))
 }
 
-/// A value as indented JSON.
+/// A value as indented JSON, with the keys of its objects in alphabetical order.
 pub(crate) fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
-    serde_json::to_string_pretty(value).map_err(|e| JobError::failed(e.to_string()))
+    let text = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
+    text().map_err(|e: serde_json::Error| JobError::failed(e.to_string()))
 }

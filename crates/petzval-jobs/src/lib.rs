@@ -10,9 +10,13 @@
 
 mod built_in;
 mod context;
+pub mod design;
 mod device;
 mod error;
+pub mod evaluate;
+pub mod machine;
 pub mod psf;
+pub mod report;
 
 pub use built_in::built_in_assets;
 pub use context::{Context, Progress, Silent, Watcher};

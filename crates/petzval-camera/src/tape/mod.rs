@@ -13,11 +13,13 @@
 
 mod develop_op;
 mod expose_op;
+mod frames;
 mod host_kernel;
 mod render_op;
 
 pub use develop_op::{develop_op, develop_with_stops_op};
 pub use expose_op::{expose_op, expose_with_stops_op};
+pub use frames::Frames;
 pub use host_kernel::{HostKernel, apply, apply_two};
 pub use render_op::{PlacedScene, illumination_op, render_op};
 

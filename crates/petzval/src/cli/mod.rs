@@ -17,13 +17,14 @@ mod report;
 mod sensor;
 mod signals;
 mod simulate;
+mod watcher;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
-use petzval::jobs::{Context, Watcher};
+use petzval::jobs::Context;
 
 pub use failure::Failure;
 
@@ -150,20 +151,7 @@ fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
 
 /// What the jobs of a command are given: the built-in library with the user's glasses, and stderr for what they report.
 fn context() -> Context {
-    Context::new(petzval::built_in_assets(), Arc::new(Stderr))
-}
-
-/// Prints what a job reports, a line each.
-struct Stderr;
-
-impl Watcher for Stderr {
-    fn warning(&self, text: &str) {
-        eprintln!("warning: {text}");
-    }
-
-    fn note(&self, text: &str) {
-        eprintln!("{text}");
-    }
+    Context::new(petzval::built_in_assets(), Arc::new(watcher::Stderr::new()))
 }
 
 /// Prints a value as JSON on stdout, indented, with the keys of its objects in order.

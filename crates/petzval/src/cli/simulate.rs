@@ -15,8 +15,8 @@ use petzval::camera::image::LinearImage;
 use petzval::camera::render::render;
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::camera::spectral::{Matrix3, apply};
+use petzval::design::camera::SHADING_FLOOR;
 use petzval::design::error::DesignError;
-use petzval::design::light_path::SHADING_FLOOR;
 use petzval::files::load_image;
 use serde_json::{Value, json};
 
