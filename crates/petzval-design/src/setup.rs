@@ -146,7 +146,9 @@ impl Setup {
     /// The objective of the experiment.
     pub fn objective(&self) -> Result<Box<dyn Objective>, DesignError> {
         Ok(match self.experiment.task {
-            TaskKind::ImageQuality => Box::new(ImageQuality::new(self.experiment.loss, self.lpips()?)?),
+            TaskKind::ImageQuality => {
+                Box::new(ImageQuality::new(self.experiment.loss.clone(), self.lpips()?)?)
+            }
         })
     }
 

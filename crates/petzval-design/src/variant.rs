@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepRule};
-use crate::experiment::{Experiment, Goal, ScheduleConfig, StageConfig};
+use crate::experiment::{Experiment, Goal, ScheduleConfig, StageConfig, VariantConfig};
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,7 +105,7 @@ impl Variant {
 
 /// The variants of an experiment, in the order of its file.
 pub fn variants(experiment: &Experiment) -> Vec<Variant> {
-    let resolve = |v: &crate::experiment::VariantConfig| Variant {
+    let resolve = |v: &VariantConfig| Variant {
         name: v.name.clone(),
         lens: v.lens.clone().unwrap_or_else(|| experiment.lens.clone()),
         from: v.from.clone(),

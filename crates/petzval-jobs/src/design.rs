@@ -100,7 +100,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (setup, folder) = match &request.run {
         Run::Resume(root) => {
             let folder = RunFolder::open(root)?;
-            let experiment = context.assets.experiment(&folder.config().display().to_string())?;
+            let experiment = context.assets.experiment_of_run(&folder)?;
             let setup = Setup::new(experiment, &context.assets, device)?;
             check_inputs(&setup, &folder)?;
             (setup, folder)

@@ -38,7 +38,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
-    let experiment = context.assets.experiment(&folder.config().display().to_string())?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;
     let scores = standard_scores(&setup.lpips()?);

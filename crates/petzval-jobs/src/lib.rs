@@ -14,6 +14,7 @@ pub mod design;
 mod device;
 mod error;
 pub mod evaluate;
+pub mod experiment;
 pub mod machine;
 pub mod psf;
 pub mod report;

@@ -30,7 +30,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     read_metrics(&folder)?;
-    let experiment = context.assets.experiment(&folder.config().display().to_string())?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
     Ok(Response { report: write(&setup, &folder)? })
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a pixel's filter lets pass.
@@ -65,7 +66,8 @@ const MAX_SIDE: usize = 8;
 ///
 /// Written as its rows from top to bottom, letters `R`, `G`, `B`, `W` (clear), with `/` between rows: `RG/GB`,
 /// `RRGG/RRGG/GGBB/GGBB` (quad Bayer), `WR/GW`. Four letters without `/` are a 2x2 tile (`RGGB`), `mono` is `W`.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[schemars(with = "String")]
 #[serde(try_from = "String", into = "String")]
 pub struct CfaPattern {
     rows: usize,

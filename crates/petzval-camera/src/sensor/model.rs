@@ -1,5 +1,6 @@
 //! A sensor as its data sheet describes it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::SensorError;
@@ -9,7 +10,7 @@ use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
 
 /// Where the electronics noise enters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Electronics {
     /// Before the converter, as in a sensor with column converters.
@@ -19,7 +20,7 @@ pub enum Electronics {
 }
 
 /// EMVA 1288 description of a sensor at unit gain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
     /// Name of the sensor.

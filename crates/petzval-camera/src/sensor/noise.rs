@@ -1,5 +1,6 @@
 //! Randomness of a frame: which noise, from which stream, and what the derivative of shot noise means.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Capture;
@@ -12,7 +13,7 @@ use petzval_base::random::{PoissonScratch, Stage, Stream, poisson, poisson_row};
 /// `E f'(x) dx/dlambda` over the exact derivative for `f = sqrt(N + 1)` at 0.3, 3 and 40 electrons: exact sums for
 /// `Dequantised`, 2 million draws of NumPy's generator for the others. The book's page on the sensor has more, the tests
 /// all of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseMode {
     /// Whole Poisson electrons. For evaluation: the draw has no derivative and the tape holds zeros.

@@ -1,5 +1,6 @@
 //! How pixels of one sensor differ from each other, and what is common to the pixels of a row or column.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::noise::FrameStreams;
@@ -12,7 +13,7 @@ use petzval_base::random::{Stage, Stream, place};
 /// What is fixed (DSNU, PRNU, hot pixels) belongs to one specimen of the sensor, drawn by `specimen`; what is not (row
 /// and column noise) is drawn anew for every frame. Standard deviations as EMVA 1288 splits them: a pixel's offset is
 /// the sum of an independent part of its own, one of its row and one of its column.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NonUniformity {
     /// Which specimen: seed of everything that is fixed.

@@ -1,5 +1,6 @@
 //! Quantum efficiency over the spectrum: how many electrons a photon gives.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
@@ -12,7 +13,7 @@ use crate::spectral::{PixelOptics, Spectrum};
 /// the electrons are `sum_l Q_c(l) s_c N(l)` of N photons. `alpha` and `beta` correct the published curves so that the ratio
 /// of red to green and of blue to green signal matches what a camera gives (Tseng et al. 2021, supplement section 2.4.1;
 /// 0.82 and 1.25 for their camera); [`matched`](Self::matched) finds them from measured ratios.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QuantumEfficiency {
     /// Wavelengths, um, ascending.

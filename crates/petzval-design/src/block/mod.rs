@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use burn::tensor::Gradients;
 use petzval_camera::sensor::Noise;
 use petzval_learn::objective::NamedLoss;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Shot};
@@ -21,7 +22,7 @@ pub use network::NetworkBlock;
 pub use optics::OpticsBlock;
 
 /// A block of the camera, by name. The order is that of the light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BlockName {
     /// The free numbers of the lens.

@@ -134,7 +134,7 @@ impl Block for OpticsBlock {
             serde_json::from_slice(part(state, COORDINATES)?).map_err(|e| format!("{COORDINATES}: {e}"))?;
         let free = self.moving.x.len();
         if moving.x.len() != free || moving.anchor.len() != free || !moving.adam.fits(free) {
-            return Err("the lens has other variables; has its file been changed?".to_owned());
+            return Err(format!("{COORDINATES}: the lens has other variables; has its file been changed?"));
         }
         self.moving = moving;
         Ok(())

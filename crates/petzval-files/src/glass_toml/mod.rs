@@ -28,6 +28,6 @@ mod write;
 
 pub use read::parse_catalog;
 pub(super) use read::read_glasses;
-pub(super) use text::GlassTables;
+pub(super) use text::{GlassTables, GlassText};
 pub use write::write_catalog;
 pub(super) use write::write_glass;

@@ -136,3 +136,8 @@ pub struct ExpectedSpots {
     /// The largest relative difference that still agrees.
     pub relative_tolerance: f64,
 }
+
+/// The JSON Schema of a lens file. Numbers that may be infinite are written `inf` in TOML, which the schema calls a number.
+pub fn lens_schema() -> schemars::Schema {
+    schemars::schema_for!(text::LensText)
+}

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use petzval::design::experiment::commented_toml;
 use petzval::design::run::Metrics;
 use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, RunEnding};
 use petzval::learn::score::Column;
@@ -64,7 +65,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     };
     if args.print_config {
         let experiment = design::resolved(&new, &context)?;
-        print!("{}", experiment.to_toml()?);
+        print!("{}", commented_toml(&experiment)?);
         return Ok(ExitCode::SUCCESS);
     }
     let run = args.resume.map_or(design::Run::New(new), design::Run::Resume);

@@ -6,6 +6,7 @@ mod bench;
 mod design;
 mod doctor;
 mod evaluate;
+mod experiment;
 mod failure;
 mod glass;
 mod lens;
@@ -54,6 +55,11 @@ pub struct Cli {
 enum Verb {
     /// Design lens and network together, and compare with two controls
     Design(design::Args),
+    /// Look at the built-in experiments
+    #[command(subcommand)]
+    Experiment(experiment::ExperimentVerb),
+    /// Print the JSON Schema of experiment, lens or sensor files
+    Schema(experiment::SchemaArgs),
     /// Write the report of a run again
     Report(report::Args),
     /// Score the cameras of a run again, with exact optics
@@ -108,6 +114,8 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     glass::choose(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
     match cli.verb {
         Verb::Design(args) => design::run(args),
+        Verb::Experiment(verb) => experiment::run(verb),
+        Verb::Schema(args) => experiment::schema(args),
         Verb::Report(args) => report::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Lens(verb) => lens::run(verb),

@@ -21,8 +21,8 @@ pub(super) fn workloads() -> Vec<Workload> {
 fn step(kind: BlockName) -> Result<Prepared, Failure> {
     let assets = built_in_assets();
     let experiment = assets.experiment("cooke-triplet-image-quality")?;
-    let training = experiment.training;
-    let network = experiment.network;
+    let training = experiment.training.clone();
+    let network = experiment.network.clone();
     // The loop lives as long as the process: its settings and its scratch folder are leaked on purpose.
     let setup: &'static Setup =
         Box::leak(Box::new(Setup::new(experiment, &assets, crate::cli::context().device("cpu")?)?));
