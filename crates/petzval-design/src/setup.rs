@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::FileError;
+use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{RenderGeometry, kernel_radius};
 use petzval_files::load_image_bytes;
@@ -116,7 +117,7 @@ impl Setup {
             experiment,
             variants,
             starts,
-            body: Arc::new(Body { sensor, geometry, exposure, device }),
+            body: Arc::new(Body { sensor, geometry, exposure, isp: LinearIsp::default(), device }),
             moving_plan,
             fixed_plan,
             photos: PhotoSet::default(),
@@ -140,7 +141,7 @@ impl Setup {
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
         let plan = if is_moving { &self.moving_plan } else { &self.fixed_plan };
         let source = PsfSource::Traced { lens: Box::new(lens), plan: plan.clone() };
-        Camera::new(self.body.clone(), source.psfs()?)
+        Camera::new(self.body.clone(), Arc::new(source.psfs()?))
     }
 
     /// The objective of the experiment.

@@ -18,6 +18,7 @@ pub mod experiment;
 pub mod machine;
 pub mod psf;
 pub mod report;
+pub mod simulate;
 
 pub use built_in::built_in_assets;
 pub use context::{Context, Progress, Silent, Watcher};

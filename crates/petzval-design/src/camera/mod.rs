@@ -12,19 +12,17 @@ use std::sync::Arc;
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
+use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{Placement, RenderGeometry, kernel_radius};
 use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
-use petzval_camera::tape::{Frames, PlacedScene, develop_op, expose_op, illumination_op, render_op};
+use petzval_camera::tape::{Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op};
 use petzval_learn::network::PictureNetwork;
 use petzval_learn::objective::Labels;
 
 use crate::error::DesignError;
 
 pub use psf_source::{PsfSource, Psfs};
-
-/// Illumination below which the development no longer brightens further: below it there is little but noise.
-pub const SHADING_FLOOR: f32 = 0.05;
 
 /// One window of a photograph at a place of the sensor, taken as one frame.
 #[derive(Clone, Debug)]
@@ -46,6 +44,8 @@ pub struct Body {
     pub geometry: RenderGeometry,
     /// Exposure of every frame.
     pub exposure: Exposure,
+    /// Development.
+    pub isp: LinearIsp,
     /// Where the tensors live, with automatic differentiation if gradients are needed.
     pub device: Device,
 }
@@ -85,9 +85,9 @@ impl PsfLeaves {
 
 impl Camera {
     /// A camera without a network.
-    pub fn new(body: Arc<Body>, psfs: Psfs) -> Result<Self, DesignError> {
+    pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        Ok(Self { body, psfs: Arc::new(psfs), border, network: None })
+        Ok(Self { body, psfs, border, network: None })
     }
 
     /// The same camera with a network behind the development.
@@ -130,11 +130,46 @@ impl Camera {
     fn take_through(&self, psfs: &PsfLeaves, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
         // The lens spreads every point by the PSF of its place and dims it off the axis.
         let (irradiance, illumination) = self.image(psfs, shots)?;
+        let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
+        self.expose(irradiance, illumination, &captures, noise)
+    }
+
+    /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
+    /// planes, 1 = white on the axis.
+    pub fn take_light(
+        &self,
+        light: &LinearImage,
+        capture: Capture,
+        noise: &Noise,
+    ) -> Result<Frames, DesignError> {
+        let LinearImage { channels, height, width, .. } = *light;
+        let device = &self.body.device;
+        let data = TensorData::new(light.data.clone(), [1, channels, height, width]);
+        let psfs = PsfLeaves::new(self.psfs.bank(), device);
+        let illumination = self.illumination(&psfs, &[capture.placement], [height, width])?;
+        self.expose(Tensor::from_data(data, device), illumination, &[capture], noise)
+    }
+
+    /// Irradiance of a single shot on the host, three planes.
+    pub fn irradiance(&self, shots: &[Shot; 1]) -> Result<LinearImage, DesignError> {
+        let psfs = PsfLeaves::new(self.psfs.bank(), &self.body.device);
+        let (irradiance, _) = self.image(&psfs, shots)?;
+        let [_, channels, height, width] = irradiance.dims();
+        Ok(LinearImage { channels, height, width, data: to_host(irradiance)? })
+    }
+
+    /// From light on the pixels to finished pictures.
+    fn expose(
+        &self,
+        irradiance: Tensor<4>,
+        illumination: Tensor<4>,
+        captures: &[Capture],
+        noise: &Noise,
+    ) -> Result<Frames, DesignError> {
         // The sensor turns light into digital numbers behind its colour filters.
-        let captures = self.captures(shots);
-        let raw = expose_op(irradiance.clone(), &self.body.sensor, &captures, noise)?;
+        let raw = expose_op(irradiance.clone(), &self.body.sensor, captures, noise)?;
         // Development turns them back into light, balances white and lifts the dim corners.
-        let developed = self.develop(raw.clone(), illumination.clone(), &captures)?;
+        let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
         // The network finishes what a display would show.
         let finished = self.finish(developed.clone());
         Ok(Frames { irradiance, illumination, raw, developed, finished })
@@ -148,9 +183,19 @@ impl Camera {
             shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
         let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
         let blurred = render_op(psfs.values.clone(), &layout, geometry, scenes)?;
-        let illumination =
-            illumination_op(psfs.illumination.clone(), &layout, geometry, &placements, height, width)?;
+        let illumination = self.illumination(psfs, &placements, [height, width])?;
         Ok((blurred * illumination.clone(), illumination))
+    }
+
+    /// Relative illumination of the pixels of windows.
+    fn illumination(
+        &self,
+        psfs: &PsfLeaves,
+        placements: &[Placement],
+        [height, width]: [usize; 2],
+    ) -> Result<Tensor<4>, DesignError> {
+        let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
+        Ok(illumination_op(psfs.illumination.clone(), &layout, geometry, placements, height, width)?)
     }
 
     /// Develops raw frames `[batch, 1, height, width]` to linear light `[batch, 3, height, width]`.
@@ -163,8 +208,7 @@ impl Camera {
         illumination: Tensor<4>,
         captures: &[Capture],
     ) -> Result<Tensor<4>, DesignError> {
-        let linear = develop_op(raw, &self.body.sensor, captures)?;
-        Ok(linear / illumination.clamp_min(SHADING_FLOOR))
+        Ok(linear_isp_op(raw, illumination, &self.body.isp, &self.body.sensor, captures)?)
     }
 
     /// What the network makes of developed pictures, sRGB-encoded; without a network, the developed pictures encoded.
@@ -197,9 +241,9 @@ impl Camera {
         shots.first().map_or([0, 0], |s| [side(s.scene.height), side(s.scene.width)])
     }
 
-    fn captures(&self, shots: &[Shot]) -> Vec<Capture> {
-        let exposure = self.body.exposure;
-        shots.iter().map(|s| Capture { exposure, placement: s.placement, frame: s.frame }).collect()
+    /// How a shot is captured.
+    pub fn capture(&self, shot: &Shot) -> Capture {
+        Capture { exposure: self.body.exposure, placement: shot.placement, frame: shot.frame }
     }
 }
 
@@ -213,6 +257,6 @@ pub fn srgb_encode(linear: Tensor<4>) -> Tensor<4> {
 }
 
 /// The values of a tensor on the host.
-pub(crate) fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignError> {
+pub fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignError> {
     tensor.detach().into_data().try_to_vec::<f32>().map_err(|e| DesignError::Device(format!("{e:?}")))
 }

@@ -50,3 +50,22 @@ pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
     }
     Ok(out)
 }
+
+/// The numbers of an experiment as a Markdown table: key, default, range, unit, sentence.
+pub fn reference_markdown() -> String {
+    let mut out = "| key | default | range | unit | meaning |\n|---|---|---|---|---|\n".to_owned();
+    for (table, numbers) in tables() {
+        for p in numbers.parameters {
+            let default = match &p.default[..] {
+                [one] => format!("{one:?}"),
+                several => format!("{several:?}"),
+            };
+            let (name, unit, sentence) = (p.name, p.unit, p.sentence);
+            out += &format!(
+                "| `{table}.{name}` | {default} | {:?} to {:?} | {unit} | {sentence} |\n",
+                p.min, p.max
+            );
+        }
+    }
+    out
+}

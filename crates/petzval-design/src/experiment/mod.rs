@@ -4,7 +4,7 @@ mod commented;
 mod tables;
 mod variants;
 
-pub use commented::commented_toml;
+pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
     CheckpointConfig, ConstraintConfig, ExposureConfig, NetworkConfig, OpticsConfig, PsfConfig,
     ScoringConfig, SpotConfig, TrainingConfig,

@@ -2,23 +2,25 @@
 
 use std::path::Path;
 
-use petzval::camera::sensor::{Colour, SensorError, SensorModel};
-use petzval::camera::spectral::{
+use petzval_camera::sensor::{Colour, SensorError, SensorModel};
+use petzval_camera::spectral::{
     ColourMatrix, Spectrum, ThreeBand, band_weights, bands_within, even_bands, fit_colour_matrix,
     share_outside, white_range_um,
 };
-use petzval::design::error::DesignError;
-use petzval::files::raw_file::shortest;
+use petzval_design::error::DesignError;
+use petzval_files::raw_file::shortest;
 use serde_json::{Map, Value, json};
 
-use super::super::{Args, Camera, Failure};
-use super::request::Request;
+use super::super::{Bench, Request};
+use super::conditions::Conditions;
+use crate::context::Context;
+use crate::error::JobError;
 
 /// Bands of scenes and photographs are at most so far apart, um, and at least so many, unless --bands says otherwise.
 const BAND_STEP_UM: f64 = 0.020;
 const LEAST_BANDS: usize = 16;
-/// Share of the electrons of white whose loss is told; and share of its peak at which a curve is not at its end yet.
-const TOLD_SHARE: f64 = 0.01;
+/// Share of the electrons of white from whose loss on there is a warning; and share of its peak at which a curve is not at its end yet.
+const WARNED_SHARE: f64 = 0.01;
 /// Electrons of white that a simulation can be made for.
 const WHITE_E: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
 
@@ -37,37 +39,37 @@ pub struct Light {
 
 impl Light {
     /// Even bands over all wavelengths at which light, lens and sensor have something.
-    pub fn over_all(args: &Args, request: &Request, camera: &Camera) -> Result<Self, Failure> {
-        let range = white_range_um(&camera.sensor, &request.optics, &request.illuminant)
+    pub fn over_all(request: &Request, conditions: &Conditions, bench: &Bench) -> Result<Self, JobError> {
+        let range = white_range_um(&bench.sensor, &conditions.optics, &conditions.illuminant)
             .map_err(DesignError::from)?;
-        let count = args.spectral.bands.unwrap_or(bands_within(range, BAND_STEP_UM).max(LEAST_BANDS));
-        let light = Self::new(request, camera, even_bands(range.0, range.1, count))?;
-        light.check_white(args, request)?;
+        let count = request.spectral.bands.unwrap_or(bands_within(range, BAND_STEP_UM).max(LEAST_BANDS));
+        let light = Self::new(conditions, bench, even_bands(range.0, range.1, count))?;
+        light.check_white(request, conditions)?;
         Ok(light)
     }
 
     /// The bands of a file: white is what can be seen of it there.
     pub fn in_file(
-        args: &Args,
         request: &Request,
-        camera: &Camera,
+        conditions: &Conditions,
+        bench: &Bench,
         path: &Path,
         band_um: &[f64],
-    ) -> Result<Self, Failure> {
-        let light = Self::new(request, camera, band_um.to_vec()).map_err(|error| {
-            Failure::input(
+    ) -> Result<Self, JobError> {
+        let light = Self::new(conditions, bench, band_um.to_vec()).map_err(|error| {
+            JobError::input(
                 format!("{}: in its bands, {}, {error}", path.display(), range_nm(band_um)),
                 "light, lens and pixels need wavelengths in common with the bands of the file",
             )
         })?;
-        light.check_white(args, request)?;
+        light.check_white(request, conditions)?;
         Ok(light)
     }
 
-    fn new(request: &Request, camera: &Camera, band_um: Vec<f64>) -> Result<Self, DesignError> {
-        let (sensor, optics, illuminant) = (&camera.sensor, &request.optics, &request.illuminant);
+    fn new(conditions: &Conditions, bench: &Bench, band_um: Vec<f64>) -> Result<Self, DesignError> {
+        let (sensor, optics, illuminant) = (&bench.sensor, &conditions.optics, &conditions.illuminant);
         let weights = band_weights(sensor, optics, &band_um)?;
-        let white = ThreeBand::new(sensor, optics, illuminant, request.lux, &band_um)?;
+        let white = ThreeBand::new(sensor, optics, illuminant, conditions.lux, &band_um)?;
         let matrix = fit_colour_matrix(sensor, optics, illuminant, &band_um)?;
         let range = (band_um[0], band_um[band_um.len() - 1]);
         let left_out = share_outside(sensor, optics, illuminant, range)?;
@@ -77,54 +79,54 @@ impl Light {
     }
 
     /// Refuses light that is nothing, or too much, for any sensor.
-    fn check_white(&self, args: &Args, request: &Request) -> Result<(), Failure> {
+    fn check_white(&self, request: &Request, conditions: &Conditions) -> Result<(), JobError> {
         let white_e = self.white.white_e();
         if WHITE_E.contains(&white_e) {
             return Ok(());
         }
         let what = format!(
             "white gives {white_e:.2e} electrons under {:e} lux (--illuminance-lux) in {} s (--time-s)",
-            request.lux, args.time_s
+            conditions.lux, request.time_s
         );
-        Err(Failure::input(
+        Err(JobError::input(
             what,
             format!("light and time must give {:e} to {:e} electrons", WHITE_E.start(), WHITE_E.end()),
         ))
     }
 
-    /// Tells on stderr what these bands leave out, and where the lens is traced beyond what is known of its glasses.
+    /// Warns of light that these bands leave out, and where the lens is traced outside the range of its glasses.
     /// `whose` is the file that the bands are of.
-    pub fn warn(&self, request: &Request, camera: &Camera, whose: Option<&Path>) {
-        if self.left_out > TOLD_SHARE {
+    pub fn warn(&self, conditions: &Conditions, bench: &Bench, whose: Option<&Path>, context: &Context) {
+        if self.left_out > WARNED_SHARE {
             let file = whose.map(|path| format!("{}: ", path.display())).unwrap_or_default();
-            eprintln!(
-                "warning: {file}the bands, {}, leave out {:.1} % of the electrons that white would give",
+            context.warning(format!(
+                "{file}the bands, {}, leave out {:.1} % of the electrons that white would give",
                 range_nm(&self.band_um),
                 100.0 * self.left_out
-            );
+            ));
         }
         if whose.is_none() {
-            warn_of_cut_light(request, &camera.sensor);
+            warn_of_cut_light(conditions, &bench.sensor, context);
         }
         let seen = |band: &usize| self.weights.iter().any(|(_, weight)| weight[*band] > 0.0);
         let seen: Vec<f64> = (0..self.band_um.len()).filter(seen).map(|band| self.band_um[band]).collect();
-        request.warn_of_glasses(&seen);
+        conditions.warn_of_glasses(&seen, context);
     }
 
     /// What the light gives, for the JSON of an image.
-    pub fn facts(&self, args: &Args, request: &Request) -> Map<String, Value> {
+    pub fn facts(&self, request: &Request, conditions: &Conditions) -> Map<String, Value> {
         let white_of: Map<String, Value> = (self.white.rows.iter())
             .map(|(colour, row)| (colour.letter().to_string(), json!(row.iter().sum::<f64>())))
             .collect();
-        let matrix = self.matrix.as_ref().filter(|_| !args.spectral.no_colour_matrix);
+        let matrix = self.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
         let facts = [
-            ("illuminant", json!(request.illuminant.name)),
-            ("illuminance_lux", json!(request.lux)),
-            ("f_number", json!(request.optics.f_number)),
-            ("time_s", json!(shortest(args.time_s))),
+            ("illuminant", json!(conditions.illuminant.name)),
+            ("illuminance_lux", json!(conditions.lux)),
+            ("f_number", json!(conditions.optics.f_number)),
+            ("time_s", json!(shortest(request.time_s))),
             ("bands_um", json!(self.band_um)),
             ("share_left_out", json!(self.left_out)),
-            ("three_band", json!(args.spectral.three_band)),
+            ("three_band", json!(request.spectral.three_band)),
             ("white_e", json!(self.white.white_e())),
             ("white_e_by_colour", json!(white_of)),
             ("relative_qe", json!(self.sensor.relative_qe)),
@@ -141,21 +143,21 @@ impl Light {
     }
 
     /// What the light gives, for a person.
-    pub fn says(&self, args: &Args, request: &Request) -> String {
+    pub fn says(&self, request: &Request, conditions: &Conditions) -> String {
         let mut says = format!(
             "white under {} lux of {} gives {:.0} electrons in {} at f/{:.2} and {} s",
-            (1e3 * request.lux).round() / 1e3,
-            request.illuminant.name,
+            (1e3 * conditions.lux).round() / 1e3,
+            conditions.illuminant.name,
             self.white.white_e(),
             if self.white.rows.len() > 1 { "a green pixel" } else { "a pixel" },
-            request.optics.f_number,
-            args.time_s,
+            conditions.optics.f_number,
+            request.time_s,
         );
         let coloured = [Colour::Red, Colour::Green, Colour::Blue]
             .iter()
             .all(|colour| self.white.white_of(*colour).is_some());
         match &self.matrix {
-            _ if args.spectral.no_colour_matrix => {}
+            _ if request.spectral.no_colour_matrix => {}
             Some(matrix) => says.push_str(&format!(
                 "\nthe colour matrix shows the ColorChecker with a mean dE*ab of {:.1}, at most {:.1}",
                 matrix.mean_delta_e, matrix.worst_delta_e
@@ -169,29 +171,29 @@ impl Light {
     }
 }
 
-/// Tells on stderr where the table of a light or of a transmission ends while the other lets light through and the pixels
+/// Warns where the table of a light or of a transmission ends while the other lets light through and the pixels
 /// would see it.
-fn warn_of_cut_light(request: &Request, sensor: &SensorModel) {
-    let light = (request.illuminant.name.as_str(), &request.illuminant.power);
-    let passes = request.optics.transmission.as_ref().map(|tau| ("the transmission", tau));
+fn warn_of_cut_light(conditions: &Conditions, sensor: &SensorModel, context: &Context) {
+    let light = (conditions.illuminant.name.as_str(), &conditions.illuminant.power);
+    let passes = conditions.optics.transmission.as_ref().map(|tau| ("the transmission", tau));
     let sees = |um: f64| {
         let curves = sensor.quantum_efficiency.as_ref();
         let at = |colour: &Colour| curves.and_then(|c| c.curve(*colour)).map_or(0.0, |c| c.at(um));
-        sensor.cfa.colours().iter().any(|colour| at(colour) > TOLD_SHARE)
+        sensor.cfa.colours().iter().any(|colour| at(colour) > WARNED_SHARE)
     };
-    let tells = |(_, curve): (&str, &Spectrum), um: f64| {
-        curve.at(um) > TOLD_SHARE * curve.value().iter().copied().fold(0.0, f64::max)
+    let has_light = |(_, curve): (&str, &Spectrum), um: f64| {
+        curve.at(um) > WARNED_SHARE * curve.value().iter().copied().fold(0.0, f64::max)
     };
     for (ends, other) in [(Some(light), passes), (passes, Some(light))] {
         let Some(ends) = ends else { continue };
         let (first, last) = ends.1.range_um();
         for (um, beyond_um) in [(first, first - 1e-3), (last, last + 1e-3)] {
-            if tells(ends, um) && sees(beyond_um) && other.is_none_or(|other| tells(other, beyond_um)) {
-                eprintln!(
-                    "warning: nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
+            if has_light(ends, um) && sees(beyond_um) && other.is_none_or(|other| has_light(other, beyond_um)) {
+                context.warning(format!(
+                    "nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
                     ends.0,
                     1000.0 * um
-                );
+                ));
             }
         }
     }

@@ -1,28 +1,29 @@
-//! What a run over the spectrum asks for: lens, light, transmission, efficiency.
+//! The conditions of a simulation over the spectrum: lens, light, transmission, efficiency.
 
 use std::path::Path;
 
-use petzval::built_in_assets;
-use petzval::camera::sensor::{Colour, QuantumEfficiency, SensorModel};
-use petzval::camera::spectral::{
+use petzval_camera::sensor::{Colour, QuantumEfficiency, SensorModel};
+use petzval_camera::spectral::{
     ElectronsError, Illuminant, IlluminantError, PixelOptics, Spectrum, SpectrumTable,
 };
-use petzval::design::assets::Assets;
-use petzval::design::error::DesignError;
-use petzval::design::glass_warnings::glass_warnings;
-use petzval::design::optics::PsfPlan;
-use petzval::optics::analysis::image_f_number;
-use petzval::optics::glass::Catalog;
-use petzval::optics::lens::Lens;
+use petzval_design::assets::Assets;
+use petzval_design::error::DesignError;
+use petzval_design::glass_warnings::glass_warnings;
+use petzval_design::optics::PsfPlan;
+use petzval_optics::analysis::image_f_number;
+use petzval_optics::glass::Catalog;
+use petzval_optics::lens::Lens;
 
-use super::super::{Args, Camera, Failure};
+use super::super::{Bench, Request};
 use super::read;
+use crate::context::Context;
+use crate::error::JobError;
 
 /// Prefix of an efficiency that is the same at all wavelengths.
 const FLAT: &str = "flat:";
 
-/// What all images share, whatever their bands.
-pub struct Request {
+/// What all images of a simulation share, whatever their bands.
+pub struct Conditions {
     pub lens: Lens,
     pub plan: PsfPlan,
     pub illuminant: Illuminant,
@@ -30,23 +31,23 @@ pub struct Request {
     pub optics: PixelOptics,
 }
 
-impl Request {
-    /// Reads what the options name; the sensor of `camera` gets the efficiency of `--qe`, and its lens moves here.
-    pub fn new(args: &Args, camera: &mut Camera) -> Result<Self, Failure> {
-        let (over, assets) = (&args.spectral, built_in_assets());
+impl Conditions {
+    /// Reads what the request names; the sensor of the bench gets the efficiency of `qe`.
+    pub fn new(request: &Request, bench: &mut Bench, context: &Context) -> Result<Self, JobError> {
+        let (over, assets) = (&request.spectral, &context.assets);
         if let Some(curves) = &over.qe {
-            camera.sensor.quantum_efficiency = Some(efficiency(curves, &assets)?);
+            bench.sensor.quantum_efficiency = Some(efficiency(curves, assets)?);
         }
-        let Some((lens, plan)) = camera.traced.take() else {
-            return Err(Failure::input(
+        let Some((lens, plan)) = bench.traced.clone() else {
+            return Err(JobError::input(
                 "--psfs: measured PSFs are those of three colours and of an unknown f-number",
                 "leave out --psfs and name a lens with --lens, or leave out the spectral scene and the options over the spectrum",
             ));
         };
-        has_curves(&camera.sensor, &assets)?;
+        has_curves(&bench.sensor, assets)?;
         let lux = over.illuminance_lux.unwrap_or(500.0);
         if !(lux > 0.0 && lux <= 1e9) {
-            return Err(Failure::input(
+            return Err(JobError::input(
                 format!("--illuminance-lux {lux}: not between 0 and 1e9"),
                 "an office has 500 lux",
             ));
@@ -54,40 +55,40 @@ impl Request {
         let illuminant = illuminant(over.illuminant.as_deref().unwrap_or("D65"))?;
         let transmission = over.transmission.as_deref().map(transmission).transpose()?;
         let optics = PixelOptics {
-            pixel_um: camera.sensor.pixel_um,
+            pixel_um: bench.sensor.pixel_um,
             f_number: image_f_number(&lens),
-            time_s: f64::from(args.time_s),
+            time_s: f64::from(request.time_s),
             transmission,
         };
         Ok(Self { lens, plan, illuminant, lux, optics })
     }
 
-    /// Tells on stderr where the lens is traced at wavelengths that its glasses are not known for.
-    pub fn warn_of_glasses(&self, band_um: &[f64]) {
+    /// Warns where the lens is traced at wavelengths outside the range of its glasses' formulas.
+    pub fn warn_of_glasses(&self, band_um: &[f64], context: &Context) {
         let lens = Lens { wavelengths_um: band_um.to_vec(), ..self.lens.clone() };
         for warning in glass_warnings(&lens, &Catalog::default()) {
-            eprintln!("warning: {}: {warning}", self.lens.name);
+            context.warning(format!("{}: {warning}", self.lens.name));
         }
     }
 }
 
 /// Curves by file, by built-in name, or one number.
-fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency, Failure> {
+fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency, JobError> {
     if let Some(value) = curves.strip_prefix(FLAT) {
         let flat = value.trim().parse().ok().and_then(QuantumEfficiency::flat);
         return flat.ok_or_else(|| {
-            Failure::input(
+            JobError::input(
                 format!("--qe {curves}: no efficiency above 0 and up to 1"),
                 "flat:0.6 is 0.6 electrons per photon at every wavelength",
             )
         });
     }
     let source = assets.text("quantum efficiency", "quantum-efficiency", curves)?;
-    Ok(petzval::files::parse_quantum_efficiency(&source.text).map_err(DesignError::input(&source.path))?)
+    Ok(petzval_files::parse_quantum_efficiency(&source.text).map_err(DesignError::input(&source.path))?)
 }
 
 /// Checks that every colour of the filter array has a curve, and says which built-in curves would have them.
-fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), Failure> {
+fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), JobError> {
     let colours = sensor.cfa.colours();
     let lacks = |curves: &QuantumEfficiency| colours.iter().find(|c| curves.curve(**c).is_none()).copied();
     let error = match &sensor.quantum_efficiency {
@@ -109,7 +110,7 @@ fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), Failure> {
     } else {
         format!("{} are built in", fitting.join(", "))
     };
-    Err(Failure::input(
+    Err(JobError::input(
         error.to_string(),
         format!(
             "give the curves as [quantum_efficiency] in the sensor file, or with --qe ({built_in}; flat:0.6 takes 0.6 at all wavelengths)"
@@ -118,13 +119,13 @@ fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), Failure> {
 }
 
 /// A light by name, or the only curve of a file; built-in names come first.
-fn illuminant(name: &str) -> Result<Illuminant, Failure> {
+fn illuminant(name: &str) -> Result<Illuminant, JobError> {
     match Illuminant::named(name) {
         Err(IlluminantError::Unknown { .. }) if Path::new(name).is_file() => {
             Ok(Illuminant::from_spectrum(name, curve("--illuminant", name)?).map_err(DesignError::from)?)
         }
         Err(IlluminantError::Unknown { .. }) if Path::new(name).extension().is_some_and(|e| e == "csv") => {
-            Err(Failure::input(
+            Err(JobError::input(
                 format!("--illuminant {name}: there is no such file"),
                 "a CSV file with a head line `wavelength_nm,power`, or the name of a light such as D65",
             ))
@@ -133,9 +134,9 @@ fn illuminant(name: &str) -> Result<Illuminant, Failure> {
     }
 }
 
-fn transmission(text: &str) -> Result<Spectrum, Failure> {
+fn transmission(text: &str) -> Result<Spectrum, JobError> {
     let hint = "a number above 0 and up to 1, or a CSV file with a head line `wavelength_nm,transmission`";
-    let wrong = |what: String| Failure::input(format!("--transmission {text}: {what}"), hint);
+    let wrong = |what: String| JobError::input(format!("--transmission {text}: {what}"), hint);
     let curve = match text.parse::<f64>() {
         Ok(tau) => Spectrum::new(vec![0.01, 100.0], vec![tau, tau]).map_err(|e| wrong(e.to_string()))?,
         Err(_) => curve("--transmission", text)?,
@@ -150,7 +151,7 @@ fn transmission(text: &str) -> Result<Spectrum, Failure> {
 }
 
 /// The only curve of a CSV file.
-fn curve(option: &str, path: &str) -> Result<Spectrum, Failure> {
+fn curve(option: &str, path: &str) -> Result<Spectrum, JobError> {
     let (path, text) = read(path)?;
     let table = SpectrumTable::parse(&text).map_err(DesignError::input(&path))?;
     let names: Vec<&str> = table.curves.iter().map(|(name, _)| name.as_str()).collect();
@@ -158,7 +159,7 @@ fn curve(option: &str, path: &str) -> Result<Spectrum, Failure> {
     let mut curves = table.curves.into_iter();
     match (curves.next(), curves.next()) {
         (Some((_, curve)), None) => Ok(curve),
-        _ => Err(Failure::input(
+        _ => Err(JobError::input(
             several,
             format!("{option} takes a file of two columns: wavelengths and one curve"),
         )),

@@ -2,20 +2,23 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-use petzval::camera::image::LinearImage;
-use petzval::camera::sensor::{Raw, SensorModel};
-use petzval::design::error::DesignError;
-use petzval::files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
-use petzval::files::{ImageError, save_exr, save_npy, save_png, save_png16};
-use serde_json::{Value, json};
+use petzval_camera::image::LinearImage;
+use petzval_camera::sensor::{Raw, SensorModel};
+use petzval_design::error::DesignError;
+use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
+use petzval_files::{ImageError, save_exr, save_npy, save_png, save_png16};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 
-use super::Failure;
+use super::Facts;
+use crate::error::JobError;
 
 /// How the raw frame is written.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum RawAs {
     /// 16-bit gray TIFF.
+    #[default]
     Tiff,
     /// 16-bit gray PNG.
     Png,
@@ -26,9 +29,11 @@ pub enum RawAs {
 }
 
 /// How the developed picture is written.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum PictureAs {
     /// 8-bit sRGB PNG.
+    #[default]
     Png,
     /// 16-bit sRGB PNG.
     Png16,
@@ -49,32 +54,21 @@ impl RawAs {
     }
 }
 
-/// Formats of the results.
-#[derive(Debug, clap::Args)]
-pub struct Formats {
-    /// Format of the raw frame
-    #[arg(long, value_enum, default_value = "tiff", value_name = "FORMAT")]
-    raw_format: RawAs,
-    /// Format of the developed picture
-    #[arg(long, value_enum, default_value = "png", value_name = "FORMAT")]
-    picture_format: PictureAs,
-}
-
 /// How a picture becomes a file.
 type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
 
 /// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are. Where one of them cannot be
 /// written, none is. Formats for a display show the light `display_white` as white.
 pub fn write(
-    formats: &Formats,
+    (raw_format, picture_format): (RawAs, PictureAs),
     folder: &Path,
     name: &str,
     raw: &Raw,
     sensor: &SensorModel,
     (developed, display_white): (&LinearImage, f32),
-) -> Result<serde_json::Map<String, Value>, Failure> {
-    let format = formats.raw_format.format(sensor.bits);
-    let (extension, save, white): (_, SavePicture, _) = match formats.picture_format {
+) -> Result<Facts, JobError> {
+    let format = raw_format.format(sensor.bits);
+    let (extension, save, white): (_, SavePicture, _) = match picture_format {
         PictureAs::Png => ("png", save_png, display_white),
         PictureAs::Png16 => ("png", save_png16, display_white),
         PictureAs::Exr => ("exr", save_exr, 1.0),
@@ -115,8 +109,8 @@ pub fn write(
     Ok(facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
-fn not_written(path: &Path, reason: impl std::fmt::Display) -> Failure {
-    Failure::input(
+fn not_written(path: &Path, reason: impl std::fmt::Display) -> JobError {
+    JobError::input(
         format!("{}: cannot be written: {reason}", path.display()),
         "choose a folder with --out that can be written, has room, and holds nothing else of that name",
     )
@@ -126,7 +120,7 @@ fn not_written(path: &Path, reason: impl std::fmt::Display) -> Failure {
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    fn new(folder: &Path, name: &str) -> Result<Self, Failure> {
+    fn new(folder: &Path, name: &str) -> Result<Self, JobError> {
         let path = folder.join(format!(".{name}-{}.part", std::process::id()));
         std::fs::create_dir_all(&path).map_err(|error| not_written(folder, error))?;
         Ok(Self(path))
@@ -140,7 +134,7 @@ impl Unfinished {
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        // There is no one left to tell.
+        // Nobody is left to handle an error.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
