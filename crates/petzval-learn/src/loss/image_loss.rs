@@ -1,4 +1,4 @@
-//! The loss a camera for pictures is trained on.
+//! The training loss of a camera for pictures: L1 plus LPIPS.
 
 use burn::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use super::{LossError, Lpips, LpipsTarget, l1, same_shape};
 
 /// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
 ///
-/// The weights are not negative. A part of weight 0 is neither computed nor reported.
+/// The weights are at least 0. A part of weight 0 is neither computed nor reported.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImageLoss {
@@ -24,13 +24,13 @@ impl Default for ImageLoss {
     }
 }
 
-/// A reference picture and, where the loss uses them, its features.
+/// A reference picture and, if the loss uses LPIPS, its features.
 pub struct ImageTarget {
     picture: Tensor<4>,
     features: Option<LpipsTarget>,
 }
 
-/// The loss and what it is made of.
+/// The loss and its parts.
 pub struct ImageLossParts {
     /// The weighted sum, one value, with its graph.
     pub total: Tensor<1>,
@@ -41,7 +41,7 @@ pub struct ImageLossParts {
 }
 
 impl ImageLoss {
-    /// Refuses weights that are negative or not finite.
+    /// Checks that the weights are finite and not negative.
     pub fn check(&self) -> Result<(), LossError> {
         for (name, value) in [("l1_weight", self.l1_weight), ("lpips_weight", self.lpips_weight)] {
             if !value.is_finite() || value < 0.0 {
@@ -79,7 +79,7 @@ impl ImageLoss {
             total = total + part * self.l1_weight;
         }
         if self.lpips_weight > 0.0 {
-            // A target prepared under another loss may lack features; compute them then.
+            // Compute the features if the target was prepared by a loss without LPIPS.
             let distance = match &target.features {
                 Some(features) => lpips.distance_to(image, features)?,
                 None => lpips.distance_to(image, &lpips.target(target.picture.clone())?)?,

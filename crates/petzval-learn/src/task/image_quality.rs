@@ -1,4 +1,4 @@
-//! Image quality: a U-Net as software ISP, judged by L1 and LPIPS against the photograph.
+//! Image quality: a U-Net as software ISP, trained with L1 and LPIPS against the photograph.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::network::{UNet, UNetConfig};
 const NETWORK_FILE: &str = "network.bin";
 const OPTIMIZER_FILE: &str = "optimizer.bin";
 
-/// The software ISP in training.
+/// The software ISP, its loss and its optimiser.
 pub struct ImageQualityTask {
     network: UNet,
     optimizer: ModuleOptimizer,
@@ -23,7 +23,7 @@ pub struct ImageQualityTask {
 }
 
 impl ImageQualityTask {
-    /// An untrained network, which passes its input through, with weights from `seed`; learns by Adam.
+    /// A new task with weights drawn from `seed` and the Adam optimiser. The untrained network returns its input.
     pub fn new(
         config: UNetConfig,
         seed: u64,

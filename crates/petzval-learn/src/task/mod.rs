@@ -1,6 +1,6 @@
-//! What a camera is for: a network behind the development, its loss, and how it learns.
+//! The purpose of a camera as a task: the network after development, its loss and its training step.
 //!
-//! The design loop knows a task only by this interface, so that another task needs no change there.
+//! The design loop uses a task only through this interface, so that another task needs no change there.
 
 mod image_quality;
 
@@ -17,11 +17,11 @@ use crate::network::NetworkError;
 pub struct TaskLoss {
     /// The loss, one value, with its graph.
     pub total: Tensor<1>,
-    /// The loss and what it is made of, by name.
+    /// The values of the loss and its parts, by name.
     pub parts: Vec<(&'static str, f64)>,
 }
 
-/// Why a task could not be made, or its state not kept.
+/// Why a task could not be made, saved or loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum TaskError {
     /// The network could not be made or restored.
@@ -35,10 +35,10 @@ pub enum TaskError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         error: std::io::Error,
     },
-    /// The state of the network is damaged, or that of another network.
+    /// The stored network is damaged, or belongs to another configuration.
     #[error("{}: {error}", path.display())]
     Weights {
         /// The file.
@@ -46,7 +46,7 @@ pub enum TaskError {
         /// What is wrong.
         error: NetworkError,
     },
-    /// The state of the optimiser is damaged.
+    /// The stored optimiser is damaged.
     #[error("{}: not the state of this optimiser: {problem}", path.display())]
     Optimizer {
         /// The file.
@@ -58,21 +58,21 @@ pub enum TaskError {
 
 /// A network with its loss and its optimiser. Pictures are `[batch, 3, height, width]`, sRGB-encoded.
 pub trait Task {
-    /// The loss of developed pictures against the truth, with a graph to the network's weights.
+    /// The loss of developed pictures against the truth, with a graph to the weights of the network.
     fn learning_loss(&self, developed: Tensor<4>, truth: Tensor<4>) -> Result<TaskLoss, TaskError>;
 
-    /// The same loss with the network held: the graph leads to the developed pictures alone.
+    /// The same loss with frozen weights: the graph leads only to the developed pictures.
     fn held_loss(&self, developed: Tensor<4>, truth: Tensor<4>) -> Result<TaskLoss, TaskError>;
 
-    /// One step of the optimiser down the gradient of a [`learning_loss`](Self::learning_loss).
+    /// Takes one step of the optimiser along the negative gradient of a [`learning_loss`](Self::learning_loss).
     fn learn(&mut self, loss: TaskLoss, learning_rate: f64);
 
-    /// The finished pictures.
+    /// The pictures that the network finishes, without a graph to its weights.
     fn picture(&self, developed: Tensor<4>) -> Tensor<4>;
 
     /// Writes the network and its optimiser into a folder, exact to the bit.
     fn save(&self, folder: &Path) -> Result<(), TaskError>;
 
-    /// Takes over what [`save`](Self::save) wrote.
+    /// Loads the state that [`save`](Self::save) wrote.
     fn load(&mut self, folder: &Path) -> Result<(), TaskError>;
 }
