@@ -1,4 +1,4 @@
-//! What every other crate stands on, and no physics.
+//! The foundation of every other crate. It holds no physics.
 //!
 //! | module | holds |
 //! |---|---|

@@ -1,14 +1,14 @@
-//! From a scene to the light on the sensor: every point is spread by the PSF of its place in the field.
+//! From a scene to the light on the sensor: the PSF of its place in the field spreads the light of each point.
 //!
-//! The PSF turns and changes over the image, so the sensor is divided into patches. Each patch has one kernel, the PSF at
-//! the patch centre, turned to its azimuth and collected by the pixels. The picture blends the convolutions of
-//! neighbouring patches with weights that sum to one, so there are no seams and a flat field stays flat:
+//! The PSF rotates and changes over the image, so the sensor is divided into patches. Each patch has one kernel: the PSF at
+//! the patch centre, rotated to its azimuth and integrated over pixels. The picture blends the convolutions of neighbouring
+//! patches with weights that sum to one, so there are no seams and a flat field stays flat:
 //!
 //! `out(x) = sum_p w_p(x) (K_p * scene)(x)`.
 //!
-//! [`render`] does it with FFTs tile by tile, [`render_direct`] is the readable reference, [`render_adjoint`] the exact
-//! transpose. Relative illumination is a separate factor, see [`illumination_map`]. Distortion is not applied: each
-//! place shows the scene point whose ideal image it is, with the PSF of that field.
+//! [`render`] convolves with FFTs, tile by tile. [`render_direct`] is the readable reference, [`render_adjoint`] the exact
+//! transpose. Relative illumination is a separate factor, see [`illumination_map`]. Distortion is not applied: each place
+//! shows the scene point whose ideal image lies there, with the PSF of that field.
 
 mod adjoint;
 mod convolve;
@@ -98,7 +98,7 @@ pub enum RenderError {
         /// Sensor columns.
         sensor_width: usize,
     },
-    /// Two things that belong together differ in size.
+    /// A buffer has another size than its partner.
     #[error("{what}: expected {expected}, got {got}")]
     Mismatch {
         /// What was compared.
@@ -110,10 +110,10 @@ pub enum RenderError {
     },
 }
 
-/// Light on the sensor window at `placement` when a lens with these PSFs looks at `scene`.
+/// Light on the sensor window at `placement` when a lens with these PSFs images `scene`.
 ///
-/// `scene` (3 planes, relative radiance) covers the output and a border of [`kernel_radius`] pixels on every side; the
-/// output has the remaining size. Error of the f32 FFTs: about 1e-6 of the largest scene value.
+/// `scene` (3 planes, relative radiance) covers the output and a border of [`kernel_radius`] pixels on every side. The
+/// output is smaller by that border. Error of the f32 FFTs: about 1e-6 of the largest scene value.
 pub fn render(
     geometry: &RenderGeometry,
     bank: &PsfBank,
@@ -128,7 +128,7 @@ pub fn render(
     render_kernels(geometry, &kernels, scene, placement)
 }
 
-/// Checks a scene against the geometry and tells which patches its output needs.
+/// Checks a scene against the geometry, and marks the patches that its output needs.
 pub(crate) fn check_scene(
     geometry: &RenderGeometry,
     scene: &LinearImage,

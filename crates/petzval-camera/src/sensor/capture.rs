@@ -1,18 +1,18 @@
-//! The settings of one exposure, and the raw frame that comes out of it.
+//! The settings of one exposure, and the raw frame that it gives.
 
 use serde::{Deserialize, Serialize};
 
 use crate::render::Placement;
 
-/// Exposure settings. A sensor sees `white_e` electrons where the picture is white.
+/// Exposure settings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exposure {
-    /// Electrons that linear value 1.0 gives in a green pixel, before gain.
+    /// Electrons in a green pixel where the picture is white (1.0), before gain; positive.
     pub white_e: f32,
-    /// Exposure time, s; it sets the dark current's share.
+    /// Exposure time, s, not negative. It sets the electrons of the dark current.
     pub time_s: f32,
-    /// Linear gain g, 1 = the sensor's system gain.
+    /// Linear gain g, positive; 1 = the sensor's system gain.
     pub linear_gain: f32,
 }
 
@@ -27,7 +27,7 @@ pub struct Capture {
     pub frame: u64,
 }
 
-/// Raw frame: one digital number per pixel, and how it was taken.
+/// Raw frame: one digital number per pixel, and the settings of its exposure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raw {
     /// Rows.
@@ -57,20 +57,20 @@ pub enum SensorError {
         need: &'static str,
     },
     /// The sensor does not offer this gain.
-    #[error("linear gain {value} is none of the sensor's steps; the nearest is {nearest}")]
+    #[error("linear gain {value} is not one of the sensor's steps; the nearest is {nearest}")]
     GainStep {
-        /// The gain asked for.
+        /// The requested gain.
         value: f32,
         /// The sensor's step nearest to it, in stops.
         nearest: f64,
     },
-    /// The share of a gradient that saturated pixels let through is out of range.
+    /// The share of the gradient that saturated pixels pass is out of range.
     #[error("the leak of saturated pixels is {value}; it must be between 0 and 1")]
     Leak {
         /// The leak given.
         value: f32,
     },
-    /// A picture cannot be developed because the sensor does not see a colour.
+    /// A picture cannot be developed because no pixel of the sensor measures a colour.
     #[error(
         "the colour filter array {cfa} has neither {colour} nor clear pixels to develop a colour picture from"
     )]
@@ -127,8 +127,7 @@ pub enum SensorError {
 }
 
 impl Exposure {
-    /// The exposure changed by so many stops (factors of two): `gain` of the linear gain, `exposure` of the light and the
-    /// time together.
+    /// The exposure changed by stops (factors of two): the linear gain by `gain`, and `white_e` and `time_s` by `exposure`.
     pub fn with_stops(&self, gain: f32, exposure: f32) -> Self {
         Self {
             white_e: self.white_e * exposure.exp2(),

@@ -10,10 +10,10 @@
 //! y  = clip(round(v), 0, 2^bits - 1)         [DN]  analog-to-digital converter
 //! ```
 //!
-//! so that, on a sensor of equal pixels and away from the limits, `E y = K g (lambda + mu_r) + BL + mu_el` and
+//! On a sensor of equal pixels and away from the limits this gives `E y = K g (lambda + mu_r) + BL + mu_el` and
 //! `Var y = (K g)^2 (lambda + sigma_r^2) + sigma_el^2 + 1/12`. Source: EMVA 1288 release 4.0 (linear camera model).
 //!
-//! [`expose_pixel`] says it for one pixel; [`expose()`] does it for a frame, with the same bits.
+//! [`expose_pixel`] is the readable reference for one pixel; [`expose()`] computes a frame with the same bits.
 
 mod capture;
 mod cfa;

@@ -1,4 +1,4 @@
-//! How pixels of one sensor differ from each other, and what is common to the pixels of a row or column.
+//! Non-uniformity: differences between the pixels of one sensor, and noise that the pixels of a row or column share.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,13 +10,13 @@ use petzval_base::random::{Stage, Stream, place};
 
 /// Non-uniformity of a sensor. All zero by default.
 ///
-/// What is fixed (DSNU, PRNU, hot pixels) belongs to one specimen of the sensor, drawn by `specimen`; what is not (row
-/// and column noise) is drawn anew for every frame. Standard deviations as EMVA 1288 splits them: a pixel's offset is
-/// the sum of an independent part of its own, one of its row and one of its column.
+/// The fixed pattern (DSNU, PRNU, hot pixels) belongs to one specimen of the sensor and is drawn with the seed `specimen`.
+/// Row and column noise are drawn anew for every frame. The numbers are standard deviations, split as in EMVA 1288: a
+/// pixel's offset is the sum of three independent parts, one of the pixel, one of its row and one of its column.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NonUniformity {
-    /// Which specimen: seed of everything that is fixed.
+    /// Number of the specimen: the seed of its fixed pattern.
     pub specimen: u64,
     /// DSNU of single pixels, electrons.
     pub dsnu_pixel_e: f64,
@@ -32,7 +32,7 @@ pub struct NonUniformity {
     pub prnu_column_percent: f64,
     /// Share of the pixels that are hot, 0..1.
     pub hot_pixel_share: f64,
-    /// Mean dark current of hot pixels above that of the others, electrons per second; it is exponentially distributed.
+    /// Mean excess dark current of hot pixels, electrons per second. The excess is exponentially distributed.
     pub hot_pixel_e_per_s: f64,
     /// Temporal noise that the pixels of a row share, electrons.
     pub row_noise_e: f64,
@@ -89,7 +89,7 @@ impl NonUniformity {
     }
 }
 
-/// What is fixed in a window of one specimen of a sensor, row by row.
+/// The fixed pattern of a window of one specimen, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FixedPattern {
     /// Rows.
@@ -100,13 +100,13 @@ pub struct FixedPattern {
     pub offset_e: Vec<f32>,
     /// Factor on the light of each pixel (PRNU), about 1.
     pub response: Vec<f32>,
-    /// Dark current of each pixel above that of the sensor, electrons per second; zero but for hot pixels.
+    /// Excess dark current of each pixel, electrons per second; zero except in hot pixels.
     pub dark_e_per_s: Vec<f32>,
 }
 
 impl SensorModel {
-    /// The fixed pattern of the specimen in the window of `height` x `width` pixels at `placement`, whatever the frame:
-    /// the truth that a characterisation of the specimen is held to. For programs; no command writes it.
+    /// The fixed pattern of the specimen in the window of `height` x `width` pixels at `placement`. It is the same in every
+    /// frame, and the truth against which a characterisation of the specimen is compared. No command writes it.
     pub fn fixed_pattern(&self, placement: Placement, height: usize, width: usize) -> FixedPattern {
         let pattern = Pattern::new(&self.nonuniformity, None);
         let pixels = |i: usize| pattern.pixel(placement.row + i / width, placement.col + i % width);
@@ -121,7 +121,7 @@ impl SensorModel {
     }
 }
 
-/// What sets one pixel apart in one frame.
+/// The non-uniformity of one pixel in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PixelPattern {
     /// DSNU with row and column noise, electrons.
@@ -132,14 +132,14 @@ pub(super) struct PixelPattern {
     pub dark_e_per_s: f64,
 }
 
-/// What the pixels of one row, or of one column, have in common.
+/// The non-uniformity that the pixels of one row, or of one column, share: offset in electrons, relative response.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Shared {
     offset_e: f64,
     response: f64,
 }
 
-/// Draws of a specimen, and of one frame where it has temporal streams.
+/// Draws the non-uniformity of a specimen and, with temporal streams, the row and column noise of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pattern<'a> {
     of: &'a NonUniformity,
@@ -151,7 +151,7 @@ pub(super) struct Pattern<'a> {
 }
 
 impl<'a> Pattern<'a> {
-    /// The pattern of a specimen; with `frame`, also the noise that rows and columns have in it.
+    /// The pattern of a specimen. With `frame` it includes the row and column noise of that frame.
     pub fn new(of: &'a NonUniformity, frame: Option<&FrameStreams>) -> Self {
         let stream = |stage| Stream::new(of.specimen, 0, stage);
         Self {
@@ -164,7 +164,7 @@ impl<'a> Pattern<'a> {
         }
     }
 
-    /// What a sensor row has in common.
+    /// The part that a sensor row shares.
     pub fn of_row(&self, row: usize) -> Shared {
         let [dsnu, prnu] = self.row.normals(place(row, 0));
         let noise = self.temporal.map_or(0.0, |[rows, _]| rows.normals(place(row, 0))[0]);
@@ -174,7 +174,7 @@ impl<'a> Pattern<'a> {
         }
     }
 
-    /// What a sensor column has in common.
+    /// The part that a sensor column shares.
     pub fn of_column(&self, col: usize) -> Shared {
         let [dsnu, prnu] = self.column.normals(place(0, col));
         let noise = self.temporal.map_or(0.0, |[_, columns]| columns.normals(place(0, col))[0]);
@@ -190,13 +190,13 @@ impl<'a> Pattern<'a> {
         self.combine(self.of_row(row), self.of_column(col), self.pixel.normals(at), self.hot_of(at))
     }
 
-    /// Hot pixels are few and each has a dark current of its own.
+    /// Excess dark current of a pixel, electrons per second: zero unless the pixel is hot.
     #[inline(always)]
     fn hot_of(&self, place: u32) -> f64 {
         self.of.hot_pixel_e_per_s * self.hot.rare_exponential(place, self.of.hot_pixel_share)
     }
 
-    /// A pixel's own part, its row's and its column's add up; no pixel answers light with negative charge.
+    /// Adds the parts of the pixel, its row and its column. The response is at least 0: light never gives negative charge.
     #[inline(always)]
     fn combine(
         &self,
@@ -229,7 +229,7 @@ impl<'a> Pattern<'a> {
         for values in [&mut *dsnu, prnu, hot, &mut out.offset_e, &mut out.response, &mut out.dark_e_per_s] {
             values.resize(n, 0.0);
         }
-        // What a sensor does not have costs nothing.
+        // Skip the draws of a non-uniformity that the sensor does not have.
         if self.of.dsnu_pixel_e != 0.0 || self.of.prnu_pixel_percent != 0.0 {
             self.pixel.normals_row(first, dsnu, prnu);
         }
@@ -258,7 +258,7 @@ pub(super) struct PatternRow {
     pub dark_e_per_s: Vec<f64>,
 }
 
-/// Memory of [`Pattern::pixels_row`], to be used again for the next row.
+/// Working memory of [`Pattern::pixels_row`], reused for the next row.
 #[derive(Debug, Default)]
 pub(super) struct PatternScratch {
     dsnu: Vec<f64>,

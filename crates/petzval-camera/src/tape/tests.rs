@@ -124,7 +124,7 @@ fn render_op_has_the_gradient_of_render_adjoint() {
     }
 }
 
-/// PSF and illumination to a scalar through the whole camera, without noise.
+/// A scalar of PSF and illumination through the whole camera: the sum of squares of the developed pictures.
 fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor<1> {
     let (layout, geometry) = (bank().layout(), geometry());
     let sensor: SensorModel =
@@ -157,7 +157,7 @@ fn gradients_through_the_whole_camera_match_finite_differences() {
     let d_psf = values(psf.grad(&gradients).unwrap());
     let d_table = values(table.grad(&gradients).unwrap());
 
-    // The loss is quadratic, so central differences with a large step are exact but for round-off.
+    // The loss is quadratic, so central differences with a large step are exact up to round-off.
     let loss = |psf: Vec<f32>, table: Vec<f32>| {
         values(camera_loss(tensor(psf, psf_shape), tensor(table, [2, CHANNELS]), &noise))[0]
     };

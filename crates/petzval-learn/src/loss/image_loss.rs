@@ -1,4 +1,4 @@
-//! The loss a camera for pictures is trained on.
+//! The training loss of a camera for pictures: L1 plus LPIPS.
 
 use burn::prelude::*;
 
@@ -14,13 +14,13 @@ petzval_base::parameters! {
     }
 }
 
-/// A reference picture and, where the loss uses them, its features.
+/// A reference picture and, if the loss uses LPIPS, its features.
 pub struct ImageTarget {
     picture: Tensor<4>,
     features: Option<LpipsTarget>,
 }
 
-/// The loss and what it is made of.
+/// The loss and its parts.
 pub struct ImageLossParts {
     /// The weighted sum, one value, with its graph.
     pub total: Tensor<1>,
@@ -31,7 +31,7 @@ pub struct ImageLossParts {
 }
 
 impl ImageLoss {
-    /// Refuses weights that are negative or not finite.
+    /// Checks that the weights are finite and not negative.
     pub fn check(&self) -> Result<(), LossError> {
         for (name, value) in [("l1_weight", self.l1_weight), ("lpips_weight", self.lpips_weight)] {
             if !value.is_finite() || value < 0.0 {
@@ -69,7 +69,7 @@ impl ImageLoss {
             total = total + part * self.l1_weight;
         }
         if self.lpips_weight > 0.0 {
-            // A target prepared under another loss may lack features; compute them then.
+            // Compute the features if the target was prepared by a loss without LPIPS.
             let distance = match &target.features {
                 Some(features) => lpips.distance_to(image, features)?,
                 None => lpips.distance_to(image, &lpips.target(target.picture.clone())?)?,

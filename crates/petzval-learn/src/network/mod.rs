@@ -1,4 +1,4 @@
-//! Networks that turn a developed picture into a better one.
+//! Networks that improve a developed picture.
 
 mod conv3x3;
 mod conv_kernel;
