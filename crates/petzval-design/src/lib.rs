@@ -11,7 +11,6 @@ pub mod design_loop;
 pub mod error;
 pub mod experiment;
 pub mod glass_warnings;
-pub mod glasses;
 pub mod inputs;
 pub mod joint;
 pub mod light_path;

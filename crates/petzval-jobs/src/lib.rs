@@ -12,6 +12,8 @@ mod built_in;
 mod context;
 mod device;
 mod error;
+mod finite;
+pub mod glass;
 pub mod psf;
 
 pub use built_in::built_in_assets;
