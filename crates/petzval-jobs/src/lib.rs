@@ -14,6 +14,7 @@ mod device;
 mod error;
 mod finite;
 pub mod glass;
+pub mod lens;
 pub mod psf;
 
 pub use built_in::built_in_assets;
