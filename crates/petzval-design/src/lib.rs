@@ -17,7 +17,6 @@ pub mod design_loop;
 pub mod error;
 pub mod experiment;
 pub mod glass_warnings;
-pub mod glasses;
 pub mod inputs;
 pub mod optics;
 pub mod pictures;

@@ -23,6 +23,12 @@ pub fn parse_catalog(text: &str) -> Result<Catalog, FileError> {
     read_glasses(text, &file.glass)
 }
 
+/// Whether a text is meant as a catalogue, be it right or wrong: `glass` is its only key, or it is no TOML.
+pub fn is_meant_as_catalog(text: &str) -> bool {
+    let is_catalog = |table: toml::Table| !table.is_empty() && table.keys().all(|key| key == "glass");
+    toml::from_str(text).map_or(true, is_catalog)
+}
+
 /// The glasses of some tables. Names and aliases are unique without regard to case.
 pub(crate) fn read_glasses(text: &str, tables: &GlassTables) -> Result<Catalog, FileError> {
     let mut catalog = Catalog::default();

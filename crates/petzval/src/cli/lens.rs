@@ -34,10 +34,10 @@ pub enum LensVerb {
 /// Runs a verb.
 pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
     match verb {
-        LensVerb::Show(args) => show::run(&args),
-        LensVerb::Analyze(args) => analyze::run(&args),
-        LensVerb::Convert(args) => convert::run(&args),
-        LensVerb::Trace(args) => trace::run(&args),
+        LensVerb::Show(args) => show::run(args),
+        LensVerb::Analyze(args) => analyze::run(args),
+        LensVerb::Convert(args) => convert::run(args),
+        LensVerb::Trace(args) => trace::run(args),
         LensVerb::Optimize(args) => optimize::run(&args),
         LensVerb::Tolerance(args) => tolerance::run(&args),
     }

@@ -1,15 +1,16 @@
-//! Glass catalogues that a user chose: AGF and TOML files, pages of refractiveindex.info, and folders of them.
+//! Reads the glass catalogues of a user: AGF and TOML files, pages of refractiveindex.info, and folders of them.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
-use petzval_files::{decode, parse_agf, parse_rii};
+use petzval_design::error::DesignError;
+use petzval_files::{decode, is_meant_as_catalog, parse_agf, parse_catalog, parse_rii};
 use petzval_optics::glass::Catalog;
 
-use crate::error::DesignError;
+use crate::error::JobError;
 
-/// Glasses of some files, and what in these was not understood.
+/// The glasses of the user's files, and the lines of these files that were not understood.
 #[derive(Clone, Debug, Default)]
 pub struct ChosenGlasses {
     /// The glasses; those of later files count where a name is in several.
@@ -25,7 +26,7 @@ const ENDINGS: &str = ".agf, .toml, .yml or .yaml";
 /// The maker of an AGF file is its name without `.agf`. A page of refractiveindex.info is called as its file is, made by
 /// the folder below `specs`; a page in a folder `MATERIAL/nk` is called `MATERIAL-PAGE`. Files in a folder that hold no
 /// glass, such as pages of media without an index and lens files, are warnings.
-pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
+pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, JobError> {
     let mut chosen = ChosenGlasses::default();
     for path in paths {
         if !path.exists() {
@@ -43,7 +44,7 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
         files.sort();
         for file in files {
             match read_file(&file, &mut chosen) {
-                Err(DesignError::Input { path, mut error }) if !is_broken_catalogue(&file) => {
+                Err(JobError::File { path, mut error }) if !is_broken_catalogue(&file) => {
                     error.message += ": the file is left out";
                     chosen.warnings.push((path, *error));
                 }
@@ -65,7 +66,7 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, DesignError> {
 }
 
 /// The glass files below a folder.
-fn glass_files(root: &Path) -> Result<Vec<PathBuf>, DesignError> {
+fn glass_files(root: &Path) -> Result<Vec<PathBuf>, JobError> {
     let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
     while let Some(folder) = open.pop() {
         for entry in std::fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
@@ -81,12 +82,11 @@ fn glass_files(root: &Path) -> Result<Vec<PathBuf>, DesignError> {
     Ok(files)
 }
 
-/// Whether a file that could not be read is a glass catalogue in TOML all the same: what is wrong there is for its author
-/// to mend, while a file about something else, as a lens, has merely its place in the same folder.
+/// Whether a file that could not be read is a glass catalogue in TOML with a mistake in it, which its author has to correct.
+/// Other TOML files in the same folder, such as lenses, are left out.
 fn is_broken_catalogue(path: &Path) -> bool {
     let Ok(bytes) = std::fs::read(path) else { return true };
-    let is_catalogue = |table: toml::Table| !table.is_empty() && table.keys().all(|key| key == "glass");
-    ending(path) == "toml" && toml::from_str(&decode(&bytes)).map_or(true, is_catalogue)
+    ending(path) == "toml" && is_meant_as_catalog(&decode(&bytes))
 }
 
 fn ending(path: &Path) -> String {
@@ -107,7 +107,7 @@ fn is_index(path: &Path) -> bool {
     stem == "about" || stem.starts_with("catalog-")
 }
 
-fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), DesignError> {
+fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), JobError> {
     let known = matches!(ending(path).as_str(), "agf" | "toml") || is_page(path);
     if path.exists() && !known {
         return Err(wrong(path, "this is no glass catalogue", format!("glass files end in {ENDINGS}")));
@@ -117,7 +117,7 @@ fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), DesignError>
     let file = match ending(path).as_str() {
         "agf" => parse_agf(&text, &stem(path)),
         "toml" => {
-            let catalog = petzval_files::parse_catalog(&text).map_err(DesignError::input(path))?;
+            let catalog = parse_catalog(&text).map_err(DesignError::input(path))?;
             chosen.catalog.merge(catalog);
             return Ok(());
         }
@@ -148,15 +148,16 @@ fn page_name(path: &Path) -> (String, String) {
     }
 }
 
-fn wrong(path: &Path, message: &str, hint: String) -> DesignError {
-    DesignError::input(path)(FileError {
+fn wrong(path: &Path, message: &str, hint: String) -> JobError {
+    let error = FileError {
         line: None,
         column: None,
         key: String::new(),
         value: String::new(),
         message: message.to_owned(),
         hint: Some(hint),
-    })
+    };
+    JobError::File { path: path.to_path_buf(), error: Box::new(error) }
 }
 
 #[cfg(test)]
