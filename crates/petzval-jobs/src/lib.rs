@@ -12,7 +12,10 @@ mod built_in;
 mod context;
 mod device;
 mod error;
+mod frames;
 pub mod psf;
+pub mod raw;
+pub mod sensor;
 
 pub use built_in::built_in_assets;
 pub use context::{Context, Progress, Silent, Watcher};

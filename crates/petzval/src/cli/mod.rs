@@ -7,6 +7,7 @@ mod design;
 mod doctor;
 mod evaluate;
 mod failure;
+mod frames_bar;
 mod glass;
 mod lens;
 mod psf;
@@ -26,6 +27,7 @@ use clap::{Parser, Subcommand};
 use petzval::jobs::{Context, Watcher};
 
 pub use failure::Failure;
+use frames_bar::context_with_frames_bar;
 
 /// Stopped by a signal after writing a checkpoint (EX_TEMPFAIL of sysexits).
 pub const EXIT_STOPPED: u8 = 75;
