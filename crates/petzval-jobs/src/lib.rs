@@ -16,11 +16,14 @@ mod error;
 pub mod evaluate;
 pub mod experiment;
 mod finite;
+mod frames;
 pub mod glass;
 pub mod lens;
 pub mod machine;
 pub mod psf;
+pub mod raw;
 pub mod report;
+pub mod sensor;
 pub mod simulate;
 
 pub use built_in::built_in_assets;

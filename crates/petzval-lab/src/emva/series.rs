@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::captures::{CaptureError, Kind, MANIFEST, SensorFacts};
 use super::manifest::{self, Listed};
@@ -28,7 +28,7 @@ struct Identity<'a> {
 }
 
 /// What came of writing a series.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Written {
     /// The list of captures.
     pub list: PathBuf,
