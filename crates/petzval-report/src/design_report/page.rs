@@ -10,10 +10,10 @@ use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
 use super::{CameraView, LossCurve, Report};
-use crate::chart::{Chart, Series, chart_svg};
 use crate::field_curve::{FieldPoint, to_full_field};
 use crate::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
 use crate::palette;
+use crate::plot::{Chart, Series, chart_svg};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
