@@ -25,3 +25,4 @@ pub mod psf_sheet;
 #[cfg(test)]
 mod sample;
 pub mod sensor_sheet;
+mod table;

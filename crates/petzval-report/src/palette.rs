@@ -18,6 +18,45 @@ pub(crate) const LIMIT: &str = "#b3b9c1";
 /// Values that an ideal instrument would have.
 pub(crate) const IDEAL: &str = "#b8860b";
 
+/// A colour of pages.
+struct PageColour {
+    /// Its name in the style sheet.
+    name: &'static str,
+    /// In the light colour scheme.
+    light: &'static str,
+    /// In the dark one.
+    dark: &'static str,
+    /// On printed paper.
+    print: &'static str,
+}
+
+/// The colours of pages.
+const PAGE: [PageColour; 9] = [
+    PageColour { name: "paper", light: "#fbfbf9", dark: "#14171b", print: "#fff" },
+    PageColour { name: "ink", light: "#1d2229", dark: "#e6e8eb", print: "#000" },
+    PageColour { name: "muted", light: "#626a75", dark: "#98a1ad", print: "#444" },
+    PageColour { name: "line", light: "#dcdfe3", dark: "#323840", print: "#ccc" },
+    PageColour { name: "soft", light: "#f1f2f0", dark: "#1d2126", print: "#f4f4f4" },
+    PageColour { name: "gain", light: "#14703f", dark: "#5cc98d", print: "#14703f" },
+    PageColour { name: "loss", light: "#b0341d", dark: "#f08a6f", print: "#b0341d" },
+    PageColour { name: "accent", light: "#0b5fa5", dark: "#6cb2f0", print: "#0b5fa5" },
+    PageColour { name: "drawing", light: PAPER, dark: PAPER, print: PAPER },
+];
+
+/// The colours of pages as rules of a style sheet.
+pub(crate) fn page_colours() -> String {
+    let rule = |of: fn(&PageColour) -> &'static str| -> String {
+        let colours: String = PAGE.iter().map(|c| format!("--{}:{};", c.name, of(c))).collect();
+        format!(":root{{{colours}}}")
+    };
+    format!(
+        ":root{{color-scheme:light dark;}}{}@media screen and (prefers-color-scheme: dark){{{}}}@media print{{{}}}\n",
+        rule(|c| c.light),
+        rule(|c| c.dark),
+        rule(|c| c.print)
+    )
+}
+
 /// Lines of cameras: the baseline is grey, the rest stand out from it.
 const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
 

@@ -47,7 +47,7 @@ pub(crate) fn px(value: f64) -> String {
     if short == "-0" { "0".into() } else { short.into() }
 }
 
-/// Width of a text in a font of a size, px, as good as can be told without the font.
+/// Width of a text in a font of a size, px, as well as it can be estimated without the font.
 pub(crate) fn width_of(text: &str, size: f64) -> f64 {
     CHARACTER * size * text.chars().count() as f64
 }
