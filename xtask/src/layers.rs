@@ -21,10 +21,9 @@ const ORDER: [&str; 10] = [
 ];
 
 /// Outside crates that only some of ours may use directly, with the reason.
-const RESERVED: [(&str, &[&str], &str); 8] = [
+const RESERVED: [(&str, &[&str], &str); 7] = [
     ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
     ("maud", &["petzval-report"], "reports are made in one place"),
-    ("plotters", &["petzval-report"], "reports are made in one place"),
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),

@@ -1,11 +1,12 @@
 //! The prescription: the surfaces of a lens as a designer lists them.
 
-use maud::{Markup, html};
+use maud::Markup;
 use petzval_files::lens_toml::special_lines;
 use petzval_optics::lens::{Lens, Surface};
 use petzval_optics::paraxial::first_order;
 
 use crate::number::{fixed, significant};
+use crate::table::{Column, Row, Table};
 
 /// First-order data in one line.
 pub(super) fn first_order_line(lens: &Lens) -> String {
@@ -23,32 +24,28 @@ pub(super) fn first_order_line(lens: &Lens) -> String {
 /// One row a surface. Semi-diameters are clear ones; that of the stop follows from the entrance pupil.
 pub(super) fn prescription(lens: &Lens) -> Markup {
     let stop_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
-    html! {
-        div.scroll {
-            table.prescription {
-                thead { tr {
-                    @for (name, unit) in [("surface", ""), ("radius", "mm"), ("thickness", "mm"), ("glass", ""),
-                        ("semi-diameter", "mm"), ("conic", ""), ("asphere", "mm¹⁻ⁿ")] {
-                        th scope="col" { (name) span.unit { (if unit.is_empty() { "\u{a0}" } else { unit }) } }
-                    }
-                } }
-                tbody {
-                    @for (i, s) in lens.surfaces.iter().enumerate() {
-                        @let is_stop = i == lens.stop;
-                        tr {
-                            th scope="row" { (i + 1) @if is_stop { " stop" } }
-                            td { (significant(1.0 / s.shape.curvature)) }
-                            td { (fixed(s.thickness_mm, 4)) }
-                            td.text-cell { @if !s.glass.is_air() { (s.glass.name) } }
-                            td { (fixed(if is_stop { stop_mm } else { s.semi_diameter_mm }, 3)) }
-                            td { @if s.shape.conic != 0.0 { (fixed(s.shape.conic, 4)) } }
-                            td.text-cell { (asphere(s)) }
-                        }
-                    }
-                }
-            }
-        }
-    }
+    let columns = [
+        Column::new("surface"),
+        Column::new("radius").unit("mm"),
+        Column::new("thickness").unit("mm"),
+        Column::new("glass").text(),
+        Column::new("semi-diameter").unit("mm"),
+        Column::new("conic"),
+        Column::new("asphere").unit("mm¹⁻ⁿ").text(),
+    ];
+    let rows = lens.surfaces.iter().enumerate().map(|(i, s)| {
+        let is_stop = i == lens.stop;
+        let cells = [
+            significant(1.0 / s.shape.curvature),
+            fixed(s.thickness_mm, 4),
+            if s.glass.is_air() { String::new() } else { s.glass.name.clone() },
+            fixed(if is_stop { stop_mm } else { s.semi_diameter_mm }, 3),
+            if s.shape.conic == 0.0 { String::new() } else { fixed(s.shape.conic, 4) },
+            asphere(s),
+        ];
+        Row::new(format!("{}{}", i + 1, if is_stop { " stop" } else { "" }), cells)
+    });
+    Table::new(columns).class("prescription").rows(rows).html()
 }
 
 /// The coefficients that are not zero, `a4 = -4.0600·10⁻⁵, a6 = ...`, and what else the surface is, as its file says it.

@@ -2,12 +2,11 @@
 
 use std::io::Cursor;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use image::{ImageFormat, Rgb, RgbImage};
 use maud::{Markup, html};
 
 use super::{CameraView, PsfView, Report};
+use crate::page::{caption, png_address};
 use crate::{field_curve, number, palette};
 
 /// Columns, as shares of the half-diagonal.
@@ -41,7 +40,7 @@ pub(super) fn psf_table(report: &Report) -> Markup {
                 }
             }
         }
-        p.caption {
+        (caption(html! {
             "Columns are fields, nearest to these shares of the sensor's half-diagonal ("
             (number::fixed(report.half_diagonal_mm, 2)) " mm) in the first camera; each picture is "
             (number::fixed(window_um, 0)) " µm wide and up is away from the axis. Red, green and blue are "
@@ -49,7 +48,7 @@ pub(super) fn psf_table(report: &Report) -> Markup {
             (wavelength(report, channels[2])) " µm. Every channel holds the same light; brightness is the "
             "square root of the irradiance, on one scale in each column. RMS radii are traced, about the "
             "centroid of the three colours; light is the relative illumination."
-        }
+        }))
     }
 }
 
@@ -143,12 +142,12 @@ fn cell(
     let (deg, light) = (number::fixed(psf.field_deg, 1), number::fixed(100.0 * psf.illumination, 0));
     let alt = format!("PSF of {} at {deg} degrees, RMS radius {rms} um", camera.name);
     let cells = ((window_um / psf.pitch_um).round() as usize).min(psf.grid);
-    let png = STANDARD.encode(psf_png(psf, cells, peak, channels));
+    let png = png_address(&psf_png(psf, cells, peak, channels));
     let bar = format!("width:{:.2}%", 100.0 * BAR_UM / window_um);
     html! {
         div.psf {
             div.psf-picture {
-                img.pixels src=(format!("data:image/png;base64,{png}")) alt=(alt) width="160" height="160";
+                img.pixels src=(png) alt=(alt) width="160" height="160";
                 span.psf-bar style=(bar) {}
                 span.psf-bar-text { (number::fixed(BAR_UM, 0)) " µm" }
             }

@@ -6,7 +6,8 @@ use petzval_optics::analysis::{Analysis, Fan};
 use super::style::{
     WIDTH_PX, are_own, field_name, foot, scales, wavelength_keys, wavelength_name, wavelength_pen,
 };
-use crate::plot::{Axis, Curve, Frame, INK, Names, Sheet, px, span};
+use crate::palette::INK;
+use crate::plot::{Axis, Curve, Frame, Names, Sheet, px, span};
 
 /// Size of a panel, distance of rows, px.
 const PANEL_PX: [f64; 2] = [352.0, 118.0];

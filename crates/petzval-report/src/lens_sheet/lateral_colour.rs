@@ -7,7 +7,8 @@ use super::style::{
     WIDTH_PX, foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen, without_curves,
 };
 use crate::number;
-use crate::plot::{Curve, Key, MUTED, Pen, Sheet};
+use crate::palette::MUTED;
+use crate::plot::{Curve, Key, Pen, Sheet};
 
 /// Heights of the chief rays of all wavelengths from that of the reference, between the edges of the Airy disk.
 pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {

@@ -4,7 +4,8 @@ use petzval_optics::analysis::{Analysis, MtfCurve};
 
 pub(super) use crate::number::short;
 use crate::palette;
-use crate::plot::{Axis, Curve, INK, Key, KeyLine, Marker, Pen, Sheet, span};
+use crate::palette::INK;
+use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Pen, Sheet, span};
 
 /// Width of a picture, px.
 pub(super) const WIDTH_PX: f64 = 908.0;

@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::{INK, Marker, Pen, plain, px, width_of};
+use super::{Marker, Pen, plain, px, width_of};
+use crate::palette::INK;
 
 /// Size of the text, length of a piece of line, height of a row, and space between entries, px.
 const TEXT_PX: f64 = 12.5;

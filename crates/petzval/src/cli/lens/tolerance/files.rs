@@ -6,7 +6,7 @@ use std::path::Path;
 use petzval::design::run::write_atomically;
 use petzval::files::{LensFile, write_lens, write_tolerances};
 use petzval::optics::tolerance::{Better, MonteCarlo};
-use petzval::report::chart::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
+use petzval::report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 
 use super::result::{self, Findings};
 use super::table::short;

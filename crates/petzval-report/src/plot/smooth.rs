@@ -1,4 +1,4 @@
-//! Curves: noisy points smoothed, many points thinned.
+//! What is done to data before they are drawn: noisy points are smoothed, many points are thinned.
 
 /// A curve with more points than this is thinned.
 const MOST_POINTS: usize = 600;
