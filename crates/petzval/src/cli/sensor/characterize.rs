@@ -9,8 +9,8 @@ use petzval::base::write_whole;
 use petzval::camera::sensor::Colour;
 use petzval::design::error::DesignError;
 use petzval::lab::emva::captures::milliseconds;
+use petzval::lab::emva::colour_name;
 use petzval::lab::emva::joint::GAINS;
-use petzval::lab::emva::sensor_file::colour_name;
 use petzval::lab::emva::{
     Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
     warning_lines,
