@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::figures::QUANTISATION_DN2;
+use super::rounding::QUANTISATION_DN2;
 use petzval_camera::sensor::{Electronics, SensorModel};
 
 /// What a sensor reaches at one linear gain.

@@ -5,14 +5,11 @@ use serde::Serialize;
 
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
-use super::rounding::RoundingError;
+pub use super::rounding::QUANTISATION_DN2;
+use super::rounding::{LEAST_DARK_VARIANCE_DN2, RoundingError};
 use super::spatial::{Components, Spatial, StackVariances, Variances};
-use super::transfer::{PhotonTransfer, Rules, TransferPoint};
-
-/// Variance of rounding to whole digital numbers, DN^2.
-pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
-/// Temporal dark variance below which the noise of the converter rules, DN^2 (release 3.1, Sec. 6.6).
-pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
+use super::transfer::PhotonTransfer;
+use super::transfer_point::{Rules, TransferPoint};
 
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]

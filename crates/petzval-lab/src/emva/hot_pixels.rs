@@ -22,10 +22,10 @@
 use serde::Serialize;
 
 use super::captures::{Kind, Point};
+use super::flags::FlaggedPoint;
 use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
-use super::point::{PointStatistics, Stack};
+use super::point::Stack;
 use super::samples::greatest_common_divisor;
-use super::warning::clipped_at_zero;
 
 /// Standard deviations from the median beyond which a dark current is no noise: 2e-9 of normally distributed ones.
 const THRESHOLD_SIGMAS: f64 = 6.0;
@@ -92,22 +92,22 @@ pub(super) fn dark_ends<'a>(points: &[&'a Point]) -> [Option<&'a Point>; 2] {
     ]
 }
 
-/// Dark currents of the pixels from the points of a gain, if its dark frames have two exposure times and are not clipped at zero.
-pub(super) fn of_dark_ends(reduced: &[(&Point, PointStatistics)], max_dn: f64) -> Option<PixelDarkCurrents> {
-    let points: Vec<&Point> = reduced.iter().map(|(p, _)| *p).collect();
-    let end = |end: Option<&Point>| {
-        let end = end?;
-        let (point, found) = reduced.iter().find(|(p, _)| std::ptr::eq(*p, end))?;
-        let usable = !clipped_at_zero(&found.all);
-        usable.then_some(DarkEnd {
-            exposure_s: point.exposure_s,
-            stack: found.stack.as_ref()?,
-            variance_dn2: found.all.variance_dn2,
-        })
-    };
-    let [short, long] = dark_ends(&points).map(end);
+/// Dark currents of the pixels from the two ends of a dark series, if their exposure times differ and neither is clipped at zero.
+/// `max_dn` is the largest digital number of the converter.
+pub(super) fn of_dark_ends(ends: [Option<&FlaggedPoint<'_>>; 2], max_dn: f64) -> Option<PixelDarkCurrents> {
+    let [short, long] = ends.map(dark_end);
     let (short, long) = (short?, long?);
     (long.exposure_s > short.exposure_s).then(|| pixel_dark_currents(&short, &long, max_dn))
+}
+
+/// One end of a dark series, if its frames are not clipped at zero.
+fn dark_end<'a>(end: Option<&'a FlaggedPoint<'_>>) -> Option<DarkEnd<'a>> {
+    let FlaggedPoint { point, found, flags } = end?;
+    flags.clipped_at_zero.is_none().then_some(DarkEnd {
+        exposure_s: point.exposure_s,
+        stack: found.stack.as_ref()?,
+        variance_dn2: found.all.variance_dn2,
+    })
 }
 
 /// Dark currents of the pixels from the two ends of a dark series. `max_dn` is the largest digital number of the converter.

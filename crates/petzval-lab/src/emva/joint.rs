@@ -16,12 +16,11 @@
 use serde::Serialize;
 
 use super::dark::DarkSeries;
-use super::figures::QUANTISATION_DN2;
 use super::fit::{Line, line, through_origin, weighted_mean};
 use super::hot_pixels::PixelDarkCurrents;
 use super::measured::{Measured, Unresolved};
-use super::rounding::RoundingError;
-use super::transfer::TransferPoint;
+use super::rounding::{QUANTISATION_DN2, RoundingError};
+use super::transfer_point::TransferPoint;
 use petzval_camera::sensor::Colour;
 
 /// What one linear gain contributes.

@@ -16,60 +16,15 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use serde::Serialize;
 
 use super::captures::{CaptureError, Captures, FrameFile, Point};
+use super::counts::Counts;
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
 
 /// Blocks a side into which a frame is divided to look for light that is not uniform or moves.
 pub const BLOCKS: usize = 8;
 
-/// How often each digital number occurs.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Counts {
-    /// First digital number that occurs.
-    pub first_dn: u32,
-    /// Occurrences of `first_dn`, `first_dn + 1`, ...
-    pub counts: Vec<u64>,
-}
-
-impl Counts {
-    /// Of a table over all digital numbers from 0.
-    fn of(table: &[u64]) -> Self {
-        let first = table.iter().position(|c| *c > 0).unwrap_or(0);
-        let end = table.iter().rposition(|c| *c > 0).map_or(first, |last| last + 1);
-        Self { first_dn: first as u32, counts: table[first..end].to_vec() }
-    }
-
-    /// Occurrences in all.
-    pub fn total(&self) -> u64 {
-        self.counts.iter().sum()
-    }
-
-    /// Last digital number that occurs.
-    pub fn last_dn(&self) -> u32 {
-        self.first_dn + self.counts.len().saturating_sub(1) as u32
-    }
-
-    /// Occurrences of one digital number.
-    pub fn at(&self, dn: i64) -> u64 {
-        usize::try_from(dn - i64::from(self.first_dn))
-            .ok()
-            .and_then(|i| self.counts.get(i))
-            .copied()
-            .unwrap_or(0)
-    }
-
-    /// The sum of two.
-    pub fn merge(&self, other: &Self) -> Self {
-        match (self.counts.is_empty(), other.counts.is_empty()) {
-            (true, _) => return other.clone(),
-            (_, true) => return self.clone(),
-            _ => {}
-        }
-        let (first, last) = (self.first_dn.min(other.first_dn), self.last_dn().max(other.last_dn()));
-        let counts = (first..=last).map(|dn| self.at(dn.into()) + other.at(dn.into())).collect();
-        Self { first_dn: first, counts }
-    }
-}
+/// Share of samples at an end of the converter's range above which a point counts as clipped there.
+pub const CLIPPED_SHARE: f64 = 1e-4;
 
 /// Moments of the pixels of one colour (or of all) at one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -104,6 +59,17 @@ impl Moments {
         let samples = self.histogram.counts.iter().enumerate();
         let squares = samples.map(|(i, c)| *c as f64 * (first + i as f64 - self.mean_dn).powi(2));
         squares.sum::<f64>() / self.histogram.total() as f64
+    }
+
+    /// Whether the distribution of the samples is cut off at digital number 0: samples are there, and the mean is so near that
+    /// they are not those of dead pixels.
+    pub fn is_clipped_at_zero(&self) -> bool {
+        self.share_at_zero > CLIPPED_SHARE && self.mean_dn < 8.0 * self.total_variance_dn2().sqrt()
+    }
+
+    /// Whether samples are at the largest digital number of the converter.
+    pub fn is_clipped_at_max(&self) -> bool {
+        self.share_at_max > CLIPPED_SHARE
     }
 
     /// Whether the samples come near a digital number: the mean lies within eight standard deviations below it. Samples further

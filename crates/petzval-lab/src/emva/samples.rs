@@ -1,9 +1,8 @@
 //! What the digital numbers of all frames tell of the converter: where it clips, and whether `bits` is that of the frames.
 
 use super::captures::Kind;
-use super::point::{Counts, Moments};
-use super::transfer::CLIPPED_SHARE;
-use super::warning::Warning;
+use super::counts::Counts;
+use super::point::{CLIPPED_SHARE, Moments};
 
 /// Standard deviations by which the count at the end of a histogram must stand above the one before.
 const PILE_SIGMAS: f64 = 5.0;
@@ -49,27 +48,45 @@ impl Samples {
         self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();
     }
 
-    /// What they tell of the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below, or
-    /// pile up below its end; left-aligned ones are multiples of a power of two.
-    pub fn warnings(&self, max_dn: u32) -> Vec<Warning> {
+    /// What they show about the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below,
+    /// or pile up below its end; left-aligned ones are multiples of a power of two.
+    pub fn flags(&self, max_dn: u32) -> ConverterFlags {
         let numbers = self.all.counts.iter().enumerate().filter(|(_, count)| **count > 0);
-        // The top of the range is no multiple: what is clipped may be set to it.
+        // The top of the range need not be a multiple: clipped samples may be set to it.
         let inside = || numbers.clone().map(|(i, _)| self.all.first_dn + i as u32).filter(|dn| *dn < max_dn);
         let factor = match inside().count() {
             few if few < FACTOR_NUMBERS => 1,
             _ => inside().fold(0, greatest_common_divisor),
         };
-        let mut warnings = Vec::new();
-        if factor > 1 {
-            warnings.push(Warning::CommonFactor { factor, max_dn });
-        }
         let largest_dn = self.all.last_dn();
         let quarter = largest_dn < max_dn / 4;
-        if self.has_flats && largest_dn + factor <= max_dn && (self.piled || quarter) {
-            warnings.push(Warning::TopNotReached { largest_dn, max_dn, piled: self.piled });
+        let top_is_open = self.has_flats && largest_dn + factor <= max_dn && (self.piled || quarter);
+        ConverterFlags {
+            max_dn,
+            common_factor: (factor > 1).then_some(factor),
+            top_not_reached: top_is_open.then_some(TopNotReached { largest_dn, piled: self.piled }),
         }
-        warnings
     }
+}
+
+/// What all samples of a series show about the converter. A flag that is set holds its evidence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConverterFlags {
+    /// Largest digital number of the stated bits.
+    pub max_dn: u32,
+    /// Every sample is a multiple of this number.
+    pub common_factor: Option<u32>,
+    /// No sample comes near the largest digital number, or samples pile up below it.
+    pub top_not_reached: Option<TopNotReached>,
+}
+
+/// Where the samples end below the largest digital number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TopNotReached {
+    /// Largest sample, DN.
+    pub largest_dn: u32,
+    /// Whether samples pile up there.
+    pub piled: bool,
 }
 
 /// The largest number that divides both.

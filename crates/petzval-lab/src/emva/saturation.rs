@@ -13,7 +13,7 @@
 //! standard deviations before it, `u - 3 sqrt(u)`, which is 3 % of 10,000 electrons.
 
 use super::measured::{Measured, Unresolved};
-use super::transfer::{FIT_SHARE, Rules, TransferPoint, light};
+use super::transfer_point::{FIT_SHARE, Rules, TransferPoint, light};
 
 /// Standard errors by which the noise must fall, or the signal fall short, before it is saturation: chance does as much
 /// once in a million points.
@@ -33,7 +33,7 @@ pub struct Saturation {
 /// Looks for saturation among points in the order of growing light; `None` without points.
 pub fn saturation(points: &[TransferPoint], rules: Rules) -> Option<Saturation> {
     let brightest = points.len().checked_sub(1)?;
-    let clipped = points[brightest].share_at_max > 0.5;
+    let clipped = points[brightest].is_full();
     Some(match rules {
         Rules::Library => {
             let point = noise_peak(points);

@@ -2,11 +2,10 @@
 
 use std::fmt::Write;
 
-use super::characterize::{Characterization, GainResult};
 use super::histogram_fit::HistogramFit;
 use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
-use petzval_camera::sensor::Colour;
+use super::result::{Characterization, GainResult};
 
 /// One line of the file.
 struct Entry {
@@ -293,12 +292,4 @@ fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
             writeln!(text, "# {key}: not resolved: {why}")
         }
     };
-}
-
-/// Colours by name for headings and files: the letter of the pattern, `mono` for a sensor without filters.
-pub fn colour_name(colour: Colour) -> &'static str {
-    match colour {
-        Colour::Clear => "mono",
-        filtered => filtered.name(),
-    }
 }

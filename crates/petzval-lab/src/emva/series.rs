@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::captures::{CaptureError, Kind, MANIFEST, SensorFacts};
+use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
 use super::manifest::{self, Listed};
 use super::plan::{Plan, PlannedPoint};
 use petzval_base::write_whole;
@@ -17,9 +17,6 @@ use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw_alone};
-
-/// Name of the file that says which series a folder holds, from the first frame on.
-pub(super) const SERIES: &str = "series.toml";
 
 #[derive(Serialize)]
 struct Identity<'a> {

@@ -1,9 +1,9 @@
 //! Whether a series tells of a sensor at all.
 
 use super::captures::{CaptureError, Captures};
-use super::characterize::GainResult;
+use super::flags::{GainFlags, Signal};
 use super::measured::Unresolved;
-use super::warning::Warning;
+use super::result::GainResult;
 
 /// Standard errors above which a signal is light.
 const LIGHT_SIGMAS: f64 = 5.0;
@@ -16,14 +16,15 @@ const SWAPPED_DN: f64 = 10.0;
 pub fn check_usable(
     captures: &Captures,
     gains: &[GainResult],
-    warnings: &[Warning],
+    flags: &[GainFlags],
 ) -> Result<(), CaptureError> {
     let list = || captures.list.clone();
     let channels = || gains.iter().flat_map(|g| &g.channels);
-    let dark: Vec<(f64, f64)> = warnings
+    let dark: Vec<(f64, f64)> = flags
         .iter()
-        .filter_map(|w| match w {
-            Warning::NoSignal { signal_dn, standard_error_dn, .. } => Some((*signal_dn, *standard_error_dn)),
+        .flat_map(|gain| &gain.flats)
+        .filter_map(|flat| match flat.signal {
+            Signal::None { signal_dn, standard_error_dn } => Some((signal_dn, standard_error_dn)),
             _ => None,
         })
         .collect();

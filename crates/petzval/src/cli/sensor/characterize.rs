@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use petzval::camera::sensor::Colour;
 use petzval::jobs::sensor::characterize;
 use petzval::lab::emva::joint::GAINS;
-use petzval::lab::emva::sensor_file::colour_name;
+use petzval::lab::emva::colour_name;
 use petzval::lab::emva::{Characterization, HighPass, HistogramComparison, Measured, Values};
 
 use crate::cli::{Failure, context_with_frames_bar, print_json};

@@ -1,6 +1,6 @@
 //! Warnings for a reader: one line for each kind, however many points it befell.
 
-use super::warning::Warning;
+use super::kind::Warning;
 
 /// One line for each kind of warning, in the order of their first. What befell one point is told as it is; of several the line
 /// counts them, names the first and tells of the worst.

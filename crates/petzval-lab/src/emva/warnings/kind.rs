@@ -4,12 +4,8 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-use super::captures::{Captures, Kind, Point};
-use super::measured::Unresolved;
-use super::point::{Moments, PointStatistics};
-use super::sensor_file::colour_name;
-use super::transfer::CLIPPED_SHARE;
-use petzval_base::statistics::median;
+use crate::emva::colour_name::colour_name;
+use crate::emva::measured::Unresolved;
 use petzval_camera::sensor::Colour;
 
 /// A warning, by name.
@@ -487,91 +483,4 @@ impl Serialize for Warning {
 /// Bits that hold a digital number.
 fn bits_of(dn: u32) -> u32 {
     u32::BITS - dn.leading_zeros()
-}
-
-/// Multiple of the standard error from which a difference is no noise: 64 blocks of a hundred points chance upon it once in
-/// ten thousand series.
-const NOT_NOISE_SIGMAS: f64 = 6.0;
-
-/// What the frames of a single point tell.
-pub fn of_point(captures: &Captures, point: &Point, found: &PointStatistics) -> Vec<Warning> {
-    let mut warnings = Vec::new();
-    let label = || point.label();
-    if clipped_at_zero(&found.all) {
-        warnings.push(Warning::ClippedAtZero { point: label(), share: found.all.share_at_zero });
-    }
-
-    // Frames of one setting have one mean, within noise and a thousandth of the signal.
-    let black = captures.sensor.black_level_dn.unwrap_or(0.0);
-    let allowed_dn = match point.kind {
-        Kind::Flat => 1e-3 * (found.all.mean_dn - black).abs(),
-        Kind::Dark => 0.05,
-    };
-    // What a whole frame has more than the others is the median of its blocks: what moves through a few does not count.
-    let clipped = found.all.share_at_max > CLIPPED_SHARE;
-    let filled = |blocks: &[f64]| -> Vec<f64> {
-        blocks.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(d, _)| *d).collect()
-    };
-    let whole: Vec<f64> = found.block_deviations_dn.iter().map(|blocks| median(filled(blocks))).collect();
-    let frames = found.frames as f64;
-    let range =
-        |v: &[f64]| v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min);
-    let spread = range(&whole) * (frames - 1.0) / frames;
-    let variance = found.all.variance_dn2.max(0.0);
-    // The median of the blocks is pi/2 times as uncertain as their mean, in variance.
-    let frame_se = (std::f64::consts::PI * variance / found.all.pixels as f64).sqrt();
-    if spread > NOT_NOISE_SIGMAS * frame_se + allowed_dn {
-        warnings.push(Warning::Flicker {
-            point: label(),
-            difference_dn: spread,
-            standard_error_dn: frame_se,
-        });
-    }
-
-    // In every part of the picture a frame differs from the others by noise and by what the whole frame does.
-    let of_frame = |(k, (blocks, whole)): (usize, (&Vec<f64>, &f64))| {
-        let (whole, factor) = (*whole, frames / (frames - 1.0));
-        blocks
-            .iter()
-            .zip(&found.block_pixels)
-            .filter(|(_, n)| **n > 0)
-            .map(|(d, n)| (k + 1, (d - whole).abs(), (factor * variance / *n as f64).sqrt()))
-            .filter(|(_, d, se)| *d > NOT_NOISE_SIGMAS * se + allowed_dn)
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-    };
-    let moved = found
-        .block_deviations_dn
-        .iter()
-        .zip(&whole)
-        .enumerate()
-        .filter_map(of_frame)
-        .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-    if let (Some((frame, difference_dn, standard_error_dn)), false) = (moved, clipped) {
-        warnings.push(Warning::Moved { point: label(), frame, difference_dn, standard_error_dn });
-    }
-
-    let blocks =
-        || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
-    let difference_dn = blocks().fold(f64::NEG_INFINITY, f64::max) - blocks().fold(f64::INFINITY, f64::min);
-    let fewest = found.block_pixels.iter().filter(|n| **n > 0).min().copied().unwrap_or(1) as f64;
-    let spatial_se = (found.all.total_variance_dn2() / fewest).sqrt();
-    match point.kind {
-        Kind::Dark if difference_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * spatial_se => {
-            warnings.push(Warning::LightLeak { point: label(), difference_dn });
-        }
-        Kind::Flat if captures.sensor.cfa.rows() * captures.sensor.cfa.cols() == 1 => {
-            let percent = 100.0 * difference_dn / (found.all.mean_dn - black).abs().max(1.0);
-            if percent > 5.0 && difference_dn > 2.0 * NOT_NOISE_SIGMAS * spatial_se {
-                warnings.push(Warning::NotUniform { point: label(), percent });
-            }
-        }
-        _ => {}
-    }
-    warnings
-}
-
-/// Whether the distribution of the samples is cut off at digital number 0: some are there, and the mean is near enough
-/// for more than dead pixels.
-pub fn clipped_at_zero(moments: &Moments) -> bool {
-    moments.share_at_zero > CLIPPED_SHARE && moments.mean_dn < 8.0 * moments.total_variance_dn2().sqrt()
 }
