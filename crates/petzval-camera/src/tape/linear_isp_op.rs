@@ -42,7 +42,7 @@ pub fn linear_isp_op(
     // Dark level, white balance and demosaicing are linear.
     let balanced = develop_op(clipped, sensor, captures)?;
     // Lift the dim corners, but nothing above the light at which highlights end.
-    let highest = Tensor::from_data(TensorData::new(highest, [batch, 1, 1, 1]), &device);
+    let highest = Tensor::<4>::from_data(TensorData::new(highest, [batch, 1, 1, 1]), &device);
     let picture = (balanced / illumination.clamp_min(isp.shading_floor))
         .min_pair(highest.expand([batch, 3, height, width]));
     let Some(matrix) = &isp.colour_matrix else { return Ok(picture) };

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
-use petzval_lab::emva::sensor_file::colour_name;
+use petzval_lab::emva::colour_name;
 use petzval_lab::emva::{
     Captures, Characterization, HighPass, Options, Values, characterize, result_xml, sensor_toml,
     warning_lines,

@@ -13,19 +13,19 @@ const PLAIN_EVERY: u64 = 50;
 pub struct Stderr {
     bar: ProgressBar,
     is_plain: bool,
-    /// When the job began, and with how many units done.
-    began: Mutex<Option<(Instant, u64)>>,
+    /// The phase of the job: when it began, with how many units done, and its total.
+    phase: Mutex<Option<(Instant, u64, u64)>>,
 }
 
 impl Stderr {
     /// Shows nothing until the job reports something.
     pub fn new() -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-        let style = "{msg}\n[{elapsed_precise}] {bar:40} {pos}/{len} steps, {eta} left";
+        let style = "{msg}\n[{elapsed_precise}] {bar:40} {pos}/{len}, {eta} left";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style);
         }
-        Self { is_plain: bar.is_hidden(), bar, began: Mutex::new(None) }
+        Self { is_plain: bar.is_hidden(), bar, phase: Mutex::new(None) }
     }
 
     fn line(&self, text: &str) {
@@ -47,25 +47,32 @@ impl Watcher for Stderr {
 
     fn progress(&self, progress: &Progress) {
         let Progress { done, total, text } = progress;
-        // A thread that panicked while it held the lock leaves the two numbers whole.
-        let mut began = self.began.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let Some((start, first)) = *began else {
-            *began = Some((Instant::now(), *done));
-            self.bar.set_length(*total);
-            self.bar.set_position(*done);
-            self.bar.reset_eta();
-            return;
+        // A thread that panicked while it held the lock leaves the numbers whole.
+        let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let (start, first) = match *phase {
+            Some((start, first, same)) if same == *total => (start, first),
+            _ => {
+                *phase = Some((Instant::now(), *done, *total));
+                self.bar.set_length(*total);
+                self.bar.set_position(*done);
+                self.bar.set_message(text.clone());
+                self.bar.reset_eta();
+                return;
+            }
         };
         if !self.is_plain {
             self.bar.set_message(text.clone());
             self.bar.set_position(*done);
-            if done >= total {
-                self.bar.finish_and_clear();
-            }
-        } else if done.is_multiple_of(PLAIN_EVERY) {
-            let taken = done.saturating_sub(first).max(1) as f64;
+        } else if done.is_multiple_of(PLAIN_EVERY) && done > &first {
+            let taken = (done - first) as f64;
             let left = start.elapsed().as_secs_f64() * total.saturating_sub(*done) as f64 / taken;
-            eprintln!("step {done}/{total}, about {left:.0} s left: {text}");
+            eprintln!("{done}/{total}, about {left:.0} s left: {text}");
         }
+    }
+}
+
+impl Drop for Stderr {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
     }
 }
