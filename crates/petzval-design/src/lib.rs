@@ -17,7 +17,6 @@ pub mod joint;
 pub mod light_path;
 pub mod optics;
 pub mod pictures;
-pub mod pinhole;
 pub mod requirements;
 pub mod run;
 pub mod run_report;

@@ -13,7 +13,10 @@ mod context;
 mod device;
 mod error;
 mod frames;
+pub mod pinhole;
 pub mod psf;
+pub mod psf_calibrate;
+pub mod psf_capture;
 pub mod raw;
 pub mod sensor;
 

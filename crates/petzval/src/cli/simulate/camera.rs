@@ -10,6 +10,7 @@ use petzval::camera::render::{Placement, RenderGeometry, Window, illumination_ma
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
+use petzval::jobs::JobError;
 use petzval::lab::psf_calibration::PsfCalibrationError;
 use petzval::lab::psf_calibration::manifest::MANIFEST_FILE;
 use petzval::lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
@@ -19,7 +20,6 @@ use petzval::optics::pupil::Quadrature;
 
 use super::highlights::capacity_e;
 use super::{Args, Failure};
-use crate::cli::psf_calibrate;
 
 /// Most pixels of a simulated frame: the largest sensors have 150 million, and each pixel takes about 100 bytes.
 const MOST_PIXELS: usize = 200_000_000;
@@ -110,7 +110,7 @@ fn measured(path: &Path) -> Result<PsfBank, Failure> {
                 "give a folder of results of `petzval psf-calibrate`, or its psfs.toml",
             )
         }
-        other => psf_calibrate::failure(other, path),
+        other => JobError::from(other).into(),
     })
 }
 
