@@ -20,7 +20,6 @@ pub mod glass_warnings;
 pub mod inputs;
 pub mod optics;
 pub mod pictures;
-pub mod pinhole;
 pub mod requirements;
 pub mod run;
 pub mod run_report;

@@ -18,9 +18,18 @@ impl<'a> Frames<'a> {
 
     /// Counts one more frame.
     pub(crate) fn add(&self, text: &str) {
+        self.report(1, text);
+    }
+
+    /// Reports what the job does now, without a new frame.
+    pub(crate) fn now(&self, text: &str) {
+        self.report(0, text);
+    }
+
+    fn report(&self, more: u64, text: &str) {
         // A watcher that panicked leaves the count as it was.
         let mut done = self.done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        *done += 1;
+        *done += more;
         self.context.progress(*done, self.total, text);
     }
 }

@@ -2,5 +2,5 @@
 
 mod linear;
 
-pub use linear::{LinearIsp, SHADING_FLOOR};
 pub(crate) use linear::highest_light;
+pub use linear::{LinearIsp, SHADING_FLOOR};

@@ -121,7 +121,10 @@ fn measured(path: &Path) -> Result<PsfBank, JobError> {
                 )
             }
         };
-        return Err(JobError::input(format!("--psfs {}: these are captures, not PSFs", path.display()), hint));
+        return Err(JobError::input(
+            format!("--psfs {}: these are captures, not PSFs", path.display()),
+            hint,
+        ));
     }
     load_psfs(path).map_err(|error| match error {
         PsfCalibrationError::Io { path, error } if error.kind() == std::io::ErrorKind::NotFound => {

@@ -31,7 +31,10 @@ pub fn capacity_e(request: &Request, sensor: &SensorModel) -> Result<f64, JobErr
         return Ok(capacity_e);
     }
     Err(JobError::input(
-        format!("--time-s {} at --gain {}: dark current alone saturates the pixels", request.time_s, request.gain),
+        format!(
+            "--time-s {} at --gain {}: dark current alone saturates the pixels",
+            request.time_s, request.gain
+        ),
         "expose for less time, or at a lower gain",
     ))
 }
@@ -59,12 +62,7 @@ pub struct Saturation {
 
 impl Saturation {
     /// That of a shot with such a share of saturated pixels, where white gives `white_e` electrons.
-    pub fn of(
-        request: &Request,
-        sensor: &SensorModel,
-        white_e: f32,
-        share: f64,
-    ) -> Result<Self, JobError> {
+    pub fn of(request: &Request, sensor: &SensorModel, white_e: f32, share: f64) -> Result<Self, JobError> {
         Ok(Self { highest: capacity_e(request, sensor)? / f64::from(white_e), share })
     }
 
@@ -84,8 +82,7 @@ impl Saturation {
         if self.share < WARNED_SHARE {
             return None;
         }
-        let saturated =
-            format!("{name}: {:.1} % of the pixels are saturated", 100.0 * self.share);
+        let saturated = format!("{name}: {:.1} % of the pixels are saturated", 100.0 * self.share);
         if self.highest >= 1.0 {
             return Some(format!("{saturated}: the scene is brighter than white there"));
         }

@@ -46,8 +46,7 @@ pub struct Spectral {
 
 /// Whether a request is one over the spectrum.
 pub fn is_over_spectrum(request: &Request) -> bool {
-    request.spectral != Spectral::default()
-        || request.images.iter().any(|path| kind(path) != Kind::Photo)
+    request.spectral != Spectral::default() || request.images.iter().any(|path| kind(path) != Kind::Photo)
 }
 
 /// The scene in `scene:NAME`.

@@ -7,6 +7,7 @@
 //! sub-pixel phase.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::ascent::{Ascent, Datum, even, landing, pixels, shaped};
 use super::estimate::Place;
@@ -27,7 +28,8 @@ const PATIENCE: usize = 3;
 const TILE_FOLDS: usize = 5;
 
 /// What was held out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum HeldOutBy {
     /// Each position in turn.
     Positions,

@@ -8,7 +8,6 @@ mod doctor;
 mod evaluate;
 mod experiment;
 mod failure;
-mod frames_bar;
 mod glass;
 mod lens;
 mod psf;
@@ -29,7 +28,6 @@ use clap::{Parser, Subcommand};
 use petzval::jobs::Context;
 
 pub use failure::Failure;
-use frames_bar::context_with_frames_bar;
 
 /// Stopped by a signal after writing a checkpoint (EX_TEMPFAIL of sysexits).
 pub const EXIT_STOPPED: u8 = 75;

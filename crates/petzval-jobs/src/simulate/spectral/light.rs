@@ -188,7 +188,8 @@ fn warn_of_cut_light(conditions: &Conditions, sensor: &SensorModel, context: &Co
         let Some(ends) = ends else { continue };
         let (first, last) = ends.1.range_um();
         for (um, beyond_um) in [(first, first - 1e-3), (last, last + 1e-3)] {
-            if has_light(ends, um) && sees(beyond_um) && other.is_none_or(|other| has_light(other, beyond_um)) {
+            if has_light(ends, um) && sees(beyond_um) && other.is_none_or(|other| has_light(other, beyond_um))
+            {
                 context.warning(format!(
                     "nothing is known of {} beyond {:.0} nm, where the pixels still see: that light is not counted",
                     ends.0,

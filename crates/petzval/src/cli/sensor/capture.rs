@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::sensor::capture;
 
-use crate::cli::{Failure, context_with_frames_bar, print_json};
+use crate::cli::{Failure, context, print_json};
 
 /// Format of the frames.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -106,7 +106,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         },
         seed: args.seed,
     };
-    let written = capture::run(&request, &context_with_frames_bar())?;
+    let written = capture::run(&request, &context())?;
     if args.json {
         return print_json(&written);
     }

@@ -7,11 +7,11 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::camera::sensor::Colour;
 use petzval::jobs::sensor::characterize;
-use petzval::lab::emva::joint::GAINS;
 use petzval::lab::emva::colour_name;
+use petzval::lab::emva::joint::GAINS;
 use petzval::lab::emva::{Characterization, HighPass, HistogramComparison, Measured, Values};
 
-use crate::cli::{Failure, context_with_frames_bar, print_json};
+use crate::cli::{Failure, context, print_json};
 
 /// The filter before non-uniformity.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -76,7 +76,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         fit_histograms: args.fit_histograms,
         pixel_um: args.pixel_um,
     };
-    let found = characterize::run(&request, &context_with_frames_bar())?.characterization;
+    let found = characterize::run(&request, &context())?.characterization;
     if args.json {
         return print_json(&found);
     }

@@ -1,15 +1,16 @@
-//! What a lens makes of a pinhole lit by a white diode: the PSFs that a calibration by captures should find.
+//! The image that a lens forms of a pinhole lit by a white diode: the PSFs that a calibration by captures should find.
 //!
-//! The lens is traced with the object where the pinhole is, at many wavelengths, which the sensor's colours weigh. The image of
+//! The lens is traced with the object at the pinhole, at many wavelengths, which the sensor's colours weigh. The image of
 //! the pinhole is a disc of `pinhole |m|`, with m the paraxial magnification: 1.3 um for 75 um at 1.5 m and 25 mm.
 //!
 //! The camera turns towards a source that stands still, as on a tripod head. The source then keeps its distance to the lens
 //! and not to its object plane: at field angle theta that plane is at `D cos(theta)`, which moves the image by up to 15 um along the
-//! axis. And of the four cosines in the relative illumination of a flat scene only the pupil's own remains, so the light of
+//! axis. Of the four cosines in the relative illumination of a flat scene only the pupil's own remains, so the light of
 //! the PSF is the illumination over `cos^3(theta)`.
 
 use petzval_camera::image::CHANNELS;
 use petzval_camera::sensor::SensorModel;
+use petzval_design::error::DesignError;
 use petzval_lab::psf_calibration::FinePsf;
 use petzval_lab::psf_calibration::led::{channel_weights, led_wavelengths_um};
 use petzval_optics::lens::{Lens, ObjectDistance};
@@ -17,18 +18,59 @@ use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 
-use crate::error::DesignError;
+use crate::error::JobError;
 
 /// Pupil cells a side: splatting error below 0.5 %.
 const PUPIL_CELLS: usize = 128;
 
-/// Where the image plane goes when the source is near.
+/// How the image plane moves when the source is near.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refocus {
     /// As far as the paraxial image moves, so that the designer's defocus is kept.
     OnSource,
-    /// By this much from where the lens file has it, mm; 0 leaves a lens that is focused at infinity so.
+    /// By this distance from its place in the lens file, mm; with 0 a lens that is focused at infinity stays so.
     Mm(f64),
+}
+
+/// Why a lens has no PSFs of a pinhole.
+#[derive(Debug, thiserror::Error)]
+pub enum PinholeError {
+    /// A source too near to have an image behind the lens.
+    #[error(
+        "a source {distance_mm} mm from the lens `{lens}` has no real image: it is within the front focal length"
+    )]
+    NoRealImage {
+        /// Name of the lens.
+        lens: String,
+        /// Distance of the source from the first vertex, mm.
+        distance_mm: f64,
+    },
+    /// The sensor resolves the source.
+    #[error(
+        "the image of the pinhole of {pinhole_um} um is {disc_um:.1} um wide, more than a pixel of {pixel_um} um"
+    )]
+    WideSource {
+        /// Diameter of the pinhole, um.
+        pinhole_um: f64,
+        /// Diameter of its image, um.
+        disc_um: f64,
+        /// Pixel pitch, um.
+        pixel_um: f64,
+    },
+    /// The lens is not rotationally symmetric, or loses its light.
+    #[error(transparent)]
+    Lens(#[from] DesignError),
+}
+
+impl From<PinholeError> for JobError {
+    fn from(error: PinholeError) -> Self {
+        let hint = match error {
+            PinholeError::NoRealImage { .. } => "move the source away",
+            PinholeError::WideSource { .. } => "take a smaller pinhole, or move it away",
+            PinholeError::Lens(error) => return error.into(),
+        };
+        Self::input(error.to_string(), hint)
+    }
 }
 
 /// A lens, a sensor and a pinhole.
@@ -40,7 +82,7 @@ pub struct PinholeView {
     wavelengths_um: Vec<f64>,
     weights: [Vec<f64>; CHANNELS],
     quadrature: Quadrature,
-    /// Shift of the image plane from where the lens file has it, mm.
+    /// Shift of the image plane from its place in the lens file, mm.
     pub refocus_mm: f64,
     /// Paraxial image height over the tangent of the field angle, mm.
     pub image_scale_mm: f64,
@@ -58,9 +100,10 @@ pub struct PinholePsf {
 }
 
 impl PinholeView {
-    /// A source `distance_mm` from the first vertex, or far away; turned towards or moved over a plane.
+    /// A source `distance_mm` from the first vertex, or at infinity without it. If `camera_turned`, the camera turns towards
+    /// the source; else the source moves in a plane.
     ///
-    /// Its image must be real and, at most one pixel wide, one that the few points of [`FinePsf`]'s disc stand for.
+    /// The image must be real. It must also be at most a pixel wide, because [`FinePsf`] models its disc by a few points.
     pub fn new(
         lens: &Lens,
         sensor: &SensorModel,
@@ -68,16 +111,16 @@ impl PinholeView {
         pinhole_um: f64,
         camera_turned: bool,
         refocus: Refocus,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self, PinholeError> {
         if !lens.is_rotationally_symmetric() {
-            return Err(DesignError::NotSymmetric(lens.name.clone()));
+            return Err(DesignError::NotSymmetric(lens.name.clone()).into());
         }
         let object = distance_mm.map_or(ObjectDistance::Infinity, ObjectDistance::Finite);
         let near = Lens { object, ..lens.clone() };
         let image_at = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um)).image_distance_mm;
         let image_mm = image_at(&near);
         if let Some(distance_mm) = distance_mm.filter(|_| !(image_mm.is_finite() && image_mm > 0.0)) {
-            return Err(DesignError::NoRealImage { lens: lens.name.clone(), distance_mm });
+            return Err(PinholeError::NoRealImage { lens: lens.name.clone(), distance_mm });
         }
         let refocus_mm = match refocus {
             Refocus::OnSource => image_mm - image_at(lens),
@@ -87,13 +130,13 @@ impl PinholeView {
         let image_scale_mm = image_height_per_tangent(&near.at_wavelength(near.reference_um)).abs();
         let disc_um = distance_mm.map_or(0.0, |distance| pinhole_um * image_scale_mm / distance);
         if disc_um > sensor.pixel_um {
-            return Err(DesignError::WideSource { pinhole_um, disc_um, pixel_um: sensor.pixel_um });
+            return Err(PinholeError::WideSource { pinhole_um, disc_um, pixel_um: sensor.pixel_um });
         }
         let wavelengths_um = led_wavelengths_um();
         Ok(Self {
             weights: channel_weights(sensor, &wavelengths_um),
             wavelengths_um,
-            quadrature: Quadrature::grid(PUPIL_CELLS)?,
+            quadrature: Quadrature::grid(PUPIL_CELLS).map_err(DesignError::from)?,
             disc_um,
             lens: near,
             distance_mm,
@@ -116,7 +159,7 @@ impl PinholeView {
             .ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
         let turned = if self.camera_turned { cos.powi(3) } else { 1.0 };
 
-        // Every colour adds the wavelengths as the diode sends and the filter passes them.
+        // Sum the wavelengths for each colour, weighted by the spectrum of the diode and the colour's filter.
         let mut light = [0.0; CHANNELS];
         let values: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| {
             let mut sum = vec![0.0; options.grid * options.grid];
@@ -137,13 +180,13 @@ impl PinholeView {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assets::Assets;
+    use petzval_design::assets::Assets;
 
     fn view(refocus: Refocus) -> PinholeView {
         view_of(1500.0, 75.0, refocus).unwrap()
     }
 
-    fn view_of(distance_mm: f64, pinhole_um: f64, refocus: Refocus) -> Result<PinholeView, DesignError> {
+    fn view_of(distance_mm: f64, pinhole_um: f64, refocus: Refocus) -> Result<PinholeView, PinholeError> {
         let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
         let assets = Assets::from_folder(&data).unwrap();
         let lens = assets.lens("cooke-triplet-nominal").unwrap().lens;
@@ -179,12 +222,12 @@ mod tests {
         // The front focal point is 2.3 mm in front of the lens; an image of 5.86 um is that of some 350 um at 1.5 m.
         for refocus in [Refocus::OnSource, Refocus::Mm(0.0)] {
             let near = view_of(1.0, 0.0, refocus).err();
-            assert!(matches!(near, Some(DesignError::NoRealImage { .. })), "{near:?}");
+            assert!(matches!(near, Some(PinholeError::NoRealImage { .. })), "{near:?}");
         }
         assert!(view_of(100.0, 0.0, Refocus::OnSource).is_ok());
         assert!(view_of(1500.0, 340.0, Refocus::OnSource).is_ok());
         let wide = view_of(1500.0, 360.0, Refocus::OnSource).err();
-        assert!(matches!(wide, Some(DesignError::WideSource { .. })), "{wide:?}");
+        assert!(matches!(wide, Some(PinholeError::WideSource { .. })), "{wide:?}");
     }
 
     #[test]
