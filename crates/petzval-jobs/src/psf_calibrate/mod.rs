@@ -252,7 +252,5 @@ fn write_all(
     write("psf-calibration.png", &sheet_png(calibration))?;
     write("psf-calibration.html", page(calibration).as_bytes())?;
     save_psfs(bank, &format!("measured: {}", calibration.captures), out)?;
-    // By way of a value, the keys come in alphabetical order.
-    let value = serde_json::to_value(figures).map_err(|e| JobError::failed(e.to_string()))?;
-    Ok(write("calibration.json", json(&value)?.as_bytes())?)
+    Ok(write("calibration.json", json(figures)?.as_bytes())?)
 }

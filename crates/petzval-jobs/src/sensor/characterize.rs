@@ -15,7 +15,7 @@ use petzval_report::sensor_sheet;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
 
 /// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
@@ -88,7 +88,9 @@ fn write_results(found: &Characterization, values: Values, out: &Path) -> Result
         Err(_) if sensor.is_file() => std::fs::remove_file(&sensor).map_err(DesignError::io(&sensor))?,
         Err(_) => {}
     }
-    write("results.json", &json(found)?)?;
+    // In the order of the fields, which is that of the measurement.
+    let results = serde_json::to_string_pretty(found).map_err(|e| JobError::failed(e.to_string()))?;
+    write("results.json", &results)?;
     write("histograms.csv", &histograms_csv(found))?;
     for (name, text) in sensor_sheet::files(found) {
         write(&name, &text)?;
