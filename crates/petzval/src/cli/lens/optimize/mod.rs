@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["lens", "out", "global", "seed"])]
     resume: Option<PathBuf>,
     /// Before continuing, forget every step after this one
-    #[arg(long, value_name = "STEP", requires = "resume")]
+    #[arg(long, value_name = "STEP")]
     rewind: Option<usize>,
     /// Search as many rounds again for each of: polychromatic spots, edges of 1 mm, clear diameters of 12.7 mm, a
     /// distortion of 1 %, and all together; print what each costs
@@ -82,6 +82,12 @@ impl Args {
                 ));
             }
             (Some(folder), ..) => Start::Resume { folder, rewind: self.rewind },
+            (None, ..) if self.rewind.is_some() => {
+                return Err(Failure::input(
+                    "--rewind needs --resume",
+                    "only an optimisation that is continued has steps to forget",
+                ));
+            }
             (None, Some(lens), Some(out)) => {
                 Start::New { lens, out, goal, global: self.global, seed: self.seed }
             }
