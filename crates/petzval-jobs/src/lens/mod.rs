@@ -3,7 +3,9 @@
 pub mod analyze;
 pub mod convert;
 mod focus;
+pub mod optimize;
 pub mod show;
+pub mod tolerance;
 pub mod trace;
 
 use std::path::Path;

@@ -1,43 +1,52 @@
-//! What was found, as files: figures, pictures and the worst lenses.
+//! The files of a tolerance analysis: figures, pictures and the worst lenses.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use petzval::design::run::write_atomically;
-use petzval::files::{LensFile, write_lens, write_tolerances};
-use petzval::optics::tolerance::{Better, MonteCarlo};
-use petzval::report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
+use petzval_files::{LensFile, write_lens, write_tolerances};
+use petzval_optics::tolerance::{Better, MonteCarlo};
+use petzval_report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 
-use super::result::{self, Findings};
-use super::table::short;
-use crate::cli::Failure;
+use super::{Findings, Report};
+use crate::error::{JobError, json};
+use crate::lens::write;
 
 /// Bars of the picture.
 const BARS: usize = 20;
 
-/// Writes everything below a folder.
-pub fn write(findings: &Findings, out: &Path, worst: usize) -> Result<(), Failure> {
-    let write = |name: &str, text: &str| -> Result<(), Failure> {
-        Ok(write_atomically(&out.join(name), text.as_bytes())?)
+/// Writes everything into a folder, with so many of the worst lenses; returns the files.
+pub(super) fn write_all(
+    findings: &Findings,
+    report: &Report,
+    out: &Path,
+    worst: usize,
+) -> Result<Vec<PathBuf>, JobError> {
+    // A JSON value has its keys in order, as the command prints them.
+    let sorted = serde_json::to_value(report).map_err(|e| JobError::failed(e.to_string()))?;
+    let mut files = Vec::new();
+    let mut add = |name: &str, text: String| {
+        files.push(out.join(name));
+        write(&out.join(name), text)
     };
-    let figures = serde_json::to_string_pretty(&result::json(findings, worst));
-    write("tolerance.json", &figures.map_err(|e| Failure::job(e.to_string()))?)?;
-    write("tolerances.toml", &write_tolerances(findings.study.tolerances()))?;
-    write("sensitivities.csv", &sensitivities_csv(findings))?;
-    write("sensitivity.svg", &bars_svg(&bars(findings)))?;
-    let Some(random) = &findings.random else { return Ok(()) };
-    write("trials.csv", &trials_csv(findings, random))?;
-    write("yield.svg", &chart_svg(&yield_chart(findings, random)))?;
-    for number in random.worst(worst) {
-        let off = findings.study.draw(random.seed, number as u64);
-        // A lens without an image is one all the same, but where its focus would be nobody knows.
-        let Some(made) = findings.study.make(&off) else { continue };
-        let mut lens = made.lens;
-        lens.name = format!("{}, lens {number} of seed {}", findings.lens.name, random.seed);
-        lens.source = format!("petzval lens tolerance: {} {:.4}", findings.study.merit().name(), made.value);
-        write(&format!("lens-{number:05}.toml"), &write_lens(&LensFile::of(lens)))?;
+    add("tolerance.json", json(&sorted)?)?;
+    add("tolerances.toml", write_tolerances(findings.study.tolerances()))?;
+    add("sensitivities.csv", sensitivities_csv(findings))?;
+    add("sensitivity.svg", bars_svg(&bars(findings)))?;
+    if let Some(random) = &findings.random {
+        add("trials.csv", trials_csv(findings, random))?;
+        add("yield.svg", chart_svg(&yield_chart(findings, random)))?;
+        for number in random.worst(worst) {
+            let off = findings.study.draw(random.seed, number as u64);
+            // A lens without an image has no focus, and no file.
+            let Some(made) = findings.study.make(&off) else { continue };
+            let mut lens = made.lens;
+            lens.name = format!("{}, lens {number} of seed {}", findings.lens.name, random.seed);
+            lens.source =
+                format!("petzval lens tolerance: {} {:.4}", findings.study.merit().name(), made.value);
+            add(&format!("lens-{number:05}.toml"), write_lens(&LensFile::of(lens)))?;
+        }
     }
-    Ok(())
+    Ok(files)
 }
 
 /// A field of a table: quoted where it needs to be.
@@ -72,7 +81,7 @@ fn sensitivities_csv(findings: &Findings) -> String {
     out
 }
 
-/// Every lens: its merit, where its compensators stand, and what is off.
+/// Every lens: its merit, where its compensators stand, and its errors.
 fn trials_csv(findings: &Findings, random: &MonteCarlo) -> String {
     let tolerances = findings.study.tolerances();
     let named = |name: String, unit: &str| match unit {
@@ -85,7 +94,7 @@ fn trials_csv(findings: &Findings, random: &MonteCarlo) -> String {
         tolerances
             .compensators
             .iter()
-            .map(|(f, _)| named(format!("set: {}", findings.setting(f)), f.quantity.unit())),
+            .map(|(f, _)| named(format!("set: {}", findings.compensator_name(f)), f.quantity.unit())),
     );
     head.extend(tolerances.perturbations.iter().map(|p| named(p.freedom.name(), p.freedom.quantity.unit())));
     let mut out = head.join(",") + "\n";
@@ -104,7 +113,7 @@ fn axis(findings: &Findings, what: &str) -> String {
     format!("{what}{}{unit}", merit.name())
 }
 
-/// The share of lenses over the merit that they reach, with the nominal merit and what half and nine tenths of them reach.
+/// The share of lenses over the merit that they reach, with marks at the nominal merit and at those of 50 % and 90 %.
 fn yield_chart(findings: &Findings, random: &MonteCarlo) -> Chart {
     let unit = findings.study.merit().unit();
     let mut curve: Vec<(f64, f64)> =
@@ -118,10 +127,10 @@ fn yield_chart(findings: &Findings, random: &MonteCarlo) -> Chart {
         series.push(Series { name, colour: colour.into(), points });
     };
     let nominal = findings.table.nominal;
-    mark(format!("nominal {} {unit}", short(nominal)), "#5f6670", nominal, 100.0);
+    mark(format!("nominal {} {unit}", three_digits(nominal)), "#5f6670", nominal, 100.0);
     for (percent, colour) in [(50.0, "#009e73"), (90.0, "#d55e00")] {
         if let Some(at) = random.percentile(percent) {
-            mark(format!("{percent} %: {} {unit}", short(at)), colour, at, percent);
+            mark(format!("{percent} %: {} {unit}", three_digits(at)), colour, at, percent);
         }
     }
     Chart {
@@ -143,7 +152,12 @@ fn bars(findings: &Findings) -> BarChart {
             v.map_or(f64::INFINITY, |v| findings.study.better().loss(v, findings.table.nominal))
         };
         Bar {
-            name: format!("{}, {} {}", p.freedom.name(), short(p.tolerance), p.freedom.quantity.unit()),
+            name: format!(
+                "{}, {} {}",
+                p.freedom.name(),
+                three_digits(p.tolerance),
+                p.freedom.quantity.unit()
+            ),
             values: [loss(row.at_minus), loss(row.at_plus)],
         }
     };
@@ -153,4 +167,14 @@ fn bars(findings: &Findings) -> BarChart {
         names: ["at minus the tolerance".into(), "at plus".into()],
         bars: rows.iter().take(BARS).map(bar).collect(),
     }
+}
+
+/// A number with three significant digits and no trailing zeros.
+pub fn three_digits(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
