@@ -14,6 +14,7 @@ pub mod glass_warnings;
 pub mod glasses;
 pub mod inputs;
 pub mod joint;
+mod lens_view;
 pub mod light_path;
 pub mod optics;
 pub mod pictures;
