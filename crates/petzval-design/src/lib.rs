@@ -18,6 +18,7 @@ pub mod error;
 pub mod experiment;
 pub mod glass_warnings;
 pub mod inputs;
+mod lens_view;
 pub mod optics;
 pub mod pictures;
 pub mod requirements;

@@ -6,12 +6,16 @@ use std::path::Path;
 
 use petzval_files::lens_toml::parameter_name;
 use petzval_files::{LensFile, parse_lens};
+use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::Parameter;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
+use petzval_optics::psf::FieldPsf;
 
 use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::lens_view;
+use crate::optics::PsfPlan;
 use crate::pictures::file_name;
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
@@ -22,6 +26,9 @@ use petzval_report::design_report::{
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
 const SHOWN_QUARTERS: [usize; 5] = [0, 1, 2, 3, 4];
+
+/// Fields of the rays in the layouts, as shares of the full field.
+const LAYOUT_SHARES: [f64; 3] = [0.0, 0.5, 1.0];
 
 /// The lens of a finished camera.
 pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile, DesignError> {
@@ -46,21 +53,23 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 /// Gathers everything that a report shows.
 pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
     let metrics = read_metrics(run)?;
-    let nominal = &setup.nominal().lens_file.lens;
+    let plan = &setup.fixed_plan;
+    let full_rad = plan.field_angles(&setup.nominal().lens_file.lens).last().copied().unwrap_or(0.0);
+    let layout_fields_deg = LAYOUT_SHARES.map(|share| (share * full_rad).to_degrees());
     let mut cameras = Vec::new();
     for variant in &setup.variants {
         let lens = camera_lens(run, &variant.name)?.lens;
-        let psfs = setup.fixed_plan.psfs(&lens)?;
-        let last = psfs.len() - 1;
-        let shown = SHOWN_QUARTERS.map(|q| (q * last + 2) / 4);
         cameras.push(CameraView {
             name: variant.name.clone(),
-            psfs: shown.iter().filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options)).collect(),
+            first_order: first_order_table(&lens),
+            surfaces: lens_view::surfaces(&lens),
+            layout: lens_view::section(&lens, &layout_fields_deg),
+            over_field: lens_view::to_full_field(&lens, full_rad, &plan.wavelengths_um),
+            psfs: psf_views(plan, &lens)?,
             changes: match variant.moves_lens() {
                 false => Vec::new(),
                 true => changes(&setup.start(variant).lens_file, &lens),
             },
-            lens,
         });
     }
     let e = &setup.experiment;
@@ -77,8 +86,9 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         command_line: command_line.to_owned(),
         table: metrics.rows.iter().map(row).collect(),
         cameras,
-        fields_rad: setup.fixed_plan.field_angles(nominal),
-        wavelengths_um: setup.fixed_plan.wavelengths_um.to_vec(),
+        layout_fields_deg: layout_fields_deg.to_vec(),
+        reference_um: setup.lens_file.lens.reference_um,
+        wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
         losses: loss_curves(&run.events())?,
@@ -101,6 +111,18 @@ fn cameras_in_words(variants: &[Variant]) -> String {
     };
     let list: Vec<String> = variants.iter().map(one).collect();
     format!("{} cameras: {},", variants.len(), list.join(", "))
+}
+
+/// PSFs at the shown fields, with their RMS radii.
+fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>, DesignError> {
+    let psfs = plan.psfs(lens)?;
+    let last = psfs.len() - 1;
+    let shown = SHOWN_QUARTERS.map(|q| &psfs[(q * last + 2) / 4]);
+    let view = |psf: &&FieldPsf| {
+        let spot = lens_view::at_fields(lens, &[psf.field_rad], &plan.wavelengths_um);
+        PsfView::new(psf, &plan.options, spot.first().map_or(f64::NAN, |s| s.rms_um))
+    };
+    Ok(shown.iter().filter_map(view).collect())
 }
 
 fn notes(metrics: &Metrics) -> Vec<String> {

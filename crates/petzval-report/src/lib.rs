@@ -13,13 +13,13 @@
 //! | [`plot`] | curves and bars over axes |
 
 pub mod design_report;
-mod field_curve;
 pub mod layout;
 pub mod lens_sheet;
 mod number;
 mod page;
 mod palette;
 pub mod plot;
+mod png;
 pub mod psf_calibration_sheet;
 pub mod psf_sheet;
 #[cfg(test)]

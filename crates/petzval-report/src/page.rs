@@ -2,8 +2,6 @@
 //!
 //! The style sheet has a light and a dark colour scheme, and one for paper.
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 
 use crate::palette;
@@ -84,11 +82,6 @@ pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, Option<String>)
             }
         }
     }
-}
-
-/// A PNG as an address that holds the picture itself.
-pub(crate) fn png_address(png: &[u8]) -> String {
-    format!("data:image/png;base64,{}", STANDARD.encode(png))
 }
 
 #[cfg(test)]

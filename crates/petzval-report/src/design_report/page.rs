@@ -1,7 +1,6 @@
 //! The page: the result first, then what explains it, and last how it was made.
 
 use maud::{Markup, html};
-use petzval_optics::lens::Lens;
 
 use super::change::change_table;
 use super::picture::pictures;
@@ -9,18 +8,15 @@ use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
-use super::{CameraView, LossCurve, Report};
-use crate::field_curve::{FieldPoint, to_full_field};
-use crate::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
+use super::{CameraView, FieldPoint, LossCurve, Report};
+use crate::layout::{CrossSection, Extent};
+use crate::number;
 use crate::page::{Page, caption, facts, figure, section};
 use crate::palette;
 use crate::plot::{Chart, Series, chart_svg};
 
 /// Width of a layout drawing, px.
 const LAYOUT_PX: f64 = 1020.0;
-
-/// Rays of a fan in a layout.
-const FAN_RAYS: usize = 9;
 
 /// The whole page.
 pub(super) fn page(report: &Report) -> String {
@@ -78,30 +74,25 @@ fn result(report: &Report) -> Markup {
 
 /// Layouts on one scale, with what changed.
 fn lenses(report: &Report) -> Markup {
-    let full = report.fields_rad.last().copied().unwrap_or(0.0);
-    let mut options = LayoutOptions {
-        px_per_mm: 1.0,
-        fields_rad: vec![0.0, 0.5 * full, full],
-        rays: FAN_RAYS,
-        half_diagonal_mm: report.half_diagonal_mm,
-        ghost: None,
-        extent: Extent::default(),
-    };
-    options.extent = report
-        .cameras
-        .iter()
-        .map(|c| layout_extent(&c.lens, &options))
-        .fold(Extent::default(), Extent::union);
-    options.px_per_mm = LAYOUT_PX / (options.extent.z_max_mm - options.extent.z_min_mm).max(1e-6);
     let baseline = report.cameras.first();
+    let section = |i: usize| CrossSection {
+        name: &report.cameras[i].name,
+        layout: &report.cameras[i].layout,
+        fields_deg: &report.layout_fields_deg,
+        half_diagonal_mm: report.half_diagonal_mm,
+        ghost: baseline.map(|b| &b.layout).filter(|ghost| i > 0 && **ghost != report.cameras[i].layout),
+    };
+    let sections: Vec<CrossSection> = (0..report.cameras.len()).map(section).collect();
+    let extent = sections.iter().map(CrossSection::extent).fold(Extent::default(), Extent::union);
+    let px_per_mm = LAYOUT_PX / (extent.z_max_mm - extent.z_min_mm).max(1e-6);
+    let rays = baseline.and_then(|b| b.layout.rays.first()).map_or(0, Vec::len);
     html! {
         @for (i, camera) in report.cameras.iter().enumerate() {
-            @let ghost = baseline.filter(|b| i > 0 && b.lens != camera.lens).map(|b| b.lens.clone());
-            (lens_card(camera, i, baseline, &LayoutOptions { ghost, ..options.clone() }))
+            (lens(camera, i, baseline, &sections[i].svg(px_per_mm, extent)))
         }
         (caption(html! {
-            "All layouts are on one scale. Fans of " (FAN_RAYS) " rays are aimed at the stop by real tracing "
-            "at " (lens_reference(baseline.map(|b| &b.lens))) " µm; a ray that is clipped ends in a dot. "
+            "All layouts are on one scale. Fans of " (rays) " rays are aimed at the stop by real tracing "
+            "at " (number::fixed(report.reference_um, 4)) " µm; a ray that is clipped ends in a dot. "
             "Glass is blue for crowns and plastics of low dispersion, sand for flints."
             @if let (Some(b), true) = (baseline, report.cameras.len() > 1) {
                 " Dashed: the elements of " (b.name) "."
@@ -110,21 +101,13 @@ fn lenses(report: &Report) -> Markup {
     }
 }
 
-fn lens_reference(lens: Option<&Lens>) -> String {
-    crate::number::fixed(lens.map_or(f64::NAN, |l| l.reference_um), 4)
-}
-
-fn lens_card(
-    camera: &CameraView,
-    i: usize,
-    baseline: Option<&CameraView>,
-    options: &LayoutOptions,
-) -> Markup {
+/// One lens: its layout, what changed, and its prescription.
+fn lens(camera: &CameraView, i: usize, baseline: Option<&CameraView>, layout_svg: &str) -> Markup {
     html! {
         article.lens {
             h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
-            p.muted { (first_order_line(&camera.lens)) }
-            (figure(&layout_svg(&camera.lens, options)))
+            p.muted { (first_order_line(&camera.first_order)) }
+            (figure(layout_svg))
             @if let (Some(b), false) = (baseline, camera.changes.is_empty()) {
                 details open {
                     summary { "What changed (" (camera.changes.len()) ")" }
@@ -133,7 +116,7 @@ fn lens_card(
             }
             details {
                 summary { "Prescription" }
-                (prescription(&camera.lens))
+                (prescription(&camera.surfaces))
             }
         }
     }
@@ -141,14 +124,11 @@ fn lens_card(
 
 /// Spot radius and illumination of every camera from the axis to the full field.
 fn over_the_field(report: &Report) -> Markup {
-    let full = report.fields_rad.last().copied().unwrap_or(0.0);
-    let curves: Vec<Vec<FieldPoint>> =
-        report.cameras.iter().map(|c| to_full_field(&c.lens, full, &report.wavelengths_um)).collect();
     let chart = |what: &str, y_axis: &str, value: fn(&FieldPoint) -> f64| {
-        let series = report.cameras.iter().zip(&curves).enumerate().map(|(i, (camera, curve))| Series {
+        let series = report.cameras.iter().enumerate().map(|(i, camera)| Series {
             name: camera.name.clone(),
             colour: palette::camera(i).into(),
-            points: curve.iter().map(|p| (p.field_deg, value(p))).collect(),
+            points: camera.over_field.iter().map(|p| (p.field_deg, value(p))).collect(),
         });
         figure(&chart_svg(&Chart {
             alt: format!("{what} over the field angle, one curve per camera"),
@@ -284,7 +264,8 @@ mod tests {
         report.environment.push((bad.into(), bad.into()));
         report.table[1].camera = bad.into();
         report.cameras[1].name = bad.into();
-        report.cameras[1].lens.name = bad.into();
+        report.cameras[1].surfaces[0].glass = bad.into();
+        report.cameras[1].layout.elements[0].glass = bad.into();
         report.losses[0].label = bad.into();
         assert!(!page(&report).contains("alert(1)</script>"));
     }

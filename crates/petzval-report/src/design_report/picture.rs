@@ -7,7 +7,8 @@ use maud::{Markup, html};
 
 use super::{CameraPicture, PictureView, Report};
 use crate::number;
-use crate::page::{caption, png_address};
+use crate::page::caption;
+use crate::png;
 
 /// The enlarged part is this share of a side.
 const ZOOM: f64 = 0.25;
@@ -86,7 +87,7 @@ fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
     let edge = 100.0 * 0.5 * (1.0 - ZOOM);
     html! {
         button.frame type="button" data-group=(group) data-name=(name) {
-            img src=(png_address(png)) alt=(alt);
+            img src=(png::address(png)) alt=(alt);
             i style=(format!("inset:{edge}%")) {}
         }
     }
@@ -95,7 +96,7 @@ fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
 /// The middle of a picture; nothing if it cannot be decoded.
 fn zoomed(png: &[u8], alt: &str) -> Markup {
     html! {
-        @if let Some(middle) = middle(png) { img.pixels.zoom src=(png_address(&middle)) alt=(alt); }
+        @if let Some(middle) = middle(png) { img.pixels.zoom src=(png::address(&middle)) alt=(alt); }
     }
 }
 

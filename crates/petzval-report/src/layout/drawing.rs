@@ -116,7 +116,7 @@ impl Drawing<'_> {
     }
 
     /// From the first vertex to the image, where both lie on a straight axis.
-    fn track(&self) -> Option<f64> {
+    pub fn track(&self) -> Option<f64> {
         let is_folded = self.layout.lines.iter().any(|l| l.kind == LineKind::Mirror);
         let is_straight = self.layout.axis.iter().all(|p| p[1].abs() < 1e-9);
         let length = self.layout.axis.last()?[0];

@@ -3,10 +3,10 @@
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 use super::style::{
-    WIDTH_PX, field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys,
+    field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys,
 };
 use crate::palette::LIMIT;
-use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet};
+use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet, WIDTH_PX};
 
 /// The field between the axes, px.
 const SIZE_PX: [f64; 2] = [816.0, 420.0];

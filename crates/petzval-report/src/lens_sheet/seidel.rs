@@ -3,10 +3,10 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, ThirdOrder, ThirdOrderSurface};
 
-use super::style::{WIDTH_PX, field_name, foot, wavelength_name};
+use super::style::{field_name, foot, wavelength_name};
 use crate::palette;
 use crate::palette::{GRID, INK, MUTED};
-use crate::plot::{Axis, Frame, Key, KeyLine, Names, Sheet, px, span};
+use crate::plot::{Axis, Frame, Key, KeyLine, Names, Sheet, WIDTH_PX, px, span};
 
 /// Height of the frame, least width of a group of bars, px.
 const HEIGHT_PX: f64 = 380.0;

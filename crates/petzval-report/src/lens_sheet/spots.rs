@@ -3,10 +3,10 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, SpotDiagram};
 
-use super::style::{WIDTH_PX, are_own, field_name, foot, scales, short, wavelength_keys, wavelength_pen};
+use super::style::{are_own, field_name, foot, scales, short, wavelength_keys, wavelength_pen};
 use crate::number;
 use crate::palette::{AXIS, INK, MUTED, PAPER};
-use crate::plot::{Key, KeyLine, Sheet, px, round_up};
+use crate::plot::{Key, KeyLine, Sheet, WIDTH_PX, px, round_up};
 
 /// Side of a box, space between boxes, height of the text below, px.
 const BOX_PX: f64 = 200.0;
@@ -52,10 +52,7 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
         })
         .collect();
     let airy = analysis.spots.first().map_or(f64::NAN, |s| s.airy_radius_um);
-    keys.push(Key {
-        line: KeyLine::None,
-        name: format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2)),
-    });
+    keys.push(Key::remark(format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2))));
     Sheet {
         class: "spots",
         title: "Spot diagrams".into(),

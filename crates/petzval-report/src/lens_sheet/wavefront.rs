@@ -3,9 +3,9 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, Wavefront, ZERNIKE_TERMS};
 
-use super::style::{WIDTH_PX, field_name, foot, scales, short, wavelength_name};
+use super::style::{field_name, foot, scales, short, wavelength_name};
 use crate::palette::{INK, MUTED};
-use crate::plot::{Axis, Frame, Names, Sheet, px, span};
+use crate::plot::{Axis, Frame, Names, Sheet, WIDTH_PX, px, span};
 use crate::{number, palette};
 
 /// Size of the bars' frame, height of a line of numbers, px.

@@ -17,7 +17,7 @@ const LINE_PX: f64 = 2.2;
 const DATA_PX: f64 = 1.0;
 
 /// How strongly the data behind a smoothed curve show.
-const FAINT: f64 = 0.32;
+const FAINT: f64 = 0.28;
 
 /// A curve with fewer points than this is shown as it is, without smoothing.
 const FEWEST_TO_SMOOTH: usize = 24;
@@ -70,7 +70,10 @@ pub fn chart_svg(chart: &Chart) -> String {
     };
     // Logarithms are smoothed where the axis is logarithmic, so that the line runs through the middle of what is seen.
     let is_logarithmic = frame.y.is_logarithmic();
-    let curves: Vec<Curve> = series.iter().flat_map(|s| curves(s, chart.smooth, is_logarithmic)).collect();
+    let mut curves: Vec<Curve> =
+        series.iter().flat_map(|s| curves(s, chart.smooth, is_logarithmic)).collect();
+    // Faint data lie behind every line.
+    curves.sort_by(|a, b| a.pen.opacity.total_cmp(&b.pen.opacity));
     Sheet {
         class: "chart",
         title: String::new(),

@@ -26,7 +26,7 @@ pub(crate) use marker::Marker;
 pub(crate) use panel::{Panel, grid};
 pub(crate) use pen::{Curve, Pen};
 pub(crate) use points::Points;
-pub(crate) use sheet::Sheet;
+pub(crate) use sheet::{Sheet, WIDTH_PX};
 pub(crate) use steps::Steps;
 
 use maud::html;
@@ -68,12 +68,11 @@ pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> 
 
 /// A picture of a width that says that there are no data.
 fn without_data(alt: &str, width: f64) -> Sheet {
-    let remark = Key { line: KeyLine::None, name: "no data".into() };
     Sheet {
         class: "chart",
         title: String::new(),
         remark: String::new(),
-        keys: vec![remark],
+        keys: vec![Key::remark("no data")],
         alt: alt.into(),
         width,
         height: 20.0,

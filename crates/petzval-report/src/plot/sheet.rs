@@ -5,6 +5,9 @@ use maud::{Markup, html};
 use super::{Key, key, plain, px};
 use crate::palette::{INK, MUTED, PAPER};
 
+/// Width of the sheets of a page, px.
+pub(crate) const WIDTH_PX: f64 = 908.0;
+
 /// Space at the left and right edge, px.
 const MARGIN_PX: f64 = 18.0;
 

@@ -6,11 +6,12 @@ use maud::{Markup, html};
 use petzval_camera::image::CHANNELS;
 use petzval_lab::psf_calibration::held_out::HeldOutBy;
 
-use super::sheet::{DECADES, Tone, kinds, picture, png};
+use super::sheet::{DECADES, Tone, kinds, picture};
 use super::{Calibration, by_direction};
 use crate::number::fixed;
-use crate::page::{Page, caption, png_address, section};
+use crate::page::{Page, caption, section};
 use crate::plot::plain;
+use crate::png;
 use crate::table::{Column, Row, Table};
 
 /// The page. It needs nothing but itself, and prints well.
@@ -83,7 +84,7 @@ fn cell(calibration: &Calibration, index: usize, kind: usize, tone: Tone) -> Mar
     let shown = kinds(calibration, index);
     let Some((name, values)) = shown.get(kind) else { return html! { "–" } };
     let alt = format!("{}: {name}", plain(&calibration.positions[index].0.name));
-    html! { img.pixels src=(png_address(&png(&picture(values, tone)))) alt=(alt); }
+    html! { img.pixels src=(png::address(&png::encode(&picture(values, tone)))) alt=(alt); }
 }
 
 /// Numbers between commas: those of red, green and blue, or of row and column.

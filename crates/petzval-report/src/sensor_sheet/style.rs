@@ -6,13 +6,8 @@ use petzval_lab::emva::{Characterization, Measured};
 
 use super::Shown;
 pub(super) use crate::number::short;
-use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, grid, span};
+use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, WIDTH_PX, grid, span};
 use crate::{number, palette};
-
-/// Width of a picture, px.
-pub(super) const WIDTH_PX: f64 = 908.0;
-/// A name longer than this is cut in the foot of a picture.
-const LONGEST_NAME: usize = 80;
 
 /// Marker of a colour of the mosaic.
 pub(super) fn marker_of(colour: Option<Colour>) -> Marker {
@@ -106,13 +101,10 @@ pub(super) fn gain_name(linear_gain: f64) -> String {
 
 /// Sensor and size of the frames, and the gain where a picture shows but one.
 pub(super) fn foot(all: &Characterization, linear_gain: Option<f64>) -> Vec<Key> {
-    let mut name: String = all.sensor.name.chars().take(LONGEST_NAME).collect();
-    if name.len() < all.sensor.name.len() {
-        name.push('…');
-    }
-    let mut entries = vec![name, format!("{} × {} pixels", all.width, all.height)];
-    entries.extend(linear_gain.map(|gain| format!("linear {}", gain_name(gain))));
-    entries.into_iter().map(|name| Key { line: KeyLine::None, name }).collect()
+    let mut foot =
+        vec![Key::name(&all.sensor.name), Key::remark(format!("{} × {} pixels", all.width, all.height))];
+    foot.extend(linear_gain.map(|gain| Key::remark(format!("linear {}", gain_name(gain)))));
+    foot
 }
 
 /// What stands around the panels of a sheet.
