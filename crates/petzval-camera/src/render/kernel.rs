@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::{RenderError, RenderGeometry};
+use super::error::RenderError;
+use super::geometry::RenderGeometry;
+use super::limits::MAX_RADIUS;
 use crate::image::CHANNELS;
 use crate::psf::{PsfLayout, check_len};
 
@@ -29,9 +31,6 @@ impl PatchKernels {
         &self.values[start..start + n]
     }
 }
-
-/// Largest reach of a kernel, pixels.
-pub const MAX_RADIUS: usize = 512;
 
 /// Pixels that the PSF grid reaches from its centre when it is turned by 45 degrees.
 pub fn kernel_radius(geometry: &RenderGeometry, layout: &PsfLayout) -> Result<usize, RenderError> {

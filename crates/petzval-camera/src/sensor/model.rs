@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::SensorError;
 use super::cfa::{CfaPattern, Colour};
+use super::error::{OutOfRange, SensorError};
 use super::nonuniformity::NonUniformity;
 use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
@@ -72,22 +72,6 @@ pub struct SensorModel {
 
 fn even_response() -> [f64; CHANNELS] {
     [1.0 / 3.0; CHANNELS]
-}
-
-/// A number of a sensor outside its physical range.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{key} is {value}, outside {low}..{high}")]
-pub struct OutOfRange {
-    /// Which number; keys of a table in the file carry its name and a dot.
-    pub key: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Least value.
-    pub low: f64,
-    /// Largest value.
-    pub high: f64,
-    /// What the number is.
-    pub meaning: &'static str,
 }
 
 impl SensorModel {

@@ -1,8 +1,8 @@
 //! One pixel of one exposure: the physics, step by step. [`crate::sensor::expose()`] takes whole rows through the same
 //! steps.
 
+use super::fixed_pattern::{Pattern, PixelPattern};
 use super::noise::FrameStreams;
-use super::nonuniformity::{Pattern, PixelPattern};
 use super::{Capture, Electronics, Noise, SensorModel};
 use crate::image::CHANNELS;
 use petzval_base::random::place;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
-use super::model::OutOfRange;
+use super::error::OutOfRange;
 use crate::spectral::{PixelOptics, Spectrum};
 
 /// Quantum efficiency curves, 0..1, on common wavelengths; between samples linear, outside zero.
