@@ -18,6 +18,7 @@ pub mod sensor;
 pub mod seq;
 pub mod spectral_file;
 mod tolerance_toml;
+mod toml_number;
 pub mod zmx;
 
 pub use agf::parse_agf;

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SensorError;
 use super::cfa::{CfaPattern, Colour};
+use super::error::{OutOfRange, SensorError};
 use super::nonuniformity::NonUniformity;
 use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
@@ -73,22 +73,6 @@ pub struct SensorModel {
 
 fn even_response() -> [f64; CHANNELS] {
     [1.0 / 3.0; CHANNELS]
-}
-
-/// A number of a sensor outside its physical range.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{key} is {value}, outside {low}..{high}")]
-pub struct OutOfRange {
-    /// Key of the number in the file; a key inside a table is written `table.key`.
-    pub key: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Least value.
-    pub low: f64,
-    /// Largest value.
-    pub high: f64,
-    /// Description of the number.
-    pub meaning: &'static str,
 }
 
 impl SensorModel {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
-use super::model::OutOfRange;
+use super::error::OutOfRange;
 use crate::spectral::{PixelOptics, Spectrum};
 
 /// Quantum efficiency curves, 0..1, on common wavelengths; linear between samples, zero outside.

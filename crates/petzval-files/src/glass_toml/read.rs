@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::text::{GlassTables, GlassText, Placed, Thickness};
-use crate::lens_toml::Number;
+use crate::toml_number::Number;
 use petzval_base::FileError;
 use petzval_optics::glass::{Absorption, Catalog, Dispersion, Expansion, Glass, Printed, Status, Thermal};
 

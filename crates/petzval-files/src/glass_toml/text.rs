@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::lens_toml::Number;
+use crate::toml_number::Number;
 
 /// A number that knows its place in the file.
 pub(super) type Placed = Spanned<Number>;

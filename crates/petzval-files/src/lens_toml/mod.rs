@@ -57,8 +57,6 @@ mod write;
 pub use parameter::parameter_name;
 pub(super) use read::OPTICAL_UM;
 pub use read::parse_lens;
-pub(super) use text::Number;
-pub(super) use write::{exact_degrees, exact_reciprocal, number, numbers, quoted};
 pub use write::{special_lines, write_lens};
 
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};

@@ -1,47 +1,13 @@
 //! The shape of a lens file as serde reads it, before anything is checked.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use serde::de::{Deserializer, Error, Visitor};
 use toml::Spanned;
 
 use crate::glass_toml::GlassTables;
-
-/// A TOML number. Integers count, and `"inf"` in quotes is infinity.
-#[derive(Clone, Copy, Debug, JsonSchema)]
-pub(crate) struct Number(pub f64);
-
-impl<'de> Deserialize<'de> for Number {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        struct AnyNumber;
-        impl Visitor<'_> for AnyNumber {
-            type Value = Number;
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number")
-            }
-            fn visit_f64<E: Error>(self, v: f64) -> Result<Number, E> {
-                Ok(Number(v))
-            }
-            fn visit_i64<E: Error>(self, v: i64) -> Result<Number, E> {
-                Ok(Number(v as f64))
-            }
-            fn visit_u64<E: Error>(self, v: u64) -> Result<Number, E> {
-                Ok(Number(v as f64))
-            }
-            fn visit_str<E: Error>(self, v: &str) -> Result<Number, E> {
-                match v {
-                    "inf" | "+inf" => Ok(Number(f64::INFINITY)),
-                    "-inf" => Ok(Number(f64::NEG_INFINITY)),
-                    _ => Err(E::invalid_type(serde::de::Unexpected::Str(v), &self)),
-                }
-            }
-        }
-        from.deserialize_any(AnyNumber)
-    }
-}
+use crate::toml_number::Number;
 
 /// A number that knows its place in the file.
 pub(super) type Placed = Spanned<Number>;

@@ -1,7 +1,7 @@
 //! A series of captures: which frames there are, and how each was taken.
 //!
-//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`]), or
-//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`]).
+//! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::manifest)), or
+//! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::descriptor)).
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub(super) const SERIES: &str = "series.toml";
 /// Name of the list of captures of the EMVA 1288 Python library.
 pub const DESCRIPTOR: &str = "EMVA1288descriptor.txt";
 
-/// What the owner of the camera knows about its sensor.
+/// Facts of the sensor that the list of captures states.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SensorFacts {
     /// Name of the sensor.
@@ -161,10 +161,10 @@ pub enum CaptureError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The list says something that cannot be used.
+    /// The list of captures is wrong.
     #[error("{}: {error}", path.display())]
     List {
         /// The list.
@@ -189,16 +189,16 @@ pub enum CaptureError {
         /// Columns of the others.
         expected_width: usize,
     },
-    /// A frame, or its sidecar, says something else than the list.
+    /// A frame or its sidecar contradicts the list.
     #[error("{}: the frame's sidecar or header says {key} = {frame}, {place} says {list}", path.display())]
     Contradiction {
         /// The frame.
         path: PathBuf,
-        /// What it is about, as the sidecar calls it.
+        /// The setting, as the sidecar calls it.
         key: &'static str,
-        /// What stands with the frame.
+        /// Its value in the frame or the sidecar.
         frame: String,
-        /// What the list says.
+        /// Its value in the list.
         list: String,
         /// Where in the list.
         place: String,
@@ -248,7 +248,7 @@ pub enum CaptureError {
     /// Another series is in the folder.
     #[error("{}: the folder holds another series of captures ({what})", path.display())]
     OtherSeries {
-        /// The file that tells.
+        /// The file that shows it.
         path: PathBuf,
         /// How it differs.
         what: String,

@@ -1,4 +1,4 @@
-//! From captures to a sensor: everything that a series shows, as plain data.
+//! From captures to a sensor: reduces the frames gain by gain, then evaluates all gains together.
 
 use std::collections::HashMap;
 
@@ -102,12 +102,12 @@ fn no_copies<'a>(
         let Some(print) = print else { continue };
         if let Some(first) = known.insert(*print, frame) {
             let name = |frame: &FrameFile| frame.name_below(&captures.folder);
-            let said = format!(
+            let message = format!(
                 "the frame {} is a copy of {}: every pixel has the same digital number",
                 name(frame),
                 name(first)
             );
-            let error = FileError::at_line(point.line, "", said)
+            let error = FileError::at_line(point.line, "", message)
                 .hint("noise is measured from frames that were exposed one after the other");
             return Err(CaptureError::List { path: captures.list.clone(), error: Box::new(error) });
         }

@@ -5,7 +5,7 @@
 //!
 //! | flag | evidence | a point with it |
 //! |---|---|---|
-//! | clipped at zero | samples pile up at digital number 0 | is used for nothing: its mean and noise are biased |
+//! | clipped at zero | samples pile up at digital number 0 | is not used for K and the dark series: its mean and noise are biased |
 //! | moved | a part of a frame differs from the other frames | is not used for K and the dark series |
 //! | flicker | whole frames differ from each other | is used: the differences are taken out of the noise |
 //! | light leak, uneven | parts of the mean frame differ | is used |

@@ -39,8 +39,8 @@ pub struct Passed {
     pub pixel: f64,
     /// Of a pattern of rows or of columns.
     pub line: f64,
-    /// Sum of the squared correlations of a filtered pixel with all pixels: independent values lost, as a factor of the variance of
-    /// a variance.
+    /// Sum of the squared correlations of a filtered pixel with all pixels: independent values lost, as a factor of the
+    /// variance of a variance.
     pub pixel_correlation: f64,
     /// The same of the lines of a filtered pattern.
     pub line_correlation: f64,

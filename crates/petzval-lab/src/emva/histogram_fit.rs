@@ -2,24 +2,24 @@
 //!
 //! Nothing is drawn at random: the exact distribution of digital numbers ([`pmf`](super::pmf)) is compared with the counts by
 //! maximum likelihood (Fisher scoring with a damped step). Free are K, mu_r, mu_el, sigma_el, the noise of the dark in
-//! electrons, mu_I, the ratios of the colours, the PRNU and the light of every gain, as far as the captures tell them: held
-//! are the noise of the dark and mu_r where there is one gain, mu_I where there is one exposure time, the PRNU where all
-//! light is alike, K where there is no flat frame.
+//! electrons, mu_I, the ratios of the colours, the PRNU and the light of every gain. A parameter that the captures do not
+//! determine is held: the noise of the dark and mu_r with one gain, mu_I with one exposure time, the PRNU if all light is alike,
+//! K without flat frames.
 //!
-//! A histogram holds what differs from pixel to pixel beside what differs from frame to frame:
+//! A histogram contains differences between pixels and differences between frames:
 //!
 //! ```text
 //! variance = (K g)^2 (lambda + (p lambda)^2 + sigma_r^2 + DSNU^2) + sigma_el^2 + 1/12     [DN^2]
 //! ```
 //!
-//! PRNU (`p`) grows with the square of the light, shot noise with the light, so the histograms tell them apart. DSNU they
-//! cannot tell from read noise: the fit finds `sigma_r^2 + DSNU^2`, takes sigma_r from temporal noise (the [`JointFit`]) and
-//! reports what is left as DSNU.
+//! PRNU (`p`) grows with the square of the light, shot noise with the light, so the histograms separate them. They do not
+//! separate DSNU from read noise: the fit finds `sigma_r^2 + DSNU^2`, takes sigma_r from temporal noise (the [`JointFit`]) and
+//! reports the rest as DSNU.
 //!
-//! What lies outside the core of a histogram (median +- 4 standard deviations by its quantiles) does not count in the fit: a
-//! tail of hot pixels is not made into noise, but is reported ([`Warning::DarkTail`]). Nor do histograms count that reach
-//! the full well or leave the range of photon transfer: they tell of saturation. The errors are those of chance with the
-//! pixels of this sensor.
+//! The fit uses the core of each histogram (median +- 4 standard deviations by its quantiles): a tail of hot pixels is
+//! reported ([`DarkTail`](super::warnings::Warning::DarkTail)), not taken for noise. Histograms that reach the full well or leave
+//! the range of photon transfer are saturated and left out. Standard errors are those of temporal noise, with the pixels of
+//! this sensor fixed.
 
 mod comparison;
 mod likelihood;
@@ -63,7 +63,7 @@ pub fn fit_histograms(
         full_well_e: sensor.full_well_e.unwrap_or(f64::INFINITY),
     };
     let mut fit = fit_histograms_from(&start, sensor.bits, histograms)?;
-    // What differs from frame to frame is read noise; the rest of the dark histograms is what differs between pixels.
+    // Differences between frames are read noise; the rest of the width of dark histograms is DSNU.
     fit.read_noise_e = joint.read_noise_e;
     fit.dsnu_e = match fit.dark_noise_e.standard_error() {
         Some(_) => fit.dark_noise_e.squared().minus(joint.read_noise_e.squared()).if_above_noise().root(),

@@ -2,24 +2,27 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | which captures there are | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
-//! | frames to sums, one at a time | [`point`] |
-//! | what all samples tell of the converter | [`samples`] |
-//! | signal, noise and light: R, K, QE, linearity | [`transfer`] |
-//! | where the signal ends | [`mod@saturation`] |
+//! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
+//! | open a folder of captures | `open` |
+//! | reduce the frames of a point to sums | [`point`], [`counts`] |
+//! | flags: what the captures show about the use of each point | `flags` |
+//! | find where the converter clips, from all samples | [`samples`] |
+//! | select the points of one gain by their flags, and evaluate them | `gain` |
+//! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`] |
+//! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
-//! | all of it | [`mod@characterize`] |
-//! | whether they tell of a sensor at all | [`usable`] |
-//! | what is odd about the captures | [`warning`], [`mod@warning_lines`] |
-//! | as files: sensor, XML | [`sensor_file`], [`mod@result_xml`] |
-//! | captures out of a sensor | [`plan`], [`series`] |
+//! | all steps in order, and their result | [`mod@characterize`], [`result`] |
+//! | reject series from which no sensor follows | `usable` |
+//! | warnings, made from flags and results | [`warnings`] |
+//! | write a sensor file, write XML | [`sensor_file`], [`mod@result_xml`] |
+//! | simulate captures of a sensor | [`plan`], [`series`] |
 //! | figures of a sensor file | [`mod@derived`] |
 //!
-//! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
+//! Every number is a [`Measured`]: a value with its standard error, or the reason why it cannot be measured from these captures.
 //! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.
 
 pub mod captures;

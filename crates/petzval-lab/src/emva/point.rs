@@ -1,4 +1,4 @@
-//! What is kept of the frames of one point: moments per colour, histograms, and for stacks the sum of the frames.
+//! The frames of one point reduced to moments per colour, histograms, and for stacks the sum of the frames.
 //!
 //! Frames are reduced as they are read; two images of sums, not the frames, are in memory. With frames `y_k`, `k = 1..L`,
 //!
@@ -94,7 +94,7 @@ pub struct Stack {
     pub variance_dn2: Vec<f64>,
 }
 
-/// What is kept of a point.
+/// A point reduced to statistics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointStatistics {
     /// Rows.
@@ -116,7 +116,7 @@ pub struct PointStatistics {
     /// By frame, a fingerprint of its digital numbers; `None` of a frame that is constant but for clipped samples. Frames
     /// of one fingerprint are copies.
     pub fingerprints: Vec<Option<u64>>,
-    /// The summed frames, of points with more than two and of those that are asked for.
+    /// The summed frames, of stacks and of points with `keep_sum` (see [`reduce`]).
     pub stack: Option<Stack>,
 }
 
@@ -161,8 +161,8 @@ impl Class {
     }
 }
 
-/// Reads the frames of a point one after the other; `read` is told of each. `size` is that of the other frames. The sum of the
-/// frames is kept of stacks, and of others with `keep_sum`.
+/// Reads the frames of a point one after the other and calls `read` after each. All must have `size`, rows and columns. The
+/// sum of the frames is kept for stacks, and for other points with `keep_sum`.
 pub fn reduce(
     captures: &Captures,
     point: &Point,
@@ -189,6 +189,7 @@ pub fn reduce(
     let mut block_totals = [0u64; BLOCKS * BLOCKS];
     let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
 
+    // Read frame by frame: sums per pixel, per colour, per block, and the histogram of each colour.
     for (k, file) in point.frames.iter().enumerate() {
         let frame = load(captures, point, file, size)?;
         fingerprints.push(fingerprint(&frame.dn, bits));
@@ -213,7 +214,7 @@ pub fn reduce(
         read();
     }
 
-    // The variance of each pixel over the frames, from sums of whole numbers.
+    // The variance of each pixel over the frames, exact from sums of whole numbers.
     let l = frames as u64;
     let scale = 1.0 / (l * (l - 1)) as f64;
     let mut block_pixels = vec![0usize; BLOCKS * BLOCKS];
@@ -235,6 +236,7 @@ pub fn reduce(
             }
         }
     }
+    // All pixels together are the sum of the colours.
     let mut all = class[0].clone();
     for c in &class[1..] {
         all.pixels += c.pixels;
@@ -273,9 +275,10 @@ pub fn reduce(
 /// Pixels of a frame that chance does not make twice.
 const LEAST_FINGERPRINT: usize = 64;
 
-/// Two different numbers that are not clipped tell a frame from one that is constant, whose twins are no copies.
+/// A hash of the digital numbers. Constant frames have none, because equal ones need not be copies: a frame counts as not
+/// constant if two unclipped numbers differ.
 fn fingerprint(dn: &[u16], bits: u32) -> Option<u64> {
-    // A handful of pixels is the same by chance.
+    // A few pixels may be equal by chance.
     if dn.len() < LEAST_FINGERPRINT {
         return None;
     }
@@ -294,7 +297,7 @@ fn classes(cfa: &CfaPattern, colours: &[Colour]) -> Vec<Vec<usize>> {
     (0..cfa.rows()).map(|row| (0..cfa.cols()).map(|col| index(row, col)).collect()).collect()
 }
 
-/// Reads a frame and checks its size, its numbers, and what stands with it.
+/// Reads a frame and checks its size, its digital numbers, and its settings.
 fn load(
     captures: &Captures,
     point: &Point,
@@ -326,8 +329,7 @@ const SAME_SETTING: f64 = 0.01;
 /// Black levels agree within this, DN.
 const SAME_BLACK_DN: f64 = 0.5;
 
-/// What stands with a frame (its sidecar, or the file itself) and what the list says are one: which of the two is wrong cannot be
-/// known, and either puts numbers where they do not belong.
+/// Checks that the frame's own settings (from its sidecar or its file) agree with the list. If they differ, either may be wrong.
 fn no_contradiction(
     captures: &Captures,
     point: &Point,

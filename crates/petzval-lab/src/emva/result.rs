@@ -33,10 +33,10 @@ impl Default for Options {
     }
 }
 
-/// Everything that a series of captures tells.
+/// The characterisation of a series of captures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Characterization {
-    /// What was known before.
+    /// Facts of the sensor that the list states.
     pub sensor: SensorFacts,
     /// Rows.
     pub height: usize,
@@ -44,13 +44,13 @@ pub struct Characterization {
     pub width: usize,
     /// How it was evaluated.
     pub options: Options,
-    /// What is odd.
+    /// What a reader should know about the captures.
     pub warnings: Vec<Warning>,
     /// Each linear gain, ascending.
     pub gains: Vec<GainResult>,
     /// All gains together.
     pub joint: JointFit,
-    /// The fit to the histograms, if it was asked for and possible.
+    /// The fit to the histograms, if it was requested and possible.
     pub histogram_fit: Option<HistogramFit>,
     /// Captured histograms of the points of two frames; too long for the results file.
     #[serde(skip)]

@@ -7,8 +7,9 @@
 //! mean:      sum_k   (-1)^k exp(-2 pi^2 k^2 s^2) sin(2 pi k m) / (pi k)                  [DN]
 //! ```
 //!
-//! (less the square of the mean's part, which is smaller): nothing at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at 0.37. Where m
-//! lies between two whole numbers the captures do not tell well enough, so that these are errors of random phase.
+//! (less the square of the mean's part, which is smaller): nothing at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at
+//! 0.37. The captures do not determine well enough where m lies between two whole numbers, so these are errors of random
+//! phase.
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;

@@ -1,4 +1,4 @@
-//! What the digital numbers of all frames tell of the converter: where it clips, and whether `bits` is that of the frames.
+//! The converter as the digital numbers of all frames show it: where it clips, and whether `bits` is that of the frames.
 
 use super::captures::Kind;
 use super::counts::Counts;
@@ -11,7 +11,8 @@ const PILE_SIGMAS: f64 = 5.0;
 const FACTOR_NUMBERS: usize = 8;
 
 /// Digital number at which samples are clipped: the largest of the stated bits, or the largest of all flat frames if samples pile
-/// up there. It is no matter to the fits whether converter or pixel ends there: what is clipped has lost its noise.
+/// up there. The fits need not know whether the converter or the pixel ends there: clipped samples have lost their
+/// noise either way.
 pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32) -> u32 {
     let Some(largest) = flats.clone().map(|m| m.histogram.last_dn()).max() else { return max_dn };
     let mut at_end = flats.filter(|m| m.histogram.last_dn() == largest && m.reaches(largest));
@@ -41,8 +42,8 @@ impl Samples {
         self.has_flats |= kind == Kind::Flat;
     }
 
-    /// Notes that samples are clipped at a number. It tells of a converter if it is the last one of fewer bits (left-aligned or
-    /// not); at any other number the pixels are full.
+    /// Notes that samples are clipped at a number. If it is the largest number of fewer bits (left-aligned or not), the converter
+    /// has fewer bits than stated; at any other number the pixels are full.
     pub fn clips_at(&mut self, clip_dn: u32, max_dn: u32) {
         let odd = clip_dn >> clip_dn.trailing_zeros().min(31);
         self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();

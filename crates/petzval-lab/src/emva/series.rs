@@ -24,7 +24,7 @@ struct Identity<'a> {
     sensor: &'a SensorModel,
 }
 
-/// What came of writing a series.
+/// Result of writing a series.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Written {
     /// The list of captures.
@@ -35,14 +35,15 @@ pub struct Written {
     pub kept: usize,
 }
 
-/// Writes the series into a folder, which is made if need be. `told` hears of every frame. Same sensor and plan: same bits,
-/// on any number of threads, in one go or in several.
+/// Writes the series into a folder, which is made if need be. `written` is called after every frame. Same sensor and plan:
+/// same bits, on any number of threads, in one go or in several.
 pub fn write_series(
     sensor: &SensorModel,
     plan: &Plan,
     folder: &Path,
-    told: &(dyn Fn() + Sync),
+    written: &(dyn Fn() + Sync),
 ) -> Result<Written, CaptureError> {
+    // The folder gets a file that identifies the series, so that another series is not mixed into it.
     plan.validate(sensor)?;
     sensor.validate().map_err(petzval_camera::sensor::SensorError::from)?;
     let io = |path: &Path| {
@@ -56,6 +57,7 @@ pub fn write_series(
     let series = folder.join(SERIES);
     write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
 
+    // Expose and write the frames that are not there yet, in parallel.
     let lit = plan.lit(sensor)?;
     let points = plan.points_lit(&lit.sensor);
     for gain in &plan.gains {
@@ -72,11 +74,12 @@ pub fn write_series(
             if !there {
                 write_frame(&lit.sensor, plan, point, *i, &path)?;
             }
-            told();
+            written();
             Ok(there)
         })
         .collect::<Result<_, CaptureError>>()?;
 
+    // The list of captures comes last: a folder without it is not complete.
     let list = folder.join(MANIFEST);
     let facts = SensorFacts {
         name: sensor.name.clone(),
@@ -104,7 +107,7 @@ pub fn write_series(
     Ok(Written { list, frames: frames.len(), kept: kept.iter().filter(|k| **k).count() })
 }
 
-/// A folder may hold the beginning of this very series, or no captures at all.
+/// A series is written into a folder without captures, or into one that holds the beginning of the same series.
 fn check_folder(folder: &Path, identity: &str) -> Result<(), CaptureError> {
     let path = folder.join(SERIES);
     match std::fs::read_to_string(&path) {

@@ -1,4 +1,4 @@
-//! Photon transfer: signal, noise and light of the points of one gain and colour, and what lines through them tell.
+//! Photon transfer: signal, noise and light of the points of one gain and colour, and the lines through them.
 //!
 //! ```text
 //! mu_y - mu_dark   = R u_p                     responsivity R [DN/photon]
@@ -104,7 +104,7 @@ const KNEE_SIGMAS: f64 = 3.0;
 ///
 /// Where pixels begin to fill, variance is lost long before the mean bends (2.3 standard deviations below the level 2 % of it,
 /// while the mean is off by 0.4 % of one), yet it may still grow. If any point of the upper 30 % has
-/// less noise than the line through the points below asks, by [`KNEE_SIGMAS`], these alone count.
+/// less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the points below are used.
 fn last_with_the_noise_of_light(points: &[TransferPoint]) -> Option<usize> {
     let last = points.iter().rposition(|p| !p.is_clipped())?;
     let lower_dn = FIT_SHARE * points[last].signal_dn();
@@ -185,6 +185,7 @@ fn responsivity(used: &[TransferPoint]) -> Measured {
 
 /// The line through the points of 5 to 95 % of `end_dn`, the signal at saturation.
 fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Linearity, Unresolved> {
+    // The points between 5 and 95 % of saturation, if their light differs.
     let x = light(points);
     let (low, high) = x.iter().fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
     if points.len() > 1 && high - low <= 1e-9 * high {
@@ -197,12 +198,13 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
     let Some((first, last)) = within.filter(|(first, last)| !signal[*first..=*last].contains(&0.0)) else {
         return Err(Unresolved::FewInLinearRange(first.zip(last).map_or(0, range_of)));
     };
-    // Relative errors count: the weight of a point is one over its signal squared.
+    // The line with weights of one over the squared signal, so that relative errors count.
     let weight: Vec<f64> = signal[first..=last].iter().map(|s| 1.0 / (s * s)).collect();
     let fit: Line = line(&x[first..=last], &signal[first..=last], &weight, &vec![0.0; weight.len()]);
     let (Some(slope), Some(offset_dn)) = (fit.slope.value(), fit.intercept.value()) else {
         return Err(Unresolved::OneLight);
     };
+    // Deviations of all points from the line, and the extremes within the range.
     let deviation_percent: Vec<f64> = x
         .iter()
         .zip(signal)
@@ -284,7 +286,7 @@ mod tests {
 
     #[test]
     fn a_point_that_lacks_noise_does_not_count() {
-        // The brightest has 8 % less than the line asks: 4.8 standard errors, and more than any other point.
+        // The brightest has 8 % less than the line predicts: 4.8 standard errors, and more than any other point.
         let signals = [1000.0, 2000.0, 3000.0, 4000.0, 5000.0];
         let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 460.0], 5.0);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();

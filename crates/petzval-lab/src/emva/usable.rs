@@ -1,4 +1,4 @@
-//! Whether a series tells of a sensor at all.
+//! Rejects series from which no sensor can be measured.
 
 use super::captures::{CaptureError, Captures};
 use super::flags::{GainFlags, Signal};
@@ -8,11 +8,11 @@ use super::result::GainResult;
 /// Standard errors above which a signal is light.
 const LIGHT_SIGMAS: f64 = 5.0;
 
-/// Light that dark frames have more than flat ones of the same time, and that no drift of the black level makes, DN.
+/// A dark mean that exceeds the flat mean of the same exposure time by this is no drift of the black level, DN.
 const SWAPPED_DN: f64 = 10.0;
 
-/// An error if there are flat and dark frames, and none of the points shows light below saturation: what they give would be no
-/// sensor. Series of dark frames alone tell of the dark, and pass.
+/// Returns an error if there are flat and dark frames, but no point shows light below saturation. A series of dark frames alone
+/// passes: it characterises the dark signal.
 pub fn check_usable(
     captures: &Captures,
     gains: &[GainResult],

@@ -19,7 +19,7 @@ pub struct ModelParameters {
     pub red_over_green: f64,
     /// Signal of blue over green.
     pub blue_over_green: f64,
-    /// sigma_r, e-; of a fit to histograms with DSNU in it, which they cannot tell from read noise.
+    /// sigma_r, e-; after a fit to histograms with DSNU in it, which they do not separate from read noise.
     pub read_noise_e: f64,
     /// mu_I, e-/s.
     pub dark_current_e_per_s: f64,

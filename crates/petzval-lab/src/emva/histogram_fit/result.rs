@@ -11,7 +11,7 @@ use crate::emva::measured::Measured;
 pub struct LightLevel {
     /// Linear gain of the points.
     pub linear_gain: f64,
-    /// Electrons per photon where photons are known, else per second; of a single point where neither tells points apart.
+    /// Electrons per photon where photons are known, else per second; of a single point if its light is stated by neither.
     pub electrons: Measured,
 }
 
@@ -34,7 +34,7 @@ pub struct HistogramFit {
     pub red_over_green: Measured,
     /// beta.
     pub blue_over_green: Measured,
-    /// `sqrt(sigma_r^2 + DSNU^2)`: what the histograms tell of the dark, e-.
+    /// `sqrt(sigma_r^2 + DSNU^2)`: the noise of the dark histograms, e-.
     pub dark_noise_e: Measured,
     /// sigma_r, e-: of temporal noise where it is known, else with DSNU in it.
     pub read_noise_e: Measured,
@@ -67,7 +67,7 @@ pub struct FitFlags {
     pub is_stopped: bool,
     /// The model does not describe the histograms.
     pub is_poor: bool,
-    /// The histograms do not tell all parameters apart.
+    /// The histograms do not determine all parameters.
     pub is_ambiguous: bool,
 }
 

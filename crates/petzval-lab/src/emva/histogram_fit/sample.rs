@@ -1,4 +1,4 @@
-//! Captured histograms as the fit sees them: their cores, their light levels, and which parameters they can tell.
+//! Captured histograms as the fit uses them: their cores, their light levels, and the parameters that they determine.
 
 use super::parameter::{ModelParameters, Numbers, Parameter};
 use crate::emva::captures::Kind;
@@ -8,10 +8,10 @@ use petzval_camera::sensor::Colour;
 
 /// Half width of the core of a histogram in standard deviations.
 const CORE_SIGMAS: f64 = 4.0;
-/// More electrons than a pixel holds: a step that goes there has lost its way.
+/// More electrons than any pixel holds; steps that go there are refused.
 const MOST_ELECTRONS: f64 = 1e8;
 
-/// One histogram as the fit sees it.
+/// One histogram as the fit uses it.
 pub struct Sample<'a> {
     /// The captured histogram.
     pub histogram: &'a PointHistogram,
@@ -76,8 +76,8 @@ pub fn arrange<'a>(
     histograms: &[&'a PointHistogram],
 ) -> Option<(Vec<Sample<'a>>, Numbers, Vec<f64>)> {
     let mut numbers = Numbers::of(start);
-    // Points of one gain share one level if their exposure times or photons say how their light compares; the colours of a
-    // point always do.
+    // Points of one gain share one level if their exposure times or photons give the ratio of their light; the colours of a point
+    // always share one.
     let mut levels: Vec<((f64, Option<usize>), Parameter)> = Vec::new();
     let mut samples = Vec::new();
     for histogram in histograms {
@@ -157,7 +157,7 @@ fn core(counts: &Counts) -> (u32, u32) {
     ((median - reach).floor().max(0.0) as u32, (median + reach).ceil() as u32)
 }
 
-/// Parameters that the histograms can tell; the others are held.
+/// Parameters that the histograms determine; the others are held.
 pub fn free_parameters(samples: &[Sample<'_>], numbers: &Numbers) -> Vec<Parameter> {
     let several = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);

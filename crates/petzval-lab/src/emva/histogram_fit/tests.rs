@@ -1,4 +1,4 @@
-//! The fit against simulated frames: without bias, and told of what is not noise.
+//! The fit against simulated frames: it has no bias, and reports what is not noise.
 
 use super::*;
 use crate::emva::captures::Kind;
@@ -245,7 +245,7 @@ fn a_model_that_misses_every_sample_is_no_good_fit() {
     }
 }
 
-/// A colour sensor, three gains, one exposure time of the flat frames, light that no list tells.
+/// A colour sensor, three gains, one exposure time of the flat frames, light that no list states.
 fn light_changes_and_is_not_told() -> Characterization {
     let folder = tempfile::tempdir().unwrap();
     let sensor = include_str!("../../../../../data/sensors/imx249-fitted.toml");

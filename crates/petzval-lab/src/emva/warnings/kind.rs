@@ -20,7 +20,7 @@ pub enum Warning {
         /// Flat points in all.
         of: usize,
     },
-    /// Samples are clipped at digital number 0, so that mean and noise are wrong; the point does not count.
+    /// Samples are clipped at digital number 0, which biases mean and noise; the point is not used.
     ClippedAtZero {
         /// The point.
         point: String,
@@ -65,7 +65,7 @@ pub enum Warning {
         /// Reduced chi-square of the line.
         reduced_chi2: f64,
     },
-    /// Dark current from the mean is not that from the noise: what grows with exposure time is not all dark current.
+    /// Dark current from the mean differs from that from the noise: something else grows with exposure time, too.
     DarkCurrentDisagrees {
         /// Dark current from the mean, e-/s.
         mean_e_per_s: f64,
@@ -92,7 +92,7 @@ pub enum Warning {
         /// Largest difference of two blocks' means, percent of the signal.
         percent: f64,
     },
-    /// A flat point has no dark one of its gain and exposure time, and does not count.
+    /// A flat point has no usable dark frames of its gain and exposure time, and is not used.
     NoDark {
         /// The point.
         point: String,
@@ -127,7 +127,7 @@ pub enum Warning {
         /// The median of all gains, DN/e-.
         expected_dn_per_e: f64,
     },
-    /// Dark noise is so small a part of a digital number that rounding rules its error.
+    /// Dark noise is so small that rounding dominates the error of its variance.
     Rounding {
         /// Linear gain.
         linear_gain: f64,
@@ -136,7 +136,7 @@ pub enum Warning {
         /// Standard error of its variance by rounding, DN^2.
         error_dn2: f64,
     },
-    /// Dark noise is below the least that EMVA 1288 takes a converter to tell.
+    /// Dark noise is below the least that EMVA 1288 accepts as resolved by a converter.
     DarkNoiseLimit {
         /// Linear gain.
         linear_gain: f64,
@@ -152,7 +152,7 @@ pub enum Warning {
         /// Mean of the point that has it, DN.
         mean_dn: f64,
     },
-    /// The well that the list states is not the one that is measured.
+    /// The full well that the list states differs from the measured one.
     FullWellDiffers {
         /// As stated, e-.
         stated_e: f64,
@@ -161,7 +161,7 @@ pub enum Warning {
         /// Its standard error, e-.
         standard_error_e: f64,
     },
-    /// The dark histogram has a tail of bright pixels that the model has not: DSNU, hot pixels.
+    /// The dark histogram has a tail of bright pixels that the model lacks: DSNU or hot pixels.
     DarkTail {
         /// The point.
         point: String,
@@ -182,7 +182,7 @@ pub enum Warning {
         /// Steps it took.
         steps: usize,
     },
-    /// The histograms do not tell all parameters of the fit apart.
+    /// The histograms do not determine all parameters of the fit.
     HistogramFitAmbiguous,
     /// The fitted model does not describe the histograms.
     PoorHistogramFit {
@@ -369,13 +369,13 @@ impl fmt::Display for Warning {
             ),
             Self::Rounding { linear_gain, noise_dn, error_dn2 } => write!(
                 f,
-                "at gain {linear_gain} dark noise is {noise_dn:.2} DN: rounding to whole digital numbers rules the error of its \
+                "at gain {linear_gain} dark noise is {noise_dn:.2} DN: rounding to whole digital numbers dominates the error of its \
                  variance, {error_dn2:.4} DN^2, which counts in the errors of K, dark current, read noise and electronics noise"
             ),
             Self::DarkNoiseLimit { linear_gain } => write!(
                 f,
-                "at gain {linear_gain} dark noise is below 0.49 DN, the least that EMVA 1288 takes a converter to tell: sigma_d, \
-                 u_e_min and u_p_min are upper limits, DR is a lower one"
+                "at gain {linear_gain} dark noise is below 0.49 DN, the least that EMVA 1288 accepts as resolved by a converter: \
+                 sigma_d, u_e_min and u_p_min are upper limits, DR is a lower one"
             ),
             Self::NotLinear { linear_gain, colour, percent, mean_dn } => write!(
                 f,
@@ -400,15 +400,15 @@ impl fmt::Display for Warning {
             ),
             Self::HistogramFitStopped { steps } => write!(
                 f,
-                "the fit to the histograms had not converged after {steps} steps; its numbers have no errors"
+                "the fit to the histograms had not converged after {steps} steps; its numbers have no standard errors"
             ),
             Self::HistogramFitAmbiguous => f.write_str(
-                "the histograms do not tell all parameters of the fit apart; its numbers have no errors",
+                "the histograms do not determine all parameters of the fit; its numbers have no standard errors",
             ),
             Self::PoorHistogramFit { mean_chi2, worst_chi2, point } => write!(
                 f,
                 "the fitted model does not describe the histograms: reduced chi^2 is {mean_chi2:.2} on average and \
-                 {worst_chi2:.2} at {point}; its numbers have no errors"
+                 {worst_chi2:.2} at {point}; its numbers have no standard errors"
             ),
             Self::HistogramFitDiffers { parameter, fitted, joint, standard_error } => write!(
                 f,

@@ -1,9 +1,8 @@
-//! Warnings for a reader: one line for each kind, however many points it befell.
+//! Warnings for a reader: one line for each kind, however many points have it.
 
 use super::kind::Warning;
 
-/// One line for each kind of warning, in the order of their first. What befell one point is told as it is; of several the line
-/// counts them, names the first and tells of the worst.
+/// One line per kind of warning, in the order in which they first occur. Repeats give the count, the first and the worst.
 pub fn warning_lines(warnings: &[Warning]) -> Vec<String> {
     let mut kinds: Vec<&'static str> = Vec::new();
     for warning in warnings {

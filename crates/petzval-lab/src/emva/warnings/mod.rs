@@ -1,6 +1,6 @@
 //! Warnings: what a reader should know about captures that can be used all the same.
 //!
-//! Warnings report, they decide nothing: they are made from [`flags`](super::flags) and from the results, and no code that
+//! Warnings report, they decide nothing: they are made from `flags` and from the results, and no code that
 //! evaluates captures reads them.
 //!
 //! | file | holds |

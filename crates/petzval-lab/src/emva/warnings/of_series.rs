@@ -72,7 +72,7 @@ fn not_proportional(joint: &JointFit) -> Vec<Warning> {
         .collect()
 }
 
-/// A gain at which the error of the dark variance is rounding's more than chance's.
+/// A gain at which rounding contributes more to the error of the dark variance than noise does.
 fn ruled_by_rounding(row: &GainRow) -> Option<Warning> {
     let (variance, se) = (row.dark_variance_dn2.value()?, row.dark_variance_dn2.standard_error()?);
     (2.0 * row.rounding_error_dn2.powi(2) > se * se).then(|| Warning::Rounding {
@@ -82,13 +82,13 @@ fn ruled_by_rounding(row: &GainRow) -> Option<Warning> {
     })
 }
 
-/// A gain at which the dark noise is but a limit.
+/// A gain at which the dark noise is only an upper limit.
 fn below_the_converter(row: &GainRow) -> Option<Warning> {
     let variance = row.dark_variance_dn2.value()?;
     (variance <= LEAST_DARK_VARIANCE_DN2).then_some(Warning::DarkNoiseLimit { linear_gain: row.linear_gain })
 }
 
-/// Deviation from a straight line that no sensor has which is worth measuring, percent.
+/// Deviation from a straight line above which the captures are likely wrong, not the sensor, percent.
 const NOT_LINEAR_PERCENT: f64 = 5.0;
 
 /// Colours whose response is off the straight line by more than 5 % and six standard errors.
@@ -126,8 +126,9 @@ fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warni
     })
 }
 
-/// Dark current from the mean and from the noise that it makes, if they differ by more than five standard errors, 10 %, and what
-/// hot pixels add to the mean: the noise of a few pixels is known badly, and that of full ones is missing.
+/// Dark current from the mean and from its shot noise, if they differ by more than five standard errors, 10 %, and the part
+/// of the hot pixels in the mean. That part is allowed because the noise of few pixels is uncertain, and full pixels have
+/// none.
 fn dark_current_disagrees(joint: &JointFit) -> Option<Warning> {
     let difference = joint.dark_current_difference_e_per_s;
     let (off, se) = (difference.value()?, difference.standard_error()?);
@@ -156,7 +157,7 @@ fn more_electrons_than_photons(gain: &GainResult) -> Vec<Warning> {
     gain.channels.iter().filter_map(of).collect()
 }
 
-/// Hot pixels, with what they do to the mean dark current.
+/// Hot pixels, and how far they raise the mean dark current.
 fn hot_pixels(joint: &JointFit) -> Option<Warning> {
     Some(Warning::HotPixels {
         share: joint.hot_pixel_share.value()?,

@@ -1,6 +1,6 @@
-//! What a careful reader should know of a measured position.
+//! Warnings about a measured position.
 
-use super::folder::ExposureReport;
+use super::exposure_report::ExposureReport;
 use super::measure::Measured;
 use super::merge::Merged;
 use super::track::{Centroid, Track, drift, scatter_px, strays};
@@ -12,14 +12,14 @@ const STILL_PX: f64 = 0.05;
 /// Five standard errors: by chance once in 1.7 million.
 const MOVED_SIGMAS: f64 = 5.0;
 
-/// A frame without the source is told of if the others' light is so many times its standard deviation.
+/// A frame without the source is reported if the light in the others is so many times its standard deviation.
 const SEEN_SIGMAS: f64 = 20.0;
 
 /// Exposures disagree from this mean squared difference over variance on, and five of its standard deviations; models of
 /// noise are no better than this.
 const DISAGREEMENT: f64 = 1.4;
 
-/// All that is known of a position.
+/// A measured position with everything that its warnings are made from.
 pub(super) struct Seen<'a> {
     /// Exposure by exposure.
     pub exposures: &'a [ExposureReport],
@@ -38,7 +38,7 @@ pub(super) struct Seen<'a> {
 }
 
 /// The warnings about a position.
-pub(super) fn trouble(seen: &Seen) -> Vec<String> {
+pub(super) fn position_warnings(seen: &Seen) -> Vec<String> {
     let mut warnings = Vec::new();
     of_pixels(seen, &mut warnings);
     of_exposures(seen, &mut warnings);
