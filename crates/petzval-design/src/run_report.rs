@@ -87,7 +87,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         table: metrics.rows.iter().map(row).collect(),
         cameras,
         layout_fields_deg: layout_fields_deg.to_vec(),
-        reference_um: setup.lens_file.lens.reference_um,
+        reference_um: setup.nominal().lens_file.lens.reference_um,
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
