@@ -219,7 +219,7 @@ impl<'a> DesignLoop<'a> {
                 self.checkpoint()?;
             }
         }
-        let metrics = collect_metrics(self.setup, self.run)?;
+        let metrics = collect_metrics(self.setup, self.run, self.scorer.scores())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_atomically(&self.run.metrics(), text.as_bytes())?;
         Ok(Ending::Finished(Box::new(metrics)))

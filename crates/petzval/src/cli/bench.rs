@@ -4,14 +4,18 @@ mod camera;
 mod joint;
 mod optics;
 mod tolerance;
+mod workload;
 
 use std::process::ExitCode;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
+use petzval::base::statistics::median;
 use serde_json::{Value, json};
 
-use super::{Failure, print_json};
+use self::workload::Workload;
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Measure standard workloads; times are medians.
 #[derive(Debug, clap::Args)]
@@ -30,25 +34,6 @@ pub struct Args {
     seconds: f64,
 }
 
-/// A workload: its name, and how to make it ready to be run again and again.
-struct Workload {
-    name: &'static str,
-    /// The instruction set that its hot loops use.
-    simd: fn() -> &'static str,
-    prepare: fn() -> Result<Prepared, Failure>,
-}
-
-/// A workload made ready.
-struct Prepared {
-    /// What is done, in words, and how many units of it a run does.
-    work: String,
-    /// Units of work a run, and what they are, for a rate.
-    units: Option<(f64, &'static str)>,
-    /// Whether it runs on one thread whatever the pool.
-    single_thread: bool,
-    run: Box<dyn FnMut() -> Result<(), Failure>>,
-}
-
 fn workloads() -> Vec<Workload> {
     let mut all = optics::workloads();
     all.extend(tolerance::workloads());
@@ -58,7 +43,7 @@ fn workloads() -> Vec<Workload> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let all = workloads();
     if args.list {
         all.iter().for_each(|w| println!("{}", w.name));
@@ -116,9 +101,4 @@ fn measure(workload: &Workload, seconds: f64) -> Result<Value, Failure> {
         "simd": (workload.simd)(),
         "work": work,
     }))
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
