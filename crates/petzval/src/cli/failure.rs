@@ -5,10 +5,7 @@ use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::base::FileError;
-use petzval::design::error::DesignError;
-use petzval::files::decode;
-use petzval::files::raw_file::RawFileError;
-use petzval::jobs::{Fault, JobError};
+use petzval::jobs::{Fault, JobError, text_of_file};
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;
@@ -63,8 +60,7 @@ impl Failure {
             diagnostic = diagnostic.with_help(hint.clone());
         }
         // Show the line itself, if the file is still there to be read.
-        let text = std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned());
-        let report = match (text, error.line) {
+        let report = match (text_of_file(path), error.line) {
             (Some(text), Some(line)) => {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();
                 let length = text[start..].lines().next().map_or(0, str::len);
@@ -100,17 +96,5 @@ impl From<JobError> for Failure {
             diagnostic = diagnostic.with_help(hint);
         }
         Self { report: Report::new(diagnostic), code }
-    }
-}
-
-impl From<DesignError> for Failure {
-    fn from(error: DesignError) -> Self {
-        JobError::from(error).into()
-    }
-}
-
-impl From<RawFileError> for Failure {
-    fn from(error: RawFileError) -> Self {
-        JobError::from(error).into()
     }
 }

@@ -1,5 +1,8 @@
 //! What `petzval bench` measures.
 
+use petzval::design::error::DesignError;
+use petzval::jobs::JobError;
+
 use crate::cli::failure::Failure;
 
 /// A workload: its name, and how to make it ready to be run again and again.
@@ -19,4 +22,10 @@ pub struct Prepared {
     /// Whether it runs on one thread whatever the pool.
     pub single_thread: bool,
     pub run: Box<dyn FnMut() -> Result<(), Failure>>,
+}
+
+impl From<DesignError> for Failure {
+    fn from(error: DesignError) -> Self {
+        JobError::from(error).into()
+    }
 }
