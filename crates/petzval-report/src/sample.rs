@@ -11,8 +11,8 @@ use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 
 use crate::design_report::{
-    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, SurfaceView,
-    TableRow,
+    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, Score,
+    SurfaceView, TableRow,
 };
 
 const CAMERAS: [&str; 3] = ["nominal", "spot-optimised", "end-to-end"];

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use self::workload::Workload;
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::print_json;
 
 /// Measure standard workloads; times are medians.
 #[derive(Debug, clap::Args)]
@@ -43,7 +43,7 @@ fn workloads() -> Vec<Workload> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let all = workloads();
     if args.list {
         all.iter().for_each(|w| println!("{}", w.name));

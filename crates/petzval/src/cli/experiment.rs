@@ -66,7 +66,7 @@ pub struct SchemaArgs {
 }
 
 /// Runs the verb.
-pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
+pub fn schema(args: SchemaArgs) -> Result<ExitCode, Failure> {
     let kind = match args.kind {
         Kind::Experiment => FileKind::Experiment,
         Kind::Lens => FileKind::Lens,

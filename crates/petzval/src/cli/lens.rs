@@ -39,7 +39,7 @@ pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
         LensVerb::Analyze(args) => analyze::run(args, terminal),
         LensVerb::Convert(args) => convert::run(args, terminal),
         LensVerb::Trace(args) => trace::run(args, terminal),
-        LensVerb::Optimize(args) => optimize::run(*args),
+        LensVerb::Optimize(args) => optimize::run(*args, terminal),
         LensVerb::Tolerance(args) => tolerance::run(args, terminal),
     }
 }

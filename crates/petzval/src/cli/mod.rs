@@ -115,7 +115,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     match cli.verb {
         Verb::Design(args) => design::run(args, &terminal),
         Verb::Experiment(verb) => experiment::run(verb, &terminal),
-        Verb::Schema(args) => experiment::schema(args, &terminal),
+        Verb::Schema(args) => experiment::schema(args),
         Verb::Report(args) => report::run(args, &terminal),
         Verb::Evaluate(args) => evaluate::run(args, &terminal),
         Verb::Lens(verb) => lens::run(verb, &terminal),
@@ -126,7 +126,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Sensor(verb) => sensor::run(verb, &terminal),
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
-        Verb::Bench(args) => bench::run(args, &terminal),
+        Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args, &terminal),
     }
 }
