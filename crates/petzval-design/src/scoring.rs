@@ -6,6 +6,7 @@ use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::tape::srgb_encode_op;
 use petzval_learn::dataset::held_out_placements;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
@@ -14,7 +15,7 @@ use petzval_optics::pupil::{chief_ray, field_imaged_at};
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Shot, srgb_encode, to_host};
+use crate::camera::{Camera, Shot, to_host};
 use crate::error::DesignError;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
 use crate::setup::Setup;
@@ -69,6 +70,9 @@ impl<'a> Scorer<'a> {
         name: &str,
         camera: &Camera,
     ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
+        let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
+            return Err(DesignError::NoLens);
+        };
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
         for (photo, relative_field, shot) in held_out_shots(self.setup, camera)? {
@@ -89,14 +93,13 @@ impl<'a> Scorer<'a> {
             }
             pictures.push(ScoredPicture {
                 score: PictureScore { photo, relative_field, scores },
-                developed: host_image(srgb_encode(frames.developed))?,
+                developed: host_image(srgb_encode_op(frames.developed))?,
                 truth: pair.truth,
                 output: pair.finished,
             });
         }
-        let lens = camera.psfs().lens().ok_or_else(|| DesignError::Device("no lens".to_owned()))?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        Ok((camera_metrics(self.setup, name, lens, scored)?, pictures))
+        Ok((camera_metrics(self.setup, name, lens, captured, scored)?, pictures))
     }
 }
 
@@ -115,10 +118,7 @@ fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Sh
             // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
             let row = (photo.image.height - window) / 2;
             let column = (photo.image.width - window) / 2;
-            let scene = photo
-                .image
-                .crop(row, column, window, window)
-                .map_err(|e| DesignError::Device(e.to_string()))?;
+            let scene = photo.image.crop(row, column, window, window)?;
             let placement = Placement { row: place.sensor_row, col: place.sensor_column };
             let frame = shots.len() as u64;
             let middle = camera.body().geometry.radius_mm(
@@ -135,6 +135,7 @@ fn camera_metrics(
     setup: &Setup,
     name: &str,
     lens: &Lens,
+    psf_captured: f64,
     pictures: Vec<PictureScore>,
 ) -> Result<CameraMetrics, DesignError> {
     let reference = lens.at_wavelength(lens.reference_um);
@@ -145,8 +146,6 @@ fn camera_metrics(
     let dark = || DesignError::NoLight { field_deg: ideal.to_degrees() };
     let corner_chief = chief_ray(&reference, ideal).ok_or_else(dark)?;
     let corner_field = field_imaged_at(&reference, corner_mm, ideal).ok_or_else(dark)?;
-    let psfs = setup.fixed_plan.psfs(lens)?;
-    let psf_captured = psfs.iter().flat_map(|p| &p.captured).fold(1.0_f64, |least, c| least.min(*c));
     let rms_spot_by_field_um: Vec<f64> = angles
         .par_iter()
         .map(|field| {

@@ -24,7 +24,7 @@ use crate::block::NetworkBlock;
 use crate::camera::{Body, Camera, PsfSource};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
-use crate::optics::PsfPlan;
+use crate::psf_plan::PsfPlan;
 use crate::start::Start;
 use crate::variant::Variant;
 

@@ -10,7 +10,7 @@ use petzval_optics::spot::mean_square_spot;
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-use crate::optics::PsfPlan;
+use crate::psf_plan::PsfPlan;
 use crate::requirements::Requirements;
 
 /// Penalty of a violated requirement in a merit of squared spots, um^2 per mm^2.

@@ -8,6 +8,7 @@ use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder};
+use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
@@ -92,7 +93,7 @@ fn run(experiment: Experiment, folder: &Path) -> Metrics {
     keep_inputs(&setup, &assets, &folder).unwrap();
     let mut scores = standard_scores(&setup.lpips().unwrap());
     scores.push(Box::new(MeanAbsoluteError));
-    let design = DesignLoop::new(&setup, &folder, scores).unwrap();
+    let design = DesignLoop::new(&setup, &folder, Scorer::new(&setup, scores).unwrap()).unwrap();
     match design.run(&mut Silent, &AtomicBool::new(false)).unwrap() {
         Ending::Finished(metrics) => *metrics,
         Ending::Stopped(step) => panic!("stopped at {step}"),
@@ -143,6 +144,9 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", NETWORK).repeat(2), "two variants"),
         (variant("a", &format!("from = \"b\"\n{NETWORK}")), "no earlier variant"),
         (variant("a", "[[variant.stage]]\nmoves = []\n"), "moves no block"),
+        (variant("a", "[[variant.stage]]\nmoves = [\"network\", \"network\"]\n"), "moves twice"),
+        (variant("a", &format!("{NETWORK}optics = {{ steps = 7 }}\n")), "does not move"),
+        (variant("a", &format!("{NETWORK}network = {{ learning_rate = -0.5 }}\n")), "must lie between"),
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
     ] {
@@ -156,8 +160,6 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let run = RunFolder::create(folder.path()).unwrap();
-    let error = DesignLoop::new(&setup, &run, standard_scores(&setup.lpips().unwrap())).err().unwrap();
+    let error = Scorer::new(&setup, standard_scores(&setup.lpips().unwrap())).err().unwrap();
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
 }

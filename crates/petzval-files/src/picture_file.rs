@@ -122,6 +122,15 @@ pub fn png_bytes(image: &LinearImage) -> Result<Vec<u8>, ImageError> {
     encode(&bytes, image.height, image.width, color, ImageFormat::Png, "PNG buffer")
 }
 
+/// [`png_bytes`] of a picture whose values are sRGB-encoded already.
+pub fn encoded_png_bytes(encoded: &LinearImage) -> Result<Vec<u8>, ImageError> {
+    let (planes, n) = (planes(encoded), encoded.height * encoded.width);
+    let sample = |k: usize| (encoded.data[k % planes * n + k / planes].clamp(0.0, 1.0) * 255.0).round() as u8;
+    let bytes: Vec<u8> = (0..n * planes).map(sample).collect();
+    let color = if planes == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    encode(&bytes, encoded.height, encoded.width, color, ImageFormat::Png, "PNG buffer")
+}
+
 /// Planes of a picture file: gray, or red, green and blue.
 fn planes(image: &LinearImage) -> usize {
     if image.channels >= CHANNELS { CHANNELS } else { 1 }

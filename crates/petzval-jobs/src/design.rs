@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
 use petzval_design::inputs::{check_inputs, keep_inputs};
-use petzval_design::run::{CameraMetrics, Event, RunFolder, write_atomically};
+use petzval_design::run::{CameraMetrics, Event, RunFolder, write_file};
+use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::score::{ScoreDescription, standard_scores};
 use serde::{Deserialize, Serialize};
@@ -109,9 +110,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let experiment = resolved(new, context)?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
             let setup = Setup::new(experiment, &context.assets, device)?;
+            scorer(&setup)?;
             let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
             let folder = RunFolder::create(&root)?;
-            write_atomically(&folder.environment(), json(&environment(context))?.as_bytes())?;
+            write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
             keep_inputs(&setup, &context.assets, &folder)?;
             (setup, folder)
         }
@@ -119,13 +121,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let _only_one = folder.lock()?;
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
-    let scores = standard_scores(&setup.lpips()?);
-    let mut watch = Watch {
-        context,
-        scores: scores.iter().map(|s| ScoreDescription::of(s.as_ref())).collect(),
-        total: 0,
-    };
-    let ending = DesignLoop::new(&setup, &folder, scores)?.run(&mut watch, context.cancellation())?;
+    let scorer = scorer(&setup)?;
+    let mut watch = Watch { context, scores: scorer.scores(), total: 0 };
+    let ending = DesignLoop::new(&setup, &folder, scorer)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
@@ -133,6 +131,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     Ok(Response { run: folder.root().to_path_buf(), ending })
+}
+
+/// What scores the cameras of an experiment.
+pub(crate) fn scorer(setup: &Setup) -> Result<Scorer<'_>, JobError> {
+    Ok(Scorer::new(setup, standard_scores(&setup.lpips()?))?)
 }
 
 /// The experiment of a new run, complete: every default and every change is in it.

@@ -9,7 +9,7 @@ use petzval_camera::spectral::{
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_design::glass_warnings::glass_warnings;
-use petzval_design::optics::PsfPlan;
+use petzval_design::psf_plan::PsfPlan;
 use petzval_optics::analysis::image_f_number;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use petzval::base::simd::widest;
 use petzval::built_in_assets;
 use petzval::design::block::BlockName;
 use petzval::design::design_loop::DesignLoop;
 use petzval::design::error::DesignError;
 use petzval::design::run::RunFolder;
+use petzval::design::scoring::Scorer;
 use petzval::design::setup::Setup;
-use petzval::jobs::machine::simd_level;
 use petzval::jobs::{Context, Silent};
 use petzval::learn::score::standard_scores;
 
@@ -17,8 +18,8 @@ use crate::cli::failure::Failure;
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "unet_step", simd: simd_level, prepare: || step(BlockName::Network) },
-        Workload { name: "joint_step", simd: simd_level, prepare: || step(BlockName::Optics) },
+        Workload { name: "unet_step", simd: widest, prepare: || step(BlockName::Network) },
+        Workload { name: "joint_step", simd: widest, prepare: || step(BlockName::Optics) },
     ]
 }
 
@@ -35,7 +36,7 @@ fn step(kind: BlockName) -> Result<Prepared, Failure> {
     )?));
     let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
     let folder: &'static RunFolder = Box::leak(Box::new(RunFolder::create(&scratch)?));
-    let mut design = DesignLoop::new(setup, folder, standard_scores(&setup.lpips()?))?;
+    let mut design = DesignLoop::new(setup, folder, Scorer::new(setup, standard_scores(&setup.lpips()?))?)?;
     // Single steps write nothing.
     std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
     let what = match kind {

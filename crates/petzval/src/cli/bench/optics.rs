@@ -3,7 +3,7 @@
 use petzval::base::simd::level;
 use petzval::built_in_assets;
 use petzval::design::error::DesignError;
-use petzval::design::optics::PsfPlan;
+use petzval::design::psf_plan::PsfPlan;
 use petzval::optics::analysis::{AnalysisOptions, analyze};
 use petzval::optics::design_space::{EflSolve, Parameter, Variable};
 use petzval::optics::gradient::LensGradient;

@@ -1,5 +1,5 @@
-//! Where optics meets the picture: the PSFs that a lens gives the renderer, and the lens gradient that
-//! the renderer's wishes become. The tape of the tensor framework ends here.
+//! Where optics meets the picture: the PSFs that a lens gives the renderer, and the lens gradient that follows from a loss's
+//! derivatives by them. The tape of the tensor framework ends here.
 
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
@@ -30,6 +30,14 @@ pub struct BankWithTape {
     pub bank: PsfBank,
     fields: Vec<(FieldPsf, PsfTape)>,
     surfaces: usize,
+}
+
+impl BankWithTape {
+    /// Least share of a PSF's light that its grid holds, over fields and colours.
+    pub fn captured(&self) -> f64 {
+        let all = self.fields.iter().flat_map(|(psf, _)| &psf.captured);
+        all.fold(1.0, |least, share| least.min(*share))
+    }
 }
 
 impl PsfPlan {
