@@ -121,7 +121,7 @@ fn lenses() {
         case(
             "thickness_mm = 3.0",
             "thickness_mm = -3.0",
-            &["`thickness_mm = -3.0`", "surface 3", "help: it is 0 at least"],
+            &["`thickness_mm = -3.0`", "surface 3", "help: it is at least 0"],
         ),
         case(
             "thickness_mm = 2.698",

@@ -261,9 +261,9 @@ fn a_catalogue_that_cannot_be_read_is_said_with_its_line() {
     write(folder.path(), "glass.txt", "A");
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     for (path, says) in [
-        ("bad.agf", "bad.agf:2: `CD 1.0 x`: these are no coefficients of `A`"),
+        ("bad.agf", "bad.agf:2: `CD 1.0 x`: these are not coefficients of `A`"),
         ("bad.toml", "glass `A` has no formula"),
-        ("bad.yml", "this is no YAML"),
+        ("bad.yml", "this is not YAML"),
         ("glass.txt", "this is no glass catalogue"),
         ("empty", "there is no glass in this folder"),
         ("nowhere.agf", "there is no such file or folder"),

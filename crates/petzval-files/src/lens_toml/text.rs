@@ -1,4 +1,4 @@
-//! The shape of a lens file as serde reads it, before anything is checked.
+//! The structure of a lens file for serde, before its values are checked.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,7 +9,7 @@ use toml::Spanned;
 
 use crate::glass_toml::GlassTables;
 
-/// A TOML number. Integers count, and `"inf"` in quotes is infinity.
+/// A TOML number: a float, an integer, or `"inf"` in quotes for infinity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Number(pub f64);
 
@@ -42,7 +42,7 @@ impl<'de> Deserialize<'de> for Number {
     }
 }
 
-/// A number that knows its place in the file.
+/// A number with its place in the file.
 pub(super) type Placed = Spanned<Number>;
 
 #[derive(Deserialize)]

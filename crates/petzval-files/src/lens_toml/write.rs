@@ -1,4 +1,4 @@
-//! Writing a lens file, such that reading it gives the same bits.
+//! Writes a lens file; reading it gives the same bits.
 
 use std::fmt::Write;
 
@@ -12,8 +12,7 @@ use petzval_optics::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
 };
 
-/// A lens file as text. It carries the formula of each of its glasses, so that it means the same
-/// lens with any catalogue.
+/// A lens file as text. It contains the formulas of its glasses, so that it is the same lens with any catalogue.
 pub fn write_lens(file: &LensFile) -> String {
     let mut out = String::new();
     write(file, &mut out).expect("a string takes whatever is written to it");
@@ -93,7 +92,7 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-/// The lens's materials with names that differ from each other, whatever the glasses are called.
+/// The materials of the lens with unique names, even if different glasses have the same name.
 fn named_glasses(lens: &Lens) -> Vec<(String, &Glass)> {
     let mut named: Vec<(String, &Glass)> = Vec::new();
     for surface in &lens.surfaces {
@@ -154,8 +153,8 @@ fn write_surface(
     writeln!(out, "semi_diameter_mm = {}", number(surface.semi_diameter_mm))
 }
 
-/// What a surface has beyond a conic with an even polynomial, a glass and a place on the axis, as lines of its file; empty for
-/// an ordinary surface.
+/// Everything of a surface except its conic, its even polynomial, its glass and its thickness, as lines of a lens file. Empty
+/// for an ordinary surface.
 pub fn special_lines(surface: &Surface) -> String {
     let mut out = departure_line(&surface.shape.departure) + &action_lines(surface);
     if let Some(placement) = &surface.placement {
@@ -165,7 +164,7 @@ pub fn special_lines(surface: &Surface) -> String {
     out
 }
 
-/// A departure as the line that says it; empty for none.
+/// The line of a departure; empty for none.
 fn departure_line(departure: &Departure) -> String {
     let values = departure.numbers();
     match departure {
@@ -194,7 +193,7 @@ fn departure_line(departure: &Departure) -> String {
     }
 }
 
-/// What a surface does to light, as lines.
+/// The lines of a surface's action on light.
 fn action_lines(surface: &Surface) -> String {
     let mut out = match surface.action {
         Action::Refract => String::new(),
@@ -231,19 +230,19 @@ fn placement_line(placement: &Placement) -> String {
     format!("placement = {{ decenter_mm = {decenter}, {tilt}, axis = \"{axis}\" }}")
 }
 
-/// Terms that are not zero, as `name = value`. Zero is the default, but not negative zero: its bits are another number's.
+/// Terms that are not zero, as `name = value`. Negative zero is written, because its bits differ from the default 0.
 fn named(terms: impl Iterator<Item = (String, f64)>) -> Vec<String> {
     let said = terms.filter(|(_, v)| v.to_bits() != 0);
     said.map(|(name, v)| format!("{name} = {}", number(v))).collect()
 }
 
-/// Without the zeros at the end.
+/// The values without the zeros at the end.
 fn trimmed(values: &[f64]) -> &[f64] {
     let count = values.iter().rposition(|v| v.to_bits() != 0).map_or(0, |last| last + 1);
     &values[..count]
 }
 
-/// A number by its reciprocal where that is exact, else as it is.
+/// A number as its reciprocal if that is exact, else the number itself.
 fn reciprocal([reciprocal_key, key]: [&str; 2], value: f64) -> String {
     match exact_reciprocal(value) {
         Some(reciprocal) => format!("{reciprocal_key} = {}", number(reciprocal)),
@@ -251,17 +250,17 @@ fn reciprocal([reciprocal_key, key]: [&str; 2], value: f64) -> String {
     }
 }
 
-/// A number whose reciprocal is the given one to the last bit, the shortest to print; most but not all numbers have one.
+/// The number with the shortest text whose reciprocal is `value` to the last bit. A few values have none.
 pub(crate) fn exact_reciprocal(value: f64) -> Option<f64> {
     shortest(1.0 / value, |candidate| (1.0 / candidate).to_bits() == value.to_bits())
 }
 
-/// An angle in degrees that is the given one in rad to the last bit.
+/// An angle in degrees that converts to `rad` to the last bit.
 pub(crate) fn exact_degrees(rad: f64) -> Option<f64> {
     shortest(rad.to_degrees(), |candidate| candidate.to_radians().to_bits() == rad.to_bits())
 }
 
-/// Of a number and its neighbours, the shortest to print that will do.
+/// The number with the shortest text among `near` and its two neighbours that satisfies `will_do`.
 fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
     let candidates = [near, near.next_down(), near.next_up()];
     candidates.into_iter().filter(|c| will_do(*c)).min_by_key(|c| number(*c).len())

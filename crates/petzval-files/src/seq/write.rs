@@ -1,4 +1,4 @@
-//! Writing a file, such that reading it gives the same bits.
+//! Writes a file; reading it gives the same bits.
 
 use std::fmt::Write;
 
@@ -15,15 +15,15 @@ use petzval_optics::lens::{Departure, Lens, ObjectDistance};
 /// The distance of an object at infinity, as the program writes it.
 const INFINITY: &str = "0.1e14";
 
-/// Words that mean something else where a glass may stand.
+/// Words with another meaning in the place of a glass.
 const TAKEN: &[&str] = &["AIR", "REFL", "REFR", "PWL", "END"];
 
-/// A lens as a file in mm, with radii where all of them are exact, else with curvatures. Glasses of `catalog` are named as the
-/// program names them; those by Schott's formula, a constant index or a table go into a private catalogue.
+/// A lens as a file in mm: with radii if all of them are exact, else with curvatures. Glasses of `catalog` have the program's
+/// names. Other glasses with Schott's formula, a constant index or a table go into a private catalogue.
 ///
 /// # Errors
 ///
-/// What the format cannot hold and a ray would miss: the message names the surface.
+/// Fails if the format cannot represent a part of the lens that affects rays. The message names the surface.
 pub fn write_seq(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError> {
     let lens = &file.lens;
     let mut out = Out {
@@ -52,13 +52,13 @@ fn has_radii(departure: &Departure, curvature: f64) -> bool {
     exact(curvature) && exact(x)
 }
 
-/// What is written so far.
+/// The text and the losses so far.
 pub(super) struct Out<'a> {
     pub text: String,
     pub losses: Losses,
     catalog: &'a Catalog,
     pub radii: bool,
-    /// Names of the private glasses, as they are called in the file, with their glasses.
+    /// Private glasses with their names in the file.
     private: Vec<(String, &'a Glass)>,
 }
 
@@ -71,7 +71,7 @@ impl<'a> Out<'a> {
             .expect("a string takes whatever is written");
     }
 
-    /// A radius or a curvature, as the mode of the file asks.
+    /// A radius or a curvature, by the mode of the file.
     pub fn curved(&self, curvature: f64) -> String {
         match self.radii {
             false => number(curvature),
@@ -80,7 +80,7 @@ impl<'a> Out<'a> {
         }
     }
 
-    /// Text in quotes, which cannot hold its own quotes.
+    /// Text in quotes; quotes of the same kind inside it are replaced.
     pub fn quoted(&mut self, what: &str, text: &str) -> String {
         let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
         match (line.contains('\''), line.contains('"')) {
@@ -130,21 +130,21 @@ impl<'a> Out<'a> {
         Ok(())
     }
 
-    /// A command with many values, a few on each line.
+    /// A command with many values, six on each line.
     fn list(&mut self, name: &str, values: &[String]) {
         const A_LINE: usize = 6;
         let lines: Vec<String> = values.chunks(A_LINE).map(|chunk| chunk.join(" ")).collect();
         self.line(format_args!("{name} {}", lines.join(" &\n ")));
     }
 
-    /// What a glass is called, if no private catalogue is needed.
+    /// The name of a glass that needs no private catalogue.
     fn known_name(&self, glass: &Glass) -> Option<String> {
         if let Dispersion::NdVd { nd, vd } = &glass.dispersion {
             return Some(format!("{}:{}", number(*nd), number(*vd)));
         }
         let same = |known: &&std::sync::Arc<Glass>| known.dispersion == glass.dispersion;
         let known = self.catalog.all(&glass.name).iter().rfind(same)?;
-        // The reader must find the same glass. What has no maker has its very name, in quotes.
+        // Check that the reader finds the same glass. A glass without a maker has its exact name, in quotes.
         let found = |text: &str, quoted: bool| {
             let word = super::command::Word { text: text.to_owned(), quoted };
             let found =
@@ -160,7 +160,7 @@ impl<'a> Out<'a> {
         found(&name, false).then_some(name)
     }
 
-    /// What the glass behind a surface is called; empty for air.
+    /// The name of the glass behind a surface; empty for air.
     pub fn glass_name(&mut self, surface: usize, glass: &Glass) -> String {
         if glass.is_air() {
             return String::new();
@@ -175,7 +175,7 @@ impl<'a> Out<'a> {
         self.known_name(glass).unwrap_or_default()
     }
 
-    /// Glasses that no catalogue has.
+    /// Writes the private catalogue of the glasses that are in no catalogue.
     fn private_catalog(&mut self, lens: &'a Lens) -> Result<(), FileError> {
         let mut lines = Vec::new();
         for (i, surface) in lens.surfaces.iter().enumerate() {
@@ -184,6 +184,7 @@ impl<'a> Out<'a> {
             if !is_new || self.known_name(glass).is_some() {
                 continue;
             }
+            // Give the glass a unique name that the format accepts.
             let mut name = one_word(&glass.name.to_uppercase()).replace(['\'', '"', '!', ';', '&'], "_");
             while name.is_empty()
                 || TAKEN.contains(&name.as_str())
@@ -206,7 +207,7 @@ impl<'a> Out<'a> {
                     if wavelength_um.len() <= crate::draft::MOST_VALUES =>
                 {
                     let message = format!(
-                        "between its wavelengths, programs compute the index of {name} in ways of their own"
+                        "programs interpolate the index of {name} between its wavelengths in different ways"
                     );
                     self.losses.add(0, &format!("surface {}", i + 1), Effect::Approximated, message);
                     let nm: Vec<String> = wavelength_um.iter().map(|um| shifted_text(*um, 3)).collect();
