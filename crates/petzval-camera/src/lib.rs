@@ -57,6 +57,7 @@
 
 pub mod develop;
 pub mod image;
+pub mod isp;
 pub mod psf;
 pub mod quality;
 pub mod render;

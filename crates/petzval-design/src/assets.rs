@@ -13,6 +13,7 @@ use petzval_optics::glass::Catalog;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::glass_warnings::glass_warnings;
+use crate::run::RunFolder;
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]
@@ -181,10 +182,25 @@ impl Assets {
     /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
     /// looked for beside it first.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
+        self.read_experiment(name, Experiment::parse)
+    }
+
+    /// The experiment that a run was made from; its file must hold every key.
+    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+        self.read_experiment(&run.config().display().to_string(), Experiment::parse_complete)
+    }
+
+    fn read_experiment(
+        &self,
+        name: &str,
+        parse: fn(&str) -> Result<Experiment, FileError>,
+    ) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
-        let mut experiment = Experiment::parse(&source.text).map_err(DesignError::input(&source.path))?;
+        let mut experiment = parse(&source.text).map_err(DesignError::input(&source.path))?;
         let folder = source.path.parent().unwrap_or(Path::new(""));
-        for input in [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos] {
+        let own = experiment.variant.iter_mut().filter_map(|v| v.lens.as_mut());
+        let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos];
+        for input in shared.into_iter().chain(own) {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();

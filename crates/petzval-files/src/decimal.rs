@@ -1,7 +1,7 @@
 //! Exact multiplication by powers of ten: converting nanometres to micrometres moves the decimal point of the printed number,
 //! so that no digit is lost to rounding.
 
-use super::lens_toml::number;
+use super::toml_number::number;
 
 /// The number that a text prints, times ten to a power; `None` if the text is not a finite number.
 pub(super) fn shifted(text: &str, power: i32) -> Option<f64> {

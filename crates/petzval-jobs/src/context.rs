@@ -51,6 +51,7 @@ pub struct Context {
     pub assets: Assets,
     watcher: Arc<dyn Watcher>,
     cancelled: Arc<AtomicBool>,
+    command: String,
 }
 
 impl Context {
@@ -58,12 +59,22 @@ impl Context {
     pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
         let sink = watcher.clone();
         let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
-        Self { assets, watcher, cancelled: Arc::new(AtomicBool::new(false)) }
+        Self { assets, watcher, cancelled: Arc::new(AtomicBool::new(false)), command: String::new() }
     }
 
     /// The same context with a flag that stops its jobs once it is set.
     pub fn with_cancellation(self, cancelled: Arc<AtomicBool>) -> Self {
         Self { cancelled, ..self }
+    }
+
+    /// The same context with the command line that its jobs keep beside their results.
+    pub fn with_command(self, command: String) -> Self {
+        Self { command, ..self }
+    }
+
+    /// The command line that called the jobs; may be empty.
+    pub fn command(&self) -> &str {
+        &self.command
     }
 
     /// Whether the job should stop at its next safe point.

@@ -111,14 +111,17 @@ impl From<RawFileError> for JobError {
 
 /// Makes the folder for results, with its parents. A name at which none can be made is a mistake of the request.
 pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
-    let hint = "give a folder; it is made if it does not exist";
+    let wrong = |message: String| {
+        JobError::setting("out", path.display(), message, "give a folder; it is made if it does not exist")
+    };
     if path.exists() && !path.is_dir() {
-        return Err(JobError::input(format!("{}: this is a file", path.display()), hint));
+        return Err(wrong("this is a file".to_owned()));
     }
-    std::fs::create_dir_all(path).map_err(|e| JobError::input(format!("{}: {e}", path.display()), hint))
+    std::fs::create_dir_all(path).map_err(|e| wrong(e.to_string()))
 }
 
-/// A value as indented JSON.
+/// A value as indented JSON, with the keys of its objects in alphabetical order.
 pub(crate) fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
-    serde_json::to_string_pretty(value).map_err(|e| JobError::failed(e.to_string()))
+    let text = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
+    text().map_err(|e: serde_json::Error| JobError::failed(e.to_string()))
 }

@@ -10,9 +10,24 @@
 
 mod built_in;
 mod context;
+pub mod design;
 mod device;
 mod error;
+pub mod evaluate;
+pub mod experiment;
+mod finite;
+mod frames;
+pub mod glass;
+pub mod lens;
+pub mod machine;
+pub mod pinhole;
 pub mod psf;
+pub mod psf_calibrate;
+pub mod psf_capture;
+pub mod raw;
+pub mod report;
+pub mod sensor;
+pub mod simulate;
 
 pub use built_in::built_in_assets;
 pub use context::{Context, Progress, Silent, Watcher};

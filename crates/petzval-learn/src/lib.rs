@@ -6,18 +6,17 @@
 //! |---|---|
 //! | [`network`] | the network that improves the picture |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
-//! | [`metric`] | scores in the form of the literature |
+//! | [`objective`] | what a camera is optimised for: a named loss of what it took |
+//! | [`score`] | how good a picture is, in the numbers of the literature |
 //! | [`dataset`] | photographs, split into training and held-out pictures |
-//! | [`task`] | a network with its loss and optimiser |
 //!
 //! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and
-//! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`] and
-//! [`task::Task::load`].
+//! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`].
 
 pub mod dataset;
 pub mod loss;
-pub mod metric;
 pub mod network;
-pub mod task;
+pub mod objective;
+pub mod score;
 
 pub use burn::prelude::Device;

@@ -6,7 +6,8 @@
 
 use super::dark_mean_dn;
 use super::interpolation::sources;
-use crate::sensor::{Raw, SensorError, SensorModel};
+use crate::render::Placement;
+use crate::sensor::{Capture, Colour, Raw, SensorError, SensorModel};
 
 /// Exposure (`white_e`, electrons) at which white light saturates the first colour of a picture:
 /// `capacity / max_c s_c`, with the photoelectrons that a pixel holds ([`SensorModel::light_capacity_e`]) and the response
@@ -28,20 +29,31 @@ pub fn white_capacity_e(sensor: &SensorModel, time_s: f64, linear_gain: f64) -> 
 /// with the dark mean, the white level W and the response s_c to white. Smaller numbers stay as they are. Clear pixels of an
 /// array with all three colours do not enter the picture; they are clipped at W.
 pub fn clip_highlights(raw: &Raw, sensor: &SensorModel) -> Result<Raw, SensorError> {
+    let levels = clip_levels_dn(sensor, &raw.capture, raw.height, raw.width)?;
+    let dn = raw.dn.iter().zip(levels).map(|(dn, level)| dn.min(level)).collect();
+    Ok(Raw { height: raw.height, width: raw.width, dn, capture: raw.capture })
+}
+
+/// The level at which [`clip_highlights`] cuts each pixel of a frame, DN.
+pub(crate) fn clip_levels_dn(
+    sensor: &SensorModel,
+    capture: &Capture,
+    height: usize,
+    width: usize,
+) -> Result<Vec<f32>, SensorError> {
     sensor.validate()?;
-    let exposure = &raw.capture.exposure;
+    let exposure = &capture.exposure;
     exposure.validate()?;
     let (white, dark) = (sensor.white_level_dn(exposure.linear_gain.into()), dark_mean_dn(sensor, exposure));
     let strongest = strongest_answer(sensor)?;
-    let placement = raw.capture.placement;
-    let mut dn = raw.dn.clone();
-    for (i, dn) in dn.iter_mut().enumerate() {
-        let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
+    let level = |colour| {
         let answer: f64 = sensor.response(colour).iter().sum();
-        let level = dark + (white - dark) * (answer / strongest).min(1.0);
-        *dn = dn.min(level as f32);
-    }
-    Ok(Raw { height: raw.height, width: raw.width, dn, capture: raw.capture })
+        (dark + (white - dark) * (answer / strongest).min(1.0)) as f32
+    };
+    let levels = Colour::ALL.map(level);
+    let Placement { row, col } = capture.placement;
+    let of = |i: usize| levels[sensor.cfa.colour(row + i / width, col + i % width) as usize];
+    Ok((0..height * width).map(of).collect())
 }
 
 /// Share (0..1) of the pixels that are saturated.
@@ -69,8 +81,7 @@ mod tests {
     use super::super::develop;
     use super::*;
     use crate::image::{CHANNELS, LinearImage};
-    use crate::render::Placement;
-    use crate::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+    use crate::sensor::{Exposure, Noise, NoiseMode, expose};
 
     const TILES: [&str; 4] = ["RGGB", "RRGG/RRGG/GGBB/GGBB", "WR/GB", "mono"];
 

@@ -12,6 +12,7 @@ mod highlights;
 mod interpolation;
 
 pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
+pub(crate) use highlights::clip_levels_dn;
 pub use highlights::{clip_highlights, saturated_share, white_capacity_e};
 
 use crate::image::{CHANNELS, LinearImage};

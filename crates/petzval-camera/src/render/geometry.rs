@@ -1,6 +1,7 @@
 //! Sensor coordinates, the grid of patches over them, and the blending weights between patches.
 
-use super::RenderError;
+use super::error::RenderError;
+use super::limits::{MAX_PATCHES, MAX_SIDE};
 use crate::image::{CHANNELS, LinearImage};
 
 /// Size of the sensor, and the number of patches. Each patch has one kernel.
@@ -24,12 +25,6 @@ impl Default for RenderGeometry {
         Self { sensor_height: 1200, sensor_width: 1920, pixel_um: 5.86, patches: (7, 7) }
     }
 }
-
-/// Largest number of pixels along one side of the sensor.
-pub const MAX_SIDE: usize = 65536;
-
-/// Largest number of patches along one side of the sensor.
-pub const MAX_PATCHES: usize = 256;
 
 /// Sensor position of a picture's top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::{RenderError, RenderGeometry};
+use super::error::RenderError;
+use super::geometry::RenderGeometry;
+use super::limits::MAX_RADIUS;
 use crate::image::CHANNELS;
 use crate::psf::{PsfLayout, check_len};
 
@@ -29,9 +31,6 @@ impl PatchKernels {
         &self.values[start..start + n]
     }
 }
-
-/// Largest kernel radius, pixels.
-pub const MAX_RADIUS: usize = 512;
 
 /// Kernel radius in pixels: the distance from the centre to the corner of the PSF grid, which a rotation by 45 degrees
 /// brings onto an axis. Fails above [`MAX_RADIUS`].

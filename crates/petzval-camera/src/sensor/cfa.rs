@@ -3,10 +3,11 @@
 use std::fmt;
 use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The light that a pixel's filter passes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Colour {
     /// Red light.
@@ -66,7 +67,8 @@ const MAX_SIDE: usize = 8;
 /// Its text form lists the rows from top to bottom, in letters `R`, `G`, `B`, `W` (clear), with `/` between rows: `RG/GB`,
 /// `RRGG/RRGG/GGBB/GGBB` (quad Bayer), `WR/GW`. Four letters without `/` are a 2x2 tile (`RGGB`); `mono` means `W`. A tile
 /// has at most 8x8 pixels.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[schemars(with = "String")]
 #[serde(try_from = "String", into = "String")]
 pub struct CfaPattern {
     rows: usize,

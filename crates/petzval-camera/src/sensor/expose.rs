@@ -8,8 +8,8 @@ use petzval_base::simd::dispatch;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
+use super::fixed_pattern::{Pattern, PatternRow, PatternScratch, PixelPattern, Shared};
 use super::noise::{FrameStreams, ShotScratch};
-use super::nonuniformity::{Pattern, PatternRow, PatternScratch, PixelPattern, Shared};
 use super::pixel::{Chain, Charge, light};
 use super::{Capture, Noise, Raw, SensorError, SensorModel};
 use crate::image::{CHANNELS, LinearImage};

@@ -17,7 +17,9 @@
 
 mod capture;
 mod cfa;
+mod error;
 mod expose;
+mod fixed_pattern;
 mod model;
 mod noise;
 mod nonuniformity;
@@ -26,13 +28,15 @@ mod quantum_efficiency;
 mod saturation;
 mod score_function;
 
-pub use capture::{Capture, Exposure, Raw, SensorError};
+pub use capture::{Capture, Exposure, Raw};
 pub use cfa::{CfaPattern, Colour, UnknownPattern};
+pub use error::{OutOfRange, SensorError};
 pub use expose::{Slopes, expose, expose_with_tape};
 pub(crate) use expose::{check_capture, check_leak, check_placement, expose_checked};
-pub use model::{Electronics, OutOfRange, SensorModel};
+pub use fixed_pattern::FixedPattern;
+pub use model::{Electronics, SensorModel};
 pub use noise::{Noise, NoiseMode};
-pub use nonuniformity::{FixedPattern, NonUniformity};
+pub use nonuniformity::NonUniformity;
 pub use pixel::{PixelReading, expose_pixel};
 pub use quantum_efficiency::QuantumEfficiency;
 pub use score_function::score_function_gradient;

@@ -1,15 +1,16 @@
 //! The numbers of a sensor, as in its data sheet.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SensorError;
 use super::cfa::{CfaPattern, Colour};
+use super::error::{OutOfRange, SensorError};
 use super::nonuniformity::NonUniformity;
 use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
 
 /// The place in the signal chain where the electronics noise enters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Electronics {
     /// Before the converter, as in a sensor with column converters.
@@ -19,7 +20,7 @@ pub enum Electronics {
 }
 
 /// EMVA 1288 description of a sensor at unit gain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
     /// Name of the sensor.
@@ -72,22 +73,6 @@ pub struct SensorModel {
 
 fn even_response() -> [f64; CHANNELS] {
     [1.0 / 3.0; CHANNELS]
-}
-
-/// A number of a sensor outside its physical range.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{key} is {value}, outside {low}..{high}")]
-pub struct OutOfRange {
-    /// Key of the number in the file; a key inside a table is written `table.key`.
-    pub key: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Least value.
-    pub low: f64,
-    /// Largest value.
-    pub high: f64,
-    /// Description of the number.
-    pub meaning: &'static str,
 }
 
 impl SensorModel {

@@ -1,7 +1,7 @@
 //! One pixel of one exposure: the physics, step by step. [`crate::sensor::expose()`] applies the same steps to whole rows.
 
+use super::fixed_pattern::{Pattern, PixelPattern};
 use super::noise::FrameStreams;
-use super::nonuniformity::{Pattern, PixelPattern};
 use super::{Capture, Electronics, Noise, SensorModel};
 use crate::image::CHANNELS;
 use petzval_base::random::place;

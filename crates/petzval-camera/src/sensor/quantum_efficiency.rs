@@ -1,9 +1,10 @@
 //! Quantum efficiency over the spectrum: mean electrons per photon.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
-use super::model::OutOfRange;
+use super::error::OutOfRange;
 use crate::spectral::{PixelOptics, Spectrum};
 
 /// Quantum efficiency curves, 0..1, on common wavelengths; linear between samples, zero outside.
@@ -12,7 +13,7 @@ use crate::spectral::{PixelOptics, Spectrum};
 /// N photons give `sum_l Q_c(l) s_c N(l)` electrons. `alpha` and `beta` correct the published curves so that the ratios of
 /// red to green and of blue to green signal match those of a real camera (Tseng et al. 2021, supplement section 2.4.1; 0.82
 /// and 1.25 for their camera). [`matched`](Self::matched) finds them from measured ratios.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QuantumEfficiency {
     /// Wavelengths, um, ascending.

@@ -6,7 +6,6 @@ use super::illuminant::Illuminant;
 use super::image::SpectralImage;
 use super::photons::{OpticsError, PixelOptics};
 use super::spectrum::Spectrum;
-use super::three_band::ThreeBand;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{Colour, QuantumEfficiency, SensorModel};
@@ -152,22 +151,6 @@ impl ColourElectrons {
             let weight = weight[band] as f32;
             plane.par_iter_mut().zip(radiance).for_each(|(e, l)| *e += weight * l);
         }
-    }
-
-    /// Electrons of a three-band picture by the 3x3 (or 3x4) matrix of `bands`: the fast path.
-    pub fn of_rgb(photo: &LinearImage, bands: &ThreeBand) -> Self {
-        let planes = bands
-            .rows
-            .iter()
-            .map(|(colour, row)| {
-                let row = row.map(|v| v as f32);
-                let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
-                let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
-                let electrons = (0..r.len()).map(|i| row[0] * r[i] + row[1] * g[i] + row[2] * b[i]).collect();
-                (*colour, electrons)
-            })
-            .collect();
-        Self { height: photo.height, width: photo.width, planes }
     }
 
     /// The irradiance for [`expose`](crate::sensor::expose) with an exposure of `white_e` electrons. Each pixel has one value in

@@ -10,10 +10,11 @@
 //! with N_k the photons of primary k. The sums of the rows are the electrons of white. That of green pixels is `white_e`;
 //! relative to it, the sums are the `relative_qe` by which a sensor file summarises the spectrum.
 
-use super::electrons::{ElectronsError, band_weights};
+use super::electrons::{ColourElectrons, ElectronsError, band_weights};
 use super::illuminant::Illuminant;
 use super::photons::PixelOptics;
 use super::upsampling::basis_bands;
+use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Colour, SensorModel};
 
 /// Electrons per unit of linear red, green and blue, 1.0 = the perfect diffuser, for each colour of a filter array.
@@ -69,6 +70,24 @@ impl ThreeBand {
             }
         }
         balanced
+    }
+}
+
+impl ColourElectrons {
+    /// Electrons of a three-band picture by the 3x3 (or 3x4) matrix of `bands`: the fast path.
+    pub fn of_rgb(photo: &LinearImage, bands: &ThreeBand) -> Self {
+        let planes = bands
+            .rows
+            .iter()
+            .map(|(colour, row)| {
+                let row = row.map(|v| v as f32);
+                let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
+                let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
+                let electrons = (0..r.len()).map(|i| row[0] * r[i] + row[1] * g[i] + row[2] * b[i]).collect();
+                (*colour, electrons)
+            })
+            .collect();
+        Self { height: photo.height, width: photo.width, planes }
     }
 }
 

@@ -6,23 +6,11 @@
 
 use std::sync::Arc;
 
-use super::{Clear, Drafted, FileError, Item, Record};
+use super::item::{Break, Clear, Drafted, Item};
+use super::record::Record;
+use petzval_base::FileError;
 use petzval_optics::glass::Glass;
 use petzval_optics::lens::{Action, Axis, Placement, Surface};
-
-/// A move of the axis.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Break {
-    /// Shift along x and y, mm.
-    pub decenter_mm: [f64; 2],
-    /// Rotations about x, y and z, rad.
-    pub tilt_rad: [f64; 3],
-    /// Whether the rotations come first, in reverse order.
-    pub tilt_first: bool,
-    /// Distance along the new axis to the next element, mm.
-    pub thickness_mm: f64,
-    pub record: Record,
-}
 
 impl Break {
     fn moves_nothing(&self) -> bool {

@@ -1,11 +1,11 @@
 //! Metadata of a raw frame.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use petzval_camera::sensor::{CfaPattern, OutOfRange};
 
 /// Camera and exposure of a frame, as far as the file and its sidecar give them.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RawInfo {
     /// Name of the sensor or camera.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,10 +1,10 @@
 //! Writes the shape and the diffractive structure of a surface as a surface type of the format.
 
-use super::write::Out;
+use super::out::Out;
 use crate::decimal::shifted_text;
 use crate::export::surface_error;
-use crate::lens_toml::{exact_reciprocal, number};
 use crate::loss::Effect;
+use crate::toml_number::{exact_reciprocal, number};
 use petzval_base::FileError;
 use petzval_optics::lens::{Action, Departure, Pattern, Phase, Surface, SurfaceShape};
 

@@ -1,26 +1,16 @@
 //! The training loss of a camera for pictures: L1 plus LPIPS.
 
 use burn::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::{LossError, Lpips, LpipsTarget, l1, same_shape};
 
-/// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
-///
-/// The weights are at least 0. A part of weight 0 is neither computed nor reported.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ImageLoss {
-    /// Weight of the mean absolute difference.
-    pub l1_weight: f32,
-    /// Weight of the LPIPS distance.
-    pub lpips_weight: f32,
-}
-
-impl Default for ImageLoss {
-    /// Both parts with weight 1.
-    fn default() -> Self {
-        Self { l1_weight: 1.0, lpips_weight: 1.0 }
+petzval_base::parameters! {
+    /// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
+    pub struct ImageLoss {
+        /// Weight of the mean absolute difference; a part of weight 0 is neither computed nor reported.
+        l1_weight: f32 = 1.0, "", 0..1e6, Log, "a weight of 0 leaves the part out";
+        /// Weight of the LPIPS distance; a part of weight 0 is neither computed nor reported.
+        lpips_weight: f32 = 0.5, "", 0..1e6, Log, "a weight of 0 leaves the part out";
     }
 }
 

@@ -24,6 +24,7 @@ const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 const EPSILON: f32 = 1e-10;
 
 /// One stage of AlexNet: optional pooling, convolution, rectification.
+#[derive(Clone)]
 struct Stage {
     weight: Tensor<4>,
     bias: Tensor<1>,
@@ -44,6 +45,7 @@ struct Stage {
 /// `F_l` are the outputs of the five rectified convolutions. Equal pictures have distance 0; 0.1 is visible, 0.7 is bad.
 /// Source: R. Zhang, P. Isola, A. Efros, E. Shechtman, O. Wang, "The Unreasonable Effectiveness of Deep Features as a
 /// Perceptual Metric", CVPR 2018.
+#[derive(Clone)]
 pub struct Lpips {
     stages: Vec<Stage>,
     shift: Tensor<4>,
