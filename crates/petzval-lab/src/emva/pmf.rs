@@ -5,7 +5,7 @@
 //! m_n  = K g (min(n, FWC) + mu_r) + BL + mu_el,    s^2 = (K g sigma_r)^2 + sigma_el^2
 //! ```
 //!
-//! with the lowest and the highest digital number taking all that lies beyond them. The sums leave out terms below 1e-15;
+//! The lowest and the highest digital number take everything beyond them. The sums leave out terms below 1e-15;
 //! `Phi` comes from a table that is good to 1e-11.
 //!
 //! Pixels that answer light with factors `1 + d`, `d` normal of variance `p^2` (PRNU), have the cumulants `lambda`,
@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 
 use petzval_camera::sensor::{Electronics, SensorModel};
 
-/// What turns electrons of one exposure into digital numbers.
+/// The conversion of electrons of one exposure to digital numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// System gain at the linear gain, DN/e-.
@@ -130,7 +130,7 @@ pub fn digital_numbers(rate_e: f64, response: &Response) -> Vec<f64> {
         let count = (first + i as u64) as f64;
         let electrons = (rate_e + together * (count - rate_e)).min(response.full_well_e);
         let mean = gain * (electrons + response.read_noise_mean_e) + response.offset_dn;
-        // Full pixels are alike.
+        // Full pixels have no shot noise.
         let sigma = match pattern > 0.0 && electrons < response.full_well_e {
             true => (dark_variance + gain * gain * pattern * count).sqrt().max(1e-9),
             false => dark_sigma,

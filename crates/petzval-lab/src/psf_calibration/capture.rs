@@ -18,8 +18,8 @@ pub struct WindowLight {
 }
 
 impl WindowLight {
-    /// Rate of the brightest pixel behind its own filter, electrons/s: what the other colours would collect there, no
-    /// pixel sees. Clear pixels, those of a monochrome sensor, collect what stands for green.
+    /// Rate of the brightest pixel behind its own filter, electrons/s; the other colours at its place have no pixel. Clear pixels
+    /// of a monochrome sensor use the values of green.
     pub fn brightest_e_per_s(&self, cfa: &CfaPattern) -> f64 {
         let seen = |i: usize| {
             let Placement { row, col } = self.placement;
@@ -40,7 +40,7 @@ pub fn take_frame(
     noise: &Noise,
     frame: u64,
 ) -> Result<Raw, SensorError> {
-    // The sensor takes light relative to white; let white be the brightest pixel.
+    // Set white to the brightest pixel, because the sensor takes light relative to white.
     let brightest = light.rate_e_per_s.iter().flatten().fold(0.0f64, |a, b| a.max(*b)).max(1e-6);
     let mut irradiance = LinearImage::zeros(CHANNELS, light.height, light.width);
     let answers = match sensor.cfa == CfaPattern::MONO {

@@ -1,4 +1,4 @@
-//! The white diode behind the pinhole, and its spectrum as each colour of the sensor sees it.
+//! The white diode behind the pinhole, and its spectrum weighted by the response of each colour of the sensor.
 
 use petzval_camera::image::CHANNELS;
 use petzval_camera::sensor::{CfaPattern, Colour, SensorModel};
@@ -24,9 +24,9 @@ pub fn led_wavelengths_um() -> Vec<f64> {
 }
 
 /// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1 and the
-/// others to what they see relative to it. The three channels of a monochrome sensor are one.
+/// others to their signal relative to green. The three channels of a monochrome sensor are one.
 ///
-/// The sensor's own efficiency curves count where it has them, with their factors. Without them, stated stand-ins do:
+/// The efficiency curves are those of the sensor, with their factors, or else stated stand-ins:
 /// Gaussian colour filters around 0.600, 0.535 and 0.460 um of 80, 85 and 75 nm full width, scaled to the sensor's relative
 /// efficiencies; of clear pixels, one efficiency at all wavelengths.
 pub fn channel_weights(sensor: &SensorModel, wavelengths_um: &[f64]) -> [Vec<f64>; CHANNELS] {

@@ -14,17 +14,17 @@ use petzval_files::npy_bytes;
 /// Name of the file with the axes.
 pub const AXES_FILE: &str = "psfs.toml";
 
-/// Most values of a bank: 1 GiB in single precision.
+/// Largest number of values of a bank: 1 GiB in single precision.
 const MOST_VALUES: usize = 1 << 28;
 
-/// Sizes of a cell that a PSF on pixels may have, um.
+/// Permitted cell sizes, um.
 const PITCH_UM: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 /// The axes of a bank of PSFs, as in `psfs.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PsfAxes {
-    /// Where the PSFs come from.
+    /// Source of the PSFs.
     pub source: String,
     /// File of the values beside this one: float32 `[field][channel][row][col]`, unit sum each.
     pub values: String,
@@ -99,7 +99,7 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
         let message = format!("{} fields, but {fields} radii", axes.illumination.len());
         return Err(wrong("illumination", message, "three numbers for each field"));
     }
-    // The values stand beside their axes, wherever the folder is.
+    // Read the values from the folder of the axes.
     let values_path = path.parent().unwrap_or(Path::new("")).join(&axes.values);
     let values_wrong = |reason: String| PsfCalibrationError::Values { path: values_path.clone(), reason };
     let bytes = std::fs::read(&values_path).map_err(PsfCalibrationError::io(&values_path))?;
