@@ -45,7 +45,7 @@ fn edit(folder: &Path, name: &str, change: &dyn Fn(u32, u32, u16) -> u16) {
     picture.save(&path).unwrap();
 }
 
-/// The warnings of one name, as they are told.
+/// The texts of the warnings of one name.
 fn told(found: &Characterization, name: &str) -> Vec<String> {
     found.warnings.iter().filter(|w| w.name() == name).map(ToString::to_string).collect()
 }

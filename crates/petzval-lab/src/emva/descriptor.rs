@@ -2,7 +2,7 @@
 //!
 //! One record a line: `v` version, `n` bits, width and height, `b` exposure time (ns) and photons per pixel of a flat
 //! point, `d` exposure time (ns) of a dark one, `i` a frame of the point before. `#` begins a comment, paths may have
-//! either separator. The format knows one gain and no colour filters.
+//! either separator. The format has one gain and no colour filters.
 
 use std::path::Path;
 

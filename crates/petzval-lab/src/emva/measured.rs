@@ -15,7 +15,7 @@ pub enum Measured {
     Value {
         /// The number, in the unit that its name or its figure states.
         value: f64,
-            /// Its standard error in the same unit; absent if none can be stated.
+        /// Its standard error in the same unit; absent if none can be stated.
         #[serde(skip_serializing_if = "Option::is_none")]
         standard_error: Option<f64>,
     },

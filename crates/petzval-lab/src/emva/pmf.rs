@@ -155,8 +155,8 @@ fn spread(p: &mut [f64], weight: f64, mean: f64, sigma: f64) {
     p[high] += weight * (1.0 - below);
 }
 
-/// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, whichever side of the
-/// converter its electronics noise is on. Non-uniformity is left out.
+/// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, with its electronics
+/// noise before or after the converter. Non-uniformity is left out.
 pub fn sensor_digital_numbers(sensor: &SensorModel, linear_gain: f64, rate_e: f64) -> Vec<f64> {
     let before = sensor.electronics == Electronics::BeforeAdc;
     let (offset, noise) =

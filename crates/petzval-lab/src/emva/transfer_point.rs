@@ -1,4 +1,4 @@
-//! One setting of a photon transfer: mean and temporal variance of its flat frames and of its dark ones.
+//! One setting of a photon transfer: mean and temporal variance of its flat and its dark frames.
 
 use serde::Serialize;
 

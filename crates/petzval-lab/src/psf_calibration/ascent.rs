@@ -109,7 +109,7 @@ pub(super) fn even(light: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The shape of other cells, softened and `outward` cells further from the axis, with a hundredth of even light.
+/// The shape of other cells, blurred and moved by `outward` cells away from the axis, plus a hundredth of even light.
 pub(super) fn shaped(cells: &[f64], outward: isize, light: f64) -> Vec<f64> {
     let soft = blurred(cells, 1.25);
     let sum = soft.iter().sum::<f64>().max(f64::MIN_POSITIVE);

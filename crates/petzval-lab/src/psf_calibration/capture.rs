@@ -30,8 +30,8 @@ impl WindowLight {
     }
 }
 
-/// Takes frame number `frame` of the window; frames of one seed have independent noise. A monochrome sensor sees the three
-/// channels, which are one there, as its clear pixels answer to each.
+/// Takes frame number `frame` of the window; frames of one seed have independent noise. The three
+/// channels of a monochrome sensor are equal, and its clear pixels respond to their mixture.
 pub fn take_frame(
     light: &WindowLight,
     sensor: &SensorModel,

@@ -135,7 +135,7 @@ pub enum PsfCalibrationError {
     },
     /// A colour has no light.
     #[error(
-        "position `{position}`: the {colour} channel has no light left after the background is taken off"
+        "position `{position}`: the {colour} channel has no light left after the background is subtracted"
     )]
     NoLight {
         /// Position.

@@ -186,7 +186,7 @@ fn a_place_beyond_the_frame_is_no_place() {
         assert!(!found.is_placed, "{expected:?}");
         assert!(found.l1[1] < 2e-3, "{}", found.l1[1]);
     }
-    // Far off but within the frame: the error is told.
+    // Far off but within the frame: the error is reported.
     let expected = [SPOT.row + 12.0, SPOT.col - 9.0];
     let off = compare(&taken.measured, &taken.frame, &psf, 5.86, SPOT.azimuth_rad, Some(expected), "off");
     let off = off.unwrap().centroid_error_px[1];

@@ -318,7 +318,7 @@ fn a_hot_pixel_is_not_the_source() {
 
 #[test]
 fn a_moving_source_is_not_seen_in_what_the_dark_frames_take_off() {
-    // Offsets of 300 electrons beside a faint source; the sensor model is told nothing of them.
+    // Offsets of 300 electrons beside a faint source; the sensor model does not contain them.
     let odd = sensor("[nonuniformity]\ndsnu_pixel_e = 300.0");
     let told = sensor("");
     let folder = tempfile::tempdir().unwrap();

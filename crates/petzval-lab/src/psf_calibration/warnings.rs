@@ -56,7 +56,7 @@ pub(super) fn position_warnings(seen: &Seen) -> Vec<String> {
 fn of_pixels(seen: &Seen, warnings: &mut Vec<String>) {
     let n = seen.nonuniformity;
     if seen.exposures.iter().any(|e| e.dark_frames == 0) {
-        warnings.push("no dark frames: the sensor model's dark signal was taken off".to_owned());
+        warnings.push("no dark frames: the sensor model's dark signal was subtracted".to_owned());
         let dsnu_e = n.dsnu_pixel_e.hypot(n.dsnu_row_e).hypot(n.dsnu_column_e);
         let mut fixed = Vec::new();
         if dsnu_e > 0.0 {
@@ -67,7 +67,7 @@ fn of_pixels(seen: &Seen, warnings: &mut Vec<String>) {
         }
         if !fixed.is_empty() {
             warnings.push(format!(
-                "the sensor model has {}, which only dark frames take off: take some of each exposure time",
+                "the sensor model has {}, which only dark frames correct: take some of each exposure time",
                 fixed.join(" and ")
             ));
         }

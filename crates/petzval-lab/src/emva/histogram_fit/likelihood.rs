@@ -58,7 +58,7 @@ impl Score {
     }
 
     /// Inverse of the information matrix. It is scaled to a unit diagonal first, because the parameters' units span many powers of
-/// ten.
+    /// ten.
     pub fn covariance(&self, free: &[Parameter]) -> Option<DMatrix<f64>> {
         let raw = self.information_of(free);
         let scale: Vec<f64> = (0..free.len()).map(|i| raw[(i, i)].sqrt()).collect();
