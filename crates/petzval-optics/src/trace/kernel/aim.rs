@@ -191,7 +191,7 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
             by[1].direction = before[1].direction;
             break;
         }
-        // Go on to the coordinates of the next vertex. A totally reflected ray is not a number from here on.
+        // Go on to the coordinates of the next vertex. From here on, a totally reflected ray has NaN coordinates.
         ray = Rays { position: meeting.point, direction };
         if let Some(frame) = &surface.frame {
             by = [

@@ -108,7 +108,7 @@ impl<S: Simd> Step<S> {
         let zero = point[0].constant(0.0);
         let sag = s.shape.sag_jet([point[0], point[1]]);
         let normal = [-sag.slope[0], -sag.slope[1], one];
-        // The sum v of the refracted direction's tangential part and the kick of a diffractive structure.
+        // v = mu d + grad W / n', and 1 - v.v.
         let mu = s.n_before / s.n_after;
         let mut v = scaled(one * mu, before);
         let mut under = one * (1.0 - mu * mu);
