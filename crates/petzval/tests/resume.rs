@@ -148,7 +148,7 @@ fn a_stopped_run_says_how_to_go_on() {
     assert!(Command::new("kill").args(["-s", "TERM", &child.id().to_string()]).status().unwrap().success());
     let stopped = outcome(child.wait_with_output().unwrap());
     assert_eq!(stopped.code, Some(75), "{}", stopped.stderr);
-    assert!(stopped.says("go on with: petzval design --resume run"), "{}", stopped.stderr);
+    assert!(stopped.says("continue with: petzval design --resume run"), "{}", stopped.stderr);
     assert_eq!(stopped.stdout, "");
     // What is not finished has no report and no scores yet, and says what to do.
     for verb in ["report", "evaluate"] {

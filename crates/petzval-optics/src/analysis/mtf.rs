@@ -234,7 +234,7 @@ pub fn through_focus_mtf(
     let frequency_per_mm = options.frequency_through_focus(lens);
     let defocus_mm = options.defocus_mm(lens);
     let landings = Landings::new(&field, options)?;
-    // A shifted plane spreads the light by the slopes of the rays.
+    // Estimate the spread of light on a shifted plane from the slopes of the rays.
     let range = defocus_mm.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     let chief_slope = |axis: usize| {
         let slopes: Vec<f64> = landings.colours.iter().flat_map(|c| &c.slope[axis]).copied().collect();

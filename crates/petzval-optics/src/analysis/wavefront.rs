@@ -105,7 +105,7 @@ struct Samples {
 
 fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisError> {
     let (mut points, mut areas) = pupil(CELLS).on(Sides::Both);
-    // The very rim counts for the highest and the lowest value only.
+    // Add points on the rim without weight: they count for the highest and the lowest value only.
     for k in 0..RIM {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / RIM as f64).sin_cos();
         points.push([sin, cos]);

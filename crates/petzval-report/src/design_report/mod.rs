@@ -1,7 +1,7 @@
-//! The report: a run as one HTML file, with its lenses, PSFs, pictures, scores and curves.
+//! The report of a run as one HTML file, with its lenses, PSFs, pictures, scores and curves.
 //!
-//! Plain data go in and text comes out: nothing here traces a lens or reads a file, a clock or the network. The page holds
-//! everything it shows, so that it can be mailed, archived and printed.
+//! The input is plain data and the output is text: nothing here traces a lens or reads a file, a clock or the network. The page
+//! contains everything it shows, so that it can be mailed, archived and printed.
 
 mod change;
 mod page;
@@ -15,12 +15,12 @@ use crate::palette;
 use petzval_optics::analysis::{FirstOrderTable, Layout};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
-/// Everything a report shows.
+/// The contents of a report.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Headline.
     pub title: String,
-    /// One line below it: what was optimised for what.
+    /// One line below it: the optimised parts and the goal.
     pub subtitle: String,
     /// The command that made the run.
     pub command_line: String,
@@ -34,21 +34,21 @@ pub struct Report {
     pub reference_um: f64,
     /// Wavelengths of the colour channels, um, in the order of [`PsfView::values`].
     pub wavelengths_um: Vec<f64>,
-    /// Half the diagonal of the sensor, mm.
+    /// Half of the diagonal of the sensor, mm.
     pub half_diagonal_mm: f64,
-    /// Held-out pictures as each camera takes them.
+    /// Held-out pictures, taken by each camera.
     pub pictures: Vec<PictureView>,
     /// Losses over the run; curves of the same block and label share a chart.
     pub losses: Vec<LossCurve>,
     /// The resolved configuration, as it can be run again.
     pub config_toml: String,
-    /// What it ran on: names and values.
+    /// The machine: names and values.
     pub environment: Vec<(String, String)>,
-    /// Remarks that the reader must know to judge the numbers.
+    /// Remarks for the interpretation of the numbers.
     pub notes: Vec<String>,
 }
 
-/// Scores of one camera, means over the held-out pictures; what was not measured is NaN.
+/// Scores of one camera, means over the held-out pictures; NaN if not measured.
 #[derive(Clone, Debug)]
 pub struct TableRow {
     /// Name of the camera: `nominal`, `spot-optimised`, `end-to-end`, ...
@@ -63,20 +63,20 @@ pub struct TableRow {
     pub rms_spot_um: f64,
     /// Effective focal length, mm.
     pub efl_mm: f64,
-    /// Focal length over entrance pupil diameter.
+    /// Focal length divided by the entrance pupil diameter.
     pub f_number: f64,
     /// Full diagonal field of view, degrees.
     pub fov_deg: f64,
 }
 
-/// One camera: its lens and what the lens does to points of light.
+/// One camera: its lens, spots and PSFs.
 #[derive(Clone, Debug)]
 pub struct CameraView {
     /// Name, as in [`TableRow::camera`].
     pub name: String,
     /// First-order properties of the lens.
     pub first_order: FirstOrderTable,
-    /// The surfaces of the lens, in the order that light meets them.
+    /// The surfaces of the lens, in the order of the light.
     pub surfaces: Vec<SurfaceView>,
     /// The lens in cross-section, with rays of [`Report::layout_fields_deg`].
     pub layout: Layout,
@@ -104,7 +104,7 @@ pub struct SurfaceView {
     pub conic: f64,
     /// Aspheric coefficients that are not zero: order n and value, mm^(1-n).
     pub asphere: Vec<(usize, f64)>,
-    /// What else the surface is, each in the words of a lens file.
+    /// Further properties of the surface, as lines of a lens file.
     pub more: Vec<String>,
     /// Whether it is the stop.
     pub is_stop: bool,
@@ -177,24 +177,24 @@ pub struct Change {
 /// One held-out picture.
 #[derive(Clone, Debug)]
 pub struct PictureView {
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// Where on the sensor it lies: `centre`, `corner, 14.2 deg`.
+    /// Position on the sensor: `centre`, `corner, 14.2 deg`.
     pub place: String,
     /// The scene, PNG.
     pub truth_png: Vec<u8>,
-    /// What each camera makes of it, in the order of [`Report::cameras`].
+    /// The picture of each camera, in the order of [`Report::cameras`].
     pub cameras: Vec<CameraPicture>,
 }
 
-/// A picture as one camera takes it.
+/// A picture taken by one camera.
 #[derive(Clone, Debug)]
 pub struct CameraPicture {
     /// Name of the camera.
     pub camera: String,
     /// The raw frame, developed but not yet processed by the network, PNG.
     pub developed_png: Vec<u8>,
-    /// What the network makes of it, PNG.
+    /// The output of the network, PNG.
     pub output_png: Vec<u8>,
     /// Peak signal-to-noise ratio of the output, dB.
     pub psnr_db: f64,
@@ -211,7 +211,7 @@ pub struct LossCurve {
     pub camera: String,
     /// Block of the optimisation: `optics`, `network`, ...
     pub block: String,
-    /// Name of the loss with its unit, as the axis should say it.
+    /// Name of the loss with its unit, for the axis.
     pub label: String,
     /// Step and value.
     pub points: Vec<(u64, f64)>,
@@ -222,7 +222,7 @@ pub fn html(report: &Report) -> String {
     page::page(report)
 }
 
-/// Colour of a camera by its name; a name without a camera takes the colour after theirs.
+/// Colour of a camera by its name; an unknown name gets the next colour.
 fn camera_colour(cameras: &[CameraView], name: &str, i: usize) -> &'static str {
     palette::camera(cameras.iter().position(|c| c.name == name).unwrap_or(cameras.len() + i))
 }

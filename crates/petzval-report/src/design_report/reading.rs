@@ -1,10 +1,10 @@
-//! The reading: what the scores say, in plain sentences, also when they say that nothing was won.
+//! The reading: the result of the scores in plain sentences, also if there is no gain.
 
 use super::TableRow;
 use super::score_table::{EFL, F_NUMBER, FOV, LPIPS, PSNR, SPOT, SSIM, Score};
 use crate::number;
 
-/// A camera whose first-order data differ by more than this share is not like for like.
+/// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Sentences on the table: the last design (or `end-to-end`, if there is one) against the baseline and
@@ -28,7 +28,7 @@ pub(super) fn reading(rows: &[TableRow]) -> Vec<String> {
     sentences
 }
 
-/// How a camera does against another in the three picture scores.
+/// Compares a camera with another in the three picture scores.
 fn compare(design: &TableRow, other: &TableRow, role: &str) -> String {
     let scores = [&LPIPS, &PSNR, &SSIM];
     let known: Vec<&Score> = scores.into_iter().filter(|s| s.gain(other, design).is_finite()).collect();
@@ -62,8 +62,8 @@ fn difference(score: &Score, design: &TableRow, other: &TableRow) -> String {
     }
 }
 
-/// How the spots changed, and whether another camera has the better spots but the worse pictures, which
-/// is the point of designing end to end.
+/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the point of
+/// end-to-end design.
 fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableRow>) -> Option<String> {
     let um = |row: &TableRow| number::fixed(row.rms_spot_um, SPOT.decimals);
     let gain = SPOT.gain(baseline, design);
@@ -88,7 +88,7 @@ fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableR
     Some(sentence + ".")
 }
 
-/// Warns of a camera that differs from the baseline in what should be held fixed.
+/// Warns of a camera that differs from the baseline in quantities that should be fixed.
 fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
     let differences: Vec<String> = [&EFL, &F_NUMBER, &FOV]
         .into_iter()

@@ -13,15 +13,15 @@ pub(super) struct Score {
     pub name: &'static str,
     /// Unit in the header, empty for a plain number.
     pub unit: &'static str,
-    /// Which way is better; `None` for what only describes the camera.
+    /// Direction of improvement; `None` for a property of the camera that is not a score.
     pub better: Option<Better>,
-    /// Decimals that are printed; what rounds to zero with them is no difference.
+    /// Printed decimals; a difference that rounds to zero does not count.
     pub decimals: usize,
     /// The column's value in a row.
     pub value: fn(&TableRow) -> f64,
 }
 
-/// Which way a score improves.
+/// Direction in which a score improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Better {
     Higher,
@@ -83,7 +83,7 @@ pub(super) const F_NUMBER: Score =
 pub(super) const FOV: Score =
     Score { name: "field of view", unit: "°", better: None, decimals: 1, value: |r| r.fov_deg };
 
-/// All columns, from what is wanted to what is given.
+/// All columns, scores first.
 const SCORES: [Score; 7] = [LPIPS, PSNR, SSIM, SPOT, EFL, F_NUMBER, FOV];
 
 /// The table, in the colours of the cameras. The first row is the baseline.

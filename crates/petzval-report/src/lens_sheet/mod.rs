@@ -1,6 +1,6 @@
-//! The analyses of a lens as pictures and as one page, in the look that optical engineers know.
+//! The analyses of a lens as pictures and as one page, in the usual style of lens design programs.
 //!
-//! [`Analysis`] goes in and text comes out: nothing here traces a ray. Fields have colours and markers, and so have wavelengths;
+//! The input is an [`Analysis`] and the output is text: nothing here traces a ray. Fields have colours and markers, and so have wavelengths;
 //! tangential curves are solid, sagittal ones dashed. Every picture stands alone on white.
 
 mod axial_colour;
@@ -35,7 +35,7 @@ pub fn picture(analysis: &Analysis, kind: PictureKind) -> String {
     sheet(analysis, kind).svg()
 }
 
-/// Spot diagrams in boxes of a given side rather than one that fits, um; for comparisons.
+/// Spot diagrams in boxes of a given side, um, for comparisons.
 pub fn spots_in_boxes(analysis: &Analysis, side_um: f64) -> String {
     spots::spots(analysis, Some(side_um)).svg()
 }
@@ -132,7 +132,7 @@ mod tests {
         assert!(picture(&analysis, PictureKind::Seidel).contains("no formulas"));
         let curves = &mut analysis.field_curves;
         curves.field_deg.iter_mut().for_each(|f| *f = 0.0);
-        assert!(picture(&analysis, PictureKind::LateralColour).contains("but one field"));
+        assert!(picture(&analysis, PictureKind::LateralColour).contains("only one field"));
     }
 
     #[test]

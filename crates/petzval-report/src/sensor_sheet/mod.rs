@@ -1,7 +1,7 @@
-//! The characterisation of a sensor as pictures and as one page: the plots that EMVA 1288 prescribes, and those of the
-//! calibration over several gains (Tseng et al. 2021, supplement, Figures 5 to 8).
+//! The characterisation of a sensor as pictures and as one page: the plots of EMVA 1288, and those of the calibration over
+//! several gains (Tseng et al. 2021, supplement, Figures 5 to 8).
 //!
-//! [`Characterization`] goes in and text comes out: nothing here measures. Captured points are markers, fits and models are
+//! The input is a [`Characterization`] and the output is text: nothing here measures. Captured points are markers, fits and models are
 //! lines; colours are those of the mosaic.
 
 mod calibration;
@@ -24,7 +24,7 @@ use crate::plot::Sheet;
 
 pub use page::page;
 
-/// The operating point that the pictures of EMVA 1288 show: the gain with the richest captures.
+/// The operating point of the pictures of EMVA 1288: the gain with the most complete captures.
 struct Shown<'a> {
     all: &'a Characterization,
     gain: &'a GainResult,
@@ -46,7 +46,7 @@ impl<'a> Shown<'a> {
     }
 }
 
-/// Name of the file (without `.svg`) and picture, in the order of the page; a picture for which there are no captures is
+/// Name of the file (without `.svg`) and picture, in the order of the page; a picture without captures is
 /// left out.
 fn sheets(characterization: &Characterization) -> Vec<Sheet> {
     let Some(shown) = Shown::choose(characterization) else { return Vec::new() };
@@ -71,12 +71,12 @@ fn sheets(characterization: &Characterization) -> Vec<Sheet> {
     all.into_iter().flatten().collect()
 }
 
-/// Names of the pictures that there are, in the order of the page.
+/// Names of the pictures, in the order of the page.
 pub fn picture_names(characterization: &Characterization) -> Vec<&'static str> {
     sheets(characterization).iter().map(|sheet| sheet.class).collect()
 }
 
-/// Names and contents of all files of the sheet: `report.html`, one page that needs nothing but itself, and every picture of
+/// Names and contents of all files of the sheet: `report.html`, one self-contained page, and every picture of
 /// it as an SVG.
 pub fn files(characterization: &Characterization) -> Vec<(String, String)> {
     let page = ("report.html".to_owned(), page(characterization));

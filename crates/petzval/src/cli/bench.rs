@@ -1,4 +1,4 @@
-//! `petzval bench`: standard workloads, so that speed is a number and not a feeling.
+//! `petzval bench`: measures the speed of standard workloads.
 
 mod camera;
 mod joint;
@@ -30,7 +30,7 @@ pub struct Args {
     seconds: f64,
 }
 
-/// A workload: its name, and how to make it ready to be run again and again.
+/// A workload: its name, and its preparation for repeated runs.
 struct Workload {
     name: &'static str,
     /// The instruction set that its hot loops use.
@@ -38,13 +38,13 @@ struct Workload {
     prepare: fn() -> Result<Prepared, Failure>,
 }
 
-/// A workload made ready.
+/// A prepared workload.
 struct Prepared {
-    /// What is done, in words, and how many units of it a run does.
+    /// Description of the work of a run.
     work: String,
-    /// Units of work a run, and what they are, for a rate.
+    /// Units of work in a run and their name, for a rate.
     units: Option<(f64, &'static str)>,
-    /// Whether it runs on one thread whatever the pool.
+    /// Whether it always runs on one thread.
     single_thread: bool,
     run: Box<dyn FnMut() -> Result<(), Failure>>,
 }

@@ -1,4 +1,4 @@
-//! `petzval doctor`: what this machine and this build offer.
+//! `petzval doctor`: shows what this machine and this build offer.
 
 use std::process::ExitCode;
 
@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::{Failure, print_json};
 
-/// Say what this machine and this build offer.
+/// Show what this machine and this build offer, and read every built-in file.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Machine-readable output
@@ -41,7 +41,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     }
     println!("petzval      {}", env!("CARGO_PKG_VERSION"));
     println!("system       {} {}", std::env::consts::OS, std::env::consts::ARCH);
-    // The kernels of rays and sensor may be narrowed by the environment, or have none for an old machine.
+    // Name the instruction set of the kernels if it differs: the environment may limit it, and old machines have none.
     let narrowed = if level() == simd_level() { String::new() } else { format!("; {} used", level()) };
     println!("SIMD         {}{narrowed}", simd_level());
     println!("threads      {} of {cores} cores", rayon::current_num_threads());

@@ -1,4 +1,4 @@
-//! `petzval glass`: look glasses up, or find those with a given index and dispersion.
+//! `petzval glass`: shows glasses, or finds those with a given index and dispersion.
 
 mod find;
 mod list;
@@ -15,11 +15,11 @@ use super::Failure;
 /// Verbs about glass.
 #[derive(Debug, Subcommand)]
 pub enum GlassVerb {
-    /// The glasses nearest to an index and an Abbe number
+    /// Find the glasses nearest to an index and an Abbe number
     Find(find::Args),
-    /// All that is known of a glass
+    /// Show all data of a glass
     Show(show::Args),
-    /// Every glass, with its maker, index and Abbe number
+    /// List every glass, with its maker, index and Abbe number
     List(list::Args),
 }
 
@@ -32,8 +32,8 @@ pub fn run(verb: GlassVerb) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Reads the catalogues of PETZVAL_GLASSES and of the command line, for every lens that is read from now on. Prints a warning
-/// for each line that was not understood: all of them where the command is about glass, else the first few.
+/// Reads the catalogues of PETZVAL_GLASSES and of the command line, for every lens that is read afterwards. Prints a warning for
+/// each line that was not understood: all of them if the command is about glass, else the first few.
 pub fn choose(named: &[PathBuf], in_full: bool) -> Result<(), Failure> {
     const FEW: usize = 2;
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();
@@ -55,7 +55,7 @@ pub fn choose(named: &[PathBuf], in_full: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A figure with so many decimals; a dash for one that the glass does not have, such as the Abbe number of air.
+/// A figure with a number of decimals; a dash if the glass does not have it, such as the Abbe number of air.
 fn figure(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }

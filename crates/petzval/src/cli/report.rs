@@ -7,7 +7,7 @@ use petzval::jobs::report;
 
 use super::{Failure, context};
 
-/// Write report.html of a finished run again, from what the run folder holds.
+/// Write report.html of a finished run again, from the contents of its folder.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder

@@ -1,4 +1,4 @@
-//! `petzval sensor`: look at a sensor, measure one, simulate its captures.
+//! `petzval sensor`: shows sensors, measures one, simulates its captures.
 
 mod capture;
 mod characterize;
@@ -14,9 +14,9 @@ use super::Failure;
 /// Verbs about a sensor.
 #[derive(Debug, Subcommand)]
 pub enum SensorVerb {
-    /// The built-in sensors, a line each
+    /// List the built-in sensors
     List(list::Args),
-    /// The numbers of a sensor file, and the EMVA 1288 figures that follow
+    /// Show the numbers of a sensor file, and the EMVA 1288 figures that follow
     Show(show::Args),
     /// Simulate the calibration series of a sensor: flat and dark frames over gains and exposure times
     Capture(capture::Args),
@@ -36,7 +36,7 @@ pub fn run(verb: SensorVerb) -> Result<ExitCode, Failure> {
 
 /// A number with six significant digits, without zeros at the end.
 fn six_digits(value: f64) -> String {
-    // Rounding by way of text gives the nearest number, whose shortest form has no more digits.
+    // Round by formatting and parsing: the shortest form of the result has no more digits.
     format!("{value:.5e}").parse::<f64>().unwrap_or(value).to_string()
 }
 

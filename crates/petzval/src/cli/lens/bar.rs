@@ -9,7 +9,7 @@ use petzval::jobs::{Context, Progress, Watcher};
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// A bar that appears when a job reports progress.
+    /// A bar that is hidden until a job reports progress.
     pub fn new() -> Self {
         let bar = ProgressBar::no_length();
         if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {pos}/{len}, {eta} left") {
@@ -34,7 +34,7 @@ struct AboveBar(ProgressBar);
 
 impl AboveBar {
     fn print(&self, line: &str) {
-        // A bar that is not there yet must not be drawn for a line.
+        // A line must not make a hidden bar appear.
         match self.0.length() {
             None => eprintln!("{line}"),
             Some(_) => self.0.suspend(|| eprintln!("{line}")),
@@ -52,7 +52,7 @@ impl Watcher for AboveBar {
     }
 
     fn progress(&self, progress: &Progress) {
-        // Another text is another part of the job, with a time of its own.
+        // A new text begins a new part of the job, with its own time.
         if self.0.message() != progress.text {
             self.0.set_length(progress.total);
             self.0.set_message(progress.text.clone());
