@@ -76,7 +76,7 @@ impl Row {
         Self { head: head.render(), cells, class: None, style: None }
     }
 
-    /// Sets a class.
+    /// Sets the CSS class.
     pub fn class(self, class: &'static str) -> Self {
         Self { class: Some(class), ..self }
     }
@@ -102,7 +102,7 @@ impl Table {
         Self { class: None, groups: Vec::new(), columns: columns.into_iter().collect(), rows: Vec::new() }
     }
 
-    /// Sets a class.
+    /// Sets the CSS class.
     pub fn class(self, class: &'static str) -> Self {
         Self { class: Some(class), ..self }
     }

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_sensor_is_limited_by_its_converter() {
+    fn the_converter_limits_the_papers_sensor() {
         let sensor =
             petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
         let found = derived(&sensor, 1.0);

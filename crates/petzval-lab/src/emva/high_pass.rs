@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_those_of_patterns_that_are_filtered() {
+    fn shares_equal_those_of_filtered_patterns() {
         for filter in [HighPass::R31, HighPass::R4] {
             let size = 101;
             // Filter one bright pixel, one bright row and one bright column, and compare what is left of their squares.

@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_the_scatter_over_specimens_whether_pixels_are_full_or_not() {
+    fn errors_match_the_scatter_over_specimens_with_and_without_full_pixels() {
         const SPECIMENS: u64 = 60;
         for (share, excess, end_dn) in [(0.01, 300.0, 1e6), (0.02, 1500.0, 2000.0), (0.02, 25.0, 1e6)] {
             let mut pulls = [const { Vec::new() }; 4];

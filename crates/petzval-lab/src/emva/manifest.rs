@@ -255,7 +255,7 @@ frames = ["c.png", "d.png"]
 "#;
 
     #[test]
-    fn a_list_reads_with_its_defaults() {
+    fn a_list_is_read_with_its_defaults() {
         let captures = parse(TEXT, Path::new("folder")).unwrap();
         assert_eq!(captures.sensor.cfa, CfaPattern::MONO);
         let [flat, dark] = &captures.points[..] else { panic!("two points") };
@@ -268,7 +268,7 @@ frames = ["c.png", "d.png"]
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_line() {
+    fn every_error_has_its_line() {
         for (from, to, line, key, says) in [
             ("bits = 12", "bits = 20", 3, "bits", "outside"),
             ("bits = 12", "bitts = 12", 3, "bitts", "did you mean `bits`"),

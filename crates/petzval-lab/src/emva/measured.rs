@@ -292,7 +292,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reasons_count_what_there_is() {
+    fn reasons_state_their_counts() {
         let said = |why: Unresolved| why.to_string();
         assert_eq!(
             said(Unresolved::TooFewGains { got: 1, need: 3 }),
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_propagate_and_reasons_stay() {
+    fn errors_propagate_and_reasons_are_kept() {
         let (x, y) = (Measured::new(8.0, 0.4), Measured::new(2.0, 0.1));
         let q = x.over(y);
         assert_eq!(q.value(), Some(4.0));

@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn the_dark_series_lasts_until_dark_current_is_as_noisy_as_the_dark() {
+    fn the_dark_series_ends_where_dark_current_adds_the_dark_variance() {
         let longest = |dark_current_e_per_s: f64| {
             let sensor = SensorModel { dark_current_e_per_s, ..imx249() };
             Plan::emva(&sensor, None, None).dark_ms.into_iter().fold(0.0, f64::max)
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_of_steps_is_captured_at_the_one_nearest_to_gain_1() {
+    fn a_sensor_with_gain_steps_is_captured_at_the_step_nearest_to_1() {
         let sensor = SensorModel { gain_steps: vec![0.5, 1.2, 4.0], ..mono() };
         let plan = Plan::emva(&sensor, None, None);
         assert_eq!(plan.gains, [1.2]);
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn light_of_a_wavelength_is_answered_by_the_curves() {
+    fn the_response_to_a_wavelength_follows_the_curves() {
         let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
         let curves =
             QuantumEfficiency { scale: 0.5, ..petzval_files::parse_quantum_efficiency_toml(text).unwrap() };

@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_the_normal_distribution() {
+    fn the_table_equals_the_normal_distribution() {
         for i in -3999..4000 {
             let z = f64::from(i) * 0.002_01;
             let exact = 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_those_of_the_formulas() {
+    fn moments_equal_the_formulas() {
         let sensor = imx249();
         for (gain, rate) in [(1.0, 0.0), (1.0, 500.0), (10.0, 20.0), (31.62, 0.75), (1.0, 20_000.0)] {
             let p = sensor_digital_numbers(&sensor, gain, rate);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_that_differ_have_the_cumulants_of_the_formulas() {
+    fn non_uniform_pixels_have_the_cumulants_of_the_formulas() {
         let (gain, rate, share) = (0.14, 9000.0, 0.01);
         let cumulants = |pattern_variance_e2: f64| {
             let response = Response {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn light_beyond_all_measure_is_clipped_at_once() {
+    fn extreme_light_is_clipped_without_a_sum() {
         let response = Response {
             gain_dn_per_e: 0.14,
             read_noise_mean_e: 3.25,

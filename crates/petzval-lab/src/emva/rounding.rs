@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn rounding_errors_are_those_of_all_phases() {
+    fn rounding_errors_equal_the_average_over_phases() {
         for sigma in [0.3, 0.37, 0.45, 0.6, 0.8] {
             let phases = 200;
             let (mut of_mean, mut of_variance, mut least) = (0.0, 0.0, f64::INFINITY);

@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pile_is_told_from_a_tail() {
+    fn a_pile_up_is_distinguished_from_a_tail() {
         assert!(!piles_up(&counts(100, &[10, 100, 1000, 100, 10, 2, 1])));
         // One or two samples far out are not a pile-up.
         assert!(!piles_up(&counts(100, &[10, 100, 1000, 100, 10, 1, 0, 0, 2])));

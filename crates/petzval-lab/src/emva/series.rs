@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_list_that_cannot_be_written_leaves_nothing_beside_it() {
+    fn a_list_that_cannot_be_written_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let sensor =
             petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();

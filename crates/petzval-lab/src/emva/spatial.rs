@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn standard_errors_are_the_scatter_over_specimens() {
+    fn standard_errors_match_the_scatter_over_specimens() {
         const SPECIMENS: usize = 150;
         let mut normal = Normal(1);
         let specimens: Vec<Sub> =

@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn chance_in_the_noise_is_no_saturation() {
+    fn chance_in_the_noise_is_not_saturation() {
         // The last variance is below the one before by one standard error of their difference.
         let mut series = points(&[1000.0, 2000.0, 3000.0, 3050.0], &[100.0, 200.0, 309.0, 302.0], 5.0);
         series[3].exposure_s = 3.05;
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plateau_of_any_noise_is_saturation() {
+    fn a_plateau_is_saturation_with_any_noise() {
         // Beyond the full well read noise alone is left; its chance must not pass for a peak.
         let signals = [500.0, 1000.0, 1500.0, 2000.0, 2100.0, 2100.2, 2099.9, 2100.0];
         let series = points(&signals, &[50.0, 100.0, 150.0, 200.0, 5.1, 5.0, 5.2, 5.0], 0.05);
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_that_lacks_noise_does_not_count() {
+    fn a_point_with_too_little_noise_is_left_out() {
         // The brightest has 8 % less than the line predicts: 4.8 standard errors, and more than any other point.
         let signals = [1000.0, 2000.0, 3000.0, 4000.0, 5000.0];
         let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 460.0], 5.0);
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lack_of_linearity_is_named_by_its_cause() {
+    fn missing_linearity_has_its_reason() {
         let mut series = points(&[1000.0, 2000.0, 3000.0], &[100.0, 200.0, 300.0], 5.0);
         series.iter_mut().for_each(|p| p.exposure_s = 1.0);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();

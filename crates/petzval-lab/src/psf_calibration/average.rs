@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mean_and_variance_are_those_of_the_textbook() {
+    fn mean_and_variance_equal_the_textbook() {
         let mut average = Average::default();
         for frame in [[1.0, 100.0], [2.0, 100.0], [6.0, 400.0]] {
             average.add(frame.into_iter(), 400.0);

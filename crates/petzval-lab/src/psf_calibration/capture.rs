@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_brightest_pixel_is_one_that_sees_the_light() {
+    fn the_brightest_pixel_has_the_colour_of_the_light() {
         // From sensor row 3, column 2, an RGGB mosaic shows green, blue; a GRBG mosaic blue, green.
         let placement = Placement { row: 3, col: 2 };
         let mut light = WindowLight {

@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_sees_what_its_curve_with_its_factor_says() {
+    fn channel_weights_follow_curves_and_factors() {
         let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
         let plain = petzval_files::parse_quantum_efficiency_toml(text).unwrap();
         let um = led_wavelengths_um();
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn the_channels_of_a_monochrome_sensor_are_one() {
+    fn the_channels_of_a_monochrome_sensor_are_equal() {
         let mono = SensorModel { cfa: CfaPattern::MONO, ..sensor() };
         let [red, green, blue] = channel_weights(&mono, &led_wavelengths_um());
         assert!(red == green && green == blue);

@@ -246,14 +246,14 @@ frames = ["c.png"]
 "#;
 
     #[test]
-    fn a_manifest_survives_a_round_trip() {
+    fn writing_and_reading_keeps_a_manifest() {
         let manifest = Manifest::from_toml(GOOD).unwrap();
         assert_eq!(manifest.position[0].exposure.len(), 2);
         assert_eq!(Manifest::from_toml(&manifest.to_toml().unwrap()).unwrap(), manifest);
     }
 
     #[test]
-    fn every_mistake_is_told_with_its_line() {
+    fn every_error_has_its_line() {
         for (from, to, line, key) in [
             ("exposure_ms = 4.0", "exposure_ms = 0.5", 9, "exposure_ms"),
             ("exposure_ms = 4.0", "exposure_ms = nan", 9, "exposure_ms"),

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bank_survives_its_files_and_a_failure_leaves_nothing_behind() {
+    fn writing_and_reading_keeps_a_bank_and_a_failure_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let path = save_psfs(&bank(), "test", at).unwrap();
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_of_the_right_key() {
+    fn every_error_names_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = save_psfs(&bank(), "test", folder.path()).unwrap();
         let good = std::fs::read_to_string(&path).unwrap();

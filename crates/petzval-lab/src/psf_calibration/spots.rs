@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_has_all_colours_wherever_it_lies() {
+    fn a_tile_has_all_colours_at_every_position() {
         let colours = [3.0, 5.0, 11.0];
         for phase in 0..4 {
             let frame = frame(phase / 2, phase % 2);
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn one_source_is_one_whatever_its_shape_and_colours() {
+    fn one_source_of_any_shape_and_colour_is_one_source() {
         for phase in 0..4 {
             let frame = frame(800 + phase / 2, 1200 + phase % 2);
             // The shadow of a pupil with a hole, brightest where the ring is cut at the middle of the window; across, it is dark.
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_source_is_told_of_with_lateral_colour_too() {
+    fn a_second_source_is_found_also_with_lateral_colour() {
         let spot = |c: usize, row: f64, col: f64| gauss(row - [0.0, 0.0, 2.5][c], col, 1.2);
         for phase in 0..4 {
             let frame = frame(800 + phase / 2, 1200 + phase % 2);

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drift_of_few_frames_is_as_long_as_it_is() {
+    fn the_drift_of_a_few_frames_has_the_right_length_and_error() {
         // Three frames, a tenth of a pixel from each to the next.
         let Drift { px, error_px } = drift(&track(&[20.0, 20.1, 20.2]), &[]).unwrap();
         assert!((px[0] - 0.2).abs() < 1e-12 && px[1].abs() < 1e-12, "{px:?}");
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn scatter_of_many_frames_counts_and_a_jump_in_it_does_not() {
+    fn the_scatter_of_many_frames_counts_without_jumps() {
         let shaking: Vec<f64> = (0..20).map(|n| 20.0 + if n % 2 == 0 { 0.1 } else { -0.1 }).collect();
         let Drift { px, error_px } = drift(&track(&shaking), &[]).unwrap();
         assert!(px[0].abs() < 5.0 * error_px[0] && error_px[0] > 0.05, "{px:?} {error_px:?}");
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn one_frame_of_another_place_is_a_stray_and_a_drift_has_none() {
+    fn one_frame_at_another_position_is_an_outlier_and_a_drift_has_none() {
         assert_eq!(strays(&track(&[20.0, 20.01, 23.0, 20.0, 19.99]), 5.0)[0].0, 2);
         let drifting: Vec<f64> = (0..10).map(|n| 20.0 + 0.3 * f64::from(n)).collect();
         assert!(strays(&track(&drifting), 5.0).is_empty());

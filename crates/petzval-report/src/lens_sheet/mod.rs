@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(count(&mtf, "curve"), 7);
         analysis.mtf.iter_mut().for_each(|m| m.diffraction = None);
         assert!(picture(&analysis, PictureKind::Mtf).contains("By rays: "));
-        assert!(picture(&analysis, PictureKind::Seidel).contains("no formulas"));
+        assert!(picture(&analysis, PictureKind::Seidel).contains("does not cover"));
         let curves = &mut analysis.field_curves;
         curves.field_deg.iter_mut().for_each(|f| *f = 0.0);
         assert!(picture(&analysis, PictureKind::LateralColour).contains("only one field"));

@@ -297,7 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_the_order_of_the_numbers() {
+    fn the_table_has_the_order_of_the_numbers() {
         for (place, parameter) in Parameter::shared().enumerate() {
             assert_eq!(parameter.index(), place, "{}", parameter.name());
         }

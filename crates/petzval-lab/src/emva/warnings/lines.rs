@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kind_is_one_line() {
+    fn each_kind_has_one_line() {
         let uneven = |point: &str, percent| Warning::NotUniform { point: point.to_owned(), percent };
         let dark = |point: &str| Warning::NoDark { point: point.to_owned() };
         let lines = warning_lines(&[
