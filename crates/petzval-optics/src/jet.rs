@@ -1,8 +1,8 @@
 //! Numbers that carry derivatives: a formula written once gives its value, its slopes and its curvature.
 //!
-//! Formulas are generic over [`Real`]: an `f64`, the [`Lanes`] of several rays, or a number that carries derivatives. [`Dual`]
-//! carries one first derivative, [`Jet`] the derivatives by x and y up to the second. A `Jet` of `Dual`s carries the
-//! derivatives of slopes and curvature by one more number.
+//! Formulas are generic over [`Real`]: an `f64`, the [`Lanes`] of several rays, or a number that carries derivatives.
+//! [`Dual`] carries one first derivative, [`Jet`] the derivatives by x and y up to the second. A `Jet` of `Dual`s
+//! carries the derivatives of slopes and curvature by one more number.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -1,6 +1,7 @@
 //! One number of several rays at once, in two vector registers, with the operators of a number.
 //!
-//! There are two registers because a square root or a division takes tens of cycles, and a second one can run at the same time. The width (1, 2, 4 or 8 numbers a register) is that of the [`Simd`] token, chosen at run time.
+//! There are two registers because a square root or a division takes tens of cycles, and a second one can run at the
+//! same time. The width (1, 2, 4 or 8 numbers a register) is that of the [`Simd`] token, chosen at run time.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 

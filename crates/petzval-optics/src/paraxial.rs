@@ -4,8 +4,8 @@
 //! `phi = (n' - n) (c + 2 a_2)`; transfer `y_next = y + t w' / n'`.
 //!
 //! Behind an odd number of mirrors indices and distances are negative, and the formulas stay the same. A thin lens has
-//! its own power, and a diffractive structure with the optical path `a r^2` the power `-2 a`. Shifts and turns of surfaces and
-//! straight gratings are ignored: the properties are those of the lens with every surface on its axis.
+//! its own power, and a diffractive structure with the optical path `a r^2` the power `-2 a`. Shifts and turns of
+//! surfaces and straight gratings are ignored: the properties are those of the lens with every surface on its axis.
 
 use std::ops::Range;
 
@@ -176,8 +176,8 @@ pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut Le
     pull_back_ray(sequence, &ray, RayCotangent { crossing: bar, ..Default::default() }, gradient);
 }
 
-/// Height of the paraxial image of a field divided by the tangent of its angle, mm: the focal length or, for a near object at D,
-/// `-D / w'` with w' the final optical slope of its ray of slope 1 (Lagrange's invariant).
+/// Height of the paraxial image of a field divided by the tangent of its angle, mm: the focal length or, for a near
+/// object at D, `-D / w'` with w' the final optical slope of its ray of slope 1 (Lagrange's invariant).
 pub fn image_height_per_tangent(sequence: &Sequence) -> f64 {
     match sequence.object {
         ObjectDistance::Infinity => first_order(sequence).efl_mm,

@@ -30,8 +30,8 @@ fn is_covered(bending: &Bending) -> bool {
 /// The sums of a lens: one entry per surface; add them for the whole. `None` if one of the surfaces is a thin lens, or a
 /// diffractive structure with power.
 ///
-/// Surfaces are taken in their y-z section, without shifts and turns. Odd powers of r, odd powers of y of an XY polynomial and
-/// straight gratings are ignored.
+/// Surfaces are taken in their y-z section, without shifts and turns. Odd powers of r, odd powers of y of an XY
+/// polynomial and straight gratings are ignored.
 pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
     if !sequence.surfaces.iter().all(|s| is_covered(&s.bending)) {
         return None;

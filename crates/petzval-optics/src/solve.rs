@@ -40,7 +40,8 @@ pub fn with_paraxial_focus(lens: &Lens, defocus_mm: f64) -> Lens {
 /// The lens with its image plane where the mean squared RMS spot over `fields_rad` and all wavelengths is
 /// least; `None` if some field brings no light.
 ///
-/// Rays are straight behind the lens, so the mean is exactly quadratic in the image distance, and three values give its minimum.
+/// Rays are straight behind the lens, so the mean is exactly quadratic in the image distance, and three values give its
+/// minimum.
 pub fn with_best_focus(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature) -> Option<Lens> {
     let step = 0.1;
     let at = lens.image_distance_mm();

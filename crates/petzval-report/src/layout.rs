@@ -36,8 +36,8 @@ impl CrossSection<'_> {
         extent_of(&self.with_image_plane())
     }
 
-    /// The drawing as a stand-alone SVG picture with a scale in px per mm. It covers at least the given extent, so that equal extents
-    /// give pictures of equal size.
+    /// The drawing as a stand-alone SVG picture with a scale in px per mm. It covers at least the given extent, so that
+    /// equal extents give pictures of equal size.
     ///
     /// Elements are filled by dispersion and marked V1, V2, ... with their glass.
     pub fn svg(&self, px_per_mm: f64, extent: Extent) -> String {

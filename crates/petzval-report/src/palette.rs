@@ -1,5 +1,6 @@
-//! Colours of drawings and of pages. Colour-blind readers can distinguish the colours of each set (Okabe and Ito, "Color Universal
-//! Design", 2008). Drawings are on white paper in the dark colour scheme too, so that their colours keep their meaning.
+//! Colours of drawings and of pages. Colour-blind readers can distinguish the colours of each set (Okabe and Ito,
+//! "Color Universal Design", 2008). Drawings are on white paper in the dark colour scheme too, so that their colours
+//! keep their meaning.
 
 use petzval_camera::sensor::Colour;
 

@@ -20,8 +20,8 @@ use super::usable::check_usable;
 use super::warnings::{fit_warnings, gain_warnings, series_warnings};
 use petzval_camera::sensor::Colour;
 
-/// Evaluates a series. Calls `read` after each frame. Points are read in parallel, gain by gain; the result does not depend on
-/// the number of threads.
+/// Evaluates a series. Calls `read` after each frame. Points are read in parallel, gain by gain; the result does not
+/// depend on the number of threads.
 pub fn characterize(
     captures: &Captures,
     options: &Options,

@@ -70,7 +70,8 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
         let none = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
         (mean, variance) = (none, none);
     }
-    // Rounding shifts all points alike if their means have the same fraction of a digital number; otherwise it bends the lines.
+    // Rounding shifts all points alike if their means have the same fraction of a digital number; otherwise it bends
+    // the lines.
     if let Some(noise) = variance.intercept.value() {
         let rounding = RoundingError::of(noise);
         let span_s = times[times.len() - 1] - times[0];

@@ -44,8 +44,8 @@ pub struct Basis<'a> {
     pub library: &'a PhotonTransfer,
     /// Photon transfer by our rules.
     pub ours: &'a PhotonTransfer,
-    /// All dark frames of the gain, also those without flat frames of the same exposure time; the library has only dark frames of
-    /// points.
+    /// All dark frames of the gain, also those without flat frames of the same exposure time; the library has only dark
+    /// frames of points.
     pub dark: &'a DarkSeries,
     /// Non-uniformity, if there are stacks.
     pub spatial: Option<&'a Spatial>,

@@ -159,12 +159,12 @@ impl GainFlags {
     }
 }
 
-/// Standard errors above which a difference is not noise: 64 blocks of a hundred points exceed it by chance once in ten thousand
-/// series.
+/// Standard errors above which a difference is not noise: 64 blocks of a hundred points exceed it by chance once in ten
+/// thousand series.
 const NOT_NOISE_SIGMAS: f64 = 6.0;
 
-/// Brightness of each frame relative to the others, DN. It is the median over blocks, so that an object that moves through a few
-/// blocks does not count.
+/// Brightness of each frame relative to the others, DN. It is the median over blocks, so that an object that moves
+/// through a few blocks does not count.
 fn whole_frame_deviations(found: &PointStatistics) -> Vec<f64> {
     let filled = |blocks: &[f64]| -> Vec<f64> {
         blocks.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(d, _)| *d).collect()

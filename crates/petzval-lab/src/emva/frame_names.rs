@@ -7,8 +7,8 @@ use petzval_base::FileError;
 
 use super::captures::{FrameFile, Point};
 
-/// The frames of a point in `captures.toml`. A name with `*`, `?` or `[` that is not itself a file stands for all files that match
-/// it, in the order of their names and without sidecars; `**` matches folders of any depth.
+/// The frames of a point in `captures.toml`. A name with `*`, `?` or `[` that is not itself a file stands for all files
+/// that match it, in the order of their names and without sidecars; `**` matches folders of any depth.
 pub(super) fn expanded(folder: &Path, point: &Point) -> Result<Vec<FrameFile>, FileError> {
     let mut frames = Vec::new();
     for frame in &point.frames {

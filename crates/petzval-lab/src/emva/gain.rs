@@ -12,8 +12,8 @@ use super::transfer::photon_transfer;
 use super::transfer_point::{Rules, TransferPoint};
 use petzval_camera::sensor::Colour;
 
-/// Evaluates the points of one gain. `dark_ends` are the points of the shortest and the longest dark exposure; the converter clips
-/// at `clip_dn`.
+/// Evaluates the points of one gain. `dark_ends` are the points of the shortest and the longest dark exposure; the
+/// converter clips at `clip_dn`.
 pub fn evaluate_gain(
     captures: &Captures,
     options: &Options,
@@ -110,8 +110,8 @@ fn is_saturated(channel: &ChannelResult, point: usize) -> bool {
     channel.transfer.is_beyond_saturation(point) || channel.points[point].is_clipped()
 }
 
-/// Whether a point is darker than the one before it, which has less light. Below saturation the difference must exceed noise. On
-/// the plateau beyond it must exceed a twentieth, because the subtracted dark signal still grows there.
+/// Whether a point is darker than the one before it, which has less light. Below saturation the difference must exceed
+/// noise. On the plateau beyond it must exceed a twentieth, because the subtracted dark signal still grows there.
 fn is_darker(channel: &ChannelResult, point: usize) -> bool {
     let (before, own) = (&channel.points[point - 1], &channel.points[point]);
     let (low, high) = (before.signal_dn(), own.signal_dn());

@@ -1,9 +1,9 @@
 //! The high-pass filter of EMVA 1288, which removes the shading of the light before non-uniformity is evaluated.
 //!
-//! A filter is `h = delta - l` with a separable low-pass `l`. Its loss of variance is known exactly and corrected: white noise
-//! keeps the share `sum(h^2)`, a pattern of columns `sum over x of (sum over y of h)^2`, which for a separable `l` of unit sum
-//! is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) uses a 5x5 box, release 4 a 7x7 box, an 11x11 box and a
-//! 3x3 binomial kernel one after the other.
+//! A filter is `h = delta - l` with a separable low-pass `l`. Its loss of variance is known exactly and corrected:
+//! white noise keeps the share `sum(h^2)`, a pattern of columns `sum over x of (sum over y of h)^2`, which for a
+//! separable `l` of unit sum is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) uses a 5x5 box,
+//! release 4 a 7x7 box, an 11x11 box and a 3x3 binomial kernel one after the other.
 
 use serde::{Deserialize, Serialize};
 
@@ -39,8 +39,8 @@ pub struct Passed {
     pub pixel: f64,
     /// Of a pattern of rows or of columns.
     pub line: f64,
-    /// Sum of the squared correlations of a filtered pixel with all pixels: the factor by which the lost independence raises the
-    /// variance of a variance.
+    /// Sum of the squared correlations of a filtered pixel with all pixels: the factor by which the lost independence
+    /// raises the variance of a variance.
     pub pixel_correlation: f64,
     /// The same of the lines of a filtered pattern.
     pub line_correlation: f64,

@@ -1,10 +1,10 @@
 //! The paper's fourth step as an optimisation: the parameters with which simulated histograms match captured ones.
 //!
-//! The fit draws no random numbers: it compares the exact distribution of digital numbers ([`pmf`](super::pmf)) with the counts
-//! by maximum likelihood (Fisher scoring with a damped step). Free parameters are K, mu_r, mu_el, sigma_el, the dark noise in
-//! electrons, mu_I, the ratios of the colours, the PRNU and the light of every gain. A parameter that the captures do not
-//! determine is held: dark noise and mu_r with one gain, mu_I with one exposure time, the PRNU with one light level, K without
-//! flat frames.
+//! The fit draws no random numbers: it compares the exact distribution of digital numbers ([`pmf`](super::pmf)) with
+//! the counts by maximum likelihood (Fisher scoring with a damped step). Free parameters are K, mu_r, mu_el, sigma_el,
+//! the dark noise in electrons, mu_I, the ratios of the colours, the PRNU and the light of every gain. A parameter that
+//! the captures do not determine is held: dark noise and mu_r with one gain, mu_I with one exposure time, the PRNU with
+//! one light level, K without flat frames.
 //!
 //! A histogram contains differences between pixels and differences between frames:
 //!
@@ -16,10 +16,10 @@
 //! separate DSNU from read noise: the fit finds `sigma_r^2 + DSNU^2`, takes sigma_r from temporal noise (the [`JointFit`]) and
 //! reports the rest as DSNU.
 //!
-//! The fit uses the core of each histogram (median +- 4 standard deviations from its quantiles), so that a tail of hot pixels is
-//! reported ([`DarkTail`](super::warnings::Warning::DarkTail)) and not fitted as noise. Histograms that reach the full well or leave
-//! the range of photon transfer are saturated and left out. Standard errors are those of temporal noise, with the pixels of
-//! this sensor fixed.
+//! The fit uses the core of each histogram (median +- 4 standard deviations from its quantiles), so that a tail of hot
+//! pixels is reported ([`DarkTail`](super::warnings::Warning::DarkTail)) and not fitted as noise. Histograms that reach
+//! the full well or leave the range of photon transfer are saturated and left out. Standard errors are those of
+//! temporal noise, with the pixels of this sensor fixed.
 
 mod comparison;
 mod likelihood;
@@ -45,7 +45,8 @@ use sample::{arrange, free_parameters, is_plausible, is_usable};
 /// Largest number of steps of the fit.
 const MOST_STEPS: usize = 40;
 
-/// Fits from the results of the joint fit. `None` if it did not resolve gain, read noise or offset, or if no histogram is usable.
+/// Fits from the results of the joint fit. `None` if it did not resolve gain, read noise or offset, or if no histogram
+/// is usable.
 pub fn fit_histograms(
     sensor: &SensorFacts,
     joint: &JointFit,
@@ -96,7 +97,8 @@ fn fit_in_steps(
     }
     let free = free_parameters(&samples, &first_numbers);
 
-    // Maximise the likelihood by Fisher scoring. Repeat a step with more damping if it fails, leaves the bounds or goes down.
+    // Maximise the likelihood by Fisher scoring. Repeat a step with more damping if it fails, leaves the bounds or goes
+    // down.
     let mut numbers = first_numbers.clone();
     let mut state = Score::of(&samples, full_well_e, max_dn, &numbers);
     let (mut damping, mut steps, mut converged) = (0.0, 0, false);

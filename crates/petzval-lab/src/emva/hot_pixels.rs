@@ -6,20 +6,20 @@
 //! x_p = (mean_p(t_long) - mean_p(t_short)) / (t_long - t_short)        [DN/s]
 //! ```
 //!
-//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`. A share `h` of them, the
-//! hot pixels, has an additional dark current, exponentially distributed with mean `theta`
-//! ([`NonUniformity`](petzval_camera::sensor::NonUniformity)). An exponential distribution has no memory: the excess over a
-//! threshold `T` has the same distribution. So the `n` pixels more than `T = 6 s` above the others determine both numbers,
-//! whatever the distribution of the noise below (peaks over a threshold):
+//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`. A share `h` of
+//! them, the hot pixels, has an additional dark current, exponentially distributed with mean `theta`
+//! ([`NonUniformity`](petzval_camera::sensor::NonUniformity)). An exponential distribution has no memory: the excess
+//! over a threshold `T` has the same distribution. So the `n` pixels more than `T = 6 s` above the others determine
+//! both numbers, whatever the distribution of the noise below (peaks over a threshold):
 //!
 //! ```text
 //! theta = sum(x_p - T) / m                       m of the n are not full at t_long: maximum likelihood of a censored sample
 //! h     = n / N exp(T / theta - s^2 / (2 theta^2))                     N pixels; the exponent accounts for pixels below T
 //! ```
 //!
-//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen is one
-//! draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, minus the contribution of hot
-//! pixels below `T`.
+//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen
+//! is one draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, minus the
+//! contribution of hot pixels below `T`.
 
 use serde::Serialize;
 
@@ -29,7 +29,8 @@ use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
 use super::point::Stack;
 use super::samples::greatest_common_divisor;
 
-/// Standard deviations from the median beyond which a dark current is not noise: 2e-9 of normally distributed ones exceed it.
+/// Standard deviations from the median beyond which a dark current is not noise: 2e-9 of normally distributed ones
+/// exceed it.
 const THRESHOLD_SIGMAS: f64 = 6.0;
 /// Fewest pixels from which the distribution is estimated: ten give the mean excess to a third.
 const FEWEST: usize = 10;
@@ -125,7 +126,8 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let per_unit = 1.0 / ((short_frames * of_short) as f64 * time_s);
     let pixels = differences.len() as f64;
 
-    // Estimate median and standard deviation by quantiles, which hot pixels hardly shift. Pixels above the threshold are outliers.
+    // Estimate median and standard deviation by quantiles, which hot pixels hardly shift. Pixels above the threshold
+    // are outliers.
     let mut sorted = differences.clone();
     let median = quantile(&mut sorted, 0.5) * per_unit;
     let below = quantile(&mut sorted, BELOW_ONE_SIGMA) * per_unit;
@@ -184,7 +186,8 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     if share_error * RESOLVED_SIGMAS >= 1.0 || share >= 0.5 {
         return found;
     }
-    // Subtract the hot pixels below the threshold from the mean of the ordinary pixels. Compute the variance of all hot pixels.
+    // Subtract the hot pixels below the threshold from the mean of the ordinary pixels. Compute the variance of all hot
+    // pixels.
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
     let mean = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / pixels;

@@ -8,8 +8,9 @@
 //! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
 //! ```
 //!
-//! Each is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of rounding. (Rounding adds
-//! 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
+//! Each is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of rounding.
+//! (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over
+//! single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
 //! BL is taken from the setting of the camera.
 
 use serde::Serialize;

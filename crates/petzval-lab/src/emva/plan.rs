@@ -246,8 +246,9 @@ impl Plan {
         Ok(self.points_lit(&self.lit(sensor)?.sensor))
     }
 
-    /// The sensor under the light of the plan. White light does not change it. Under light of one wavelength the colour with
-    /// the highest efficiency `Q` has response 1, and every other its share of that: `N` photons give `Q_c N` electrons.
+    /// The sensor under the light of the plan. White light does not change it. Under light of one wavelength the colour
+    /// with the highest efficiency `Q` has response 1, and every other its share of that: `N` photons give `Q_c N`
+    /// electrons.
     pub(super) fn lit(&self, sensor: &SensorModel) -> Result<Lit, CaptureError> {
         let wrong = |problem: String| CaptureError::Plan { what: "wavelength", problem };
         let (Some(um), None) = (self.wavelength_um, self.quantum_efficiency) else {

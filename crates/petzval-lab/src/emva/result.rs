@@ -21,7 +21,8 @@ use petzval_camera::sensor::Colour;
 pub struct Options {
     /// The filter before non-uniformity (of the corrected values).
     pub high_pass: HighPass,
-    /// Subtract the variance of the frames' means from the temporal variance (release 4). Without it, Eq. 6 of Tseng et al. holds.
+    /// Subtract the variance of the frames' means from the temporal variance (release 4). Without it, Eq. 6 of Tseng et
+    /// al. holds.
     pub mean_difference: bool,
     /// Fit the remaining parameters of the model to the histograms.
     pub fit_histograms: bool,

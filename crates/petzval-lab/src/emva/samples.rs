@@ -19,8 +19,8 @@ pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32
     if at_end.any(|m| piles_up(&m.histogram)) { largest } else { max_dn }
 }
 
-/// Whether samples pile up at the largest number. Counts of light with noise fall towards their end; clipping adds all samples
-/// beyond the end to the last count.
+/// Whether samples pile up at the largest number. Counts of light with noise fall towards their end; clipping adds all
+/// samples beyond the end to the last count.
 fn piles_up(histogram: &Counts) -> bool {
     let mut from_end = histogram.counts.iter().rev().filter(|c| **c > 0).map(|c| *c as f64);
     let (Some(last), Some(before)) = (from_end.next(), from_end.next()) else { return false };

@@ -1,8 +1,8 @@
 //! Simulated captures: the calibration series of a sensor, written as the files of a camera.
 //!
 //! The frames of a [`Plan`] come from [`expose`] with a flat field, are written one by one under a temporary name and
-//! renamed, and are listed in `captures.toml` at the end. An interrupted series is
-//! continued: a frame depends only on sensor, plan and its own number.
+//! renamed, and are listed in `captures.toml` at the end. An interrupted series is continued: a frame depends only on
+//! sensor, plan and its own number.
 
 use std::path::{Path, PathBuf};
 
@@ -35,8 +35,8 @@ pub struct Written {
     pub kept: usize,
 }
 
-/// Writes the series into a folder, which is created if necessary. Calls `written` after every frame. The same sensor and plan
-/// give the same bits, on any number of threads and after any interruption.
+/// Writes the series into a folder, which is created if necessary. Calls `written` after every frame. The same sensor
+/// and plan give the same bits, on any number of threads and after any interruption.
 pub fn write_series(
     sensor: &SensorModel,
     plan: &Plan,

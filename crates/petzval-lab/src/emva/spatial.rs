@@ -1,7 +1,8 @@
 //! Spatial non-uniformity from a stack of flat and a stack of dark frames.
 //!
-//! The mean of `L` frames still holds `1/L` of the temporal variance `s2_stack`. Its variance over the `M x N` pixels, that of
-//! its column means and that of its row means are split into the contributions of single pixels, columns and rows:
+//! The mean of `L` frames still holds `1/L` of the temporal variance `s2_stack`. Its variance over the `M x N` pixels,
+//! that of its column means and that of its row means are split into the contributions of single pixels, columns and
+//! rows:
 //!
 //! ```text
 //! V  = var(mean frame)       = P + C + R       P = pixel variance + s2_stack / L
@@ -313,8 +314,9 @@ fn mean_of(subs: &[Sub]) -> StackVariances {
     }
 }
 
-/// The split after a high-pass, with standard errors: that of the pixels from the fourth moment of the residual after rows and
-/// columns, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count less.
+/// The split after a high-pass, with standard errors: that of the pixels from the fourth moment of the residual after
+/// rows and columns, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count
+/// less.
 fn components(subs: &[Sub], high_pass: HighPass) -> Components {
     let none = Measured::none(Unresolved::TooSmall);
     let passed = high_pass.passed();

@@ -95,16 +95,17 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
     })
 }
 
-/// Standard errors by which the noise may be below that of the line. Leaving a point out costs little, so chance may do it once in
-/// a thousand points.
+/// Standard errors by which the noise may be below that of the line. Leaving a point out costs little, so chance may do
+/// it once in a thousand points.
 const KNEE_SIGMAS: f64 = 3.0;
 
-/// The last usable point of a series that ends before the noise falls: it is not clipped, and neither it nor a point below it is
-/// in the knee of the saturation.
+/// The last usable point of a series that ends before the noise falls: it is not clipped, and neither it nor a point
+/// below it is in the knee of the saturation.
 ///
-/// Pixels that begin to fill lose variance long before the mean bends: 2.3 standard deviations below the level 2 % of the variance
-/// is lost, while the mean is off by 0.4 % of a standard deviation. Yet the variance may still grow. If a point of the upper 30 %
-/// has less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the points below are used.
+/// Pixels that begin to fill lose variance long before the mean bends: 2.3 standard deviations below the level 2 % of
+/// the variance is lost, while the mean is off by 0.4 % of a standard deviation. Yet the variance may still grow. If a
+/// point of the upper 30 % has less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the
+/// points below are used.
 fn last_with_the_noise_of_light(points: &[TransferPoint]) -> Option<usize> {
     let last = points.iter().rposition(|p| !p.is_clipped())?;
     let lower_dn = FIT_SHARE * points[last].signal_dn();

@@ -93,7 +93,8 @@ impl TransferPoint {
     }
 }
 
-/// Share of the samples at the digital number where they are clipped; zero if the mean is so far below that these are stuck pixels.
+/// Share of the samples at the digital number where they are clipped; zero if the mean is so far below that these are
+/// stuck pixels.
 fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
     match flat.reaches(clip_dn) {
         true => flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
@@ -107,8 +108,8 @@ fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
 pub enum Rules {
     /// Rules of the EMVA 1288 Python library: the brightest point counts as saturated if no peak of the noise is seen.
     Library,
-    /// Our rules: saturation is a peak of the noise beyond which it falls by more than chance, or a signal that no longer grows.
-    /// Without saturation, all points count that are not clipped and lie on the line of the noise.
+    /// Our rules: saturation is a peak of the noise beyond which it falls by more than chance, or a signal that no
+    /// longer grows. Without saturation, all points count that are not clipped and lie on the line of the noise.
     Ours,
 }
 

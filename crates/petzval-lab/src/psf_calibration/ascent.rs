@@ -1,4 +1,5 @@
-//! Fits cells to the pixels of the mosaic by the method of Richardson and Lucy with read noise. The cells are sums of blobs.
+//! Fits cells to the pixels of the mosaic by the method of Richardson and Lucy with read noise. The cells are sums of
+//! blobs.
 //!
 //! `u <- u B'[(y + b)/(B u + b)] / B'1` with `b = var(y) T - y` in electrons (Snyder et al., J. Opt. Soc. Am. A 10, 1014, 1993).
 //! The cells are `x = G u` with Gaussian blobs G, and `B = A G` (method of sieves, Snyder & Miller 1985). u is kept symmetric
@@ -124,8 +125,8 @@ pub(super) fn shaped(cells: &[f64], outward: isize, light: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Replaces every cell by a round blob: a Gaussian along rows and columns. The operation is its own transpose as long as no light
-/// reaches the rim.
+/// Replaces every cell by a round blob: a Gaussian along rows and columns. The operation is its own transpose as long
+/// as no light reaches the rim.
 fn blurred(cells: &[f64], blob: f64) -> Vec<f64> {
     const REACH: usize = 4;
     let weights: Vec<f64> =

@@ -16,7 +16,8 @@ pub struct Average {
 }
 
 impl Average {
-    /// Adds a frame. Pixels saturate at `saturation_dn`: at the end of the converter, or below it at the full well. All frames have the same number of pixels.
+    /// Adds a frame. Pixels saturate at `saturation_dn`: at the end of the converter, or below it at the full well. All
+    /// frames have the same number of pixels.
     pub fn add(&mut self, dn: impl ExactSizeIterator<Item = f64>, saturation_dn: f64) {
         if self.frames == 0 {
             self.mean_dn = vec![0.0; dn.len()];
@@ -46,8 +47,8 @@ pub struct Dark {
     pub frames: usize,
     /// Mean of each pixel, DN.
     pub mean_dn: Vec<f64>,
-    /// Variance of that mean, DN^2: the mean variance of the frames divided by their number, the same for all pixels except hot
-    /// ones.
+    /// Variance of that mean, DN^2: the mean variance of the frames divided by their number, the same for all pixels
+    /// except hot ones.
     pub variance_dn2: f64,
     /// Excess of hot pixels over the others, DN; 0 for the others. These electrons have additional shot noise.
     pub hot_dn: Vec<f64>,

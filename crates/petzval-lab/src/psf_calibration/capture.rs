@@ -18,8 +18,8 @@ pub struct WindowLight {
 }
 
 impl WindowLight {
-    /// Rate of the brightest pixel behind its own filter, electrons/s; the other colours at its place have no pixel. Clear pixels
-    /// of a monochrome sensor use the values of green.
+    /// Rate of the brightest pixel behind its own filter, electrons/s; the other colours at its place have no pixel.
+    /// Clear pixels of a monochrome sensor use the values of green.
     pub fn brightest_e_per_s(&self, cfa: &CfaPattern) -> f64 {
         let seen = |i: usize| {
             let Placement { row, col } = self.placement;

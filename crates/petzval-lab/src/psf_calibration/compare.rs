@@ -1,9 +1,9 @@
 //! Compares a measured PSF with a simulated one, twice: on ideal pixels, and through the same mosaic.
 //!
-//! Bilinear demosaicing of a spot a few pixels wide makes a large error. Measured and simulated PSF share it if the simulated
-//! one is processed in the same way: placed at the best-fitting sub-pixel position, sampled by the same mosaic, demosaiced and
-//! cropped. The distance to that PSF is to be compared with noise. The distance between the two simulated PSFs is the error of
-//! demosaicing.
+//! Bilinear demosaicing of a spot a few pixels wide makes a large error. Measured and simulated PSF share it if the
+//! simulated one is processed in the same way: placed at the best-fitting sub-pixel position, sampled by the same
+//! mosaic, demosaiced and cropped. The distance to that PSF is to be compared with noise. The distance between the two
+//! simulated PSFs is the error of demosaicing.
 
 use super::PsfCalibrationError;
 use super::landing::{FinePsf, Spot};
@@ -23,9 +23,9 @@ pub struct Comparison {
     pub l1_ideal: [f64; CHANNELS],
     /// L1 distance between the two simulated PSFs: demosaicing alone, without noise.
     pub demosaic_l1: [f64; CHANNELS],
-    /// Measured minus simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts both,
-    /// so this is the effect of noise. If the position of the image is not known, the simulated PSF stays where it fits best,
-    /// and only differences between channels are meaningful.
+    /// Measured minus simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts
+    /// both, so this is the effect of noise. If the position of the image is not known, the simulated PSF stays where
+    /// it fits best, and only differences between channels are meaningful.
     pub centroid_error_px: [[f64; 2]; CHANNELS],
     /// Measured minus ideal-pixel centroid: the total error of the measured centroid, demosaicing included.
     pub centroid_error_ideal_px: [[f64; 2]; CHANNELS],

@@ -11,21 +11,24 @@
 //! `A_j` is the renderer's own operator ([`Landing`]). Each channel is fitted to the *mosaic's* own pixels of its colour:
 //! nothing is demosaiced. The fit is in `ascent`.
 //!
-//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are three
-//! sub-pixel phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise can be far
-//! off for another phase or azimuth. So the smoothness of the fit is the one that best predicts held-out pixels (`held_out`),
-//! and chi^2 and L1 distance on pixels that took no part are reported with every field. The renderer's PSF is that of a
-//! rotationally symmetric lens, so the cells are symmetric about the field's own axis. A position in the middle of the image
-//! counts at eight azimuths. Cells beyond half the crop stay dark, except for the rim of the blobs.
+//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are
+//! three sub-pixel phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise
+//! can be far off for another phase or azimuth. So the smoothness of the fit is the one that best predicts held-out
+//! pixels (`held_out`), and chi^2 and L1 distance on pixels that took no part are reported with every field. The
+//! renderer's PSF is that of a rotationally symmetric lens, so the cells are symmetric about the field's own axis. A
+//! position in the middle of the image counts at eight azimuths. Cells beyond half the crop stay dark, except for the
+//! rim of the blobs.
 //!
-//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red, and it
-//! catches much or little of a spot as small as a pixel, depending on the spot's position. Positions of one radius see one
-//! source through a rotationally symmetric lens, so their light is equal, and their phases together determine it: in green to
-//! a tenth or better, but not in red and blue for the sharpest spots. So all colours use the relative illumination of green.
+//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red,
+//! and it catches much or little of a spot as small as a pixel, depending on the spot's position. Positions of one
+//! radius see one source through a rotationally symmetric lens, so their light is equal, and their phases together
+//! determine it: in green to a tenth or better, but not in red and blue for the sharpest spots. So all colours use the
+//! relative illumination of green.
 //!
-//! The fit alternates between the centres of the positions and the cells, because the demosaiced centroid of a sharp spot is
-//! off by a fraction of a pixel. The middle of the grid is the green centroid, because a measured spot does not show its chief
-//! ray. Lateral colour between channels is kept; the distance between chief ray and centroid is lost, as distortion is.
+//! The fit alternates between the centres of the positions and the cells, because the demosaiced centroid of a sharp
+//! spot is off by a fraction of a pixel. The middle of the grid is the green centroid, because a measured spot does not
+//! show its chief ray. Lateral colour between channels is kept; the distance between chief ray and centroid is lost, as
+//! distortion is.
 
 use rayon::prelude::*;
 
@@ -259,8 +262,8 @@ fn sights<'a>(
     (seen, landings)
 }
 
-/// Fits the centres of the positions of a field and its cells alternately: the demosaiced centroid of each sharp spot has its own
-/// error of a fraction of a pixel.
+/// Fits the centres of the positions of a field and its cells alternately: the demosaiced centroid of each sharp spot
+/// has its own error of a fraction of a pixel.
 fn register(field: &[Place], turns: usize, pixel_um: f64) -> (Vec<[f64; 2]>, [Vec<f64>; CHANNELS]) {
     let mut middle: Vec<[f64; 2]> = field.iter().map(|p| p.measured.psf.centroid_px[1]).collect();
     let mut cells: [Vec<f64>; CHANNELS] = Default::default();

@@ -1,10 +1,10 @@
 //! Chooses the smoothness of the cells of a field: the one that best predicts pixels that took no part in the fit.
 //!
-//! The pixels do not determine the cells. Red and blue are sampled every two pixels, spots have structure of two pixels, and
-//! cells of a third of a pixel reach a chi^2 of 1 on the fitted pixels whatever their detail. So held-out pixels choose the size
-//! of the blobs, the number of iterations and the start. Each position of a radius is held out in turn, with its centre and
-//! light free. A radius with only one position holds out each fifth of its 2x2 tiles, which does not test another sub-pixel
-//! phase.
+//! The pixels do not determine the cells. Red and blue are sampled every two pixels, spots have structure of two
+//! pixels, and cells of a third of a pixel reach a chi^2 of 1 on the fitted pixels whatever their detail. So held-out
+//! pixels choose the size of the blobs, the number of iterations and the start. Each position of a radius is held out
+//! in turn, with its centre and light free. A radius with only one position holds out each fifth of its 2x2 tiles,
+//! which does not test another sub-pixel phase.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -45,9 +45,9 @@ pub struct Landing {
 
 /// Places and weights of a quadrature over a disc of radius 1 whose diameter is `diameter_px` pixels.
 ///
-/// Up to a pixel: the centre and six points, exact to fifth degree (Abramowitz & Stegun 25.4.61). A larger disc needs more points,
-/// or seven separate images would appear: rings of equal cells, half a pixel apart, with exact second moment. Ring k of n has `3 (2k - 1)` points at
-/// radius `sqrt(k^2 - k + 1/2) / n`.
+/// Up to a pixel: the centre and six points, exact to fifth degree (Abramowitz & Stegun 25.4.61). A larger disc needs
+/// more points, or seven separate images would appear: rings of equal cells, half a pixel apart, with exact second
+/// moment. Ring k of n has `3 (2k - 1)` points at radius `sqrt(k^2 - k + 1/2) / n`.
 fn disc_points(diameter_px: f64) -> Vec<(f64, f64, f64)> {
     if diameter_px <= 0.0 {
         return vec![(0.0, 0.0, 1.0)];

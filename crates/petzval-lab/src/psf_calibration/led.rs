@@ -23,8 +23,8 @@ pub fn led_wavelengths_um() -> Vec<f64> {
     (0..29).map(|i| 0.41 + 0.01 * i as f64).collect()
 }
 
-/// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1 and the
-/// others to their signal relative to green. The three channels of a monochrome sensor are one.
+/// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1
+/// and the others to their signal relative to green. The three channels of a monochrome sensor are one.
 ///
 /// The efficiency curves are those of the sensor, with their factors, or else stated stand-ins:
 /// Gaussian colour filters around 0.600, 0.535 and 0.460 um of 80, 85 and 75 nm full width, scaled to the sensor's relative

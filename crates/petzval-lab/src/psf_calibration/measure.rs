@@ -47,8 +47,8 @@ pub struct PixelPsf {
     pub corner: (usize, usize),
     /// Values of each channel, `CROP` x `CROP`, rows in sensor order, unit sum; noise may take values below 0.
     pub values: [Vec<f64>; CHANNELS],
-    /// Sum of each channel over the crop before it was normalised, electrons/s of its pixels. For spots no
-    /// wider than a few pixels it depends on their position on the mosaic; the light that [`super::estimate`] fits does not.
+    /// Sum of each channel over the crop before it was normalised, electrons/s of its pixels. For spots no wider than a
+    /// few pixels it depends on their position on the mosaic; the light that [`super::estimate`] fits does not.
     pub light_e_per_s: [f64; CHANNELS],
     /// Centroid of each channel in the window, (row, column), px.
     pub centroid_px: [[f64; 2]; CHANNELS],

@@ -16,11 +16,11 @@
 //! r = sum w_k r_k / W,   var r = sum w_k^2 v_k / W^2 + (sum w_k s_k / t_k / W)^2 + (p r)^2,   W = sum w_k
 //! ```
 //!
-//! The variance is that of the *expected* signal. With the variance of each noisy value instead, low values would
-//! get more weight, and the merged rate would be biased low. The expected signal starts as the pooled estimate
-//! `sum N_k t_k r_k / sum N_k t_k` (which is the best one where shot noise dominates) and is then refined twice. A pixel that
-//! reached the end of the converter or 98 % of the full well, dark electrons included, in any frame of an exposure has no weight
-//! there. Noise that a row or a column shares is treated as independent from pixel to pixel.
+//! The variance is that of the *expected* signal. With the variance of each noisy value instead, low values would get
+//! more weight, and the merged rate would be biased low. The expected signal starts as the pooled estimate
+//! `sum N_k t_k r_k / sum N_k t_k` (which is the best one where shot noise dominates) and is then refined twice. A
+//! pixel that reached the end of the converter or 98 % of the full well, dark electrons included, in any frame of an
+//! exposure has no weight there. Noise that a row or a column shares is treated as independent from pixel to pixel.
 
 use super::average::{Average, Dark};
 use super::frame::Frame;
@@ -262,8 +262,8 @@ pub fn agreement(
 /// Standard deviations of a hot pixel above the median of the 5x5 pixels around it.
 const HOT_SIGMAS: f64 = 8.0;
 
-/// Largest height of the neighbours above the median, relative to that of the hot pixel. The brightest neighbour is exempt, because
-/// it may be hot as well.
+/// Largest height of the neighbours above the median, relative to that of the hot pixel. The brightest neighbour is
+/// exempt, because it may be hot as well.
 const HOT_NEIGHBOURS: f64 = 0.25;
 
 /// Distance from the source within which a single bright pixel may be its peak, px.
@@ -279,10 +279,11 @@ const HOT_DISTANCE_PX: f64 = 3.0;
 /// r - m > 8 sigma   and   r2 - m < (r - m) / 4
 /// ```
 ///
-/// Light through a lens falls on neighbours too: a round spot in the middle of a pixel, at least 1.2 px wide at half height, gives
-/// four neighbours a quarter of the pixel's share or more. The nearest neighbours have other colours, but filters overlap. (In 153 simulated captures of the nominal triplet, no pixel 8 sigma above m has an r2 below m + 0.45 (r - m).)
-/// On the flank of a PSF the neighbours nearer to the source are bright as well, so a hot pixel is found there only if it is four
-/// times as bright. Weaker hot pixels stay, because they cannot be distinguished from light.
+/// Light through a lens falls on neighbours too: a round spot in the middle of a pixel, at least 1.2 px wide at half
+/// height, gives four neighbours a quarter of the pixel's share or more. The nearest neighbours have other colours, but
+/// filters overlap. (In 153 simulated captures of the nominal triplet, no pixel 8 sigma above m has an r2 below m +
+/// 0.45 (r - m).) On the flank of a PSF the neighbours nearer to the source are bright as well, so a hot pixel is found
+/// there only if it is four times as bright. Weaker hot pixels stay, because they cannot be distinguished from light.
 pub fn mask_hot_pixels(merged: &mut Merged, frame: &Frame, source: [f64; 2]) -> Vec<usize> {
     let inside = |at: usize, step: isize, len: usize| at.checked_add_signed(step).filter(|v| *v < len);
     let around = |i: usize| -> Vec<usize> {

@@ -85,8 +85,8 @@ fn light_factor(data: &[Datum], landed: &[f64]) -> f64 {
     if bottom > 0.0 { top / bottom } else { 1.0 }
 }
 
-/// Distance of a position's centre from the best fit of the cells to its pixels, (row, column), px: one Gauss-Newton step over all
-/// colours, the light of each free.
+/// Distance of a position's centre from the best fit of the cells to its pixels, (row, column), px: one Gauss-Newton
+/// step over all colours, the light of each free.
 pub(super) fn misplaced(
     place: &Place,
     middle: [f64; 2],
@@ -122,8 +122,8 @@ pub(super) fn misplaced(
     step.map(|s| if s.is_finite() { s.clamp(-MOST_PX, MOST_PX) } else { 0.0 })
 }
 
-/// Scores a position that took no part in the fit of the cells, which may have any unit of light. The light of each colour is free,
-/// and so is the centre (row, column): it is fitted from `start` and returned.
+/// Scores a position that took no part in the fit of the cells, which may have any unit of light. The light of each
+/// colour is free, and so is the centre (row, column): it is fitted from `start` and returned.
 pub fn explain(
     place: &Place,
     start: [f64; 2],

@@ -10,24 +10,24 @@
 //!
 //! With even weights the colours would be 4:4:1, 2:5:2 or 1:4:4 in turn, and a spot of one colour would have holes.
 //!
-//! Light of the source's own PSF (a tail, a ring or a caustic) is connected to its peak: on some path to the peak the light does
-//! not fall far below that of the starting point. A maximum is *apart* if every path to the peak s(0) has a gap (the key saddle
-//! of topographic prominence),
+//! Light of the source's own PSF (a tail, a ring or a caustic) is connected to its peak: on some path to the peak the
+//! light does not fall far below that of the starting point. A maximum is *apart* if every path to the peak s(0) has a
+//! gap (the key saddle of topographic prominence),
 //!
 //! ```text
 //! max over paths (min along the path s) < min(s(x) / 2, s(x) - 8 sigma(x))
 //! ```
 //!
-//! Lateral colour separates the colours of one source, so that blue may be a maximum of its own with a gap before it. But this
-//! maximum has only one colour. A second source has all colours, separated like those of the first: with s_c the light of colour c
-//! and p_c its peak at the source,
+//! Lateral colour separates the colours of one source, so that blue may be a maximum of its own with a gap before it.
+//! But this maximum has only one colour. A second source has all colours, separated like those of the first: with s_c
+//! the light of colour c and p_c its peak at the source,
 //!
 //! ```text
 //! s_c(p_c + x) / s_c(p_c) > 1/4 s(x) / s(0)     in each colour
 //! ```
 //!
-//! where 1/4 allows for the uneven sampling of spots as small as a pixel by the red and blue pixels. Beyond the extent of a PSF,
-//! any maximum is another source.
+//! where 1/4 allows for the uneven sampling of spots as small as a pixel by the red and blue pixels. Beyond the extent
+//! of a PSF, any maximum is another source.
 
 use super::PsfCalibrationError;
 use super::frame::{BACKGROUND_PX, Frame};

@@ -6,9 +6,9 @@
 //! c = sum w (m - b) x / sum w (m - b),     var c = sum (w (x - c) / L)^2 var m,     L = sum w (m - b)
 //! ```
 //!
-//! with the window `w` of [`super::measure`], which moves with the centroid. Hot and saturated pixels may be left out. This
-//! centroid is not exact to a fraction of a pixel, because a mosaic's colours sample light unevenly. But it shows whether the
-//! source moved between two frames: both have the same error if the same pixels are left out.
+//! with the window `w` of [`super::measure`], which moves with the centroid. Hot and saturated pixels may be left out.
+//! This centroid is not exact to a fraction of a pixel, because a mosaic's colours sample light unevenly. But it shows
+//! whether the source moved between two frames: both have the same error if the same pixels are left out.
 
 use super::measure::{Frame, window};
 use petzval_base::statistics::median;
@@ -119,8 +119,8 @@ pub fn mean_centroid(track: &[Followed]) -> Option<([f64; 2], [f64; 2])> {
     Some((mean, error))
 }
 
-/// Least number of frames whose own scatter estimates the error better than propagation: with fewer, a steady drift of any speed
-/// would count as scatter.
+/// Least number of frames whose own scatter estimates the error better than propagation: with fewer, a steady drift of
+/// any speed would count as scatter.
 const FRAMES_FOR_SCATTER: usize = 8;
 
 /// Scatter of successive frames without a steady drift or single jumps in it: the median step, as a standard deviation.
@@ -165,8 +165,8 @@ pub fn drift(track: &[Followed], leave_out: &[usize]) -> Option<Drift> {
     Some(Drift { px, error_px })
 }
 
-/// Frames whose source is away from its position in the others by more than half a pixel, `sigmas` standard errors of one frame
-/// and `sigmas` times their scatter: number and distance, px.
+/// Frames whose source is away from its position in the others by more than half a pixel, `sigmas` standard errors of
+/// one frame and `sigmas` times their scatter: number and distance, px.
 pub fn strays(track: &[Followed], sigmas: f64) -> Vec<(usize, f64)> {
     let centroids: Vec<(usize, Centroid)> =
         track.iter().enumerate().filter_map(|(n, (_, c))| c.map(|c| (n, c))).collect();

@@ -15,8 +15,8 @@ const MOVED_SIGMAS: f64 = 5.0;
 /// Light of the other frames, in standard deviations, from which a frame without the source is reported.
 const SEEN_SIGMAS: f64 = 20.0;
 
-/// Least mean squared difference over variance of exposures that disagree, in addition to five of its standard deviations; models
-/// of noise are not more accurate.
+/// Least mean squared difference over variance of exposures that disagree, in addition to five of its standard
+/// deviations; models of noise are not more accurate.
 const DISAGREEMENT: f64 = 1.4;
 
 /// A measured position with the inputs of its warnings.

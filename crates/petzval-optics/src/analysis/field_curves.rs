@@ -25,8 +25,9 @@ pub struct FieldCurves {
     pub tangential_focus_mm: Vec<Vec<f64>>,
     /// `[wavelength]`: crossing of the chief ray with nearby rays across that plane, z from the image plane, mm.
     pub sagittal_focus_mm: Vec<Vec<f64>>,
-    /// `[wavelength]`: height of the chief ray divided by the tangent of the field, relative to the same for chief rays of the
-    /// reference wavelength near the axis, minus one, %. All heights are on the image plane, so defocus alone is no distortion.
+    /// `[wavelength]`: height of the chief ray divided by the tangent of the field, relative to the same for chief rays
+    /// of the reference wavelength near the axis, minus one, %. All heights are on the image plane, so defocus alone is
+    /// no distortion.
     pub distortion_percent: Vec<Vec<f64>>,
     /// `[wavelength]`: the same with the field itself in place of its tangent.
     pub f_theta_distortion_percent: Vec<Vec<f64>>,

@@ -7,8 +7,8 @@ use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray};
 use crate::seidel::marginal_and_chief;
 
-/// First-order quantities at the reference wavelength. A quantity that does not exist (the distance of an object at infinity, the
-/// focal length of an afocal lens) is `None`.
+/// First-order quantities at the reference wavelength. A quantity that does not exist (the distance of an object at
+/// infinity, the focal length of an afocal lens) is `None`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FirstOrderTable {
     /// Effective focal length, mm.

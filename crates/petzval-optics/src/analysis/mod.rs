@@ -1,8 +1,8 @@
 //! The analyses of lens design, each as plain data in the units of its axes.
 //!
-//! Every analysis is a function of a lens and of options for its resolution, and uses exact tracing; nothing here draws.
-//! [`analyze`] computes them all. Fields are those of the lens file, in its order. Rays are aimed at the real stop. All colours have
-//! equal weight.
+//! Every analysis is a function of a lens and of options for its resolution, and uses exact tracing; nothing here
+//! draws. [`analyze`] computes them all. Fields are those of the lens file, in its order. Rays are aimed at the real
+//! stop. All colours have equal weight.
 
 mod axial_colour;
 mod encircled_energy;

@@ -115,7 +115,8 @@ pub(super) fn round_up(value: f64) -> f64 {
     digit.unwrap_or(10.0) * decade
 }
 
-/// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil, divided by the pupil's diameter and the index.
+/// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil, divided by the pupil's diameter and
+/// the index.
 pub fn image_f_number(lens: &Lens) -> f64 {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);

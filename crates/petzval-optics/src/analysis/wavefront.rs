@@ -24,9 +24,9 @@ const RIM: usize = 64;
 
 /// Wavefronts of a field, by wavelength.
 ///
-/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of its radius,
-/// positive where the wavefront is ahead of the sphere. A system with thin lenses has no wavefronts, because thin lenses have no
-/// optical paths: all values are NaN (in JSON null) or `None`.
+/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of
+/// its radius, positive where the wavefront is ahead of the sphere. A system with thin lenses has no wavefronts,
+/// because thin lenses have no optical paths: all values are NaN (in JSON null) or `None`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Wavefront {
     /// The field, degrees.
@@ -37,8 +37,8 @@ pub struct Wavefront {
     pub rms_centroid_waves: Vec<f64>,
     /// `[wavelength]`: highest minus lowest value, waves.
     pub peak_to_valley_waves: Vec<f64>,
-    /// `[wavelength]`: Strehl ratio, the peak of the PSF divided by that of the same beam without aberrations; `None` if the
-    /// wavefront is too rough for its polynomials or rays through the stop are lost.
+    /// `[wavelength]`: Strehl ratio, the peak of the PSF divided by that of the same beam without aberrations; `None`
+    /// if the wavefront is too rough for its polynomials or rays through the stop are lost.
     pub strehl: Vec<Option<f64>>,
     /// `[wavelength][term]`: fringe Zernike coefficients, waves; `None` if so much of the stop is dark that the fit
     /// is not determined.
@@ -164,11 +164,11 @@ fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Opti
     Some(found.iter().copied().collect())
 }
 
-/// Term k (from 0: piston, x tilt, y tilt, defocus, ... to 36) of the fringe Zernike polynomials at a point of the unit disk, each with
-/// maximum 1: `R_n^m(r) cos(m t)` and `R_n^m(r) sin(m t)`, t from the x axis.
+/// Term k (from 0: piston, x tilt, y tilt, defocus, ... to 36) of the fringe Zernike polynomials at a point of the unit
+/// disk, each with maximum 1: `R_n^m(r) cos(m t)` and `R_n^m(r) sin(m t)`, t from the x axis.
 ///
-/// The terms are in the order of n + |m|, then of descending |m|, cosine before sine; the last is the twelfth-order spherical term.
-/// Source: Wyant and Creath, Applied Optics and Optical Engineering XI, chapter 1.
+/// The terms are in the order of n + |m|, then of descending |m|, cosine before sine; the last is the twelfth-order
+/// spherical term. Source: Wyant and Creath, Applied Optics and Optical Engineering XI, chapter 1.
 pub fn fringe_zernike(k: usize, [x, y]: [f64; 2]) -> f64 {
     let (n, m, is_sine) = fringe_indices(k);
     let (r, t) = (x.hypot(y), y.atan2(x));

@@ -7,7 +7,8 @@ use super::Glass;
 
 /// Glasses by name, without regard to upper and lower case. `AIR` is always among them, and no other glass has this name.
 ///
-/// Several makers may use one name. A name alone means the glass that was added last; `MAKER:NAME` means that maker's glass.
+/// Several makers may use one name. A name alone means the glass that was added last; `MAKER:NAME` means that maker's
+/// glass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catalog {
     /// By upper-case name, one for each maker; the last one is meant by the name alone.
@@ -34,8 +35,8 @@ impl Default for Catalog {
 }
 
 impl Catalog {
-    /// Adds a glass under a name, which may be an alias. It replaces an earlier glass of that name and maker; one of another maker
-    /// stays available as `MAKER:NAME`. Air cannot be replaced.
+    /// Adds a glass under a name, which may be an alias. It replaces an earlier glass of that name and maker; one of
+    /// another maker stays available as `MAKER:NAME`. Air cannot be replaced.
     pub fn insert(&mut self, name: &str, glass: Arc<Glass>) {
         let name = name.to_uppercase();
         if name == AIR {
@@ -98,9 +99,9 @@ impl Catalog {
     }
 }
 
-/// The three known names most similar to the requested one. Only letters and digits are compared, because programs differ in
-/// punctuation. The similarity of Jaro and Winkler gives the beginning of a name more weight than its end. Equally similar names
-/// are in alphabetical order.
+/// The three known names most similar to the requested one. Only letters and digits are compared, because programs
+/// differ in punctuation. The similarity of Jaro and Winkler gives the beginning of a name more weight than its end.
+/// Equally similar names are in alphabetical order.
 fn nearest_names(wanted: &str, mut known: Vec<String>) -> Vec<String> {
     const HINTS: usize = 3;
     // Limit the length: the time to compare grows with it, and no glass has such a long name.

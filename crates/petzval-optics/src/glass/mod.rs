@@ -183,8 +183,8 @@ impl Glass {
         (self.index(LINE_G_UM) - n_f) / (n_f - self.index(LINE_C_UM))
     }
 
-    /// A disagreement between the formula and the printed n_d or V_d that is so large that one of them must be mistyped: `nd` or
-    /// `vd`, and the value of the formula. Lines outside the range of the formula are ignored.
+    /// A disagreement between the formula and the printed n_d or V_d that is so large that one of them must be
+    /// mistyped: `nd` or `vd`, and the value of the formula. Lines outside the range of the formula are ignored.
     pub fn misprint(&self) -> Option<(&'static str, f64)> {
         const ND_SLIP: f64 = 1e-3;
         const VD_SLIP: f64 = 0.02;
@@ -202,8 +202,8 @@ impl Glass {
         None
     }
 
-    /// Removes a printed value that disagrees with the formula, and returns a message. This is for files of other programs; a glass
-    /// in a file of our own must agree with its formula.
+    /// Removes a printed value that disagrees with the formula, and returns a message. This is for files of other
+    /// programs; a glass in a file of our own must agree with its formula.
     pub fn drop_misprints(&mut self) -> Vec<String> {
         let mut said = Vec::new();
         while let Some((what, gives)) = self.misprint() {

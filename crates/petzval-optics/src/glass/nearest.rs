@@ -19,8 +19,8 @@ pub fn map_distance(glass: &Glass, [nd, vd]: [f64; 2]) -> f64 {
     ((glass.nd() - nd) / ND_UNIT).hypot(glass.abbe_vd() - vd)
 }
 
-/// The glasses nearest to a point `[n_d, V_d]`, nearest first, at most `count`, among those that pass `wanted`. Each glass of each
-/// maker is listed once, under its own name; media without dispersion are left out.
+/// The glasses nearest to a point `[n_d, V_d]`, nearest first, at most `count`, among those that pass `wanted`. Each
+/// glass of each maker is listed once, under its own name; media without dispersion are left out.
 pub fn nearest(
     catalog: &Catalog,
     place: [f64; 2],

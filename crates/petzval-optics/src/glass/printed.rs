@@ -12,8 +12,8 @@ pub struct Printed {
 }
 
 impl Printed {
-    /// The number of a text such as `1.51680` or `6.41700E+01`; `None` if the text is not a number, or is far from any index, Abbe
-    /// number or density.
+    /// The number of a text such as `1.51680` or `6.41700E+01`; `None` if the text is not a number, or is far from any
+    /// index, Abbe number or density.
     ///
     /// Scientific notation has columns of fixed width, so its trailing zeros do not count.
     pub fn parse(text: &str) -> Option<Self> {

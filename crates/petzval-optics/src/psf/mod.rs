@@ -1,8 +1,9 @@
 //! Point-spread functions: the image of a point of light.
 //!
-//! The light of a filled pupil is splatted on a grid around the chief ray. [`psf`] evaluates ray positions from polynomials
-//! over the pupil, through one to four hundred traced rays. If the polynomials miss other traced rays by too much, or if rays
-//! through the stop are lost, it traces a ray for every pupil cell, as the reference [`psf_traced`] always does.
+//! The light of a filled pupil is splatted on a grid around the chief ray. [`psf`] evaluates ray positions from
+//! polynomials over the pupil, through one to four hundred traced rays. If the polynomials miss other traced rays by
+//! too much, or if rays through the stop are lost, it traces a ray for every pupil cell, as the reference
+//! [`psf_traced`] always does.
 //!
 //! [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 

@@ -44,8 +44,8 @@ impl Padded {
 
 /// A grid with a margin, in overlapping blocks of four cells of a row that begin at every other cell.
 ///
-/// Any three neighbours lie in one block, so adding light to them reads and writes whole blocks. A processor forwards a value that
-/// it has just written to a read of the same address, but stalls on a read that overlaps it.
+/// Any three neighbours lie in one block, so adding light to them reads and writes whole blocks. A processor forwards a
+/// value that it has just written to a read of the same address, but stalls on a read that overlaps it.
 pub(super) struct Blocks {
     cells: usize,
     /// Blocks of a row.
@@ -297,8 +297,8 @@ impl PolynomialChannel {
         PsfMethod::Polynomial { degree: self.map.basis().degree, residual_um: self.residual_um }
     }
 
-    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror image (twice
-    /// its weight), or that of both halves.
+    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror
+    /// image (twice its weight), or that of both halves.
     ///
     /// `grid` is scratch space for the splat.
     pub fn splat(

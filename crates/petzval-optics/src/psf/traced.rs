@@ -14,8 +14,8 @@ impl TracedChannel {
         Self { beam: trace_beam(sequence, field_rad, stop_radius_mm, quadrature) }
     }
 
-    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror image (twice
-    /// its weight), or that of both halves.
+    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror
+    /// image (twice its weight), or that of both halves.
     pub fn splat(&self, options: &PsfOptions, chief_mm: [f64; 2], is_half: bool) -> (Vec<f64>, f64) {
         let beam = &self.beam;
         let (per_mm, centre) = options.scale();

@@ -1,5 +1,5 @@
-//! The beam of one field at one wavelength: its rays are aimed at the stop, traced to the image and weighted by their light.
-//! Also the gradient of losses of the beam.
+//! The beam of one field at one wavelength: its rays are aimed at the stop, traced to the image and weighted by their
+//! light. Also the gradient of losses of the beam.
 
 use super::basis::PupilBasis;
 use super::polynomial::{PupilPolynomial, Sides, Symmetry};
@@ -174,8 +174,8 @@ impl Beam {
         self.rays.ray(ray).direction
     }
 
-    /// Solid angle of each ray: that of the unit vectors which `towards` computes from its position on the image plane (mm) and
-    /// its direction, by polynomials through those of some rays. `None` if one of these rays is lost.
+    /// Solid angle of each ray: that of the unit vectors which `towards` computes from its position on the image plane
+    /// (mm) and its direction, by polynomials through those of some rays. `None` if one of these rays is lost.
     pub fn solid_angles(
         &self,
         sequence: &Sequence,
@@ -248,11 +248,11 @@ impl Beam {
         (by_rays + self.pull_back_jacobian(sequence, &jacobian_bar, gradient)) / self.stop_radius_mm
     }
 
-    /// Pulls back cotangents of the Jacobians of launch by pupil coordinates, one per node; returns the derivative by the stop
-    /// radius times that radius, mm.
+    /// Pulls back cotangents of the Jacobians of launch by pupil coordinates, one per node; returns the derivative by
+    /// the stop radius times that radius, mm.
     ///
-    /// The Jacobian of a ray is exact; its derivative comes from polynomials through the launch points of some rays. If one of
-    /// these rays cannot be aimed, the Jacobian is left out of the gradient.
+    /// The Jacobian of a ray is exact; its derivative comes from polynomials through the launch points of some rays. If
+    /// one of these rays cannot be aimed, the Jacobian is left out of the gradient.
     fn pull_back_jacobian(
         &self,
         sequence: &Sequence,
@@ -310,8 +310,8 @@ pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
     ray.fate(0).reaches_image().then_some(ChiefRay { x_mm, y_mm, aimed })
 }
 
-/// The field whose chief ray lands at `y_mm` on the image plane, rad, distortion included: by the secant method from the ideal
-/// field `guess_rad`. `None` if there is no such ray.
+/// The field whose chief ray lands at `y_mm` on the image plane, rad, distortion included: by the secant method from
+/// the ideal field `guess_rad`. `None` if there is no such ray.
 pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option<f64> {
     const STEPS: usize = 30;
     let miss = |field: f64| Some(chief_ray(sequence, field)?.y_mm - y_mm);

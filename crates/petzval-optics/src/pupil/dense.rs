@@ -332,8 +332,8 @@ impl<'a> DenseMap<'a> {
             let Some([through, by_u, by_semi]) = soft_edge(table.at(row, p_x, at), h.semi_diameter_mm) else {
                 continue;
             };
-            // Differentiate the product of transmissions: that of the other apertures is transmission / through, or 0 where this
-            // aperture is closed.
+            // Differentiate the product of transmissions: that of the other apertures is transmission / through, or 0
+            // where this aperture is closed.
             let open = zero.lt(through);
             let others = open.select(points.transmission / open.select(through, zero.constant(1.0)), zero);
             let through_bar = bar.weight * points.share * light * others;

@@ -1,8 +1,9 @@
 //! The pupil polynomial: the properties of a beam as polynomials through one to four hundred traced rays.
 //!
-//! Transverse aberration is a smooth function of the pupil. For one field and one wavelength a [`PupilMap`] holds polynomials
-//! in the stop coordinates: the position of the ray on the image plane, its light, and its height at the clear apertures that
-//! may cut it. The residual is the distance of the polynomials from traced rays to which they were not fitted.
+//! Transverse aberration is a smooth function of the pupil. For one field and one wavelength a [`PupilMap`] holds
+//! polynomials in the stop coordinates: the position of the ray on the image plane, its light, and its height at the
+//! clear apertures that may cut it. The residual is the distance of the polynomials from traced rays to which they were
+//! not fitted.
 
 use super::basis::PupilBasis;
 use super::beam::{launch_area, projections};
@@ -45,8 +46,8 @@ pub(crate) struct Residual {
 }
 
 impl Residual {
-    /// Whether positions on the image agree to `image_mm`, light to a thousandth, and heights at apertures to a tenth of their soft
-    /// edge.
+    /// Whether positions on the image agree to `image_mm`, light to a thousandth, and heights at apertures to a tenth
+    /// of their soft edge.
     pub fn within(&self, image_mm: f64) -> bool {
         self.image_mm < image_mm && self.light < 1e-3 && self.aperture_mm < 0.1 * SOFT_EDGE_MM
     }

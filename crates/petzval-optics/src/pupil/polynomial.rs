@@ -1,8 +1,8 @@
 //! Polynomials over the whole pupil, as sums of both parities of a basis.
 //!
-//! In a lens whose y-z plane is a plane of symmetry one half of the pupil is the mirror image of the other: quantities are
-//! odd or even in p_x, and samples of one half are enough. In other lenses both halves are sampled at mirrored points, and a
-//! quantity is the sum of an even and an odd part, which are fitted separately.
+//! In a lens whose y-z plane is a plane of symmetry one half of the pupil is the mirror image of the other: quantities
+//! are odd or even in p_x, and samples of one half are enough. In other lenses both halves are sampled at mirrored
+//! points, and a quantity is the sum of an even and an odd part, which are fitted separately.
 
 use super::basis::PupilBasis;
 use crate::trace::Sequence;

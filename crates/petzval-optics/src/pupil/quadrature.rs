@@ -1,5 +1,5 @@
-//! A deterministic quadrature of half of the unit disk: fields lie in the y-z plane, so a ray at (-x, y) of the pupil is the
-//! mirror image of the ray at (x, y).
+//! A deterministic quadrature of half of the unit disk: fields lie in the y-z plane, so a ray at (-x, y) of the pupil
+//! is the mirror image of the ray at (x, y).
 
 use super::dense::PupilRows;
 use super::polynomial::Sides;

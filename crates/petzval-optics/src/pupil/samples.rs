@@ -11,7 +11,8 @@ use crate::trace::{
     trace_with_heights,
 };
 
-/// Samples stay inside the rim of the stop. An aperture is checked at the rim too if samples reach this share of its clear radius.
+/// Samples stay inside the rim of the stop. An aperture is checked at the rim too if samples reach this share of its
+/// clear radius.
 const SAMPLED_SHARE: f64 = 0.9;
 
 /// Rays through points of the stop, aimed and traced; arrays are padded.

@@ -1,8 +1,8 @@
 //! RMS spot radii, and the gradient of their mean square.
 //!
-//! [`mean_square_spot`] integrates over the pupil by Gaussian quadrature with a few dozen rays. If a clear aperture cuts the
-//! beam, it integrates densely over polynomials through these rays. [`mean_square_spot_traced`] is the reference, with a traced
-//! ray for every pupil cell.
+//! [`mean_square_spot`] integrates over the pupil by Gaussian quadrature with a few dozen rays. If a clear aperture
+//! cuts the beam, it integrates densely over polynomials through these rays. [`mean_square_spot_traced`] is the
+//! reference, with a traced ray for every pupil cell.
 
 mod sampled;
 mod traced;
@@ -108,10 +108,11 @@ pub struct PrintedSpot {
     pub rms_poly_um: f64,
 }
 
-/// RMS spot radii over the evenly filled paraxial entrance pupil: the default of lens programs (no ray aiming) and of published
-/// tables.
+/// RMS spot radii over the evenly filled paraxial entrance pupil: the default of lens programs (no ray aiming) and of
+/// published tables.
 ///
-/// [`spot`] uses the beam through the real stop; off axis the two differ by the aberration of the pupil. `None` if no light arrives.
+/// [`spot`] uses the beam through the real stop; off axis the two differ by the aberration of the pupil. `None` if no
+/// light arrives.
 pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<PrintedSpot> {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     // Trace the rays through the paraxial pupil: (x, y, share of the colour's light), colour by colour.

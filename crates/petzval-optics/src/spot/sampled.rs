@@ -17,8 +17,8 @@ use crate::pupil::{
 use crate::trace::Sequence;
 use petzval_base::simd::dispatch;
 
-/// Accurate to 2e-5 of the spots of the paper's triplets and 3e-4 of those of an f/2 lens of eight elements, by comparison with
-/// a dense grid of traced rays (`examples/spot_accuracy.rs`); not checked for each lens.
+/// Accurate to 2e-5 of the spots of the paper's triplets and 3e-4 of those of an f/2 lens of eight elements, by
+/// comparison with a dense grid of traced rays (`examples/spot_accuracy.rs`); not checked for each lens.
 const SAMPLING: PupilSampling = PupilSampling::Degree(8);
 
 /// Number of rows of the pupil if an aperture cuts the beam.
@@ -45,8 +45,8 @@ pub fn mean_square_spot_sampled(
     mean_over_fields(lens, fields_rad, |field| field_spot(lens, field, basis, true))
 }
 
-/// The squared RMS spot radius of one field, um^2, over all wavelengths, and its gradient, which is zero without `with_gradient`.
-/// `None` if the field has no light.
+/// The squared RMS spot radius of one field, um^2, over all wavelengths, and its gradient, which is zero without
+/// `with_gradient`. `None` if the field has no light.
 pub(crate) fn field_mean_square_sampled(
     lens: &Lens,
     field_rad: f64,
@@ -64,8 +64,8 @@ enum Cloud {
     Cut(PupilMap),
 }
 
-/// Sums over a cloud, relative to an origin: light, light times x, light times y, light times x^2 + y^2. Half a cloud includes its
-/// mirror image, so its sum of x is zero.
+/// Sums over a cloud, relative to an origin: light, light times x, light times y, light times x^2 + y^2. Half a cloud
+/// includes its mirror image, so its sum of x is zero.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     light: f64,

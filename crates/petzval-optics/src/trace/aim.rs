@@ -127,8 +127,8 @@ fn to_stop(sequence: &Sequence, field_rad: f64, at: [f64; 2]) -> Option<([f64; 2
     None
 }
 
-/// Finds the ray of a field through `target_mm` in the stop, by Newton's method from `guess_mm`. A step that loses the ray or
-/// increases the miss is halved. `None` if no ray is found.
+/// Finds the ray of a field through `target_mm` in the stop, by Newton's method from `guess_mm`. A step that loses the
+/// ray or increases the miss is halved. `None` if no ray is found.
 pub fn aim_at_stop(
     sequence: &Sequence,
     field_rad: f64,

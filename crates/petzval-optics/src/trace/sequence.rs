@@ -160,13 +160,14 @@ impl SurfaceAtWavelength {
 }
 
 impl Sequence {
-    /// Whether rays have optical paths for waves. A thin lens has none: the paths that make it perfect depend on the object.
+    /// Whether rays have optical paths for waves. A thin lens has none: the paths that make it perfect depend on the
+    /// object.
     pub fn has_optical_paths(&self) -> bool {
         !self.surfaces.iter().any(|s| matches!(s.bending, Bending::ThinLens { .. }))
     }
 
-    /// Change of the signed index behind a surface, from the change `by_glass` of each glass. Behind a mirror is the medium in
-    /// front of it.
+    /// Change of the signed index behind a surface, from the change `by_glass` of each glass. Behind a mirror is the
+    /// medium in front of it.
     pub(crate) fn index_change(&self, surface: usize, by_glass: impl Fn(usize) -> f64) -> f64 {
         let (mut at, mut sign) = (surface, 1.0);
         while self.surfaces[at].reflects {
@@ -179,8 +180,8 @@ impl Sequence {
         sign * self.surfaces[at].n_after.signum() * by_glass(at)
     }
 
-    /// The transpose of [`Sequence::index_change`]: the cotangent of the glass behind a surface, from those of every signed index
-    /// behind a surface.
+    /// The transpose of [`Sequence::index_change`]: the cotangent of the glass behind a surface, from those of every
+    /// signed index behind a surface.
     pub(crate) fn glass_index_bar(&self, surface: usize, by_index: impl Fn(usize) -> f64) -> f64 {
         if self.surfaces[surface].reflects {
             return 0.0;

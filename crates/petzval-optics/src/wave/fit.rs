@@ -15,8 +15,8 @@ pub(super) struct PlaneFit {
 }
 
 impl PlaneFit {
-    /// Terms of a total degree; only those that are odd or even in the first coordinate, if a symmetry is given. `None` if the
-    /// points do not determine the coefficients.
+    /// Terms of a total degree; only those that are odd or even in the first coordinate, if a symmetry is given. `None`
+    /// if the points do not determine the coefficients.
     pub fn new(points: &[[f64; 2]], degree: usize, symmetry: Option<Symmetry>) -> Option<Self> {
         let (first, step) = match symmetry {
             None => (0, 1),

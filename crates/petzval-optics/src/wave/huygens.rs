@@ -10,10 +10,10 @@ use crate::trace::Sequence;
 /// Energy per cell of a grid about the chief ray's image, row by row, of unit sum; `None` if rays through the stop are
 /// lost.
 ///
-/// A ray is traced for every node of the quadrature. A wavelet starts at its point on the reference sphere, which is centred on
-/// the chief ray's image and goes through the exit pupil. Its phase is that of the ray's optical path; the square of its
-/// amplitude is the ray's light per area of the sphere. The sum uses the true distance of every wavelet to the point of the
-/// image. The cost is nodes times cells.
+/// A ray is traced for every node of the quadrature. A wavelet starts at its point on the reference sphere, which is
+/// centred on the chief ray's image and goes through the exit pupil. Its phase is that of the ray's optical path; the
+/// square of its amplitude is the ray's light per area of the sphere. The sum uses the true distance of every wavelet
+/// to the point of the image. The cost is nodes times cells.
 pub fn huygens_psf(
     sequence: &Sequence,
     field_rad: f64,
@@ -30,7 +30,8 @@ pub fn huygens_psf(
     let k = TAU / (1e-3 * sequence.wavelength_um);
     let r = sphere.radius_mm;
 
-    // Compute the wavelet of each ray: its start relative to the centre, its optical path there, and its amplitude times area.
+    // Compute the wavelet of each ray: its start relative to the centre, its optical path there, and its amplitude
+    // times area.
     let areas = beam.solid_angles(sequence, |place, d| sphere.run(place, d).1)?;
     let paths = beam.optical_paths(sequence);
     let mut wavelets: Vec<([f64; 3], f64, f64)> = Vec::new();

@@ -14,11 +14,12 @@ const TOLERANCE_WAVES: f64 = 2e-3;
 /// Degrees of the polynomials, in the order of trial.
 const DEGREES: [usize; 4] = [8, 12, 16, 20];
 
-/// One field at one wavelength: amplitude and phase over `q = (l - l_0, m - m_0) / scale`, with l and m the direction cosines
-/// from a ray's point on the reference sphere to the centre of the sphere.
+/// One field at one wavelength: amplitude and phase over `q = (l - l_0, m - m_0) / scale`, with l and m the direction
+/// cosines from a ray's point on the reference sphere to the centre of the sphere.
 ///
-/// The phase of a ray is its optical path W to the sphere. At a point x of the image plane, relative to the centre, the wave from
-/// the sphere is `exp(i k (W + n' x.d))`. The sphere goes through the exit pupil, where the rim of the beam is sharp.
+/// The phase of a ray is its optical path W to the sphere. At a point x of the image plane, relative to the centre, the
+/// wave from the sphere is `exp(i k (W + n' x.d))`. The sphere goes through the exit pupil, where the rim of the beam
+/// is sharp.
 pub(crate) struct WaveMap {
     pub samples: PupilSamples,
     pub sphere: ReferenceSphere,
@@ -59,13 +60,13 @@ pub(crate) struct WaveRow {
 pub(crate) struct WavePoint {
     /// Optical path minus that of the first sample, mm.
     pub path_mm: f64,
-    /// Amplitude: the root of the light per unit of q area through the apertures, divided by the root of the cosine to the axis,
-    /// because a slanted wave carries less light through the image plane.
+    /// Amplitude: the root of the light per unit of q area through the apertures, divided by the root of the cosine to
+    /// the axis, because a slanted wave carries less light through the image plane.
     pub amplitude: f64,
     /// Light per unit of q area through the apertures.
     pub light: f64,
-    /// Energy on the image plane per unit of q area: the light divided by the cosine to the axis. At a soft edge it exceeds the
-    /// squared amplitude by the light that a hard edge diffracts far away.
+    /// Energy on the image plane per unit of q area: the light divided by the cosine to the axis. At a soft edge it
+    /// exceeds the squared amplitude by the light that a hard edge diffracts far away.
     pub energy: f64,
 }
 
@@ -96,8 +97,9 @@ pub(crate) struct WaveCotangent {
 }
 
 impl WaveMap {
-    /// The wave by polynomials of the least degree within the tolerance. `None` if no degree is, if rays through the stop are
-    /// lost, or in a system with thin lenses. `like`, the same field at another wavelength, makes aiming faster.
+    /// The wave by polynomials of the least degree within the tolerance. `None` if no degree is, if rays through the
+    /// stop are lost, or in a system with thin lenses. `like`, the same field at another wavelength, makes aiming
+    /// faster.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -242,7 +244,8 @@ impl WaveMap {
         (1.0 - l - m).max(1e-6).sqrt()
     }
 
-    /// The wave at a point of a row. The rim of the stop is soft over the share `soft` of its radius, because the grid samples it.
+    /// The wave at a point of a row. The rim of the stop is soft over the share `soft` of its radius, because the grid
+    /// samples it.
     pub fn point(&self, row: &WaveRow, q_x: f64, soft: f64) -> WavePoint {
         let p = [fit::at(&row.stop[0], q_x), fit::at(&row.stop[1], q_x)];
         let (inside, _) = soft_rim(p[0].hypot(p[1]), soft);

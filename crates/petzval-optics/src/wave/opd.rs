@@ -23,8 +23,8 @@ impl ReferenceSphere {
         Self { centre_mm, radius_mm: along_z.signum() * along_z.hypot(across) }
     }
 
-    /// Run of a ray from the image plane to the sphere along its direction, plus the radius, and the unit vector from there to the
-    /// centre (as a line's direction).
+    /// Run of a ray from the image plane to the sphere along its direction, plus the radius, and the unit vector from
+    /// there to the centre (as a line's direction).
     ///
     /// With `e` from the centre to the ray's point on the image plane and `b = e.d`, the run `s = -b - sqrt(b^2 + R^2 - e^2)` (for
     /// R > 0), of which `s + R = -b + (e^2 - b^2) / (R + sqrt(...))` keeps its digits for any radius.
@@ -45,8 +45,8 @@ impl ReferenceSphere {
 }
 
 impl ReferenceSphere {
-    /// Distance from a point of the sphere to the point `dz` behind its centre: the distance minus the radius, and the distance
-    /// divided by the radius. `cosine` is the z component of the unit vector to the centre.
+    /// Distance from a point of the sphere to the point `dz` behind its centre: the distance minus the radius, and the
+    /// distance divided by the radius. `cosine` is the z component of the unit vector to the centre.
     ///
     /// From `R t` the way is `R t + dz z`, of length `R s` with `s^2 = 1 + 2 cosine dz/R + (dz/R)^2`.
     pub fn further(&self, cosine: f64, dz: f64) -> (f64, f64) {
@@ -55,8 +55,8 @@ impl ReferenceSphere {
         (dz * (2.0 * cosine + share) / (1.0 + scale), scale)
     }
 
-    /// The transpose of [`ReferenceSphere::run`]: cotangents of the position and of the direction, from those of the run and of the
-    /// first two components of the unit vector.
+    /// The transpose of [`ReferenceSphere::run`]: cotangents of the position and of the direction, from those of the
+    /// run and of the first two components of the unit vector.
     pub fn pull_back(
         &self,
         at_mm: [f64; 2],
@@ -77,8 +77,8 @@ impl ReferenceSphere {
         (place, direction)
     }
 
-    /// The same sphere with its radius rounded to two digits, so that small changes of a lens do not change it. The result hardly
-    /// depends on the radius.
+    /// The same sphere with its radius rounded to two digits, so that small changes of a lens do not change it. The
+    /// result hardly depends on the radius.
     pub fn rounded(self) -> Self {
         if !self.radius_mm.is_normal() {
             return self;
@@ -91,8 +91,8 @@ impl ReferenceSphere {
 /// Optical path differences of a field at one wavelength.
 #[derive(Clone, Debug)]
 pub struct Opd {
-    /// Optical path difference of each point of the pupil, waves: path of the chief ray to the reference sphere minus that of the
-    /// ray. It is positive where the wavefront is ahead of the sphere, and `None` where the ray is lost.
+    /// Optical path difference of each point of the pupil, waves: path of the chief ray to the reference sphere minus
+    /// that of the ray. It is positive where the wavefront is ahead of the sphere, and `None` where the ray is lost.
     pub waves: Vec<Option<f64>>,
     /// Position of the ray through each point on the image plane, mm; `None` if it is lost.
     pub landing_mm: Vec<Option<[f64; 2]>>,

@@ -1,9 +1,9 @@
 //! The optical transfer function of a wave, through its line-spread functions.
 //!
-//! By Parseval's theorem the light on a line across the image is the sum of the squared one-dimensional Fourier transforms of the
-//! wave's rows. So a fast Fourier transform of every row gives the line-spread function with all its detail, and its Fourier
-//! sum gives the transfer function at any frequency. This is the autocorrelation of the wave over direction cosines, which is
-//! exact for a flat image at any numerical aperture.
+//! By Parseval's theorem the light on a line across the image is the sum of the squared one-dimensional Fourier
+//! transforms of the wave's rows. So a fast Fourier transform of every row gives the line-spread function with all its
+//! detail, and its Fourier sum gives the transfer function at any frequency. This is the autocorrelation of the wave
+//! over direction cosines, which is exact for a flat image at any numerical aperture.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -97,8 +97,8 @@ impl PupilWave<'_> {
         Self { values, ..self.clone() }
     }
 
-    /// The wave for an image plane that is shifted by `defocus_mm` along z: the distance of every wavelet of the reference sphere
-    /// increases accordingly.
+    /// The wave for an image plane that is shifted by `defocus_mm` along z: the distance of every wavelet of the
+    /// reference sphere increases accordingly.
     pub fn defocused(&self, defocus_mm: f64) -> Self {
         let (channel, n) = (self.channel, self.channel.nodes);
         let per_mm = channel.wavenumber * channel.map.n_image;

@@ -1,7 +1,7 @@
 //! The diffraction PSF: the Fourier transform of the wave over direction cosines, on any grid of the image plane.
 //!
-//! The transform is two matrix products whose rows are the points of the image grid. It needs no interpolation, and the sampling of
-//! the pupil does not determine the pitch (Soummer et al., Opt. Express 15, 15935 (2007)).
+//! The transform is two matrix products whose rows are the points of the image grid. It needs no interpolation, and the
+//! sampling of the pupil does not determine the pitch (Soummer et al., Opt. Express 15, 15935 (2007)).
 
 use std::f64::consts::TAU;
 
@@ -22,7 +22,8 @@ const LEAST_ROOM: f64 = 2.0;
 /// Least and greatest number of nodes across the pupil.
 const NODES: [usize; 2] = [224, 768];
 
-/// Largest distance of the samples over which a pixel is averaged, as a share of `wavelength / (2 NA)`, the finest detail of a PSF.
+/// Largest distance of the samples over which a pixel is averaged, as a share of `wavelength / (2 NA)`, the finest
+/// detail of a PSF.
 const FINEST: f64 = 0.5;
 
 /// A grid on the image plane about an origin.
@@ -57,8 +58,8 @@ pub(crate) struct Shown {
 }
 
 impl WaveChannel {
-    /// A wave whose image is free of repetitions up to `beyond_mm` from the rays. `None` if polynomials do not describe the wave, see
-    /// [`WaveMap::new`], or if it spreads over more than the finest grid can hold.
+    /// A wave whose image is free of repetitions up to `beyond_mm` from the rays. `None` if polynomials do not describe
+    /// the wave, see [`WaveMap::new`], or if it spreads over more than the finest grid can hold.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -69,8 +70,8 @@ impl WaveChannel {
     ) -> Option<Self> {
         let like = like.map(|channel| &channel.map);
         let map = WaveMap::new(sequence, field_rad, stop_radius_mm, chief_mm, like)?;
-        // Choose the spacing of the nodes: the image repeats after wavelength / spacing, and one period must contain the grid and
-        // all rays.
+        // Choose the spacing of the nodes: the image repeats after wavelength / spacing, and one period must contain
+        // the grid and all rays.
         let reach = (0..2).map(|axis| {
             let of = [&map.samples.x, &map.samples.y][axis];
             of.iter().map(|v| (v - chief_mm[axis]).abs()).fold(0.0, f64::max) + beyond_mm

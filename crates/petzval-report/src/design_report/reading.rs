@@ -62,8 +62,8 @@ fn difference(score: &Score, design: &TableRow, other: &TableRow) -> String {
     }
 }
 
-/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the point of
-/// end-to-end design.
+/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the
+/// point of end-to-end design.
 fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableRow>) -> Option<String> {
     let um = |row: &TableRow| number::fixed(row.rms_spot_um, SPOT.decimals);
     let gain = SPOT.gain(baseline, design);

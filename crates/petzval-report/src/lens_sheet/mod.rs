@@ -1,7 +1,7 @@
 //! The analyses of a lens as pictures and as one page, in the usual style of lens design programs.
 //!
-//! The input is an [`Analysis`] and the output is text: nothing here traces a ray. Fields have colours and markers, and so have wavelengths;
-//! tangential curves are solid, sagittal ones dashed. Every picture stands alone on white.
+//! The input is an [`Analysis`] and the output is text: nothing here traces a ray. Fields have colours and markers, and
+//! so have wavelengths; tangential curves are solid, sagittal ones dashed. Every picture stands alone on white.
 
 mod axial_colour;
 mod cross_section;

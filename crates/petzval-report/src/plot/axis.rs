@@ -24,8 +24,8 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// A linear axis exactly from one value to another, with about a number of ticks at multiples of 1, 2 or 5. If the values are
-    /// equal, it extends by 1 to both sides.
+    /// A linear axis exactly from one value to another, with about a number of ticks at multiples of 1, 2 or 5. If the
+    /// values are equal, it extends by 1 to both sides.
     pub fn between(low: f64, high: f64, count: usize) -> Self {
         let (low, high) = match (low.is_finite() && high.is_finite(), high > low) {
             (true, true) => (low, high),
@@ -38,8 +38,8 @@ impl Axis {
         Self { low, high, ticks, decimals, is_logarithmic: false }
     }
 
-    /// A logarithmic axis from the power of ten at or below one value to that at or above another, both positive; at least one
-    /// decade. Every decade has a tick, or every second, third, ... where there are more than about nine.
+    /// A logarithmic axis from the power of ten at or below one value to that at or above another, both positive; at
+    /// least one decade. Every decade has a tick, or every second, third, ... where there are more than about nine.
     pub fn decades(low: f64, high: f64) -> Self {
         let power = |v: f64| if v > 0.0 && v.is_finite() { v.log10().clamp(-30.0, 30.0) } else { 0.0 };
         let first = (power(low) + 1e-9).floor() as i32;
@@ -49,8 +49,8 @@ impl Axis {
         Self { low: 10_f64.powi(first), high: 10_f64.powi(last), ticks, decimals: 0, is_logarithmic: true }
     }
 
-    /// A logarithmic axis exactly from one value to another, both positive, with a tick at every power of ten, and at its 2 and 5 where
-    /// there are few powers.
+    /// A logarithmic axis exactly from one value to another, both positive, with a tick at every power of ten, and at
+    /// its 2 and 5 where there are few powers.
     pub fn ratios(low: f64, high: f64) -> Self {
         if !(low > 0.0 && high > low && high.is_finite()) {
             return Self::decades(low, high);

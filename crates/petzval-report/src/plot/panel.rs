@@ -62,7 +62,8 @@ impl Panel {
     }
 }
 
-/// Panels in rows of a number of panels, on a given width; also returns the height, px. Frames of a column have a common left edge.
+/// Panels in rows of a number of panels, on a given width; also returns the height, px. Frames of a column have a
+/// common left edge.
 pub(crate) fn grid(panels: &[Panel], columns: usize, width: f64, frame_height: f64) -> (Markup, f64) {
     let columns = columns.max(1).min(panels.len().max(1));
     let cell = width / columns as f64;

@@ -1,4 +1,5 @@
-//! The page: PSFs side by side, errors compared with the effects of noise and demosaicing, and warnings. One self-contained file.
+//! The page: PSFs side by side, errors compared with the effects of noise and demosaicing, and warnings. One
+//! self-contained file.
 
 use std::collections::BTreeMap;
 

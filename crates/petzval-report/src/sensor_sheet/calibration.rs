@@ -1,5 +1,5 @@
-//! The calibration over all gains: each gain, the parameters of the model compared with the tables of the paper, and the agreement
-//! of the histograms.
+//! The calibration over all gains: each gain, the parameters of the model compared with the tables of the paper, and
+//! the agreement of the histograms.
 
 use maud::{Markup, html};
 use petzval_lab::emva::captures::Kind;
@@ -39,11 +39,12 @@ pub(super) fn gains(all: &Characterization) -> Markup {
     html! { (table.html()) (reasons.list()) }
 }
 
-/// Symbol, quantity and unit of a parameter, its value by the joint fit and by the fit to histograms, and the values of tables 3, 4 and 5 of
-/// the paper.
+/// Symbol, quantity and unit of a parameter, its value by the joint fit and by the fit to histograms, and the values of
+/// tables 3, 4 and 5 of the paper.
 type Parameter<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
 
-/// Parameters of the model by the joint fit and by the fit to histograms, beside the values of Tseng et al. for their camera.
+/// Parameters of the model by the joint fit and by the fit to histograms, beside the values of Tseng et al. for their
+/// camera.
 pub(super) fn model(all: &Characterization) -> Markup {
     let (joint, fit) = (&all.joint, all.histogram_fit.as_ref());
     let mut reasons = Reasons::default();
@@ -54,8 +55,8 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
     let stated = |v: f64| Measured::exact(v);
-    // A parameter that the histograms do not resolve was held and has no error. If the fit does not describe the histograms, no
-    // parameter has an error.
+    // A parameter that the histograms do not resolve was held and has no error. If the fit does not describe the
+    // histograms, no parameter has an error.
     let fitted = |of: fn(&petzval_lab::emva::HistogramFit) -> Measured| {
         let (fit, value) = (fit?, of(fit?));
         let held = match value.standard_error() {

@@ -1,8 +1,8 @@
 //! The characterisation of a sensor as pictures and as one page: the plots of EMVA 1288, and those of the calibration over
 //! several gains (Tseng et al. 2021, supplement, Figures 5 to 8).
 //!
-//! The input is a [`Characterization`] and the output is text: nothing here measures. Captured points are markers, fits and models are
-//! lines; colours are those of the mosaic.
+//! The input is a [`Characterization`] and the output is text: nothing here measures. Captured points are markers, fits
+//! and models are lines; colours are those of the mosaic.
 
 mod calibration;
 mod dark;

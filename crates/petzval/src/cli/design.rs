@@ -12,10 +12,10 @@ use super::{EXIT_STOPPED, Failure, context, signals};
 
 /// Design lens and network together, and compare with two controls.
 ///
-/// The built-in experiment compares three variants: the nominal lens, a lens optimised for its RMS spot alone, and lens and
-/// network designed together. All get the same number of network steps on the same photographs in the same order, at the same
-/// focal length, f-number, field of view and exposure. The run folder holds the resolved experiment, every step, checkpoints,
-/// the lenses, held-out pictures, metrics.json and report.html.
+/// The built-in experiment compares three variants: the nominal lens, a lens optimised for its RMS spot alone, and lens
+/// and network designed together. All get the same number of network steps on the same photographs in the same order,
+/// at the same focal length, f-number, field of view and exposure. The run folder holds the resolved experiment, every
+/// step, checkpoints, the lenses, held-out pictures, metrics.json and report.html.
 ///
 /// Ctrl-C finishes the current step, writes a checkpoint and exits with 75; --resume continues from there.
 #[derive(Debug, clap::Args)]

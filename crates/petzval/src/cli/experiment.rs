@@ -55,8 +55,8 @@ enum Kind {
 
 /// Print the JSON Schema of a kind of file, with which editors complete and check it.
 ///
-/// In VS Code with the extension Even Better TOML, write the schema to a file and name it in the first line of your own file:
-/// `#:schema ./experiment.schema.json`.
+/// In VS Code with the extension Even Better TOML, write the schema to a file and name it in the first line of your own
+/// file: `#:schema ./experiment.schema.json`.
 #[derive(Debug, clap::Args)]
 pub struct SchemaArgs {
     /// Kind of file

@@ -32,8 +32,8 @@ pub fn run(verb: GlassVerb) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Reads the catalogues of PETZVAL_GLASSES and of the command line, for every lens that is read afterwards. Prints a warning for
-/// each line that was not understood: all of them if the command is about glass, else the first few.
+/// Reads the catalogues of PETZVAL_GLASSES and of the command line, for every lens that is read afterwards. Prints a
+/// warning for each line that was not understood: all of them if the command is about glass, else the first few.
 pub fn choose(named: &[PathBuf], in_full: bool) -> Result<(), Failure> {
     const FEW: usize = 2;
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();

@@ -34,16 +34,17 @@ pub const EXIT_STOPPED: u8 = 75;
 
 /// Design a camera as one thing: lens, sensor, development and network, optimised together by gradient.
 ///
-/// `petzval design` runs the built-in experiment: a Cooke triplet, a Sony IMX249 and a small network, designed end to end for
-/// image quality and compared with two controls. The other verbs cover single stages of the same light path.
+/// `petzval design` runs the built-in experiment: a Cooke triplet, a Sony IMX249 and a small network, designed end to
+/// end for image quality and compared with two controls. The other verbs cover single stages of the same light path.
 #[derive(Debug, Parser)]
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
     /// Threads to use; 0 means one per core. Results do not depend on it.
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     threads: usize,
-    /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of refractiveindex.info (.yml),
-    /// or a folder of them. May be repeated; later ones take precedence. PETZVAL_GLASSES lists further ones, which are read first
+    /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
+    /// refractiveindex.info (.yml), or a folder of them. May be repeated; later ones take precedence. PETZVAL_GLASSES
+    /// lists further ones, which are read first
     #[arg(long, global = true, value_name = "PATH")]
     glasses: Vec<PathBuf>,
     #[command(subcommand)]
@@ -130,8 +131,8 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Suppresses the message of a panic in the reader of DNG files. It panics on some damaged files, and its caller turns the panic into
-/// an error with a message of our own.
+/// Suppresses the message of a panic in the reader of DNG files. It panics on some damaged files, and its caller turns
+/// the panic into an error with a message of our own.
 #[cfg(feature = "dng")]
 fn leave_panics_of_the_dng_reader_to_its_caller() {
     let usual = std::panic::take_hook();
@@ -156,7 +157,8 @@ fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
     Ok(())
 }
 
-/// The context of the jobs of a command: the built-in library with the user's glasses, and stderr for progress and warnings.
+/// The context of the jobs of a command: the built-in library with the user's glasses, and stderr for progress and
+/// warnings.
 fn context() -> Context {
     Context::new(petzval::built_in_assets(), Arc::new(watcher::Stderr::new()))
 }

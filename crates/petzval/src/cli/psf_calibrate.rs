@@ -10,17 +10,18 @@ use super::{Failure, context, print_json};
 /// Measure point-spread functions from captures of a pinhole.
 ///
 /// DIR holds captures.toml, which names sensor, positions, exposures and frames (`petzval psf-capture` writes an
-/// example). For each position the frames of each exposure are averaged, the dark signal is subtracted, exposures are merged by
-/// their variance, the mosaic is demosaiced bilinearly, and 23x23 pixels around the centroid are kept. With --lens every PSF is
-/// compared with the traced one, and errors are printed with the predicted noise floor. Fields of the bank are tested on
-/// positions that were left out of their fit; a single position can only be tested on parts of its own pixels.
+/// example). For each position the frames of each exposure are averaged, the dark signal is subtracted, exposures are
+/// merged by their variance, the mosaic is demosaiced bilinearly, and 23x23 pixels around the centroid are kept. With
+/// --lens every PSF is compared with the traced one, and errors are printed with the predicted noise floor. Fields of
+/// the bank are tested on positions that were left out of their fit; a single position can only be tested on parts of
+/// its own pixels.
 ///
-/// The sensor has a Bayer mosaic or is monochrome: the single PSF of a monochrome sensor fills all three channels. Other mosaics
-/// are refused.
+/// The sensor has a Bayer mosaic or is monochrome: the single PSF of a monochrome sensor fills all three channels.
+/// Other mosaics are refused.
 ///
-/// Files: calibration.json, all figures; psf-calibration.html, a page with tables and pictures; psf-calibration.png, all PSFs;
-/// measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, for `simulate --psfs` in place of a traced
-/// lens.
+/// Files: calibration.json, all figures; psf-calibration.html, a page with tables and pictures; psf-calibration.png,
+/// all PSFs; measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, for `simulate --psfs` in
+/// place of a traced lens.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of captures, with captures.toml

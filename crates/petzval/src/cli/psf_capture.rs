@@ -30,11 +30,11 @@ enum Axis {
 
 /// Simulate captures of a pinhole: frames and their manifest, ready for psf-calibrate.
 ///
-/// A pinhole lit by a white diode of 4900 K is placed at field radii along the vertical, horizontal and diagonal of the sensor;
-/// fields beyond the sensor are left out. The camera turns towards the source. At each position frames are taken at several
-/// exposure times with the sensor's noise; only a window around the source is written. The source is adjusted so that the
-/// brightest pixel of all positions, behind its own colour filter, is at --peak of the range at the longest time. A folder that
-/// holds captures is not changed.
+/// A pinhole lit by a white diode of 4900 K is placed at field radii along the vertical, horizontal and diagonal of the
+/// sensor; fields beyond the sensor are left out. The camera turns towards the source. At each position frames are
+/// taken at several exposure times with the sensor's noise; only a window around the source is written. The source is
+/// adjusted so that the brightest pixel of all positions, behind its own colour filter, is at --peak of the range at
+/// the longest time. A folder that holds captures is not changed.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -78,8 +78,8 @@ pub struct Args {
     /// Dark frames of each exposure time and place
     #[arg(long, default_value_t = 0)]
     dark_frames: usize,
-    /// Brightest pixel at the longest exposure, relative to the range of the converter or the full well, whichever is less; above 1
-    /// it clips
+    /// Brightest pixel at the longest exposure, relative to the range of the converter or the full well, whichever is
+    /// less; above 1 it clips
     #[arg(long, default_value_t = 0.8)]
     peak: f64,
     /// Pixels a side of the window that is written

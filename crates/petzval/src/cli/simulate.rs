@@ -61,8 +61,8 @@ struct SpectralArgs {
     /// Illuminance of the scene, lux; white is a matt white surface there [default: 500, or the value that gives --white-e]
     #[arg(long, value_name = "LUX")]
     illuminance_lux: Option<f64>,
-    /// Number of bands for scenes and photographs, over the wavelengths that light, lens and sensor have in common [default: 16, or
-    /// more if 16 would be over 20 nm apart]
+    /// Number of bands for scenes and photographs, over the wavelengths that light, lens and sensor have in common
+    /// [default: 16, or more if 16 would be over 20 nm apart]
     #[arg(long, value_name = "N")]
     bands: Option<usize>,
     /// Quantum efficiency curves in place of the sensor's own: a built-in name (imx219, ov5647), flat:VALUE for one efficiency
@@ -90,11 +90,12 @@ struct SpectralArgs {
 /// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
 /// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 ///
-/// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a ColorChecker,
-/// 0.89 and 0.03 at 550 nm: black is a dark gray.
+/// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a
+/// ColorChecker, 0.89 and 0.03 at 550 nm: black is a dark gray.
 ///
-/// Highlights end in neutral white at the level at which white light saturates the first colour. White of a PNG is the white of
-/// the scene, or the end of the highlights if that is lower; the linear light of EXR and NPY always has white at 1.
+/// Highlights end in neutral white at the level at which white light saturates the first colour. White of a PNG is the
+/// white of the scene, or the end of the highlights if that is lower; the linear light of EXR and NPY always has white
+/// at 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Photographs (PNG, JPEG, TIFF), spectral images, or scene:NAME
@@ -103,9 +104,9 @@ pub struct Args {
     /// Lens file, or a built-in name
     #[arg(long, default_value = "cooke-triplet-nominal")]
     lens: String,
-    /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They include the relative
-    /// illumination. Clear pixels receive the three planes of a picture, each spread by its PSF, in the mixture of the sensor's
-    /// clear_response
+    /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They include the
+    /// relative illumination. Clear pixels receive the three planes of a picture, each spread by its PSF, in the
+    /// mixture of the sensor's clear_response
     #[arg(long, value_name = "PATH", conflicts_with = "lens")]
     psfs: Option<PathBuf>,
     /// Sensor file, or a built-in name
@@ -117,12 +118,13 @@ pub struct Args {
     /// Position and scale of a photograph on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
-    /// Photoelectrons of white in a green pixel on the axis. The default is 70 % of the number at which white saturates the first
-    /// colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the number follows from the light; if it is
-    /// given, the illuminance follows from it
+    /// Photoelectrons of white in a green pixel on the axis. The default is 70 % of the number at which white saturates
+    /// the first colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the number follows from
+    /// the light; if it is given, the illuminance follows from it
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     white_e: Option<f32>,
-    /// Read only the middle HEIGHTxWIDTH pixels of the sensor, such as 480x640. They have the same values as in a whole frame
+    /// Read only the middle HEIGHTxWIDTH pixels of the sensor, such as 480x640. They have the same values as in a whole
+    /// frame
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Exposure time, s

@@ -10,8 +10,8 @@ use petzval_camera::sensor::Colour;
 /// Distance between a histogram and a distribution.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GoodnessOfFit {
-    /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is expected),
-    /// over their number minus one.
+    /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is
+    /// expected), over their number minus one.
     pub reduced_chi2: f64,
     /// Largest difference of the cumulative distributions (Kolmogorov-Smirnov), 0..1.
     pub kolmogorov_smirnov: f64,
@@ -135,7 +135,8 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
         e_sum += e;
         ks = ks.max((c_sum - e_sum).abs() / n);
         variation += 0.5 * (c - e).abs() / n;
-        // Merge neighbouring digital numbers until a bin has ten expected samples, or ten captured ones where the model has none.
+        // Merge neighbouring digital numbers until a bin has ten expected samples, or ten captured ones where the model
+        // has none.
         c_bin += c;
         e_bin += e;
         if e_bin >= 10.0 || (c_bin >= 10.0 && e_bin < 1.0) {

@@ -57,8 +57,8 @@ impl Score {
         Some(DVector::from_fn(free.len(), |i, _| step[i] / scale[i]))
     }
 
-    /// Inverse of the information matrix. It is scaled to a unit diagonal first, because the parameters' units span many powers of
-    /// ten.
+    /// Inverse of the information matrix. It is scaled to a unit diagonal first, because the parameters' units span
+    /// many powers of ten.
     pub fn covariance(&self, free: &[Parameter]) -> Option<DMatrix<f64>> {
         let raw = self.information_of(free);
         let scale: Vec<f64> = (0..free.len()).map(|i| raw[(i, i)].sqrt()).collect();

@@ -38,8 +38,8 @@ pub struct HistogramFit {
     pub dark_noise_e: Measured,
     /// sigma_r, e-: from temporal noise if it is known, else including DSNU.
     pub read_noise_e: Measured,
-    /// DSNU, e-: the width of the histograms beyond temporal noise. The error is an upper bound, because both come from the same
-    /// frames.
+    /// DSNU, e-: the width of the histograms beyond temporal noise. The error is an upper bound, because both come from
+    /// the same frames.
     pub dsnu_e: Measured,
     /// PRNU, including the unevenness of the light, percent.
     pub prnu_percent: Measured,

@@ -76,8 +76,8 @@ pub fn arrange<'a>(
     histograms: &[&'a PointHistogram],
 ) -> Option<(Vec<Sample<'a>>, Numbers, Vec<f64>)> {
     let mut numbers = Numbers::of(start);
-    // Points of one gain share a light level if their exposure times or photons give the ratio of their light. The colours of a
-    // point always share one.
+    // Points of one gain share a light level if their exposure times or photons give the ratio of their light. The
+    // colours of a point always share one.
     let mut levels: Vec<((f64, Option<usize>), Parameter)> = Vec::new();
     let mut samples = Vec::new();
     for histogram in histograms {

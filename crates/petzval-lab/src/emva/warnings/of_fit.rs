@@ -81,8 +81,8 @@ fn differences(fit: &HistogramFit, joint: &JointFit) -> Vec<Warning> {
     found
 }
 
-/// Dark histograms wider than temporal noise. A width in electrons is clearest at the largest gain, one in digital numbers at the
-/// smallest.
+/// Dark histograms wider than temporal noise. A width in electrons is clearest at the largest gain, one in digital
+/// numbers at the smallest.
 fn wider_than_noise(fit: &HistogramFit, joint: &JointFit) -> Option<Warning> {
     let above = |fitted: Measured, temporal: Measured| {
         let (Some(f), Some(t)) = (fitted.value(), temporal.value()) else { return false };

@@ -41,8 +41,8 @@ fn of_converter(flags: &ConverterFlags) -> Vec<Warning> {
     factor.into_iter().chain(top).collect()
 }
 
-/// Gains whose `K_g / g` differs from the median of all by more than five standard errors and 2 %. A single wrong gain hardly
-/// shifts the median.
+/// Gains whose `K_g / g` differs from the median of all by more than five standard errors and 2 %. A single wrong gain
+/// hardly shifts the median.
 fn not_proportional(joint: &JointFit) -> Vec<Warning> {
     let all: Vec<(f64, f64, f64)> = joint
         .rows
@@ -109,8 +109,8 @@ fn not_linear(gain: &GainResult) -> Vec<Warning> {
     gain.channels.iter().filter_map(of).collect()
 }
 
-/// A stated full well that differs from the measured one by more than five standard errors and 2 %. If the converter clips first,
-/// the well may be larger than measured.
+/// A stated full well that differs from the measured one by more than five standard errors and 2 %. If the converter
+/// clips first, the well may be larger than measured.
 fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warning> {
     let stated_e = sensor.full_well_e?;
     let channel = gains.first()?.channels.first()?;

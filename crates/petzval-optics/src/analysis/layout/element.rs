@@ -35,8 +35,8 @@ struct Wall<'a> {
     is_cemented: bool,
 }
 
-/// The elements of a lens in the order of the light. Elements without air between them are cemented and share one outer diameter. A
-/// surface with the same glass on both sides (an inner stop) does not divide an element.
+/// The elements of a lens in the order of the light. Elements without air between them are cemented and share one outer
+/// diameter. A surface with the same glass on both sides (an inner stop) does not divide an element.
 pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
     let (surfaces, media) = (&lens.surfaces, media(lens));
     let mut elements = Vec::new();

@@ -7,8 +7,8 @@ use crate::paraxial::first_order;
 use crate::pupil::paraxial_launch;
 use crate::trace::{Fate, Path, Sequence, aim_at_stop, launch, trace_ray};
 
-/// The rays of a field at the lens's reference wavelength, evenly spread over the stop's diameter and
-/// aimed by real tracing. They start `lead_mm` in front of the first vertex. A clipped ray ends where it is clipped, and a ray that
+/// The rays of a field at the lens's reference wavelength, evenly spread over the stop's diameter and aimed by real
+/// tracing. They start `lead_mm` in front of the first vertex. A clipped ray ends where it is clipped, and a ray that
 /// cannot be aimed is left out.
 pub(super) fn fan(
     lens: &Lens,

@@ -38,9 +38,9 @@ pub struct AimedRays {
 }
 
 impl AimedRays {
-    /// Aims the rays of a field at the points `target_mm` of the stop by Newton's method from `guess_mm`, both (x, y) per ray.
-    /// A step that loses a ray or increases its miss is halved. A ray that is not found keeps the guess as its launch point
-    /// and has the fate `NotAimed`.
+    /// Aims the rays of a field at the points `target_mm` of the stop by Newton's method from `guess_mm`, both (x, y)
+    /// per ray. A step that loses a ray or increases its miss is halved. A ray that is not found keeps the guess as its
+    /// launch point and has the fate `NotAimed`.
     pub fn new(sequence: &Sequence, field_rad: f64, target_mm: &[[f64; 2]], guess_mm: &[[f64; 2]]) -> Self {
         let rays = target_mm.len();
         let padded = RayBundle::padded(rays);

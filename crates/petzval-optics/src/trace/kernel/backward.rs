@@ -1,16 +1,17 @@
 //! The adjoint of tracing: pulls cotangents of rays at the image back to the numbers of every surface.
 //!
-//! Cotangents (names in `_bar`) are derivatives of the loss; they are propagated against the light. At a surface with gradient `N = (-z_x, -z_y, 1)`, entry point
-//! p, path t and point q:
+//! Cotangents (names in `_bar`) are derivatives of the loss; they are propagated against the light. At a surface with
+//! gradient `N = (-z_x, -z_y, 1)`, entry point p, path t and point q:
 //!
 //! - refraction `d' = mu d + b N` is differentiated directly ([`Bend`](super::surface::Bend));
 //! - intersection: `q = p + t d` with `N.dq = z_theta dtheta`, so `alpha = q_bar.d / N.d` gives `p_bar = q_bar - alpha N`,
 //!   `d_bar += t p_bar`, `theta_bar += alpha z_theta`.
 //!
-//! Rays that are aimed at points of the stop get new launch points when the lens changes. Let `Q = dq/ds` and `D = dd/ds` be
-//! the derivatives at the stop by the launch point s. The multiplier `l = -Q^-T (s_bar + Q^T q_bar + D^T d_bar)` holds
-//! `q = R p` there. It is added to `q_bar` when the sweep passes the stop, and makes the cotangent of the launch zero.
-//! Apertures before the stop add cotangents after the sweep has passed it; a second, shorter sweep re-aims for them.
+//! Rays that are aimed at points of the stop get new launch points when the lens changes. Let `Q = dq/ds` and
+//! `D = dd/ds` be the derivatives at the stop by the launch point s. The multiplier
+//! `l = -Q^-T (s_bar + Q^T q_bar + D^T d_bar)` holds `q = R p` there. It is added to `q_bar` when the sweep passes the
+//! stop, and makes the cotangent of the launch zero. Apertures before the stop add cotangents after the sweep has
+//! passed it; a second, shorter sweep re-aims for them.
 
 use pulp::{Simd, WithSimd};
 
@@ -267,7 +268,8 @@ pub(super) fn sweep<S: Simd>(
         }
         let u = x.mul_add(x, y * y);
 
-        // Differentiate the soft clear aperture: the transmission falls with the ray's radius, and rises with the semi-diameter.
+        // Differentiate the soft clear aperture: the transmission falls with the ray's radius, and rises with the
+        // semi-diameter.
         if let Some(bar) = transmission_bar
             && i != sequence.stop
             && let Some((share, by_radius)) = aperture(surface, u)
@@ -297,7 +299,8 @@ pub(super) fn sweep<S: Simd>(
             point_bar[1] += bar * by_y;
         }
 
-        // Differentiate Snell's law by the direction in front, by mu and by the normal, which turns with the slopes of the sag.
+        // Differentiate Snell's law by the direction in front, by mu and by the normal, which turns with the slopes of
+        // the sag.
         let mut before_bar;
         let (n, approach);
         let own;
@@ -536,7 +539,8 @@ impl WithSimd for PullBack<'_> {
                 &mut sums,
             );
             stop_bar += swept.stop_bar;
-            // Re-aim for cotangents in front of the stop: turn those left at the launch into a second multiplier at the stop.
+            // Re-aim for cotangents in front of the stop: turn those left at the launch into a second multiplier at the
+            // stop.
             if let (Some(aim), true) = (&reaim, swept.asked_in_front) {
                 let at = [Lanes::load(simd, &launched.x[at..]), Lanes::load(simd, &launched.y[at..])];
                 let field_rad = self.reaim.map_or(0.0, |r| r.aimed.field_rad);
@@ -602,7 +606,8 @@ fn add<S: Simd>(sums: &Sums<S>, surface: &SurfaceAtWavelength, to: &mut SurfaceG
     }
 }
 
-/// Pulls the cotangents of the rays of a bundle back through the lens and adds the derivatives by its numbers to `gradient`.
+/// Pulls the cotangents of the rays of a bundle back through the lens and adds the derivatives by its numbers to
+/// `gradient`.
 ///
 /// `launched` is the bundle as it was launched, in the coordinates of the first vertex. With `reaim`, launch points follow
 /// the lens; the result is the derivative by the stop radius times that radius, mm. Without, rays keep their launch.

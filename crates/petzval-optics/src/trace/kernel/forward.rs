@@ -10,8 +10,8 @@ use crate::trace::ray::{Fate, RayBundle};
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
 
-/// Reasons for which a ray does not reach the image. The fate of a ray is one number in vector code: 0 is ok, `surface + 1` is
-/// clipped at that surface, and rays that do not reach the image have numbers below zero.
+/// Reasons for which a ray does not reach the image. The fate of a ray is one number in vector code: 0 is ok,
+/// `surface + 1` is clipped at that surface, and rays that do not reach the image have numbers below zero.
 #[derive(Clone, Copy)]
 enum Loss {
     Missed,

@@ -1,7 +1,8 @@
 //! Coordinate changes at surfaces that are shifted or turned, several rays at a time.
 //!
-//! The vector omega of `R_dot^T R`, in surface coordinates, describes a small turn of the surface: seen from the surface, points
-//! and directions in front move by `omega x p`. The transpose of this is a torque: `p x p_bar + d x d_bar`.
+//! The vector omega of `R_dot^T R`, in surface coordinates, describes a small turn of the surface: seen from the
+//! surface, points and directions in front move by `omega x p`. The transpose of this is a torque:
+//! `p x p_bar + d x d_bar`.
 
 use pulp::Simd;
 

@@ -3,8 +3,8 @@
 //! With `N = (-z_x, -z_y, 1)` and `v = mu d + grad W / n'`, where W is the optical path of a diffractive structure,
 //! `d' = v + b N`, `b = (R - g) / q`, `g = N.v`, `q = N.N`, `R = sqrt(q (1 - v.v) + g^2)`.
 //!
-//! These formulas are long, and many shapes share them. So they are compiled once per instruction set, as operations on numbers
-//! in memory ([`Rows`]), and not into every kernel.
+//! These formulas are long, and many shapes share them. So they are compiled once per instruction set, as operations on
+//! numbers in memory ([`Rows`]), and not into every kernel.
 
 use pulp::{Simd, WithSimd};
 
@@ -69,8 +69,8 @@ struct Step<S: Simd> {
     pub ok: Mask<S>,
 }
 
-/// Changes of a surface's own numbers, as they enter tangents: of the sag and its slopes, of `mu` and of the index behind, of
-/// the slopes of the structure's optical path at the point, and of the power of a thin lens.
+/// Changes of a surface's own numbers, as they enter tangents: of the sag and its slopes, of `mu` and of the index
+/// behind, of the slopes of the structure's optical path at the point, and of the power of a thin lens.
 #[derive(Clone, Copy)]
 struct Own<S: Simd> {
     pub sag: Lanes<S>,
@@ -187,7 +187,8 @@ impl<S: Simd> Step<S> {
             rise += own.sag;
         }
         let point = along(moved, rise / self.approach(), d);
-        // Change the slopes of the sag and of the structure's path: by the move of the point and by the surface's own numbers.
+        // Change the slopes of the sag and of the structure's path: by the move of the point and by the surface's own
+        // numbers.
         let (mut slope, mut path_slope) = (turn(&self.sag, point), [zero; 2]);
         if let Some(jet) = &self.path {
             path_slope = turn(jet, point);
@@ -537,7 +538,8 @@ impl WithSimd for PushForward<'_> {
     }
 }
 
-/// Carries the tangent of entering rays of direction `before` to their points on the surface and to their directions behind it.
+/// Carries the tangent of entering rays of direction `before` to their points on the surface and to their directions
+/// behind it.
 #[inline(always)]
 pub(super) fn push_forward<S: Simd>(
     s: &SurfaceAtWavelength,

@@ -1,5 +1,5 @@
-//! The Jacobian of the landing points of a bundle by the numbers of the lens: two backward sweeps a ray, one for x and one for
-//! y.
+//! The Jacobian of the landing points of a bundle by the numbers of the lens: two backward sweeps a ray, one for x and
+//! one for y.
 
 use pulp::{Simd, WithSimd};
 

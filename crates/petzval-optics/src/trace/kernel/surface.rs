@@ -69,7 +69,8 @@ pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S
         let point = [path.mul_add(d[0], p[0]), path.mul_add(d[1], p[1]), zero];
         return Meeting { point, path, ok: zero.lt(d[2]) };
     }
-    // Solve the quadratic equation of the conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)), and (B - sqrt(B^2 - A C)) / A where B < 0.
+    // Solve the quadratic equation of the conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)), and (B -
+    // sqrt(B^2 - A C)) / A where B < 0.
     let (kn, kz) = (d[2] * k, p[2] * k);
     let a = d[2].mul_add(kn, d[2].constant(1.0)) * c;
     let b = d[2] - (dot(p, d) + kz * d[2]) * c;
@@ -213,8 +214,8 @@ pub(super) fn slopes<S: Simd>(s: &SurfaceAtWavelength, q: V3<S>) -> Slopes<S> {
     Slopes { w, per_w, u, first, second, normal: [-(twice * q[0]), -(twice * q[1]), one] }
 }
 
-/// Intermediate results of Snell's law, for its derivatives: `d' = mu d + b N`, `b = (R - mu g) / q`, with `g = N.d`, `q = N.N`,
-/// `R = sqrt(q (1 - mu^2) + mu^2 g^2)`.
+/// Intermediate results of Snell's law, for its derivatives: `d' = mu d + b N`, `b = (R - mu g) / q`, with `g = N.d`,
+/// `q = N.N`, `R = sqrt(q (1 - mu^2) + mu^2 g^2)`.
 pub(super) struct Bend<S: Simd> {
     pub mu: f64,
     pub b: Lanes<S>,

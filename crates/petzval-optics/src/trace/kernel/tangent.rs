@@ -100,7 +100,8 @@ fn carry<S: Simd>(
             let change = frame_change(frame, &change.surfaces[i]);
             tangent = frame::enter_tangent(frame, &crossing.entry(), &tangent, Some(&change));
         }
-        // Carry the tangent to the point on the surface and through the bend, with the changes of the surface's own numbers.
+        // Carry the tangent to the point on the surface and through the bend, with the changes of the surface's own
+        // numbers.
         let entered = along(tangent.position, crossing.path, tangent.direction);
         if surface.is_general {
             let own = &change.surfaces[i];
@@ -118,8 +119,8 @@ fn carry<S: Simd>(
             let own = own(surface, &slope, &change.surfaces[i], mu_change(sequence, change, i));
             tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
         }
-        // Add the changes of the optical path: of the path length, of the index in front, and of the point on a thin lens or
-        // a diffractive structure.
+        // Add the changes of the optical path: of the path length, of the index in front, and of the point on a thin
+        // lens or a diffractive structure.
         let moved = along(tangent.position, zero.constant(-1.0), entered);
         optical_path += dot(moved, d) * surface.n_before;
         if i > 0 {
@@ -226,8 +227,8 @@ impl WithSimd for PushForward<'_> {
 
 /// Pushes a change of the lens's numbers forward through the trace: the transpose of [`pull_back`](super::pull_back).
 ///
-/// `change` holds the change of every number of the lens. With `aimed` = (the aimed rays, relative growth of the stop radius),
-/// launch points follow the lens; without, rays keep their launch.
+/// `change` holds the change of every number of the lens. With `aimed` = (the aimed rays, relative growth of the stop
+/// radius), launch points follow the lens; without, rays keep their launch.
 pub fn push_change(
     sequence: &Sequence,
     launched: &RayBundle,

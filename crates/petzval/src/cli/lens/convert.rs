@@ -7,7 +7,8 @@ use petzval::jobs::lens::convert;
 
 use crate::cli::{Failure, context, print_json};
 
-/// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq). The endings of the names choose them.
+/// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq). The endings of the names
+/// choose them.
 ///
 /// Everything that the new file does not hold is reported. A lens that would bend light differently is refused.
 #[derive(Debug, clap::Args)]

@@ -14,12 +14,12 @@ use crate::cli::{EXIT_STOPPED, Failure, print_json, signals};
 
 /// Make the spots of a lens smaller, within its bounds and the limits below.
 ///
-/// Without --global: Levenberg and Marquardt's method from the lens of the file. With --global: a search from random starts
-/// within the bounds, for a number of rounds; --resume continues it at any time. The variables are those of the lens file; a
-/// lens without variables gets its curvatures and gaps. The image plane goes where the spots are smallest.
+/// Without --global: Levenberg and Marquardt's method from the lens of the file. With --global: a search from random
+/// starts within the bounds, for a number of rounds; --resume continues it at any time. The variables are those of the
+/// lens file; a lens without variables gets its curvatures and gaps. The image plane goes where the spots are smallest.
 ///
-/// The folder holds the best lens (best.toml), every better lens on the way (lens/step-N.toml, history.jsonl) and the state for
-/// --resume.
+/// The folder holds the best lens (best.toml), every better lens on the way (lens/step-N.toml, history.jsonl) and the
+/// state for --resume.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
