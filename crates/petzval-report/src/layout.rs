@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn every_element_ray_and_bar_is_there() {
+    fn every_element_ray_and_bar_is_drawn() {
         let svg = drawn(&triplet());
         assert_eq!(svg.matches("class=\"element\"").count(), 3);
         for name in ["V1", "V2", "V3", "PMMA", "N-SF11", "stop", "total track"] {

@@ -255,7 +255,7 @@ impl<'a> DenseMap<'a> {
         self.rows.rows.len()
     }
 
-    /// How often [`DenseMap::points`] has to be asked for all points of a row.
+    /// Number of calls of [`DenseMap::points`] for all points of a row.
     #[inline(always)]
     pub fn turns<S: Simd>(&self, row: usize) -> usize {
         self.rows.rows[row].count.div_ceil(width::<S>())

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_bounds_or_no_scale_says_so() {
+    fn missing_bounds_and_scales_are_shown_as_such() {
         let free =
             change_table(&[change(0.0, 1e-5, f64::NEG_INFINITY, f64::INFINITY)], "nominal").into_string();
         assert!(free.contains("not bounded") && free.contains("1.0000·10⁻⁵") && !free.contains("inf %"));

@@ -228,7 +228,7 @@ mod tests {
     use crate::sample;
 
     #[test]
-    fn the_page_needs_nothing_but_itself() {
+    fn the_page_is_self_contained() {
         let page = page(&sample::report());
         let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
         assert!(!elsewhere.contains("http://") && !elsewhere.contains("https://"));
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn every_section_is_there_and_every_picture_is_described() {
+    fn every_section_exists_and_every_picture_is_described() {
         let report = sample::report();
         let page = page(&report);
         for headline in

@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_win_is_said_with_its_numbers() {
+    fn a_gain_is_stated_with_its_numbers() {
         let said = reading(&rows());
         assert_eq!(
             said[0],
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_and_a_tie_are_said_too() {
+    fn a_loss_and_a_tie_are_stated_too() {
         let mut rows = rows();
         rows[2] = TableRow { camera: "end-to-end".into(), ..rows[0].clone() };
         assert!(reading(&rows)[0].starts_with("End-to-end equals nominal: ±0.0000"));
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_longer_focal_length_is_not_like_for_like() {
+    fn a_longer_focal_length_is_reported_as_not_comparable() {
         let mut rows = rows();
         rows[2].efl_mm *= 1.1;
         assert!(reading(&rows).last().unwrap().contains("EFL +10.0 %"));

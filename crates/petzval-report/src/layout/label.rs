@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_settle_apart() {
+    fn labels_do_not_overlap() {
         let mut labels: Vec<Label> =
             (0..5).map(|i| Label::new("N-LASF44".into(), 20.0 * f64::from(i), 100.0)).collect();
         settle(&mut labels, 1.0);

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_there_is_not_is_said() {
+    fn missing_data_are_stated() {
         let mut analysis = sample::analysis();
         analysis.mtf[2].diffraction = None;
         analysis.mtf[2].limit = None;
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_escaped_and_the_page_needs_nothing_but_itself() {
+    fn names_are_escaped_and_the_page_is_self_contained() {
         let mut analysis = sample::analysis();
         analysis.name = "</title><script>alert(1)</script>\u{7}".into();
         let page = page(&analysis, &PictureKind::ALL);

@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_share_a_scale_unless_one_would_vanish_on_it() {
+    fn fields_share_a_scale_unless_one_would_be_invisible() {
         assert_eq!(scales(&[5.0, 50.0, 20.0]), [50.0; 3]);
         assert_eq!(scales(&[5.0, 500.0, 20.0]), [5.0, 500.0, 20.0]);
         assert_eq!(scales(&[0.0, 500.0]), [0.5, 500.0]);

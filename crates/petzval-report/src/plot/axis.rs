@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_of_nothing_or_of_no_number_is_still_an_axis() {
+    fn an_empty_range_or_one_of_nan_still_gives_an_axis() {
         for (low, high) in [(3.0, 3.0), (f64::NAN, 1.0), (0.0, f64::INFINITY), (5.0, 1.0)] {
             let axis = Axis::around(low, high, 4);
             assert!(axis.high > axis.low && !axis.ticks.is_empty(), "{axis:?}");

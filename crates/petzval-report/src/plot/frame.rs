@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn values_go_where_the_axes_say() {
+    fn values_are_drawn_at_their_positions_on_the_axes() {
         assert_eq!(frame().at([0.0, 1.0]), [0.0, 0.0]);
         assert_eq!(frame().at([5.0, 0.25]), [100.0, 75.0]);
     }

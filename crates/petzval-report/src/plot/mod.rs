@@ -96,12 +96,12 @@ mod tests {
     }
 
     #[test]
-    fn a_name_loses_what_xml_cannot_hold() {
+    fn characters_that_xml_does_not_allow_are_removed() {
         assert_eq!(plain("a\u{7}b\u{ffff}µ"), "a b µ");
     }
 
     #[test]
-    fn a_span_leaves_out_what_is_no_number() {
+    fn a_span_ignores_nan() {
         assert_eq!(span([f64::NAN, 3.0, f64::INFINITY, -1.0]), Some((-1.0, 3.0)));
         assert_eq!(span([f64::NAN]), None);
     }

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_stands_once_and_found_numbers_stay() {
+    fn a_reason_is_listed_once_and_resolved_numbers_stay() {
         let mut reasons = Reasons::default();
         let photons = Measured::none(Unresolved::NoPhotons);
         let noise = |value| Measured::none(Unresolved::WithinNoise { value, standard_error: 135.0 });

@@ -84,7 +84,7 @@ fn every_picture_is_described_and_holds_its_points() {
 }
 
 #[test]
-fn the_page_stands_alone_and_says_values_with_their_errors() {
+fn the_page_is_self_contained_and_states_values_with_their_errors() {
     let folder = tempfile::tempdir().unwrap();
     let found = series(folder.path(), true);
     let page = page(&found);
@@ -108,7 +108,7 @@ fn the_page_stands_alone_and_says_values_with_their_errors() {
 }
 
 #[test]
-fn each_reason_stands_once_below_its_table() {
+fn each_reason_is_listed_once_below_its_table() {
     let folder = tempfile::tempdir().unwrap();
     let found = series(folder.path(), false);
     let page = page(&found);
@@ -142,7 +142,7 @@ fn a_single_gain_has_no_plot_of_gains() {
 }
 
 #[test]
-fn what_was_not_captured_is_said() {
+fn missing_captures_are_stated() {
     let folder = tempfile::tempdir().unwrap();
     let mut found = series(folder.path(), false);
     assert!(page(&found).contains("--fit-histograms"));
