@@ -77,7 +77,7 @@ fn the_folder_holds_figures_pictures_and_the_worst_lenses() {
     let worst = figures["monte_carlo"]["worst"].as_array().unwrap();
     assert_eq!(worst.len(), 2);
     for w in worst {
-        // The written lens has the same merit when it is read again.
+        // Read again, the written lens has about this merit, which here counts one side of the field only.
         let name = format!("made/lens-{:05}.toml", w["trial"].as_u64().unwrap());
         let lens = run_ok(folder.path(), &["lens", "show", &name, "--json"]).json();
         let one_side: Vec<f64> =
