@@ -7,7 +7,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_learn::dataset::held_out_placements;
-use petzval_learn::score::{Score, ScoredPair};
+use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{chief_ray, field_imaged_at};
@@ -56,6 +56,11 @@ impl<'a> Scorer<'a> {
             }
         }
         Ok(Self { setup, scores })
+    }
+
+    /// The scores that are computed.
+    pub fn scores(&self) -> Vec<ScoreDescription> {
+        self.scores.iter().map(|score| ScoreDescription::of(score.as_ref())).collect()
     }
 
     /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs.
@@ -169,7 +174,11 @@ fn camera_metrics(
 }
 
 /// Gathers the figures of the finished cameras of a run.
-pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, DesignError> {
+pub fn collect_metrics(
+    setup: &Setup,
+    run: &RunFolder,
+    scores: Vec<ScoreDescription>,
+) -> Result<Metrics, DesignError> {
     let rows: Vec<CameraMetrics> = (setup.variants.iter())
         .map(|variant| {
             let path = run.camera(&variant.name).join("metrics.json");
@@ -182,7 +191,6 @@ pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, Design
         held_out_places: setup.experiment.scoring.places_per_side.pow(2),
         rows,
         seeds: vec![setup.experiment.seed],
-        ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),
-        lpips_variant: "LPIPS v0.1, AlexNet".to_owned(),
+        scores,
     })
 }

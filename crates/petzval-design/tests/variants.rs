@@ -24,6 +24,10 @@ impl Score for MeanAbsoluteError {
         "MAE"
     }
 
+    fn definition(&self) -> &'static str {
+        "mean absolute difference of sRGB-encoded values"
+    }
+
     fn decimals(&self) -> usize {
         4
     }
@@ -104,7 +108,8 @@ fn a_fourth_variant_and_a_further_score_are_toml_and_one_file() {
         variant("end-to-end", JOINT),
     ]
     .concat();
-    let fourth = variant("refined", &format!("from = \"spot-optimised\"\n{JOINT}"));
+    let slowly = "optics = { learning_rate = 1e-6 }\n";
+    let fourth = variant("refined", &format!("from = \"spot-optimised\"\n{JOINT}{slowly}"));
     let text = format!("{TINY}{scores}{three}{fourth}");
     let folder = tempfile::tempdir().unwrap();
     let all = run(Experiment::parse(&text).unwrap(), &folder.path().join("all"));
@@ -115,9 +120,10 @@ fn a_fourth_variant_and_a_further_score_are_toml_and_one_file() {
         assert!(row.scores["mean_absolute_error"] > 0.0 && row.scores["mean_absolute_error"] < 1.0);
     }
     let spot = |name: &str| all.rows.iter().find(|r| r.camera == name).unwrap().rms_spot_um;
-    // It goes on from where the other variant ended, not from the nominal lens.
+    // It goes on from where the other variant ended, not from the nominal lens: its own steps are too short to be seen.
     let step = (spot("spot-optimised") - spot("nominal")).abs();
-    assert!((spot("refined") - spot("spot-optimised")).abs() < step, "{} {step}", spot("refined"));
+    let own = (spot("refined") - spot("spot-optimised")).abs();
+    assert!(own < 0.01 * step, "{own} {step}");
 
     // A variant alone, or at another place of the list, is the same camera to the last bit.
     let alone = Experiment::parse(&text).unwrap().only("end-to-end").unwrap();

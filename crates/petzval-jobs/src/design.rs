@@ -3,16 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
 use petzval_design::inputs::{check_inputs, keep_inputs};
-use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, write_atomically};
-use petzval_design::setup::{BUILT_IN_PHOTOS, Setup};
-use petzval_learn::score::{Column, columns, standard_scores};
+use petzval_design::run::{CameraMetrics, Event, RunFolder, write_atomically};
+use petzval_design::setup::Setup;
+use petzval_learn::score::{ScoreDescription, standard_scores};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json};
 use crate::machine::environment;
+
+pub use petzval_design::run::Metrics;
 
 /// The experiment that runs when none is named.
 pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
@@ -82,8 +84,6 @@ pub enum RunEnding {
     Finished {
         /// The figures.
         metrics: Box<Metrics>,
-        /// How to head the scores.
-        columns: Vec<Column>,
         /// The report.
         report: PathBuf,
     },
@@ -120,13 +120,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
     let scores = standard_scores(&setup.lpips()?);
-    let columns = columns(&scores, &setup.experiment.scoring.scores);
-    let mut watch = Watch { context, columns: &columns, total: 0 };
+    let mut watch = Watch {
+        context,
+        scores: scores.iter().map(|s| ScoreDescription::of(s.as_ref())).collect(),
+        total: 0,
+    };
     let ending = DesignLoop::new(&setup, &folder, scores)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
-            RunEnding::Finished { report: crate::report::write(&setup, &folder)?, metrics, columns }
+            RunEnding::Finished { report: crate::report::write(&setup, &folder)?, metrics }
         }
     };
     Ok(Response { run: folder.root().to_path_buf(), ending })
@@ -185,7 +188,7 @@ fn default_root(name: &str, experiment: &Experiment) -> PathBuf {
 /// Reports a run's steps and finished cameras to the watcher of the job.
 struct Watch<'a> {
     context: &'a Context,
-    columns: &'a [Column],
+    scores: Vec<ScoreDescription>,
     total: u64,
 }
 
@@ -206,8 +209,12 @@ impl Observer for Watch<'_> {
     }
 
     fn camera(&mut self, m: &CameraMetrics) {
-        let scores: Vec<String> = (self.columns.iter())
-            .filter_map(|c| m.scores.get(&c.name).map(|v| format!("{} {v:.*}", c.title, c.decimals)))
+        let scores: Vec<String> = (self.scores.iter())
+            .filter_map(|c| {
+                m.scores
+                    .get(&c.name)
+                    .map(|v| format!("{} {v:.*} {}", c.title, c.decimals, c.unit).trim_end().to_owned())
+            })
             .collect();
         self.context.note(format!("{}: {}, RMS spot {:.2} um", m.camera, scores.join(", "), m.rms_spot_um));
     }

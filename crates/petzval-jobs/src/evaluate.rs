@@ -7,7 +7,7 @@ use petzval_design::run::{CameraMetrics, Metrics, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, read_metrics};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_learn::score::{Column, columns, standard_scores};
+use petzval_learn::score::standard_scores;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -30,8 +30,6 @@ pub struct Response {
     pub metrics: Metrics,
     /// Largest absolute difference between a score or a spot radius and that of the run.
     pub largest_difference_from_run: f64,
-    /// How to head the scores.
-    pub columns: Vec<Column>,
 }
 
 /// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is.
@@ -42,7 +40,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;
     let scores = standard_scores(&setup.lpips()?);
-    let columns = columns(&scores, &setup.experiment.scoring.scores);
     let scorer = Scorer::new(&setup, scores)?;
     let mut rows: Vec<CameraMetrics> = Vec::new();
     for row in &kept.rows {
@@ -59,5 +56,5 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let off = scores.chain([a.rms_spot_um - b.rms_spot_um]).map(f64::abs);
         off.fold(worst, |worst, off| if off.is_nan() { f64::NAN } else { worst.max(off) })
     });
-    Ok(Response { metrics: Metrics { rows, ..kept }, largest_difference_from_run: largest, columns })
+    Ok(Response { metrics: Metrics { rows, ..kept }, largest_difference_from_run: largest })
 }

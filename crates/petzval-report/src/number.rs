@@ -21,6 +21,12 @@ pub(crate) fn short(value: f64, decimals: usize) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
+/// A value with its unit, which may be empty.
+pub(crate) fn with_unit(value: f64, decimals: usize, unit: &str) -> String {
+    let value = fixed(value, decimals);
+    if unit.is_empty() { value } else { format!("{value}\u{a0}{unit}") }
+}
+
 /// A difference with its sign, `±0` if it rounds to nothing.
 pub(crate) fn signed(value: f64, decimals: usize) -> String {
     let text = fixed(value, decimals);

@@ -14,6 +14,4 @@ pub use petzval_learn as learn;
 pub use petzval_optics as optics;
 pub use petzval_report as report;
 
-mod embedded;
-
-pub use embedded::{built_in_assets, choose_glasses};
+pub use petzval_jobs::built_in_assets;

@@ -41,7 +41,7 @@ fn a_run_writes_all_its_files() {
     let done = run_ok(folder.path(), &["design", "tiny.toml", "--out", "deep/run", "--seed", "7"]);
     let run = folder.path().join("deep/run");
     assert!(done.stdout.contains("spot-optimised") && done.stdout.contains("report: deep/run/report.html"));
-    assert!(done.says("run folder: deep/run") && done.says("nominal: 1-LPIPS"), "{}", done.stderr);
+    assert!(done.says("run folder: deep/run") && done.says("nominal: 1 − LPIPS"), "{}", done.stderr);
     let kept = names(&run);
     for name in [
         "cameras",

@@ -184,6 +184,7 @@ mod tests {
     use super::super::bands::{bands_within, even_bands};
     use super::*;
     use crate::sensor::CfaPattern;
+    use crate::spectral::ThreeBand;
 
     /// A monochrome sensor with a quantum efficiency of 0.6 from 0.3 to 1.1 um.
     fn mono() -> SensorModel {

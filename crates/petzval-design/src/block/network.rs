@@ -111,8 +111,10 @@ impl ModuleMapper for Pull {
         param.map(|weights| {
             let is_tracked = weights.is_require_grad();
             let anchor = Tensor::<D>::from_data(anchor, &weights.device());
-            let pulled = (weights.detach() + anchor * self.strength) / (1.0 + self.strength);
-            if is_tracked { pulled.require_grad() } else { pulled }
+            // `detach` alone would leave the tensor tracked, and the result would be no leaf.
+            let weights = weights.detach().set_require_grad(false);
+            let pulled = (weights + anchor * self.strength) / (1.0 + self.strength);
+            pulled.set_require_grad(is_tracked)
         })
     }
 }

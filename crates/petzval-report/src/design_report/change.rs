@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::Change;
+use super::view::Change;
 use crate::number;
 use crate::table::{Column, Row, Table};
 

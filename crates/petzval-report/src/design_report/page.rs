@@ -8,7 +8,7 @@ use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
-use super::{CameraView, FieldPoint, LossCurve, Report};
+use super::view::{CameraView, FieldPoint, LossCurve, Report, camera_colour};
 use crate::layout::{CrossSection, Extent};
 use crate::number;
 use crate::page::{Page, caption, facts, figure, section};
@@ -55,7 +55,7 @@ fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> 
 
 /// The reading, the scores, and the remarks.
 fn result(report: &Report) -> Markup {
-    let sentences = reading(&report.table);
+    let sentences = reading(&report.scores, &report.table);
     html! {
         @if !report.table.is_empty() || !report.notes.is_empty() {
             (section("Result", html! {
@@ -63,7 +63,7 @@ fn result(report: &Report) -> Markup {
                     p.lead { (first) }
                     @for sentence in rest { p.reading { (sentence) } }
                 }
-                (score_table(&report.table, &report.cameras))
+                (score_table(&report.scores, &report.table, &report.cameras))
                 @if !report.notes.is_empty() {
                     ul.notes { @for note in &report.notes { li { (note) } } }
                 }
@@ -171,7 +171,7 @@ fn over_the_run(report: &Report) -> Markup {
 fn loss_chart(group: &[&LossCurve], report: &Report) -> Chart {
     let series = group.iter().enumerate().map(|(i, curve)| Series {
         name: curve.camera.clone(),
-        colour: super::camera_colour(&report.cameras, &curve.camera, i).into(),
+        colour: camera_colour(&report.cameras, &curve.camera, i).into(),
         points: curve.points.iter().map(|(step, value)| (*step as f64, *value)).collect(),
     });
     let (block, label) = (&group[0].block, &group[0].label);

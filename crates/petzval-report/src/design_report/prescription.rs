@@ -3,7 +3,7 @@
 use maud::Markup;
 use petzval_optics::analysis::FirstOrderTable;
 
-use super::SurfaceView;
+use super::view::SurfaceView;
 use crate::number::{fixed, significant};
 use crate::table::{Column, Row, Table};
 

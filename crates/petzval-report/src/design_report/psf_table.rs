@@ -3,7 +3,7 @@
 use image::{Rgb, RgbImage};
 use maud::{Markup, html};
 
-use super::{CameraView, PsfView, Report};
+use super::view::{CameraView, PsfView, Report};
 use crate::page::caption;
 use crate::{number, palette, png};
 

@@ -1,7 +1,7 @@
 //! The reading: the result of the scores in plain sentences, also if there is no gain.
 
-use super::TableRow;
-use super::score_table::{EFL, F_NUMBER, FOV, LPIPS, PSNR, SPOT, SSIM, Score};
+use super::score_table::{Figure, first_order, picture_scores, spot};
+use super::view::{Score, TableRow};
 use crate::number;
 
 /// Largest relative difference of first-order data between comparable cameras.
@@ -9,7 +9,8 @@ const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Sentences on the table: the last design (or `end-to-end`, if there is one) against the baseline and
 /// against the control that was optimised for spots. Empty if there is nothing to compare.
-pub(super) fn reading(rows: &[TableRow]) -> Vec<String> {
+pub(super) fn reading(scores: &[Score], rows: &[TableRow]) -> Vec<String> {
+    let scores = picture_scores(scores);
     let named = |name: &str| rows.iter().find(|r| r.camera.eq_ignore_ascii_case(name));
     let (Some(baseline), Some(last)) = (named("nominal").or(rows.first()), rows.last()) else {
         return Vec::new();
@@ -18,20 +19,19 @@ pub(super) fn reading(rows: &[TableRow]) -> Vec<String> {
     if design.camera == baseline.camera {
         return Vec::new();
     }
-    let mut sentences = vec![compare(design, baseline, "")];
+    let mut sentences = vec![compare(&scores, design, baseline, "")];
     let control = named("spot-optimised").filter(|c| c.camera != design.camera);
     if let Some(control) = control {
-        sentences.push(compare(design, control, " control"));
+        sentences.push(compare(&scores, design, control, " control"));
     }
-    sentences.extend(spot_sentence(design, baseline, control));
+    sentences.extend(spot_sentence(scores.first(), design, baseline, control));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
 }
 
-/// Compares a camera with another in the three picture scores.
-fn compare(design: &TableRow, other: &TableRow, role: &str) -> String {
-    let scores = [&LPIPS, &PSNR, &SSIM];
-    let known: Vec<&Score> = scores.into_iter().filter(|s| s.gain(other, design).is_finite()).collect();
+/// How a camera does against another in the scores of pictures.
+fn compare(scores: &[Figure], design: &TableRow, other: &TableRow, role: &str) -> String {
+    let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let article = if role.is_empty() { "" } else { "the " };
     let against = format!("{article}{}{role}", other.camera);
     let name = capitalised(&design.camera);
@@ -54,19 +54,25 @@ fn compare(design: &TableRow, other: &TableRow, role: &str) -> String {
 }
 
 /// A difference with its sign, unit and name: `+0.0187 in 1 − LPIPS`, `+1.30 dB PSNR`.
-fn difference(score: &Score, design: &TableRow, other: &TableRow) -> String {
-    let value = number::signed((score.value)(design) - (score.value)(other), score.decimals);
-    match score.unit {
-        "" => format!("{value} in {}", score.name),
-        unit => format!("{value}\u{a0}{unit} {}", score.name),
+fn difference(figure: &Figure, design: &TableRow, other: &TableRow) -> String {
+    let value = number::signed(figure.of(design) - figure.of(other), figure.decimals);
+    match figure.unit.as_str() {
+        "" => format!("{value} in {}", figure.name),
+        unit => format!("{value}\u{a0}{unit} {}", figure.name),
     }
 }
 
-/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the
-/// point of end-to-end design.
-fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableRow>) -> Option<String> {
-    let um = |row: &TableRow| number::fixed(row.rms_spot_um, SPOT.decimals);
-    let gain = SPOT.gain(baseline, design);
+/// How the spots changed, and whether another camera has the better spots but the worse pictures, which
+/// is the point of designing end to end.
+fn spot_sentence(
+    score: Option<&Figure>,
+    design: &TableRow,
+    baseline: &TableRow,
+    control: Option<&TableRow>,
+) -> Option<String> {
+    let spot = spot();
+    let um = |row: &TableRow| number::fixed(row.rms_spot_um, spot.decimals);
+    let gain = spot.gain(baseline, design);
     if !gain.is_finite() {
         return None;
     }
@@ -76,13 +82,14 @@ fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableR
         _ => "stay",
     };
     let mut sentence = format!("Its RMS spots {verb} from {} to {} µm", um(baseline), um(design));
-    let is_sharper_but_worse = |r: &&TableRow| SPOT.gain(r, design) < 0.0 && LPIPS.gain(r, design) > 0.0;
-    if let Some(other) = control.into_iter().chain([baseline]).find(is_sharper_but_worse) {
+    let worse_in = |r: &TableRow| score.filter(|s| spot.gain(r, design) < 0.0 && s.gain(r, design) > 0.0);
+    let sharper_but_worse = |r| worse_in(r).map(|score| (r, score));
+    if let Some((other, score)) = control.into_iter().chain([baseline]).find_map(sharper_but_worse) {
         sentence += &format!(
             "; those of {} are smaller ({} µm), and yet its pictures score lower in {}",
             other.camera,
             um(other),
-            LPIPS.name
+            score.name
         );
     }
     Some(sentence + ".")
@@ -90,10 +97,10 @@ fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableR
 
 /// Warns of a camera that differs from the baseline in quantities that should be fixed.
 fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
-    let differences: Vec<String> = [&EFL, &F_NUMBER, &FOV]
-        .into_iter()
+    let differences: Vec<String> = first_order()
+        .iter()
         .filter_map(|s| {
-            let (from, to) = ((s.value)(baseline), (s.value)(row));
+            let (from, to) = (s.of(baseline), s.of(row));
             let share = to / from - 1.0;
             (share.abs() > LIKE_FOR_LIKE)
                 .then(|| format!("{} {} %", s.name, number::signed(100.0 * share, 1)))
@@ -117,11 +124,11 @@ fn capitalised(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::rows;
+    use crate::sample::{rows, scores};
 
     /// The reading without its unbreakable spaces.
     fn reading(rows: &[TableRow]) -> Vec<String> {
-        super::reading(rows).iter().map(|s| s.replace('\u{a0}', " ")).collect()
+        super::reading(&scores(), rows).iter().map(|s| s.replace('\u{a0}', " ")).collect()
     }
 
     #[test]
@@ -144,8 +151,8 @@ mod tests {
         rows[2] = TableRow { camera: "end-to-end".into(), ..rows[0].clone() };
         assert!(reading(&rows)[0].starts_with("End-to-end equals nominal: ±0.0000"));
         assert!(reading(&rows)[1].starts_with("End-to-end loses to the spot-optimised control"));
-        rows[2].psnr_db += 0.5;
-        rows[2].one_minus_lpips -= 0.01;
+        rows[2].scores[1] += 0.5;
+        rows[2].scores[0] -= 0.01;
         assert!(reading(&rows)[0].contains("wins in some scores and loses in others"));
     }
 

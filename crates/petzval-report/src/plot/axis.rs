@@ -139,6 +139,14 @@ pub(crate) fn round_up(value: f64) -> f64 {
     digit.unwrap_or(10.0) * decade
 }
 
+/// The least and the greatest of the finite numbers.
+pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    values.into_iter().filter(|v| v.is_finite()).fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((low, high)) => Some((f64::min(low, v), f64::max(high, v))),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -203,5 +211,11 @@ mod tests {
             assert!(axis.high > axis.low && !axis.ticks.is_empty(), "{axis:?}");
         }
         assert_eq!(Axis::about_zero(0.0).high, 1.0);
+    }
+
+    #[test]
+    fn a_span_leaves_out_what_is_no_number() {
+        assert_eq!(span([f64::NAN, 3.0, f64::INFINITY, -1.0]), Some((-1.0, 3.0)));
+        assert_eq!(span([f64::NAN]), None);
     }
 }

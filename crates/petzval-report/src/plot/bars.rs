@@ -3,7 +3,8 @@
 use maud::html;
 
 use super::chart::{BELOW_PX, RIGHT_PX, WIDTH_PX};
-use super::{Axis, Frame, Key, KeyLine, Names, Sheet, plain, px, span, width_of, without_data};
+use super::sheet::without_data;
+use super::{Axis, Frame, Key, KeyLine, Names, Sheet, plain, px, span, width_of};
 use crate::palette;
 use crate::palette::INK;
 

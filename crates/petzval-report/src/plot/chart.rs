@@ -1,7 +1,8 @@
 //! Charts: a few named curves over one pair of axes, with a key above them.
 
+use super::sheet::without_data;
 use super::smooth::{smoothed, thinned};
-use super::{Axis, Curve, Frame, Key, Names, Pen, Sheet, without_data};
+use super::{Axis, Curve, Frame, Key, Names, Pen, Sheet};
 
 /// Width of a chart and height of the field between its axes, px.
 pub(super) const WIDTH_PX: f64 = 520.0;

@@ -16,8 +16,9 @@ mod points;
 mod sheet;
 mod smooth;
 mod steps;
+mod text;
 
-pub(crate) use axis::{Axis, round_up};
+pub(crate) use axis::{Axis, round_up, span};
 pub use bars::{Bar, BarChart, bars_svg};
 pub use chart::{Chart, Series, chart_svg};
 pub(crate) use frame::{Frame, Names};
@@ -28,81 +29,4 @@ pub(crate) use pen::{Curve, Pen};
 pub(crate) use points::Points;
 pub(crate) use sheet::{Sheet, WIDTH_PX};
 pub(crate) use steps::Steps;
-
-use maud::html;
-
-/// Mean width of a character, relative to the size of its font.
-const CHARACTER: f64 = 0.56;
-
-/// Largest coordinate in a file, px: drawing programs cannot handle much larger numbers.
-const FARTHEST_PX: f64 = 1e5;
-
-/// A coordinate for SVG, to a hundredth; a value that is not finite becomes 0.
-pub(crate) fn px(value: f64) -> String {
-    if !value.is_finite() {
-        return "0".into();
-    }
-    let text = format!("{:.2}", value.clamp(-FARTHEST_PX, FARTHEST_PX));
-    let short = text.trim_end_matches('0').trim_end_matches('.');
-    if short == "-0" { "0".into() } else { short.into() }
-}
-
-/// Width of a text in a font of a size, px, estimated without the font.
-pub(crate) fn width_of(text: &str, size: f64) -> f64 {
-    CHARACTER * size * text.chars().count() as f64
-}
-
-/// A text without the characters that XML does not allow.
-pub(crate) fn plain(text: &str) -> String {
-    let fits = |c: char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
-    text.chars().map(|c| if fits(c) { c } else { ' ' }).collect()
-}
-
-/// The least and the greatest of the finite numbers.
-pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
-    values.into_iter().filter(|v| v.is_finite()).fold(None, |range, v| match range {
-        None => Some((v, v)),
-        Some((low, high)) => Some((f64::min(low, v), f64::max(high, v))),
-    })
-}
-
-/// A picture of a given width with a text that there are no data.
-fn without_data(alt: &str, width: f64) -> Sheet {
-    Sheet {
-        class: "chart",
-        title: String::new(),
-        remark: String::new(),
-        keys: vec![Key::remark("no data")],
-        alt: alt.into(),
-        width,
-        height: 20.0,
-        body: html! {},
-        foot: Vec::new(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn coordinates_are_short_and_finite() {
-        assert_eq!(px(1.0), "1");
-        assert_eq!(px(-0.001), "0");
-        assert_eq!(px(-2.5), "-2.5");
-        assert_eq!(px(100.0), "100");
-        assert_eq!(px(f64::NAN), "0");
-        assert_eq!(px(1e300), "100000");
-    }
-
-    #[test]
-    fn characters_that_xml_does_not_allow_are_removed() {
-        assert_eq!(plain("a\u{7}b\u{ffff}µ"), "a b µ");
-    }
-
-    #[test]
-    fn a_span_ignores_nan() {
-        assert_eq!(span([f64::NAN, 3.0, f64::INFINITY, -1.0]), Some((-1.0, 3.0)));
-        assert_eq!(span([f64::NAN]), None);
-    }
-}
+pub(crate) use text::{plain, px, width_of};

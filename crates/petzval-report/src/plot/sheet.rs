@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::{Key, key, plain, px};
+use super::key::{self, Key};
+use super::text::{plain, px};
 use crate::palette::{INK, MUTED, PAPER};
 
 /// Width of the sheets of a page, px.
@@ -61,5 +62,20 @@ impl Sheet {
             }
         }
         .into_string()
+    }
+}
+
+/// A picture of a width that says that there are no data.
+pub(super) fn without_data(alt: &str, width: f64) -> Sheet {
+    Sheet {
+        class: "chart",
+        title: String::new(),
+        remark: String::new(),
+        keys: vec![Key::remark("no data")],
+        alt: alt.into(),
+        width,
+        height: 20.0,
+        body: html! {},
+        foot: Vec::new(),
     }
 }

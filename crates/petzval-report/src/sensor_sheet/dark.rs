@@ -2,7 +2,7 @@
 
 use petzval_lab::emva::{Characterization, GainResult};
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, gain_look, gain_name, sheet, straight, with_error};
 use super::transfer::HEIGHT_PX;
 use crate::palette::INK;

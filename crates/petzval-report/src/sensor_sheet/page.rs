@@ -3,8 +3,10 @@
 use maud::html;
 use petzval_lab::emva::Characterization;
 
+use super::sheets::sheets;
+use super::shown::Shown;
 use super::style::gain_name;
-use super::{Shown, calibration, sheets, table};
+use super::{calibration, table};
 use crate::page::{Page, figure, section};
 use crate::plot::Sheet;
 

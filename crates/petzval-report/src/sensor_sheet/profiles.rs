@@ -3,7 +3,7 @@
 use petzval_camera::sensor::Colour;
 use petzval_lab::emva::spatial::Profile;
 
-use super::Shown;
+use super::shown::Shown;
 use super::spatial::{Stack, channels};
 use super::style::{Around, colour_name, sheet};
 use crate::palette;

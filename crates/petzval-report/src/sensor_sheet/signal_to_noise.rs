@@ -8,7 +8,7 @@ use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::figures::QUANTISATION_DN2;
 use petzval_lab::emva::transfer::TransferPoint;
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, axis_of_decades, colour_keys, points_of, sheet};
 use super::transfer::HEIGHT_PX;
 use crate::palette;

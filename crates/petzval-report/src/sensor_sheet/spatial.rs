@@ -5,7 +5,7 @@ use petzval_lab::emva::figures::QUANTISATION_DN2;
 use petzval_lab::emva::histogram::Histogram;
 use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, axis_of_amplitudes, colour_keys, colour_name, sheet};
 use crate::palette;
 use crate::palette::{IDEAL, MUTED};

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use petzval_camera::sensor::Colour;
 use petzval_lab::emva::{Characterization, Measured};
 
-use super::Shown;
+use super::shown::Shown;
 pub(super) use crate::number::short;
 use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, WIDTH_PX, grid, span};
 use crate::{number, palette};

@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 use petzval_lab::emva::{ChannelResult, Characterization, HighPass, Measured};
 
-use super::Shown;
 use super::reasons::Reasons;
+use super::shown::Shown;
 use super::style::{colour_name, short, significant, symbol, with_error};
 use crate::number;
 use crate::page::{caption, facts};

@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::design::experiment::commented_toml;
-use petzval::design::run::Metrics;
 use petzval::jobs::design::{self, DEFAULT_EXPERIMENT, RunEnding};
-use petzval::learn::score::Column;
+use petzval::jobs::experiment;
 
-use super::{EXIT_STOPPED, Failure, context, signals};
+use super::failure::Failure;
+use super::score_table;
+use super::signals;
+use super::terminal::{EXIT_STOPPED, Terminal};
 
 /// Design lens and network together, and compare with two controls.
 ///
@@ -50,9 +51,9 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let stop = signals::stop_on_signal()?;
-    let context = context().with_cancellation(stop).with_command(command_line());
+    let context = terminal.context().with_cancellation(stop).with_command(command_line());
     let new = design::NewRun {
         experiment: args.experiment,
         out: args.out,
@@ -64,8 +65,8 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         },
     };
     if args.print_config {
-        let experiment = design::resolved(&new, &context)?;
-        print!("{}", commented_toml(&experiment)?);
+        let resolved = design::resolved(&new, &context)?;
+        print!("{}", experiment::with_every_key(&resolved)?);
         return Ok(ExitCode::SUCCESS);
     }
     let run = args.resume.map_or(design::Run::New(new), design::Run::Resume);
@@ -78,8 +79,8 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             eprintln!("stopped at step {step}; continue with: petzval design --resume {root}");
             Ok(ExitCode::from(EXIT_STOPPED))
         }
-        RunEnding::Finished { metrics, columns, report } => {
-            print_table(&metrics, &columns);
+        RunEnding::Finished { metrics, report } => {
+            score_table::print(&metrics);
             println!("\nreport: {}", report.display());
             Ok(ExitCode::SUCCESS)
         }
@@ -88,27 +89,4 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
 
 fn command_line() -> String {
     std::env::args().collect::<Vec<_>>().join(" ")
-}
-
-/// Prints the table at the end of a run.
-pub fn print_table(metrics: &Metrics, columns: &[Column]) {
-    let width = |c: &Column| c.title.chars().count().max(c.decimals + 4) + 1;
-    print!("\n{:<16}", "camera");
-    columns.iter().for_each(|c| print!(" {:>w$}", c.title, w = width(c)));
-    println!(" {:>12} {:>8} {:>6} {:>8}", "RMS spot um", "EFL mm", "f/#", "FOV deg");
-    for r in &metrics.rows {
-        print!("{:<16}", r.camera);
-        for c in columns {
-            let value = r.scores.get(&c.name).copied().unwrap_or(f64::NAN);
-            print!(" {value:>w$.d$}", w = width(c), d = c.decimals);
-        }
-        println!(" {:>12.2} {:>8.3} {:>6.3} {:>8.2}", r.rms_spot_um, r.efl_mm, r.f_number, r.fov_deg);
-    }
-    println!(
-        "means over {} held-out photographs at {} places each; exposure {} e- of white; {} network steps each",
-        metrics.held_out_images,
-        metrics.held_out_places,
-        metrics.rows.first().map_or(0.0, |r| r.white_e),
-        metrics.rows.first().map_or(0, |r| r.network_steps),
-    );
 }

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use clap::{Subcommand, ValueEnum};
 use petzval::jobs::experiment::{self, FileKind};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]
@@ -26,10 +27,10 @@ pub enum ExperimentVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: ExperimentVerb) -> Result<ExitCode, Failure> {
+pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
         ExperimentVerb::List { json } => {
-            let entries = experiment::list(&context())?;
+            let entries = experiment::list(&terminal.context())?;
             if json {
                 return print_json(&entries);
             }
@@ -37,7 +38,7 @@ pub fn run(verb: ExperimentVerb) -> Result<ExitCode, Failure> {
                 println!("{}\n    {}\n    variants: {}", entry.name, entry.title, entry.variants.join(", "));
             }
         }
-        ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &context())?),
+        ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &terminal.context())?),
     }
     Ok(ExitCode::SUCCESS)
 }

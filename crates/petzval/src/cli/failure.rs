@@ -5,10 +5,7 @@ use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::base::FileError;
-use petzval::design::error::DesignError;
-use petzval::files::decode;
-use petzval::files::raw_file::RawFileError;
-use petzval::jobs::{Fault, JobError};
+use petzval::jobs::{Fault, JobError, text_of_file};
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;
@@ -40,15 +37,6 @@ impl Failure {
         Self { report: Report::new(diagnostic), code: EXIT_INPUT }
     }
 
-    /// Creates the folder for results. A name that cannot be a folder is an error of the request.
-    pub fn folder(path: &Path) -> Result<(), Self> {
-        let hint = "--out takes a folder, which is created if necessary";
-        if path.exists() && !path.is_dir() {
-            return Err(Self::input(format!("{}: this is a file", path.display()), hint));
-        }
-        std::fs::create_dir_all(path).map_err(|e| Self::input(format!("{}: {e}", path.display()), hint))
-    }
-
     /// Prints the failure on stderr; returns its exit code.
     pub fn report(self) -> ExitCode {
         eprintln!("{:?}", self.report);
@@ -71,9 +59,8 @@ impl Failure {
         if let Some(hint) = &error.hint {
             diagnostic = diagnostic.with_help(hint.clone());
         }
-        // Show the line itself, if the file can still be read.
-        let text = std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned());
-        let report = match (text, error.line) {
+        // Show the line itself, if the file is still there to be read.
+        let report = match (text_of_file(path), error.line) {
             (Some(text), Some(line)) => {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();
                 let length = text[start..].lines().next().map_or(0, str::len);
@@ -109,17 +96,5 @@ impl From<JobError> for Failure {
             diagnostic = diagnostic.with_help(hint);
         }
         Self { report: Report::new(diagnostic), code }
-    }
-}
-
-impl From<DesignError> for Failure {
-    fn from(error: DesignError) -> Self {
-        JobError::from(error).into()
-    }
-}
-
-impl From<RawFileError> for Failure {
-    fn from(error: RawFileError) -> Self {
-        JobError::from(error).into()
     }
 }

@@ -1,7 +1,6 @@
 //! `petzval lens`: shows, analyses, converts, optimises and tolerances lenses.
 
 mod analyze;
-mod bar;
 mod convert;
 mod focus;
 mod optimize;
@@ -13,7 +12,8 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
-use super::Failure;
+use super::failure::Failure;
+use super::terminal::Terminal;
 
 /// Verbs about a lens.
 #[derive(Debug, Subcommand)]
@@ -33,13 +33,13 @@ pub enum LensVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
+pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
-        LensVerb::Show(args) => show::run(args),
-        LensVerb::Analyze(args) => analyze::run(args),
-        LensVerb::Convert(args) => convert::run(args),
-        LensVerb::Trace(args) => trace::run(args),
-        LensVerb::Optimize(args) => optimize::run(*args),
-        LensVerb::Tolerance(args) => tolerance::run(args),
+        LensVerb::Show(args) => show::run(args, terminal),
+        LensVerb::Analyze(args) => analyze::run(args, terminal),
+        LensVerb::Convert(args) => convert::run(args, terminal),
+        LensVerb::Trace(args) => trace::run(args, terminal),
+        LensVerb::Optimize(args) => optimize::run(*args, terminal),
+        LensVerb::Tolerance(args) => tolerance::run(args, terminal),
     }
 }

@@ -10,27 +10,27 @@ mod experiment;
 mod failure;
 mod glass;
 mod lens;
+mod number;
 mod psf;
 mod psf_calibrate;
 mod psf_capture;
 mod raw;
 mod report;
+mod score_table;
 mod sensor;
 mod signals;
 mod simulate;
+mod terminal;
 mod watcher;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
-use petzval::jobs::Context;
+
+use self::terminal::Terminal;
 
 pub use failure::Failure;
-
-/// Stopped by a signal after writing a checkpoint (EX_TEMPFAIL of sysexits).
-pub const EXIT_STOPPED: u8 = 75;
 
 /// Design a camera as one thing: lens, sensor, development and network, optimised together by gradient.
 ///
@@ -111,23 +111,23 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
             .build_global()
             .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
     }
-    glass::choose(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
+    let terminal = Terminal { assets: glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))? };
     match cli.verb {
-        Verb::Design(args) => design::run(args),
-        Verb::Experiment(verb) => experiment::run(verb),
+        Verb::Design(args) => design::run(args, &terminal),
+        Verb::Experiment(verb) => experiment::run(verb, &terminal),
         Verb::Schema(args) => experiment::schema(args),
-        Verb::Report(args) => report::run(args),
-        Verb::Evaluate(args) => evaluate::run(args),
-        Verb::Lens(verb) => lens::run(verb),
-        Verb::Glass(verb) => glass::run(verb),
-        Verb::Psf(args) => psf::run(args),
-        Verb::PsfCalibrate(args) => psf_calibrate::run(args),
-        Verb::PsfCapture(args) => psf_capture::run(args),
-        Verb::Sensor(verb) => sensor::run(verb),
-        Verb::Simulate(args) => simulate::run(args),
-        Verb::Raw(verb) => raw::run(verb),
+        Verb::Report(args) => report::run(args, &terminal),
+        Verb::Evaluate(args) => evaluate::run(args, &terminal),
+        Verb::Lens(verb) => lens::run(verb, &terminal),
+        Verb::Glass(verb) => glass::run(verb, &terminal),
+        Verb::Psf(args) => psf::run(args, &terminal),
+        Verb::PsfCalibrate(args) => psf_calibrate::run(args, &terminal),
+        Verb::PsfCapture(args) => psf_capture::run(args, &terminal),
+        Verb::Sensor(verb) => sensor::run(verb, &terminal),
+        Verb::Simulate(args) => simulate::run(args, &terminal),
+        Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Bench(args) => bench::run(args),
-        Verb::Doctor(args) => doctor::run(args),
+        Verb::Doctor(args) => doctor::run(args, &terminal),
     }
 }
 
@@ -155,17 +155,4 @@ fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
 #[cfg(not(unix))]
 fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
     Ok(())
-}
-
-/// The context of the jobs of a command: the built-in library with the user's glasses, and stderr for progress and
-/// warnings.
-fn context() -> Context {
-    Context::new(petzval::built_in_assets(), Arc::new(watcher::Stderr::new()))
-}
-
-/// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
-fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
-    let print = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
-    println!("{}", print().map_err(|e| Failure::job(e.to_string()))?);
-    Ok(ExitCode::SUCCESS)
 }

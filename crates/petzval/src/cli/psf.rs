@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::psf;
-use petzval::optics::psf::PsfKind;
+use petzval::jobs::psf::{self, PsfKind};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -56,7 +56,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = psf::Request {
         lens: args.lens,
         out: args.out,
@@ -71,7 +71,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             Kind::Diffraction => PsfKind::Diffraction,
         },
     };
-    let response = psf::run(&request, &context())?;
+    let response = psf::run(&request, &terminal.context())?;
     eprintln!("{} fields x 3 wavelengths written to {}", request.fields, request.out.display());
     if args.json { print_json(&response.axes) } else { Ok(ExitCode::SUCCESS) }
 }

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use petzval::jobs::psf_calibrate::{self, Figures, HeldOutBy};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Measure point-spread functions from captures of a pinhole.
 ///
@@ -42,10 +43,10 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request =
         psf_calibrate::Request { captures: args.captures, lens: args.lens, out: args.out, seed: args.seed };
-    let response = psf_calibrate::run(&request, &context())?;
+    let response = psf_calibrate::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.figures);
     }

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::psf_capture;
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Focus of the lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -94,7 +95,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = psf_capture::Request {
         lens: args.lens,
         out: args.out,
@@ -115,7 +116,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         window: args.window,
         seed: args.seed,
     };
-    let response = psf_capture::run(&request, &context())?;
+    let response = psf_capture::run(&request, &terminal.context())?;
     let out = request.out.display();
     eprintln!(
         "{} positions, {} frames in {out}; measure them with `petzval psf-calibrate {out} --lens {}`",

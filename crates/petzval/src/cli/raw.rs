@@ -7,7 +7,8 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
-use super::Failure;
+use super::failure::Failure;
+use super::terminal::Terminal;
 
 /// Verbs about raw frames.
 #[derive(Debug, Subcommand)]
@@ -19,9 +20,9 @@ pub enum RawVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: RawVerb) -> Result<ExitCode, Failure> {
+pub fn run(verb: RawVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
-        RawVerb::Show(args) => show::run(args),
-        RawVerb::Convert(args) => convert::run(args),
+        RawVerb::Show(args) => show::run(args, terminal),
+        RawVerb::Convert(args) => convert::run(args, terminal),
     }
 }

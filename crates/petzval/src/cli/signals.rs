@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::cli::Failure;
+use crate::cli::failure::Failure;
 
 /// Exit code of a job that was stopped at once, without a checkpoint.
 const EXIT_AT_ONCE: i32 = 1;

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::simulate::{self, Request};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Position and scale of a photograph on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -156,7 +157,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let Isp::Linear = args.isp;
     let over = args.spectral;
     let request = Request {
@@ -197,7 +198,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         },
         out: args.out,
     };
-    let response = simulate::run(&request, &context())?;
+    let response = simulate::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.images);
     }

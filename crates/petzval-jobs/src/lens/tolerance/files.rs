@@ -7,7 +7,8 @@ use petzval_files::{LensFile, write_lens, write_tolerances};
 use petzval_optics::tolerance::{Better, MonteCarlo};
 use petzval_report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 
-use super::{Findings, Report};
+use super::findings::Findings;
+use super::report::Report;
 use crate::error::{JobError, json};
 use crate::lens::write;
 

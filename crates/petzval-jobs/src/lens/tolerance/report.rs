@@ -3,7 +3,7 @@
 use petzval_optics::tolerance::{self, Distribution, Freedom, MonteCarlo, PERCENTILES};
 use serde::{Deserialize, Serialize};
 
-use super::Findings;
+use super::findings::Findings;
 use crate::finite::finite;
 
 /// All figures of a tolerance analysis.

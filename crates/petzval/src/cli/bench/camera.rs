@@ -11,7 +11,8 @@ use petzval::jobs::machine::simd_level;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 
-use super::{Failure, Prepared, Workload};
+use super::workload::{Prepared, Workload};
+use crate::cli::failure::Failure;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };

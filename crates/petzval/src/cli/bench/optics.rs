@@ -16,7 +16,8 @@ use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
 use petzval::report::lens_sheet::{PictureKind, page, picture};
 
-use super::{Failure, Prepared, Workload};
+use super::workload::{Prepared, Workload};
+use crate::cli::failure::Failure;
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];

@@ -6,7 +6,8 @@ use petzval::optics::tolerance::{
 };
 
 use super::optics::nominal;
-use super::{Failure, Prepared, Workload};
+use super::workload::{Prepared, Workload};
+use crate::cli::failure::Failure;
 
 /// Number of lenses.
 const TRIALS: usize = 1000;

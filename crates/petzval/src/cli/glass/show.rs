@@ -4,8 +4,9 @@ use std::process::ExitCode;
 
 use petzval::jobs::glass::show::{self, PATH_MM};
 
-use super::figure;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::number::figure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a glass of the catalogue.
 #[derive(Debug, clap::Args)]
@@ -24,9 +25,9 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = show::Request { name: args.name, temperature: args.temperature, pressure: args.pressure };
-    let response = show::run(&request, &context())?;
+    let response = show::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.glass);
     }

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::builder::PossibleValuesParser;
-use petzval::jobs::lens::analyze;
-use petzval::optics::analysis::Analysis;
+use petzval::jobs::lens::analyze::{self, Analysis};
 
 use super::focus::FocusAt;
-use crate::cli::{Failure, context};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::Terminal;
 
 /// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data.
 ///
@@ -42,7 +42,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = analyze::Request {
         lens: args.lens,
         out: args.out,
@@ -51,7 +51,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         max_frequency: args.max_frequency,
         frequency: args.frequency,
     };
-    let response = analyze::run(&request, &context())?;
+    let response = analyze::run(&request, &terminal.context())?;
     let written = format!("{} files in {}", response.files.len(), response.folder.display());
     if args.json {
         // On one line, in the order of analysis.json.

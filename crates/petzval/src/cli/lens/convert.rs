@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use petzval::jobs::lens::convert;
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq). The endings of the names
 /// choose them.
@@ -25,8 +26,8 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let response = convert::run(&convert::Request { from: args.from, to: args.to }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let response = convert::run(&convert::Request { from: args.from, to: args.to }, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

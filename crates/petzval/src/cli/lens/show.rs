@@ -7,7 +7,8 @@ use petzval::jobs::lens::show::{self, Prescription, Response, Surface};
 use petzval::jobs::{Context, Silent};
 
 use super::focus::FocusAt;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a lens: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
@@ -23,9 +24,9 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = show::Request { lens: args.lens, focus: args.focus.into() };
-    let response = match show::run(&request, &context()) {
+    let response = match show::run(&request, &terminal.context()) {
         Ok(response) => response,
         Err(error) => {
             // Print the prescription if it can be read: it may show the cause. The warnings were already printed.

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::lens::trace;
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Meaning of the pupil point.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -39,7 +40,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = trace::Request {
         lens: args.lens,
         field: args.field,
@@ -50,7 +51,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             Aim::Paraxial => trace::Aim::Paraxial,
         },
     };
-    let response = trace::run(&request, &context())?;
+    let response = trace::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

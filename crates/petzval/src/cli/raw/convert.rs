@@ -4,11 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::camera::sensor::CfaPattern;
-use petzval::files::raw_file::Packing;
-use petzval::jobs::raw::convert;
+use petzval::jobs::raw::convert::{self, CfaPattern, Packing};
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Packing of digital numbers in a `.raw` file.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -65,7 +64,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = convert::Request {
         input: args.input,
         output: args.output,
@@ -83,7 +82,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         gain: args.gain,
         pixel_um: args.pixel_um,
     };
-    let response = convert::run(&request, &context())?;
+    let response = convert::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.frame);
     }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::files::raw_file::RawInfo;
-use petzval::jobs::raw::show;
+use petzval::jobs::raw::{RawInfo, show};
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a raw frame: size, camera and exposure from its sidecar, and its digital numbers colour by colour.
 ///
@@ -22,8 +22,8 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let frame = show::run(&show::Request { file: args.file }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let frame = show::run(&show::Request { file: args.file }, &terminal.context())?;
     if args.json {
         return print_json(&frame);
     }

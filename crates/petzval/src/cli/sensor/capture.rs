@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::sensor::capture;
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Format of the frames.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -88,7 +89,7 @@ fn rows_and_columns(size: &str) -> Result<[usize; 2], Failure> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = capture::Request {
         size: args.size.as_deref().map(rows_and_columns).transpose()?,
         sensor: args.sensor,
@@ -107,7 +108,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         },
         seed: args.seed,
     };
-    let written = capture::run(&request, &context())?;
+    let written = capture::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&written);
     }

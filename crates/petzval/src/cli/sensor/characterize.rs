@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::camera::sensor::Colour;
-use petzval::jobs::sensor::characterize;
-use petzval::lab::emva::colour_name;
-use petzval::lab::emva::joint::GAINS;
-use petzval::lab::emva::{Characterization, HighPass, HistogramComparison, Measured, Values};
+use petzval::jobs::sensor::characterize::{
+    self, Characterization, Colour, GAINS, HighPass, HistogramComparison, Measured, Values, colour_name,
+};
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// High-pass filter before non-uniformity.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -62,7 +61,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = characterize::Request {
         dir: args.dir,
         out: args.out,
@@ -76,7 +75,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         fit_histograms: args.fit_histograms,
         pixel_um: args.pixel_um,
     };
-    let found = characterize::run(&request, &context())?.characterization;
+    let found = characterize::run(&request, &terminal.context())?.characterization;
     if args.json {
         return print_json(&found);
     }
@@ -228,7 +227,7 @@ const SHOWN: [&str; 21] = [
 
 #[cfg(test)]
 mod tests {
-    use petzval::lab::emva::Unresolved;
+    use petzval::jobs::sensor::characterize::Unresolved;
 
     use super::*;
 

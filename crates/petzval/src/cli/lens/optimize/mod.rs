@@ -9,8 +9,9 @@ use clap::ValueEnum;
 use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Start, Trade};
 
 use self::goal::GoalArgs;
-use super::bar::Bar;
-use crate::cli::{EXIT_STOPPED, Failure, print_json, signals};
+use crate::cli::failure::Failure;
+use crate::cli::signals;
+use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
 
 /// Make the spots of a lens smaller, within its bounds and the limits below.
 ///
@@ -104,12 +105,11 @@ impl Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let is_json = args.json;
     let request = args.request()?;
-    let bar = Bar::new();
-    let response = optimize::run(&request, &bar.context().with_cancellation(signals::stop_on_signal()?))?;
-    drop(bar);
+    let response =
+        optimize::run(&request, &terminal.context().with_cancellation(signals::stop_on_signal()?))?;
     if is_json {
         print_json(&response.found)?;
     } else {

@@ -6,11 +6,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::lens::tolerance;
-use petzval::optics::psf::PsfKind;
+use petzval::jobs::lens::tolerance::{self, PsfKind};
 
-use super::bar::Bar;
-use crate::cli::{Failure, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Grade of manufacturing.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -103,7 +102,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = tolerance::Request {
         lens: args.lens,
         tolerances: args.tolerances,
@@ -132,9 +131,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         worst: args.worst,
         out: args.out,
     };
-    let bar = Bar::new();
-    let response = tolerance::run(&request, &bar.context())?;
-    drop(bar);
+    let response = tolerance::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.report);
     }
