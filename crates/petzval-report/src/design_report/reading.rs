@@ -29,7 +29,7 @@ pub(super) fn reading(scores: &[Score], rows: &[TableRow]) -> Vec<String> {
     sentences
 }
 
-/// How a camera does against another in the scores of pictures.
+/// Compares a camera with another in the scores of pictures.
 fn compare(scores: &[Figure], design: &TableRow, other: &TableRow, role: &str) -> String {
     let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let article = if role.is_empty() { "" } else { "the " };
@@ -62,8 +62,8 @@ fn difference(figure: &Figure, design: &TableRow, other: &TableRow) -> String {
     }
 }
 
-/// How the spots changed, and whether another camera has the better spots but the worse pictures, which
-/// is the point of designing end to end.
+/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the
+/// point of end-to-end design.
 fn spot_sentence(
     score: Option<&Figure>,
     design: &TableRow,

@@ -26,7 +26,7 @@ use self::sheets::sheets;
 
 pub use page::page;
 
-/// Names of the pictures that there are, in the order of the page.
+/// Names of the pictures, in the order of the page.
 pub fn picture_names(characterization: &Characterization) -> Vec<&'static str> {
     sheets(characterization).iter().map(|sheet| sheet.class).collect()
 }

@@ -9,7 +9,8 @@ pub(super) struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    /// The gain with non-uniformity, else that with most flat points; of several the one nearest to 1. `None` without gains.
+    /// The gain with non-uniformity, else that with most flat points; of several the one nearest to 1. `None` without
+    /// gains.
     pub fn choose(all: &'a Characterization) -> Option<Self> {
         let rank = |g: &&GainResult| {
             let spatial = g.channels.iter().any(|c| c.spatial.is_some());

@@ -59,7 +59,7 @@ impl Failure {
         if let Some(hint) = &error.hint {
             diagnostic = diagnostic.with_help(hint.clone());
         }
-        // Show the line itself, if the file is still there to be read.
+        // Show the line itself, if the file can still be read.
         let report = match (text_of_file(path), error.line) {
             (Some(text), Some(line)) => {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();

@@ -34,8 +34,9 @@ pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these glasses. Prints a warning
-/// for each line that was not understood: all of them where the command is about glass, else the first few.
+/// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these
+/// glasses. Prints a warning for each line that was not understood: all of them if the command is about glass, else the
+/// first few.
 pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
     const FEW: usize = 2;
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();
