@@ -33,8 +33,8 @@ pub struct Request {
     pub sensor: String,
     /// How a photograph lands on the sensor.
     pub place: Place,
-    /// Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the first
-    /// colour if none are given, or what the light gives over the spectrum.
+    /// Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the first colour
+    /// if none are given, or what the light gives over the spectrum.
     pub white_e: Option<f32>,
     /// Rows and columns in the middle of the sensor that are read; all of them if none are given.
     pub size: Option<(usize, usize)>,
@@ -112,8 +112,8 @@ pub enum PictureAs {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Spectral {
-    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths
-    /// in nm and relative power; D65 if none is named.
+    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
+    /// relative power; D65 if none is named.
     pub illuminant: Option<String>,
     /// Illuminance of the scene, lux; 500, or as `white_e` needs.
     pub illuminance_lux: Option<f64>,

@@ -1,8 +1,8 @@
-//! The operating point that the pictures show.
+//! The operating point of the pictures.
 
 use petzval_lab::emva::{ChannelResult, Characterization, GainResult};
 
-/// The operating point that the pictures of EMVA 1288 show: the gain with the richest captures.
+/// The operating point that the pictures of EMVA 1288 show: the gain with the most complete captures.
 pub(super) struct Shown<'a> {
     pub all: &'a Characterization,
     pub gain: &'a GainResult,
