@@ -42,7 +42,7 @@ pub struct Args {
     /// Make only this variant of the experiment, and the variants from which it starts
     #[arg(long, value_name = "NAME")]
     variant: Option<String>,
-    /// Print the experiment with every key, its defaults and the changes of these options, and stop
+    /// Print the experiment, with every default filled in and the changes of these options, and stop
     #[arg(long, conflicts_with = "resume")]
     print_config: bool,
     /// Device for tensors; `petzval doctor` lists them
