@@ -95,7 +95,7 @@ fn poisson(rate: f64) -> (u64, Vec<f64>) {
     (first, p)
 }
 
-/// Mean counts above so many times the range of the converter are clipped at every pixel.
+/// Ratio of the mean count to the range of the converter above which every pixel is clipped.
 const CLIPPED_TIMES: f64 = 4.0;
 /// Least share of shot noise that a negative variance between pixels leaves.
 const LEAST_SHOT_SHARE: f64 = 0.05;

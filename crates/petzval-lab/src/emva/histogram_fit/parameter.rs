@@ -232,7 +232,7 @@ impl Parameter {
             }
     }
 
-    /// Step of central differences at a value, in a histogram with so many electrons of light. The distribution is smooth and
+    /// Step of central differences at a value, in a histogram with a given number of electrons of light. The distribution is smooth and
     /// good to 1e-11.
     pub fn step(self, value: f64, light_e: f64) -> f64 {
         match self.row().step {
