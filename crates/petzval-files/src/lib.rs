@@ -1,4 +1,4 @@
-//! File formats: text in, values out, and every error with its line.
+//! File formats: bytes in, values out, and every error with its place in the file.
 
 pub mod agf;
 mod decimal;

@@ -1,4 +1,4 @@
-//! A small report to test with: a triplet in three states, two pictures, two curves.
+//! A small report for tests: a triplet in three states, two pictures, two curves.
 
 use std::io::Cursor;
 use std::sync::Arc;
@@ -129,7 +129,7 @@ pub(crate) fn picture_png(width: u32, height: u32, softness: u32) -> Vec<u8> {
     png.into_inner()
 }
 
-/// The layout of a lens with so many rays of each field.
+/// The layout of a lens with a number of rays of each field.
 pub(crate) fn layout_of(lens: &Lens, fields_deg: &[f64], rays: usize) -> Layout {
     let lens = Lens { fields_deg: fields_deg.to_vec(), ..lens.clone() };
     layout(&lens, &AnalysisOptions { layout_rays: rays, ..AnalysisOptions::default() })

@@ -1,10 +1,10 @@
-//! Where rays start: on the plane of the first vertex, towards the lens.
+//! The start of rays: on the plane of the first vertex, towards the lens.
 
 use super::ray::{Ray, Vec3};
 use super::sequence::Sequence;
 use crate::lens::ObjectDistance;
 
-/// A ray on the plane of the first vertex, and how its direction depends on where it crosses it.
+/// A ray on the plane of the first vertex, and the derivatives of its direction by its position there.
 #[derive(Clone, Copy, Debug)]
 pub struct Launch {
     /// The ray, at z = 0 of the first surface.

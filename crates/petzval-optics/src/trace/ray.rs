@@ -1,4 +1,4 @@
-//! Rays, one and many, and what becomes of them.
+//! Single rays, bundles of rays, and their fates.
 
 use super::kernel::fate;
 use crate::lanes::MAX_LANES;
@@ -17,7 +17,7 @@ pub(crate) fn along(a: Vec3, s: f64, b: Vec3) -> Vec3 {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
-/// What became of a ray.
+/// The fate of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Fate {
     /// It reached the image plane.
@@ -25,16 +25,16 @@ pub enum Fate {
     Ok,
     /// It never met this surface (0-based).
     Missed(usize),
-    /// It met this surface outside its clear aperture; it is traced on, without weight.
+    /// It met this surface outside its clear aperture; it is traced further, without weight.
     Clipped(usize),
     /// It was totally reflected at this surface.
     TotalReflection(usize),
-    /// No launch point was found from which it passes the wanted point of the stop.
+    /// No launch point was found for its point of the stop.
     NotAimed,
 }
 
 impl Fate {
-    /// Whether position and direction at the image plane have a meaning.
+    /// Whether the ray has a position and a direction at the image plane.
     pub fn reaches_image(self) -> bool {
         matches!(self, Self::Ok | Self::Clipped(_))
     }
@@ -43,7 +43,7 @@ impl Fate {
 /// One ray: a point (mm) and unit direction cosines (l, m, n).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// A point on the ray, mm, in the coordinates of the surface it is at or heads for.
+    /// A point on the ray, mm, in the coordinates of its present or next surface.
     pub position: Vec3,
     /// Unit direction.
     pub direction: Vec3,
@@ -66,7 +66,7 @@ pub struct RayBundle {
 }
 
 impl RayBundle {
-    /// So many rays, all along the axis.
+    /// A number of rays, all along the axis.
     pub fn new(rays: usize) -> Self {
         let zero = || vec![0.0; Self::padded(rays)];
         let one = || vec![1.0; Self::padded(rays)];
@@ -84,7 +84,7 @@ impl RayBundle {
         }
     }
 
-    /// Length of the arrays that hold so many rays.
+    /// Length of the arrays for a number of rays.
     pub fn padded(rays: usize) -> usize {
         rays.next_multiple_of(MAX_LANES)
     }
@@ -94,7 +94,7 @@ impl RayBundle {
         self.rays
     }
 
-    /// Whether there is none.
+    /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.rays == 0
     }
@@ -115,12 +115,12 @@ impl RayBundle {
         [&self.x, &self.y]
     }
 
-    /// What became of ray i.
+    /// Fate of ray i.
     pub fn fate(&self, i: usize) -> Fate {
         fate(self.fate[i])
     }
 
-    /// Share of ray i's light that the clear apertures let through, 0..1; 0 if it does not reach the image.
+    /// Transmission of the clear apertures for ray i, 0..1; 0 if it does not reach the image.
     pub fn transmission(&self, i: usize) -> f64 {
         self.transmission[i]
     }

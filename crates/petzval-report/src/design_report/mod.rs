@@ -1,7 +1,7 @@
-//! The report: a run as one HTML file, with its lenses, PSFs, pictures, scores and curves.
+//! The report of a run as one HTML file, with its lenses, PSFs, pictures, scores and curves.
 //!
-//! Plain data go in and text comes out: nothing here traces a lens or reads a file, a clock or the network. The page holds
-//! everything it shows, so that it can be mailed, archived and printed.
+//! The input is plain data and the output is text: nothing here traces a lens or reads a file, a clock or the network.
+//! The page contains everything it shows, so that it can be mailed, archived and printed.
 
 mod change;
 mod page;

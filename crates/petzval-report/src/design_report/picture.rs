@@ -1,4 +1,4 @@
-//! Pictures: a scene, and what each camera makes of it, with the middle enlarged.
+//! Pictures: a scene and the picture of each camera, with the middle enlarged.
 
 use std::io::Cursor;
 
@@ -10,13 +10,13 @@ use crate::number;
 use crate::page::caption;
 use crate::png;
 
-/// The enlarged part is this share of a side.
+/// Side of the enlarged part, as a share of the picture's side.
 const ZOOM: f64 = 0.25;
 
-/// So many pictures are shown at once, the others on demand.
+/// Number of pictures that are shown at once; the others are shown on demand.
 const UNFOLDED: usize = 6;
 
-/// All pictures; a click on any opens it large, where arrow keys flick through the cameras.
+/// All pictures. A click enlarges a picture, and arrow keys then switch between the cameras.
 pub(super) fn pictures(report: &Report) -> Markup {
     html! {
         @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
@@ -84,7 +84,7 @@ fn camera_column(
     }
 }
 
-/// A picture with a frame around what is enlarged.
+/// A picture with a frame around the enlarged part.
 fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
     let edge = 100.0 * 0.5 * (1.0 - ZOOM);
     html! {

@@ -1,10 +1,10 @@
-//! The reading: what the scores say, in plain sentences, also when they say that nothing was won.
+//! The reading: the result of the scores in plain sentences, also if there is no gain.
 
 use super::score_table::{Figure, first_order, picture_scores, spot};
 use super::view::{Score, TableRow};
 use crate::number;
 
-/// A camera whose first-order data differ by more than this share is not like for like.
+/// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Sentences on the table: the last camera against the baseline, which is the first, and against those between. Empty if there
@@ -19,7 +19,7 @@ pub(super) fn reading(scores: &[Score], rows: &[TableRow]) -> Vec<String> {
     sentences
 }
 
-/// How a camera does against another in the scores of pictures.
+/// Compares a camera with another in the scores of pictures.
 fn compare(scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
     let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let against = &other.camera;
@@ -51,8 +51,8 @@ fn difference(figure: &Figure, design: &TableRow, other: &TableRow) -> String {
     }
 }
 
-/// How the spots changed, and whether another camera has the better spots but the worse pictures, which
-/// is the point of designing end to end.
+/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the
+/// point of end-to-end design.
 fn spot_sentence(
     score: Option<&Figure>,
     design: &TableRow,
@@ -84,7 +84,7 @@ fn spot_sentence(
     Some(sentence + ".")
 }
 
-/// Warns of a camera that differs from the baseline in what should be held fixed.
+/// Warns of a camera that differs from the baseline in quantities that should be fixed.
 fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
     let differences: Vec<String> = first_order()
         .iter()
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn a_win_is_said_with_its_numbers() {
+    fn a_gain_is_stated_with_its_numbers() {
         let said = reading(&rows());
         assert_eq!(
             said[0],
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_and_a_tie_are_said_too() {
+    fn a_loss_and_a_tie_are_stated_too() {
         let mut rows = rows();
         rows[2] = TableRow { camera: "end-to-end".into(), ..rows[0].clone() };
         assert!(reading(&rows)[0].starts_with("End-to-end equals nominal: ±0.0000"));
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_longer_focal_length_is_not_like_for_like() {
+    fn a_longer_focal_length_is_reported_as_not_comparable() {
         let mut rows = rows();
         rows[2].efl_mm *= 1.1;
         assert!(reading(&rows).last().unwrap().contains("EFL +10.0 %"));

@@ -13,15 +13,15 @@ pub(super) struct Figure {
     pub name: String,
     /// Unit in the header, empty for a plain number.
     pub unit: String,
-    /// Which way is better; `None` for what only describes the camera.
+    /// Direction of improvement; `None` for a property of the camera that is not a score.
     pub better: Option<Better>,
-    /// Decimals that are printed; what rounds to zero with them is no difference.
+    /// Printed decimals; a difference that rounds to zero does not count.
     pub decimals: usize,
-    /// Where a row has its value.
+    /// Place of its value in a row.
     place: Place,
 }
 
-/// Where a row has a value.
+/// Place of a value in a row.
 enum Place {
     /// Among its scores.
     Score(usize),
@@ -29,7 +29,7 @@ enum Place {
     Field(fn(&TableRow) -> f64),
 }
 
-/// Which way a figure improves.
+/// Direction in which a figure improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Better {
     Higher,
@@ -100,7 +100,7 @@ pub(super) fn spot() -> Figure {
     Figure::of_lens("RMS spot", "µm", Some(Better::Lower), 2, |r| r.rms_spot_um)
 }
 
-/// First-order figures, which cameras that are compared should have in common.
+/// First-order figures, which should be equal for the compared cameras.
 pub(super) fn first_order() -> [Figure; 3] {
     [
         Figure::of_lens("EFL", "mm", None, 2, |r| r.efl_mm),

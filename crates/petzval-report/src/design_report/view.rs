@@ -1,20 +1,20 @@
-//! What the report shows, as plain data.
+//! The contents of the report, as plain data.
 
 use petzval_optics::analysis::{FirstOrderTable, Layout};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
 use crate::palette;
 
-/// Everything a report shows.
+/// The contents of a report.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Headline.
     pub title: String,
-    /// One line below it: what was optimised for what.
+    /// One line below it: the optimised parts and the goal.
     pub subtitle: String,
     /// The command that made the run.
     pub command_line: String,
-    /// The scores of the pictures, the one that counts most first.
+    /// The scores of the pictures, the most important one first.
     pub scores: Vec<Score>,
     /// Each camera's scores on held-out pictures, the baseline (`nominal`) first.
     pub table: Vec<TableRow>,
@@ -26,17 +26,17 @@ pub struct Report {
     pub reference_um: f64,
     /// Wavelengths of the colour channels, um, in the order of [`PsfView::values`].
     pub wavelengths_um: Vec<f64>,
-    /// Half the diagonal of the sensor, mm.
+    /// Half of the diagonal of the sensor, mm.
     pub half_diagonal_mm: f64,
-    /// Held-out pictures as each camera takes them.
+    /// Held-out pictures, taken by each camera.
     pub pictures: Vec<PictureView>,
     /// Losses over the run; curves of the same block and label share a chart.
     pub losses: Vec<LossCurve>,
     /// The resolved configuration, as it can be run again.
     pub config_toml: String,
-    /// What it ran on: names and values.
+    /// The machine: names and values.
     pub environment: Vec<(String, String)>,
-    /// Remarks that the reader must know to judge the numbers.
+    /// Remarks for the interpretation of the numbers.
     pub notes: Vec<String>,
 }
 
@@ -49,11 +49,11 @@ pub struct Score {
     pub unit: String,
     /// Digits after the decimal point in tables.
     pub decimals: usize,
-    /// Whether a larger value is a better one.
+    /// Whether larger values are better.
     pub higher_is_better: bool,
 }
 
-/// Scores of one camera, means over the held-out pictures; what was not measured is NaN.
+/// Scores of one camera, means over the held-out pictures; NaN if not measured.
 #[derive(Clone, Debug)]
 pub struct TableRow {
     /// Name of the camera: `nominal`, `spot-optimised`, `end-to-end`, ...
@@ -64,20 +64,20 @@ pub struct TableRow {
     pub rms_spot_um: f64,
     /// Effective focal length, mm.
     pub efl_mm: f64,
-    /// Focal length over entrance pupil diameter.
+    /// Focal length divided by the entrance pupil diameter.
     pub f_number: f64,
     /// Full diagonal field of view, degrees.
     pub fov_deg: f64,
 }
 
-/// One camera: its lens and what the lens does to points of light.
+/// One camera: its lens, spots and PSFs.
 #[derive(Clone, Debug)]
 pub struct CameraView {
     /// Name, as in [`TableRow::camera`].
     pub name: String,
     /// First-order properties of the lens.
     pub first_order: FirstOrderTable,
-    /// The surfaces of the lens, in the order that light meets them.
+    /// The surfaces of the lens, in the order of the light.
     pub surfaces: Vec<SurfaceView>,
     /// The lens in cross-section, with rays of [`Report::layout_fields_deg`].
     pub layout: Layout,
@@ -105,7 +105,7 @@ pub struct SurfaceView {
     pub conic: f64,
     /// Aspheric coefficients that are not zero: order n and value, mm^(1-n).
     pub asphere: Vec<(usize, f64)>,
-    /// What else the surface is, each in the words of a lens file.
+    /// Further properties of the surface, as lines of a lens file.
     pub more: Vec<String>,
     /// Whether it is the stop.
     pub is_stop: bool,
@@ -178,24 +178,24 @@ pub struct Change {
 /// One held-out picture.
 #[derive(Clone, Debug)]
 pub struct PictureView {
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// Where on the sensor it lies: `centre`, `corner, 14.2 deg`.
+    /// Position on the sensor: `centre`, `corner, 14.2 deg`.
     pub place: String,
     /// The scene, PNG.
     pub truth_png: Vec<u8>,
-    /// What each camera makes of it, in the order of [`Report::cameras`].
+    /// The picture of each camera, in the order of [`Report::cameras`].
     pub cameras: Vec<CameraPicture>,
 }
 
-/// A picture as one camera takes it.
+/// A picture taken by one camera.
 #[derive(Clone, Debug)]
 pub struct CameraPicture {
     /// Name of the camera.
     pub camera: String,
     /// The raw frame, developed but not yet processed by the network, PNG.
     pub developed_png: Vec<u8>,
-    /// What the network makes of it, PNG.
+    /// The output of the network, PNG.
     pub output_png: Vec<u8>,
     /// The scores of the output, in the order of [`Report::scores`].
     pub scores: Vec<f64>,
@@ -208,13 +208,13 @@ pub struct LossCurve {
     pub camera: String,
     /// Block of the optimisation: `optics`, `network`, ...
     pub block: String,
-    /// Name of the loss with its unit, as the axis should say it.
+    /// Name of the loss with its unit, for the axis.
     pub label: String,
     /// Step and value.
     pub points: Vec<(u64, f64)>,
 }
 
-/// Colour of a camera by its name; a name without a camera takes the colour after theirs.
+/// Colour of a camera by its name; an unknown name gets the next colour.
 pub(super) fn camera_colour(cameras: &[CameraView], name: &str, i: usize) -> &'static str {
     palette::camera(cameras.iter().position(|c| c.name == name).unwrap_or(cameras.len() + i))
 }

@@ -1,8 +1,8 @@
 //! Plots: axes, curves, bars, markers and keys as SVG.
 //!
-//! Coordinates are px from the upper left corner, y downwards. A sheet is a whole picture, a frame one pair of axes in it, a panel a
-//! frame with measured points, curves and histograms, a pen how a curve is drawn. [`chart_svg`] and [`bars_svg`] draw the common
-//! cases from plain data.
+//! Coordinates are px from the upper left corner, y downwards. A sheet is a whole picture, a frame is one pair of axes
+//! in it, a panel is a frame with measured points, curves and histograms, and a pen is the style of a curve.
+//! [`chart_svg`] and [`bars_svg`] draw the common cases from plain data.
 
 mod axis;
 mod bars;

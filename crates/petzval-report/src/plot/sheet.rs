@@ -1,4 +1,4 @@
-//! Sheets: whole pictures, with a headline, a key, and a foot that says what lens they show.
+//! Sheets: whole pictures, with a headline, a key, and a foot that names the lens.
 
 use maud::{Markup, html};
 
@@ -15,15 +15,15 @@ const MARGIN_PX: f64 = 18.0;
 /// A picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Sheet {
-    /// Which picture it is: the class of the SVG.
+    /// Kind of the picture: the class of the SVG.
     pub class: &'static str,
-    /// Headline; empty if the page says what it is.
+    /// Headline; empty if the page has one.
     pub title: String,
     /// A line below it.
     pub remark: String,
     /// Key below that.
     pub keys: Vec<Key>,
-    /// What is seen, for those who cannot see it.
+    /// Description of the picture for readers who cannot see it.
     pub alt: String,
     /// Size of the body, px.
     pub width: f64,

@@ -1,12 +1,12 @@
-//! Coordinates and names as SVG writes them.
+//! Coordinates and names as text for SVG.
 
-/// Mean width of a character over the size of its font.
+/// Mean width of a character, relative to the size of its font.
 const CHARACTER: f64 = 0.56;
 
-/// Farthest place from the page that is written; drawing programs stumble over larger numbers.
+/// Largest coordinate in a file, px: drawing programs cannot handle much larger numbers.
 const FARTHEST_PX: f64 = 1e5;
 
-/// A coordinate for SVG, to a hundredth; what is not finite goes to the corner.
+/// A coordinate for SVG, to a hundredth; a value that is not finite becomes 0.
 pub(crate) fn px(value: f64) -> String {
     if !value.is_finite() {
         return "0".into();
@@ -16,12 +16,12 @@ pub(crate) fn px(value: f64) -> String {
     if short == "-0" { "0".into() } else { short.into() }
 }
 
-/// Width of a text in a font of a size, px, as well as it can be estimated without the font.
+/// Width of a text in a font of a size, px, estimated without the font.
 pub(crate) fn width_of(text: &str, size: f64) -> f64 {
     CHARACTER * size * text.chars().count() as f64
 }
 
-/// A text without the characters that XML cannot hold.
+/// A text without the characters that XML does not allow.
 pub(crate) fn plain(text: &str) -> String {
     let fits = |c: char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
     text.chars().map(|c| if fits(c) { c } else { ' ' }).collect()

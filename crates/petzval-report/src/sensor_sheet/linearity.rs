@@ -1,4 +1,4 @@
-//! How straight the response is.
+//! Linearity of the response.
 
 use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::transfer::{Linearity, TransferPoint};

@@ -1,8 +1,8 @@
-//! The characterisation of a sensor as pictures and as one page: the plots that EMVA 1288 prescribes, and those of the
-//! calibration over several gains (Tseng et al. 2021, supplement, Figures 5 to 8).
+//! The characterisation of a sensor as pictures and as one page: the plots of EMVA 1288, and those of the calibration over
+//! several gains (Tseng et al. 2021, supplement, Figures 5 to 8).
 //!
-//! [`Characterization`] goes in and text comes out: nothing here measures. Captured points are markers, fits and models are
-//! lines; colours are those of the mosaic.
+//! The input is a [`Characterization`] and the output is text: nothing here measures. Captured points are markers, fits
+//! and models are lines; colours are those of the mosaic.
 
 mod calibration;
 mod dark;
@@ -26,12 +26,12 @@ use self::sheets::sheets;
 
 pub use page::page;
 
-/// Names of the pictures that there are, in the order of the page.
+/// Names of the pictures, in the order of the page.
 pub fn picture_names(characterization: &Characterization) -> Vec<&'static str> {
     sheets(characterization).iter().map(|sheet| sheet.class).collect()
 }
 
-/// Names and contents of all files of the sheet: `report.html`, one page that needs nothing but itself, and every picture of
+/// Names and contents of all files of the sheet: `report.html`, one self-contained page, and every picture of
 /// it as an SVG.
 pub fn files(characterization: &Characterization) -> Vec<(String, String)> {
     let page = ("report.html".to_owned(), page(characterization));

@@ -6,8 +6,7 @@ use super::shown::Shown;
 use super::{dark, gains, histograms, linearity, profiles, signal_to_noise, spatial, transfer};
 use crate::plot::Sheet;
 
-/// Name of the file (without `.svg`) and picture, in the order of the page; a picture for which there are no captures is
-/// left out.
+/// Name of the file (without `.svg`) and picture, in the order of the page; a picture without captures is left out.
 pub(super) fn sheets(characterization: &Characterization) -> Vec<Sheet> {
     let Some(shown) = Shown::choose(characterization) else { return Vec::new() };
     let all: [Option<Sheet>; 16] = [

@@ -1,4 +1,4 @@
-//! `petzval bench`: standard workloads, so that speed is a number and not a feeling.
+//! `petzval bench`: measures the speed of standard workloads.
 
 mod camera;
 mod joint;

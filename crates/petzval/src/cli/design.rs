@@ -13,12 +13,12 @@ use super::terminal::{EXIT_STOPPED, Terminal};
 
 /// Design lens and network together, and compare with two controls.
 ///
-/// The built-in experiment compares three variants, which get the same number of network steps on the same photographs in
-/// the same order, at the same focal length, f-number, field of view and exposure: the nominal lens, a lens optimised for
-/// its RMS spot alone, and lens and network designed together. The run folder holds the resolved experiment, every step,
-/// checkpoints, the lenses, held-out pictures, metrics.json and report.html.
+/// The built-in experiment compares three variants: the nominal lens, a lens optimised for its RMS spot alone, and lens
+/// and network designed together. All get the same number of network steps on the same photographs in the same order,
+/// at the same focal length, f-number, field of view and exposure. The run folder holds the resolved experiment, every
+/// step, checkpoints, the lenses, held-out pictures, metrics.json and report.html.
 ///
-/// Ctrl-C finishes the step at hand, writes a checkpoint and exits with 75; --resume goes on from there.
+/// Ctrl-C finishes the current step, writes a checkpoint and exits with 75; --resume continues from there.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Experiment file, or the name of a built-in one
@@ -27,7 +27,7 @@ pub struct Args {
     /// Folder of the run [default: runs/<experiment>-seed-<seed>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on with the run in this folder
+    /// Continue the run in this folder
     #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "steps", "variant"])]
     resume: Option<PathBuf>,
     /// Seed of everything random
@@ -36,16 +36,16 @@ pub struct Args {
     /// Folder of pictures to use in place of the built-in photographs; every fourth, by name, is held out
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
-    /// Network steps of each camera, in place of the experiment's; lens steps in proportion
+    /// Network steps of each camera, in place of the experiment's; lens steps are scaled in proportion
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Make this variant of the experiment alone, and those from which it starts
+    /// Make only this variant of the experiment, and the variants from which it starts
     #[arg(long, value_name = "NAME")]
     variant: Option<String>,
-    /// Print the experiment with every key, default and change, and stop
+    /// Print the experiment, with every default filled in and the changes of these options, and stop
     #[arg(long, conflicts_with = "resume")]
     print_config: bool,
-    /// Where tensors live: see `petzval doctor`
+    /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = "cpu")]
     device: String,
 }
@@ -73,10 +73,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let response = design::run(&design::Request { run, device: args.device }, &context)?;
     match response.ending {
         RunEnding::Stopped { step } => {
-            // A path with spaces must survive being pasted.
+            // Quote a path with spaces, so that the line can be pasted.
             let root = response.run.display().to_string();
             let root = if root.contains(char::is_whitespace) { format!("'{root}'") } else { root };
-            eprintln!("stopped at step {step}; go on with: petzval design --resume {root}");
+            eprintln!("stopped at step {step}; continue with: petzval design --resume {root}");
             Ok(ExitCode::from(EXIT_STOPPED))
         }
         RunEnding::Finished { metrics, report } => {

@@ -1,4 +1,4 @@
-//! `petzval doctor`: what this machine and this build offer.
+//! `petzval doctor`: shows what this machine and this build offer.
 
 use std::process::ExitCode;
 
@@ -7,7 +7,7 @@ use petzval::jobs::{compiled_in_devices, doctor};
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};
 
-/// Say what this machine and this build offer.
+/// Show what this machine and this build offer, and read every built-in file.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Machine-readable output

@@ -12,12 +12,12 @@ use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
-/// Nothing in the run folder is changed. The table says how far each figure is from the run's own.
+/// Nothing in the run folder is changed. The last line gives the largest difference from the run's own figures.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
     run: PathBuf,
-    /// Where tensors live
+    /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = "cpu")]
     device: String,
     /// Machine-readable output

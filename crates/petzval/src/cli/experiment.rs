@@ -1,4 +1,4 @@
-//! `petzval experiment` and `petzval schema`: what there is to design, and what may stand in a file.
+//! `petzval experiment` and `petzval schema`: the built-in experiments, and the schemas of files.
 
 use std::process::ExitCode;
 
@@ -11,15 +11,15 @@ use super::terminal::{Terminal, print_json};
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]
 pub enum ExperimentVerb {
-    /// The built-in experiments, with their variants
+    /// List the built-in experiments with their variants
     List {
         /// Machine-readable output
         #[arg(long)]
         json: bool,
     },
-    /// Print an experiment, to read or to start from
+    /// Print an experiment, to read it or to start from it
     ///
-    /// `petzval design --print-config` prints it with every default filled in.
+    /// `petzval design NAME --print-config` prints it with every default filled in.
     Show {
         /// Experiment file, or the name of a built-in one
         name: String,
@@ -43,7 +43,7 @@ pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failur
     Ok(ExitCode::SUCCESS)
 }
 
-/// Files that a user writes.
+/// Kinds of files that a user writes.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     /// An experiment of `petzval design`
@@ -54,10 +54,10 @@ enum Kind {
     Sensor,
 }
 
-/// Print the JSON Schema of a kind of file, from which editors complete and check it.
+/// Print the JSON Schema of a kind of file, with which editors complete and check it.
 ///
-/// In VS Code with the extension Even Better TOML, write the schema into a file and name it in the first line of your own:
-/// `#:schema ./experiment.schema.json`.
+/// In VS Code with the extension Even Better TOML, write the schema to a file and name it in the first line of your own
+/// file: `#:schema ./experiment.schema.json`.
 #[derive(Debug, clap::Args)]
 pub struct SchemaArgs {
     /// Kind of file

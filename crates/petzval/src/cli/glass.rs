@@ -1,4 +1,4 @@
-//! `petzval glass`: look glasses up, or find those with a given index and dispersion.
+//! `petzval glass`: shows glasses, or finds those with a given index and dispersion.
 
 mod find;
 mod list;
@@ -17,11 +17,11 @@ use super::terminal::Terminal;
 /// Verbs about glass.
 #[derive(Debug, Subcommand)]
 pub enum GlassVerb {
-    /// The glasses nearest to an index and an Abbe number
+    /// Find the glasses nearest to an index and an Abbe number
     Find(find::Args),
-    /// All that is known of a glass
+    /// Show all data of a glass
     Show(show::Args),
-    /// Every glass, with its maker, index and Abbe number
+    /// List every glass, with its maker, index and Abbe number
     List(list::Args),
 }
 
@@ -34,8 +34,9 @@ pub fn run(verb: GlassVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these glasses. Prints a warning
-/// for each line that was not understood: all of them where the command is about glass, else the first few.
+/// Reads the catalogues of PETZVAL_GLASSES and of the command line, and returns the built-in library with these
+/// glasses. Prints a warning for each line that was not understood: all of them if the command is about glass, else the
+/// first few.
 pub fn chosen(named: &[PathBuf], in_full: bool) -> Result<Assets, Failure> {
     const FEW: usize = 2;
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();

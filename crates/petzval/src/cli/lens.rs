@@ -1,4 +1,4 @@
-//! `petzval lens`: look at a lens, or make it better.
+//! `petzval lens`: shows, analyses, converts, optimises and tolerances lenses.
 
 mod analyze;
 mod convert;
@@ -18,17 +18,17 @@ use super::terminal::Terminal;
 /// Verbs about a lens.
 #[derive(Debug, Subcommand)]
 pub enum LensVerb {
-    /// Prescription, first-order properties, Seidel sums and RMS spots
+    /// Show prescription, first-order properties, Seidel sums and RMS spots
     Show(show::Args),
-    /// Layout, spots, fans, MTF and everything else a designer looks at, as pictures and data
+    /// Write layout, spots, fans, MTF and further analyses, as pictures and data
     Analyze(analyze::Args),
-    /// From one file format to another, with a report of what is lost
+    /// Convert to another file format, with a report of what is lost
     Convert(convert::Args),
-    /// One ray through every surface
+    /// Trace one ray through every surface
     Trace(trace::Args),
-    /// Smaller spots within bounds, by descent or by a global search
+    /// Make the spots smaller within bounds, by descent or by a global search
     Optimize(Box<optimize::Args>),
-    /// How errors in its making change a lens: sensitivities, random lenses, yield
+    /// Compute how manufacturing errors change a lens: sensitivities, random lenses, yield
     Tolerance(tolerance::Args),
 }
 

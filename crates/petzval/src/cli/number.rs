@@ -1,13 +1,13 @@
 //! Numbers in the tables that verbs print.
 
-/// A figure with so many decimals; a dash for one that the glass does not have, such as the Abbe number of air.
+/// A figure with a number of decimals; a dash if it does not exist, such as the Abbe number of air.
 pub fn figure(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }
 
 /// A number with six significant digits, without zeros at the end.
 pub fn six_digits(value: f64) -> String {
-    // Rounding by way of text gives the nearest number, whose shortest form has no more digits.
+    // Round by formatting and parsing: the shortest form of the result has no more digits.
     format!("{value:.5e}").parse::<f64>().unwrap_or(value).to_string()
 }
 

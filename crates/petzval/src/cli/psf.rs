@@ -9,7 +9,7 @@ use petzval::jobs::psf::{self, PsfKind};
 use super::failure::Failure;
 use super::terminal::{Terminal, print_json};
 
-/// What light is taken for.
+/// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     /// Rays.
@@ -21,7 +21,7 @@ enum Kind {
 /// Write the PSFs of a lens, per field and wavelength.
 ///
 /// Files: psf.npy, float64 [field, wavelength, row, column], each of unit sum, centred on the chief ray;
-/// illumination.npy, float64 [field, wavelength]; psf.png, a sheet to look at; psf.json, the axes.
+/// illumination.npy, float64 [field, wavelength]; psf.png, a picture of all PSFs; psf.json, the axes.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -44,10 +44,10 @@ pub struct Args {
     /// Cell size, um
     #[arg(long, default_value_t = 1.0)]
     pitch_um: f64,
-    /// Pupil cells a side; waves choose their own
+    /// Pupil cells a side; not for waves
     #[arg(long, default_value_t = 256)]
     pupil_cells: usize,
-    /// Rays, right where aberrations spread light over many times the Airy disk, or waves
+    /// Rays, accurate where aberrations spread light over many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = "geometric")]
     kind: Kind,
     /// Print the axes as JSON

@@ -1,4 +1,4 @@
-//! `petzval raw`: look at raw frames, or write them in another format.
+//! `petzval raw`: shows raw frames, or writes them in another format.
 
 mod convert;
 mod show;
@@ -13,7 +13,7 @@ use super::terminal::Terminal;
 /// Verbs about raw frames.
 #[derive(Debug, Subcommand)]
 pub enum RawVerb {
-    /// Camera and exposure of a frame, and its digital numbers colour by colour
+    /// Show camera and exposure of a frame, and its digital numbers colour by colour
     Show(show::Args),
     /// Write a frame in another format, with its sidecar
     Convert(convert::Args),

@@ -8,7 +8,7 @@ use petzval::jobs::report;
 use super::failure::Failure;
 use super::terminal::Terminal;
 
-/// Write report.html of a finished run again, from what the run folder holds.
+/// Write report.html of a finished run again, from the contents of its folder.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder

@@ -2,7 +2,7 @@
 
 use petzval::jobs::design::Metrics;
 
-/// The table that a run ends with.
+/// Prints the table at the end of a run.
 pub fn print(metrics: &Metrics) {
     let columns =
         metrics.scores.iter().map(|s| (s, s.heading(), s.heading().chars().count().max(s.decimals + 4) + 1));

@@ -1,4 +1,4 @@
-//! `petzval sensor`: look at a sensor, measure one, simulate its captures.
+//! `petzval sensor`: shows sensors, measures one, simulates its captures.
 
 mod capture;
 mod characterize;
@@ -15,9 +15,9 @@ use super::terminal::Terminal;
 /// Verbs about a sensor.
 #[derive(Debug, Subcommand)]
 pub enum SensorVerb {
-    /// The built-in sensors, a line each
+    /// List the built-in sensors
     List(list::Args),
-    /// The numbers of a sensor file, and the EMVA 1288 figures that follow
+    /// Show the numbers of a sensor file, and the EMVA 1288 figures that follow
     Show(show::Args),
     /// Simulate the calibration series of a sensor: flat and dark frames over gains and exposure times
     Capture(capture::Args),

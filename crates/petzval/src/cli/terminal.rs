@@ -1,4 +1,4 @@
-//! What all verbs share: the built-in library with the user's glasses, jobs that report on stderr, and JSON on stdout.
+//! Common parts of all verbs: the built-in library with the user's glasses, reports of jobs on stderr, and JSON on stdout.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -11,14 +11,14 @@ use super::watcher::Stderr;
 /// Exit code after a signal: a checkpoint was written (EX_TEMPFAIL of sysexits).
 pub const EXIT_STOPPED: u8 = 75;
 
-/// The terminal in front of which the user sits.
+/// The environment of a verb: the library, and stderr for the reports of jobs.
 pub struct Terminal {
-    /// The built-in library; the user's glasses come before its own.
+    /// The built-in library; the user's glasses take precedence.
     pub assets: Assets,
 }
 
 impl Terminal {
-    /// The context of one job. What the job reports appears on stderr; its progress bar disappears with the context.
+    /// The context of one job. Its reports go to stderr; its progress bar disappears with the context.
     pub fn context(&self) -> Context {
         Context::new(self.assets.clone(), Arc::new(Stderr::new()))
     }

@@ -8,10 +8,10 @@ use crate::glass::Glass;
 use crate::lens::placement::apply;
 use crate::lens::{Action, Lens, Surface};
 
-/// Steps in which the profile of a surface is drawn, from edge to edge.
+/// Number of steps of the profile of a surface, from edge to edge.
 const STEPS: usize = 60;
 
-/// An edge thinner than this is taken for a crossing, mm.
+/// Edges thinner than this count as crossing surfaces, mm.
 const THINNEST_EDGE_MM: f64 = 0.01;
 
 /// The medium behind every surface: behind a mirror it is the one in front.
@@ -35,8 +35,8 @@ struct Wall<'a> {
     is_cemented: bool,
 }
 
-/// The elements of a lens in the order that light meets them. Elements without air between them are cemented and share one outer
-/// diameter; a surface with the same glass on both sides (an inner stop) divides nothing.
+/// The elements of a lens in the order of the light. Elements without air between them are cemented and share one outer
+/// diameter. A surface with the same glass on both sides (an inner stop) does not divide an element.
 pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
     let (surfaces, media) = (&lens.surfaces, media(lens));
     let mut elements = Vec::new();
@@ -77,7 +77,7 @@ pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
                 vd: glass.abbe_vd(),
                 height_mm,
                 rims: [middle(front_up, rear_up), middle(front_down, rear_down)],
-                // The front from bottom to top, the ground edge, the rear from top to bottom.
+                // Join the front from bottom to top, the ground edge, and the rear from top to bottom.
                 outline: front.into_iter().chain(rear.into_iter().rev()).collect(),
             });
         }
@@ -119,7 +119,7 @@ pub(super) fn bare_surfaces(lens: &Lens, places: &[Place]) -> Vec<LayoutLine> {
 
 /// Profiles of the front and the rear of an element, from the lower to the upper rim.
 fn sides(front: Wall, rear: Wall, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
-    // Beyond its clear semi-diameter a free surface ends in a flat, a cemented one goes on as it is.
+    // Beyond its clear semi-diameter a free surface continues as a flat, a cemented one with its own shape.
     let flat = [front, rear].map(|wall| profile(wall, height_mm, wall.is_cemented));
     let direction = (rear.place.origin[2] - front.place.origin[2]).signum();
     let has_edge = |f: &[[f64; 2]], r: &[[f64; 2]]| match (f.last(), r.last()) {
@@ -129,7 +129,7 @@ fn sides(front: Wall, rear: Wall, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
     if has_edge(&flat[0], &flat[1]) {
         return flat;
     }
-    // The flats of a strong meniscus may meet: then both surfaces go on to the rim.
+    // The flats of a strong meniscus may cross: then both surfaces continue with their shape to the rim.
     [front, rear].map(|wall| profile(wall, height_mm, true))
 }
 

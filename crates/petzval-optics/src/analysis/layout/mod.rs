@@ -15,7 +15,7 @@ use place::places;
 /// A lens in its y-z section; points are (z, y) in mm from the first vertex.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Layout {
-    /// Pieces of glass in the order that light meets them.
+    /// Pieces of glass in the order of the light.
     pub elements: Vec<LayoutElement>,
     /// Surfaces that belong to no piece of glass.
     pub lines: Vec<LayoutLine>,
@@ -32,7 +32,7 @@ pub struct Layout {
 /// One piece of glass.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LayoutElement {
-    /// What it is made of.
+    /// Name of its glass.
     pub glass: String,
     /// Its index at the d line.
     pub nd: f64,
@@ -46,7 +46,7 @@ pub struct LayoutElement {
     pub outline: Vec<[f64; 2]>,
 }
 
-/// What a bare surface is.
+/// The kind of a bare surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LineKind {
@@ -63,11 +63,11 @@ pub enum LineKind {
 /// A surface that belongs to no piece of glass.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LayoutLine {
-    /// What it is.
+    /// Its kind.
     pub kind: LineKind,
     /// Its profile from the lower to the upper edge.
     pub points: Vec<[f64; 2]>,
-    /// Direction (z, y) of unit length along its axis, as light meets it: the side of a mirror that is in the dark.
+    /// Unit direction (z, y) along its axis in the sense of the light: the dark side of a mirror.
     pub back: [f64; 2],
 }
 
@@ -89,7 +89,7 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     let size = places.iter().map(|p| p.origin[2].abs().max(p.origin[1].abs())).fold(0.0, f64::max);
     let (elements, lines) = (elements(lens, &places), bare_surfaces(lens, &places));
-    // Rays start in front of all there is (the secondary of a telescope too), but not before their object.
+    // Rays start in front of all surfaces (also of the secondary of a telescope), but not before their object.
     let outlines = elements.iter().map(|e| &e.outline).chain(lines.iter().map(|l| &l.points));
     let foremost = outlines.flatten().map(|p| p[0]).fold(0.0, f64::min);
     let object_mm = match lens.object {
@@ -102,7 +102,7 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
         .iter()
         .map(|field| ray::fan(lens, &places, field.to_radians(), options.layout_rays.max(2), lead_mm))
         .collect();
-    // The stop's edges reach half a radius outwards.
+    // Draw the edges of the stop over half a radius outwards.
     let stop = &places[lens.stop];
     let inner = order.stop_radius_mm.abs();
     let outer = inner + (0.5 * inner).max(0.04 * size);

@@ -1,4 +1,4 @@
-//! Workloads of the whole: a network step and a lens step of the built-in experiment.
+//! Workloads of joint optimisation: a network step and a lens step of the built-in experiment.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ fn step(kind: BlockName) -> Result<Prepared, Failure> {
     let experiment = assets.experiment("cooke-triplet-image-quality")?;
     let training = experiment.training.clone();
     let network = experiment.network.clone();
-    // The loop lives as long as the process: its settings and its scratch folder are leaked on purpose.
+    // The loop exists as long as the process, so its settings and its scratch folder are leaked on purpose.
     let setup: &'static Setup = Box::leak(Box::new(Setup::new(
         experiment,
         &assets,

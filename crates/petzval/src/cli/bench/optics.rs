@@ -50,7 +50,7 @@ pub(super) fn nominal() -> Result<Lens, Failure> {
     Ok(built_in_assets().lens("cooke-triplet-nominal")?.lens)
 }
 
-/// The same lens with a small r^4 term on every surface, so that each needs Newton's method.
+/// The same lens with a small r^4 term on every surface, so that every surface needs Newton's method.
 fn all_aspheres(mut lens: Lens) -> Lens {
     for surface in &mut lens.surfaces {
         if surface.shape.is_conic() {
@@ -178,7 +178,7 @@ fn psf_13_fields() -> Result<Prepared, Failure> {
     })
 }
 
-/// A variable that may go from half to twice its value, or within a thousandth of a mm^(1-n) where that is zero.
+/// A variable with bounds at half and twice its value, or at a thousandth of a mm^(1-n) to both sides if it is zero.
 fn around(lens: &Lens, surface: usize, parameter: Parameter) -> Variable {
     let value = parameter.value(lens, surface);
     let (min, max) = if value == 0.0 { (-1e-3, 1e-3) } else { (0.5 * value, 2.0 * value) };

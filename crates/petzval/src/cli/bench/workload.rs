@@ -1,11 +1,11 @@
-//! What `petzval bench` measures.
+//! The workloads of `petzval bench`.
 
 use petzval::design::error::DesignError;
 use petzval::jobs::JobError;
 
 use crate::cli::failure::Failure;
 
-/// A workload: its name, and how to make it ready to be run again and again.
+/// A workload: its name, and its preparation for repeated runs.
 pub struct Workload {
     pub name: &'static str,
     /// The instruction set that its hot loops use.
@@ -13,13 +13,13 @@ pub struct Workload {
     pub prepare: fn() -> Result<Prepared, Failure>,
 }
 
-/// A workload made ready.
+/// A prepared workload.
 pub struct Prepared {
-    /// What is done, in words, and how many units of it a run does.
+    /// Description of the work of a run.
     pub work: String,
-    /// Units of work a run, and what they are, for a rate.
+    /// Units of work in a run and their name, for a rate.
     pub units: Option<(f64, &'static str)>,
-    /// Whether it runs on one thread whatever the pool.
+    /// Whether it always runs on one thread.
     pub single_thread: bool,
     pub run: Box<dyn FnMut() -> Result<(), Failure>>,
 }

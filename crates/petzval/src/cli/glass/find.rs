@@ -17,13 +17,13 @@ pub struct Args {
     /// Abbe number (nd - 1) / (nF - nC)
     #[arg(long, allow_negative_numbers = true)]
     vd: f64,
-    /// How many to print
+    /// Number of glasses to print
     #[arg(long, default_value_t = 10, value_name = "N")]
     count: usize,
     /// Only glasses of this maker
     #[arg(long)]
     maker: Option<String>,
-    /// Obsolete glasses as well
+    /// Include obsolete glasses
     #[arg(long)]
     obsolete: bool,
     /// Machine-readable output

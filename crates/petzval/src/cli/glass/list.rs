@@ -1,4 +1,4 @@
-//! `petzval glass list`: every glass.
+//! `petzval glass list`: lists every glass.
 
 use std::process::ExitCode;
 
@@ -8,7 +8,7 @@ use crate::cli::failure::Failure;
 use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
 
-/// List glasses by the names that lens files use: MAKER:NAME where the name alone means another glass.
+/// List glasses by their names in lens files: MAKER:NAME if the name alone means another glass.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Only glasses of this maker

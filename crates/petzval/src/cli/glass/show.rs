@@ -1,4 +1,4 @@
-//! `petzval glass show`: all that is known of a glass.
+//! `petzval glass show`: all data of a glass.
 
 use std::process::ExitCode;
 
@@ -11,7 +11,7 @@ use crate::cli::terminal::{Terminal, print_json};
 /// Show a glass of the catalogue.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Its name, or MAKER:NAME where several makers have one of that name
+    /// Name of the glass, or MAKER:NAME if several makers have a glass of this name
     name: String,
     /// Temperature of the glass and of the air around it, degrees Celsius, for the column of indices
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
@@ -79,11 +79,11 @@ fn print(response: &show::Response) {
         );
         println!("{}", row.trim_end());
     }
-    // The table of a lens file, without its long lists of absorption.
+    // Print the table for a lens file, without its long lists of absorption.
     let is_short = |line: &&str| !line.starts_with("transmission") && !line.starts_with("extinction");
     let table: Vec<String> = glass.table.lines().filter(is_short).map(|line| format!("  {line}")).collect();
     println!("\n{}", table.join("\n"));
     if !glass.others_of_this_name.is_empty() {
-        println!("\n  others of this name: {}", glass.others_of_this_name.join(", "));
+        println!("\n  other glasses of this name: {}", glass.others_of_this_name.join(", "));
     }
 }

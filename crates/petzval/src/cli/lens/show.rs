@@ -1,4 +1,4 @@
-//! `petzval lens show`: what a lens is, in numbers.
+//! `petzval lens show`: the numbers of a lens.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::cli::terminal::{Terminal, print_json};
 pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
     lens: String,
-    /// Where the image plane goes
+    /// Position of the image plane
     #[arg(long, value_enum, default_value = "file")]
     focus: FocusAt,
     /// Machine-readable output
@@ -29,7 +29,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let response = match show::run(&request, &terminal.context()) {
         Ok(response) => response,
         Err(error) => {
-            // The prescription of a lens that can be read may show what is wrong with it. Warnings were printed with the error.
+            // Print the prescription if it can be read: it may show the cause. The warnings were already printed.
             let silent = Context::new(petzval::built_in_assets(), Arc::new(Silent));
             if !args.json
                 && let Ok(Prescription { name, surfaces }) = show::prescription(&request, &silent)
@@ -76,7 +76,7 @@ fn prescription(name: &str, surfaces: &[Surface]) -> String {
     out
 }
 
-/// A figure with so many decimals; a dash for one that does not exist.
+/// A figure with a number of decimals; a dash if it does not exist.
 fn figure(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }
