@@ -1,7 +1,6 @@
 //! Paths of a run folder, and writing that is never seen half done.
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
