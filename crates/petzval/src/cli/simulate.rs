@@ -18,13 +18,6 @@ enum Place {
     Centre,
 }
 
-/// Development of the raw frame.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Isp {
-    /// Dark level, white balance, bilinear demosaic, shading correction.
-    Linear,
-}
-
 /// Format of the raw frame.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum RawAs {
@@ -113,9 +106,6 @@ pub struct Args {
     /// Sensor file, or a built-in name
     #[arg(long, default_value = "imx249-fitted")]
     sensor: String,
-    /// Development
-    #[arg(long, value_enum, default_value = "linear")]
-    isp: Isp,
     /// Position and scale of a photograph on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
@@ -158,7 +148,6 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let Isp::Linear = args.isp;
     let over = args.spectral;
     let request = Request {
         images: args.images,
