@@ -2,6 +2,7 @@
 
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, azimuths};
+use crate::number::Number;
 use crate::pupil::{chief_ray, pull_back_chief};
 
 /// Least distances that a lens must keep, mm.
@@ -42,17 +43,17 @@ pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient
         if let Some((edge, towards)) = thinnest_edge(lens, i, height) {
             let at = towards.map(|v| v * height);
             hinge(least - edge, &mut |bar, g| {
-                g.surfaces[i].thickness += sign * bar;
+                g[(i, Number::Thickness)] += sign * bar;
                 sag_gradient(lens, i, at, -sign * bar, g);
                 sag_gradient(lens, i + 1, at, sign * bar, g);
             });
         }
-        hinge(least - sign * a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += sign * bar);
+        hinge(least - sign * a.thickness_mm, &mut |bar, g| g[(i, Number::Thickness)] += sign * bar);
     }
     let last = lens.surfaces.len() - 1;
     let sign = direction_of_light(lens, last);
     hinge(wanted.back_focal_mm - sign * lens.image_distance_mm(), &mut |bar, g| {
-        g.surfaces[last].thickness += sign * bar;
+        g[(last, Number::Thickness)] += sign * bar;
     });
     (value, gradient)
 }
@@ -86,9 +87,8 @@ pub(crate) fn direction_of_light(lens: &Lens, surface: usize) -> f64 {
 
 /// Adds the gradient of a loss that depends on the sag of a surface at a point, `bar` per mm.
 pub(crate) fn sag_gradient(lens: &Lens, surface: usize, at: [f64; 2], bar: f64, gradient: &mut LensGradient) {
-    let g = &mut gradient.surfaces[surface];
     for (number, by) in lens.surfaces[surface].shape.sensitivities(at) {
-        *g.shape_mut(number) += bar * by.value;
+        gradient[(surface, number)] += bar * by.value;
     }
 }
 
@@ -100,7 +100,7 @@ pub fn radius_penalty(lens: &Lens, surface: usize, [min, max]: [f64; 2]) -> (f64
     let radius = 1.0 / curvature;
     let beyond = (radius - max).max(0.0) - (min - radius).max(0.0);
     // dR/dc = -R^2
-    gradient.surfaces[surface].curvature = -2.0 * beyond * radius * radius;
+    gradient[(surface, Number::Curvature)] = -2.0 * beyond * radius * radius;
     (beyond * beyond, gradient)
 }
 

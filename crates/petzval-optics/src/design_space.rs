@@ -12,32 +12,14 @@ use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order, pull_back_image_distance};
 use crate::solve::{with_efl, with_length, with_paraxial_focus};
 
-/// A number of a surface that may move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parameter {
-    /// Vertex radius, mm.
-    Radius,
-    /// Conic constant.
-    Conic,
-    /// Coefficient a_n of r^n, with n = 2, 4, ..., 16.
-    Asphere(usize),
-    /// Distance to the next vertex, mm.
-    Thickness,
-    /// A number of the departure, see [`Departure::numbers`](crate::lens::Departure::numbers).
-    Departure(usize),
-    /// A number of the diffractive structure: lines per mm, or a coefficient.
-    Phase(usize),
-    /// Power of a thin lens, 1/mm.
-    Power,
-}
-
-/// A bounded variable; bounds in the parameter's own unit.
+/// A number that may move within bounds, which are given as users state them ([`Number::stated`]): those of a curvature are
+/// radii in mm, those of a tilt are in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variable {
     /// Surface, from 0.
     pub surface: usize,
     /// Which of its numbers.
-    pub parameter: Parameter,
+    pub number: Number,
     /// Lower bound.
     pub min: f64,
     /// Upper bound.
@@ -101,12 +83,12 @@ pub enum DesignSpaceError {
         count: usize,
     },
     /// A starting value outside its bounds.
-    #[error("surface {surface}, {parameter:?}: the lens has {value}, outside {min} ... {max}")]
+    #[error("surface {surface}, {number}: the lens has {value}, outside {min} ... {max}")]
     OutsideBounds {
         /// Surface, from 1.
         surface: usize,
         /// Which number.
-        parameter: Parameter,
+        number: Number,
         /// Its value in the lens.
         value: f64,
         /// Lower bound.
@@ -147,42 +129,6 @@ pub struct DesignSpace {
     start: Vec<f64>,
 }
 
-impl Parameter {
-    /// The parameter's value in a lens; no number if its surface has no such parameter.
-    pub fn value(self, lens: &Lens, surface: usize) -> f64 {
-        let value = self.number().read(lens, surface);
-        if self == Self::Radius { 1.0 / value } else { value }
-    }
-
-    /// The number of the lens that it is, or for a radius, is the reciprocal of.
-    pub(crate) fn number(self) -> Number {
-        match self {
-            Self::Radius => Number::Curvature,
-            Self::Conic => Number::Conic,
-            Self::Asphere(order) => Number::Asphere(order / 2 - 1),
-            Self::Thickness => Number::Thickness,
-            Self::Departure(k) => Number::Departure(k),
-            Self::Phase(k) => Number::Phase(k),
-            Self::Power => Number::Power,
-        }
-    }
-
-    fn set(self, lens: &mut Lens, surface: usize, value: f64) {
-        let value = if self == Self::Radius { 1.0 / value } else { value };
-        self.number().write(lens, surface, value);
-    }
-
-    /// Derivative by the parameter, from that by the lens's own numbers.
-    fn derivative(self, gradient: &LensGradient, lens: &Lens, surface: usize) -> f64 {
-        let by = self.number().derivative(gradient, surface);
-        match self {
-            // dc/dR = -1/R^2 = -c^2
-            Self::Radius => -lens.surfaces[surface].shape.curvature.powi(2) * by,
-            _ => by,
-        }
-    }
-}
-
 impl DesignSpace {
     /// A space around `base`. Starting values on a bound are moved inside by a thousandth of the
     /// range, because the map has no slope on the bound itself.
@@ -201,12 +147,12 @@ impl DesignSpace {
         }
         let mut start = Vec::with_capacity(variables.len() + 1);
         for v in &variables {
-            let value = v.parameter.value(&base, v.surface);
+            let value = v.number.read_stated(&base, v.surface);
             let slack = 1e-9 * (v.max - v.min);
             if !(value >= v.min - slack && value <= v.max + slack) {
                 return Err(DesignSpaceError::OutsideBounds {
                     surface: v.surface + 1,
-                    parameter: v.parameter,
+                    number: v.number,
                     value,
                     min: v.min,
                     max: v.max,
@@ -270,11 +216,11 @@ impl DesignSpace {
     pub fn lens_at(&self, x: &[f64]) -> Result<Lens, DesignSpaceError> {
         let mut lens = self.base.clone();
         for (v, x) in self.variables.iter().zip(x) {
-            v.parameter.set(&mut lens, v.surface, bounded_value(*x, v.min, v.max));
+            v.number.write(&mut lens, v.surface, v.number.from_stated(bounded_value(*x, v.min, v.max)));
         }
         for p in &self.pickups {
             let followed = &self.variables[p.variable];
-            let number = followed.parameter.number();
+            let number = followed.number;
             let value = p.scale * number.read(&lens, followed.surface) + p.offset;
             number.write(&mut lens, p.surface, value);
         }
@@ -298,10 +244,10 @@ impl DesignSpace {
         let sequence = lens.at_wavelength(lens.reference_um);
         let mut gradient = gradient.clone();
         let last = lens.surfaces.len() - 1;
-        let by_image_distance = gradient.surfaces[last].thickness;
+        let by_image_distance = gradient[(last, Number::Thickness)];
         if let Focus::Paraxial { .. } = self.focus {
             // The image plane follows the paraxial image.
-            gradient.surfaces[last].thickness = 0.0;
+            gradient[(last, Number::Thickness)] = 0.0;
             pull_back_image_distance(&sequence, by_image_distance, &mut gradient);
         }
         if let Some(solve) = &self.efl {
@@ -311,34 +257,43 @@ impl DesignSpace {
             let wish = FirstOrderCotangent { efl: 1.0, ..Default::default() };
             pull_back_first_order(&sequence, wish, &mut efl);
             let s = solve.surface;
-            let multiple = -gradient.surfaces[s].curvature / efl.surfaces[s].curvature;
+            let multiple = -gradient[(s, Number::Curvature)] / efl[(s, Number::Curvature)];
             gradient += &efl.scaled(multiple);
         }
         if let Some((solved, _)) = self.length {
             // The other distances between the vertices push it back.
-            let by_solved = std::mem::take(&mut gradient.surfaces[solved].thickness);
-            for (i, g) in gradient.surfaces[..last].iter_mut().enumerate() {
-                g.thickness -= if i == solved { 0.0 } else { by_solved };
+            let by_solved = std::mem::take(&mut gradient[(solved, Number::Thickness)]);
+            for i in (0..last).filter(|i| *i != solved) {
+                gradient[(i, Number::Thickness)] -= by_solved;
             }
         }
         for p in &self.pickups {
             let followed = &self.variables[p.variable];
-            let number = followed.parameter.number();
-            let by_follower = number.derivative(&gradient, p.surface);
-            number.add(&mut gradient, followed.surface, p.scale * by_follower);
+            let number = followed.number;
+            let by_follower = gradient[(p.surface, number)];
+            gradient[(followed.surface, number)] += p.scale * by_follower;
         }
         let mut out: Vec<f64> = self
             .variables
             .iter()
             .zip(x)
-            .map(|(v, x)| {
-                0.5 * (v.max - v.min) * x.cos() * v.parameter.derivative(&gradient, lens, v.surface)
-            })
+            .map(|(v, x)| 0.5 * (v.max - v.min) * x.cos() * by_stated(v, lens, &gradient))
             .collect();
         if let (Focus::Paraxial { range_mm }, Some(x)) = (self.focus, x.last()) {
             out.push(range_mm * x.cos() * by_image_distance);
         }
         out
+    }
+}
+
+/// The derivative by a variable as users state it.
+fn by_stated(v: &Variable, lens: &Lens, gradient: &LensGradient) -> f64 {
+    let by = gradient[(v.surface, v.number)];
+    match v.number {
+        // dc/dR = -1/R^2 = -c^2
+        Number::Curvature => -lens.surfaces[v.surface].shape.curvature.powi(2) * by,
+        Number::Tilt(_) => by.to_radians(),
+        _ => by,
     }
 }
 

@@ -12,7 +12,7 @@ pub use departure::{
     DEPARTURE_NUMBERS, Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers,
 };
 pub use placement::{Axis, Placement};
-pub use shape::{ASPHERE_TERMS, ShapeNumber, SurfaceShape};
+pub use shape::{ASPHERE_TERMS, SurfaceShape};
 pub use surface::Surface;
 pub(crate) use validate::azimuths;
 pub use validate::{LensDefect, validate};

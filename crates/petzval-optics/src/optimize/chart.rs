@@ -3,9 +3,9 @@
 use nalgebra::DMatrix;
 
 use super::problem::{ImagePlane, Problem};
-use crate::design_space::{Parameter, Variable};
+use crate::design_space::Variable;
 use crate::gradient::LensGradient;
-use crate::lens::{ASPHERE_TERMS, Lens};
+use crate::lens::Lens;
 use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::solve::{with_efl, with_length};
@@ -40,28 +40,20 @@ pub enum ChartError {
         wavelengths: usize,
     },
     /// A variable of a surface that has no such number.
-    #[error("surface {surface} has no {parameter:?}")]
+    #[error("surface {surface} has no {number}")]
     NoSuchNumber {
         /// Surface, from 1.
         surface: usize,
         /// Which number.
-        parameter: Parameter,
+        number: Number,
     },
     /// A pickup on a number that a solve computes.
-    #[error("surface {surface}: {parameter:?} cannot follow a variable, a solve computes it")]
+    #[error("surface {surface}: {number} cannot follow a variable, a solve computes it")]
     Settled {
         /// Surface, from 1.
         surface: usize,
         /// Which number.
-        parameter: Parameter,
-    },
-    /// An asphere has terms of even order from 2 to 16.
-    #[error("surface {surface} has no aspheric term of order {order}")]
-    NoSuchOrder {
-        /// Surface, from 1.
-        surface: usize,
-        /// Order.
-        order: usize,
+        number: Number,
     },
     /// A glass may be exchanged for none.
     #[error("the glass behind surface {surface} has no candidates")]
@@ -70,12 +62,12 @@ pub enum ChartError {
         surface: usize,
     },
     /// Bounds that leave nothing between them.
-    #[error("surface {surface}, {parameter:?}: the bounds {min} and {max} leave nothing between them")]
+    #[error("surface {surface}, {number}: the bounds {min} and {max} leave nothing between them")]
     Bounds {
         /// Surface, from 1.
         surface: usize,
         /// Which number.
-        parameter: Parameter,
+        number: Number,
         /// Lower bound.
         min: f64,
         /// Upper bound.
@@ -116,13 +108,8 @@ pub(super) struct Mapped {
 ///
 /// Radii of both signs pass through the plane, not through zero: the curvature lies between those of the two bounds.
 fn coordinate_bounds(v: &Variable) -> [f64; 2] {
-    match v.parameter {
-        Parameter::Radius => {
-            let (a, b) = (1.0 / v.min, 1.0 / v.max);
-            [a.min(b), a.max(b)]
-        }
-        _ => [v.min, v.max],
-    }
+    let [a, b] = [v.min, v.max].map(|bound| v.number.from_stated(bound));
+    if v.number == Number::Curvature { [a.min(b), a.max(b)] } else { [a, b] }
 }
 
 impl<'a> Chart<'a> {
@@ -142,20 +129,15 @@ impl<'a> Chart<'a> {
             return Err(ChartError::NothingToSee { fields, weights, wavelengths });
         }
         for v in &problem.variables {
-            if let Parameter::Asphere(order) = v.parameter
-                && !(order.is_multiple_of(2) && (2..=2 * ASPHERE_TERMS).contains(&order))
-            {
-                return Err(ChartError::NoSuchOrder { surface: v.surface + 1, order });
-            }
-            if !problem.base.surfaces[v.surface].has_number(v.parameter.number()) {
-                return Err(ChartError::NoSuchNumber { surface: v.surface + 1, parameter: v.parameter });
+            if !problem.base.surfaces[v.surface].has_number(v.number) {
+                return Err(ChartError::NoSuchNumber { surface: v.surface + 1, number: v.number });
             }
         }
         if let Some(solve) = &solves.efl
             && !problem.base.surfaces[solve.surface].has_number(Number::Curvature)
         {
-            let (surface, parameter) = (solve.surface + 1, Parameter::Radius);
-            return Err(ChartError::NoSuchNumber { surface, parameter });
+            let (surface, number) = (solve.surface + 1, Number::Curvature);
+            return Err(ChartError::NoSuchNumber { surface, number });
         }
         if let Some(g) = problem.glasses.iter().find(|g| g.candidates.is_empty()) {
             return Err(ChartError::NoGlass { surface: g.surface + 1 });
@@ -165,10 +147,10 @@ impl<'a> Chart<'a> {
             return Err(ChartError::NoSuchVariable { variable: p.variable + 1, count: variables });
         }
         for p in &problem.pickups {
-            let parameter = problem.variables[p.variable].parameter;
-            let settled = match parameter {
-                Parameter::Radius => solves.efl.is_some_and(|s| s.surface == p.surface),
-                Parameter::Thickness => {
+            let number = problem.variables[p.variable].number;
+            let settled = match number {
+                Number::Curvature => solves.efl.is_some_and(|s| s.surface == p.surface),
+                Number::Thickness => {
                     let solved = solves.length.is_some_and(|(s, _)| s == p.surface);
                     let image = problem.image == ImagePlane::Best && p.surface + 1 == count;
                     solved || image
@@ -176,21 +158,21 @@ impl<'a> Chart<'a> {
                 _ => false,
             };
             if settled {
-                return Err(ChartError::Settled { surface: p.surface + 1, parameter });
+                return Err(ChartError::Settled { surface: p.surface + 1, number });
             }
-            if !problem.base.surfaces[p.surface].has_number(parameter.number()) {
-                return Err(ChartError::NoSuchNumber { surface: p.surface + 1, parameter });
+            if !problem.base.surfaces[p.surface].has_number(number) {
+                return Err(ChartError::NoSuchNumber { surface: p.surface + 1, number });
             }
         }
         let mut bounds: Vec<[f64; 2]> = problem.variables.iter().map(coordinate_bounds).collect();
         for (v, [low, high]) in problem.variables.iter().zip(&mut bounds) {
             let forwards = problem.base.light_goes_forwards(v.surface);
             // A least thickness of a variable is a bound, which costs nothing to keep.
-            let least = match (v.parameter, problem.base.surfaces[v.surface].glass.is_air()) {
-                (Parameter::Thickness, _) if v.surface + 1 == count => None,
-                (Parameter::Thickness, true) if problem.has_open_gap(v.surface) => None,
-                (Parameter::Thickness, true) => problem.limits.air_gap_mm,
-                (Parameter::Thickness, false) => problem.limits.element_centre_mm,
+            let least = match (v.number, problem.base.surfaces[v.surface].glass.is_air()) {
+                (Number::Thickness, _) if v.surface + 1 == count => None,
+                (Number::Thickness, true) if problem.has_open_gap(v.surface) => None,
+                (Number::Thickness, true) => problem.limits.air_gap_mm,
+                (Number::Thickness, false) => problem.limits.element_centre_mm,
                 _ => None,
             };
             if let Some(least) = least {
@@ -202,12 +184,12 @@ impl<'a> Chart<'a> {
         }
         for (v, [low, high]) in problem.variables.iter().zip(&bounds) {
             if !(low < high && low.is_finite() && high.is_finite()) {
-                let (surface, parameter) = (v.surface + 1, v.parameter);
-                return Err(ChartError::Bounds { surface, parameter, min: v.min, max: v.max });
+                let (surface, number) = (v.surface + 1, v.number);
+                return Err(ChartError::Bounds { surface, number, min: v.min, max: v.max });
             }
         }
         let mut numbers: Vec<(usize, Number)> =
-            problem.variables.iter().map(|v| (v.surface, v.parameter.number())).collect();
+            problem.variables.iter().map(|v| (v.surface, v.number)).collect();
         for p in &problem.pickups {
             numbers.push((p.surface, numbers[p.variable].1));
         }
@@ -307,10 +289,10 @@ impl<'a> Chart<'a> {
             slopes[(row, coordinates - 1)] = 1.0;
         }
         let sequence = lens.at_wavelength(lens.reference_um);
-        let by = |wish: FirstOrderCotangent| {
+        let by = |bars: FirstOrderCotangent| {
             let mut g = LensGradient::zero(lens.surfaces.len());
-            pull_back_first_order(&sequence, wish, &mut g);
-            self.numbers.iter().map(|(s, n)| n.derivative(&g, *s)).collect::<Vec<f64>>()
+            pull_back_first_order(&sequence, bars, &mut g);
+            self.numbers.iter().map(|number| g[*number]).collect::<Vec<f64>>()
         };
         if let Some(solved) = efl_row {
             // EFL(numbers) stays, so the solved curvature moves against the others.

@@ -7,6 +7,7 @@ use super::problem::Problem;
 use crate::constraint::{direction_of_light, edge_clearance, sag_gradient, thinnest_edge};
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, azimuths};
+use crate::number::Number;
 use crate::paraxial::{
     FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order, pull_back_image_height,
 };
@@ -447,7 +448,7 @@ fn edge_gradient(
     let sign = direction_of_light(lens, i);
     let (_, direction) = thinnest_edge(lens, i, height)?;
     let at = direction.map(|v| v * height);
-    g.surfaces[i].thickness -= sign;
+    g[(i, Number::Thickness)] -= sign;
     sag_gradient(lens, i, at, sign, g);
     sag_gradient(lens, i + 1, at, -sign, g);
     // The edge moves outwards with the beam.
@@ -484,7 +485,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
     match what {
         Violation::Edge(i) => edge_gradient(problem, analysis, i, true, &mut g)?,
         Violation::AirEdge(i) => edge_gradient(problem, analysis, i, false, &mut g)?,
-        Violation::Centre(i) | Violation::Air(i) => g.surfaces[i].thickness = -direction_of_light(lens, i),
+        Violation::Centre(i) | Violation::Air(i) => g[(i, Number::Thickness)] = -direction_of_light(lens, i),
         Violation::SolvedRadius => {
             let solve = problem.solves.efl.as_ref()?;
             let [min, max] = solve.radius_mm?;
@@ -492,7 +493,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             let scale = 0.5 * analysis.apertures.clear_mm[solve.surface].powi(2);
             let [low, high] = curvature_bounds(min, max);
             let sign = if c > high { 1.0 } else { -1.0 };
-            g.surfaces[solve.surface].curvature = sign * scale;
+            g[(solve.surface, Number::Curvature)] = sign * scale;
             let beyond = (c - high).max(low - c) * analysis.apertures.clear_mm[solve.surface];
             add_clear(problem, analysis, solve.surface, beyond, &mut g)?;
         }
@@ -509,7 +510,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             let (from, to) = extent(lens);
             let between = &lens.surfaces[from..to];
             let sign = between.iter().map(|s| s.thickness_mm).sum::<f64>().signum();
-            g.surfaces[from..to].iter_mut().for_each(|g| g.thickness = sign);
+            (from..to).for_each(|i| g[(i, Number::Thickness)] = sign);
         }
         Violation::ClearDiameter(i) => add_clear(problem, analysis, i, 1.0, &mut g)?,
         Violation::Distortion => {
@@ -539,7 +540,7 @@ fn violation_gradient(problem: &Problem, analysis: &Analysis, what: Violation) -
             add_clear(problem, analysis, i, by_radius, &mut g)?;
             for (number, by) in shape.sensitivities(at) {
                 let by_slope = x * by.slope[0] + y * by.slope[1];
-                *g.surfaces[i].shape_mut(number) += radius * by_slope;
+                g[(i, number)] += radius * by_slope;
             }
         }
         Violation::ChiefRayAngle => {
@@ -610,7 +611,7 @@ pub(super) fn linearise(
     for (what, amount) in &analysis.violations {
         let g = violation_gradient(problem, analysis, *what)?;
         let row = DVector::from_fn(chart.numbers.len() + 1, |n, _| {
-            chart.numbers.get(n).map_or(0.0, |(s, number)| number.derivative(&g, *s))
+            chart.numbers.get(n).map_or(0.0, |number| g[*number])
         });
         let row = slopes.transpose() * row;
         let stiffness = problem.stiffness_um_per_mm * problem.stiffness_um_per_mm;

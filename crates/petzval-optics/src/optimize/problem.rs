@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
+use crate::design_space::{EflSolve, Pickup, Variable};
 use crate::glass::Glass;
 use crate::lens::{Action, Lens};
 use crate::pupil::{PupilSampling, Sides};
@@ -127,12 +127,7 @@ impl Problem {
 
     /// Which halves of the pupil have to be looked at.
     pub(super) fn sides(&self) -> Sides {
-        let breaks = |v: &Variable| match v.parameter {
-            Parameter::Departure(k) => {
-                !self.base.surfaces[v.surface].shape.departure.is_mirror_symmetric_in(k)
-            }
-            _ => false,
-        };
+        let breaks = |v: &Variable| v.number.breaks_mirror_symmetry(&self.base, v.surface);
         let follows = |p: &Pickup| {
             self.variables.get(p.variable).is_some_and(|v| breaks(&Variable { surface: p.surface, ..*v }))
         };

@@ -3,8 +3,9 @@
 use super::chart::Chart;
 use super::merit::{analyse, linearise};
 use super::*;
-use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
+use crate::design_space::{EflSolve, Pickup, Variable};
 use crate::lens::{Departure, Lens};
+use crate::number::Number;
 use crate::paraxial::first_order;
 
 #[path = "../../tests/common/mod.rs"]
@@ -12,23 +13,23 @@ mod common;
 
 use common::{mangin, nominal_triplet, special_lenses, telescope};
 
-fn variable(surface: usize, parameter: Parameter, min: f64, max: f64) -> Variable {
-    Variable { surface, parameter, min, max }
+fn variable(surface: usize, number: Number, min: f64, max: f64) -> Variable {
+    Variable { surface, number, min, max }
 }
 
 /// Curvatures, two aspheric terms and two thicknesses; the last curvature holds the focal length.
 fn problem() -> Problem {
     Problem {
         variables: vec![
-            variable(0, Parameter::Radius, 9.0, 15.0),
-            variable(0, Parameter::Asphere(4), -1e-4, 1e-4),
-            variable(1, Parameter::Radius, 9.0, 15.0),
-            variable(1, Parameter::Thickness, 6.0, 10.0),
-            variable(2, Parameter::Radius, -60.0, -20.0),
-            variable(5, Parameter::Radius, 12.0, 20.0),
-            variable(5, Parameter::Conic, -2.0, 2.0),
-            variable(5, Parameter::Asphere(6), -1e-5, 1e-5),
-            variable(5, Parameter::Thickness, 2.0, 4.0),
+            variable(0, Number::Curvature, 9.0, 15.0),
+            variable(0, Number::Asphere(1), -1e-4, 1e-4),
+            variable(1, Number::Curvature, 9.0, 15.0),
+            variable(1, Number::Thickness, 6.0, 10.0),
+            variable(2, Number::Curvature, -60.0, -20.0),
+            variable(5, Number::Curvature, 12.0, 20.0),
+            variable(5, Number::Conic, -2.0, 2.0),
+            variable(5, Number::Asphere(2), -1e-5, 1e-5),
+            variable(5, Number::Thickness, 2.0, 4.0),
         ],
         solves: Solves {
             efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: Some([-14.0, -13.0]) }),
@@ -101,17 +102,17 @@ fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces(
     near.stiffness_um_per_mm = 30.0;
     assert_eq!(check_gradient(&near), 1);
     for lens in special_lenses() {
-        let free = |surface: usize, parameter: Parameter, range: f64| {
-            let value = parameter.value(&lens, surface);
-            let has = lens.surfaces[surface].has_number(parameter.number());
-            has.then(|| variable(surface, parameter, value - range, value + range))
+        let free = |surface: usize, number: Number, range: f64| {
+            let has = lens.surfaces[surface].has_number(number);
+            let value = number.read(&lens, surface);
+            has.then(|| variable(surface, number, value - range, value + range))
         };
         let of_surface = |s: usize| {
             // Odd powers are not normalised.
             let is_odd = matches!(lens.surfaces[s].shape.departure, Departure::Odd(_));
             let size = move |k: i32| if is_odd { 4f64.powi(-1 - 2 * k) } else { 1.0 };
-            let departures = (0..6).map(move |k| (Parameter::Departure(k), 1e-3 * size(k as i32)));
-            let others = [(Parameter::Phase(0), 1.0), (Parameter::Power, 1e-3), (Parameter::Conic, 0.1)];
+            let departures = (0..6).map(move |k| (Number::Departure(k), 1e-3 * size(k as i32)));
+            let others = [(Number::Phase(0), 1.0), (Number::Power, 1e-3), (Number::Conic, 0.1)];
             departures.chain(others).filter_map(move |(p, range)| free(s, p, range))
         };
         let variables: Vec<Variable> = (0..lens.surfaces.len()).flat_map(of_surface).collect();
@@ -136,9 +137,9 @@ fn limits_of_mirrors_have_the_right_gradient() {
             .flat_map(|s| {
                 let (r, t) = (1.0 / lens.surfaces[s].shape.curvature, lens.surfaces[s].thickness_mm);
                 let around = |p, v: f64| variable(s, p, v - 0.3 * v.abs(), v + 0.3 * v.abs());
-                [around(Parameter::Radius, r), around(Parameter::Thickness, t)]
+                [around(Number::Curvature, r), around(Number::Thickness, t)]
             })
-            .filter(|v| v.surface + 1 < lens.surfaces.len() || v.parameter == Parameter::Radius)
+            .filter(|v| v.surface + 1 < lens.surfaces.len() || v.number == Number::Curvature)
             .collect();
         let far = lens.fields_deg.last().unwrap().to_radians();
         let limits = Limits {
@@ -208,8 +209,8 @@ fn pickups_on_what_is_solved_for_are_refused() {
 #[test]
 fn a_variable_that_a_surface_does_not_have_is_refused() {
     let mut problem = problem();
-    problem.variables.push(variable(5, Parameter::Departure(0), -1.0, 1.0));
-    let expected = ChartError::NoSuchNumber { surface: 6, parameter: Parameter::Departure(0) };
+    problem.variables.push(variable(5, Number::Departure(0), -1.0, 1.0));
+    let expected = ChartError::NoSuchNumber { surface: 6, number: Number::Departure(0) };
     assert_eq!(Chart::new(&problem).unwrap_err(), expected);
 }
 
@@ -228,7 +229,7 @@ fn a_disturbed_triplet_comes_back() {
         variables: [0, 1, 2, 3, 5]
             .map(|s| {
                 let r = 1.0 / lens.surfaces[s].shape.curvature;
-                variable(s, Parameter::Radius, (0.5 * r).min(2.0 * r), (0.5 * r).max(2.0 * r))
+                variable(s, Number::Curvature, (0.5 * r).min(2.0 * r), (0.5 * r).max(2.0 * r))
             })
             .to_vec(),
         solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },

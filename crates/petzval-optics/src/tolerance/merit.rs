@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, ObjectDistance};
+use crate::number::Number;
 use crate::pupil::PupilSampling;
 use crate::spot::field_mean_square_sampled;
 
@@ -166,9 +167,10 @@ impl FieldSet {
         }
         gradient.keep_symmetry(&lens.at_wavelength(lens.reference_um));
         if by_symmetry {
-            // What one side asks of decentres and tilts, the other asks of their opposite.
-            for surface in &mut gradient.surfaces {
-                (surface.decenter, surface.tilt) = ([0.0; 2], [0.0; 3]);
+            // The derivatives by decentres and tilts of the two sides cancel.
+            for surface in 0..lens.surfaces.len() {
+                (0..2).for_each(|axis| gradient[(surface, Number::Decenter(axis))] = 0.0);
+                (0..3).for_each(|axis| gradient[(surface, Number::Tilt(axis))] = 0.0);
             }
         }
         Some((value, gradient))

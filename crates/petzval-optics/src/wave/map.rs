@@ -3,6 +3,7 @@
 use super::fit::{self, PlaneFit};
 use super::opd::ReferenceSphere;
 use crate::gradient::LensGradient;
+use crate::number::Number;
 use crate::pupil::{
     PupilBasis, PupilPolynomial, PupilSamples, SamplesCotangent, Sides, Symmetry, check_points, optical_paths,
 };
@@ -339,7 +340,7 @@ impl WaveMap {
         }
     }
 
-    /// No wish at all.
+    /// All-zero cotangents.
     pub fn zero_cotangent(&self) -> WaveCotangent {
         let zero = |c: &Vec<f64>| vec![0.0; c.len()];
         WaveCotangent {
@@ -353,8 +354,7 @@ impl WaveMap {
         }
     }
 
-    /// Adds the gradient to `gradient`; returns the derivative by the stop radius. What is asked of the origin is added to
-    /// `sums`.
+    /// Adds the gradient to `gradient` and the cotangent of the origin to `sums`; returns the derivative by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
@@ -376,7 +376,7 @@ impl WaveMap {
         for ((surface, _, coefficients), (bar, semi_bar)) in
             self.heights.iter().zip(sums.heights.iter().zip(&sums.semi_diameters))
         {
-            gradient.surfaces[*surface].semi_diameter += semi_bar;
+            gradient[(*surface, Number::SemiDiameter)] += semi_bar;
             let mut height = SquaredHeights::zero(*surface, count);
             self.even.pull_back(coefficients, bar, &mut height.values[..count], &mut q_bar);
             wish.seeds.heights.push(height);
@@ -399,8 +399,9 @@ impl WaveMap {
         }
         wish.seeds.wave = Some(wave);
         let last = sequence.surfaces.len() - 1;
-        for (i, g) in gradient.surfaces.iter_mut().enumerate() {
-            g.index += sequence.glass_index_bar(i, |j| if j == last { sums.n_image } else { 0.0 });
+        for i in 0..=last {
+            gradient[(i, Number::Index)] +=
+                sequence.glass_index_bar(i, |j| if j == last { sums.n_image } else { 0.0 });
         }
         s.pull_back(sequence, &wish, gradient)
     }

@@ -7,8 +7,10 @@ use super::forward::{Crossing, aperture, is_dead, load, trace_rays};
 use super::frame::{self, FrameChange};
 use super::general;
 use super::surface::{OwnTangent, Rays, Slopes, Tangent, bend, push_forward, redirect, slopes};
-use crate::gradient::{LensGradient, SurfaceGradient};
+use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, along, dot, width};
+use crate::lens::ASPHERE_TERMS;
+use crate::number::Number;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
@@ -28,32 +30,35 @@ pub struct RayTangents {
     pub direction: [Vec<f64>; 3],
 }
 
-/// What a change of one surface's own numbers does at the points where rays meet it.
+/// How sag, slope and index ratio of surface `i` change at the points where rays meet it, when its own numbers change.
 #[inline(always)]
 fn own<S: Simd>(
     s: &SurfaceAtWavelength,
     slope: &Slopes<S>,
-    change: &SurfaceGradient,
+    change: &LensGradient,
+    i: usize,
     mu: f64,
 ) -> OwnTangent<S> {
     let (c, u, w, per_w) = (s.shape.curvature, slope.u, slope.w, slope.per_w);
+    let (curvature, conic) = (change[(i, Number::Curvature)], change[(i, Number::Conic)]);
     let per_w3 = per_w * per_w * per_w;
     let per_sum = per_w / (w + 1.0);
-    let cube = 0.25 * c * c * c * change.conic;
-    let mut sag = u * per_sum * change.curvature + u * u * per_sum * per_sum * w * (2.0 * cube);
-    let mut first = per_w3 * (0.5 * change.curvature) + u * per_w3 * cube;
+    let cube = 0.25 * c * c * c * conic;
+    let mut sag = u * per_sum * curvature + u * u * per_sum * per_sum * w * (2.0 * cube);
+    let mut first = per_w3 * (0.5 * curvature) + u * per_w3 * cube;
     let mut power = u.constant(1.0);
-    for (j, a) in change.asphere.iter().enumerate() {
+    for j in 0..ASPHERE_TERMS {
+        let a = change[(i, Number::Asphere(j))];
         first += power * ((j + 1) as f64 * a);
         power = power * u;
-        sag += power * *a;
+        sag += power * a;
     }
     OwnTangent { sag, first, mu: u.constant(mu) }
 }
 
 /// Change of the signed index behind a surface.
 fn index_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
-    sequence.index_change(i, |glass| change.surfaces[glass].index)
+    sequence.index_change(i, |glass| change[(glass, Number::Index)])
 }
 
 /// Change of `n_before / n_after` at a surface.
@@ -63,15 +68,15 @@ fn mu_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
     (before - s.n_before / s.n_after * index_change(sequence, change, i)) / s.n_after
 }
 
-/// How the frame of a surface moves.
-fn frame_change(frame: &Frame, change: &SurfaceGradient) -> FrameChange {
+/// How the frame of surface `i` moves.
+fn frame_change(frame: &Frame, change: &LensGradient, i: usize) -> FrameChange {
     let mut omega = [0.0; 3];
-    for (by, tilt) in frame::omegas(frame).iter().zip(change.tilt) {
+    for (k, by) in frame::omegas(frame).iter().enumerate() {
         for axis in 0..3 {
-            omega[axis] += by[axis] * tilt;
+            omega[axis] += by[axis] * change[(i, Number::Tilt(k))];
         }
     }
-    FrameChange { decenter: change.decenter, omega }
+    FrameChange { decenter: [0, 1].map(|axis| change[(i, Number::Decenter(axis))]), omega }
 }
 
 /// A tangent carried along a tape to behind the last of its surfaces, in the coordinates of that surface, and the relative
@@ -90,28 +95,27 @@ fn carry<S: Simd>(
         let surface = &sequence.surfaces[i];
         if i > 0 {
             tangent = to_axis(sequence, change, i - 1, &tape[i - 1], &tangent);
-            tangent.position[2] = tangent.position[2] - change.surfaces[i - 1].thickness;
+            tangent.position[2] = tangent.position[2] - change[(i - 1, Number::Thickness)];
         }
         let ([x, y, _], d) = (crossing.point, crossing.direction);
         if let Some(frame) = &surface.frame {
-            let change = frame_change(frame, &change.surfaces[i]);
+            let change = frame_change(frame, change, i);
             tangent = frame::enter_tangent(frame, &crossing.entry(), &tangent, Some(&change));
         }
         let entered = along(tangent.position, crossing.path, tangent.direction);
         if surface.is_general {
-            let own = &change.surfaces[i];
-            optical_path += general::added_path_change(surface, crossing.point, d, own);
             let change = general::Change {
-                own: &change.surfaces[i],
+                numbers: change.of_surface(i),
                 mu: mu_change(sequence, change, i),
                 n_after: index_change(sequence, change, i),
             };
+            optical_path += general::added_path_change(surface, crossing.point, d, change.numbers);
             tangent =
                 general::push_forward(surface, crossing.point, d, crossing.path, &tangent, Some(change));
         } else {
             let slope = slopes(surface, crossing.point);
             let b = bend(surface, slope.normal, d);
-            let own = own(surface, &slope, &change.surfaces[i], mu_change(sequence, change, i));
+            let own = own(surface, &slope, change, i, mu_change(sequence, change, i));
             tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
         }
         let moved = along(tangent.position, zero.constant(-1.0), entered);
@@ -129,7 +133,7 @@ fn carry<S: Simd>(
         {
             // by_radius is dT/dr / r.
             let outward = x * tangent.position[0] + y * tangent.position[1]
-                - u.sqrt() * change.surfaces[i].semi_diameter;
+                - u.sqrt() * change[(i, Number::SemiDiameter)];
             let through = zero.lt(share);
             light += through.select(by_radius * outward / through.select(share, zero.constant(1.0)), zero);
         }
@@ -150,7 +154,7 @@ fn to_axis<S: Simd>(
     let Some(frame) = &surface.frame else { return *tangent };
     let direction = redirect(surface, crossing.point, crossing.direction).0;
     let ray = Rays { position: crossing.point, direction };
-    frame::leave_tangent(frame, &ray, tangent, Some(&frame_change(frame, &change.surfaces[i])))
+    frame::leave_tangent(frame, &ray, tangent, Some(&frame_change(frame, change, i)))
 }
 
 struct PushForward<'a> {
@@ -197,7 +201,7 @@ impl WithSimd for PushForward<'_> {
             // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
             let d = arrival.ray.direction;
             let moved = along(end.position, arrival.run, end.direction);
-            let run = (zero.constant(change.surfaces[last].thickness) - moved[2]) / d[2];
+            let run = (zero.constant(change[(last, Number::Thickness)]) - moved[2]) / d[2];
             let dead = is_dead(arrival.fate);
             let alive = |v: Lanes<S>| dead.select(zero, v);
             alive(run.mul_add(d[0], moved[0])).store(&mut out.image_x[at..]);

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use petzval::files::LensFile;
-use petzval::optics::design_space::{EflSolve, Parameter, Variable};
+use petzval::optics::design_space::{EflSolve, Variable};
 use petzval::optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval::optics::lens::{Action, Lens};
+use petzval::optics::number::Number;
 use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::pupil::PupilSampling;
@@ -111,7 +112,7 @@ impl Goal {
         problem.pickups.clone_from(&file.pickups);
         if let Some(solve) = &problem.solves.efl {
             // A curvature that is solved for is no variable.
-            let is_solved = |v: &Variable| (v.surface, v.parameter) == (solve.surface, Parameter::Radius);
+            let is_solved = |v: &Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
             if let Some(at) = problem.variables.iter().position(is_solved) {
                 if problem.pickups.iter().any(|p| p.variable == at) {
                     let message = format!(
@@ -232,9 +233,9 @@ impl Goal {
         }
         // The last one that nothing else decides; else the last, which then is no variable any more but keeps its bounds.
         let of_radius =
-            |s: usize| file.variables.iter().position(|v| (v.surface, v.parameter) == (s, Parameter::Radius));
+            |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
         let follows = |s: usize| {
-            let is_radius = |v: usize| file.variables[v].parameter == Parameter::Radius;
+            let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
             file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
         };
         let is_followed =
@@ -316,14 +317,14 @@ fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, Failure> {
     let radius = 1.0 / (1.5 * strongest);
     let radii = powered(lens).map(|surface| Variable {
         surface,
-        parameter: Parameter::Radius,
+        number: Number::Curvature,
         min: -radius,
         max: radius,
     });
     let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
         let gap = lens.surfaces[surface].thickness_mm;
         let (near, far) = (0.1 * gap, 2.0 * gap + if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 });
-        Variable { surface, parameter: Parameter::Thickness, min: near.min(far), max: near.max(far) }
+        Variable { surface, number: Number::Thickness, min: near.min(far), max: near.max(far) }
     });
     Ok(radii.chain(gaps).collect())
 }
