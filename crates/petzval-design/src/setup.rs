@@ -10,7 +10,7 @@ use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
-use petzval_optics::design_space::{DesignSpace, Focus};
+use petzval_optics::design_space::{DesignSpace, Focus, SmoothSpace, Solves};
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
 use serde::Deserialize;
@@ -29,7 +29,7 @@ pub struct Setup {
     /// The nominal lens file.
     pub lens_file: LensFile,
     /// Where the lens may go.
-    pub space: DesignSpace,
+    pub space: SmoothSpace,
     /// What every moving lens must keep.
     pub requirements: Requirements,
     /// Fields of the spot-optimised control, rad: equal areas of the sensor each.
@@ -86,10 +86,11 @@ impl Setup {
         let space = DesignSpace::new(
             lens_file.lens.clone(),
             lens_file.variables.clone(),
-            lens_file.efl_solve,
+            lens_file.pickups.clone(),
+            Solves { efl: lens_file.efl_solve, length: lens_file.length_solve },
             Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
         )
-        .and_then(|space| space.with_solves(lens_file.pickups.clone(), lens_file.length_solve))
+        .and_then(SmoothSpace::new)
         .map_err(|e| {
             let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
             misfit(Path::new(&experiment.lens), &e, hint)

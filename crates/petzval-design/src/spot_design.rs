@@ -1,6 +1,6 @@
 //! The control that makes a gain a gain: a lens optimised, within the same bounds, for its RMS spot alone.
 
-use petzval_optics::design_space::DesignSpace;
+use petzval_optics::design_space::SmoothSpace;
 use petzval_optics::lens::Lens;
 use petzval_optics::spot::mean_square_spot;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub struct MovingLens {
 
 impl MovingLens {
     /// A lens at rest at the start of its space.
-    pub fn start(space: &DesignSpace) -> Self {
+    pub fn start(space: &SmoothSpace) -> Self {
         Self { x: space.start().to_vec(), adam: Adam::default() }
     }
 }
@@ -29,7 +29,7 @@ impl MovingLens {
 /// um^2, plus penalties.
 pub struct SpotMerit<'a> {
     /// Where the lens may go.
-    pub space: &'a DesignSpace,
+    pub space: &'a SmoothSpace,
     /// Field angles, rad.
     pub fields_rad: &'a [f64],
     /// What the lens must keep.

@@ -263,6 +263,9 @@ fn numbers_of_special_surfaces_have_names() {
         ("toroid = { radius_x_mm = -40.0 }", "toroid.curvature_x_per_mm", Number::Departure(0)),
         ("grating = { lines_per_mm = 0.5, order = 1 }", "grating.lines_per_mm", Number::Phase(0)),
         ("binary = { norm_radius_mm = 5.0, order = 1, a_rad = [1.0] }", "binary.a1", Number::Phase(0)),
+        ("placement = { decenter_mm = [0.1, 0.0] }", "decenter_x_mm", Number::Decenter(0)),
+        ("placement = { decenter_mm = [0.1, 0.0] }", "decenter_y_mm", Number::Decenter(1)),
+        ("placement = { tilt_deg = [0.0, 1.5, 0.0] }", "tilt_y_deg", Number::Tilt(1)),
     ] {
         let file = with(surface, name, -2.0, 2.0).unwrap_or_else(|e| panic!("{surface}: {e}"));
         let found = file.variables.iter().any(|v| v.surface == 2 && v.number == number);
@@ -270,6 +273,25 @@ fn numbers_of_special_surfaces_have_names() {
         let error = with("", name, -2.0, 2.0).unwrap_err();
         assert!(error.message.contains("no parameter") && error.hint.is_some(), "{error}");
     }
+}
+
+/// Bounds of a tilt are degrees, in a file and in the variable that it becomes; the lens has radians.
+#[test]
+fn tilts_are_variables_in_degrees() {
+    let surface = "label = \"V2 front\"\nplacement = { tilt_deg = [0.0, 1.5, 0.0] }";
+    let text = nominal().replace("label = \"V2 front\"", surface);
+    let with = |min: f64, max: f64| {
+        let bounds = format!("min = {min:?}\nmax = {max:?}\n");
+        let variable = format!("[[variable]]\nsurface = 3\nparameter = \"tilt_y_deg\"\n{bounds}\n");
+        let at = text.find("[[variable]]").unwrap();
+        parse_lens(&format!("{}{variable}{}", &text[..at], &text[at..]), &catalog())
+    };
+    let file = with(-2.0, 2.0).unwrap();
+    assert_eq!(file.variables[0], Variable { surface: 2, number: Number::Tilt(1), min: -2.0, max: 2.0 });
+    assert!((file.lens.surfaces[2].placement.unwrap().tilt_rad[1] - 1.5_f64.to_radians()).abs() < 1e-15);
+    let again = parse_lens(&write_lens(&file), &catalog()).unwrap();
+    assert_eq!(again.variables, file.variables);
+    assert!(with(-1.0, 1.0).unwrap_err().message.contains("outside its bounds"));
 }
 
 /// What is wrong with a special surface is said with its line.

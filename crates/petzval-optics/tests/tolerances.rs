@@ -6,14 +6,14 @@ mod common;
 use common::{nominal_triplet, special_lenses};
 use petzval_files::{parse_tolerances, write_tolerances};
 use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape};
+use petzval_optics::merit::{Better, FieldSet, Merit, MeritOf, Mtf, RmsSpot};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::spot::mean_square_spot_traced;
 use petzval_optics::tolerance::{
-    Better, Distribution, FieldSet, Freedom, Grade, Merit, MeritOf, Mtf, Perturbation, Quantity, RigidMotion,
-    RmsSpot, Study, ToleranceError, Tolerances, default_tolerances, draw, elements, inverse, monte_carlo,
-    moved_rigidly, sensitivities,
+    Distribution, Freedom, Grade, Perturbation, Quantity, RigidMotion, Study, ToleranceError, Tolerances,
+    default_tolerances, draw, elements, inverse, monte_carlo, moved_rigidly, sensitivities,
 };
 use petzval_optics::trace::{Ray, trace_ray};
 

@@ -5,11 +5,12 @@ use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
 use petzval::optics::analysis::{AnalysisOptions, analyze};
-use petzval::optics::design_space::{EflSolve, Variable};
+use petzval::optics::design_space::{EflSolve, Solves, Variable};
 use petzval::optics::gradient::LensGradient;
 use petzval::optics::lens::Lens;
+use petzval::optics::merit::SpotResiduals;
 use petzval::optics::number::Number;
-use petzval::optics::optimize::{LevenbergOptions, Problem, Solves, descend};
+use petzval::optics::optimize::{LevenbergOptions, Problem, descend};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::{PupilSampling, Quadrature};
@@ -214,10 +215,13 @@ fn lm_iteration() -> Result<Prepared, Failure> {
     let problem = Problem {
         variables,
         solves: nominal_efl(&lens),
-        fields_rad: (0..10).map(|i| (FIELD_DEG * f64::from(i) / 9.0).to_radians()).collect(),
-        field_weights: vec![1.0; 10],
-        wavelengths_um: WAVELENGTHS_UM.to_vec(),
-        sampling: PupilSampling::Fine,
+        merit: SpotResiduals {
+            fields_rad: (0..10).map(|i| (FIELD_DEG * f64::from(i) / 9.0).to_radians()).collect(),
+            field_weights: vec![1.0; 10],
+            wavelengths_um: WAVELENGTHS_UM.to_vec(),
+            sampling: PupilSampling::Fine,
+            power: 1.0,
+        },
         ..Problem::new(lens)
     };
     Ok(Prepared {

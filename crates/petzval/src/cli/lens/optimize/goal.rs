@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use petzval::files::LensFile;
-use petzval::optics::design_space::{EflSolve, Variable};
+use petzval::optics::design_space::{EflSolve, Focus, Solves, Variable};
 use petzval::optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval::optics::lens::{Action, Lens};
 use petzval::optics::number::Number;
-use petzval::optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
+use petzval::optics::optimize::{GlassChoice, Limits, Problem};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
@@ -99,15 +99,15 @@ impl Goal {
                 self.wavelengths.iter().all(|w| (0.2..20.0).contains(w)),
                 "um: 550 nm is 0.55",
             )?;
-            problem.wavelengths_um.clone_from(&self.wavelengths);
+            problem.merit.wavelengths_um.clone_from(&self.wavelengths);
         }
         if !self.fields.is_empty() {
             check("--fields", self.fields.iter().all(|f| f.abs() < 89.0), "degrees from the axis")?;
-            problem.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
-            problem.field_weights = vec![1.0; self.fields.len()];
+            problem.merit.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
+            problem.merit.field_weights = vec![1.0; self.fields.len()];
         }
         check("--power", (0.5..=64.0).contains(&self.power), "0.5 to 64; 1 is the mean spot")?;
-        problem.power = self.power;
+        problem.merit.power = self.power;
         problem.solves = Solves { efl: self.efl_solve(file)?, length: file.length_solve };
         problem.pickups.clone_from(&file.pickups);
         if let Some(solve) = &problem.solves.efl {
@@ -137,8 +137,8 @@ impl Goal {
             check("--f-number", efl_mm.is_finite(), "the lens has no focal length to take it of")?;
             problem.base.entrance_pupil_mm = efl_mm.abs() / n;
         }
-        problem.image = ImagePlane::Best;
-        problem.sampling = PupilSampling::Degree(6);
+        problem.focus = Focus::Free;
+        problem.merit.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
         if self.distortion.is_some() && !file.lens.is_rotationally_symmetric() {
             return Err(Failure::input(

@@ -11,11 +11,10 @@ use std::time::{Duration, Instant};
 use clap::ValueEnum;
 use petzval::built_in_assets;
 use petzval::files::LensFile;
+use petzval::optics::design_space::{DesignSpaceError, Solves};
 use petzval::optics::glass::Catalog;
 use petzval::optics::lens::Lens;
-use petzval::optics::optimize::{
-    Analysis, ChartError, LevenbergOptions, Problem, Search, SearchOptions, Solves, Stop, descend,
-};
+use petzval::optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
 use petzval::optics::paraxial::{first_order, image_height_per_tangent};
 use petzval::optics::pupil::{PupilSampling, chief_ray};
 use serde_json::json;
@@ -162,7 +161,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(if stop.load(Ordering::Relaxed) { ExitCode::from(EXIT_STOPPED) } else { ExitCode::SUCCESS })
 }
 
-fn wrong(error: &ChartError) -> Failure {
+fn wrong(error: &DesignSpaceError) -> Failure {
     Failure::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
 }
 
@@ -271,7 +270,8 @@ const KEEP_EVERY: Duration = Duration::from_secs(1);
 
 /// A lens of a search as more rays see it, its image plane where they are best.
 fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
-    let fine = Problem { base: lens.clone(), sampling: PupilSampling::Degree(10), ..still(problem) };
+    let mut fine = Problem { base: lens.clone(), ..still(problem) };
+    fine.merit.sampling = PupilSampling::Degree(10);
     descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
 }
 
@@ -364,7 +364,7 @@ fn rows(problem: &Problem, analysis: &Analysis) -> Vec<(String, f64, &'static st
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
     let mut rows = vec![("mean RMS spot".to_owned(), analysis.mean_rms_um(), "um")];
-    for (field, rms) in problem.fields_rad.iter().zip(&analysis.rms_um) {
+    for (field, rms) in problem.merit.fields_rad.iter().zip(&analysis.rms_um) {
         rows.push((format!("RMS spot at {:.1} deg", field.to_degrees()), *rms, "um"));
     }
     rows.push(("focal length".to_owned(), order.efl_mm, "mm"));

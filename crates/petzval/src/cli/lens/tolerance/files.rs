@@ -5,7 +5,8 @@ use std::path::Path;
 
 use petzval::design::run::write_atomically;
 use petzval::files::{LensFile, write_lens, write_tolerances};
-use petzval::optics::tolerance::{Better, MonteCarlo};
+use petzval::optics::merit::Better;
+use petzval::optics::tolerance::MonteCarlo;
 use petzval::report::chart::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 
 use super::result::{self, Findings};

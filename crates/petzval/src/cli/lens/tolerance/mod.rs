@@ -14,10 +14,9 @@ use petzval::design::error::DesignError;
 use petzval::files::{ToleranceFile, parse_tolerances};
 use petzval::optics::analysis::first_order_table;
 use petzval::optics::lens::Lens;
+use petzval::optics::merit::{Merit, Mtf, RmsSpot};
 use petzval::optics::psf::PsfKind;
-use petzval::optics::tolerance::{
-    Grade, Merit, Mtf, RmsSpot, Study, ToleranceError, inverse, monte_carlo, sensitivities,
-};
+use petzval::optics::tolerance::{Grade, Study, ToleranceError, inverse, monte_carlo, sensitivities};
 
 use crate::cli::{Failure, print_json};
 use result::Findings;

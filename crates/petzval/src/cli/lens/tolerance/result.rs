@@ -1,8 +1,9 @@
 //! What was found, as plain data.
 
 use petzval::optics::lens::Lens;
+use petzval::optics::merit::Better;
 use petzval::optics::tolerance::{
-    Better, Distribution, Freedom, MonteCarlo, PERCENTILES, Sensitivities, Shared, Study,
+    Distribution, Freedom, MonteCarlo, PERCENTILES, Sensitivities, Shared, Study,
 };
 use serde_json::{Value, json};
 
