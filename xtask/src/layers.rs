@@ -1,4 +1,5 @@
-//! The layering of the workspace, checked against the manifests and the sources.
+//! The layering of the workspace, checked against the manifests and the sources: crates use only those before them, and modules
+//! of a crate do not use each other in a circle.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,8 +7,10 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::circles;
+
 /// Crates in the order in which light meets them: each may use only those before it.
-const ORDER: [&str; 9] = [
+const ORDER: [&str; 10] = [
     "petzval-base",
     "petzval-optics",
     "petzval-camera",
@@ -16,19 +19,26 @@ const ORDER: [&str; 9] = [
     "petzval-learn",
     "petzval-report",
     "petzval-design",
+    "petzval-jobs",
     "petzval",
 ];
 
 /// Outside crates that only some of ours may use directly, with the reason.
-const RESERVED: [(&str, &[&str], &str); 8] = [
+const RESERVED: [(&str, &[&str], &str); 7] = [
     ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
     ("maud", &["petzval-report"], "reports are made in one place"),
-    ("plotters", &["petzval-report"], "reports are made in one place"),
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),
-    ("include_dir", &["petzval"], "data travels with the binary"),
+    ("include_dir", &["petzval-jobs"], "data travels with the binary"),
     ("signal-hook", &["petzval"], "only the command owns the process"),
+];
+
+/// Crates whose circles of modules are still to be cut, with what stands in the way. Each entry goes when its crate has none.
+const TO_BE_CUT: [(&str, &str); 3] = [
+    ("petzval-optics", "to be cut: one vocabulary for the numbers of a lens takes the largest circle away"),
+    ("petzval-report", "to be cut: the input structs of a page move out of the file that assembles it"),
+    ("petzval", "to be cut: what all verbs print with moves out of the file that lists them"),
 ];
 
 /// Words that a crate's sources may not hold, with the reason.
@@ -49,7 +59,7 @@ pub fn check() -> Result<String, Vec<String>> {
     let metadata = metadata().map_err(|e| vec![e])?;
     let packages = metadata["packages"].as_array().cloned().unwrap_or_default();
     let mut problems = Vec::new();
-    let mut edges = 0;
+    let (mut edges, mut open_circles) = (0, 0);
     for package in &packages {
         let name = package["name"].as_str().unwrap_or("");
         let Some(rank) = ORDER.iter().position(|n| *n == name) else {
@@ -81,9 +91,20 @@ pub fn check() -> Result<String, Vec<String>> {
                 problems.extend(find_words(&sources, words, reason));
             }
         }
+        let circles = circles::find(&sources);
+        match TO_BE_CUT.iter().find(|(owner, _)| *owner == name) {
+            Some(_) if circles.is_empty() => {
+                problems.push(format!("{name} has no circle of modules any more; take it off TO_BE_CUT"));
+            }
+            Some(_) => open_circles += circles.len(),
+            None => problems.extend(circles.iter().map(|circle| format!("{name}: {circle}"))),
+        }
     }
     if problems.is_empty() {
-        Ok(format!("layers: {edges} edges between {} crates, all along the light path", ORDER.len()))
+        Ok(format!(
+            "layers: {edges} edges between {} crates, all along the light path; {open_circles} circles of modules to be cut",
+            ORDER.len()
+        ))
     } else {
         Err(problems)
     }
@@ -113,7 +134,7 @@ fn find_words(folder: &Path, words: &[&str], reason: &str) -> Vec<String> {
     found
 }
 
-fn rust_files(folder: &Path) -> Vec<PathBuf> {
+pub fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let (mut files, mut open) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(folder) = open.pop() {
         for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {

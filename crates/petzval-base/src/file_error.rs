@@ -1,4 +1,4 @@
-//! What is wrong in a file, where, and what to write instead.
+//! Errors in a file: what is wrong, where, and what to write instead.
 
 use std::fmt;
 use std::ops::Range;
@@ -10,7 +10,7 @@ pub struct FileError {
     pub line: Option<u32>,
     /// Column, in characters from 1.
     pub column: Option<u32>,
-    /// The key as the file spells it; empty where the text is no TOML at all.
+    /// The key as the file spells it; empty where the text is not TOML.
     pub key: String,
     /// The value as the file spells it; empty where the key is missing.
     pub value: String,
@@ -89,13 +89,13 @@ impl FileError {
         self
     }
 
-    /// The same error about a key that is not there, so that there is no value to quote.
+    /// The same error without a quoted value, for a key that is missing.
     pub fn without_value(mut self) -> Self {
         self.value.clear();
         self
     }
 
-    /// What the TOML reader says, with the key, the value and the nearest known key drawn out of it.
+    /// Turns an error of the TOML reader into one with key, value and, for an unknown key, the nearest known key as a hint.
     pub fn from_toml(text: &str, error: &toml::de::Error) -> Self {
         let span = error.span().unwrap_or(0..0);
         let message = error.message().trim().replace('\n', ", ").replace("usize", "a number from 0");
@@ -129,7 +129,7 @@ impl FileError {
     }
 }
 
-/// Where the value at a path of keys stands.
+/// The bytes that the value at a path of keys occupies.
 fn value_span(table: &toml::de::DeTable<'_>, path: &[&str]) -> Option<Range<usize>> {
     let (first, rest) = path.split_first()?;
     let (_, value) = table.iter().find(|(key, _)| key.get_ref().as_ref() == *first)?;
@@ -173,16 +173,16 @@ fn key_before(text: &str, offset: usize) -> &str {
     left.trim_end().rsplit([' ', '\t', '\n', '{', ',', '.']).next().unwrap_or("")
 }
 
-/// Which known key was meant: the same quantity in another unit, or the nearest spelling.
+/// The hint for an unknown key: the known key of the same quantity in another unit, or the nearest spelling.
 fn key_hint(unknown: &str, known: &[&str]) -> Option<String> {
-    // A letter too many or too few is no other unit.
+    // One letter too many or too few is a misspelling, not another unit.
     let nearly = |key: &&&str| {
         unknown.len().abs_diff(key.len()) == 1 && (unknown.starts_with(**key) || key.starts_with(unknown))
     };
     if let Some(key) = known.iter().find(nearly) {
         return Some(format!("did you mean `{key}`?"));
     }
-    // A name without its unit, or without its last words.
+    // The name lacks its unit or its last words.
     let begins = |key: &&&str| key.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('_'));
     if let Some(key) = known.iter().filter(begins).min_by_key(|key| key.len()) {
         return Some(format!("did you mean `{key}`?"));

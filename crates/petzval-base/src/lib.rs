@@ -1,14 +1,16 @@
-//! What every other crate stands on, and no physics.
+//! The foundation of every other crate. It holds no physics.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
+//! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`write_whole`] | writes a file completely or not at all |
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`statistics`] | the median |
 
 mod file_error;
+pub mod parameter;
 pub mod random;
 pub mod simd;
 pub mod statistics;

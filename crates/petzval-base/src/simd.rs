@@ -1,17 +1,18 @@
-//! Which instruction set the vector kernels run with, of this crate and of those above it.
+//! The instruction set of the vector kernels, in this crate and in every crate above it.
 //!
-//! The widest of the machine, unless the environment variable `PETZVAL_SIMD` asks for a narrower one: `avx2` or `scalar`.
+//! It is the widest of the machine, unless the environment variable `PETZVAL_SIMD` names a narrower one: `avx2` or
+//! `scalar`.
 
 use std::sync::OnceLock;
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// What the environment asks for.
+/// The instruction set that `PETZVAL_SIMD` names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Asked {
-    /// The widest that the machine has.
+    /// The widest of the machine: the variable is unset or has an unknown value.
     Best,
-    /// AVX2 with fused multiply-add, where the machine has it.
+    /// AVX2 with fused multiply-add if the machine has it, else the widest.
     Avx2,
     /// One number at a time.
     Scalar,
@@ -32,10 +33,10 @@ fn asked() -> Asked {
     *ASKED.get_or_init(|| Asked::of(std::env::var("PETZVAL_SIMD").ok().as_deref()))
 }
 
-/// Runs an operation with the widest instruction set of the machine, or the one that `PETZVAL_SIMD` asks for.
+/// Runs an operation with the widest instruction set of the machine, or with the one that `PETZVAL_SIMD` names.
 ///
-/// With `scalar` an operation is compiled for every machine of the architecture, as all other code is; where it is a plain
-/// loop the compiler may still use the vectors that all of them have (SSE2 on x86-64).
+/// With `scalar` the operation runs as code for every machine of the architecture. In a plain loop the compiler may still
+/// use vectors that all of those machines have (SSE2 on x86-64).
 pub fn dispatch<Op: WithSimd>(operation: Op) -> Op::Output {
     dispatch_as(asked(), operation)
 }
@@ -100,10 +101,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_variable_narrows_what_the_machine_has() {
+    fn the_variable_selects_a_narrower_instruction_set() {
         let level = |variable| level_as(Asked::of(variable));
         assert_eq!(level(Some("scalar")), "scalar");
-        // The widest: of an unset variable, and of one that names nothing known.
+        // An unset variable and an unknown value both give the widest.
         assert_eq!(level(None), level(Some("avx1024")));
         #[cfg(target_arch = "x86_64")]
         {

@@ -1,6 +1,6 @@
 //! Small statistics that several crates need.
 
-/// Median of the values; of an even number, the mean of the two in the middle. 0 where there are no values.
+/// Median of the values: for an even number of values the mean of the middle two, for none 0.
 ///
 /// Time is linear in the number of values. NaNs are ordered as by [`f64::total_cmp`].
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
@@ -23,7 +23,7 @@ mod tests {
     use super::median;
 
     #[test]
-    fn of_odd_and_even_numbers_of_values_and_of_none() {
+    fn median_of_odd_even_single_and_empty() {
         assert_eq!(median([3.0, 1.0, 2.0]), 2.0);
         assert_eq!(median([4.0, 1.0, 3.0, 2.0]), 2.5);
         assert_eq!(median([7.0]), 7.0);

@@ -1,17 +1,19 @@
-//! Writing a file wholly or not at all.
+//! Writing a file completely or not at all.
 
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Writes a file under a temporary name beside it and renames it, so that no reader ever finds half of it and a failure
-/// leaves what was there before.
+/// Writes a file under a temporary name in the same folder, then renames it. No reader sees an incomplete file, and after a
+/// failure the old file is unchanged.
+///
+/// Fails with `InvalidInput` if `path` names no file, with `IsADirectory` if it is a folder, and with the system's errors.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     static FILES: AtomicU64 = AtomicU64::new(0);
     let Some(name) = path.file_name() else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
     };
-    // A file cannot replace a folder; the system's own message for that differs between machines.
+    // A file cannot replace a folder. Checking here gives the same message on every system.
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder"));
     }
@@ -24,7 +26,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
         .and_then(|mut file| file.write_all(bytes))
         .and_then(|()| std::fs::rename(&beside, path));
     if written.is_err() {
-        // The first error is the one to tell; the temporary file may never have come to be.
+        // Return the first error. Removal may fail too, because the temporary file may not exist.
         let _ = std::fs::remove_file(&beside);
     }
     written

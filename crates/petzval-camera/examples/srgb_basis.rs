@@ -1,4 +1,4 @@
-//! Computes `data/spectra/srgb-basis.csv`: the smoothest three reflectances that make linear sRGB.
+//! Computes `data/spectra/srgb-basis.csv`: the three smoothest reflectances whose mixtures give linear sRGB.
 //!
 //! `cargo run --release -p petzval-camera --example srgb_basis > data/spectra/srgb-basis.csv`
 //!
@@ -7,8 +7,8 @@
 //! * `XYZ(rho_k; D65) = ` column k of the matrix of linear sRGB with that white,
 //! * `rho_R + rho_G + rho_B = 1` and `0 <= rho_k <= 1` at every wavelength.
 //!
-//! Method: Mallett and Yuksel 2019. `rho_B = 1 - rho_R - rho_G` leaves a convex quadratic program, solved by a primal-dual
-//! interior-point method.
+//! Method: Mallett and Yuksel 2019. Eliminating `rho_B = 1 - rho_R - rho_G` leaves a convex quadratic program. A
+//! primal-dual interior-point method solves it.
 
 use nalgebra::{DMatrix, DVector};
 use petzval_camera::spectral::{Illuminant, Spectrum, cie1931, integral, xyz_from_srgb};
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let wavelength_um: Vec<f64> = (0..SAMPLES).map(|i| 0.38 + 0.005 * i as f64).collect();
     let d65 = Illuminant::named("D65")?.power;
 
-    // XYZ of a reflectance is linear in its samples: one weight per hat function.
+    // XYZ of a reflectance is linear in its samples: integrate each hat function for its weight.
     let hat = |i: usize| {
         Spectrum::new(wavelength_um.clone(), (0..SAMPLES).map(|k| f64::from(u8::from(k == i))).collect())
     };
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             weights[(row, i)] = integral(&[&hat(i)?, &d65, curve]);
         }
     }
-    // White has Y = 1 in the same sense as in the library: the whole range of the observer.
+    // Scale to Y = 1 for white over the whole range of the observer, as the library does.
     let luminance = integral(&[&d65, &cie1931()[1]]);
     weights /= luminance;
     let white = [0, 1, 2].map(|row| weights.row(row).sum());
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             b[3 * k + row] = primaries[row][k];
         }
     }
-    // rho_R >= 0, rho_G >= 0, rho_R + rho_G <= 1; together they bound all three by 1 as well.
+    // rho_R >= 0, rho_G >= 0, rho_R + rho_G <= 1. Together these also bound all three by 1.
     let m = 3 * SAMPLES;
     let (mut g, mut h) = (DMatrix::zeros(m, n), DVector::zeros(m));
     for i in 0..SAMPLES {
@@ -107,7 +107,7 @@ fn quadratic_program(
         let (dx, dy) = (step.rows(0, n).into_owned(), step.rows(n, equalities).into_owned());
         let ds = -(&slack + g * &dx);
         let dz = DVector::from_fn(inequalities, |i, _| target / s[i] - z[i] - ratio[i] * ds[i]);
-        // Stay inside: slacks and multipliers keep a hundredth of themselves.
+        // Shorten the step so that every slack and multiplier keeps at least a hundredth of its value.
         let room = |v: &DVector<f64>, d: &DVector<f64>| {
             v.iter().zip(d.iter()).filter(|(_, d)| **d < 0.0).map(|(v, d)| -0.99 * v / d).fold(1.0, f64::min)
         };

@@ -12,9 +12,9 @@
 //! | all of it on the tape | [`tape`] | tensors |
 //!
 //! Conventions: pictures are channel-major (red, green, blue), linear light, 1.0 = white. Sensor pixel `(r, c)` has its
-//! centre at `x = (c - (W-1)/2) pixel_um`, `y = (r - (H-1)/2) pixel_um`; a [`Placement`] says where on the sensor a
-//! picture's top-left pixel lies, and with it the PSF, the illumination, the phase of the mosaic and the noise of each
-//! pixel. Lengths on the sensor are um, image radii mm, charges electrons (`_e`), digital numbers `_dn`.
+//! centre at `x = (c - (W-1)/2) pixel_um`, `y = (r - (H-1)/2) pixel_um`. A [`Placement`] is the sensor position of a
+//! picture's top-left pixel. It determines the PSF, the illumination, the phase of the mosaic and the noise of each pixel.
+//! Lengths on the sensor are in um, image radii in mm, charges in electrons (`_e`), digital numbers in DN (`_dn`).
 //!
 //! ```
 //! use petzval_camera::*;
@@ -52,11 +52,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Every function gives the same bits for the same input, seed and machine, whatever the number of threads. The renderer
-//! does not know how a PSF was made. Derivatives are hand-written adjoints; only [`tape`] knows the tensor framework.
+//! Every function gives the same bits for the same input, seed and machine, for any number of threads. The renderer does
+//! not know how a PSF was made. Derivatives are hand-written adjoints; only [`tape`] uses the tensor framework.
 
 pub mod develop;
 pub mod image;
+pub mod isp;
 pub mod psf;
 pub mod quality;
 pub mod render;

@@ -1,8 +1,8 @@
-//! Point spread functions over the field: what the lens does to one point of light, and how much of it arrives.
+//! Point spread functions over the field: how the lens spreads the light of a point, and what share of it arrives.
 
 use crate::image::CHANNELS;
 
-/// Where the PSFs of a bank lie: image radii and sampling grid. The values may live elsewhere (a tensor, a file).
+/// Image radii and sampling grid of a bank of PSFs, without the values. Those may be held in a tensor or a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PsfLayout {
     /// Image radius of each field, mm, ascending, the first 0.
@@ -17,7 +17,7 @@ pub struct PsfLayout {
 ///
 /// The PSF of field `i` belongs to an image point on the +y axis of the image plane at `field_radius_mm[i]`. Rows are y
 /// ascending, columns x ascending; the image point lies between the cells `grid/2 - 1` and `grid/2`, so the centre of
-/// cell `i` is at `(i - (grid - 1)/2) * pitch_um`. Every PSF has unit sum; the light that is lost is in `illumination`.
+/// cell `i` is at `(i - (grid - 1)/2) * pitch_um`. Every PSF has unit sum; `illumination` holds the loss of light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PsfBank {
     /// Image radius of each field, mm, ascending, the first 0.
@@ -35,7 +35,7 @@ pub struct PsfBank {
 /// Why a bank of PSFs cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PsfError {
-    /// No field at all.
+    /// The bank has no field.
     #[error("the PSF bank has no field")]
     NoField,
     /// Radii are not finite, do not start at 0 or do not ascend.
@@ -123,7 +123,7 @@ impl PsfLayout {
     }
 
     /// The two fields around an image radius and their linear weights `(field_lo, w_lo, w_hi)`; the upper field is
-    /// `min(field_lo + 1, fields - 1)`. Outside the outermost field the outermost one holds.
+    /// `min(field_lo + 1, fields - 1)`. Beyond the outermost field the result is the outermost field with weight 1.
     pub fn bracket(&self, radius_mm: f64) -> (usize, f64, f64) {
         let radii = &self.field_radius_mm;
         let above = radii.partition_point(|&r| r <= radius_mm);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_good_bank_passes_and_each_defect_is_named() {
+    fn validation_accepts_a_good_bank_and_names_each_defect() {
         assert_eq!(bank().validate(), Ok(()));
         let broken = |change: fn(&mut PsfBank)| {
             let mut b = bank();

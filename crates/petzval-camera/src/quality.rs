@@ -29,7 +29,7 @@ pub enum QualityError {
 
 /// Peak signal-to-noise ratio in dB over all channels jointly, `10 log10(R^2 / MSE)` with peak `R = 1`.
 ///
-/// Identical pictures have no noise: the result is `f64::INFINITY`, which a report must print as "inf".
+/// Identical pictures give `f64::INFINITY`, which a report must print as "inf". Fails on empty pictures or different lengths.
 pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, QualityError> {
     if a.len() != b.len() || a.is_empty() {
         return Err(QualityError::Length { a: a.len(), b: b.len(), expected: a.len().max(1) });
@@ -45,7 +45,7 @@ const WINDOW: usize = 2 * RADIUS + 1;
 ///
 /// `SSIM = (2 mu_a mu_b + C1)(2 s_ab + C2) / ((mu_a^2 + mu_b^2 + C1)(s_a^2 + s_b^2 + C2))`, window 11x11 with
 /// sigma 1.5 pixels, population covariance, `C1 = 0.01^2`, `C2 = 0.03^2` for a data range of 1. Pixels closer than 5 to
-/// the border do not count. Same variant as scikit-image `structural_similarity(gaussian_weights=True,
+/// the border are left out. Same variant as scikit-image `structural_similarity(gaussian_weights=True,
 /// use_sample_covariance=False)`; torchmetrics keeps the border and differs by up to 0.02.
 /// Source: Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13(4), 2004.
 pub fn ssim_gaussian_wang(
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_window_is_scipys() {
+    fn window_weights_match_scipy() {
         // scipy.ndimage gaussian weights, sigma 1.5, radius 5.
         let w = window();
         assert!((w[0] - 0.00102838008447911).abs() < 1e-15 && (w[2] - 0.03600077212843083).abs() < 1e-15);

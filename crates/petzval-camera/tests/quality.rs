@@ -1,4 +1,4 @@
-//! PSNR and SSIM against scikit-image 0.26.0 (see `fixtures/README.md`).
+//! Compares PSNR and SSIM with scikit-image 0.26.0 (see `fixtures/README.md`).
 
 use std::path::PathBuf;
 

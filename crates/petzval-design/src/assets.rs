@@ -3,30 +3,31 @@
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use petzval_base::FileError;
 use petzval_camera::sensor::SensorModel;
-use petzval_files::{Import, LensFile, Loss, decode, parse_lens, parse_seq, parse_zmx};
+use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::glass_warnings::glass_warnings;
+use crate::run::RunFolder;
 
 /// Files built into the program, by their path below `data/`.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Assets {
     files: Vec<(String, Cow<'static, [u8]>)>,
     /// Glasses that win over the built-in ones.
     chosen: Catalog,
     /// All glasses, once they have been read.
     catalog: OnceLock<Catalog>,
-    /// Told of what lenses of other programs lose when they are read.
-    on_loss: Option<fn(&Path, &Loss)>,
-    /// Told of what is odd about the glasses of a lens when it is read.
-    on_glass: Option<fn(&Path, &str)>,
+    warnings: Option<WarningSink>,
 }
+
+/// Receives one line per warning.
+pub type WarningSink = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// Built-in glass files: where several know a name, the first counts.
 const GLASS_FILES: [&str; 8] =
@@ -51,14 +52,10 @@ impl Assets {
         Self { chosen, catalog: OnceLock::new(), ..self }
     }
 
-    /// The same library, telling what lenses of other programs lose whenever one is read.
-    pub fn telling_losses(self, on_loss: fn(&Path, &Loss)) -> Self {
-        Self { on_loss: Some(on_loss), ..self }
-    }
-
-    /// The same library, telling what is odd about the glasses of a lens ([`glass_warnings`]) whenever one is read.
-    pub fn telling_glass_warnings(self, on_glass: fn(&Path, &str)) -> Self {
-        Self { on_glass: Some(on_glass), ..self }
+    /// The same library, which from now on reports what a lens file of another program loses when it is read, and what is
+    /// odd about the glasses of any lens ([`glass_warnings`]).
+    pub fn reporting_warnings(self, warnings: WarningSink) -> Self {
+        Self { warnings: Some(warnings), ..self }
     }
 
     /// All files below a folder on disk, for tests and for a changed library.
@@ -146,17 +143,16 @@ impl Assets {
     /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`) or CODE V (`.seq`) will do.
     pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
         let Import { file, losses } = self.import(name)?;
-        if let Some(tell) = self.on_loss {
-            losses.iter().for_each(|loss| tell(Path::new(name), loss));
-        }
-        if let Some(tell) = self.on_glass {
-            let warnings = glass_warnings(&file.lens, &self.catalog()?);
-            warnings.iter().for_each(|warning| tell(Path::new(name), warning));
+        if let Some(warn) = &self.warnings {
+            losses.iter().for_each(|loss| warn(&loss.in_file(Path::new(name))));
+            for warning in glass_warnings(&file.lens, &self.catalog()?) {
+                warn(&format!("{name}: {warning}"));
+            }
         }
         Ok(file)
     }
 
-    /// A lens by path or built-in name, with what it lost if its file is that of another program. Nothing is told.
+    /// A lens by path or built-in name, with what it lost if its file is that of another program. Nothing is reported.
     pub fn import(&self, name: &str) -> Result<Import, DesignError> {
         let path = Path::new(name);
         let catalog = self.catalog()?;
@@ -186,10 +182,25 @@ impl Assets {
     /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
     /// looked for beside it first.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
+        self.read_experiment(name, Experiment::parse)
+    }
+
+    /// The experiment that a run was made from; its file must hold every key.
+    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+        self.read_experiment(&run.config().display().to_string(), Experiment::parse_complete)
+    }
+
+    fn read_experiment(
+        &self,
+        name: &str,
+        parse: fn(&str) -> Result<Experiment, FileError>,
+    ) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
-        let mut experiment = Experiment::parse(&source.text).map_err(DesignError::input(&source.path))?;
+        let mut experiment = parse(&source.text).map_err(DesignError::input(&source.path))?;
         let folder = source.path.parent().unwrap_or(Path::new(""));
-        for input in [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos] {
+        let own = experiment.variant.iter_mut().filter_map(|v| v.lens.as_mut());
+        let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos];
+        for input in shared.into_iter().chain(own) {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();

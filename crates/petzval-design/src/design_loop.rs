@@ -1,35 +1,33 @@
-//! The design loop: blocks that take turns, one camera after the other, resumable at every step.
+//! The design loop: variants one after the other, their stages, and in each stage the blocks that take turns. It can be
+//! resumed at every step.
 //!
-//! Every camera gets the same number of network steps on the same data in the same order, and the same
-//! noise. The lens of the end-to-end camera steps in between, its gradient coming through the network's loss,
-//! the development, the sensor and the renderer to the PSFs, and from there by the adjoint of ray tracing.
+//! Every variant trains on the same windows in the same order with the same noise: they are drawn from the seed of the
+//! experiment and the count of steps alone, never from a variant's place in the list.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::Noise;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::dataset::training_crop;
-use petzval_learn::loss::Lpips;
-use petzval_learn::network::UNetConfig;
-use petzval_learn::task::{ImageQualityTask, Task};
+use petzval_learn::objective::Objective;
+use petzval_learn::score::Score;
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
-use crate::adam::cosine_rate;
-use crate::cameras::CameraKind;
+use crate::block::{Batch, Block, BlockName, NetworkBlock, OpticsBlock};
+use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
-use crate::joint::{joint_gradient, named};
-use crate::light_path::{LightPath, PsfLeaves, Shot};
+use crate::experiment::Goal;
 use crate::run::{
-    CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, save_checkpoint, write_atomically,
+    CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, load_blocks, save_blocks,
+    save_checkpoint, write_atomically,
 };
-use crate::scoring::score_camera;
+use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
-use crate::spot_design::{MovingLens, SpotMerit};
+use crate::variant::{Stage, Variant};
 
 /// Someone who watches a run.
 pub trait Observer {
@@ -50,122 +48,157 @@ pub enum Ending {
     Stopped(u64),
 }
 
-/// Where a run stands: what a checkpoint holds, apart from the network.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Where a run stands: what a checkpoint holds apart from its blocks.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Position {
-    /// Steps taken by all blocks of all cameras.
+    /// Steps taken by all blocks of all variants; scoring a variant counts as one.
     step: u64,
-    /// Index of the camera at work; past the last when all are made.
-    camera: usize,
-    spot_steps: usize,
-    optics_steps: usize,
-    network_steps: usize,
-    moving: MovingLens,
+    /// The variant in work; none when all are made.
+    variant: Option<String>,
+    /// Its stage, from 0.
+    stage: usize,
+    /// Steps that each block has taken in this stage.
+    taken: BTreeMap<BlockName, usize>,
+    /// Steps that each block has taken for the task in earlier stages of the variant.
+    before: BTreeMap<BlockName, usize>,
 }
 
 impl Position {
+    fn taken(&self, block: BlockName) -> usize {
+        self.taken.get(&block).copied().unwrap_or(0)
+    }
+
     /// Refuses a position that the run of this setup cannot have at this step.
     fn check(&self, setup: &Setup, step: u64) -> Result<(), &'static str> {
-        let (e, free) = (&setup.experiment, setup.space.start().len());
         if self.step != step {
             return Err("the checkpoint is of another step than its folder says");
         }
-        if self.camera > CameraKind::ALL.len() {
-            return Err("there are not as many cameras");
+        let Some(name) = &self.variant else { return Ok(()) };
+        let Some(variant) = setup.variants.iter().find(|v| v.name == *name) else {
+            return Err("the experiment has no such variant; has config.toml been changed?");
+        };
+        if self.stage > variant.stages.len() {
+            return Err("the variant has fewer stages; has config.toml been changed?");
         }
-        if self.spot_steps > e.spot.steps
-            || self.optics_steps > e.optics.steps
-            || self.network_steps > e.training.steps
-        {
+        let steps = |block: BlockName| variant.stages.get(self.stage).map_or(0, |s| s.steps_of(block));
+        if self.taken.iter().any(|(block, taken)| *taken > steps(*block)) {
             return Err("more steps were taken than config.toml asks for; has it been changed?");
-        }
-        if self.moving.x.len() != free || !self.moving.adam.fits(free) {
-            return Err("the lens has other variables; has its file been changed?");
         }
         Ok(())
     }
 }
 
-/// What comes next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Turn {
-    Spot,
-    Optics,
-    Network,
-    /// The camera is made: score it and go on to the next.
-    Score,
+/// The blocks of a variant.
+struct Blocks {
+    optics: OpticsBlock,
+    network: NetworkBlock,
 }
 
-/// A block of the end-to-end camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StepKind {
-    /// The network learns behind a fixed lens.
-    Network,
-    /// The lens moves in front of a held network.
-    Optics,
+impl Blocks {
+    /// The blocks as a variant finds them.
+    fn new(setup: &Setup, variant: &Variant) -> Result<Self, DesignError> {
+        let weight = setup.experiment.constraints.weight;
+        let optics = OpticsBlock::new(setup.start(variant).clone(), weight);
+        Ok(Self { optics, network: setup.network()? })
+    }
+
+    fn all(&self) -> [&dyn Block; 2] {
+        [&self.optics, &self.network]
+    }
+
+    fn all_mut(&mut self) -> [&mut dyn Block; 2] {
+        [&mut self.optics, &mut self.network]
+    }
+
+    fn get_mut(&mut self, name: BlockName) -> &mut dyn Block {
+        match name {
+            BlockName::Optics => &mut self.optics,
+            BlockName::Network => &mut self.network,
+        }
+    }
 }
 
-/// A run at work.
+/// A run in work.
 pub struct DesignLoop<'a> {
     setup: &'a Setup,
     run: &'a RunFolder,
-    path: LightPath,
-    lpips: Lpips,
-    task: Box<dyn Task>,
+    objective: Box<dyn Objective>,
+    scorer: Scorer<'a>,
+    blocks: Blocks,
     position: Position,
-    /// PSFs of the lens at hand, made anew only when it has moved.
-    current: Option<PsfLeaves>,
+    /// The camera of the lens as it stands, made anew only when the lens has moved.
+    camera: Option<Camera>,
     log: EventLog,
 }
 
 const POSITION_FILE: &str = "position.json";
 
+/// What one step did.
+struct Step {
+    block: &'static str,
+    losses: BTreeMap<String, f64>,
+    learning_rate: f64,
+}
+
 impl<'a> DesignLoop<'a> {
-    /// Starts a run in an empty folder, or goes on from the latest checkpoint of one.
-    pub fn new(setup: &'a Setup, run: &'a RunFolder) -> Result<Self, DesignError> {
-        let lpips = Lpips::from_safetensors(&setup.lpips_weights, &setup.device)?;
-        let mut task = new_task(setup)?;
-        let mut position = Position {
-            step: 0,
-            camera: 0,
-            spot_steps: 0,
-            optics_steps: 0,
-            network_steps: 0,
-            moving: MovingLens::start(&setup.space),
-        };
-        if let Some((step, folder)) = latest_checkpoint(run)? {
+    /// Starts a run in an empty folder, or goes on from the latest checkpoint of one. `scores` are those that
+    /// `scoring.scores` of the experiment may name.
+    pub fn new(
+        setup: &'a Setup,
+        run: &'a RunFolder,
+        scores: Vec<Box<dyn Score>>,
+    ) -> Result<Self, DesignError> {
+        let scorer = Scorer::new(setup, scores)?;
+        let checkpoint = latest_checkpoint(run)?;
+        let first = setup.variants.first().map(|v| v.name.clone());
+        let mut position = Position { variant: first, ..Position::default() };
+        let damaged =
+            |path: &std::path::Path, problem: String| DesignError::Run { path: path.to_path_buf(), problem };
+        if let Some((step, folder)) = &checkpoint {
             let path = folder.join(POSITION_FILE);
             let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
-            let damaged = |problem: String| DesignError::Run { path: path.clone(), problem };
-            position = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
-            position.check(setup, step).map_err(|problem| damaged(problem.to_owned()))?;
-            task.load(&folder)?;
+            position = serde_json::from_str(&text).map_err(|e| damaged(&path, e.to_string()))?;
+            position.check(setup, *step).map_err(|problem| damaged(&path, problem.to_owned()))?;
+        }
+        let current = setup.variants.iter().find(|v| Some(&v.name) == position.variant.as_ref());
+        let variant = current.or(setup.variants.last()).ok_or_else(|| DesignError::Run {
+            path: run.config(),
+            problem: "the experiment has no variants".to_owned(),
+        })?;
+        let mut blocks = Blocks::new(setup, variant)?;
+        if let Some((_, folder)) = &checkpoint {
+            load_blocks(folder, blocks.all_mut())?;
         }
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
-        Ok(Self { path: light_path(setup), task, lpips, position, current: None, log, setup, run })
+        Ok(Self { objective: setup.objective()?, scorer, blocks, position, camera: None, log, setup, run })
     }
 
-    /// Runs to the end, or until `stop` is set; then the step at hand is finished and a checkpoint written.
+    /// Runs to the end, or until `stop` is set; then the step in work is finished and a checkpoint written.
     pub fn run(mut self, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Ending, DesignError> {
-        observer.start(self.position.step, self.total_steps());
-        while let Some(kind) = CameraKind::ALL.get(self.position.camera).copied() {
+        // Scoring a variant is a step too.
+        let total: usize = self.setup.variants.iter().map(|v| v.steps() + 1).sum();
+        observer.start(self.position.step, total as u64);
+        while let Some(variant) = self.variant() {
             if stop.load(Ordering::Relaxed) {
                 self.checkpoint()?;
                 return Ok(Ending::Stopped(self.position.step));
             }
-            let turn = self.turn(kind);
             let started = Instant::now();
-            let step = match turn {
-                Turn::Spot => self.spot_step(),
-                Turn::Optics => self.optics_step(kind),
-                Turn::Network => self.network_step(kind),
-                Turn::Score => self.finish_camera(kind, observer),
+            let stage = variant.stages.get(self.position.stage);
+            let turn = stage.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
+            let step = match (stage, turn) {
+                (_, Some((stage, block))) => self.step(variant, stage, block),
+                (Some(stage), None) => {
+                    self.end_stage(stage);
+                    continue;
+                }
+                (None, None) => self.finish_variant(variant, observer),
             };
-            let (block, losses, learning_rate) = step.map_err(|error| match error {
+            let Step { block, losses, learning_rate } = step.map_err(|error| match error {
                 // The lens had light when it started: it is the job that went astray, not the input.
                 DesignError::NoLight { field_deg } => DesignError::LostLight {
-                    camera: kind.name().to_owned(),
+                    camera: variant.name.clone(),
                     step: self.position.step + 1,
                     field_deg,
                 },
@@ -174,7 +207,7 @@ impl<'a> DesignLoop<'a> {
             self.position.step += 1;
             let event = Event {
                 step: self.position.step,
-                camera: kind.name().to_owned(),
+                camera: variant.name.clone(),
                 block: block.to_owned(),
                 losses,
                 learning_rate,
@@ -183,100 +216,86 @@ impl<'a> DesignLoop<'a> {
             self.log.write(&event)?;
             observer.step(&event);
             let every = self.setup.experiment.checkpoint.every as u64;
-            if turn == Turn::Score || self.position.step.is_multiple_of(every) {
+            if turn.is_none() || self.position.step.is_multiple_of(every) {
                 self.checkpoint()?;
             }
         }
-        let metrics = self.collect_metrics()?;
+        let metrics = collect_metrics(self.setup, self.run)?;
+        let text = DesignError::json("the figures of the run", &metrics)?;
+        write_atomically(&self.run.metrics(), text.as_bytes())?;
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
-    /// Takes one step of a block for the end-to-end camera, out of turn: for measuring its cost.
-    pub fn one_step(&mut self, kind: StepKind) -> Result<(), DesignError> {
-        match kind {
-            StepKind::Network => self.network_step(CameraKind::EndToEnd).map(|_| ()),
-            StepKind::Optics => self.optics_step(CameraKind::EndToEnd).map(|_| ()),
+    /// Takes one step of a block, out of turn, for the first variant in which lens and network move together: for measuring
+    /// its cost.
+    pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
+        let together = |s: &&Stage| s.goal == Goal::Task && s.moves.len() > 1;
+        let find = |v: &'a Variant| v.stages.iter().find(together).map(|s| (v, s));
+        match self.setup.variants.iter().find_map(find) {
+            Some((variant, stage)) => self.step(variant, stage, block).map(|_| ()),
+            None => Ok(()),
         }
     }
 
-    fn total_steps(&self) -> u64 {
-        let e = &self.setup.experiment;
-        // Scoring a camera is a step too.
-        (CameraKind::ALL.len() * (e.training.steps + 1) + e.spot.steps + e.optics.steps) as u64
+    /// The variant in work.
+    fn variant(&self) -> Option<&'a Variant> {
+        let name = self.position.variant.as_ref()?;
+        self.setup.variants.iter().find(|v| v.name == *name)
     }
 
-    /// Whose turn it is. Lens steps are spread evenly over the first part of the network's steps.
-    fn turn(&self, kind: CameraKind) -> Turn {
-        let (e, p) = (&self.setup.experiment, &self.position);
-        if kind == CameraKind::SpotOptimised && p.spot_steps < e.spot.steps {
-            return Turn::Spot;
+    /// One step of a block towards the goal of its stage.
+    fn step(&mut self, variant: &Variant, stage: &Stage, block: BlockName) -> Result<Step, DesignError> {
+        let taken = self.position.taken(block);
+        let rule = stage.moves[&block].rule(taken);
+        let (label, losses) = match stage.goal {
+            Goal::Spot => {
+                let rms_um = self.blocks.optics.spot_step(rule)?;
+                ("spot", BTreeMap::from([("rms_spot_um".to_owned(), rms_um)]))
+            }
+            Goal::Task => {
+                let before = self.position.before.get(&block).copied().unwrap_or(0);
+                // Lens steps draw windows of their own, behind those of all network steps.
+                let offset = match block {
+                    BlockName::Network => 0,
+                    BlockName::Optics => variant.steps_of(BlockName::Network),
+                };
+                let shots = self.shots((offset + before + taken) as u64)?;
+                let camera = self.camera(variant, stage)?;
+                let objective = &self.objective;
+                let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
+                    Ok(objective.loss(frames, &camera.labels(shots)?)?)
+                };
+                let batch = Batch { camera: &camera, shots: &shots, noise: self.noise(), loss: &loss };
+                (block.name(), self.blocks.get_mut(block).step(&batch, rule)?)
+            }
+        };
+        let moved = self.blocks.get_mut(block).is_finite();
+        if let Some(value) =
+            losses.values().copied().find(|v| !v.is_finite()).or((!moved).then_some(f64::NAN))
+        {
+            let (camera, step) = (variant.name.clone(), self.position.step + 1);
+            return Err(DesignError::Diverged { camera, block: label, step, value });
         }
-        if kind == CameraKind::EndToEnd && p.optics_steps < e.optics.steps {
-            let moving = (e.optics.moving_share * e.training.steps as f64).max(1.0);
-            let due = ((p.network_steps + 1) as f64 / moving * e.optics.steps as f64) as usize;
-            if p.optics_steps < due || p.network_steps == e.training.steps {
-                return Turn::Optics;
+        *self.position.taken.entry(block).or_default() += 1;
+        if block == BlockName::Optics {
+            self.camera = None;
+        }
+        Ok(Step { block: label, losses, learning_rate: rule.rate })
+    }
+
+    /// Goes on to the next stage of the variant.
+    fn end_stage(&mut self, stage: &Stage) {
+        for (block, taken) in std::mem::take(&mut self.position.taken) {
+            if stage.goal == Goal::Task {
+                *self.position.before.entry(block).or_default() += taken;
             }
         }
-        if p.network_steps < e.training.steps { Turn::Network } else { Turn::Score }
+        self.position.stage += 1;
+        self.camera = None;
+        self.blocks.all_mut().into_iter().for_each(Block::begin_stage);
     }
 
-    fn spot_step(&mut self) -> Result<Step, DesignError> {
-        let spot = self.setup.experiment.spot;
-        let rate =
-            cosine_rate(spot.learning_rate, spot.final_learning_rate, self.position.spot_steps, spot.steps);
-        let merit = SpotMerit {
-            space: &self.setup.space,
-            fields_rad: &self.setup.spot_fields_rad,
-            requirements: &self.setup.requirements,
-        };
-        let rms_um = merit.step(&mut self.position.moving, rate)?;
-        self.check_finite(CameraKind::SpotOptimised, "spot", &self.position.moving.x)?;
-        self.position.spot_steps += 1;
-        self.current = None;
-        Ok(("spot", BTreeMap::from([("rms_spot_um".to_owned(), rms_um)]), rate))
-    }
-
-    /// One step of the lens: the network is held, its loss pulled back to the PSFs and through the lens.
-    fn optics_step(&mut self, kind: CameraKind) -> Result<Step, DesignError> {
-        let optics = self.setup.experiment.optics;
-        let taken = self.position.optics_steps;
-        let rate = cosine_rate(optics.learning_rate, optics.final_learning_rate, taken, optics.steps);
-
-        // Lens steps draw crops of their own, behind those of all network steps.
-        let shots = self.shots((self.setup.experiment.training.steps + taken) as u64)?;
-        let x = &self.position.moving.x;
-        let found = joint_gradient(self.setup, &self.path, self.task.as_ref(), x, &shots, &self.noise())?;
-        self.check_finite(kind, "optics", found.losses.values().chain(&found.by_x))?;
-        let moving = &mut self.position.moving;
-        moving.adam.step(&mut moving.x, &found.by_x, rate);
-        self.position.optics_steps += 1;
-        self.current = None;
-        Ok(("optics", found.losses, rate))
-    }
-
-    /// One step of the network behind the lens as it stands.
-    fn network_step(&mut self, kind: CameraKind) -> Result<Step, DesignError> {
-        let training = self.setup.experiment.training;
-        let step = self.position.network_steps;
-        let rate = cosine_rate(training.learning_rate, training.final_learning_rate, step, training.steps);
-        let shots = self.shots(step as u64)?;
-        let leaves = match self.current.take() {
-            Some(leaves) => leaves,
-            None => self.leaves(kind)?,
-        };
-        let developed = self.path.take(&leaves, &shots, &self.noise())?;
-        self.current = Some(leaves);
-        let truth = self.path.truth(&shots, &self.setup.device)?;
-        let loss = self.task.learning_loss(developed, truth)?;
-        let losses = named(&loss);
-        self.check_finite(kind, "network", losses.values())?;
-        self.task.learn(loss, rate);
-        self.position.network_steps += 1;
-        Ok(("network", losses, rate))
-    }
-
-    /// The windows of a step: the same for every camera.
+    /// The windows of a step: the same for every variant.
     fn shots(&self, step: u64) -> Result<Vec<Shot>, DesignError> {
         let (setup, batch) = (self.setup, self.setup.experiment.training.batch);
         let (crops, photos) = (&setup.training_crops, setup.photos.training());
@@ -301,42 +320,26 @@ impl<'a> DesignLoop<'a> {
         Noise { mode: self.setup.experiment.training.noise, seed: self.setup.experiment.seed }
     }
 
-    /// The lens of a camera as it stands.
-    fn lens(&self, kind: CameraKind) -> Result<Lens, DesignError> {
-        match kind {
-            CameraKind::Nominal => Ok(self.setup.lens_file.lens.clone()),
-            CameraKind::SpotOptimised | CameraKind::EndToEnd => {
-                let mut lens = self.setup.space.lens_at(&self.position.moving.x)?;
-                lens.name = format!("{}, {}", self.setup.lens_file.lens.name, kind.name());
-                Ok(lens)
-            }
+    /// The lens of a variant as it stands.
+    fn lens(&self, variant: &Variant) -> Result<Lens, DesignError> {
+        let file = &self.setup.start(variant).lens_file;
+        if !variant.moves_lens() {
+            return Ok(file.lens.clone());
         }
+        Ok(Lens { name: format!("{}, {}", file.lens.name, variant.name), ..self.blocks.optics.lens()? })
     }
 
-    /// The PSFs of a camera's lens as it stands. One on its way is sampled as it was for its gradient; one at
-    /// rest finely.
-    fn leaves(&self, kind: CameraKind) -> Result<PsfLeaves, DesignError> {
-        let still_moving =
-            kind == CameraKind::EndToEnd && self.position.optics_steps < self.setup.experiment.optics.steps;
-        let plan = if still_moving { &self.setup.moving_plan } else { &self.setup.fixed_plan };
-        Ok(PsfLeaves::new(&plan.bank(&self.lens(kind)?)?, &self.setup.device, false))
-    }
-
-    fn check_finite<'v>(
-        &self,
-        kind: CameraKind,
-        block: &'static str,
-        values: impl IntoIterator<Item = &'v f64>,
-    ) -> Result<(), DesignError> {
-        match values.into_iter().find(|v| !v.is_finite()) {
-            None => Ok(()),
-            Some(value) => Err(DesignError::Diverged {
-                camera: kind.name().to_owned(),
-                block,
-                step: self.position.step + 1,
-                value: *value,
-            }),
-        }
+    /// The camera of a variant as it stands, with its network held.
+    fn camera(&mut self, variant: &Variant, stage: &Stage) -> Result<Camera, DesignError> {
+        let is_moving = stage.goal == Goal::Task
+            && self.position.taken(BlockName::Optics) < stage.steps_of(BlockName::Optics);
+        // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
+        let camera = match self.camera.take() {
+            Some(camera) => camera,
+            None => self.setup.camera(self.lens(variant)?, is_moving)?,
+        };
+        self.camera = Some(camera.clone());
+        Ok(camera.with_network(self.blocks.network.held()))
     }
 
     fn checkpoint(&self) -> Result<(), DesignError> {
@@ -345,114 +348,64 @@ impl<'a> DesignLoop<'a> {
             let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
             std::fs::write(&path, text).map_err(DesignError::io(&path))?;
-            self.task.save(folder).map_err(DesignError::from)
+            save_blocks(folder, self.blocks.all())
         })?;
-        // A camera that has not begun adds nothing to the history of lenses.
+        // A variant that has not begun adds nothing to the history of lenses.
         let p = &self.position;
-        if let (Some(kind), true) =
-            (CameraKind::ALL.get(p.camera), p.spot_steps + p.optics_steps + p.network_steps > 0)
-        {
+        if let (Some(variant), true) = (self.variant(), p.stage > 0 || !p.taken.is_empty()) {
             let path = self.run.lens_at_step(p.step);
-            write_atomically(&path, self.lens_text(&self.lens(*kind)?).as_bytes())?;
+            write_atomically(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
         }
         Ok(())
     }
 
-    fn lens_text(&self, lens: &Lens) -> String {
-        let file = LensFile { lens: lens.clone(), expect: None, ..self.setup.lens_file.clone() };
-        write_lens(&file)
+    fn lens_text(&self, variant: &Variant, lens: &Lens) -> String {
+        let file = self.setup.start(variant).lens_file.clone();
+        write_lens(&LensFile { lens: lens.clone(), expect: None, ..file })
     }
 
-    /// Scores a camera, keeps its lens, network and pictures, and makes room for the next.
-    fn finish_camera(&mut self, kind: CameraKind, observer: &mut dyn Observer) -> Result<Step, DesignError> {
-        let lens = self.lens(kind)?;
-        validate(&lens)
-            .map_err(|defect| DesignError::Unmakeable { camera: kind.name().to_owned(), defect })?;
-        let (metrics, pictures) =
-            score_camera(self.setup, &self.path, kind.name(), &lens, self.task.as_ref(), &self.lpips)?;
-        let folder = self.run.camera(kind.name());
+    /// Scores a variant, keeps its lens, network and pictures, and makes room for the next.
+    fn finish_variant(
+        &mut self,
+        variant: &Variant,
+        observer: &mut dyn Observer,
+    ) -> Result<Step, DesignError> {
+        let lens = self.lens(variant)?;
+        validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
+        let camera = self.setup.camera(lens.clone(), false)?.with_network(self.blocks.network.held());
+        let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
+        let metrics = CameraMetrics { network_steps: variant.steps_of(BlockName::Network), ..metrics };
+        let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {
-            write_atomically(&path, self.lens_text(&lens).as_bytes())?;
+            write_atomically(&path, self.lens_text(variant, &lens).as_bytes())?;
         }
-        self.task.save(&folder)?;
+        save_blocks(&folder, self.blocks.all())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_atomically(&folder.join("metrics.json"), text.as_bytes())?;
-        crate::pictures::save(self.run, kind.name(), &pictures)?;
+        crate::pictures::save(self.run, &variant.name, &pictures)?;
         observer.camera(&metrics);
-
-        // The next camera starts from the nominal lens with a new network.
-        self.position.camera += 1;
-        self.position.spot_steps = 0;
-        self.position.optics_steps = 0;
-        self.position.network_steps = 0;
-        self.position.moving = MovingLens::start(&self.setup.space);
-        self.task = new_task(self.setup)?;
-        self.current = None;
-        let scores = BTreeMap::from([
-            ("lpips".to_owned(), 1.0 - metrics.one_minus_lpips),
-            ("psnr_db".to_owned(), metrics.psnr_db),
-        ]);
-        Ok(("score", scores, 0.0))
+        self.begin_next(variant)?;
+        let losses = metrics.scores.clone();
+        Ok(Step { block: "score", losses, learning_rate: 0.0 })
     }
 
-    fn collect_metrics(&self) -> Result<Metrics, DesignError> {
-        let metrics = collect_metrics(self.setup, self.run)?;
-        let text = DesignError::json("the figures of the run", &metrics)?;
-        write_atomically(&self.run.metrics(), text.as_bytes())?;
-        Ok(metrics)
+    /// Makes the next variant ready: from its lens with a new network, or from the variant that it names.
+    fn begin_next(&mut self, done: &Variant) -> Result<(), DesignError> {
+        let variants = &self.setup.variants;
+        let next = variants.iter().position(|v| v.name == done.name).and_then(|i| variants.get(i + 1));
+        let step = self.position.step;
+        self.position = Position { step, variant: next.map(|v| v.name.clone()), ..Position::default() };
+        self.camera = None;
+        if let Some(next) = next {
+            self.blocks = Blocks::new(self.setup, next)?;
+            if let Some(from) = &next.from {
+                load_blocks(&self.run.camera(from), self.blocks.all_mut())?;
+                self.blocks.all_mut().into_iter().for_each(Block::begin_stage);
+            }
+        }
+        Ok(())
     }
-}
-
-/// Block, losses by name, learning rate.
-type Step = (&'static str, BTreeMap<String, f64>, f64);
-
-/// The stages of an experiment that do not change.
-pub fn light_path(setup: &Setup) -> LightPath {
-    LightPath {
-        geometry: setup.geometry.clone(),
-        layout: PsfLayout {
-            field_radius_mm: setup.fixed_plan.field_radius_mm.clone(),
-            grid: setup.experiment.psf.grid,
-            pitch_um: setup.experiment.psf.pitch_um,
-        },
-        sensor: setup.sensor.clone(),
-        exposure: setup.experiment.exposure.exposure(),
-        border: setup.training_crops.margin,
-    }
-}
-
-/// A new, untrained task: the same bits for every camera of a run.
-pub fn new_task(setup: &Setup) -> Result<Box<dyn Task>, DesignError> {
-    let e = &setup.experiment;
-    let task = ImageQualityTask::new(
-        UNetConfig { base_channels: e.network.base_channels, levels: e.network.levels, ..Default::default() },
-        e.seed,
-        e.loss,
-        Lpips::from_safetensors(&setup.lpips_weights, &setup.device)?,
-        &setup.device,
-    )?;
-    Ok(Box::new(task))
-}
-
-/// Gathers the figures of the cameras of a run.
-pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, DesignError> {
-    let rows: Vec<CameraMetrics> = CameraKind::ALL
-        .iter()
-        .map(|kind| {
-            let path = run.camera(kind.name()).join("metrics.json");
-            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
-            serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
-        })
-        .collect::<Result<_, _>>()?;
-    Ok(Metrics {
-        held_out_images: setup.photos.held_out().len(),
-        held_out_places: setup.experiment.scoring.places_per_side.pow(2),
-        rows,
-        seeds: vec![setup.experiment.seed],
-        ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),
-        lpips_variant: "LPIPS v0.1, AlexNet".to_owned(),
-    })
 }
 
 /// Mirrors every row of `width` values.

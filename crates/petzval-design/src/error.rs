@@ -55,30 +55,6 @@ pub enum DesignError {
         /// What is wrong.
         error: Box<DesignError>,
     },
-    /// A source too near to have an image behind the lens.
-    #[error(
-        "a source {distance_mm} mm from the lens `{lens}` has no real image: it is within the front focal length; hint: move \
-         the source away"
-    )]
-    NoRealImage {
-        /// Name of the lens.
-        lens: String,
-        /// Distance of the source from the first vertex, mm.
-        distance_mm: f64,
-    },
-    /// A source that is no point to the sensor.
-    #[error(
-        "the image of the pinhole of {pinhole_um} um is {disc_um:.1} um wide, more than a pixel of {pixel_um} um; hint: take a \
-         smaller pinhole, or move it away"
-    )]
-    WideSource {
-        /// Diameter of the pinhole, um.
-        pinhole_um: f64,
-        /// Diameter of its image, um.
-        disc_um: f64,
-        /// Pixel pitch, um.
-        pixel_um: f64,
-    },
     /// A lens whose PSFs are not those of its other azimuths, turned.
     #[error(
         "the lens `{0}` is not rotationally symmetric: the renderer turns the PSFs of one azimuth about the axis, and so cannot \
@@ -118,9 +94,20 @@ pub enum DesignError {
     /// The loss could not be computed.
     #[error(transparent)]
     Loss(#[from] petzval_learn::loss::LossError),
-    /// The task could not be made, computed, kept or restored.
+    /// A score could not be computed.
     #[error(transparent)]
-    Task(#[from] petzval_learn::task::TaskError),
+    Score(#[from] petzval_learn::score::ScoreError),
+    /// The network could not be made.
+    #[error(transparent)]
+    Network(#[from] petzval_learn::network::NetworkError),
+    /// The experiment names a score that does not exist.
+    #[error("scoring.scores: there is no score called `{name}`; there are {known}")]
+    UnknownScore {
+        /// The name.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
     /// A tensor could not be brought back from the device.
     #[error("reading a result back from the device failed: {0}")]
     Device(String),
@@ -184,10 +171,9 @@ impl DesignError {
             self,
             Self::Input { .. }
                 | Self::Unknown { .. }
+                | Self::UnknownScore { .. }
                 | Self::NothingToMove(_)
                 | Self::NotSymmetric(_)
-                | Self::NoRealImage { .. }
-                | Self::WideSource { .. }
                 | Self::Space(_)
                 | Self::Pupil(_)
                 | Self::Sensor(

@@ -13,8 +13,11 @@ use crate::setup::Setup;
 /// SHA-256 of the lens with its glasses, the sensor, and every photograph by name and content.
 fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
-    hash.update(write_lens(&setup.lens_file));
-    hash.update(DesignError::json("the sensor", &setup.sensor)?);
+    hash.update(write_lens(&setup.nominal().lens_file));
+    for variant in setup.variants.iter().filter(|v| v.lens != setup.experiment.lens) {
+        hash.update(write_lens(&setup.start(variant).lens_file));
+    }
+    hash.update(DesignError::json("the sensor", &setup.body.sensor)?);
     for (list, photos) in [("training", setup.photos.training()), ("held out", setup.photos.held_out())] {
         for photo in photos {
             hash.update(format!("{list}: {} {}x{}", photo.name, photo.image.height, photo.image.width));
@@ -29,18 +32,26 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
 /// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it.
 pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<(), DesignError> {
     let experiment = &setup.experiment;
-    // The setup has read the lens already, and told of it.
+    // The setup has read the lens already, and reported its warnings.
     let lens = assets.import(&experiment.lens)?.file;
     write_atomically(&run.nominal_lens(), write_lens(&lens).as_bytes())?;
     let sensor = assets.text("sensor", "sensors", &experiment.sensor)?;
     write_atomically(&run.sensor(), sensor.text.as_bytes())?;
     write_atomically(&run.fingerprint(), format!("{}\n", fingerprint(setup)?).as_bytes())?;
     // Names in an experiment are looked for beside it.
-    let kept = Experiment {
+    let mut kept = Experiment {
         lens: "inputs/lens.toml".to_owned(),
         sensor: "inputs/sensor.toml".to_owned(),
         ..experiment.clone()
     };
+    for variant in &mut kept.variant {
+        if let Some(name) = &mut variant.lens {
+            let file = format!("{}-lens.toml", variant.name);
+            let lens = assets.import(name)?.file;
+            write_atomically(&run.input(&file), write_lens(&lens).as_bytes())?;
+            *name = format!("inputs/{file}");
+        }
+    }
     write_atomically(&run.config(), kept.to_toml()?.as_bytes())
 }
 

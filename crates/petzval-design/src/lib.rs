@@ -1,27 +1,31 @@
-//! The joint optimisation of lens and network.
+//! The joint optimisation of a camera: its lens, its network, for what it is for.
 //!
-//! An [`experiment`] says what is designed; [`setup`] turns its names into values; the [`design_loop`] lets
-//! blocks take turns, with [`optics`] where the lens meets the picture and [`light_path`] where the picture is
-//! taken; [`joint`] brings the loss back to the lens; [`scoring`] judges on held-out photographs; [`run`] keeps everything; [`run_report`] gathers what the report shows.
+//! ```text
+//! Experiment -> Variants -> Camera -> Frames -> NamedLoss -> gradients -> Blocks -> run folder
+//! ```
+//!
+//! An [`experiment`] says what is designed and which [`variant`]s are compared; [`setup`] turns its names into values;
+//! the [`design_loop`] goes through the stages of each variant. In a step, the [`camera`] takes a batch of shots, the
+//! objective gives the loss, and one [`block`] of the camera moves down its gradient. [`scoring`] scores finished cameras on
+//! held-out photographs; [`run`] keeps everything in a folder; [`run_report`] gathers what the report shows.
 
 pub mod adam;
 pub mod assets;
-pub mod cameras;
+pub mod block;
+pub mod camera;
 pub mod design_loop;
 pub mod error;
 pub mod experiment;
 pub mod glass_warnings;
-pub mod glasses;
 pub mod inputs;
-pub mod joint;
-pub mod light_path;
+mod lens_view;
 pub mod optics;
 pub mod pictures;
-pub mod pinhole;
 pub mod requirements;
 pub mod run;
 pub mod run_report;
 pub mod scoring;
 pub mod setup;
 pub mod spectral_light;
-pub mod spot_design;
+pub mod start;
+pub mod variant;

@@ -6,15 +6,20 @@ use std::path::Path;
 
 use petzval_files::lens_toml::parameter_name;
 use petzval_files::{LensFile, parse_lens};
+use petzval_optics::analysis::first_order_table;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
+use petzval_optics::psf::FieldPsf;
 
-use crate::cameras::CameraKind;
+use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::lens_view;
+use crate::optics::PsfPlan;
 use crate::pictures::file_name;
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
+use crate::variant::Variant;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
 };
@@ -22,9 +27,12 @@ use petzval_report::design_report::{
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
 const SHOWN_QUARTERS: [usize; 5] = [0, 1, 2, 3, 4];
 
+/// Fields of the rays in the layouts, as shares of the full field.
+const LAYOUT_SHARES: [f64; 3] = [0.0, 0.5, 1.0];
+
 /// The lens of a finished camera.
-pub fn camera_lens(run: &RunFolder, kind: CameraKind) -> Result<LensFile, DesignError> {
-    let path = run.camera(kind.name()).join("lens.toml");
+pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile, DesignError> {
+    let path = run.camera(camera).join("lens.toml");
     let text = fs::read_to_string(&path).map_err(DesignError::io(&path))?;
     // A lens that we wrote carries its glasses with it.
     parse_lens(&text, &Catalog::default()).map_err(DesignError::input(&path))
@@ -45,37 +53,42 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 /// Gathers everything that a report shows.
 pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
     let metrics = read_metrics(run)?;
-    let nominal = &setup.lens_file.lens;
+    let plan = &setup.fixed_plan;
+    let full_rad = plan.field_angles(&setup.nominal().lens_file.lens).last().copied().unwrap_or(0.0);
+    let layout_fields_deg = LAYOUT_SHARES.map(|share| (share * full_rad).to_degrees());
     let mut cameras = Vec::new();
-    for kind in CameraKind::ALL {
-        let lens = camera_lens(run, kind)?.lens;
-        let psfs = setup.fixed_plan.psfs(&lens)?;
-        let last = psfs.len() - 1;
-        let shown = SHOWN_QUARTERS.map(|q| (q * last + 2) / 4);
+    for variant in &setup.variants {
+        let lens = camera_lens(run, &variant.name)?.lens;
         cameras.push(CameraView {
-            name: kind.name().to_owned(),
-            psfs: shown.iter().filter_map(|i| PsfView::new(&psfs[*i], &setup.fixed_plan.options)).collect(),
-            changes: match kind {
-                CameraKind::Nominal => Vec::new(),
-                _ => changes(&setup.lens_file, &lens),
+            name: variant.name.clone(),
+            first_order: first_order_table(&lens),
+            surfaces: lens_view::surfaces(&lens),
+            layout: lens_view::section(&lens, &layout_fields_deg),
+            over_field: lens_view::to_full_field(&lens, full_rad, &plan.wavelengths_um),
+            psfs: psf_views(plan, &lens)?,
+            changes: match variant.moves_lens() {
+                false => Vec::new(),
+                true => changes(&setup.start(variant).lens_file, &lens),
             },
-            lens,
         });
     }
     let e = &setup.experiment;
     Ok(Report {
         title: e.name.clone(),
         subtitle: format!(
-            "Three cameras with the same focal length, f-number, field of view, exposure ({} e- of white), data order and {} \
-             network steps: the nominal lens, a lens optimised for its RMS spot alone, and lens and network designed \
-             together. Scored on {} held-out photographs, each at {} places of the sensor.",
-            e.exposure.white_e, e.training.steps, metrics.held_out_images, metrics.held_out_places
+            "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {} held-out photographs, \
+             each at {} places of the sensor.",
+            cameras_in_words(&setup.variants),
+            e.exposure.white_e,
+            metrics.held_out_images,
+            metrics.held_out_places
         ),
         command_line: command_line.to_owned(),
         table: metrics.rows.iter().map(row).collect(),
         cameras,
-        fields_rad: setup.fixed_plan.field_angles(nominal),
-        wavelengths_um: setup.fixed_plan.wavelengths_um.to_vec(),
+        layout_fields_deg: layout_fields_deg.to_vec(),
+        reference_um: setup.nominal().lens_file.lens.reference_um,
+        wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
         losses: loss_curves(&run.events())?,
@@ -83,6 +96,33 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         environment: environment(&run.environment())?,
         notes: notes(&metrics),
     })
+}
+
+/// `3 cameras: nominal (800 network steps), ...`.
+fn cameras_in_words(variants: &[Variant]) -> String {
+    let one = |v: &Variant| {
+        let steps = |block: BlockName| match v.steps_of(block) {
+            0 => None,
+            n => Some(format!("{n} {} steps", block.name())),
+        };
+        let all: Vec<String> =
+            [BlockName::Optics, BlockName::Network].into_iter().filter_map(steps).collect();
+        format!("{} ({})", v.name, all.join(", "))
+    };
+    let list: Vec<String> = variants.iter().map(one).collect();
+    format!("{} cameras: {},", variants.len(), list.join(", "))
+}
+
+/// PSFs at the shown fields, with their RMS radii.
+fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>, DesignError> {
+    let psfs = plan.psfs(lens)?;
+    let last = psfs.len() - 1;
+    let shown = SHOWN_QUARTERS.map(|q| &psfs[(q * last + 2) / 4]);
+    let view = |psf: &&FieldPsf| {
+        let spot = lens_view::at_fields(lens, &[psf.field_rad], &plan.wavelengths_um);
+        PsfView::new(psf, &plan.options, spot.first().map_or(f64::NAN, |s| s.rms_um))
+    };
+    Ok(shown.iter().filter_map(view).collect())
 }
 
 fn notes(metrics: &Metrics) -> Vec<String> {
@@ -111,14 +151,18 @@ fn notes(metrics: &Metrics) -> Vec<String> {
 fn row(m: &CameraMetrics) -> TableRow {
     TableRow {
         camera: m.camera.clone(),
-        one_minus_lpips: m.one_minus_lpips,
-        psnr_db: m.psnr_db,
-        ssim: m.ssim,
+        one_minus_lpips: score(&m.scores, "one_minus_lpips"),
+        psnr_db: score(&m.scores, "psnr_db"),
+        ssim: score(&m.scores, "ssim"),
         rms_spot_um: m.rms_spot_um,
         efl_mm: m.efl_mm,
         f_number: m.f_number,
         fov_deg: m.fov_deg,
     }
+}
+
+fn score(scores: &BTreeMap<String, f64>, name: &str) -> f64 {
+    scores.get(name).copied().unwrap_or(f64::NAN)
 }
 
 /// The variables, before and after, and the radius that keeps the focal length.
@@ -203,14 +247,14 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
         let picture = &first.pictures[index];
         let mut cameras = Vec::new();
         for m in &metrics.rows {
-            let Some(score) = m.pictures.get(index) else { continue };
+            let Some(picture) = m.pictures.get(index) else { continue };
             cameras.push(CameraPicture {
                 camera: m.camera.clone(),
                 developed_png: read(file_name(index, "developed", Some(&m.camera)))?,
                 output_png: read(file_name(index, "output", Some(&m.camera)))?,
-                psnr_db: score.psnr_db,
-                ssim: score.ssim,
-                one_minus_lpips: score.one_minus_lpips,
+                psnr_db: score(&picture.scores, "psnr_db"),
+                ssim: score(&picture.scores, "ssim"),
+                one_minus_lpips: score(&picture.scores, "one_minus_lpips"),
             });
         }
         let title = picture.photo.split('.').next().unwrap_or(&picture.photo).to_owned();

@@ -1,23 +1,22 @@
 //! Scores on held-out photographs: exact noise, fixed places from the sensor's centre to its corner.
 
+use std::collections::BTreeMap;
+
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
-use petzval_camera::quality::{psnr, ssim_gaussian_wang};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_learn::dataset::held_out_placements;
-use petzval_learn::loss::Lpips;
-use petzval_learn::metric::one_minus_lpips;
-use petzval_learn::task::Task;
+use petzval_learn::score::{Score, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{chief_ray, field_imaged_at};
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
+use crate::camera::{Camera, Shot, srgb_encode, to_host};
 use crate::error::DesignError;
-use crate::light_path::{LightPath, PsfLeaves, Shot};
-use crate::run::{CameraMetrics, PictureScore};
+use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
 use crate::setup::Setup;
 
 /// Seed of the noise in scored frames: the same for every camera and every run.
@@ -35,8 +34,74 @@ pub struct ScoredPicture {
     pub output: LinearImage,
 }
 
+/// Scores cameras by what an experiment names.
+pub struct Scorer<'a> {
+    setup: &'a Setup,
+    scores: Vec<Box<dyn Score>>,
+}
+
+impl<'a> Scorer<'a> {
+    /// The scores of `known` that `scoring.scores` names, in that order.
+    pub fn new(setup: &'a Setup, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
+        let mut known: Vec<Option<Box<dyn Score>>> = known.into_iter().map(Some).collect();
+        let mut scores = Vec::new();
+        for name in &setup.experiment.scoring.scores {
+            let is_it = |s: &&mut Option<Box<dyn Score>>| s.as_ref().is_some_and(|s| s.name() == name);
+            match known.iter_mut().find(is_it).and_then(Option::take) {
+                Some(score) => scores.push(score),
+                None => {
+                    let names: Vec<&str> = known.iter().flatten().map(|s| s.name()).collect();
+                    return Err(DesignError::UnknownScore { name: name.clone(), known: names.join(", ") });
+                }
+            }
+        }
+        Ok(Self { setup, scores })
+    }
+
+    /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs.
+    pub fn score(
+        &self,
+        name: &str,
+        camera: &Camera,
+    ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
+        let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
+        let mut pictures = Vec::new();
+        for (photo, relative_field, shot) in held_out_shots(self.setup, camera)? {
+            let shots = [shot];
+            let frames = camera.take(&shots, &noise)?;
+            let truth_tensor = camera.labels(&shots)?.picture;
+            // As a stored picture would be.
+            let finished_tensor = frames.finished.clamp(0.0, 1.0);
+            let pair = ScoredPair {
+                truth: host_image(truth_tensor.clone())?,
+                finished: host_image(finished_tensor.clone())?,
+                finished_tensor,
+                truth_tensor,
+            };
+            let mut scores = BTreeMap::new();
+            for score in &self.scores {
+                scores.insert(score.name().to_owned(), score.of(&pair)?);
+            }
+            pictures.push(ScoredPicture {
+                score: PictureScore { photo, relative_field, scores },
+                developed: host_image(srgb_encode(frames.developed))?,
+                truth: pair.truth,
+                output: pair.finished,
+            });
+        }
+        let lens = camera.psfs().lens().ok_or_else(|| DesignError::Device("no lens".to_owned()))?;
+        let scored = pictures.iter().map(|p| p.score.clone()).collect();
+        Ok((camera_metrics(self.setup, name, lens, scored)?, pictures))
+    }
+}
+
+fn host_image(tensor: Tensor<4>) -> Result<LinearImage, DesignError> {
+    let [_, channels, height, width] = tensor.dims();
+    Ok(LinearImage { channels, height, width, data: to_host(tensor)? })
+}
+
 /// Held-out windows: every photograph at every place.
-fn held_out_shots(setup: &Setup, path: &LightPath) -> Result<Vec<(String, f64, Shot)>, DesignError> {
+fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
     let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
     let window = setup.scoring_crops.window();
     let mut shots = Vec::new();
@@ -51,7 +116,7 @@ fn held_out_shots(setup: &Setup, path: &LightPath) -> Result<Vec<(String, f64, S
                 .map_err(|e| DesignError::Device(e.to_string()))?;
             let placement = Placement { row: place.sensor_row, col: place.sensor_column };
             let frame = shots.len() as u64;
-            let middle = path.geometry.radius_mm(
+            let middle = camera.body().geometry.radius_mm(
                 placement.row + setup.scoring_crops.crop / 2,
                 placement.col + setup.scoring_crops.crop / 2,
             );
@@ -59,46 +124,6 @@ fn held_out_shots(setup: &Setup, path: &LightPath) -> Result<Vec<(String, f64, S
         }
     }
     Ok(shots)
-}
-
-/// Scores a camera: its lens by exact tracing, its pictures on held-out photographs.
-///
-/// `keep` says which pictures are handed out for the report.
-pub fn score_camera(
-    setup: &Setup,
-    path: &LightPath,
-    name: &str,
-    lens: &Lens,
-    task: &dyn Task,
-    lpips: &Lpips,
-) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
-    let bank = setup.fixed_plan.bank(lens)?;
-    let leaves = PsfLeaves::new(&bank, &setup.device, false);
-    let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
-    let mut pictures = Vec::new();
-    for (photo, relative_field, shot) in held_out_shots(setup, path)? {
-        let shots = [shot];
-        let developed = path.take(&leaves, &shots, &noise)?;
-        let truth = path.truth(&shots, &setup.device)?;
-        let output = task.picture(developed.clone()).clamp(0.0, 1.0);
-        let similarity = one_minus_lpips(lpips, output.clone(), truth.clone())?;
-        let [_, channels, height, width] = output.dims();
-        let image = |t: Tensor<4>| -> Result<LinearImage, DesignError> {
-            Ok(LinearImage { channels, height, width, data: to_host(t)? })
-        };
-        let (truth, developed, output) = (image(truth)?, image(developed)?, image(output)?);
-        let quality = |e: petzval_camera::quality::QualityError| DesignError::Device(e.to_string());
-        let score = PictureScore {
-            photo,
-            relative_field,
-            one_minus_lpips: similarity.first().copied().map_or(f64::NAN, f64::from),
-            psnr_db: psnr(&truth.data, &output.data).map_err(quality)?,
-            ssim: ssim_gaussian_wang(&truth.data, &output.data, channels, height, width).map_err(quality)?,
-        };
-        pictures.push(ScoredPicture { score, truth, developed, output });
-    }
-    let metrics = camera_metrics(setup, name, lens, pictures.iter().map(|p| p.score.clone()).collect())?;
-    Ok((metrics, pictures))
 }
 
 fn camera_metrics(
@@ -125,12 +150,11 @@ fn camera_metrics(
                 .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
         })
         .collect::<Result<_, _>>()?;
-    let mean = |f: fn(&PictureScore) -> f64| pictures.iter().map(f).sum::<f64>() / pictures.len() as f64;
+    let names = pictures.first().map(|p| p.scores.keys().cloned().collect::<Vec<_>>()).unwrap_or_default();
+    let mean = |name: &String| pictures.iter().map(|p| p.scores[name]).sum::<f64>() / pictures.len() as f64;
     Ok(CameraMetrics {
         camera: name.to_owned(),
-        one_minus_lpips: mean(|p| p.one_minus_lpips),
-        psnr_db: mean(|p| p.psnr_db),
-        ssim: mean(|p| p.ssim),
+        scores: names.into_iter().map(|name| (name.clone(), mean(&name))).collect(),
         rms_spot_um: rms_spot_by_field_um.iter().sum::<f64>() / rms_spot_by_field_um.len() as f64,
         efl_mm: order.efl_mm,
         f_number: order.f_number,
@@ -144,7 +168,21 @@ fn camera_metrics(
     })
 }
 
-/// Values of a tensor on the host.
-pub(crate) fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignError> {
-    tensor.detach().into_data().try_to_vec::<f32>().map_err(|e| DesignError::Device(format!("{e:?}")))
+/// Gathers the figures of the finished cameras of a run.
+pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, DesignError> {
+    let rows: Vec<CameraMetrics> = (setup.variants.iter())
+        .map(|variant| {
+            let path = run.camera(&variant.name).join("metrics.json");
+            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+            serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Metrics {
+        held_out_images: setup.photos.held_out().len(),
+        held_out_places: setup.experiment.scoring.places_per_side.pow(2),
+        rows,
+        seeds: vec![setup.experiment.seed],
+        ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),
+        lpips_variant: "LPIPS v0.1, AlexNet".to_owned(),
+    })
 }

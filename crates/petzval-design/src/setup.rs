@@ -1,43 +1,43 @@
 //! An experiment made ready: names turned into values, and everything checked before hours are spent.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::FileError;
+use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{RenderGeometry, kernel_radius};
-use petzval_camera::sensor::SensorModel;
-use petzval_files::LensFile;
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
-use petzval_optics::design_space::{DesignSpace, Focus, SmoothSpace, Solves};
+use petzval_learn::loss::Lpips;
+use petzval_learn::network::UNetConfig;
+use petzval_learn::objective::{ImageQuality, Objective};
+use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
 use serde::Deserialize;
 
 use crate::assets::Assets;
+use crate::block::NetworkBlock;
+use crate::camera::{Body, Camera, PsfSource};
 use crate::error::DesignError;
-use crate::experiment::Experiment;
+use crate::experiment::{Experiment, NetworkConfig, TaskKind};
 use crate::optics::PsfPlan;
-use crate::requirements::Requirements;
-use crate::spot_design::area_quantile_radii_mm;
+use crate::start::Start;
+use crate::variant::{Variant, variants};
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {
     /// The experiment.
     pub experiment: Experiment,
-    /// The nominal lens file.
-    pub lens_file: LensFile,
-    /// Where the lens may go.
-    pub space: SmoothSpace,
-    /// What every moving lens must keep.
-    pub requirements: Requirements,
-    /// Fields of the spot-optimised control, rad: equal areas of the sensor each.
-    pub spot_fields_rad: Vec<f64>,
-    /// The sensor.
-    pub sensor: SensorModel,
-    /// Sensor grid and PSF patches.
-    pub geometry: RenderGeometry,
+    /// The cameras that are made and compared.
+    pub variants: Vec<Variant>,
+    /// Lenses from which variants start, by the name that variants give them; the experiment's is always among them.
+    pub starts: BTreeMap<String, Arc<Start>>,
+    /// Sensor, exposure and device of every camera.
+    pub body: Arc<Body>,
     /// PSFs of a lens that moves.
     pub moving_plan: PsfPlan,
     /// PSFs of a lens at rest.
@@ -50,8 +50,6 @@ pub struct Setup {
     pub scoring_crops: CropPlan,
     /// Weights of the perceptual loss.
     pub lpips_weights: Vec<u8>,
-    /// Where tensors live, with automatic differentiation.
-    pub device: Device,
 }
 
 /// The name under which the built-in photographs go.
@@ -74,27 +72,7 @@ impl Setup {
         assets: &Assets,
         device: Device,
     ) -> Result<Self, DesignError> {
-        let mut lens_file = assets.lens(&experiment.lens)?;
-        // Spots and pictures are judged in the same colours.
-        let mut colours = experiment.psf.wavelengths_um.to_vec();
-        colours.sort_by(f64::total_cmp);
-        lens_file.lens.wavelengths_um = colours;
-        if lens_file.variables.is_empty() {
-            return Err(DesignError::NothingToMove(experiment.lens.clone()));
-        }
         let sensor = assets.sensor(&experiment.sensor)?;
-        let space = DesignSpace::new(
-            lens_file.lens.clone(),
-            lens_file.variables.clone(),
-            lens_file.pickups.clone(),
-            Solves { efl: lens_file.efl_solve, length: lens_file.length_solve },
-            Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
-        )
-        .and_then(SmoothSpace::new)
-        .map_err(|e| {
-            let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
-            misfit(Path::new(&experiment.lens), &e, hint)
-        })?;
         let [rows, columns] = experiment.psf.patches;
         let geometry = RenderGeometry {
             sensor_height: sensor.height,
@@ -111,18 +89,14 @@ impl Setup {
         };
         let moving_plan = plan(experiment.psf.pupil_cells)?;
         let fixed_plan = plan(experiment.psf.scoring_pupil_cells)?;
-        let nominal = &lens_file.lens;
-        let requirements = Requirements::new(
-            &lens_file,
-            experiment.constraints.clearances(),
-            moving_plan.field_angle(nominal, corner_mm),
-            experiment.constraints.distortion_tolerance,
-        )?;
-        let spot_fields_rad =
-            area_quantile_radii_mm(sensor.height, sensor.width, sensor.pixel_um, experiment.psf.fields)
-                .iter()
-                .map(|radius| moving_plan.field_angle(nominal, *radius))
-                .collect();
+        let variants = variants(&experiment);
+        let mut starts = BTreeMap::new();
+        for name in [&experiment.lens].into_iter().chain(variants.iter().map(|v| &v.lens)) {
+            if !starts.contains_key(name) {
+                let start = Start::new(name, &experiment, assets, &sensor, &moving_plan)?;
+                starts.insert(name.clone(), Arc::new(start));
+            }
+        }
         let layout = PsfLayout {
             field_radius_mm: fixed_plan.field_radius_mm.clone(),
             grid: experiment.psf.grid,
@@ -137,29 +111,58 @@ impl Setup {
             |crop| CropPlan { crop, margin, sensor_rows: sensor.height, sensor_columns: sensor.width };
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
-        // A lens whose light does not arrive is told now, not after the first step.
-        moving_plan.bank(&lens_file.lens).map_err(|e| {
-            let hint =
-                "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
-            misfit(Path::new(&experiment.lens), &e, hint)
-        })?;
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
+        let exposure = experiment.exposure.exposure();
         Ok(Self {
             experiment,
-            lens_file,
-            space,
-            requirements,
-            spot_fields_rad,
-            sensor,
-            geometry,
+            variants,
+            starts,
+            body: Arc::new(Body { sensor, geometry, exposure, isp: LinearIsp::default(), device }),
             moving_plan,
             fixed_plan,
             photos: PhotoSet::default(),
             training_crops,
             scoring_crops,
             lpips_weights,
-            device,
         })
+    }
+
+    /// The start of the experiment's own lens.
+    pub fn nominal(&self) -> &Start {
+        &self.starts[&self.experiment.lens]
+    }
+
+    /// The lens from which a variant starts.
+    pub fn start(&self, variant: &Variant) -> &Arc<Start> {
+        &self.starts[&variant.lens]
+    }
+
+    /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely.
+    pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
+        let plan = if is_moving { &self.moving_plan } else { &self.fixed_plan };
+        let source = PsfSource::Traced { lens: Box::new(lens), plan: plan.clone() };
+        Camera::new(self.body.clone(), Arc::new(source.psfs()?))
+    }
+
+    /// The objective of the experiment.
+    pub fn objective(&self) -> Result<Box<dyn Objective>, DesignError> {
+        Ok(match self.experiment.task {
+            TaskKind::ImageQuality => {
+                Box::new(ImageQuality::new(self.experiment.loss.clone(), self.lpips()?)?)
+            }
+        })
+    }
+
+    /// The perceptual loss.
+    pub fn lpips(&self) -> Result<Lpips, DesignError> {
+        Ok(Lpips::from_safetensors(&self.lpips_weights, &self.body.device)?)
+    }
+
+    /// An untrained network: the same bits for every variant of a run.
+    pub fn network(&self) -> Result<NetworkBlock, DesignError> {
+        let NetworkConfig { base_channels, levels } = self.experiment.network;
+        let config = UNetConfig { base_channels, levels, ..Default::default() };
+        Ok(NetworkBlock::new(config.init(self.experiment.seed, &self.body.device)?))
     }
 
     /// Half the sensor's diagonal, mm.
@@ -228,7 +231,7 @@ fn folder_photos(folder: &Path, window: usize) -> Result<PhotoSet, DesignError> 
 }
 
 /// Input that is well-formed, and does not fit the rest.
-fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> DesignError {
+pub(crate) fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> DesignError {
     DesignError::input(path)(FileError {
         line: None,
         column: None,

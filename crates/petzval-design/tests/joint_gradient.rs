@@ -5,13 +5,13 @@ use std::path::Path;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
-use petzval_design::design_loop::{light_path, new_task};
-use petzval_design::joint::joint_gradient;
-use petzval_design::light_path::{LightPath, PsfLeaves, Shot};
+use petzval_design::block::{Batch, Block, OpticsBlock};
+use petzval_design::camera::{Camera, Shot};
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
-use petzval_learn::task::Task;
+use petzval_learn::objective::Objective;
 
 fn setup() -> Setup {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
@@ -50,54 +50,66 @@ fn shots(setup: &Setup) -> Vec<Shot> {
         .collect()
 }
 
-/// The loss without any tape.
-fn loss(setup: &Setup, path: &LightPath, task: &dyn Task, x: &[f64], shots: &[Shot]) -> f64 {
-    let lens = setup.space.lens_at(x).unwrap();
-    let bank = setup.moving_plan.bank(&lens).unwrap();
-    let leaves = PsfLeaves::new(&bank, &setup.device, false);
-    let noise = Noise { mode: NoiseMode::Off, seed: 1 };
-    let developed = path.take(&leaves, shots, &noise).unwrap();
-    let truth = path.truth(shots, &setup.device).unwrap();
-    let parts = task.held_loss(developed, truth).unwrap().parts;
+/// A camera of the nominal lens at some coordinates, with an untrained network behind it.
+fn camera(setup: &Setup, x: &[f64]) -> Camera {
+    let lens = setup.nominal().space.lens_at(x).unwrap();
+    setup.camera(lens, true).unwrap().with_network(setup.network().unwrap().held())
+}
+
+fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> f64 {
+    let camera = camera(setup, x);
+    let frames = camera.take(shots, &Noise { mode: NoiseMode::Off, seed: 1 }).unwrap();
+    let parts = objective.loss(&frames, &camera.labels(shots).unwrap()).unwrap().parts;
     parts.iter().find(|(name, _)| *name == "total").unwrap().1
+}
+
+/// Losses and gradient at the start of the design space.
+fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f64>) {
+    let objective = setup.objective().unwrap();
+    let start = setup.starts[&setup.experiment.lens].clone();
+    let camera = camera(setup, start.space.start());
+    let loss = |frames: &Frames, shots: &[Shot]| Ok(objective.loss(frames, &camera.labels(shots)?)?);
+    let batch = Batch { camera: &camera, shots, noise, loss: &loss };
+    let block = OpticsBlock::new(start, setup.experiment.constraints.weight);
+    assert_eq!(block.free_numbers(), block.coordinates().len());
+    let (losses, by_x) = block.gradient(&batch).unwrap();
+    (losses["total"], by_x)
 }
 
 #[test]
 fn task_loss_to_lens_coordinates() {
     let setup = setup();
-    let path = light_path(&setup);
-    let task = new_task(&setup).unwrap();
+    let objective = setup.objective().unwrap();
     let shots = shots(&setup);
-    let x = setup.space.start().to_vec();
-    let noise = Noise { mode: NoiseMode::Off, seed: 1 };
-    let found = joint_gradient(&setup, &path, task.as_ref(), &x, &shots, &noise).unwrap();
-    assert_eq!(found.by_x.len(), setup.space.dimension());
-    assert!((found.losses["total"] - loss(&setup, &path, task.as_ref(), &x, &shots)).abs() < 1e-6);
+    let x = setup.nominal().space.start().to_vec();
+    let (total, by_x) = gradient_at_start(&setup, &shots, Noise { mode: NoiseMode::Off, seed: 1 });
+    assert_eq!(by_x.len(), setup.nominal().space.dimension());
+    assert!((total - loss(&setup, objective.as_ref(), &x, &shots)).abs() < 1e-6);
 
     // The chain behind the PSFs is f32: shorter steps drown in its rounding, longer ones meet the kinks of L1 and
     // of max-pooling. Along the gradient itself the loss changes most.
     const STEP: f64 = 2e-4;
-    let norm = found.by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
     let along = |step: f64, direction: &[f64]| {
         let moved: Vec<f64> = x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
-        loss(&setup, &path, task.as_ref(), &moved, &shots)
+        loss(&setup, objective.as_ref(), &moved, &shots)
     };
     let difference = |direction: &[f64], h: f64| {
         let near = along(h, direction) - along(-h, direction);
         let far = along(2.0 * h, direction) - along(-2.0 * h, direction);
         (8.0 * near - far) / (12.0 * h)
     };
-    let steepest: Vec<f64> = found.by_x.iter().map(|g| g / norm).collect();
+    let steepest: Vec<f64> = by_x.iter().map(|g| g / norm).collect();
     let numeric = difference(&steepest, STEP);
     assert!((numeric - norm).abs() < 2e-3 * norm, "along the gradient: {norm} against {numeric}");
 
     // And along the coordinates that matter most, one by one.
     let mut order: Vec<usize> = (0..x.len()).collect();
-    order.sort_by(|a, b| found.by_x[*b].abs().total_cmp(&found.by_x[*a].abs()));
+    order.sort_by(|a, b| by_x[*b].abs().total_cmp(&by_x[*a].abs()));
     for i in order.into_iter().take(5) {
         let mut direction = vec![0.0; x.len()];
         direction[i] = 1.0;
-        let (analytic, numeric) = (found.by_x[i], difference(&direction, STEP));
+        let (analytic, numeric) = (by_x[i], difference(&direction, STEP));
         assert!(
             (analytic - numeric).abs() < 1e-2 * analytic.abs(),
             "coordinate {i}: {analytic} against {numeric}"
@@ -109,11 +121,9 @@ fn task_loss_to_lens_coordinates() {
 fn the_whole_camera_gives_the_same_bits_on_any_number_of_threads() {
     let gradient = || {
         let setup = setup();
-        let (path, task, shots) = (light_path(&setup), new_task(&setup).unwrap(), shots(&setup));
-        let noise = Noise { mode: NoiseMode::Dequantised, seed: 7 };
-        let x = setup.space.start();
-        let found = joint_gradient(&setup, &path, task.as_ref(), x, &shots, &noise).unwrap();
-        found.by_x.iter().map(|g| g.to_bits()).collect::<Vec<_>>()
+        let shots = shots(&setup);
+        let (_, by_x) = gradient_at_start(&setup, &shots, Noise { mode: NoiseMode::Dequantised, seed: 7 });
+        by_x.iter().map(|g| g.to_bits()).collect::<Vec<_>>()
     };
     let on = |threads: usize| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(gradient)

@@ -1,7 +1,7 @@
 //! Powers of ten that are exact in decimal: nanometres to micrometres moves the point of the printed number, so that no digit
 //! is lost to a multiplication.
 
-use super::lens_toml::number;
+use super::toml_number::number;
 
 /// The number that a text prints, times ten to a power; `None` if the text is no finite number.
 pub(super) fn shifted(text: &str, power: i32) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! What the writers of other programs' formats share.
 
-use super::lens_toml::exact_degrees;
 use super::loss::{Effect, Loss, Losses};
+use super::toml_number::exact_degrees;
 use petzval_base::FileError;
 
 use super::LensFile;

@@ -18,6 +18,7 @@ pub mod sensor;
 pub mod seq;
 pub mod spectral_file;
 mod tolerance_toml;
+mod toml_number;
 pub mod zmx;
 
 pub use agf::parse_agf;
@@ -26,8 +27,8 @@ pub use encoding::decode;
 pub use export::Export;
 pub use float_file::{exr_bytes, npy_bytes, save_exr, save_npy};
 pub use glass_file::GlassFile;
-pub use glass_toml::{parse_catalog, write_catalog};
-pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, write_lens};
+pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
+pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, write_lens};
 pub use loss::{Effect, Loss};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_png16};

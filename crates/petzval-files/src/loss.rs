@@ -2,9 +2,13 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
 
 /// How a record that is not kept matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Effect {
     /// It changes no ray: coatings, tolerances, merit functions, solves whose value is kept.
     NoRay,
@@ -29,7 +33,7 @@ impl Effect {
 }
 
 /// One thing that is not, or not exactly, in the lens that was read or in the text that was written.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Loss {
     /// Line in the file that was read, from 1; `None` for what the file does not say, and for losses of writing.
     pub line: Option<u32>,
@@ -41,6 +45,17 @@ pub struct Loss {
     pub message: String,
     /// How many further records of the same kind were treated alike.
     pub more: usize,
+}
+
+impl Loss {
+    /// The loss with the file it is from, as `FILE:LINE: ...`.
+    pub fn in_file(&self, path: &Path) -> String {
+        let placeless = Self { line: None, ..self.clone() };
+        match self.line {
+            Some(line) => format!("{}:{line}: {placeless}", path.display()),
+            None => format!("{}: {placeless}", path.display()),
+        }
+    }
 }
 
 impl fmt::Display for Loss {

@@ -43,7 +43,7 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::lens_toml::Number;
+use super::toml_number::Number;
 use petzval_base::FileError;
 use petzval_optics::lens::Lens;
 use petzval_optics::tolerance::{

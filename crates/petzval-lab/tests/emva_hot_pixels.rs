@@ -5,7 +5,7 @@ mod common;
 use common::{small_mono, within};
 use petzval_camera::SensorModel;
 use petzval_camera::sensor::NonUniformity;
-use petzval_lab::emva::point::Counts;
+use petzval_lab::emva::counts::Counts;
 use petzval_lab::emva::{Captures, Characterization, Options, Plan, characterize, sensor_toml, write_series};
 
 fn hot() -> SensorModel {

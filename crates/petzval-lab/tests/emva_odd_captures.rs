@@ -65,7 +65,7 @@ fn full_pixels_do_not_count_in_the_ratios_of_the_colours() {
     let found = measured(series(&sensor, &plan).path()).unwrap();
     within("alpha", found.joint.red_over_green, 0.82, 3.5);
     within("beta", found.joint.blue_over_green, 1.25, 3.5);
-    // At gain 1 no sample is at the end of the converter, and saturation is told all the same.
+    // At gain 1 no sample is at the end of the converter, and saturation is reported all the same.
     assert!(told(&found, "saturated").iter().any(|w| w.contains("at gain 1 ")), "{:?}", found.warnings);
 }
 
@@ -437,7 +437,7 @@ fn pages_of_a_file_are_frames() {
     );
     assert_eq!(measured(folder.path()).unwrap(), by_name);
 
-    // A page that is a copy of another is told by its number.
+    // A page that is a copy of another is named by its number.
     let picture = image::open(frame("flat", "5", 0)).unwrap().into_luma16();
     let mut file = std::fs::File::create(folder.path().join("flat-5ms.tiff")).unwrap();
     let mut tiff = TiffEncoder::new(&mut file).unwrap();
@@ -494,6 +494,23 @@ fn what_moves_counts_neither_for_the_gain_nor_as_saturation() {
     assert_eq!(told(&found, "moved").len(), 1, "{:?}", found.warnings);
     let channel = &found.gains[0].channels[0];
     assert!(!channel.transfer.saturated && channel.points.len() == 4, "{:?}", channel.transfer);
+    within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+
+    // Points of one setting, whose light alone differs, have one label: only the point that moved is left out.
+    let at_4_ms = |point: &str| -> String {
+        let is_flat = point.contains("flat");
+        let line = |l: &str| match is_flat && l.starts_with("exposure_ms") {
+            true => "exposure_ms = 4.0\n".to_owned(),
+            false => format!("{l}\n"),
+        };
+        point.lines().map(line).collect()
+    };
+    let text = list(folder.path());
+    let points: Vec<String> = text.split("[[point]]").map(at_4_ms).collect();
+    set_list(folder.path(), &points.join("[[point]]"));
+    let found = measured(folder.path()).unwrap();
+    assert_eq!(told(&found, "moved").len(), 1, "{:?}", found.warnings);
+    assert_eq!(found.gains[0].channels[0].points.len(), 4, "{:?}", found.warnings);
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
 }
 

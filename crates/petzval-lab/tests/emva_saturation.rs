@@ -69,7 +69,7 @@ fn points_in_the_knee_do_not_enter_the_gain() {
         let found = measured(&sensor(8000.0, prnu_percent), points, level, seed);
         within(&format!("K, {points} points to {level}"), found.joint.gain_dn_per_e, 0.38, 3.5);
     }
-    // Well below saturation all points count, and nothing is said of it.
+    // Well below saturation all points are used, and there is no warning.
     let found = measured(&sensor(8000.0, 0.8), 12, 0.6, 6);
     let transfer = &found.gains[0].channels[0].transfer;
     assert_eq!((transfer.used, transfer.saturated), (12, false));

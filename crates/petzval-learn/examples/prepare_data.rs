@@ -1,11 +1,11 @@
-//! Makes the embedded data from their originals: photographs reduced to be sharp at the pixel, weights rounded to f16.
+//! Makes the embedded data: reduces photographs until they are sharp at the pixel, and rounds weights to f16.
 //!
 //! ```text
 //! prepare_data photo IN OUT FACTOR     reduce a picture by FACTOR (1 or more, up to 8) with an area average in linear light
 //! prepare_data weights IN OUT          round every tensor of a safetensors file to f16
 //! ```
 //!
-//! The files under `data/photos` and `data/weights` were written by this program; their READMEs say from what.
+//! This program wrote the files under `data/photos` and `data/weights`; their READMEs name the originals.
 
 use std::{collections::HashMap, error::Error, fs, process::ExitCode};
 
@@ -41,13 +41,14 @@ fn reduce_photo(from: &str, to: &str, factor: &str) -> Outcome<()> {
     let photo = load_image(from.as_ref())?;
     let (height, width) = ((photo.height as f64 / factor) as usize, (photo.width as f64 / factor) as usize);
 
-    // Weigh each source row or column by how much of it lies under the target pixel.
+    // Weight each source row or column by its overlap with the target pixel.
     let overlap = |target: usize, length: usize| -> Vec<(usize, f64)> {
         let (start, end) = (target as f64 * factor, (target + 1) as f64 * factor);
         (start as usize..(end.ceil() as usize).min(length))
             .map(|i| (i, (end.min(i as f64 + 1.0) - start.max(i as f64)) / factor))
             .collect()
     };
+    // Average the linear light under each target pixel and encode it.
     let mut rgb = Vec::with_capacity(height * width * 3);
     for row in 0..height {
         let rows = overlap(row, photo.height);
@@ -64,7 +65,7 @@ fn reduce_photo(from: &str, to: &str, factor: &str) -> Outcome<()> {
         }
     }
 
-    // Keep one channel of a picture without colour; it decodes to three equal ones.
+    // Store a gray picture as one channel; reading it gives three equal channels.
     let gray = rgb.chunks_exact(3).all(|p| p[0] == p[1] && p[1] == p[2]);
     let picture: image::DynamicImage = if gray {
         let luma = rgb.iter().step_by(3).copied().collect();

@@ -1,4 +1,4 @@
-//! Times the operations a network step is made of: ours against the framework's.
+//! Times the operations of a network step: ours and those of the framework.
 
 use std::time::Instant;
 

@@ -19,7 +19,7 @@ fn cpu_ms() -> f64 {
     ticks.filter_map(|v| v.parse::<f64>().ok()).sum::<f64>() * 10.0
 }
 
-/// Memory pages handed to this process so far.
+/// Page faults of this process so far (Linux; 0 elsewhere).
 fn page_faults() -> f64 {
     let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
     stat.rsplit(')')

@@ -1,18 +1,22 @@
 //! Networks, losses and data sets of the camera.
 //!
-//! Light has become a developed picture by the time it reaches this crate. Here a network improves the picture
-//! ([`network`]), a loss says how far it is from the photograph ([`loss`]), a metric says it in the words of the
-//! literature ([`metric`]), and a data set says which photographs are for training and which are for judging
-//! ([`dataset`]).
+//! The input of this crate is the developed picture.
 //!
-//! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take
-//! and return tensors on the device they were made on; the library reads no file but the folder named to
-//! [`dataset::load_folder`].
+//! | module | holds |
+//! |---|---|
+//! | [`network`] | the network that improves the picture |
+//! | [`loss`] | losses: the distance between a picture and the photograph |
+//! | [`objective`] | what a camera is optimised for: a named loss of what it took |
+//! | [`score`] | how good a picture is, in the numbers of the literature |
+//! | [`dataset`] | photographs, split into training and held-out pictures |
+//!
+//! Pictures are tensors of shape `[batch, channel, row, column]`, sRGB-encoded, about 0..1. Networks and losses take and
+//! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`].
 
 pub mod dataset;
 pub mod loss;
-pub mod metric;
 pub mod network;
-pub mod task;
+pub mod objective;
+pub mod score;
 
 pub use burn::prelude::Device;

@@ -1,4 +1,4 @@
-//! Our convolution against the framework's, values and gradients.
+//! Compares our convolution with the framework's, values and gradients.
 
 use burn::{
     prelude::*,
@@ -105,12 +105,12 @@ fn gradient_agrees_with_central_differences() {
         let difference = (moved(1.0) - moved(-1.0)) / (2.0 * f64::from(step));
         wrong += usize::from((difference - f64::from(gradient[i])).abs() > 0.01 * difference.abs().max(1.0));
     }
-    // A value that crosses the kink of the rectifier within the step makes its difference quotient meaningless.
+    // The difference quotient is wrong where a value crosses the kink of the rectifier within the step.
     assert!(wrong <= values.len() / 20, "{wrong} of {} weights disagree", values.len());
 }
 
 #[test]
-fn double_precision_goes_through_the_framework() {
+fn double_precision_uses_the_framework() {
     let device = Device::flex().autodiff();
     let x = random([1, 3, 6, 5], 9, &device);
     let (weight, bias) = (random([4, 3, 3, 3], 10, &device), random([4], 11, &device));

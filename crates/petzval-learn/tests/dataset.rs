@@ -1,4 +1,4 @@
-//! Photographs, their split, and where crops fall.
+//! Photographs, their split, and the positions of crops.
 
 use std::{collections::HashSet, fs};
 
@@ -30,7 +30,7 @@ fn a_split_keeps_pictures_apart() {
 }
 
 #[test]
-fn leaks_and_slips_in_a_split_are_refused() {
+fn splits_with_a_repeated_unknown_or_shared_picture_are_refused() {
     let error = |photos, split: PhotoSplit| PhotoSet::new(photos, &split).err().unwrap();
     let both = error(three(), split(&["a.png"], &["b.png", "a.png"]));
     assert!(matches!(&both, DatasetError::InBothLists { name } if name == "a.png"), "{both}");
@@ -59,7 +59,7 @@ fn leaks_and_slips_in_a_split_are_refused() {
 }
 
 #[test]
-fn folders_are_read_and_bad_files_named() {
+fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
     let folder = tempfile::tempdir().unwrap();
     assert!(matches!(load_folder(folder.path()), Err(DatasetError::EmptyFolder { .. })));
     assert!(matches!(load_folder(folder.path().join("none")), Err(DatasetError::Io { .. })));
@@ -84,7 +84,7 @@ fn folders_are_read_and_bad_files_named() {
 }
 
 #[test]
-fn a_draw_depends_on_its_arguments_only() {
+fn a_training_crop_depends_on_its_arguments_only() {
     let (plan, photos) = (CropPlan::on_1920x1200(128, 12), three());
     let later = training_crop(&plan, &photos, 4, 900, 2).unwrap();
     for step in 0..50 {
@@ -114,7 +114,7 @@ fn the_whole_field_and_every_photo_are_drawn_evenly() {
         let expected = |i: usize| draws as f64 * share(i);
         counts.iter().enumerate().map(|(i, &n)| (f64::from(n) - expected(i)).powi(2) / expected(i)).sum()
     };
-    // A centre uniform over the sensor, the crop moved inside: count the centres that lead to each cell.
+    // The centre is uniform over the sensor and the crop is moved inside: count the centres that lead to each cell.
     let along = |cells: usize, sensor: usize, cell: &dyn Fn(usize) -> usize| {
         let mut shares = vec![0.0; cells];
         for centre in 0..sensor {
@@ -161,7 +161,7 @@ fn held_out_places_run_from_centre_to_corner() {
 }
 
 #[test]
-fn the_embedded_photographs_are_as_listed() {
+fn the_embedded_photographs_match_their_list() {
     #[derive(serde::Deserialize)]
     struct Entry {
         file: String,
@@ -186,7 +186,7 @@ fn the_embedded_photographs_are_as_listed() {
     assert_eq!(photos.len(), split.training.len() + split.held_out.len(), "every picture is in one list");
     let set = PhotoSet::new(photos, &split).unwrap();
 
-    // All can hold the default crop with its margins, and the held-out ones are in colour.
+    // Every photograph can hold the default crop with its margins, and the held-out photographs are in colour.
     let plan = CropPlan::on_1920x1200(96, 15);
     plan.check(set.training()).unwrap();
     plan.check(set.held_out()).unwrap();
@@ -199,7 +199,7 @@ fn the_embedded_photographs_are_as_listed() {
 
 proptest! {
     #[test]
-    fn draws_lie_inside(seed: u64, step: u64, item: u32, crop in 1_usize..150, margin in 0_usize..15) {
+    fn crops_lie_inside_photograph_and_sensor(seed: u64, step: u64, item: u32, crop in 1_usize..150, margin in 0_usize..15) {
         let (plan, photos) = (CropPlan::on_1920x1200(crop, margin), three());
         let draw = training_crop(&plan, &photos, seed, step, item).unwrap();
         let image = &photos[draw.photo].image;

@@ -1,4 +1,4 @@
-//! The U-Net: shapes, start, gradient, repeatability, storage.
+//! Tests of the U-Net: shapes, initial identity, gradient, repeatability, storage.
 
 use burn::{
     module::Module,
@@ -26,7 +26,7 @@ fn adam() -> ModuleOptimizer {
     AdamConfig::new().init()
 }
 
-/// One step towards half the picture; returns the loss too.
+/// One training step towards half the brightness; also returns the loss.
 fn step(unet: UNet, optimizer: &mut ModuleOptimizer, number: u32, device: &Device) -> (UNet, f32) {
     let input = picture([2, 3, 32, 32], number, device);
     let loss = (unet.forward(input.clone()) - input * 0.5).abs().mean();
@@ -80,7 +80,7 @@ fn input_gradient_agrees_with_central_differences() {
     let gradients = (unet.forward(input.clone()) * probe.clone()).sum().backward();
     let gradient = input.grad(&gradients).unwrap().into_data().try_to_vec::<f32>().unwrap();
 
-    // Move along the gradient and along it with alternating weights, far enough to rise above f32 rounding.
+    // Move every pixel, every second and every fifth along the sign of its gradient, far enough to exceed f32 rounding.
     for period in [1, 2, 5] {
         let direction: Vec<f32> = gradient
             .iter()
@@ -99,7 +99,7 @@ fn input_gradient_agrees_with_central_differences() {
 }
 
 #[test]
-fn equal_seeds_give_equal_bits_whatever_the_thread_count() {
+fn equal_seeds_give_equal_bits_for_any_thread_count() {
     let train = || {
         let device = Device::flex().autodiff();
         let (mut unet, mut optimizer) = (UNetConfig::default().init(11, &device).unwrap(), adam());

@@ -1,4 +1,4 @@
-//! The layout of the report: lenses in cross-section, to scale, on a common page.
+//! Lenses in cross-section, to scale, several on pages of one size.
 
 mod drawing;
 mod label;
@@ -6,8 +6,7 @@ mod symbol;
 mod view;
 
 use maud::html;
-use petzval_optics::analysis::{AnalysisOptions, Layout, layout};
-use petzval_optics::lens::Lens;
+use petzval_optics::analysis::Layout;
 
 pub(crate) use drawing::Drawing;
 pub use view::Extent;
@@ -16,89 +15,81 @@ pub(crate) use view::{View, extent_of};
 use super::number;
 use crate::plot::{plain, px};
 
-/// What to draw besides the lens, and how large.
-#[derive(Clone, Debug)]
-pub struct LayoutOptions {
-    /// Scale of both axes, px per mm.
-    pub px_per_mm: f64,
-    /// Fields whose ray fans are drawn, rad.
-    pub fields_rad: Vec<f64>,
-    /// Rays of each fan.
-    pub rays: usize,
+/// A lens in cross-section, with what is drawn around it.
+#[derive(Clone, Copy, Debug)]
+pub struct CrossSection<'a> {
+    /// Name of the lens.
+    pub name: &'a str,
+    /// The lens with fans of rays.
+    pub layout: &'a Layout,
+    /// Fields of the fans, degrees; they are named beside the scale.
+    pub fields_deg: &'a [f64],
     /// Half the height of the image plane, mm.
     pub half_diagonal_mm: f64,
-    /// Another lens whose outlines are dashed in behind this one, first vertex on first vertex.
-    pub ghost: Option<Lens>,
-    /// What the drawing must at least hold: equal extents make drawings of equal size.
-    pub extent: Extent,
+    /// Another lens whose outlines are dashed in, first vertex on first vertex.
+    pub ghost: Option<&'a Layout>,
 }
 
-/// What the drawing of a lens with these options needs to hold.
-pub fn layout_extent(lens: &Lens, options: &LayoutOptions) -> Extent {
-    extent_of(&section(lens, options)).union(options.extent)
-}
-
-/// The section of a lens with the fields and the sensor of the options.
-fn section(lens: &Lens, options: &LayoutOptions) -> Layout {
-    let fields_deg = options.fields_rad.iter().map(|f| f.to_degrees()).collect();
-    let lens = Lens { fields_deg, ..lens.clone() };
-    let rays = AnalysisOptions { layout_rays: options.rays, ..AnalysisOptions::default() };
-    let found = layout(&lens, &rays);
-    let [low, high] = found.image;
-    let half = 0.5 * (high[0] - low[0]).hypot(high[1] - low[1]);
-    let grow = options.half_diagonal_mm / half;
-    if !(grow > 0.0 && grow.is_finite()) {
-        return found;
+impl CrossSection<'_> {
+    /// What the drawing needs to hold.
+    pub fn extent(&self) -> Extent {
+        extent_of(&self.with_image_plane())
     }
-    let end = |side: f64| [0, 1].map(|k| 0.5 * (low[k] + high[k]) + 0.5 * side * grow * (high[k] - low[k]));
-    Layout { image: [end(-1.0), end(1.0)], ..found }
-}
 
-/// The cross-section of a lens as a stand-alone SVG picture.
-///
-/// Elements are filled by dispersion and marked V1, V2, ... with their glass; the smaller of an
-/// element's two surfaces ends in a flat at the outer diameter, as its maker would grind it. Rays are
-/// those of the reference wavelength, aimed at the stop. The lens is one that
-/// [`validate`](petzval_optics::lens::validate) accepts.
-pub fn layout_svg(lens: &Lens, options: &LayoutOptions) -> String {
-    let section = section(lens, options);
-    let ghost = options.ghost.as_ref().map(|ghost| layout(ghost, &AnalysisOptions::default()));
-    let fields_deg: Vec<f64> = options.fields_rad.iter().map(|f| f.to_degrees()).collect();
-    let drawing = Drawing { layout: &section, ghost: ghost.as_ref(), key: &fields_deg };
-    let extent = extent_of(&section).union(options.extent);
-    let view = View { extent, px_per_mm: options.px_per_mm };
-    let (width, height) = (view.width(), drawing.height(&view));
-    let alt = format!(
-        "Cross-section of {}: {} elements, total track {} mm",
-        lens.name,
-        section.elements.len(),
-        number::fixed(lens.total_track_mm(), 2)
-    );
-    html! {
-        svg xmlns="http://www.w3.org/2000/svg" class="layout" role="img" aria-label=(plain(&alt))
-            viewBox=(format!("0 0 {} {}", px(width), px(height))) width=(px(width))
-            data-px-per-mm=(options.px_per_mm) font-family="system-ui, sans-serif" font-size="13"
-            fill="none" stroke-linejoin="round" stroke-linecap="butt" {
-            (drawing.draw(&view))
+    /// The drawing as a stand-alone SVG picture, so many px per mm, that holds at least an extent: equal extents make pictures of
+    /// equal size.
+    ///
+    /// Elements are filled by dispersion and marked V1, V2, ... with their glass.
+    pub fn svg(&self, px_per_mm: f64, extent: Extent) -> String {
+        let layout = self.with_image_plane();
+        let drawing = Drawing { layout: &layout, ghost: self.ghost, key: self.fields_deg };
+        let view = View { extent: extent_of(&layout).union(extent), px_per_mm };
+        let (width, height) = (view.width(), drawing.height(&view));
+        let mut alt = format!("Cross-section of {}: {} elements", self.name, layout.elements.len());
+        if let Some(track_mm) = drawing.track() {
+            alt += &format!(", total track {} mm", number::fixed(track_mm, 2));
         }
+        html! {
+            svg xmlns="http://www.w3.org/2000/svg" class="layout" role="img" aria-label=(plain(&alt))
+                viewBox=(format!("0 0 {} {}", px(width), px(height))) width=(px(width))
+                data-px-per-mm=(px_per_mm) font-family="system-ui, sans-serif" font-size="13"
+                fill="none" stroke-linejoin="round" stroke-linecap="butt" {
+                (drawing.draw(&view))
+            }
+        }
+        .into_string()
     }
-    .into_string()
+
+    /// The layout with an image plane as large as the sensor.
+    fn with_image_plane(&self) -> Layout {
+        let [low, high] = self.layout.image;
+        let half = 0.5 * (high[0] - low[0]).hypot(high[1] - low[1]);
+        let grow = self.half_diagonal_mm / half;
+        if !(grow > 0.0 && grow.is_finite()) {
+            return self.layout.clone();
+        }
+        let end =
+            |side: f64| [0, 1].map(|k| 0.5 * (low[k] + high[k]) + 0.5 * side * grow * (high[k] - low[k]));
+        Layout { image: [end(-1.0), end(1.0)], ..self.layout.clone() }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample::{cemented_doublet, triplet};
-    use super::*;
+    use petzval_optics::lens::Lens;
 
-    fn options() -> LayoutOptions {
-        LayoutOptions {
-            px_per_mm: 16.0,
-            fields_rad: [0.0_f64, 7.5, 15.0].map(f64::to_radians).to_vec(),
-            rays: 9,
-            half_diagonal_mm: 8.0,
-            ghost: None,
-            extent: Extent::default(),
-        }
+    use super::*;
+    use crate::sample::{cemented_doublet, layout_of, triplet};
+
+    const FIELDS_DEG: [f64; 3] = [0.0, 7.5, 15.0];
+    const PX_PER_MM: f64 = 16.0;
+
+    fn section<'a>(name: &'a str, layout: &'a Layout) -> CrossSection<'a> {
+        CrossSection { name, layout, fields_deg: &FIELDS_DEG, half_diagonal_mm: 8.0, ghost: None }
+    }
+
+    fn drawn(lens: &Lens) -> String {
+        section(&lens.name, &layout_of(lens, &FIELDS_DEG, 9)).svg(PX_PER_MM, Extent::default())
     }
 
     /// The numbers in the first path that follows `class`.
@@ -111,19 +102,19 @@ mod tests {
 
     #[test]
     fn every_element_ray_and_bar_is_there() {
-        let svg = layout_svg(&triplet(), &options());
+        let svg = drawn(&triplet());
         assert_eq!(svg.matches("class=\"element\"").count(), 3);
         for name in ["V1", "V2", "V3", "PMMA", "N-SF11", "stop", "total track"] {
             assert!(svg.contains(name), "{name}");
         }
         // Each fan is drawn behind the glass and before it.
         assert_eq!(svg.matches("class=\"fan\"").count(), 6);
-        assert_eq!(layout_svg(&cemented_doublet(), &options()).matches("class=\"element\"").count(), 2);
+        assert_eq!(drawn(&cemented_doublet()).matches("class=\"element\"").count(), 2);
     }
 
     #[test]
     fn both_axes_have_the_scale_of_the_bar() {
-        let svg = layout_svg(&triplet(), &options());
+        let svg = drawn(&triplet());
         assert!(svg.contains("data-mm=\"10\""));
         let bar = numbers_after(&svg, "scale-bar");
         assert!((bar[5] - bar[0] - 10.0 * 16.0).abs() < 0.02, "{bar:?}");
@@ -138,16 +129,25 @@ mod tests {
     fn a_name_cannot_break_the_picture() {
         let mut lens = triplet();
         lens.name = "\"><script>".into();
-        let svg = layout_svg(&lens, &options());
+        let svg = drawn(&lens);
         assert!(!svg.contains("<script"));
     }
 
     #[test]
     fn equal_extents_make_pictures_of_equal_size() {
-        let (a, b) = (triplet(), cemented_doublet());
-        let mut options = options();
-        options.extent = layout_extent(&a, &options).union(layout_extent(&b, &options));
-        let view_box = |svg: &str| svg.split("viewBox").nth(1).unwrap()[..30].to_string();
-        assert_eq!(view_box(&layout_svg(&a, &options)), view_box(&layout_svg(&b, &options)));
+        let layouts = [triplet(), cemented_doublet()].map(|lens| layout_of(&lens, &FIELDS_DEG, 9));
+        let extent = layouts.iter().map(|l| section("a", l).extent()).fold(Extent::default(), Extent::union);
+        let view_box = |layout: &Layout| {
+            let svg = section("a", layout).svg(PX_PER_MM, extent);
+            svg.split("viewBox").nth(1).unwrap()[..30].to_string()
+        };
+        assert_eq!(view_box(&layouts[0]), view_box(&layouts[1]));
+    }
+
+    #[test]
+    fn the_image_plane_is_as_high_as_the_sensor() {
+        let layout = layout_of(&triplet(), &FIELDS_DEG, 9);
+        let [low, high] = section("a", &layout).with_image_plane().image;
+        assert!((high[1] - low[1] - 16.0).abs() < 1e-9 && (high[1] + low[1]).abs() < 1e-9);
     }
 }

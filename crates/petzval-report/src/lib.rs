@@ -10,19 +10,19 @@
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
-//! | [`chart`] | curves and bars |
+//! | [`plot`] | curves and bars over axes |
 
-pub mod chart;
 pub mod design_report;
-mod field_curve;
 pub mod layout;
 pub mod lens_sheet;
 mod number;
 mod page;
 mod palette;
-mod plot;
+pub mod plot;
+mod png;
 pub mod psf_calibration_sheet;
 pub mod psf_sheet;
 #[cfg(test)]
 mod sample;
 pub mod sensor_sheet;
+mod table;

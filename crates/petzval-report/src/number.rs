@@ -53,6 +53,11 @@ pub(crate) fn significant(value: f64) -> String {
     format!("{}·10{}", fixed(value / 10_f64.powi(exponent), 4), superscript(exponent))
 }
 
+/// A value over a power of ten, with as few digits as it needs: `1.5·10⁻⁵`.
+pub(crate) fn power_of_ten(value: f64, power: i32) -> String {
+    format!("{}·10{}", short(value / 10_f64.powi(power), 6), superscript(power))
+}
+
 /// A whole number in superscript characters.
 pub(crate) fn superscript(value: i32) -> String {
     value

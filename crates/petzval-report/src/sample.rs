@@ -4,16 +4,19 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use image::{ImageFormat, Rgb, RgbImage};
+use petzval_optics::analysis::{AnalysisOptions, Layout, first_order_table, layout};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{ASPHERE_TERMS, Lens, ObjectDistance, Surface, SurfaceShape};
 use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 
 use crate::design_report::{
-    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
+    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, SurfaceView,
+    TableRow,
 };
 
 const CAMERAS: [&str; 3] = ["nominal", "spot-optimised", "end-to-end"];
+const LAYOUT_FIELDS_DEG: [f64; 3] = [0.0, 7.5, 15.0];
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
 fn glass(name: &str, b: [f64; 3], c_um2: [f64; 3]) -> Arc<Glass> {
@@ -117,6 +120,37 @@ pub(crate) fn picture_png(width: u32, height: u32, softness: u32) -> Vec<u8> {
     png.into_inner()
 }
 
+/// The layout of a lens with so many rays of each field.
+pub(crate) fn layout_of(lens: &Lens, fields_deg: &[f64], rays: usize) -> Layout {
+    let lens = Lens { fields_deg: fields_deg.to_vec(), ..lens.clone() };
+    layout(&lens, &AnalysisOptions { layout_rays: rays, ..AnalysisOptions::default() })
+}
+
+/// A prescription of two surfaces, an aspheric one and the stop.
+pub(crate) fn surfaces() -> Vec<SurfaceView> {
+    let front = SurfaceView {
+        radius_mm: 11.34,
+        thickness_mm: 4.014,
+        glass: "N-SF11".into(),
+        semi_diameter_mm: 7.733,
+        conic: 0.0,
+        asphere: vec![(4, -4.06e-5), (6, 1.3e-7)],
+        more: vec!["mirror = true".into()],
+        is_stop: false,
+    };
+    let stop = SurfaceView {
+        radius_mm: f64::INFINITY,
+        thickness_mm: 0.848,
+        glass: String::new(),
+        semi_diameter_mm: 2.7298,
+        conic: -1.0,
+        asphere: Vec::new(),
+        more: Vec::new(),
+        is_stop: true,
+    };
+    vec![front, stop]
+}
+
 fn camera(i: usize) -> CameraView {
     let (options, quadrature) =
         (PsfOptions { grid: 64, pitch_um: 2.0, ..PsfOptions::default() }, Quadrature::grid(16).unwrap());
@@ -124,7 +158,9 @@ fn camera(i: usize) -> CameraView {
     let fields = [0.0_f64, 4.0, 8.0, 12.0, 15.0].map(f64::to_radians);
     let psfs = fields
         .iter()
-        .filter_map(|f| PsfView::new(&psf(&lens, *f, &WAVELENGTHS_UM, &quadrature, &options)?, &options))
+        .filter_map(|f| {
+            PsfView::new(&psf(&lens, *f, &WAVELENGTHS_UM, &quadrature, &options)?, &options, 8.25)
+        })
         .collect();
     let change = Change {
         parameter: "image distance".into(),
@@ -134,7 +170,20 @@ fn camera(i: usize) -> CameraView {
         min: 24.4,
         max: 24.6,
     };
-    CameraView { name: CAMERAS[i].into(), lens, psfs, changes: if i > 0 { vec![change] } else { Vec::new() } }
+    let over_field = [0.0, 7.5, 15.0].map(|field_deg| FieldPoint {
+        field_deg,
+        rms_um: 4.0 + field_deg,
+        illumination: 1.0 - 0.02 * field_deg,
+    });
+    CameraView {
+        name: CAMERAS[i].into(),
+        first_order: first_order_table(&lens),
+        surfaces: surfaces(),
+        layout: layout_of(&lens, &LAYOUT_FIELDS_DEG, 9),
+        over_field: over_field.into(),
+        psfs,
+        changes: if i > 0 { vec![change] } else { Vec::new() },
+    }
 }
 
 /// A whole report.
@@ -165,7 +214,8 @@ pub(crate) fn report() -> Report {
         command_line: "petzval design".into(),
         table: rows(),
         cameras: (0..3).map(camera).collect(),
-        fields_rad: [0.0_f64, 7.5, 15.0].map(f64::to_radians).to_vec(),
+        layout_fields_deg: LAYOUT_FIELDS_DEG.to_vec(),
+        reference_um: 0.5876,
         wavelengths_um: WAVELENGTHS_UM.to_vec(),
         half_diagonal_mm: 6.1,
         pictures: vec![picture("centre"), picture("corner, 14.2°")],

@@ -5,10 +5,12 @@
 use std::path::Path;
 
 use petzval::built_in_assets;
-use petzval::optics::analysis::{Analysis, AnalysisOptions, FieldMtf, MtfCurve, analyze, first_order_table};
+use petzval::optics::analysis::{
+    Analysis, AnalysisOptions, FieldMtf, Layout, MtfCurve, analyze, first_order_table, layout,
+};
 use petzval::optics::lens::Lens;
 use petzval::optics::solve::with_paraxial_focus;
-use petzval::report::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
+use petzval::report::layout::{CrossSection, Extent};
 use petzval::report::lens_sheet::{PictureKind, picture, spots_in_boxes};
 
 /// Half a cycle on two pixels of 5.86 um, cycles/mm.
@@ -77,19 +79,19 @@ fn main() -> Result<(), Failure> {
 
 /// All layouts on one scale, figure 26.
 fn layouts(lenses: &[Lens], out: &Path) -> Result<(), Failure> {
-    let options = |lens: &Lens, is_large: bool| LayoutOptions {
-        px_per_mm: 1.0,
-        fields_rad: lens.fields_deg.iter().map(|f| f.to_radians()).collect(),
-        rays: 5,
-        half_diagonal_mm: HALF_DIAGONAL_MM[usize::from(is_large)],
+    let fan = AnalysisOptions { layout_rays: 5, ..AnalysisOptions::default() };
+    let sections: Vec<Layout> = lenses.iter().map(|lens| layout(lens, &fan)).collect();
+    let drawing = |i: usize| CrossSection {
+        name: &lenses[i].name,
+        layout: &sections[i],
+        fields_deg: &lenses[i].fields_deg,
+        half_diagonal_mm: HALF_DIAGONAL_MM[usize::from(TRIPLETS[i].is_large)],
         ghost: None,
-        extent: Extent::default(),
     };
-    let all = || TRIPLETS.iter().zip(lenses).map(|(t, lens)| (t.name, lens, options(lens, t.is_large)));
-    let extent = all().map(|(_, lens, o)| layout_extent(lens, &o)).fold(Extent::default(), Extent::union);
+    let extent = (0..lenses.len()).map(|i| drawing(i).extent()).fold(Extent::default(), Extent::union);
     let px_per_mm = LAYOUT_PX / (extent.z_max_mm - extent.z_min_mm);
-    for (name, lens, options) in all() {
-        let svg = layout_svg(lens, &LayoutOptions { px_per_mm, extent, ..options });
+    for (i, triplet) in TRIPLETS.iter().enumerate() {
+        let (name, svg) = (triplet.name, drawing(i).svg(px_per_mm, extent));
         let white = svg.replacen('>', "><rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>", 1);
         std::fs::write(out.join(format!("layout-{name}.svg")), white)?;
     }

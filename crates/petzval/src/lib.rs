@@ -8,6 +8,7 @@ pub use petzval_base as base;
 pub use petzval_camera as camera;
 pub use petzval_design as design;
 pub use petzval_files as files;
+pub use petzval_jobs as jobs;
 pub use petzval_lab as lab;
 pub use petzval_learn as learn;
 pub use petzval_optics as optics;
@@ -15,4 +16,4 @@ pub use petzval_report as report;
 
 mod embedded;
 
-pub use embedded::{built_in_assets, choose_glasses, told};
+pub use embedded::{built_in_assets, choose_glasses};

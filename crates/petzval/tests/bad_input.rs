@@ -313,13 +313,21 @@ fn a_damaged_experiment_of_a_run() {
     refuses(folder.path(), "config.toml", |text| Some(text[..text.len() / 2].to_vec()));
     refuses(folder.path(), "config.toml", edit("batch = 1", "batch = 0"));
     refuses(folder.path(), "config.toml", |_| None);
+    // A key that is missing would be its default, and the run would go on as another.
+    refuses(folder.path(), "config.toml", edit("batch = 1\n", ""));
+    refuses(folder.path(), "config.toml", |_| Some(Vec::new()));
 }
 
 #[test]
 fn a_damaged_checkpoint_of_a_run() {
     let folder = tempfile::tempdir().unwrap();
     interrupted(folder.path());
-    for file in ["position.json", "network.bin", "optimizer.bin"] {
+    for file in [
+        "position.json",
+        "blocks/network/weights.bin",
+        "blocks/network/optimizer.bin",
+        "blocks/optics/coordinates.json",
+    ] {
         let file = format!("{CHECKPOINT}/{file}");
         refuses(folder.path(), &file, |_| Some(b"{{{".to_vec()));
         refuses(folder.path(), &file, |_| Some(Vec::new()));
@@ -341,11 +349,13 @@ fn an_impossible_position_of_a_run() {
             Some(position.to_string().into_bytes())
         }
     };
-    refuses(folder.path(), &file, edit(|p| p["camera"] = 99.into()));
-    refuses(folder.path(), &file, edit(|p| p["network_steps"] = 99.into()));
+    refuses(folder.path(), &file, edit(|p| p["variant"] = "nobody".into()));
+    refuses(folder.path(), &file, edit(|p| p["stage"] = 99.into()));
+    refuses(folder.path(), &file, edit(|p| p["taken"]["network"] = 99.into()));
     refuses(folder.path(), &file, edit(|p| p["step"] = 3.into()));
-    refuses(folder.path(), &file, edit(|p| p["moving"]["x"] = serde_json::json!([0.0])));
-    refuses(folder.path(), &file, edit(|p| p["moving"]["adam"]["first"] = serde_json::json!([0.0])));
+    let file = format!("{CHECKPOINT}/blocks/optics/coordinates.json");
+    refuses(folder.path(), &file, edit(|p| p["x"] = serde_json::json!([0.0])));
+    refuses(folder.path(), &file, edit(|p| p["adam"]["first"] = serde_json::json!([0.0])));
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn a_run_leaves_everything_that_was_promised() {
     assert_eq!(checkpoints[1], format!("step-{ALL_STEPS:06}"));
     for camera in CAMERAS {
         let kept = names(&run.join("cameras").join(camera));
-        for file in ["lens.toml", "metrics.json", "network.bin"] {
+        for file in ["lens.toml", "metrics.json", "blocks"] {
             assert!(kept.iter().any(|k| k == file), "no {file} of {camera}: {kept:?}");
         }
     }

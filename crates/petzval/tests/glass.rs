@@ -100,7 +100,7 @@ fn show_says_what_the_data_sheet_says() {
         folder.path(),
         &["glass", "show", "SILICA", "--temperature", "30"],
         2,
-        &["nobody says how SILICA changes"],
+        &["does not say how SILICA changes"],
     );
     run_fails(folder.path(), &["glass", "show", "N-BK7", "--temperature", "1e9"], 2, &["--temperature"]);
 }

@@ -151,10 +151,10 @@ fn a_ray_asked_for_wrongly_is_refused() {
         ("5", "nan", "0,0", ["--wavelength", "0.2"]),
         ("5", "0", "0,0", ["--wavelength 0", "between 0.2 and 20 um"]),
         ("95", "0.55", "0,0", ["--field 95", "89"]),
-        ("5", "0.55", "0", ["--pupil needs two numbers", "0,0.7"]),
-        ("5", "0.55", "0,0,0", ["--pupil needs two numbers", "0,0.7"]),
+        ("5", "0.55", "0", ["--pupil 0: needs two numbers", "0,0.7"]),
+        ("5", "0.55", "0,0,0", ["--pupil 0,0,0: needs two numbers", "0,0.7"]),
         ("5", "0.55", "a,b", ["invalid value", "--pupil"]),
-        ("5", "0.55", "nan,0", ["--pupil", "not two finite numbers"]),
+        ("5", "0.55", "nan,0", ["--pupil NaN,0: not two finite numbers", "0,0.7"]),
     ] {
         let ray = ["lens", "trace", LENS, "--field", field, "--wavelength", wavelength, "--pupil", pupil];
         run_fails(folder.path(), &ray, 2, &needles);

@@ -64,27 +64,45 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
 fn a_search_beats_the_nominal_lens_and_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let asked =
-        ["lens", "optimize", LENS, "--global", "--wavelengths", "0.5876", "--efl", "25", "--seconds", "1"];
+        ["lens", "optimize", LENS, "--global", "--wavelengths", "0.5876", "--efl", "25", "--rounds", "4"];
     run_ok(folder.path(), &[&asked[..], &["--out", "run", "--edge", "1"]].concat());
     let run = folder.path().join("run");
     let first = steps(&run).last().unwrap()["mean_rms_um"].as_f64().unwrap();
     // 3.8 um is what ten seconds of a generic optimiser reached; the nominal lens has 9.0.
     assert!(first < 3.8, "{first}");
     let state = read_json(&run.join("search.json"));
-    let done = run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--seconds", "0.3"]);
+    let done = run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--rounds", "1"]);
     assert!(done.stdout.contains("run/best.toml"));
     let later = read_json(&run.join("search.json"));
-    assert!(later["round"].as_u64().unwrap() > state["round"].as_u64().unwrap());
+    assert_eq!((state["round"].as_u64(), later["round"].as_u64()), (Some(4), Some(5)));
     let last = steps(&run).last().unwrap()["mean_rms_um"].as_f64().unwrap();
     assert!(last <= first, "{first} {last}");
     let merits: Vec<f64> = steps(&run).iter().map(|s| s["merit_um"].as_f64().unwrap()).collect();
     assert!(merits.windows(2).all(|w| w[1] < w[0]), "{merits:?}");
 
     // Back to the first lens that it found, and on from there.
-    let back = ["lens", "optimize", "--resume", "run", "--rewind", "0", "--seconds", "0.2"];
+    let back = ["lens", "optimize", "--resume", "run", "--rewind", "0", "--rounds", "1"];
     run_ok(folder.path(), &back);
     assert_eq!(steps(&run)[0]["merit_um"].as_f64().unwrap(), merits[0]);
     run_ok(folder.path(), &["lens", "show", "run/best.toml"]);
+}
+
+#[test]
+fn a_search_stopped_by_its_seconds_goes_on_as_if_it_had_not_been() {
+    let folder = tempfile::tempdir().unwrap();
+    let search = ["lens", "optimize", LENS, "--global", "--wavelengths", "0.5876", "--json"];
+    let whole = run_ok(folder.path(), &[&search[..], &["--rounds", "2", "--out", "whole"]].concat()).json();
+    // The first round is longer than a microsecond.
+    let parts = [&search[..], &["--rounds", "2", "--seconds", "1e-6", "--out", "parts"]].concat();
+    run_ok(folder.path(), &parts);
+    let rounds = || read_json(&folder.path().join("parts/search.json"))["round"].as_u64();
+    assert_eq!(rounds(), Some(1));
+    let again = ["lens", "optimize", "--resume", "parts", "--rounds", "1", "--json"];
+    let continued = run_ok(folder.path(), &again).json();
+    assert_eq!(rounds(), Some(2));
+    assert_eq!(continued["best"], whole["best"]);
+    let lens = |run: &str| read(&folder.path().join(run).join("best.toml"));
+    assert_eq!(lens("whole"), lens("parts"));
 }
 
 #[test]
@@ -106,8 +124,8 @@ fn what_is_asked_counts_more_than_the_spots_of_the_start() {
         "optimize",
         "cooke-triplet-spot-monochromatic",
         "--global",
-        "--seconds",
-        "0.1",
+        "--rounds",
+        "1",
         "--out",
         "good",
         "--json",
@@ -128,7 +146,10 @@ fn bad_requests_say_what_is_wrong_and_leave_nothing() {
     optimize(&["--efl", "long"], &["--efl long", "`free`"]);
     optimize(&["--bfl", "25,24"], &["--bfl", "24,25"]);
     optimize(&["--wavelengths", "550"], &["--wavelengths", "0.55"]);
-    optimize(&["--edge=-1"], &["--edge: out of range"]);
+    optimize(&["--edge=-1"], &["--edge -1: out of range"]);
+    optimize(&["--global", "--rounds", "0"], &["--rounds 0: out of range"]);
+    optimize(&["--global", "--seconds", "-1"], &["--seconds -1: out of range"]);
+    optimize(&["--trade"], &["--trade: compares searches", "--global"]);
     optimize(&["--fields", "0,80"], &["rays through the stop"]);
     optimize(&["--glass", "3"], &["--glass", "--global"]);
     optimize(&["--global", "--glass", "2"], &["no glass behind surface `2`"]);
@@ -143,7 +164,12 @@ fn bad_requests_say_what_is_wrong_and_leave_nothing() {
         2,
         &["holds an optimisation already"],
     );
-    run_fails(folder.path(), &["lens", "optimize", "--resume", "run", "--efl", "20"], 2, &["what was asked"]);
+    run_fails(
+        folder.path(),
+        &["lens", "optimize", "--resume", "run", "--efl", "20"],
+        2,
+        &["--resume continues with the goal"],
+    );
     run_fails(folder.path(), &["lens", "optimize", "--resume", "run", "--trade"], 2, &["--global"]);
     let late = ["lens", "optimize", "--resume", "run", "--rewind", "99"];
     run_fails(folder.path(), &late, 2, &["--rewind 99", "the last is"]);

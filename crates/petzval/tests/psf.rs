@@ -80,7 +80,7 @@ fn psfs_asked_for_wrongly_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     for (option, value, needles) in [
         ("--wavelengths", "550,500,450", ["--wavelengths", "550 nm is 0.55"]),
-        ("--wavelengths", "0.6,0.5", ["--wavelengths needs three numbers", "0.62,0.55,0.486"]),
+        ("--wavelengths", "0.6,0.5", ["--wavelengths: needs three numbers", "0.62,0.55,0.486"]),
         ("--fields", "1", ["--fields: out of range", "2 to 201"]),
         ("--grid", "8", ["--grid: out of range", "16 to 1024"]),
         ("--pitch-um", "0", ["--pitch-um: out of range", "um"]),

@@ -93,16 +93,19 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
         (&["show", "typo.raw"], ["typo.raw.toml:2:1: `wdth = 6`", "did you mean `width`?"]),
         (
             &["convert", "frame.tiff", "a.jpg"],
-            ["a.jpg: the name does not say", ".tiff, .png, .npy, .raw or .exr"],
+            ["a.jpg: the name does not end with a format", ".tiff, .png, .npy, .raw or .exr"],
         ),
         (&["convert", "frame.tiff", "a.dng"], ["a.dng", "end it with"]),
         (
             &["convert", "frame.tiff", "a.raw", "--bits", "10"],
             ["the value 1157 at row 1, column 0", "10 bits"],
         ),
-        (&["convert", "frame.tiff", "a.raw", "--bits", "99"], ["bits is 99", "1 to 16"]),
+        (&["convert", "frame.tiff", "a.raw", "--bits", "99"], ["--bits 99: outside 1..16", "1 to 16"]),
         (&["convert", "frame.tiff", "a.raw", "--packing", "mipi"], ["has no 16 bits", "packing"]),
-        (&["convert", "frame.tiff", "a.png", "--packing", "mipi"], ["--packing is for .raw files", "leave"]),
+        (
+            &["convert", "frame.tiff", "a.png", "--packing", "mipi"],
+            ["--packing mipi: only .raw files are packed", "leave"],
+        ),
         (&["convert", "frame.tiff", "a.png", "--cfa", "RGX"], ["RGX", "RGGB"]),
         (&["convert", "frame.tiff", "none/a.png"], ["none/a.png", "No such file"]),
     ] {

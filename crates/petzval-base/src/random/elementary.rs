@@ -1,17 +1,17 @@
-//! Logarithm, exponential, sine and cosine out of plain sums, products and bit patterns.
+//! Logarithm, exponential, sine and cosine from sums, products and bit patterns.
 //!
-//! The library's own functions are calls, one number at a time, and differ from machine to machine. These have no
-//! branches, so that a loop over them becomes vector code, and no fused multiply-add, so that they give the same bits at
-//! every vector width. All are Taylor series on a reduced argument; the tests state their accuracy.
+//! The standard library's functions take one number per call, and their last bits differ between machines. The functions
+//! here have no branches, so the compiler turns a loop over them into vector code. They use no fused multiply-add, so they
+//! give the same bits at every vector width. All are Taylor series on a reduced argument; the tests state their accuracy.
 
 const MANTISSA: u64 = (1 << 52) - 1;
 /// Bits of the double sqrt(1/2), rounded down.
 const SQRT_HALF: u64 = 0x3FE6_A09E_667F_3BCC;
 const ONE: u64 = 1023 << 52;
-/// ln 2 in two parts; the first ends in zeros, so that its product with a whole number below 2^20 is exact.
+/// ln 2 in two parts. The first ends in zero bits, so its product with a whole number below 2^20 is exact.
 const LN_2: [f64; 2] = [f64::from_bits(0x3FE6_2E42_FEE0_0000), 1.908_214_929_270_587_7e-10];
 
-/// The double in (0, 1) of 52 random bits: the middles of 2^52 equal cells, so never 0 nor 1.
+/// The double in (0, 1) of the upper 52 bits: the middle of one of 2^52 equal cells, so never 0 or 1.
 #[inline(always)]
 pub(super) fn unit(bits: u64) -> f64 {
     f64::from_bits(bits >> 12 | ONE) - (1.0 - f64::EPSILON / 2.0)
@@ -34,7 +34,7 @@ pub(super) fn atanh_tail(w: f64) -> f64 {
 pub(super) fn ln(x: f64) -> f64 {
     let above = x.to_bits().wrapping_sub(SQRT_HALF);
     let m = f64::from_bits((above & MANTISSA) + SQRT_HALF);
-    // The exponent, biased so that it is positive, becomes a double by standing in the mantissa of 2^52.
+    // Convert the exponent to a double: biased to be positive, it is written into the mantissa of 2^52.
     let biased = above.wrapping_add(ONE) >> 52;
     let e = f64::from_bits(biased | (1075 << 52)) - ((1u64 << 52) as f64 + 1023.0);
     let s = (m - 1.0) / (m + 1.0);
@@ -45,7 +45,7 @@ pub(super) fn ln(x: f64) -> f64 {
 
 /// Exponential of a number in -700..700, to 2 units in the last place.
 ///
-/// `exp(x) = 2^n exp(r)` with the whole number `n` next to `x / ln 2` and `|r| <= ln(2) / 2`.
+/// `exp(x) = 2^n exp(r)` with the whole number `n` nearest to `x / ln 2` and `|r| <= ln(2) / 2`.
 #[inline(always)]
 pub(super) fn exp(x: f64) -> f64 {
     let (n, bits) = nearest(x * std::f64::consts::LOG2_E);
@@ -62,7 +62,7 @@ pub(super) fn exp(x: f64) -> f64 {
 
 /// Sine and cosine of `turns` (0..1) full turns, to 2e-16.
 ///
-/// The whole number of quarter turns next to it chooses among sine, cosine and their signs; the rest is at most an eighth of a turn.
+/// The nearest whole number of quarter turns selects sine or cosine and the sign. The remainder is at most an eighth of a turn.
 #[inline(always)]
 pub(super) fn sin_cos_turns(turns: f64) -> (f64, f64) {
     let (quarter, bits) = nearest(4.0 * turns);
@@ -83,7 +83,7 @@ pub(super) fn sin_cos_turns(turns: f64) -> (f64, f64) {
     (sign(s, bits), sign(c, bits.wrapping_add(1)))
 }
 
-/// The whole number next to `x` (|x| < 2^51), and its low bits as two's complement.
+/// The whole number nearest to `x` (|x| < 2^51), and its low bits as two's complement.
 #[inline(always)]
 fn nearest(x: f64) -> (f64, u64) {
     const SHIFT: f64 = 1.5 * (1u64 << 52) as f64;
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn they_agree_with_the_library() {
+    fn functions_agree_with_the_standard_library() {
         let ulp = |x: f64| f64::EPSILON * x.abs();
         for i in 1..200_000u64 {
             let u = unit(i.wrapping_mul(0x9E37_79B9_7F4A_7C15));

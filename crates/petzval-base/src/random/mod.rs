@@ -1,9 +1,9 @@
-//! Counter-based random numbers of a frame: same seed, frame, stage and pixel, same number.
+//! Counter-based random numbers of a frame: the same seed, frame, stage and pixel give the same number.
 //!
-//! A [`Stream`] is what one noise source draws from. It has no state: the number of a sensor pixel is a function of the
-//! seed (the key of the generator), the frame, the stage and the pixel's place on the sensor (its counter), so crops,
-//! threads and vector widths cannot change it. Functions of one pixel here are the readable reference; the `_row`
-//! functions are loops over them that compile to vector code.
+//! A noise source draws from a [`Stream`], which has no state. The number of a sensor pixel is a function of the seed (the
+//! key of the generator) and of the frame, the stage and the pixel's place on the sensor (the counter). Crops, threads and
+//! vector widths therefore cannot change it. The functions of one pixel are the readable reference; the `_row` functions
+//! are loops over them that compile to vector code.
 
 mod elementary;
 mod philox;
@@ -13,11 +13,11 @@ use elementary::{ln, sin_cos_turns, unit};
 use philox::philox4x32;
 pub use poisson::{PoissonScratch, poisson, poisson_row};
 
-/// Which noise source a stream serves.
+/// The noise source that a stream serves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Stage {
-    /// Counting of electrons.
+    /// Shot noise: the Poisson count of electrons.
     Shot = 1,
     /// Read noise and electronics noise of a pixel.
     Read = 2,
@@ -33,7 +33,7 @@ pub enum Stage {
     FixedRow = 7,
     /// DSNU and PRNU of a column.
     FixedColumn = 8,
-    /// Whether a pixel is hot, and how hot.
+    /// Whether a pixel is hot, and its excess dark current.
     Hot = 9,
 }
 
@@ -45,7 +45,7 @@ pub struct Stream {
     frame: [u32; 2],
 }
 
-/// Counter of a sensor pixel. Sensors have at most 65536 rows and columns, so no two pixels share one.
+/// Counter of a sensor pixel. Sensors have at most 65536 rows and columns, so each pixel has its own counter.
 #[inline(always)]
 pub fn place(row: usize, col: usize) -> u32 {
     (row as u32) << 16 | col as u32 & 0xFFFF
@@ -58,7 +58,7 @@ impl Stream {
         Self { key: halves(seed), stage, frame: halves(frame) }
     }
 
-    /// Two independent numbers, uniform in the open interval (0, 1); `attempt` (below 2^24) counts the pairs of a place.
+    /// Two independent numbers, uniform in the open interval (0, 1). `attempt` (below 2^24) selects the pair at a place.
     #[inline(always)]
     pub fn uniforms(self, place: u32, attempt: u32) -> [f64; 2] {
         let [low, high] = self.frame;
@@ -67,7 +67,7 @@ impl Stream {
     }
 
     /// Two independent standard normal numbers, by the transform of Box and Muller (1958):
-    /// `sqrt(-2 ln u) (cos, sin)(2 pi v)`. With 52-bit uniforms their tails end at 8.6.
+    /// `sqrt(-2 ln u) (cos, sin)(2 pi v)`. With 52-bit uniforms their magnitude is at most 8.6.
     #[inline(always)]
     pub fn normals(self, place: u32) -> [f64; 2] {
         let [u, v] = self.uniforms(place, 0);

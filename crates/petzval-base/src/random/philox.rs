@@ -1,20 +1,20 @@
 //! Philox4x32-10: random numbers as a function of a counter and a key.
 //!
-//! Ten rounds of multiplications mix 128 bits of counter under a 64-bit key; there is no state, so any number of any
-//! stream can be had at once, in any order and on any thread. Source: Salmon, Moraes, Dror and Shaw, "Parallel random
-//! numbers: as easy as 1, 2, 3", SC 2011, which also reports that it passes TestU01's BigCrush.
+//! Ten rounds of multiplications mix a 128-bit counter under a 64-bit key. There is no state, so any number of any stream
+//! can be computed directly, in any order and on any thread. Source: Salmon, Moraes, Dror and Shaw, "Parallel random
+//! numbers: as easy as 1, 2, 3", SC 2011, which also reports that the generator passes TestU01's BigCrush.
 
 const MULTIPLIER: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const LOW: u64 = 0xFFFF_FFFF;
 
-/// The four 32-bit words of a counter, as two 64-bit words (first word in the low half).
+/// The four random 32-bit words of a counter, as two 64-bit words (first word in the low half).
 #[inline(always)]
 pub(super) fn philox4x32(counter: [u32; 4], key: [u32; 2]) -> [u64; 2] {
     let [mut c0, mut c1, mut c2, mut c3] = counter.map(u64::from);
     let [mut k0, mut k1] = key;
     for _ in 0..10 {
-        // Only the low halves count; what is left in the high halves of c1 and c3 is cut off by the next product.
+        // Only the low halves count: the next product masks the high halves of c1 and c3.
         let (p0, p1) = (MULTIPLIER[0] * (c0 & LOW), MULTIPLIER[1] * (c2 & LOW));
         (c0, c1) = ((p1 >> 32) ^ c1 ^ k0 as u64, p1);
         (c2, c3) = ((p0 >> 32) ^ c3 ^ k1 as u64, p0);
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_published_vectors_come_out() {
+    fn output_matches_the_known_answers_of_random123() {
         // Known-answer vectors of the authors' library Random123: counter, key, result.
         let vectors: [([u32; 4], [u32; 2], [u32; 4]); 3] = [
             ([0; 4], [0; 2], [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]),

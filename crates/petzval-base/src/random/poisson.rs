@@ -1,26 +1,26 @@
 //! Exact Poisson counts.
 //!
-//! Below a rate of 10 by inversion: the count is the number of steps of the distribution function that lie below a uniform
-//! number. From 10 on by transformed rejection (algorithm PTRS of Hörmann, "The transformed rejection method for generating
-//! Poisson random variables", Insurance: Mathematics and Economics 12, 1993): a hat that follows the law closely proposes a
-//! count; most proposals are accepted by two comparisons, the others by comparing with the law itself.
+//! Rates below 10 use inversion: the count is the number of steps of the distribution function below a uniform number.
+//! Rates from 10 on use transformed rejection (algorithm PTRS of Hörmann, "The transformed rejection method for generating
+//! Poisson random variables", Insurance: Mathematics and Economics 12, 1993). A hat function close to the distribution
+//! proposes a count. Two comparisons accept most proposals; the others are compared with the probability itself.
 
 use super::Stream;
 use super::elementary::{atanh_tail, exp, ln};
 
-/// Rate from which counts are drawn by rejection.
+/// Smallest rate whose counts are drawn by rejection.
 const REJECTION_FROM: f64 = 10.0;
 
-/// Steps of the inversion; a count beyond has a probability below 1e-60 at a rate of 10.
+/// Steps of the inversion. At a rate of 10, a larger count has a probability below 1e-60.
 const STEPS: usize = 100;
 
-/// Pixels in which the choice of the method is made together.
+/// Pixels per chunk. A chunk skips the method that none of its rates needs.
 const CHUNK: usize = 64;
 
-/// Largest rate: beyond, counts are not whole numbers that a double can tell apart.
+/// Largest rate. A double does not resolve single counts far above it.
 const MAX_RATE: f64 = 1e15;
 
-/// A Poisson count of mean `rate` (0..1e15; larger ones count as 1e15) for one pixel.
+/// A Poisson count of mean `rate` for one pixel. `rate` is 0..1e15; larger values count as 1e15.
 pub fn poisson(rate: f64, shot: Stream, place: u32) -> f64 {
     let rate = rate.min(MAX_RATE);
     let [u, v] = shot.uniforms(place, 0);
@@ -36,7 +36,7 @@ pub fn poisson(rate: f64, shot: Stream, place: u32) -> f64 {
     proposal.count
 }
 
-/// Count by inversion: how many of F(0), F(1), ... lie below `u`.
+/// Count by inversion: the number of the values F(0), F(1), ... that lie below `u`.
 fn invert(rate: f64, u: f64) -> f64 {
     let mut probability = exp(-rate);
     let (mut sum, mut count) = (probability, 0.0);
@@ -57,9 +57,9 @@ struct Proposal {
     count: f64,
     /// Distance of the uniform number from the nearer end of its interval.
     edge: f64,
-    /// The uniform number that decides.
+    /// The uniform number that decides acceptance.
     v: f64,
-    /// Whether the count lies where the hat squeezes the law, and is accepted without a look at it.
+    /// Whether the squeeze accepts the count without computing its probability.
     sure: bool,
 }
 
@@ -80,14 +80,14 @@ fn propose(rate: f64, u: f64, v: f64) -> Proposal {
     Proposal { count, edge, v, sure: edge >= 0.07 && v <= squeeze }
 }
 
-/// Whether a proposal lies below the law: `v / (alpha (a / edge^2 + b)) <= rate^k exp(-rate) / k!`.
+/// Whether a proposal is accepted: `v / (alpha (a / edge^2 + b)) <= rate^k exp(-rate) / k!`.
 #[inline(always)]
 fn accept(rate: f64, proposal: &Proposal) -> bool {
     let Proposal { count, edge, v, .. } = *proposal;
     let (a, b) = hat(rate);
     let inverse_alpha = 1.1239 + 1.1328 / (b - 3.4);
     let below_hat = v * inverse_alpha / (a / (edge * edge) + b);
-    // k! by Stirling: the law is exp(-deviance - correction) / sqrt(2 pi k), and exp(-rate) at k = 0.
+    // With Stirling's k! the probability is exp(-deviance - correction) / sqrt(2 pi k), and exp(-rate) at k = 0.
     let k = count.max(1.0);
     let stirling = -deviance(k, rate) - correction(k);
     let (scale, log_law) =
@@ -109,7 +109,7 @@ fn deviance(k: f64, rate: f64) -> f64 {
     if w <= 0.029 { near } else { far }
 }
 
-/// What Stirling's formula leaves out: `ln k! - (k + 1/2) ln k + k - ln(2 pi) / 2`, for whole `k >= 1`.
+/// The error of Stirling's formula: `ln k! - (k + 1/2) ln k + k - ln(2 pi) / 2`, for whole `k >= 1`.
 #[inline(always)]
 fn correction(k: f64) -> f64 {
     const SMALL: [f64; 16] = [
@@ -133,12 +133,12 @@ fn correction(k: f64) -> f64 {
     let inverse = 1.0 / k;
     let w = inverse * inverse;
     let series = inverse * (1.0 / 12.0 - w * (1.0 / 360.0 - w * (1.0 / 1260.0 - w * (1.0 / 1680.0))));
-    // The last bits of a whole number are those of its double above 2^52.
+    // Adding 2^52 moves a whole number into the last bits of the double, which index the table.
     let small = SMALL[((k.min(15.0) + (1u64 << 52) as f64).to_bits() & 15) as usize];
     if k < 16.0 { small } else { series }
 }
 
-/// Memory that [`poisson_row`] needs, to be used again for the next row.
+/// Working memory of [`poisson_row`], reused from row to row.
 #[derive(Debug, Default)]
 pub struct PoissonScratch {
     u: Vec<f64>,
@@ -149,8 +149,8 @@ pub struct PoissonScratch {
     accepted: Vec<u64>,
 }
 
-/// [`poisson`] of consecutive pixels of a row, from `first` on: first one proposal for each pixel, then the few that are
-/// not accepted at once, together, until none is left.
+/// [`poisson`] of consecutive pixels of a row, from the counter `first` on. Each pixel gets one proposal; the few pixels
+/// without an accepted count then try again together until none is left.
 #[inline(always)]
 pub fn poisson_row(
     rates: &[f64],
@@ -166,13 +166,14 @@ pub fn poisson_row(
     scratch.open.resize(n, 0);
     scratch.accepted.resize(n, 0);
     let PoissonScratch { u, v, open, rate, count, accepted } = scratch;
+    // Draw a first proposal for every pixel.
     shot.uniforms_row(first, u, v);
     for at in (0..n).step_by(CHUNK) {
         let part = at..(at + CHUNK).min(n);
         first_proposals(&rates[part.clone()], &mut u[part.clone()], &v[part.clone()], &mut counts[part]);
     }
 
-    // The pixels whose proposal is not sure: the first comparison with the law uses the numbers they have.
+    // Gather the pixels whose proposal the squeeze did not accept, and compare each proposal with its probability.
     let mut left = 0;
     for i in 0..n {
         open[left] = i as u32;
@@ -181,7 +182,7 @@ pub fn poisson_row(
     for j in 0..left {
         let i = open[j] as usize;
         (rate[j], count[j]) = (rates[i].min(MAX_RATE), counts[i]);
-        // In place, because j <= i.
+        // In place: j <= i, so no unread value is overwritten.
         (u[j], v[j]) = (u[i], v[i]);
     }
     let judged = rate[..left].iter().zip(&count[..left]).zip(&u[..left]).zip(&v[..left]);
@@ -190,7 +191,7 @@ pub fn poisson_row(
     }
     let mut attempt = 0;
     loop {
-        // Close what is accepted, and try the others again with the next numbers of their pixel.
+        // Store the accepted counts, and try the other pixels again with their next uniform numbers.
         let mut still = 0;
         for j in 0..left {
             let i = open[j];
@@ -215,8 +216,8 @@ pub fn poisson_row(
     }
 }
 
-/// First proposals of a chunk. `u` holds uniform numbers and receives the distance from the end of their interval where
-/// the proposal is not sure, zero where the count is final.
+/// First proposals of a chunk. `u` holds uniform numbers on entry. On return it is zero where the count is final; elsewhere
+/// it is the distance of the uniform number from the nearer end of its interval.
 #[inline(always)]
 fn first_proposals(rates: &[f64], u: &mut [f64], v: &[f64], counts: &mut [f64]) {
     let n = rates.len();
@@ -241,7 +242,7 @@ fn first_proposals(rates: &[f64], u: &mut [f64], v: &[f64], counts: &mut [f64]) 
     }
 }
 
-/// [`invert`] of the small rates of a chunk, step by step for all of them together.
+/// [`invert`] of the small rates of a chunk, one step for all of them at a time.
 #[inline(always)]
 fn invert_chunk(rates: &[f64], u: &[f64], counts: &mut [f64]) {
     let n = rates.len();
@@ -249,7 +250,7 @@ fn invert_chunk(rates: &[f64], u: &[f64], counts: &mut [f64]) {
     let (rate, probability, sum) = (&mut rate[..n], &mut probability[..n], &mut sum[..n]);
     let (u, counts) = (&u[..n], &mut counts[..n]);
     for i in 0..n {
-        // Large rates are drawn elsewhere; at rate 0 they are done at once.
+        // Pixels of large rates are drawn by rejection; rate 0 ends their loop at once.
         rate[i] = if rates[i] < REJECTION_FROM { rates[i] } else { 0.0 };
         probability[i] = exp(-rate[i]);
         sum[i] = probability[i];

@@ -1,4 +1,4 @@
-//! The numbers against the laws that they claim to follow.
+//! Statistical tests of the random numbers against their distributions.
 
 use super::*;
 
@@ -57,7 +57,7 @@ fn counts_follow_the_poisson_law_at_every_rate() {
         let mut seen = vec![0.0; bins];
         for count in &counts {
             assert!(*count >= 0.0 && count.fract() == 0.0, "rate {rate}: {count}");
-            // What lies beyond the bins counts in the outermost.
+            // Counts beyond the bins fall into the outermost.
             seen[(((count - first) / step).max(0.0) as usize).min(bins - 1)] += 1.0;
         }
         let law = |k: f64| (k * rate.ln() - rate - libm::lgamma(k + 1.0)).exp();
@@ -65,7 +65,7 @@ fn counts_follow_the_poisson_law_at_every_rate() {
             let from = first + bin as f64 * step;
             counts.len() as f64 * (0..step as usize).map(|j| law(from + j as f64)).sum::<f64>()
         });
-        // Bins are joined until they expect enough.
+        // Join bins until each expects 20 counts.
         let (mut square, mut joined, mut open) = (0.0, 0, [0.0; 2]);
         let mut expected_sum = 0.0;
         for (seen, expected) in seen.iter().zip(expected) {
@@ -96,8 +96,8 @@ fn counts_follow_the_poisson_law_at_every_rate() {
 }
 
 #[test]
-fn rows_of_mixed_rates_are_the_pixels_one_by_one() {
-    // Rates of both methods side by side, none, and beyond every well.
+fn a_row_of_mixed_rates_equals_the_counts_of_single_pixels() {
+    // Rates of both methods side by side, zero, and far beyond any full well.
     let rates: Vec<f64> = (0..700)
         .map(|i| match i % 7 {
             0 => 0.0,
@@ -117,7 +117,7 @@ fn rows_of_mixed_rates_are_the_pixels_one_by_one() {
         for (i, &rate) in rates.iter().enumerate() {
             assert_eq!(counts[i], poisson(rate, shot, place(row, 17 + i)), "row {row}, rate {rate}");
         }
-        // A shorter row behind a longer one finds no trace of it.
+        // A shorter row after a longer one is not affected by leftovers in the scratch memory.
         poisson_row(&rates[..5], shot, first, &mut scratch, &mut counts[..5]);
         assert_eq!(counts[3], poisson(rates[3], shot, place(row, 20)));
         assert_eq!(counts[0], 0.0);
@@ -199,7 +199,7 @@ fn neighbours_frames_stages_and_seeds_are_independent() {
 }
 
 #[test]
-fn rare_exponentials_are_as_rare_and_as_large() {
+fn rare_exponentials_have_the_given_share_and_mean_one() {
     let hot = Stream::new(1, 0, Stage::Hot);
     let values: Vec<f64> = (0..1_000_000).map(|i| hot.rare_exponential(i, 0.02)).collect();
     let hits: Vec<f64> = values.into_iter().filter(|v| *v > 0.0).collect();

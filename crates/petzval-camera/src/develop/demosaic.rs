@@ -1,4 +1,5 @@
-//! Bilinear demosaicing: the mean of the nearest pixels that saw the colour. Arrays that are not Bayer's go to [`super::interpolation`].
+//! Bilinear demosaicing: the mean of the nearest pixels of the colour. Arrays other than Bayer's use
+//! [`super::interpolation`].
 
 use rayon::prelude::*;
 
@@ -7,13 +8,17 @@ use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
 
-/// Fills in the colours that each pixel did not see, from a mosaic whose top-left pixel is at `placement`.
+/// Interpolates the colours that each pixel did not measure. The top-left pixel of the mosaic is at `placement`.
 ///
-/// Of a Bayer array, green: the mean of the four edge neighbours; red and blue: of the two or four nearest of their colour. Borders
-/// mirror about the outermost pixel, which keeps the phase of the mosaic. At least 2x2 pixels.
+/// In a Bayer array, green is the mean of the four edge neighbours; red and blue are means of the two or four nearest
+/// pixels of their colour. Borders mirror about the outermost pixel, which keeps the phase of the mosaic. The mosaic has at
+/// least 2x2 pixels.
 ///
-/// Of any other array: linear interpolation between the nearest pixels that saw the colour, along the row, the column or both;
-/// a colour that the array does not have comes from its clear pixels. At least one tile. The border is not mirrored.
+/// Any other array uses linear interpolation between the nearest pixels of the colour, along the row, the column or both. A
+/// colour without a filter in the array comes from the clear pixels. The mosaic has at least one tile. The border is not
+/// mirrored.
+///
+/// Fails if the mosaic is smaller or has the wrong length, or if the array has neither the colour nor clear pixels.
 pub fn demosaic_bilinear(
     mosaic: &[f32],
     height: usize,
@@ -36,7 +41,7 @@ pub fn demosaic_bilinear(
     Ok(out)
 }
 
-/// Transpose of [`demosaic_bilinear`]: gradient with respect to the mosaic.
+/// Transpose of [`demosaic_bilinear`]: from the cotangent of the picture to the cotangent of the mosaic.
 pub fn demosaic_bilinear_adjoint(
     d_rgb: &LinearImage,
     cfa: CfaPattern,
@@ -55,7 +60,7 @@ pub fn demosaic_bilinear_adjoint(
     if !cfa.is_bayer() {
         return Ok(Interpolation::new(cfa, placement, height, width)?.gather(d_rgb));
     }
-    // Each colour hands its gradient to the pixels it came from; the three add up in order.
+    // Scatter each plane's cotangent to the pixels that it was interpolated from, then add the planes in fixed order.
     let planes: Vec<Vec<f32>> = (0..CHANNELS)
         .into_par_iter()
         .map(|channel| {
@@ -71,7 +76,7 @@ pub fn demosaic_bilinear_adjoint(
     Ok(red.iter().zip(green).zip(blue).map(|((r, g), b)| r + g + b).collect())
 }
 
-/// The pixels whose mean gives `channel` at `(row, col)`: how many, and their indices in the mosaic.
+/// The pixels whose mean gives `channel` at `(row, col)`: their number, and their indices in the mosaic.
 fn neighbours(
     cfa: CfaPattern,
     placement: Placement,
@@ -90,7 +95,7 @@ fn neighbours(
     let colour =
         |dr: usize, dc: usize| cfa.colour(placement.row + row + dr, placement.col + col + dc).plane();
     let channel = Some(channel);
-    // Phases repeat every two pixels, so the next row and column stand for both sides.
+    // The pattern repeats every two pixels, so the neighbours on both sides have the same colour.
     if colour(0, 0) == channel {
         (1, [at(0, 0), 0, 0, 0])
     } else if channel == Some(1) {

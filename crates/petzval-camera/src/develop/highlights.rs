@@ -1,50 +1,65 @@
-//! Highlights: where white light first saturates a colour, and the cut there that keeps saturated light neutral.
+//! Highlight clipping: finds the level at which white light first saturates a colour, and clips every colour there.
 //!
-//! White balance multiplies the colours to equal values, and with them the level at which each saturates. Above the least of these levels
-//! a white surface has lost one colour and not the others, and comes out tinted. Raw developers therefore cut every colour
-//! at the level of the one that saturates first: highlights end in neutral white.
+//! White balance scales each colour and, with it, the level at which the colour saturates. Above the lowest of these levels
+//! one colour of a white surface is clipped and the others are not, so the surface is tinted. Raw developers therefore clip
+//! every colour at the level of the colour that saturates first: highlights end in neutral white.
 
 use super::dark_mean_dn;
 use super::interpolation::sources;
-use crate::sensor::{Raw, SensorError, SensorModel};
+use crate::render::Placement;
+use crate::sensor::{Capture, Colour, Raw, SensorError, SensorModel};
 
-/// Electrons of white (`white_e`) at which the first of the colours that make a picture saturates:
-/// `capacity / max_c s_c`, with the photoelectrons that a pixel holds ([`SensorModel::light_capacity_e`]) and the answer s_c
-/// of the colours to white.
+/// Exposure (`white_e`, electrons) at which white light saturates the first colour of a picture:
+/// `capacity / max_c s_c`, with the photoelectrons that a pixel holds ([`SensorModel::light_capacity_e`]) and the response
+/// s_c of each colour to white.
 ///
-/// Zero or negative where dark current alone fills the pixels.
+/// The result is zero or negative if dark current alone fills the pixels. Fails if the array lacks a colour and has no clear
+/// pixels.
 pub fn white_capacity_e(sensor: &SensorModel, time_s: f64, linear_gain: f64) -> Result<f64, SensorError> {
     Ok(sensor.light_capacity_e(time_s, linear_gain) / strongest_answer(sensor)?)
 }
 
-/// Cuts the digital numbers of each colour where white light saturates the first colour, so that what
-/// [`develop`](super::develop) makes of them is at most `white_capacity_e / white_e`, and neutral there:
+/// Clips the digital numbers of each colour at the level where white light saturates the first colour. The picture that
+/// [`develop`](super::develop) makes of them is then at most `white_capacity_e / white_e`, and neutral at that level:
 ///
 /// ```text
 /// dn <- min(dn, dark + (W - dark) s_c / max s)
 /// ```
 ///
-/// with the dark mean, the white level W and the answer s_c to white. Numbers of pixels below that level stay as they are.
-/// Clear pixels beside all three colours take no part in a picture; they are cut at W.
+/// with the dark mean, the white level W and the response s_c to white. Smaller numbers stay as they are. Clear pixels of an
+/// array with all three colours do not enter the picture; they are clipped at W.
 pub fn clip_highlights(raw: &Raw, sensor: &SensorModel) -> Result<Raw, SensorError> {
-    sensor.validate()?;
-    let exposure = &raw.capture.exposure;
-    exposure.validate()?;
-    let (white, dark) = (sensor.white_level_dn(exposure.linear_gain.into()), dark_mean_dn(sensor, exposure));
-    let strongest = strongest_answer(sensor)?;
-    let placement = raw.capture.placement;
-    let mut dn = raw.dn.clone();
-    for (i, dn) in dn.iter_mut().enumerate() {
-        let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
-        let answer: f64 = sensor.response(colour).iter().sum();
-        let level = dark + (white - dark) * (answer / strongest).min(1.0);
-        *dn = dn.min(level as f32);
-    }
+    let levels = clip_levels_dn(sensor, &raw.capture, raw.height, raw.width)?;
+    let dn = raw.dn.iter().zip(levels).map(|(dn, level)| dn.min(level)).collect();
     Ok(Raw { height: raw.height, width: raw.width, dn, capture: raw.capture })
 }
 
-/// Share of the pixels that are saturated: at the white level or above it, to the whole number below it; where the well is full before
-/// the converter ends, to four standard deviations of the read-out below it, by which full pixels scatter.
+/// The level at which [`clip_highlights`] cuts each pixel of a frame, DN.
+pub(crate) fn clip_levels_dn(
+    sensor: &SensorModel,
+    capture: &Capture,
+    height: usize,
+    width: usize,
+) -> Result<Vec<f32>, SensorError> {
+    sensor.validate()?;
+    let exposure = &capture.exposure;
+    exposure.validate()?;
+    let (white, dark) = (sensor.white_level_dn(exposure.linear_gain.into()), dark_mean_dn(sensor, exposure));
+    let strongest = strongest_answer(sensor)?;
+    let level = |colour| {
+        let answer: f64 = sensor.response(colour).iter().sum();
+        (dark + (white - dark) * (answer / strongest).min(1.0)) as f32
+    };
+    let levels = Colour::ALL.map(level);
+    let Placement { row, col } = capture.placement;
+    let of = |i: usize| levels[sensor.cfa.colour(row + i / width, col + i % width) as usize];
+    Ok((0..height * width).map(of).collect())
+}
+
+/// Share (0..1) of the pixels that are saturated.
+///
+/// A pixel is saturated at or above the white level, rounded down. If the full well limits the white level, the read-out
+/// noise scatters full pixels about it; the limit is then four standard deviations of that noise lower.
 pub fn saturated_share(raw: &Raw, sensor: &SensorModel) -> f64 {
     let gain = f64::from(raw.capture.exposure.linear_gain);
     let level = sensor.white_level_dn(gain);
@@ -55,7 +70,7 @@ pub fn saturated_share(raw: &Raw, sensor: &SensorModel) -> f64 {
     saturated as f64 / raw.dn.len().max(1) as f64
 }
 
-/// The largest answer to white of the colours that a picture is made of.
+/// The largest response to white among the colours of a picture.
 fn strongest_answer(sensor: &SensorModel) -> Result<f64, SensorError> {
     let answers = sources(sensor.cfa)?.map(|colour| sensor.response(colour).iter().sum::<f64>());
     Ok(answers.into_iter().fold(0.0, f64::max))
@@ -66,8 +81,7 @@ mod tests {
     use super::super::develop;
     use super::*;
     use crate::image::{CHANNELS, LinearImage};
-    use crate::render::Placement;
-    use crate::sensor::{Capture, Exposure, Noise, NoiseMode, expose};
+    use crate::sensor::{Exposure, Noise, NoiseMode, expose};
 
     const TILES: [&str; 4] = ["RGGB", "RRGG/RRGG/GGBB/GGBB", "WR/GB", "mono"];
 
@@ -99,8 +113,8 @@ mod tests {
     }
 
     #[test]
-    fn gray_of_any_brightness_stays_neutral_and_ends_at_the_capacity_for_white() {
-        // The converter saturates first, or the well.
+    fn gray_of_any_brightness_stays_neutral_and_clips_at_the_capacity_for_white() {
+        // With the larger well the converter saturates first, with the smaller one the well.
         for (tile, well_e) in TILES.into_iter().flat_map(|t| [(t, 33_723.0), (t, 9000.0)]) {
             let sensor = sensor(tile, well_e);
             let level = white_capacity_e(&sensor, 0.005, 2.0).unwrap() / 16_000.0;
@@ -116,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn without_the_cut_overexposed_white_is_violet_and_its_edge_tinted() {
+    fn overexposed_white_is_tinted_without_clipping_and_neutral_with_it() {
         let sensor = sensor("RGGB", 33_723.0);
         let light: Vec<f32> = (0..CHANNELS * 16 * 16).map(|i| if i % 16 < 8 { 0.05 } else { 2.0 }).collect();
         let light = LinearImage::from_data(CHANNELS, 16, 16, light).unwrap();
@@ -131,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_below_the_level_keeps_its_bits() {
+    fn numbers_below_the_clipping_level_are_unchanged_and_full_pixels_count_as_saturated() {
         for tile in TILES {
             let sensor = sensor(tile, 33_723.0);
             let light = LinearImage::filled(CHANNELS, 40, 40, 0.5);
@@ -139,7 +153,7 @@ mod tests {
             let raw = take(&sensor, &light, white_e, NoiseMode::Exact);
             assert_eq!(clip_highlights(&raw, &sensor).unwrap(), raw, "{tile}");
             assert_eq!(saturated_share(&raw, &sensor), 0.0);
-            // Noise carries a full well to either side of the white level; the converter's end is sharp.
+            // Noise scatters full pixels to either side of the white level; the converter's maximum is sharp.
             for full_well_e in [33_723.0, 9000.0] {
                 let sensor = SensorModel { full_well_e, ..sensor.clone() };
                 let bright = take(&sensor, &light, 8.0 * white_e, NoiseMode::Exact);

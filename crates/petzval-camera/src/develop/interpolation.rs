@@ -1,16 +1,18 @@
-//! Colour filling for any colour filter array: linear interpolation between the nearest pixels of a colour.
+//! Demosaicing for any colour filter array: linear interpolation between the nearest pixels of a colour.
 //!
-//! A pixel that saw a colour keeps it. Elsewhere the colour comes from the nearest pixels that saw it, at the distances d on one
-//! side and d' on the other, with the shares `d' / (d + d')` and `d / (d + d')`: along the row and along the column, if
-//! both have that colour, weighted by the inverse of what linear interpolation of a curve misses, `1 / (d d')`. A place
-//! whose row and column both lack the colour takes it from the nearest rows that have it, interpolated along each of them
-//! and then between them, and likewise from the nearest columns; the mean of the two. So a brightness that rises
-//! evenly comes back as it was, whatever the array. For an `RG/GB` tile this is bilinear interpolation; for binned arrays,
-//! whose pixels of a colour lie at uneven distances, it is linear interpolation on that uneven grid.
+//! - A pixel keeps the colour that it measured.
+//! - Elsewhere the colour is interpolated between the nearest pixels of that colour, at the distances d on one side and d'
+//!   on the other, with the shares `d' / (d + d')` and `d / (d + d')`. If both the row and the column have the colour, both
+//!   are used, weighted by the inverse of the error of linear interpolation of a curve, `1 / (d d')`.
+//! - Where row and column both lack the colour, interpolate along each of the nearest rows that have it and then between
+//!   those rows, do the same for the nearest columns, and take the mean of the two.
 //!
-//! Beyond the border there is nothing: what is left of the shares is divided by its sum. A colour that the array does not
-//! have is taken from its clear pixels, so a monochrome sensor gives three equal planes; clear pixels beside all three
-//! colours are not used.
+//! A linear ramp of brightness is reproduced exactly by any array. For an `RG/GB` tile this is bilinear interpolation. In
+//! binned arrays, pixels of a colour lie at uneven distances; there it is linear interpolation on that uneven grid.
+//!
+//! At the border the shares of the pixels inside are divided by their sum. A colour without a filter in the array is taken
+//! from the clear pixels, so a monochrome sensor gives three equal planes. Clear pixels of an array with all three colours
+//! are not used.
 
 use std::collections::BTreeMap;
 
@@ -20,10 +22,10 @@ use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, Colour, SensorError};
 
-/// A pixel beside the one that is filled, in rows and columns, and its share.
+/// A neighbour of the interpolated pixel: its offset in rows and columns, and its share.
 type Tap = (isize, isize, f32);
 
-/// Where each plane of a picture comes from: per place in the tile the pixels that it is interpolated from.
+/// The taps of each plane of a picture: for each place in the tile, the pixels that it is interpolated from.
 pub(super) struct Interpolation {
     tile: (usize, usize),
     origin: Placement,
@@ -31,7 +33,7 @@ pub(super) struct Interpolation {
     taps: Vec<Vec<Tap>>,
 }
 
-/// The colours of pixels that make red, green and blue: the colour itself, or clear where the array does not have it.
+/// The filters that give red, green and blue: the colour itself, or clear if the array does not have the colour.
 pub(super) fn sources(cfa: CfaPattern) -> Result<[Colour; CHANNELS], SensorError> {
     let seen = cfa.colours();
     let mut sources = [Colour::Red, Colour::Green, Colour::Blue];
@@ -60,7 +62,7 @@ impl Interpolation {
         Ok(Self { tile: (rows, cols), origin, taps })
     }
 
-    /// Hands each pixel of the mosaic that `(channel, row, col)` is made of, with its share, to `take`.
+    /// Calls `take` with the index and the share of each mosaic pixel that contributes to `(channel, row, col)`.
     fn each(
         &self,
         channel: usize,
@@ -107,7 +109,7 @@ impl Interpolation {
     }
 }
 
-/// The pixels of colour `source` that make up the pixel at `(row, col)` of the tile, which has at least one of them.
+/// The pixels of colour `source` that contribute to the place `(row, col)` of the tile. The tile has at least one of them.
 fn nearest(cfa: CfaPattern, source: Colour, (row, col): (usize, usize)) -> Vec<Tap> {
     let (rows, cols) = (cfa.rows(), cfa.cols());
     let at = |i: usize, d: isize, len: usize| (i as isize + d).rem_euclid(len as isize) as usize;
@@ -118,7 +120,7 @@ fn nearest(cfa: CfaPattern, source: Colour, (row, col): (usize, usize)) -> Vec<T
     let mut add = |dr, dc, share| *shares.entry((dr, dc)).or_default() += share;
     match (in_row(0), in_column(0)) {
         (None, None) => {
-            // Lines that have the colour, and on each of them the nearest pixels.
+            // Interpolate along the nearest rows and columns that have the colour, then between them.
             for (dr, share) in between(rows, |dr| in_row(dr).is_some()).into_iter().flat_map(|l| l.taps) {
                 let along = in_row(dr).into_iter().flat_map(|line| line.taps);
                 along.for_each(|(dc, part)| add(dr, dc, 0.5 * share * part));
@@ -130,7 +132,7 @@ fn nearest(cfa: CfaPattern, source: Colour, (row, col): (usize, usize)) -> Vec<T
         }
         (row, column) => {
             let weight = |line: &Option<Line>| line.as_ref().map_or(0.0, |line| 1.0 / line.miss);
-            // A pixel of the colour itself misses nothing, along the row as along the column.
+            // A pixel of the colour itself needs no interpolation.
             let own = is(0, 0);
             let of_row = if own { 1.0 } else { weight(&row) / (weight(&row) + weight(&column)) };
             row.into_iter().flat_map(|line| line.taps).for_each(|(dc, share)| add(0, dc, of_row * share));
@@ -141,14 +143,14 @@ fn nearest(cfa: CfaPattern, source: Colour, (row, col): (usize, usize)) -> Vec<T
     shares.into_iter().map(|((dr, dc), share)| (dr, dc, share)).collect()
 }
 
-/// Linear interpolation along a line: offsets and shares, and what it misses of a curve, `d d'`.
+/// Linear interpolation along a line: offsets and shares, and the scale `d d'` of its error for a curve.
 struct Line {
     taps: Vec<(isize, f32)>,
     miss: f32,
 }
 
-/// Interpolation between the nearest places on both sides of a line of the given period for which `has` holds; the place
-/// itself if it does; `None` if none does.
+/// Interpolation on a line of the given period between the nearest places on both sides for which `has` holds. If `has(0)`
+/// holds, the place itself is the only tap. `None` if `has` holds nowhere.
 fn between(period: usize, has: impl Fn(isize) -> bool) -> Option<Line> {
     if has(0) {
         return Some(Line { taps: vec![(0, 1.0)], miss: 0.0 });

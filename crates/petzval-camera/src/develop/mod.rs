@@ -1,17 +1,18 @@
-//! From digital numbers back to light: the linear, colour-filled picture that a raw frame holds.
+//! Development: from digital numbers back to light, a linear picture with three colours per pixel.
 //!
 //! ```text
-//! raw - dark mean -> / (K g white_e) -> / answer to white (white balance) -> bilinear demosaic -> linear RGB
+//! raw - dark mean -> / (K g white_e) -> / response to white (white balance) -> bilinear demosaic -> linear RGB
 //! ```
 //!
-//! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`]. What saturates a colour
-//! stays as it reads, so that the gradient is that of the sensor alone; [`clip_highlights`] before it makes a picture to look at.
+//! The map is affine in the digital numbers; its linear part has the exact transpose [`develop_adjoint`]. Development does
+//! not clip saturated colours, so its gradient stays linear. For pictures to look at, apply [`clip_highlights`] first.
 
 mod demosaic;
 mod highlights;
 mod interpolation;
 
 pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
+pub(crate) use highlights::clip_levels_dn;
 pub use highlights::{clip_highlights, saturated_share, white_capacity_e};
 
 use crate::image::{CHANNELS, LinearImage};
@@ -20,18 +21,18 @@ use crate::sensor::{Capture, CfaPattern, Colour, Exposure, Raw, SensorError, Sen
 
 /// Mean digital number of a dark pixel, `BL + K g (mu_r + mu_I t) + mu_el`, DN.
 ///
-/// This, not the black level alone, is what development subtracts. It is that of an ordinary pixel: hot pixels stay bright.
+/// Development subtracts this, not the black level alone. It is the mean of an ordinary pixel: hot pixels stay bright.
 pub fn dark_mean_dn(sensor: &SensorModel, exposure: &Exposure) -> f64 {
     let dark_e = sensor.read_noise_mean_e + sensor.dark_current_e_per_s * exposure.time_s as f64;
     let gain = sensor.gain_dn_per_e * exposure.linear_gain as f64;
     sensor.black_level_dn + gain * dark_e + sensor.electronics_mean_dn
 }
 
-/// Develops a raw frame to linear RGB, 1.0 = white; noise may take values below 0.
+/// Develops a raw frame to linear RGB, 1.0 = white. Noise can make values negative.
 pub fn develop(raw: &Raw, sensor: &SensorModel) -> Result<LinearImage, SensorError> {
     let n = raw.height * raw.width;
     check(sensor, &raw.capture, "raw frame", n, raw.dn.len())?;
-    // Take off the dark signal, then weigh each colour so that white light gives equal values.
+    // Subtract the dark signal, then scale each colour so that white light gives equal values.
     let dark = dark_mean_dn(sensor, &raw.capture.exposure);
     let scale = light_per_dn(sensor, &raw.capture.exposure);
     let placement = raw.capture.placement;
@@ -43,7 +44,7 @@ pub fn develop(raw: &Raw, sensor: &SensorModel) -> Result<LinearImage, SensorErr
     demosaic_bilinear(&mosaic, raw.height, raw.width, sensor.cfa, placement)
 }
 
-/// Transpose of the linear part of [`develop`]: gradient with respect to the digital numbers.
+/// Transpose of the linear part of [`develop`]: from the cotangent of the picture to the cotangent of the digital numbers.
 pub fn develop_adjoint(
     d_rgb: &LinearImage,
     sensor: &SensorModel,
@@ -61,12 +62,12 @@ pub fn develop_adjoint(
     Ok(d_dn)
 }
 
-/// Gradient of a development with respect to the exposure that it is told, in stops: of the linear gain, and of the
-/// exposure (`white_e` and `time_s` together). `d_rgb` is the gradient of the developed picture of `raw`.
+/// Gradient of a development with respect to the exposure settings that it uses, in stops: of the linear gain, and of the
+/// exposure (`white_e` and `time_s` together). `d_rgb` is the cotangent of the developed picture of `raw`.
 ///
-/// A picture is the raw frame less the dark mean, over `K g white_e`; both change with the exposure, by
-/// `d picture / d log2 g = -ln 2 M (dn - dark + K g (mu_r + mu_I t))` and, for the exposure, without mu_r. M is what
-/// [`develop_adjoint`] is the transpose of.
+/// Development subtracts the dark mean from the raw frame and divides by `K g white_e`. Both depend on the settings:
+/// `d picture / d log2 g = -ln 2 M (dn - dark + K g (mu_r + mu_I t))`, and for the exposure the same without mu_r. M is the
+/// matrix whose transpose is [`develop_adjoint`].
 pub fn develop_stops_adjoint(
     d_rgb: &LinearImage,
     raw: &Raw,
@@ -87,7 +88,7 @@ pub fn develop_stops_adjoint(
     Ok([of(gain * sensor.read_noise_mean_e + current), of(current)])
 }
 
-/// Checks that colours can be filled in for a mosaic of this size.
+/// Checks that a mosaic of this size can be demosaiced.
 pub(crate) fn check_colours(cfa: CfaPattern, height: usize, width: usize) -> Result<(), SensorError> {
     if cfa.is_bayer() {
         return Ok(());
@@ -95,9 +96,10 @@ pub(crate) fn check_colours(cfa: CfaPattern, height: usize, width: usize) -> Res
     interpolation::Interpolation::new(cfa, Placement::default(), height, width).map(|_| ())
 }
 
-/// Lifts the dim corners: divides by relative illumination, at most by `1 / floor`.
+/// Corrects shading: divides the image by the relative illumination.
 ///
-/// `map` comes from [`crate::render::illumination_map`]; `floor` in (0, 1] bounds the gain where little light arrives.
+/// `map` comes from [`crate::render::illumination_map`] and has the shape of the image. `floor` in (0, 1] limits the
+/// amplification of dim corners to `1 / floor`. Fails on another shape or floor.
 pub fn correct_shading(
     image: &LinearImage,
     map: &LinearImage,
@@ -114,7 +116,7 @@ pub fn correct_shading(
     Ok(LinearImage { data, ..*image })
 }
 
-/// Linear light per digital number of red, green, blue and clear pixels, `1 / (K g white_e s)`, where `s` is the answer
+/// Linear light per digital number of red, green, blue and clear pixels, `1 / (K g white_e s)`, where `s` is the response
 /// of a pixel to white light.
 fn light_per_dn(sensor: &SensorModel, exposure: &Exposure) -> [f64; Colour::ALL.len()] {
     let dn_per_unit = sensor.gain_dn_per_e * exposure.linear_gain as f64 * exposure.white_e as f64;

@@ -39,7 +39,7 @@ fn bilinear_demosaic_matches_colour_demosaicing() {
 }
 
 #[test]
-fn a_gray_scene_comes_back_at_any_phase_of_the_mosaic() {
+fn development_recovers_a_gray_scene_at_any_phase_of_the_mosaic() {
     let light = LinearImage::filled(CHANNELS, 7, 9, 0.37);
     for (row, col) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
         let noise = Noise { mode: NoiseMode::Off, seed: 0 };
@@ -57,7 +57,7 @@ fn with_tile(tile: &str) -> SensorModel {
 }
 
 #[test]
-fn a_gray_scene_comes_back_through_any_array() {
+fn development_recovers_a_gray_scene_from_any_array() {
     let light = LinearImage::filled(CHANNELS, 9, 11, 0.37);
     for tile in TILES {
         let sensor = with_tile(tile);
@@ -71,7 +71,7 @@ fn a_gray_scene_comes_back_through_any_array() {
 }
 
 #[test]
-fn pixels_keep_the_colour_they_saw_and_mono_gives_three_equal_planes() {
+fn pixels_keep_the_colour_they_measured_and_mono_gives_three_equal_planes() {
     let mosaic = uniform(4, 9 * 11);
     for tile in TILES {
         let (cfa, origin): (CfaPattern, _) = (tile.parse().unwrap(), Placement { row: 2, col: 5 });
@@ -87,7 +87,7 @@ fn pixels_keep_the_colour_they_saw_and_mono_gives_three_equal_planes() {
 }
 
 #[test]
-fn interpolation_in_a_bayer_tile_is_the_mean_of_the_nearest() {
+fn interpolation_of_a_bayer_tile_equals_bilinear_demosaicing() {
     let (height, width, mosaic) = (10, 12, uniform(6, 120));
     for (cfa, origin) in
         [(CfaPattern::RGGB, Placement { row: 0, col: 0 }), (CfaPattern::GBRG, Placement { row: 1, col: 4 })]
@@ -106,12 +106,12 @@ fn interpolation_in_a_bayer_tile_is_the_mean_of_the_nearest() {
 }
 
 #[test]
-fn an_even_rise_comes_back_through_any_array() {
+fn demosaicing_reproduces_a_linear_ramp_from_any_array() {
     let (height, width) = (24, 26);
     for tile in TILES {
         let cfa: CfaPattern = tile.parse().unwrap();
         let slopes = [(0.02, 0.03), (-0.01, 0.02), (0.03, -0.01)];
-        // In an array without colours of its own, clear pixels see one slope.
+        // Clear pixels see the ramp of the first plane; so do the planes whose colour comes from clear pixels.
         let of = |c: usize| {
             if cfa.colours().contains(&[Colour::Red, Colour::Green, Colour::Blue][c]) { c } else { 0 }
         };
@@ -151,7 +151,7 @@ fn an_edge_through_a_binned_array_is_no_wider_than_the_gap_between_its_pixels() 
                 known.is_none_or(|known| (value - known).abs() < 1e-6),
                 "{edge}: {channel} {r} {c} {value}"
             );
-            // Red and blue lie on a grid of rows and columns: along the edge no row differs from another.
+            // Red and blue lie on a grid of rows and columns, so all rows of a vertical edge are equal.
             assert!(
                 channel == 1 || (value - rgb.get(channel, 4, c)).abs() < 1e-6,
                 "{edge}: {channel} {r} {c}"
@@ -186,7 +186,7 @@ fn noisy_development_is_unbiased() {
 }
 
 #[test]
-fn the_adjoint_is_the_transpose() {
+fn development_adjoint_passes_the_dot_product_test() {
     let (height, width) = (9, 12);
     let places = [(0, 0), (0, 1), (1, 0), (1, 1), (3, 5)];
     for (tile, (row, col)) in TILES.into_iter().chain(["RGGB"]).flat_map(|t| places.map(|p| (t, p))) {
@@ -208,7 +208,7 @@ fn the_adjoint_is_the_transpose() {
 }
 
 #[test]
-fn the_same_bits_on_one_thread_and_on_two() {
+fn one_thread_and_two_give_the_same_bits() {
     for tile in ["RGGB", "RRGG/RRGG/GGBB/GGBB"] {
         let (sensor, capture) = (with_tile(tile), capture(1, 0));
         let raw =

@@ -147,19 +147,19 @@ impl LinearImage {
         out
     }
 
-    /// Surrounds the image with `border` pixels that repeat its edge, the light a lens needs from outside the frame.
+    /// Surrounds the image with `border` pixels that repeat its edge: a lens brings in light from outside the frame.
     pub fn pad_replicate(&self, border: usize) -> Self {
         let start = -(border as isize);
         self.window_replicate(start, start, self.height + 2 * border, self.width + 2 * border)
     }
 
-    /// The window of `height` x `width` pixels whose first is at `(row, col)`; beyond the image its edge is repeated.
+    /// The window of `height` x `width` pixels whose top-left pixel is `(row, col)`. Outside the image the edge is repeated.
     pub fn window_replicate(&self, row: isize, col: isize, height: usize, width: usize) -> Self {
         let mut out = Self::zeros(self.channels, height, width);
         if self.height == 0 || self.width == 0 {
             return out;
         }
-        // Columns before the image, and those that it has.
+        // Count the columns left of the image, and the columns inside it.
         let before = (-col).clamp(0, width as isize) as usize;
         let first = (col.max(0) as usize).min(self.width);
         let inside = (self.width - first).min(width - before);

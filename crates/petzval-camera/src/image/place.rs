@@ -1,14 +1,15 @@
-//! Laying a photograph on the sensor.
+//! Fitting a photograph to the pixels of the sensor.
 
 use std::ops::Range;
 
 use super::{CHANNELS, LinearImage};
 
 impl LinearImage {
-    /// The photograph scaled, in linear light, to cover `height` x `width` pixels, the rest cut off evenly.
+    /// Scales the photograph, in linear light, to cover `height` x `width` pixels and crops the overhang evenly.
     ///
-    /// Shrinking averages (triangle filter over the shrunken pixel), enlarging interpolates linearly. Three planes. Only
-    /// what lands on the pixels is computed, so that a long thin photograph costs no more than a square one.
+    /// Shrinking averages (triangle filter as wide as an output pixel to either side); enlarging interpolates linearly. The
+    /// result has three planes. Only pixels that are kept are computed, so a long thin photograph costs no more than a square
+    /// one.
     pub fn cover(&self, height: usize, width: usize) -> Self {
         let mut out = Self::zeros(CHANNELS, height, width);
         if self.data.is_empty() || out.data.is_empty() {
@@ -23,7 +24,7 @@ impl LinearImage {
         for c in 0..CHANNELS {
             let source = self.plane(c.min(self.channels - 1));
             for (row, out) in rows.iter().zip(out.plane_mut(c).chunks_exact_mut(width)) {
-                // Down the columns that are seen, then along the row.
+                // Filter down the columns that are kept, then along the row.
                 line.fill(0.0);
                 for (weight, from) in row.weights.iter().zip(row.range()) {
                     let seen = &source[from * self.width..][first..end];
@@ -38,8 +39,7 @@ impl LinearImage {
         out
     }
 
-    /// The middle of the photograph, one pixel to one, on `height` x `width` pixels; where it does not reach, its
-    /// border is repeated.
+    /// The middle `height` x `width` pixels of the photograph, unscaled. Outside the photograph its edge is repeated.
     pub fn centred(&self, height: usize, width: usize) -> Self {
         let source = |i: usize, size: usize, whole: usize| {
             let from = i as i64 + (whole as i64 - size as i64).div_euclid(2);
@@ -58,7 +58,7 @@ impl LinearImage {
     }
 }
 
-/// What a pixel takes from a row or a column of the photograph: neighbours from `from` on, and their shares.
+/// The taps of a pixel in a row or a column of the photograph: consecutive pixels from `from` on, and their shares.
 struct Taps {
     from: usize,
     weights: Vec<f32>,
@@ -70,8 +70,8 @@ impl Taps {
     }
 }
 
-/// The middle `size` pixels of a photograph of `whole` pixels scaled by `scale`, by the triangle filter: a neighbour at a
-/// distance of d pixels has the share `1 - d / s`, with s the larger of 1 and `1 / scale`.
+/// Triangle-filter taps of the middle `size` pixels of a photograph of `whole` pixels scaled by `scale`. A neighbour at a
+/// distance of d pixels has the share `1 - d / s`, with s the larger of 1 and `1 / scale`, before normalisation.
 fn weights(whole: usize, size: usize, scale: f64) -> Vec<Taps> {
     let scaled = (whole as f64 * scale).round().max(size as f64);
     let pitch = whole as f64 / scaled;
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn covering_keeps_the_mean_of_a_flat_picture_and_the_size_asked_for() {
+    fn covering_keeps_a_flat_picture_and_gives_the_requested_size() {
         let flat = LinearImage::filled(CHANNELS, 37, 50, 0.25);
         for (height, width) in [(20, 20), (100, 90), (37, 50)] {
             let out = flat.cover(height, width);
@@ -116,7 +116,7 @@ mod tests {
         assert!((doubled.get(0, 20, 30) - 0.5).abs() < 0.02);
     }
 
-    /// All of the photograph scaled by the image library, then cut.
+    /// The whole photograph scaled by the image library, then cropped.
     fn scaled_whole(image: &LinearImage, height: usize, width: usize) -> LinearImage {
         let scale = (height as f64 / image.height as f64).max(width as f64 / image.width as f64);
         let scaled = |size: usize, least: usize| ((size as f64 * scale).round() as usize).max(least);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn covering_is_scaling_the_whole_and_cutting() {
+    fn covering_equals_scaling_the_whole_and_cropping() {
         // Enlarged and shrunken, too tall and too wide, even and odd.
         for (tall, wide, height, width) in [
             (37, 50, 20, 20),
@@ -155,11 +155,11 @@ mod tests {
 
     #[test]
     fn a_long_thin_photograph_costs_no_more_than_a_square_one() {
-        // Scaled as a whole these would have 2.9 and 7.4 thousand million pixels.
+        // Scaled as a whole these photographs would have 2.9 and 7.4 billion pixels.
         for (tall, wide) in [(2, 100_000), (100_000, 2)] {
             let out = ramp(tall, wide).cover(240, 384);
             assert_eq!((out.height, out.width), (240, 384));
-            // The middle of it, or all of its two pixels' width.
+            // The crop shows the middle of the wide ramp, and the whole width of the narrow one.
             let (low, high) = if wide > 2 { (0.4999, 0.5001) } else { (0.0, 0.5) };
             assert!(out.data.iter().all(|v| (low..=high).contains(v)));
         }
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_stays_the_middle() {
+    fn centring_keeps_the_middle_pixel_in_the_middle() {
         let image = ramp(21, 31);
         let cut = image.centred(11, 11);
         assert_eq!(cut.get(0, 5, 5), image.get(0, 10, 15));

@@ -1,4 +1,4 @@
-//! Exact transpose of the renderer: from a gradient on the sensor back to the PSF values and to the scene.
+//! Exact transpose of the renderer: pulls a cotangent of the rendered picture back to the PSF values and to the scene.
 
 use std::collections::BTreeMap;
 
@@ -18,16 +18,16 @@ use crate::psf::PsfBank;
 /// Gradient of a loss with respect to the two inputs of [`super::render`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderGradient {
-    /// With respect to `PsfBank::values`.
+    /// Gradient with respect to `PsfBank::values`.
     pub psf_values: Vec<f32>,
-    /// With respect to the scene, border included.
+    /// Gradient with respect to the scene, border included.
     pub scene: LinearImage,
 }
 
-/// Transpose of [`super::render`]: `d_output` is the gradient of a loss with respect to the rendered picture.
+/// Transpose of [`super::render`]: `d_output` is the cotangent of the rendered picture.
 ///
-/// The map is linear in the PSF values and in the scene, so each part is `J^T d_output` with the other input held fixed;
-/// `<d_output, J v> = <J^T d_output, v>` up to f32 round-off.
+/// Rendering is linear in the PSF values and in the scene. Each part of the result is `J^T d_output` with the other input
+/// held fixed, so `<d_output, J v> = <J^T d_output, v>` up to f32 round-off.
 pub fn render_adjoint(
     geometry: &RenderGeometry,
     bank: &PsfBank,
@@ -59,18 +59,18 @@ pub fn render_adjoint_kernels(
     Ok(transpose(geometry, &set, &window, scene, d_output)?.0)
 }
 
-/// Tiles whose spectra are held at once; bounds memory and fixes the order of summation.
+/// Number of tiles whose spectra are held at once. It bounds memory and fixes the order of summation.
 const TILES_AT_ONCE: usize = 8;
 
-/// What one tile and channel contributes.
+/// Contribution of one tile and channel to the gradient.
 struct TileGradient {
-    /// Cross spectra of scene and weighted gradient, per patch.
+    /// Cross spectra of scene and weighted cotangent, per patch.
     kernels: Vec<(usize, Vec<Complex32>)>,
     /// Gradient of the scene under the tile and its border.
     scene: Vec<f32>,
 }
 
-/// Gradients of kernels and scene; the scene's is empty if the set holds no kernels.
+/// Gradients of kernels and scene. The scene's gradient is empty if the set holds no kernels.
 fn transpose(
     geometry: &RenderGeometry,
     set: &TileSet,
@@ -85,6 +85,7 @@ fn transpose(
     let mut d_scene = LinearImage::zeros(CHANNELS, scene_height, scene.width);
     for first in (0..set.len()).step_by(TILES_AT_ONCE) {
         let count = TILES_AT_ONCE.min(set.len() - first);
+        // Transpose a group of tiles in parallel.
         let parts: Vec<TileGradient> = (0..count * CHANNELS)
             .into_par_iter()
             .map_init(Scratch::default, |scratch, work| {
@@ -93,7 +94,7 @@ fn transpose(
             })
             .collect();
 
-        // Tiles overlap in the scene and share kernels: add them in order.
+        // Tiles overlap in the scene and share kernels: add their contributions in fixed order.
         for (work, part) in parts.into_iter().enumerate() {
             let (row, col, size) = set.tile(first + work / CHANNELS);
             let channel = work % CHANNELS;
@@ -114,7 +115,7 @@ fn transpose(
     Ok((kernels_from_spectra(set, geometry, spectra), d_scene))
 }
 
-/// Correlates the weighted gradient with the scene (for the kernels) and with the kernels (for the scene).
+/// Correlates the weighted cotangent with the scene (gradient of the kernels) and with the kernels (gradient of the scene).
 fn transpose_tile(
     set: &TileSet,
     scene: &LinearImage,
@@ -132,6 +133,7 @@ fn transpose_tile(
     let mut back = vec![Complex32::default(); if with_scene { plan.len() } else { 0 }];
     let mut by_column = Vec::new();
     for (patch_col, col_weight) in &col.weights {
+        // Weight the cotangent by the column weights of the patch and transform its rows.
         plan.rows_forward(border, row.len, &mut by_column, scratch, |r, line| {
             let start = (row.start + r - border) * d_output.width + col.start;
             let source = &gradient[start..start + col.len];
@@ -141,6 +143,7 @@ fn transpose_tile(
         });
         for (patch_row, row_weight) in &row.weights {
             let patch = patch_row * set.patch_cols + patch_col;
+            // Weight by the row weights between the two passes, then transform the columns.
             let mut weighted = vec![Complex32::default(); plan.len()];
             for (t, s) in weighted.chunks_exact_mut(plan.rows).zip(by_column.chunks_exact(plan.rows)) {
                 let (t, s) = (&mut t[border..border + row.len], &s[border..border + row.len]);
@@ -149,18 +152,21 @@ fn transpose_tile(
                 }
             }
             plan.cols_forward(&mut weighted, scratch);
+            // Correlate with the kernel and add to the scene's spectrum.
             if with_scene {
                 let kernel = &set.kernels[&(size, patch)][channel];
                 for ((b, w), k) in back.iter_mut().zip(&weighted).zip(kernel) {
                     *b += w * k.conj();
                 }
             }
+            // Correlate with the scene: the cross spectrum of this patch's kernel.
             for (w, s) in weighted.iter_mut().zip(&scene_spectrum) {
                 *w *= s.conj();
             }
             part.kernels.push((patch, weighted));
         }
     }
+    // Transform the scene's gradient back to pixels.
     if with_scene {
         let (height, width) = (row.len + border, col.len + border);
         plan.cols_inverse(&mut back, scratch);
@@ -170,7 +176,7 @@ fn transpose_tile(
     part
 }
 
-/// Transforms the summed cross spectra back and keeps the lags that a kernel has.
+/// Transforms the summed cross spectra back to pixels and keeps the lags within the kernel.
 fn kernels_from_spectra(
     set: &TileSet,
     geometry: &RenderGeometry,

@@ -10,7 +10,7 @@ use super::spectrum::{Scratch, TilePlan, TransformSize, fast_len, forward, plans
 use super::{PatchKernels, Placement, RenderError, RenderGeometry};
 use crate::image::{CHANNELS, LinearImage};
 
-/// The tiles of an output window with their transforms and the kernel spectra that they use.
+/// The tiles of an output window, their transforms, and the kernel spectra that they need.
 pub(super) struct TileSet {
     pub rows: Vec<AxisTile>,
     pub cols: Vec<AxisTile>,
@@ -22,7 +22,7 @@ pub(super) struct TileSet {
 }
 
 impl TileSet {
-    /// Without `kernels` the set holds no spectra: enough for the gradient of the kernels.
+    /// The tiles of a window. Without `kernels` the set holds no kernel spectra; the gradient of the kernels needs none.
     pub fn new(
         geometry: &RenderGeometry,
         window: &Window,
@@ -31,6 +31,7 @@ impl TileSet {
     ) -> Self {
         let (rows, cols) = (geometry.row_tiles(window), geometry.col_tiles(window));
         let patch_cols = geometry.patches.1;
+        // List the patches of each tile, by transform size.
         let mut keys = Vec::new();
         for row in &rows {
             for col in &cols {
@@ -95,8 +96,7 @@ fn transform_size(row: &AxisTile, col: &AxisTile, radius: usize) -> TransformSiz
     (fast_len(row.len + 2 * radius), fast_len(col.len + 2 * radius))
 }
 
-/// Renders with kernels that were made before (see [`super::patch_kernels`]); they must cover the patches active in the
-/// window. Otherwise as [`super::render`].
+/// As [`super::render`], with ready kernels from [`super::patch_kernels`]. They must cover the patches active in the window.
 pub fn render_kernels(
     geometry: &RenderGeometry,
     kernels: &PatchKernels,
@@ -127,8 +127,8 @@ pub fn render_kernels(
 
 /// Blends the convolutions of the patches around one tile.
 ///
-/// Row weights act between the column and the row pass of the inverse FFT, so two patches that share a column need one
-/// row pass only.
+/// Row weights are applied between the column and the row pass of the inverse FFT, so the two patches of one column share
+/// a single row pass.
 fn render_tile(
     set: &TileSet,
     scene: &LinearImage,
@@ -144,10 +144,12 @@ fn render_tile(
     let mut blend = vec![Complex32::default(); plan.len()];
     for (patch_col, col_weight) in &col.weights {
         for (i, (patch_row, row_weight)) in row.weights.iter().enumerate() {
+            // Convolve the scene with the patch's kernel: multiply the spectra.
             let kernel = &set.kernels[&(size, patch_row * set.patch_cols + patch_col)][channel];
             for ((p, s), k) in product.iter_mut().zip(&scene).zip(kernel) {
                 *p = s * k;
             }
+            // Invert the columns and blend the patches with their row weights.
             plan.cols_inverse(&mut product, scratch);
             for (b, p) in blend.chunks_exact_mut(plan.rows).zip(product.chunks_exact(plan.rows)) {
                 let (b, p) = (&mut b[border..border + row.len], &p[border..border + row.len]);
@@ -157,6 +159,7 @@ fn render_tile(
                 }
             }
         }
+        // Invert the rows and add the light with its column weights.
         plan.rows_inverse(border, row.len, &blend, scratch, |r, line| {
             let start = (r - border) * col.len;
             for ((o, v), w) in out[start..start + col.len].iter_mut().zip(&line[border..]).zip(col_weight) {

@@ -1,12 +1,13 @@
 //! Sensor coordinates, the grid of patches over them, and the blending weights between patches.
 
-use super::RenderError;
+use super::error::RenderError;
+use super::limits::{MAX_PATCHES, MAX_SIDE};
 use crate::image::{CHANNELS, LinearImage};
 
-/// Size of the sensor and the number of patches over which the PSF is taken as constant.
+/// Size of the sensor, and the number of patches. Each patch has one kernel.
 ///
-/// Pixel `(r, c)` has its centre at `x = (c - (W-1)/2) pixel_um`, `y = (r - (H-1)/2) pixel_um`; the optical axis meets the
-/// middle of the sensor. The default is the camera of the paper: 1200x1920 pixels of 5.86 um, 7x7 patches.
+/// Pixel `(r, c)` has its centre at `x = (c - (W-1)/2) pixel_um`, `y = (r - (H-1)/2) pixel_um`: the optical axis meets the
+/// middle of the sensor. The default is the paper's camera: 1200x1920 pixels of 5.86 um, 7x7 patches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderGeometry {
     /// Sensor rows.
@@ -25,12 +26,6 @@ impl Default for RenderGeometry {
     }
 }
 
-/// Most pixels along one side of the sensor.
-pub const MAX_SIDE: usize = 65536;
-
-/// Most patches along one side of the sensor.
-pub const MAX_PATCHES: usize = 256;
-
 /// Sensor position of a picture's top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Placement {
@@ -43,7 +38,7 @@ pub struct Placement {
 /// A rectangle of sensor pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
-    /// Its first pixel.
+    /// Its top-left pixel.
     pub placement: Placement,
     /// Rows.
     pub height: usize,
@@ -52,8 +47,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// `height` x `width` pixels in the middle of a sensor, moved towards its first pixel by less than a tile of `(rows, columns)`
-    /// so that a colour filter array of such tiles begins anew; `None` if the sensor is smaller.
+    /// The window of `height` x `width` pixels in the middle of a sensor. It is moved up and left by less than one tile of
+    /// `(rows, columns)` pixels, so that it starts with a whole tile of the colour filter array. `None` if the sensor is smaller.
     pub fn middle(
         (sensor_height, sensor_width): (usize, usize),
         tile: (usize, usize),
@@ -65,8 +60,8 @@ impl Window {
         Some(Self { placement: Placement { row, col }, height, width })
     }
 
-    /// What [`render`](super::render) needs of a picture of the whole sensor for this window: the window and `border` pixels
-    /// around it.
+    /// Cuts the scene that [`render`](super::render) needs for this window out of a picture of the whole sensor: the window and
+    /// `border` pixels around it. Outside the sensor the picture's edge is repeated.
     pub fn scene(&self, sensor_picture: &LinearImage, border: usize) -> LinearImage {
         let start = |at: usize| at as isize - border as isize;
         let (height, width) = (self.height + 2 * border, self.width + 2 * border);
@@ -108,7 +103,7 @@ impl RenderGeometry {
         self.position_um(row, col)
     }
 
-    /// Which patches have a weight somewhere in the window of `height` x `width` pixels at `placement`.
+    /// Marks the patches that have a weight somewhere in the window of `height` x `width` pixels at `placement`.
     pub fn active_patches_at(&self, placement: Placement, height: usize, width: usize) -> Vec<bool> {
         self.active_patches(&Window { placement, height, width })
     }
@@ -158,7 +153,7 @@ pub(super) fn output_window(
     check_window(geometry, placement, scene.height - 2 * radius, scene.width - 2 * radius)
 }
 
-/// A window of the sensor, or an error if it leaves it.
+/// A window of the sensor, or an error if it extends beyond the sensor.
 pub(super) fn check_window(
     geometry: &RenderGeometry,
     placement: Placement,
@@ -180,8 +175,8 @@ fn patch_centre(len: usize, patches: usize, i: usize) -> f64 {
     (i as f64 + 0.5) * len as f64 / patches as f64 - 0.5
 }
 
-/// Hat weight along one axis: the lower of the two patches around pixel `k` and the weight of the upper one; constant
-/// outside the outer patch centres.
+/// Hat weight along one axis: the lower of the two patches around pixel `k`, and the weight of the upper patch. Outside the
+/// outer patch centres the weight is constant.
 pub(super) fn hat(len: usize, patches: usize, k: usize) -> (usize, f32) {
     let spacing = len as f64 / patches as f64;
     let position = ((k as f64 - patch_centre(len, patches, 0)) / spacing).clamp(0.0, (patches - 1) as f64);
@@ -189,7 +184,7 @@ pub(super) fn hat(len: usize, patches: usize, k: usize) -> (usize, f32) {
     (lo, (position - lo as f64) as f32)
 }
 
-/// A run of pixels along one axis that sees the same one or two patches.
+/// A run of pixels along one axis that blends the same one or two patches.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTile {
     /// First pixel, counted from the window.
@@ -200,12 +195,12 @@ pub(super) struct AxisTile {
     pub weights: Vec<(usize, Vec<f32>)>,
 }
 
-/// Longest run: bounds the FFT size when patches are large.
+/// Longest run, pixels. It bounds the FFT size when patches are large.
 const MAX_TILE: usize = 320;
 
 /// Cuts the window at the patch centres, so that a tile blends at most two patches per axis.
 fn axis_tiles(len: usize, patches: usize, origin: usize, count: usize) -> Vec<AxisTile> {
-    // Segment s lies between the centres of patches s-1 and s; outside the outer centres one patch rules.
+    // Segment s lies between the centres of patches s-1 and s. Outside the outer centres only one patch has weight.
     let spacing = len as f64 / patches as f64;
     let segment = |k: usize| {
         let position = ((origin + k) as f64 - patch_centre(len, patches, 0)) / spacing;
@@ -214,6 +209,7 @@ fn axis_tiles(len: usize, patches: usize, origin: usize, count: usize) -> Vec<Ax
     let mut tiles = Vec::new();
     let mut start = 0;
     while start < count {
+        // Find the run of pixels in one segment, and split it into pieces of at most MAX_TILE.
         let s = segment(start);
         let end = (start..count).find(|&k| segment(k) != s).unwrap_or(count);
         let pieces = (end - start).div_ceil(MAX_TILE);
@@ -281,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_patch_sits_on_the_axis() {
+    fn the_middle_patch_is_centred_on_the_axis() {
         let (x, y) = RenderGeometry::default().patch_centre_um(24);
         assert!(x.abs() < 1e-9 && y.abs() < 1e-9);
     }

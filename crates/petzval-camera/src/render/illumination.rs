@@ -7,7 +7,8 @@ use super::{Placement, RenderError, RenderGeometry};
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::{PsfLayout, check_len};
 
-/// How one pixel reads the illumination table: `w_lo * table[field_lo] + w_hi * table[min(field_lo + 1, last)]`.
+/// Interpolation weights of one pixel: its illumination is
+/// `w_lo * table[field_lo] + w_hi * table[min(field_lo + 1, last)]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RadialWeight {
     /// Field at or below the pixel's radius.
@@ -65,7 +66,7 @@ pub fn illumination_map(
     Ok(out)
 }
 
-/// Transpose of [`illumination_map`]: gradient with respect to the table `[field][channel]`.
+/// Transpose of [`illumination_map`]: from the cotangent of the map to that of the table `[field][channel]`.
 pub fn illumination_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
@@ -82,7 +83,7 @@ pub fn illumination_adjoint(
     let weights = illumination_weights(geometry, layout, placement, height, width)?;
     let last = layout.fields() - 1;
     let size = layout.fields() * CHANNELS;
-    // Sum along each row, then over rows in order.
+    // Sum along each row in parallel, then over rows in fixed order.
     let rows: Vec<Vec<f64>> = (0..height)
         .into_par_iter()
         .map(|r| {

@@ -1,16 +1,18 @@
-//! What one sensor patch sees of the PSF: interpolated to its radius, turned to its azimuth, collected by pixels.
+//! The kernel of a sensor patch: the PSF interpolated to its radius, rotated to its azimuth and integrated over pixels.
 
 use rayon::prelude::*;
 
-use super::{RenderError, RenderGeometry};
+use super::error::RenderError;
+use super::geometry::RenderGeometry;
+use super::limits::MAX_RADIUS;
 use crate::image::CHANNELS;
 use crate::psf::{PsfLayout, check_len};
 
-/// One kernel per patch and channel, `[patch][channel][row][col]` on the pixel grid; patches that were not asked for are
-/// zero. Element `(radius, radius)` is the pixel of the ideal image point; rows are y ascending, columns x ascending.
+/// One kernel per patch and channel, `[patch][channel][row][col]` on the pixel grid. Patches that are not active are zero.
+/// Element `(radius, radius)` is the pixel of the ideal image point; rows are y ascending, columns x ascending.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchKernels {
-    /// Pixels from the centre to the edge; the kernel is `2 radius + 1` on a side.
+    /// Pixels from the centre to the edge. The kernel has `2 radius + 1` pixels on a side.
     pub radius: usize,
     /// Kernel values.
     pub values: Vec<f32>,
@@ -30,10 +32,8 @@ impl PatchKernels {
     }
 }
 
-/// Largest reach of a kernel, pixels.
-pub const MAX_RADIUS: usize = 512;
-
-/// Pixels that the PSF grid reaches from its centre when it is turned by 45 degrees.
+/// Kernel radius in pixels: the distance from the centre to the corner of the PSF grid, which a rotation by 45 degrees
+/// brings onto an axis. Fails above [`MAX_RADIUS`].
 pub fn kernel_radius(geometry: &RenderGeometry, layout: &PsfLayout) -> Result<usize, RenderError> {
     geometry.validate()?;
     layout.validate()?;
@@ -59,7 +59,7 @@ impl PatchFrame {
     fn new(geometry: &RenderGeometry, layout: &PsfLayout, patch: usize) -> Self {
         let (x, y) = geometry.patch_centre_um(patch);
         let r = x.hypot(y);
-        // On the axis the azimuth is free; keep the PSF's own.
+        // On the axis the azimuth is undefined: do not rotate.
         let (ux, uy) = if r < 1e-6 * geometry.pixel_um { (0.0, 1.0) } else { (x / r, y / r) };
         let (field_lo, w_lo, w_hi) = layout.bracket(r * 1e-3);
         let field_hi = (field_lo + 1).min(layout.fields() - 1);
@@ -67,10 +67,10 @@ impl PatchFrame {
     }
 }
 
-/// Visits every share of PSF cell `(row, col)` that falls on a kernel pixel: `visit(cell, pixel, share)`.
+/// Distributes every PSF cell over kernel pixels: calls `visit(cell, pixel, share)` for each overlap.
 ///
-/// The turned cell centre keeps an axis-aligned box of one cell; the box is shared among the pixels that it overlaps in
-/// proportion to the area, so the shares of a cell sum to one and energy is conserved exactly.
+/// The centre of a cell is rotated; the cell itself stays an axis-aligned box. Each pixel that the box overlaps receives a
+/// share in proportion to the area. The shares of a cell sum to one, so energy is conserved exactly.
 fn visit_shares(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
@@ -81,11 +81,12 @@ fn visit_shares(
     let (grid, cell, pixel) = (layout.grid, layout.pitch_um, geometry.pixel_um);
     let (size, reach) = (2 * radius + 1, radius as f64);
     let centre = 0.5 * (grid as f64 - 1.0);
-    // First and last kernel index under the box around `u`, and the share of index k.
+    // First and last kernel index under the box around `u`.
     let span = |u: f64| {
         let index = |edge: f64| ((edge / pixel + 0.5).floor() + reach).clamp(0.0, 2.0 * reach) as usize;
         (index(u - 0.5 * cell), index(u + 0.5 * cell))
     };
+    // Share of index k.
     let share = |u: f64, k: usize, first: usize, last: usize| {
         let middle = (k as f64 - reach) * pixel;
         let lower = if k == first { u - 0.5 * cell } else { middle - 0.5 * pixel };
@@ -96,6 +97,7 @@ fn visit_shares(
         let y_psf = (row as f64 - centre) * cell;
         for col in 0..grid {
             let x_psf = (col as f64 - centre) * cell;
+            // Rotate the cell centre to the azimuth of the patch, then share the cell among the pixels below it.
             let x = x_psf * frame.along_x.0 + y_psf * frame.along_y.0;
             let y = x_psf * frame.along_x.1 + y_psf * frame.along_y.1;
             let ((x0, x1), (y0, y1)) = (span(x), span(y));
@@ -111,7 +113,7 @@ fn visit_shares(
 
 /// Kernels of the patches marked in `active`, linear in the PSF `values` (`[field][channel][row][col]`).
 ///
-/// `K_p = collect(turn(w_lo PSF_lo + w_hi PSF_hi))`, fields around the radius of the patch centre.
+/// `K_p = integrate(rotate(w_lo PSF_lo + w_hi PSF_hi))`, with the two fields around the radius of the patch centre.
 pub fn patch_kernels(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
@@ -142,8 +144,7 @@ pub fn patch_kernels(
     Ok(PatchKernels { radius, values: out })
 }
 
-/// Transpose of [`patch_kernels`]: gradient of a loss with respect to the PSF values, given that with respect to the
-/// kernels.
+/// Transpose of [`patch_kernels`]: from the cotangent of the kernels to that of the PSF values.
 pub fn patch_kernels_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
@@ -155,7 +156,7 @@ pub fn patch_kernels_adjoint(
     let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
     check_len("kernel gradient", d_kernels.values.len(), geometry.patch_count() * CHANNELS * pixels)?;
 
-    // Each patch returns what its cells received; the sum over patches runs in a fixed order.
+    // Gather the cotangent of each patch's cells in parallel, then add the patches in fixed order.
     let patches: Vec<usize> = (0..geometry.patch_count()).filter(|&p| active[p]).collect();
     let parts: Vec<(PatchFrame, Vec<f32>)> = patches
         .par_iter()

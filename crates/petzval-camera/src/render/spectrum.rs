@@ -1,4 +1,4 @@
-//! Two-dimensional real FFTs of one tile size, split into row and column passes so that weights can act in between.
+//! Two-dimensional real FFTs of one tile size, split into row and column passes. Weights are applied between the passes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -70,7 +70,7 @@ impl TilePlan {
         self.bins * self.rows
     }
 
-    /// Row pass of the forward transform: `fill(row, line)` writes row `first..first + count`, other rows are zero.
+    /// Row pass of the forward transform: `fill(row, line)` writes each row of `first..first + count`; the others are zero.
     pub fn rows_forward(
         &self,
         first: usize,
@@ -94,6 +94,7 @@ impl TilePlan {
                     .process_with_scratch(&mut scratch.line, out, &mut scratch.fft)
                     .expect("buffers have the planned lengths");
             }
+            // Transpose the block into the columns of the spectrum.
             for (bin, column) in spectrum.chunks_exact_mut(self.rows).enumerate() {
                 for k in 0..n {
                     column[block + k] = scratch.block[k * self.bins + bin];
@@ -114,7 +115,7 @@ impl TilePlan {
         self.col_inverse.process_with_scratch(spectrum, &mut scratch.fft);
     }
 
-    /// Row pass of the inverse transform for rows `first..first + count`, normalised: `take(row, line)` receives them.
+    /// Row pass of the inverse transform, normalised: `take(row, line)` receives each row of `first..first + count`.
     pub fn rows_inverse(
         &self,
         first: usize,
@@ -136,7 +137,7 @@ impl TilePlan {
             }
             for k in 0..n {
                 let line = &mut scratch.block[k * self.bins..(k + 1) * self.bins];
-                // A real signal has real first and last bins; round-off must not say otherwise.
+                // The first and last bins of a real signal are real: remove their round-off.
                 line[0].im = 0.0;
                 line[self.bins - 1].im = 0.0;
                 self.row_inverse
@@ -148,7 +149,7 @@ impl TilePlan {
     }
 }
 
-/// Row-major forward transform of an image region, zero-padded to the plan.
+/// Forward transform of an image region of `height` rows, zero-padded to the plan.
 pub(super) fn forward(
     plan: &TilePlan,
     height: usize,

@@ -42,7 +42,7 @@ fn max_difference(a: &LinearImage, b: &LinearImage) -> f32 {
 }
 
 #[test]
-fn a_point_like_psf_leaves_the_scene_as_it_is() {
+fn a_point_like_psf_leaves_the_scene_unchanged() {
     let mut b = bank(1);
     b.values.fill(0.0);
     let g = b.grid;
@@ -76,14 +76,14 @@ fn kernels_conserve_energy() {
 }
 
 #[test]
-fn the_default_camera_keeps_the_corners_of_a_128_um_grid() {
+fn the_kernel_of_the_default_camera_holds_the_corners_of_a_128_um_grid() {
     let layout = PsfBank { grid: 128, pitch_um: 1.0, ..bank(0) }.layout();
     assert_eq!(kernel_radius(&RenderGeometry::default(), &layout), Ok(15));
 }
 
 #[test]
 fn a_psf_shifted_along_y_moves_light_radially_outward_at_any_azimuth() {
-    // A soft spot 5 pixels outward of the image point, wide enough for pixels to keep its centroid.
+    // A Gaussian spot 5 pixels outward of the image point, wide enough that pixel sampling keeps its centroid.
     let geometry = RenderGeometry { sensor_height: 300, sensor_width: 300, pixel_um: 5.0, patches: (5, 5) };
     let (grid, shift_um) = (96, 25.0);
     let centre = 0.5 * (grid as f64 - 1.0);
@@ -102,7 +102,7 @@ fn a_psf_shifted_along_y_moves_light_radially_outward_at_any_azimuth() {
         let outward = if r < 1.0 { (0.0, 1.0) } else { (x / r, y / r) };
         let miss = |dx: f64, dy: f64| (dx - pixels * outward.0).hypot(dy - pixels * outward.1);
 
-        // The kernel of the patch has its centroid there; turned cells beat with the pixels by a hundredth of a pixel.
+        // The kernel has its centroid there, up to a hundredth of a pixel from sampling the rotated cells.
         let (kernel, size) = (kernels.kernel(patch, 1), kernels.size());
         let centroid = |f: &dyn Fn(usize) -> usize| {
             (0..size * size).map(|i| kernel[i] as f64 * (f(i) as f64 - radius as f64)).sum::<f64>()
@@ -110,7 +110,7 @@ fn a_psf_shifted_along_y_moves_light_radially_outward_at_any_azimuth() {
         let (dx, dy) = (centroid(&|i| i % size), centroid(&|i| i / size));
         assert!(miss(dx, dy) < 0.02, "patch {patch}: kernel at ({dx}, {dy})");
 
-        // Rendering blends patches. Next to the axis, where the azimuth turns within a patch, it cannot be seen.
+        // Rendering blends patches. Near the axis the azimuth varies within a patch, so the shift is not defined there.
         if r < 400.0 {
             continue;
         }
@@ -132,7 +132,7 @@ fn a_psf_shifted_along_y_moves_light_radially_outward_at_any_azimuth() {
 }
 
 #[test]
-fn fft_equals_direct_space() {
+fn fft_rendering_equals_the_direct_sum() {
     let (geometry, b) = (geometry(), bank(5));
     for (height, width, placement) in [
         (60, 84, Placement::default()),
@@ -148,7 +148,7 @@ fn fft_equals_direct_space() {
 }
 
 #[test]
-fn a_crop_renders_as_part_of_the_whole_and_without_seams() {
+fn a_crop_equals_its_part_of_the_whole_picture_and_has_no_seams() {
     let (geometry, b, r) = (geometry(), bank(7), radius());
     let scene = random_scene(8, 60 + 2 * r, 84 + 2 * r);
     let whole = render(&geometry, &b, &scene, Placement::default()).unwrap();
@@ -176,7 +176,7 @@ fn a_crop_renders_as_part_of_the_whole_and_without_seams() {
 }
 
 #[test]
-fn the_adjoint_is_the_transpose() {
+fn render_adjoint_passes_the_dot_product_test() {
     let (geometry, b, r) = (geometry(), bank(9), radius());
     for placement in [Placement::default(), Placement { row: 19, col: 30 }] {
         let (height, width) = (41, 53);
@@ -218,7 +218,7 @@ fn finite_differences_agree_with_the_adjoint() {
 }
 
 #[test]
-fn illumination_interpolates_and_its_adjoint_is_the_transpose() {
+fn illumination_interpolates_and_its_adjoint_passes_the_dot_product_test() {
     let (geometry, b) = (geometry(), bank(18));
     let placement = Placement { row: 4, col: 6 };
     let map = illumination_map(&geometry, &b.layout(), &b.illumination, placement, 50, 70).unwrap();
@@ -236,7 +236,7 @@ fn illumination_interpolates_and_its_adjoint_is_the_transpose() {
 }
 
 #[test]
-fn the_same_bits_on_one_thread_and_on_two() {
+fn one_thread_and_two_give_the_same_bits() {
     let (geometry, b, r) = (geometry(), bank(21), radius());
     let scene = random_scene(22, 60 + 2 * r, 84 + 2 * r);
     let y = random_scene(23, 60, 84);

@@ -1,18 +1,19 @@
-//! The settings of one exposure, and the raw frame that comes out of it.
+//! The settings of one exposure, and the raw frame that it gives.
 
 use serde::{Deserialize, Serialize};
 
+use super::error::SensorError;
 use crate::render::Placement;
 
-/// Exposure settings. A sensor sees `white_e` electrons where the picture is white.
+/// Exposure settings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exposure {
-    /// Electrons that linear value 1.0 gives in a green pixel, before gain.
+    /// Electrons in a green pixel where the picture is white (1.0), before gain; positive.
     pub white_e: f32,
-    /// Exposure time, s; it sets the dark current's share.
+    /// Exposure time, s, not negative. It sets the electrons of the dark current.
     pub time_s: f32,
-    /// Linear gain g, 1 = the sensor's system gain.
+    /// Linear gain g, positive; 1 = the sensor's system gain.
     pub linear_gain: f32,
 }
 
@@ -27,7 +28,7 @@ pub struct Capture {
     pub frame: u64,
 }
 
-/// Raw frame: one digital number per pixel, and how it was taken.
+/// Raw frame: one digital number per pixel, and the settings of its exposure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raw {
     /// Rows.
@@ -40,95 +41,8 @@ pub struct Raw {
     pub capture: Capture,
 }
 
-/// Why a frame cannot be exposed or developed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SensorError {
-    /// The sensor description is out of range.
-    #[error("sensor: {0}")]
-    Model(#[from] super::OutOfRange),
-    /// An exposure setting is not finite or out of range.
-    #[error("exposure setting {what} is {value}; it must be {need}")]
-    Exposure {
-        /// Which setting.
-        what: &'static str,
-        /// Its value.
-        value: f32,
-        /// What it must be.
-        need: &'static str,
-    },
-    /// The sensor does not offer this gain.
-    #[error("linear gain {value} is none of the sensor's steps; the nearest is {nearest}")]
-    GainStep {
-        /// The gain asked for.
-        value: f32,
-        /// The sensor's step nearest to it, in stops.
-        nearest: f64,
-    },
-    /// The share of a gradient that saturated pixels let through is out of range.
-    #[error("the leak of saturated pixels is {value}; it must be between 0 and 1")]
-    Leak {
-        /// The leak given.
-        value: f32,
-    },
-    /// A picture cannot be developed because the sensor does not see a colour.
-    #[error(
-        "the colour filter array {cfa} has neither {colour} nor clear pixels to develop a colour picture from"
-    )]
-    UnseenColour {
-        /// The array.
-        cfa: super::CfaPattern,
-        /// The missing colour.
-        colour: &'static str,
-    },
-    /// A buffer does not have the needed shape.
-    #[error("{what}: expected {expected}, got {got}")]
-    Shape {
-        /// Which buffer.
-        what: &'static str,
-        /// Needed shape.
-        expected: String,
-        /// Shape found.
-        got: String,
-    },
-    /// The picture leaves the sensor.
-    #[error(
-        "picture of {height}x{width} at row {row}, column {col} leaves the {sensor_height}x{sensor_width} sensor"
-    )]
-    OffSensor {
-        /// Rows.
-        height: usize,
-        /// Columns.
-        width: usize,
-        /// First sensor row.
-        row: usize,
-        /// First sensor column.
-        col: usize,
-        /// Sensor rows.
-        sensor_height: usize,
-        /// Sensor columns.
-        sensor_width: usize,
-    },
-    /// The floor of the shading correction is out of range.
-    #[error("the floor of the shading correction is {value}; it must be above 0 and at most 1")]
-    ShadingFloor {
-        /// The floor given.
-        value: f32,
-    },
-    /// The irradiance has a value that is not finite.
-    #[error("the irradiance of row {row}, column {col} is {value}")]
-    Irradiance {
-        /// Row in the picture.
-        row: usize,
-        /// Column in the picture.
-        col: usize,
-        /// The value.
-        value: f32,
-    },
-}
-
 impl Exposure {
-    /// The exposure changed by so many stops (factors of two): `gain` of the linear gain, `exposure` of the light and the
-    /// time together.
+    /// The exposure changed by stops (factors of two): the linear gain by `gain`, and `white_e` and `time_s` by `exposure`.
     pub fn with_stops(&self, gain: f32, exposure: f32) -> Self {
         Self {
             white_e: self.white_e * exposure.exp2(),

@@ -1,12 +1,13 @@
-//! The colour filter array: which colour each pixel sees.
+//! The colour filter array: the colour that each pixel measures.
 
 use std::fmt;
 use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a pixel's filter lets pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+/// The light that a pixel's filter passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Colour {
     /// Red light.
@@ -23,7 +24,7 @@ impl Colour {
     /// All colours, in the order red, green, blue, clear.
     pub const ALL: [Self; 4] = [Self::Red, Self::Green, Self::Blue, Self::Clear];
 
-    /// Plane of an RGB picture that holds this colour; `None` for clear pixels, which see all three.
+    /// Plane of an RGB picture that holds this colour; `None` for clear pixels, which measure all three together.
     pub fn plane(self) -> Option<usize> {
         match self {
             Self::Red => Some(0),
@@ -63,21 +64,23 @@ const MAX_SIDE: usize = 8;
 
 /// Colour filter array: a tile of colours that repeats over the sensor from its pixel (0, 0).
 ///
-/// Written as its rows from top to bottom, letters `R`, `G`, `B`, `W` (clear), with `/` between rows: `RG/GB`,
-/// `RRGG/RRGG/GGBB/GGBB` (quad Bayer), `WR/GW`. Four letters without `/` are a 2x2 tile (`RGGB`), `mono` is `W`.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// Its text form lists the rows from top to bottom, in letters `R`, `G`, `B`, `W` (clear), with `/` between rows: `RG/GB`,
+/// `RRGG/RRGG/GGBB/GGBB` (quad Bayer), `WR/GW`. Four letters without `/` are a 2x2 tile (`RGGB`); `mono` means `W`. A tile
+/// has at most 8x8 pixels.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[schemars(with = "String")]
 #[serde(try_from = "String", into = "String")]
 pub struct CfaPattern {
     rows: usize,
     cols: usize,
-    /// Row by row; beyond `rows * cols` all clear, so that equal patterns compare equal.
+    /// Row by row. Entries beyond `rows * cols` are clear, so that equal patterns compare equal.
     tile: [Colour; MAX_SIDE * MAX_SIDE],
 }
 
-/// A text that names no colour filter array.
+/// A text that does not describe a colour filter array.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is no colour filter array; give its rows from the top, as RGGB, GRBG, RG/GB, RRGG/RRGG/GGBB/GGBB, or mono \
+    "`{0}` is not a colour filter array; give its rows from the top, as RGGB, GRBG, RG/GB, RRGG/RRGG/GGBB/GGBB, or mono \
      (letters R, G, B, W for clear; up to 8x8)"
 )]
 pub struct UnknownPattern(String);
@@ -119,7 +122,7 @@ impl CfaPattern {
         self.tile[row % self.rows * self.cols + col % self.cols]
     }
 
-    /// The array as a frame shows it whose first pixel is the sensor's `(row, col)`.
+    /// The array of a frame whose first pixel is the sensor's `(row, col)`.
     pub fn starting_at(&self, row: usize, col: usize) -> Self {
         let mut tile = [Colour::Clear; MAX_SIDE * MAX_SIDE];
         for (i, colour) in tile.iter_mut().take(self.rows * self.cols).enumerate() {
@@ -216,7 +219,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tiles_read_as_their_names() {
+    fn the_letters_of_a_bayer_name_are_the_colours_of_the_tile() {
         for (pattern, name) in [
             (CfaPattern::RGGB, "RGGB"),
             (CfaPattern::GRBG, "GRBG"),
@@ -233,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_sees_the_array_from_its_first_pixel() {
+    fn a_moved_frame_starts_the_array_at_its_first_pixel() {
         assert_eq!(CfaPattern::RGGB.starting_at(1, 0), CfaPattern::GBRG);
         assert_eq!(CfaPattern::RGGB.starting_at(860, 1381), CfaPattern::GRBG);
         let x_trans: CfaPattern = "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG".parse().unwrap();
@@ -244,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn any_tile_survives_its_name() {
+    fn any_tile_parses_from_its_name_and_prints_it() {
         for name in
             ["RRGG/RRGG/GGBB/GGBB", "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG", "WR/GW", "RGB", "mono"]
         {

@@ -1,32 +1,34 @@
-//! One exposure: irradiance in, raw frame out, and the derivatives of every pixel.
+//! One exposure: from irradiance to a raw frame, with the derivatives of every pixel.
 //!
-//! The physics is that of [`expose_pixel`](super::expose_pixel); here whole rows go through each of its steps, so that
-//! they compile to vector code of the widest instruction set of the machine, or of the one that
-//! [`PETZVAL_SIMD`](petzval_base::simd) asks for; the bits are the same with all of them.
+//! The physics is that of [`expose_pixel`](super::expose_pixel). Here each step processes a whole row, so that it compiles
+//! to vector code. The instruction set is the widest of the machine, or the one that [`PETZVAL_SIMD`](petzval_base::simd)
+//! names. All instruction sets give the same bits.
 
 use petzval_base::simd::dispatch;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
+use super::fixed_pattern::{Pattern, PatternRow, PatternScratch, PixelPattern, Shared};
 use super::noise::{FrameStreams, ShotScratch};
-use super::nonuniformity::{Pattern, PatternRow, PatternScratch, PixelPattern, Shared};
 use super::pixel::{Chain, Charge, light};
 use super::{Capture, Noise, Raw, SensorError, SensorModel};
 use crate::image::{CHANNELS, LinearImage};
 use petzval_base::random::place;
 
-/// Derivatives of a frame, one number per pixel and array, row by row.
+/// Derivatives of a frame: three arrays with one number per pixel, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slopes {
-    /// By the light that the pixel sees ([`SensorModel::response`] times irradiance), DN per unit.
+    /// With respect to the light in the pixel ([`SensorModel::response`] times irradiance), DN per unit.
     pub light: Vec<f32>,
-    /// By the binary logarithm of the linear gain, DN per stop.
+    /// With respect to the binary logarithm of the linear gain, DN per stop.
     pub log2_gain: Vec<f32>,
-    /// By the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
+    /// With respect to the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
     pub log2_exposure: Vec<f32>,
 }
 
 /// Exposes the sensor window at `capture.placement` to `irradiance` (3 planes, 1.0 = white).
+///
+/// Fails if irradiance is not finite, the sensor or a setting is out of range, or the window extends beyond the sensor.
 pub fn expose(
     irradiance: &LinearImage,
     sensor: &SensorModel,
@@ -50,10 +52,11 @@ pub fn expose(
 
 /// As [`expose`], with the derivatives of every digital number.
 ///
-/// The derivative by the electrons' rate is that of the [`NoiseMode`](super::NoiseMode); read and electronics noise are
-/// ordinary reparameterised normal noise, so gain and exposure have exact derivatives for the draws at hand. Rounding
-/// passes a gradient through. Negative light blocks it; a full well and a converter at its limits let `leak` of it
-/// through: 0 is the true derivative, and a small positive number lets an optimiser feel a saturated pixel.
+/// The [`NoiseMode`](super::NoiseMode) sets the derivative of electrons with respect to their rate. Read and electronics
+/// noise are reparameterised normal noise, so the derivatives with respect to gain and exposure are exact for the drawn
+/// noise. Rounding passes the gradient unchanged. Negative light blocks it. A full well and a converter at its limits pass
+/// the share `leak` (0..1) of it: 0 is the true derivative; a small positive number gives an optimiser a gradient in
+/// saturated pixels.
 pub fn expose_with_tape(
     irradiance: &LinearImage,
     sensor: &SensorModel,
@@ -93,7 +96,7 @@ pub(crate) fn expose_checked(
     (Raw { height, width, dn, capture: *capture }, slopes)
 }
 
-/// What all rows of an exposure share.
+/// The data that all rows of an exposure share.
 pub(super) struct Frame<'a> {
     irradiance: &'a LinearImage,
     sensor: &'a SensorModel,
@@ -128,7 +131,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Memory of a row, to be used again for the next.
+/// Working memory of a row, reused for the next row.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     weights: [Vec<f64>; CHANNELS],
@@ -143,13 +146,13 @@ pub(super) struct Scratch {
     shot: ShotScratch,
 }
 
-/// The exposure of one row; `TAPE` says whether the slopes are wanted.
+/// The exposure of one row. With `TAPE` it also computes the slopes.
 pub(super) struct ExposeRow<'f, 'a, 'm, const TAPE: bool> {
     pub frame: &'f Frame<'a>,
     pub row: usize,
     pub scratch: &'m mut Scratch,
     pub dn: &'m mut [f32],
-    /// By light, log2 gain and log2 exposure; empty without a tape.
+    /// Derivatives with respect to light, log2 gain and log2 exposure; empty without a tape.
     pub slopes: [&'m mut [f32]; 3],
 }
 
@@ -179,7 +182,7 @@ fn expose_row<const TAPE: bool>(
         values.resize(n, 0.0);
     }
 
-    // What sets each pixel apart, and the light that its filter lets pass.
+    // Draw the non-uniformity of each pixel, and collect the light that its filter passes.
     let (pattern, pattern_scratch) = (&mut scratch.pattern, &mut scratch.pattern_scratch);
     frame.pattern.pixels_row(sensor_row, first_col, &frame.columns, pattern_scratch, pattern);
     weigh_colours(frame.sensor, sensor_row, first_col, n, &mut scratch.weights);
@@ -189,6 +192,7 @@ fn expose_row<const TAPE: bool>(
     for i in 0..n {
         lights[i] = light([w0[i], w1[i], w2[i]], [red[i], green[i], blue[i]]);
     }
+    // Turn light into a mean rate of electrons, with each pixel's response and dark current.
     let offset_e = &pattern.offset_e[..n];
     let (response, dark) = (&pattern.response[..n], &pattern.dark_e_per_s[..n]);
     let (rate, electrons, d_rate) = (&mut rate[..n], &mut electrons[..n], &mut d_rate[..n]);
@@ -197,7 +201,7 @@ fn expose_row<const TAPE: bool>(
         rate[i] = chain.rate_e(lights[i], &pixel);
     }
 
-    // Electrons arrive one by one; reading them is noisy.
+    // Count the electrons with shot noise, and draw the noise of reading them out.
     streams.electrons_row(rate, first, &mut scratch.shot, electrons, d_rate);
     if streams.noisy() {
         streams.read.normals_row(first, z_read, z_electronics);
@@ -205,6 +209,7 @@ fn expose_row<const TAPE: bool>(
         z_read.fill(0.0);
         z_electronics.fill(0.0);
     }
+    // Amplify and convert the charge of each pixel to a digital number, with its derivatives.
     let (z_read, z_electronics, dn) = (&z_read[..n], &z_electronics[..n], &mut dn[..n]);
     let [by_light, by_gain, by_exposure] = slopes;
     let tape = if TAPE { n } else { 0 };
@@ -269,7 +274,7 @@ pub(crate) fn check_placement(
     Err(SensorError::OffSensor { height, width, row, col, sensor_height, sensor_width })
 }
 
-/// Checks the share of a gradient that saturated pixels let through.
+/// Checks the share of the gradient that saturated pixels pass.
 pub(crate) fn check_leak(leak: f32) -> Result<(), SensorError> {
     if (0.0..=1.0).contains(&leak) { Ok(()) } else { Err(SensorError::Leak { value: leak }) }
 }

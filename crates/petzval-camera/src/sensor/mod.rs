@@ -10,14 +10,16 @@
 //! y  = clip(round(v), 0, 2^bits - 1)         [DN]  analog-to-digital converter
 //! ```
 //!
-//! so that, on a sensor of equal pixels and away from the limits, `E y = K g (lambda + mu_r) + BL + mu_el` and
+//! On a sensor of equal pixels and away from the limits this gives `E y = K g (lambda + mu_r) + BL + mu_el` and
 //! `Var y = (K g)^2 (lambda + sigma_r^2) + sigma_el^2 + 1/12`. Source: EMVA 1288 release 4.0 (linear camera model).
 //!
-//! [`expose_pixel`] says it for one pixel; [`expose()`] does it for a frame, with the same bits.
+//! [`expose_pixel`] is the readable reference for one pixel; [`expose()`] computes a frame with the same bits.
 
 mod capture;
 mod cfa;
+mod error;
 mod expose;
+mod fixed_pattern;
 mod model;
 mod noise;
 mod nonuniformity;
@@ -26,13 +28,15 @@ mod quantum_efficiency;
 mod saturation;
 mod score_function;
 
-pub use capture::{Capture, Exposure, Raw, SensorError};
+pub use capture::{Capture, Exposure, Raw};
 pub use cfa::{CfaPattern, Colour, UnknownPattern};
+pub use error::{OutOfRange, SensorError};
 pub use expose::{Slopes, expose, expose_with_tape};
 pub(crate) use expose::{check_capture, check_leak, check_placement, expose_checked};
-pub use model::{Electronics, OutOfRange, SensorModel};
+pub use fixed_pattern::FixedPattern;
+pub use model::{Electronics, SensorModel};
 pub use noise::{Noise, NoiseMode};
-pub use nonuniformity::{FixedPattern, NonUniformity};
+pub use nonuniformity::NonUniformity;
 pub use pixel::{PixelReading, expose_pixel};
 pub use quantum_efficiency::QuantumEfficiency;
 pub use score_function::score_function_gradient;

@@ -1,15 +1,16 @@
-//! A sensor as its data sheet describes it.
+//! The numbers of a sensor, as in its data sheet.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SensorError;
 use super::cfa::{CfaPattern, Colour};
+use super::error::{OutOfRange, SensorError};
 use super::nonuniformity::NonUniformity;
 use super::quantum_efficiency::QuantumEfficiency;
 use crate::image::CHANNELS;
 
-/// Where the electronics noise enters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// The place in the signal chain where the electronics noise enters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Electronics {
     /// Before the converter, as in a sensor with column converters.
@@ -19,12 +20,12 @@ pub enum Electronics {
 }
 
 /// EMVA 1288 description of a sensor at unit gain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
     /// Name of the sensor.
     pub name: String,
-    /// Where the numbers come from.
+    /// Source of the numbers.
     pub source: String,
     /// Rows.
     pub height: usize,
@@ -59,10 +60,10 @@ pub struct SensorModel {
     /// Electrons of a clear (unfiltered) pixel per unit of red, green and blue light, where a green pixel has 1 for white.
     #[serde(default = "even_response")]
     pub clear_response: [f64; CHANNELS],
-    /// Linear gains that the sensor offers; empty if it can be set to any.
+    /// Linear gains that the sensor offers; empty if every gain can be set.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gain_steps: Vec<f64>,
-    /// How its pixels differ.
+    /// Differences between its pixels: DSNU, PRNU, hot pixels, row and column noise.
     #[serde(default)]
     pub nonuniformity: NonUniformity,
     /// Quantum efficiency over the spectrum, if it is known.
@@ -72,22 +73,6 @@ pub struct SensorModel {
 
 fn even_response() -> [f64; CHANNELS] {
     [1.0 / 3.0; CHANNELS]
-}
-
-/// A number of a sensor outside its physical range.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{key} is {value}, outside {low}..{high}")]
-pub struct OutOfRange {
-    /// Which number; keys of a table in the file carry its name and a dot.
-    pub key: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Least value.
-    pub low: f64,
-    /// Largest value.
-    pub high: f64,
-    /// What the number is.
-    pub meaning: &'static str,
 }
 
 impl SensorModel {
@@ -106,7 +91,7 @@ impl SensorModel {
         response
     }
 
-    /// The gain that the sensor offers nearest to `linear_gain`, in stops; itself where every gain can be set.
+    /// The sensor's gain step nearest to `linear_gain`, in stops. Without steps the result is `linear_gain`.
     pub fn nearest_gain(&self, linear_gain: f64) -> f64 {
         let stops_off = |step: f64| (step / linear_gain).log2().abs();
         let steps = self.gain_steps.iter().copied();

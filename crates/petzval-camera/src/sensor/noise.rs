@@ -1,42 +1,43 @@
-//! Randomness of a frame: which noise, from which stream, and what the derivative of shot noise means.
+//! Randomness of a frame: the noise modes, their random streams, and the derivative of shot noise in each mode.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Capture;
 use petzval_base::random::{PoissonScratch, Stage, Stream, poisson, poisson_row};
 
-/// How shot noise is drawn, and what derivative by the rate `lambda` (mean electrons) a draw has.
+/// How shot noise is drawn, and the derivative of a draw with respect to the rate `lambda` (mean electrons).
 ///
-/// Counting has no derivative: the mean of `f(N)` over Poisson counts has one, `E[f(N+1) - f(N)]`, but a single count has
-/// not. What stands in for it, in each mode, is biased or not according to the `f` that follows. Biases here are of
-/// `E f'(x) dx/dlambda` over the exact derivative for `f = sqrt(N + 1)` at 0.3, 3 and 40 electrons: exact sums for
-/// `Dequantised`, 2 million draws of NumPy's generator for the others. The book's page on the sensor has more, the tests
-/// all of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// The mean of `f(N)` over Poisson counts has a derivative, `E[f(N+1) - f(N)]`, but a single count has none. Each mode uses
+/// a substitute, whose bias depends on the following function `f`. The biases given here are those of
+/// `E f'(x) dx/dlambda`, relative to the exact derivative, for `f = sqrt(N + 1)` at 0.3, 3 and 40 electrons. They are exact
+/// sums for `Dequantised`, and means of 2 million draws of NumPy's generator for the other modes. The book's page on the
+/// sensor lists more of them; the tests check all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseMode {
     /// Whole Poisson electrons. For evaluation: the draw has no derivative and the tape holds zeros.
     Exact,
     /// `x = N + t - 1/2` with `t` uniform in [0, 1]: mean lambda, variance lambda + 1/12. The derivative
-    /// `dx/dlambda = t + (1 - t) N / lambda` is unbiased for the mean of what is drawn (implicit reparameterisation of the
-    /// Poisson distribution function, interpolated). Against the derivative for whole counts: +1.5 %, +0.4 %, 0.0 %.
+    /// `dx/dlambda = t + (1 - t) N / lambda` is unbiased for the mean of `f(x)` (implicit reparameterisation of the
+    /// interpolated Poisson distribution function). Bias against the derivative for whole counts: +1.5 %, +0.4 %, 0.0 %.
     ///
-    /// Below `r = 0.05` electrons, where a rare count would weigh `1 / lambda`, it is `t + (1 - t) (N + r - lambda) / r`. Its mean
-    /// is still 1, so a straight `f` has no bias; a curved one has `-(1 - lambda / r) E (1 - t) (f'(x + 1) - f'(x))`, about half
-    /// of `f''` without light.
+    /// Below `r = 0.05` electrons a rare count would have the weight `1 / lambda`. There the derivative is
+    /// `t + (1 - t) (N + r - lambda) / r`. Its mean is still 1, so a linear `f` has no bias. A curved `f` has the bias
+    /// `-(1 - lambda / r) E (1 - t) (f'(x + 1) - f'(x))`, about half of `f''` at lambda = 0.
     Dequantised,
-    /// `x = N + 1/2`, `dx/dlambda := 1`. Bias -1.2 %, -0.3 %, 0.0 %, and little spread at low rates. What follows
-    /// sees half an electron too many (K g / 2 DN), because its derivative is wanted between the counts N and N + 1:
-    /// losses of this mode are those of a slightly brighter frame.
+    /// `x = N + 1/2`, `dx/dlambda := 1`. Bias -1.2 %, -0.3 %, 0.0 %; the spread is small at low rates. The half electron
+    /// places the derivative between the counts N and N + 1. It also makes the frame brighter by half an electron
+    /// (K g / 2 DN), so losses are those of a slightly brighter frame.
     HalfStep,
     /// As `Exact`, with `dN/dlambda := 1` in the backward pass. Biased: +18.7 %, +8.1 %, +0.6 %.
     StraightThrough,
-    /// `x = lambda + sqrt(lambda) z` with `z` standard normal: mean and variance lambda, but of another shape, and negative at
-    /// times. Its derivative `1 + z / (2 sqrt(lambda))` is unbiased for the mean of what is drawn; against the derivative
-    /// for counts -6.8 %, +1.0 %, 0.0 %. Below `r = 0.05` electrons the division uses r: the bias is
+    /// `x = lambda + sqrt(lambda) z` with `z` standard normal: mean and variance lambda, but a normal distribution, which is
+    /// sometimes negative. The derivative `1 + z / (2 sqrt(lambda))` is unbiased for the mean of `f(x)`. Bias against the
+    /// derivative for counts: -6.8 %, +1.0 %, 0.0 %. Below `r = 0.05` electrons the division uses r, with the bias
     /// `-(1 - sqrt(lambda / r)) / 2 E f''`.
     Gaussian,
-    /// The mean signal: no noise, no rounding; full well, converter limits and the specimen's fixed pattern stay.
+    /// The mean signal without noise and rounding. Full well, converter limits and the specimen's fixed pattern remain.
     Off,
 }
 
@@ -45,15 +46,15 @@ pub enum NoiseMode {
 pub struct Noise {
     /// How noise is drawn.
     pub mode: NoiseMode,
-    /// Same seed, frame and sensor pixel: same noise, whatever the crop and the number of threads.
+    /// The same seed, frame and sensor pixel give the same noise, for any crop and number of threads.
     pub seed: u64,
 }
 
-/// Rate in electrons below which the backward pass does not divide by it: the spread of `N / lambda` is
+/// Smallest rate, electrons, by which the backward pass divides. Lower rates would be noisy: the spread of `N / lambda` is
 /// `1 / sqrt(lambda)`.
 pub(super) const RATE_FLOOR_E: f64 = 0.05;
 
-/// What the pixels of one frame draw their noise from.
+/// The random streams of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FrameStreams {
     pub mode: NoiseMode,
@@ -78,7 +79,7 @@ impl FrameStreams {
         }
     }
 
-    /// Whether anything is random.
+    /// Whether the mode draws noise.
     #[inline(always)]
     pub fn noisy(&self) -> bool {
         self.mode != NoiseMode::Off
@@ -140,7 +141,7 @@ impl FrameStreams {
     }
 }
 
-/// Memory of [`FrameStreams::electrons_row`], to be used again for the next row.
+/// Working memory of [`FrameStreams::electrons_row`], reused for the next row.
 #[derive(Debug, Default)]
 pub(super) struct ShotScratch {
     poisson: PoissonScratch,
@@ -148,14 +149,15 @@ pub(super) struct ShotScratch {
     b: Vec<f64>,
 }
 
-/// A count spread over the unit interval about it by `t` in (0, 1), and its derivative by the rate, whose mean is 1.
+/// A count dithered over the unit interval about it by `t` in (0, 1), and its derivative with respect to the rate. The mean
+/// of the derivative is 1.
 #[inline(always)]
 fn dequantise(rate: f64, count: f64, t: f64) -> (f64, f64) {
     let divisor = rate.max(RATE_FLOOR_E);
     (count + t - 0.5, t + (1.0 - t) * (count + (divisor - rate)) / divisor)
 }
 
-/// Normal noise of the variance of the rate, and its derivative by the rate.
+/// Normal electrons with mean and variance `rate`, and their derivative with respect to the rate.
 #[inline(always)]
 fn spread(rate: f64, z: f64) -> (f64, f64) {
     (rate + rate.sqrt() * z, 1.0 + z / (2.0 * rate.max(RATE_FLOOR_E).sqrt()))

@@ -1,8 +1,7 @@
-//! One pixel of one exposure: the physics, step by step. [`crate::sensor::expose()`] takes whole rows through the same
-//! steps.
+//! One pixel of one exposure: the physics, step by step. [`crate::sensor::expose()`] applies the same steps to whole rows.
 
+use super::fixed_pattern::{Pattern, PixelPattern};
 use super::noise::FrameStreams;
-use super::nonuniformity::{Pattern, PixelPattern};
 use super::{Capture, Electronics, Noise, SensorModel};
 use crate::image::CHANNELS;
 use petzval_base::random::place;
@@ -12,18 +11,18 @@ use petzval_base::random::place;
 pub struct PixelReading {
     /// Digital number.
     pub dn: f32,
-    /// Its derivative by the light that the pixel sees ([`SensorModel::response`] times irradiance), DN per unit.
+    /// Its derivative with respect to the light in the pixel ([`SensorModel::response`] times irradiance), DN per unit.
     pub by_light: f32,
-    /// Its derivative by the binary logarithm of the linear gain, DN per stop.
+    /// Its derivative with respect to the binary logarithm of the linear gain, DN per stop.
     pub by_log2_gain: f32,
-    /// Its derivative by the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
+    /// Its derivative with respect to the binary logarithm of the exposure (`white_e` and `time_s` together), DN per stop.
     pub by_log2_exposure: f32,
 }
 
-/// The reading of sensor pixel `(row, col)` under `irradiance` (red, green, blue; 1.0 = white): the readable reference of
-/// [`crate::sensor::expose_with_tape`], which gives the same bits.
+/// Reading of sensor pixel `(row, col)` under `irradiance` (red, green, blue; 1.0 = white). This is the readable reference
+/// of [`crate::sensor::expose_with_tape`], which gives the same bits.
 ///
-/// `capture.placement` is not used; `leak` as there. A light that is not finite reads NaN.
+/// `capture.placement` is not used. `leak` (0..1) is explained there. Irradiance that is not finite gives NaN.
 pub fn expose_pixel(
     irradiance: [f32; CHANNELS],
     sensor: &SensorModel,
@@ -43,7 +42,7 @@ pub fn expose_pixel(
     chain.read_out(&Charge { light, rate, electrons, d_rate }, &pattern, z)
 }
 
-/// The light of the colour that the filter lets pass.
+/// The light that the filter passes: response times irradiance, 1.0 = white in green.
 #[inline(always)]
 pub(super) fn light(response: [f64; CHANNELS], irradiance: [f32; CHANNELS]) -> f64 {
     response[0] * irradiance[0] as f64
@@ -51,14 +50,14 @@ pub(super) fn light(response: [f64; CHANNELS], irradiance: [f32; CHANNELS]) -> f
         + response[2] * irradiance[2] as f64
 }
 
-/// What a pixel has collected at the end of the exposure.
+/// The charge of a pixel at the end of the exposure.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Charge {
     /// Light, 1.0 = white in green.
     pub light: f64,
     /// Mean electrons.
     pub rate: f64,
-    /// Electrons, and their derivative by the mean.
+    /// Electrons, and their derivative with respect to the mean.
     pub electrons: f64,
     pub d_rate: f64,
 }
@@ -102,7 +101,8 @@ impl Chain {
         }
     }
 
-    /// Mean electrons: light becomes charge with the pixel's own response, and dark current adds its share.
+    /// Mean electrons: light frees charge with the pixel's own response, and dark current adds to it. Light that is negative or
+    /// not finite counts as none.
     #[inline(always)]
     pub fn rate_e(&self, light: f64, pattern: &PixelPattern) -> f64 {
         let known = if light.is_finite() { light.max(0.0) } else { 0.0 };
@@ -118,16 +118,16 @@ impl Chain {
         pattern: &PixelPattern,
         [z_read, z_el]: [f64; 2],
     ) -> PixelReading {
-        // The well holds so many electrons and no more.
+        // Clip the charge at the full well.
         let well_passes = if charge.electrons < self.full_well_e { 1.0 } else { self.leak };
         let n = charge.electrons.min(self.full_well_e);
 
-        // Reading adds the pixel's offset and noise; the amplifier turns electrons into digital numbers.
+        // Add the pixel's offset and read noise, then amplify electrons to digital numbers.
         let e = n + self.read_mean_e + pattern.offset_e + self.read_noise_e * z_read;
         let signal = self.gain_dn_per_e * e + self.black_level_dn;
         let electronics = self.electronics_mean_dn + self.electronics_noise_dn * z_el;
 
-        // The converter rounds and clips; electronics behind it is rounded into whole numbers again.
+        // Round and clip in the converter. Electronics noise added after the converter is rounded a second time.
         let (value, passes) = if self.after_adc {
             let (digital, first) = self.convert(signal);
             let (value, second) = self.convert(digital + electronics);
@@ -136,7 +136,7 @@ impl Chain {
             self.convert(signal + electronics)
         };
 
-        // Backwards: what a change of light, gain or exposure does to the number. Rounding passes changes through.
+        // Differentiate the number with respect to light, gain and exposure. Rounding passes derivatives unchanged.
         let per_electron = passes * self.gain_dn_per_e;
         let by_rate = per_electron * well_passes * charge.d_rate;
         let by_light = if charge.light < 0.0 { 0.0 } else { by_rate * self.white_e * pattern.response };
@@ -149,7 +149,8 @@ impl Chain {
         }
     }
 
-    /// The converter's number for a voltage, and what it lets through of a change: all inside its range, `leak` outside.
+    /// The converter's number for a signal `v` in DN, and the share of a derivative that it passes: 1 inside its range, `leak`
+    /// outside.
     #[inline(always)]
     fn convert(&self, v: f64) -> (f64, f64) {
         let passes = if (v >= 0.0) & (v <= self.max_dn) { 1.0 } else { self.leak };

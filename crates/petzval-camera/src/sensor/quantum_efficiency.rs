@@ -1,18 +1,19 @@
-//! Quantum efficiency over the spectrum: how many electrons a photon gives.
+//! Quantum efficiency over the spectrum: mean electrons per photon.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::cfa::Colour;
-use super::model::OutOfRange;
+use super::error::OutOfRange;
 use crate::spectral::{PixelOptics, Spectrum};
 
-/// Quantum efficiency curves, 0..1, on common wavelengths; between samples linear, outside zero.
+/// Quantum efficiency curves, 0..1, on common wavelengths; linear between samples, zero outside.
 ///
 /// A pixel of colour c has the efficiency `scale s_c Q_c(l)`, with `s_R = alpha`, `s_G = 1`, `s_B = beta`, `s_clear = 1`:
-/// the electrons are `sum_l Q_c(l) s_c N(l)` of N photons. `alpha` and `beta` correct the published curves so that the ratio
-/// of red to green and of blue to green signal matches what a camera gives (Tseng et al. 2021, supplement section 2.4.1;
-/// 0.82 and 1.25 for their camera); [`matched`](Self::matched) finds them from measured ratios.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// N photons give `sum_l Q_c(l) s_c N(l)` electrons. `alpha` and `beta` correct the published curves so that the ratios of
+/// red to green and of blue to green signal match those of a real camera (Tseng et al. 2021, supplement section 2.4.1; 0.82
+/// and 1.25 for their camera). [`matched`](Self::matched) finds them from measured ratios.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QuantumEfficiency {
     /// Wavelengths, um, ascending.
@@ -117,9 +118,9 @@ impl QuantumEfficiency {
             (Colour::Blue, "quantum_efficiency.beta", self.beta),
         ] {
             let peak = self.samples(colour).iter().copied().fold(0.0, f64::max);
-            // Factors that were computed reach 1 but for rounding.
+            // Computed factors may exceed 1 by rounding.
             if peak * factor * self.scale > 1.0 + 1e-9 {
-                // The larger of the two factors is the one to look at.
+                // Report the larger of the two factors.
                 let (key, value, other) = if self.scale >= factor {
                     ("quantum_efficiency.scale", self.scale, factor)
                 } else {
@@ -133,8 +134,8 @@ impl QuantumEfficiency {
         Ok(())
     }
 
-    /// The same efficiency at all wavelengths of silicon, 0.3..1.1 um, for every colour: for a sensor whose curves nobody
-    /// has published. `None` unless it lies above 0 and at most at 1.
+    /// One efficiency at all wavelengths of silicon, 0.3..1.1 um, for every colour. It stands in for unpublished curves.
+    /// `None` unless `efficiency` is above 0 and at most 1.
     pub fn flat(efficiency: f64) -> Option<Self> {
         let curve = || vec![efficiency; 2];
         let (red, green, blue, clear) = (curve(), curve(), curve(), curve());
@@ -154,15 +155,16 @@ impl QuantumEfficiency {
             .ok()
     }
 
-    /// Wavelength (um) and value of the highest efficiency of a colour, factors included; of several alike the shortest.
+    /// Wavelength (um) and value of the highest efficiency of a colour, factors included; of equal peaks the one at the shortest
+    /// wavelength. `None` if the colour has no curve.
     pub fn peak(&self, colour: Colour) -> Option<(f64, f64)> {
         let curve = self.curve(colour)?;
         let samples = curve.wavelength_um().iter().copied().zip(curve.value().iter().copied());
         samples.reduce(|best, next| if next.1 > best.1 { next } else { best })
     }
 
-    /// The same curves with the `alpha` and `beta` for which red over green and blue over green signal under `radiance`
-    /// (W m-2 sr-1 nm-1) are `red_over_green` and `blue_over_green`, as measured on a white surface.
+    /// The same curves with `alpha` and `beta` matched to a real camera: under `radiance` (W m-2 sr-1 nm-1) from a white
+    /// surface, the ratios of red and blue to green signal are `red_over_green` and `blue_over_green`.
     ///
     /// `None` if a curve is missing or gives no signal, or if a pixel would give more than one electron per photon.
     pub fn matched(
@@ -212,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_curve_is_one_of_every_colour() {
+    fn a_flat_curve_holds_for_every_colour() {
         let flat = QuantumEfficiency::flat(0.6).unwrap();
         assert!(Colour::ALL.into_iter().all(|c| (flat.curve(c).unwrap().at(0.9) - 0.6).abs() < 1e-12));
         for wrong in [0.0, -0.1, 1.01, f64::NAN, f64::INFINITY] {

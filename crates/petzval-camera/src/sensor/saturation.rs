@@ -1,4 +1,4 @@
-//! Where a sensor saturates: at the end of its converter, or before it where the wells are full.
+//! Saturation of a sensor: at the maximum of its converter, or below it at the full well.
 
 use super::SensorModel;
 
@@ -9,24 +9,24 @@ impl SensorModel {
     /// W = min(2^bits - 1, BL + mu_el + K g (FWC + mu_r))
     /// ```
     ///
-    /// the last number of the converter, or what a full well reads as, offsets of the read-out included. Pixels whose wells
-    /// are full scatter around it by read and electronics noise.
+    /// This is the largest number of the converter or the mean reading of a full well, offsets of the read-out included. Read
+    /// and electronics noise scatter the readings of full wells about it.
     pub fn white_level_dn(&self, linear_gain: f64) -> f64 {
         let zero_dn = self.black_level_dn + self.electronics_mean_dn;
         let full_dn = self.gain_dn_per_e * linear_gain * (self.full_well_e + self.read_noise_mean_e);
         (zero_dn + full_dn).min(self.max_dn())
     }
 
-    /// Photoelectrons with which a pixel saturates, `(W - BL - mu_el) / (K g) - mu_r - mu_I t`: dark current fills the
-    /// same well. Zero or negative where a dark pixel is saturated already.
+    /// Photoelectrons that saturate a pixel, `(W - BL - mu_el) / (K g) - mu_r - mu_I t`: dark current fills the same well. The
+    /// result is zero or negative if a dark pixel is already saturated.
     pub fn light_capacity_e(&self, time_s: f64, linear_gain: f64) -> f64 {
         let range_dn = self.white_level_dn(linear_gain) - self.black_level_dn - self.electronics_mean_dn;
         let dark_e = self.read_noise_mean_e + self.dark_current_e_per_s * time_s;
         range_dn / (self.gain_dn_per_e * linear_gain) - dark_e
     }
 
-    /// The largest linear gain at which a pixel holds `light_e` photoelectrons; of a sensor with gain steps, the largest such
-    /// step. `None` where the well is too small at any gain, or every step too large.
+    /// The largest linear gain at which a pixel holds `light_e` photoelectrons without saturation. For a sensor with gain steps
+    /// it is the largest of those steps that does. `None` if the well is too small at any gain, or if every step is too large.
     pub fn gain_for(&self, light_e: f64, time_s: f64) -> Option<f64> {
         let collected_e = light_e + self.dark_current_e_per_s * time_s;
         let range_dn = self.max_dn() - self.black_level_dn - self.electronics_mean_dn;
@@ -53,7 +53,7 @@ mod tests {
         SensorModel { full_well_e, ..toml::from_str::<SensorModel>(text).unwrap() }
     }
 
-    /// Noiseless digital number of a green pixel with so many photoelectrons.
+    /// Noiseless digital number of a green pixel with `light_e` photoelectrons.
     fn exposed_dn(sensor: &SensorModel, light_e: f64, gain: f32) -> f64 {
         let light = LinearImage::filled(CHANNELS, 2, 2, 1.0);
         let exposure = Exposure { white_e: light_e as f32, time_s: 0.02, linear_gain: gain };
@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn an_exposure_far_beyond_the_capacity_gives_the_white_level() {
-        // The converter ends first, or the well does: at 10,000 e- of 1 DN for 7.1 e-.
+        // The converter saturates first, or the well: 10,000 e- at 7.1 e- per DN.
         for (well_e, gain) in
             [(33_723.0, 1.0), (33_723.0, 4.0), (10_000.0, 1.0), (10_000.0, 2.0), (10_000.0, 8.0)]
         {
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gain_for_some_light_is_that_at_which_it_just_fits() {
+    fn gain_for_light_is_the_largest_gain_without_saturation() {
         let sensor = sensor(33_723.0);
         let gain = sensor.gain_for(5000.0, 0.02).unwrap();
         assert!((sensor.light_capacity_e(0.02, gain) - 5000.0).abs() < 1e-6);

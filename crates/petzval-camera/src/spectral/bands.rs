@@ -1,8 +1,8 @@
-//! The bands of a spectral image: where they lie, and what a curve is in each of them.
+//! The bands of a spectral image: their wavelengths, and the value of a curve in each band.
 
 use super::spectrum::{Spectrum, integral};
 
-/// Centres of `count` bands evenly spaced over `low_um..high_um`, both included, to the picometre.
+/// Centres, um, of `count` bands evenly spaced over `low_um..high_um`, both ends included, rounded to 1 pm.
 pub fn even_bands(low_um: f64, high_um: f64, count: usize) -> Vec<f64> {
     let last = count.saturating_sub(1).max(1) as f64;
     let to_picometre = |um: f64| (um * 1e6).round() / 1e6;
@@ -11,12 +11,12 @@ pub fn even_bands(low_um: f64, high_um: f64, count: usize) -> Vec<f64> {
 
 /// Number of evenly spaced bands, both ends included, that lie at most `step_um` apart over a range, um.
 pub fn bands_within((low_um, high_um): (f64, f64), step_um: f64) -> usize {
-    // A step that fits up to rounding needs no further band.
+    // A step that divides the range up to rounding needs no extra band.
     ((high_um - low_um) / step_um - 1e-6).ceil().max(1.0) as usize + 1
 }
 
-/// Mean of a product of up to four curves over the hat function of each band, which is 1 at the band and falls to zero at
-/// its neighbours. Light in narrow lines is shared between the bands around it instead of falling between them.
+/// Mean of a product of up to four curves over the hat function of each band. The hat is 1 at the band and falls to zero at
+/// its neighbours, so the light of a narrow line is shared between the bands around it and never lost between them.
 pub fn band_mean(factors: &[&Spectrum], band_um: &[f64]) -> Vec<f64> {
     (0..band_um.len())
         .map(|band| {

@@ -1,4 +1,4 @@
-//! Colours from XYZ: linear sRGB, CIELAB, and the change of white between two illuminants.
+//! Colours from XYZ: linear sRGB, CIELAB, and chromatic adaptation between two illuminants.
 
 /// A 3x3 matrix, rows first.
 pub type Matrix3 = [[f64; 3]; 3];
@@ -28,7 +28,7 @@ pub const SRGB_PRIMARIES: [(f64, f64); 3] = [(0.64, 0.33), (0.30, 0.60), (0.15, 
 
 /// XYZ of linear sRGB whose white (1, 1, 1) is `white` (Y = 1): the columns are the primaries.
 ///
-/// Each primary `P = (x/y, 1, (1-x-y)/y)` is weighed so that together they are white.
+/// Each primary `P = (x/y, 1, (1-x-y)/y)` is scaled so that their sum is white.
 pub fn xyz_from_srgb(white: [f64; 3]) -> Matrix3 {
     let columns = SRGB_PRIMARIES.map(|(x, y)| [x / y, 1.0, (1.0 - x - y) / y]);
     let primaries: Matrix3 = [0, 1, 2].map(|r| [0, 1, 2].map(|c| columns[c][r]));
@@ -50,7 +50,7 @@ pub fn bradford(from_white: [f64; 3], to_white: [f64; 3]) -> Matrix3 {
     product(&inverse(&CONES), &product(&gains, &CONES))
 }
 
-/// CIELAB (CIE 1976) of XYZ relative to `white`.
+/// CIELAB (CIE 1976), `[L*, a*, b*]`, of XYZ relative to `white`.
 pub fn lab(xyz: [f64; 3], white: [f64; 3]) -> [f64; 3] {
     let f = |t: f64| {
         let d: f64 = 6.0 / 29.0;
@@ -72,7 +72,7 @@ mod tests {
     const D65: [f64; 3] = [0.95047, 1.0, 1.08883];
 
     #[test]
-    fn the_srgb_matrix_is_that_of_the_standard() {
+    fn the_srgb_matrix_matches_the_standard() {
         let standard = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
         // IEC 61966-2-1 prints four decimals of the inverse of a rounded matrix.
         for (ours, theirs) in srgb_from_xyz(D65).iter().flatten().zip(standard.iter().flatten()) {
@@ -81,12 +81,12 @@ mod tests {
     }
 
     #[test]
-    fn white_goes_to_white() {
+    fn adaptation_maps_white_to_white() {
         let a = [1.0985, 1.0, 0.3558];
         let moved = apply(&bradford(a, D65), a);
         assert!((0..3).all(|i| (moved[i] - D65[i]).abs() < 1e-12));
         assert!(delta_e_1976(lab(D65, D65), [100.0, 0.0, 0.0]) < 1e-12);
-        // 18 % gray is L* = 49.5.
+        // A gray of Y = 0.184187 has L* = 50.
         assert!((lab(D65.map(|v| v * 0.184187), D65)[0] - 50.0).abs() < 1e-3);
     }
 }

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::spectrum::Spectrum;
 use super::table::SpectrumTable;
 
-/// Who measured the chart.
+/// The measurement of the chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ChartData {
     /// N. Ohta 1997: 380..780 nm every 5 nm, one chart.
@@ -71,7 +71,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_chart_has_the_colours_of_its_maker() {
+    fn the_chart_matches_the_colours_that_its_maker_published() {
         let d50 = Illuminant::named("D50").unwrap().power;
         let (x, y) = (0.345702914918791, 0.358538596679933);
         let published_white = [x / y, 1.0, (1.0 - x - y) / y];

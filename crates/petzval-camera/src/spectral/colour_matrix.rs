@@ -1,4 +1,4 @@
-//! From the colours of a camera to those of a display: the matrix that renders a ColorChecker best.
+//! The colour matrix from camera RGB to display RGB, fitted to a ColorChecker.
 
 use super::bands::{band_mean, ends};
 use super::colour::{Matrix3, apply, bradford, delta_e_1976, lab, product};
@@ -11,10 +11,10 @@ use super::spectrum::Spectrum;
 use super::upsampling::d65_white;
 use crate::sensor::{Colour, SensorModel};
 
-/// A colour matrix and how well it does.
+/// A colour matrix and its colour errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColourMatrix {
-    /// Linear sRGB from white-balanced camera RGB; its rows sum to 1, so that white stays white.
+    /// Linear sRGB from white-balanced camera RGB. Its rows sum to 1, so white stays white.
     pub matrix: Matrix3,
     /// Mean colour difference of the 24 patches, CIE 1976.
     pub mean_delta_e: f64,
@@ -22,17 +22,19 @@ pub struct ColourMatrix {
     pub worst_delta_e: f64,
 }
 
-/// Elements beyond this would make noise of a picture, not colours.
+/// Largest element of a usable matrix. Larger elements would amplify noise more than colour.
 const LARGEST_ELEMENT: f64 = 100.0;
-/// Least `1 - r^2` of the two colour differences that are fitted, r their correlation.
+/// Least `1 - r^2` of the two fitted colour differences; r is their correlation.
 const LEAST_INDEPENDENCE: f64 = 1e-6;
 
-/// Fits the matrix to the 24 patches (Ohta) as a camera sees them: least squares in linear sRGB, rows that sum to 1.
+/// Fits the matrix to camera RGB of the 24 patches (Ohta): least squares in linear sRGB, with rows that sum to 1.
 ///
-/// The camera is the sensor behind `optics`, whose transmission colours what it sees, in bands around `band_um` (ascending,
-/// at least two): those of the picture that the matrix is for. The target of a patch is its colour under the light,
-/// adapted to D65 by the Bradford transform. `None` for sensors without red, green and blue pixels, and for those whose
-/// three curves are so alike that they tell no colours apart.
+/// The camera is the sensor with the transmission of `optics`, in the bands `band_um` (um, ascending, at least two) of the
+/// picture that the matrix is for. The target of a patch is its colour under the light, adapted to D65 by the Bradford
+/// transform.
+///
+/// `None` for sensors without red, green and blue pixels, and for sensors whose three curves are too similar to separate
+/// colours. Fails if a colour has no curve, or gives no electrons for white.
 pub fn fit_colour_matrix(
     sensor: &SensorModel,
     optics: &PixelOptics,
@@ -44,6 +46,7 @@ pub fn fit_colour_matrix(
     let (Some(red), Some(green), Some(blue)) = (of(Colour::Red), of(Colour::Green), of(Colour::Blue)) else {
         return Ok(None);
     };
+    // Compute white-balanced camera RGB of a reflectance under the light.
     let radiance = light.white_radiance(1.0);
     let electrons = |reflectance: &Spectrum| {
         let bands = band_mean(&[&radiance, &reflectance.held(ends(band_um))], band_um);
@@ -58,6 +61,7 @@ pub fn fit_colour_matrix(
         let seen = electrons(reflectance);
         [0, 1, 2].map(|c| seen[c] / of_white[c])
     };
+    // Pair camera RGB and target colour of every patch.
     let (d65, from_srgb, srgb) = d65_white();
     let adapt = bradford(xyz_of_reflectance(&even, &light.power), d65);
     let to_srgb = product(&srgb, &adapt);
@@ -66,7 +70,7 @@ pub fn fit_colour_matrix(
         .map(|(_, reflectance)| (camera(reflectance), xyz_of_reflectance(reflectance, &light.power)))
         .collect();
 
-    // With m3 = 1 - m1 - m2 a row is fitted by two numbers: t - c3 = m1 (c1 - c3) + m2 (c2 - c3).
+    // With m3 = 1 - m1 - m2 a row has two unknowns: t - c3 = m1 (c1 - c3) + m2 (c2 - c3).
     let row = |channel: usize| {
         let (mut a11, mut a12, mut a22, mut b1, mut b2) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (camera, xyz) in &patches {
@@ -81,12 +85,13 @@ pub fn fit_colour_matrix(
         let determinant = a11 * a22 - a12 * a12;
         let (m1, m2) = ((b1 * a22 - b2 * a12) / determinant, (a11 * b2 - a12 * b1) / determinant);
         let row = [m1, m2, 1.0 - m1 - m2];
-        // Not a number is not small either.
+        // These comparisons also reject NaN.
         let fits =
             determinant > LEAST_INDEPENDENCE * a11 * a22 && row.iter().all(|m| m.abs() <= LARGEST_ELEMENT);
         fits.then_some(row)
     };
     let (Some(to_red), Some(to_green), Some(to_blue)) = (row(0), row(1), row(2)) else { return Ok(None) };
+    // Measure the colour error of every patch.
     let matrix: Matrix3 = [to_red, to_green, to_blue];
     let differences: Vec<f64> = patches
         .iter()
@@ -100,7 +105,7 @@ pub fn fit_colour_matrix(
     Ok(Some(ColourMatrix { matrix, mean_delta_e, worst_delta_e }))
 }
 
-/// Reflectance 1 over the visible.
+/// Reflectance 1 over the visible range.
 fn reference_white() -> Spectrum {
     match Spectrum::new(vec![0.38, 0.78], vec![1.0, 1.0]) {
         Ok(curve) => curve,
@@ -131,8 +136,8 @@ mod tests {
     }
 
     #[test]
-    fn an_observer_as_a_camera_has_the_right_colours() {
-        // Electrons count photons: the matching functions divided by the wavelength make a colorimetric camera.
+    fn a_camera_with_the_curves_of_the_observer_has_no_colour_error() {
+        // Electrons are proportional to photons: matching functions divided by the wavelength make a colorimetric camera.
         let [x, y, z] = cie1931();
         let wavelength_um = x.wavelength_um().to_vec();
         let per_photon =
@@ -152,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_real_camera_comes_as_close_as_its_curves_allow() {
+    fn colour_errors_of_a_real_camera_match_the_independent_program() {
         // Figures of tests/fixtures/generators/colour_matrix.py, which sums over every half nanometre.
         for (name, count, mean, worst) in [
             ("D65", 61, 3.319, 8.504),
@@ -182,13 +187,13 @@ mod tests {
     }
 
     #[test]
-    fn the_matrix_is_that_of_the_glass_in_front() {
+    fn the_matrix_depends_on_the_transmission_of_the_lens() {
         let yellow = Spectrum::new(vec![0.4, 0.48, 0.52, 0.7], vec![0.02, 0.1, 0.9, 0.95]).unwrap();
         let light = Illuminant::named("D65").unwrap();
         let bands = even_bands(0.4, 0.7, 16);
         let plain = fit_colour_matrix(&imx219(), &optics(None), &light, &bands).unwrap().unwrap();
         let glass = fit_colour_matrix(&imx219(), &optics(Some(yellow)), &light, &bands).unwrap().unwrap();
-        // A camera that hardly sees blue shows colours worse, and says so; 9.492 is of that program too.
+        // A camera with little blue light has larger colour errors. 9.492 is also of colour_matrix.py.
         assert!((glass.mean_delta_e - 9.492).abs() < 0.03, "{plain:?} {glass:?}");
         let gray = Spectrum::new(vec![0.3, 0.8], vec![0.5, 0.5]).unwrap();
         let gray = fit_colour_matrix(&imx219(), &optics(Some(gray)), &light, &bands).unwrap().unwrap();
@@ -196,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_that_tell_no_colours_apart_have_no_matrix() {
+    fn curves_that_do_not_separate_colours_have_no_matrix() {
         let even = vec![0.5, 0.6, 0.4];
         let light = Illuminant::named("D65").unwrap();
         let bands = even_bands(0.4, 0.7, 16);

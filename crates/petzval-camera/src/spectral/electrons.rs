@@ -1,4 +1,4 @@
-//! Electrons per pixel for each colour of a sensor's filter array: from spectral images, and as what the sensor takes.
+//! Electrons per pixel for each colour of a sensor's filter array, from spectral images and RGB photographs.
 
 use rayon::prelude::*;
 
@@ -6,12 +6,11 @@ use super::illuminant::Illuminant;
 use super::image::SpectralImage;
 use super::photons::{OpticsError, PixelOptics};
 use super::spectrum::Spectrum;
-use super::three_band::ThreeBand;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{Colour, QuantumEfficiency, SensorModel};
 
-/// Mean electrons that a pixel would collect with each of the sensor's filters over it, before dark current and noise.
+/// Mean electrons that each pixel would collect behind each of the sensor's filters, before dark current and noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColourElectrons {
     /// Rows.
@@ -22,13 +21,13 @@ pub struct ColourElectrons {
     pub planes: Vec<(Colour, Vec<f32>)>,
 }
 
-/// Why there is no number of electrons.
+/// Why electrons cannot be computed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ElectronsError {
     /// A colour of the filter array has no quantum efficiency curve.
     #[error("the sensor has {0:?} pixels, but no quantum efficiency curve of that colour")]
     NoCurve(Colour),
-    /// The sensor file has no curves at all.
+    /// The sensor file has no curves.
     #[error("the sensor `{0}` has no quantum efficiency curves")]
     NoCurves(String),
     /// The light gives no electrons.
@@ -36,7 +35,7 @@ pub enum ElectronsError {
         "white gives no electrons in {0:?} pixels: light, transmission and quantum efficiency have no wavelength in common"
     )]
     NoSignal(Colour),
-    /// The bands of a scene are those of no pixel.
+    /// No pixel collects light in the bands of the scene.
     #[error(
         "no pixel of the sensor answers to light of {low_um}..{high_um} um, or the lens lets none of it through"
     )]
@@ -46,14 +45,15 @@ pub enum ElectronsError {
         /// Longest wavelength, um.
         high_um: f64,
     },
-    /// A setting of the optics is no positive number.
+    /// A setting of the optics is not a positive number.
     #[error(transparent)]
     Optics(#[from] OpticsError),
 }
 
-/// Electrons per unit radiance in each band for each colour of the filter array, `[colour][band]`.
+/// Electrons per unit radiance (W m-2 sr-1 nm-1) in each band for each colour of the filter array, `[colour][band]`.
 ///
-/// The sum over the bands of weight times radiance is `sum_l Q_c(l) s_c N(l)` of the spectrum that is linear between the bands.
+/// The sum over the bands of weight times radiance equals `sum_l Q_c(l) s_c N(l)` of the spectrum that is linear between the
+/// bands.
 pub fn band_weights(
     sensor: &SensorModel,
     optics: &PixelOptics,
@@ -71,8 +71,8 @@ pub fn band_weights(
         .collect()
 }
 
-/// Shortest and longest wavelength, um, between which white gives electrons: where light, transmission and the efficiency
-/// of any colour of the filter array are not zero.
+/// Shortest and longest wavelength, um, at which white gives electrons: light, transmission and the efficiency of at least
+/// one colour of the filter array are not zero there.
 pub fn white_range_um(
     sensor: &SensorModel,
     optics: &PixelOptics,
@@ -95,8 +95,8 @@ pub fn white_range_um(
     Ok((low, high))
 }
 
-/// Share of the electrons of white that comes from wavelengths outside `range_um`: the largest over the colours of the
-/// filter array, 0..1.
+/// Share (0..1) of the electrons of white that comes from wavelengths outside `range_um`. It is the largest over the
+/// colours of the filter array.
 pub fn share_outside(
     sensor: &SensorModel,
     optics: &PixelOptics,
@@ -123,7 +123,7 @@ fn curve_of(sensor: &SensorModel, colour: Colour) -> Result<Spectrum, ElectronsE
     curves_of(sensor)?.curve(colour).ok_or(ElectronsError::NoCurve(colour))
 }
 
-/// The quantum efficiency of a sensor that has one.
+/// The quantum efficiency of a sensor, or an error if it has none.
 fn curves_of(sensor: &SensorModel) -> Result<&QuantumEfficiency, ElectronsError> {
     sensor.quantum_efficiency.as_ref().ok_or_else(|| ElectronsError::NoCurves(sensor.name.clone()))
 }
@@ -153,27 +153,11 @@ impl ColourElectrons {
         }
     }
 
-    /// Electrons of a three-band picture by the 3x3 (or 3x4) matrix of `bands`: the fast path.
-    pub fn of_rgb(photo: &LinearImage, bands: &ThreeBand) -> Self {
-        let planes = bands
-            .rows
-            .iter()
-            .map(|(colour, row)| {
-                let row = row.map(|v| v as f32);
-                let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
-                let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
-                let electrons = (0..r.len()).map(|i| row[0] * r[i] + row[1] * g[i] + row[2] * b[i]).collect();
-                (*colour, electrons)
-            })
-            .collect();
-        Self { height: photo.height, width: photo.width, planes }
-    }
-
-    /// The light for [`expose`](crate::sensor::expose) with an exposure of `white_e` electrons: at each pixel the value, in
-    /// all three planes, for which the sensor collects just the electrons of that pixel's filter.
+    /// The irradiance for [`expose`](crate::sensor::expose) with an exposure of `white_e` electrons. Each pixel has one value in
+    /// all three planes, with which the sensor collects the electrons of that pixel's filter.
     ///
     /// A pixel of colour c collects `white_e sum_k response_c[k] E_k`, so `E = electrons / (white_e sum_k response_c[k])`.
-    /// This holds for any filter array; the picture is already a mosaic, and only a sensor at the same place may see it.
+    /// This holds for any filter array. The result is already a mosaic: use it only with a capture at the same `placement`.
     pub fn as_light(&self, sensor: &SensorModel, white_e: f64, placement: Placement) -> LinearImage {
         let mut light = LinearImage::zeros(CHANNELS, self.height, self.width);
         let gain: Vec<(Colour, f64)> = Colour::ALL
@@ -200,8 +184,9 @@ mod tests {
     use super::super::bands::{bands_within, even_bands};
     use super::*;
     use crate::sensor::CfaPattern;
+    use crate::spectral::ThreeBand;
 
-    /// A monochrome sensor that answers with 0.6 from 0.3 to 1.1 um.
+    /// A monochrome sensor with a quantum efficiency of 0.6 from 0.3 to 1.1 um.
     fn mono() -> SensorModel {
         let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
         let curves =
@@ -214,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn infrared_light_of_a_bulb_counts() {
+    fn infrared_light_of_a_bulb_gives_most_electrons_of_a_mono_sensor() {
         let light = Illuminant::named("blackbody:2856").unwrap();
         let optics = PixelOptics { pixel_um: 5.86, f_number: 4.4, time_s: 0.005, transmission: None };
         let range = white_range_um(&mono(), &optics, &light).unwrap();
@@ -231,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn the_range_is_that_of_light_glass_and_pixels_together() {
+    fn the_range_is_the_overlap_of_light_glass_and_pixels() {
         let light = Illuminant::named("FL11").unwrap();
         let glass = Spectrum::new(vec![0.2, 0.45, 0.5, 0.6, 0.65], vec![0.0, 0.0, 0.9, 0.9, 0.0]).unwrap();
         let optics = PixelOptics { pixel_um: 5.86, f_number: 4.4, time_s: 0.005, transmission: Some(glass) };

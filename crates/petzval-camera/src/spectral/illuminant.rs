@@ -1,4 +1,4 @@
-//! Lights: the illuminants of the CIE, daylight and black bodies of any temperature.
+//! Illuminants: those of the CIE, daylight and black bodies of any temperature.
 
 use std::sync::OnceLock;
 
@@ -6,16 +6,16 @@ use super::observer::luminous;
 use super::spectrum::Spectrum;
 use super::table::SpectrumTable;
 
-/// A light with its name. The spectrum is relative power per nm.
+/// An illuminant and its name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Illuminant {
-    /// Name as it was asked for.
+    /// The name that was requested.
     pub name: String,
     /// Relative power per nm.
     pub power: Spectrum,
 }
 
-/// Why there is no such light.
+/// Why an illuminant cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum IlluminantError {
     /// The name is not known.
@@ -24,7 +24,7 @@ pub enum IlluminantError {
         /// The name given.
         name: String,
     },
-    /// The temperature is outside of what the formula holds for.
+    /// The temperature is outside the range of the formula.
     #[error("{kind} of {kelvin} K: not within {low}..{high} K")]
     Temperature {
         /// Which formula.
@@ -36,7 +36,7 @@ pub enum IlluminantError {
         /// Largest temperature.
         high: f64,
     },
-    /// A spectrum without light that an eye sees, or with negative power.
+    /// The spectrum has no visible light, or negative power.
     #[error("the illuminant `{name}` has {problem}")]
     Dark {
         /// Its name.
@@ -75,7 +75,7 @@ impl Illuminant {
         Ok(Self { name: name.to_owned(), power })
     }
 
-    /// A light of one's own; it needs light in the visible and no negative power.
+    /// An illuminant from a spectrum. Fails if the spectrum has no visible light or negative power.
     pub fn from_spectrum(name: &str, power: Spectrum) -> Result<Self, IlluminantError> {
         let dark = |problem| Err(IlluminantError::Dark { name: name.to_owned(), problem });
         if power.value().iter().any(|v| *v < 0.0) {
@@ -100,8 +100,8 @@ impl Illuminant {
 
 /// Black body: `S(l) ~ l^-5 / (exp(c2 / (l T)) - 1)`, 1 at 560 nm, every 5 nm over 300..1100 nm.
 ///
-/// c2 = 1.438776877e-2 m K follows from CODATA 2018 (exact SI constants). Linear interpolation between 5 nm is good to 1e-3
-/// above 1500 K.
+/// `kelvin` is 1000..1e6. c2 = 1.438776877e-2 m K follows from CODATA 2018 (exact SI constants). Linear interpolation over
+/// 5 nm has an error below 1e-3 above 1500 K.
 pub fn blackbody(kelvin: f64) -> Result<Spectrum, IlluminantError> {
     const C2_UM_K: f64 = 14_387.768_77;
     let (low, high) = (1000.0, 1e6);
@@ -135,12 +135,12 @@ pub fn daylight_chromaticity(kelvin: f64) -> Result<(f64, f64), IlluminantError>
 
 /// Daylight of a correlated colour temperature of 4000..25000 K.
 ///
-/// CIE 15 makes it of three components, `S = S0 + M1 S1 + M2 S2`, with M1 and M2 from the chromaticity. D50, D55 and D75 are
-/// three such sums, so any other is a combination of them: `S = sum_k w_k D_k` with `sum w_k (1, M1_k, M2_k) = (1, M1, M2)`.
-/// Nominal temperatures are those of the revised radiation constant: D65 is 6504 K.
+/// CIE 15 defines daylight as a sum of three components, `S = S0 + M1 S1 + M2 S2`, with M1 and M2 from the chromaticity. D50,
+/// D55 and D75 are three of these sums, so every other daylight is a combination of them: `S = sum_k w_k D_k` with
+/// `sum w_k (1, M1_k, M2_k) = (1, M1, M2)`. Temperatures refer to the revised radiation constant: D65 is 6504 K.
 pub fn daylight(kelvin: f64) -> Result<Spectrum, IlluminantError> {
     let target = components(daylight_chromaticity(kelvin)?);
-    // The temperatures behind the names, with c2 = 1.4388e-2 instead of 1.438e-2 m K.
+    // Convert the nominal temperatures from c2 = 1.438e-2 to 1.4388e-2 m K.
     let known = ["D50", "D55", "D75"];
     let mut rows = [[0.0; 4]; 3];
     for (column, nominal) in [5000.0, 5500.0, 7500.0].into_iter().enumerate() {
@@ -165,7 +165,7 @@ pub fn daylight(kelvin: f64) -> Result<Spectrum, IlluminantError> {
     }
 }
 
-/// Weights M1 and M2 of the second and third component of daylight, to three decimals as CIE 15 has them.
+/// Weights M1 and M2 of the second and third component of daylight, rounded to three decimals as in CIE 15.
 fn components((x, y): (f64, f64)) -> (f64, f64) {
     let denominator = 0.0241 + 0.2562 * x - 0.7341 * y;
     let round = |v: f64| (v * 1000.0).round() / 1000.0;
@@ -192,8 +192,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn white_points_are_those_of_the_cie() {
-        // CIE 15, 2 degree observer. Ours are integrals of the interpolated tables; the published are sums.
+    fn white_points_match_the_cie() {
+        // CIE 15, 2 degree observer. Ours are integrals of the interpolated tables; the published values are sums.
         for (name, x, y) in [
             ("A", 0.44758, 0.40745),
             ("D50", 0.34567, 0.35851),
@@ -208,7 +208,7 @@ mod tests {
             ("LED-B5", 0.3118, 0.3236),
         ] {
             let got = chromaticity(xyz(&Illuminant::named(name).unwrap().power));
-            // Those of the lamps are published to four decimals.
+            // Values of the lamps are published to four decimals.
             let tolerance = if name.starts_with("FL") || name.starts_with("LED") { 3e-4 } else { 6e-5 };
             assert!((got.0 - x).abs() < tolerance && (got.1 - y).abs() < tolerance, "{name}: {got:?}");
         }
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn illuminance_is_what_was_asked_for() {
+    fn irradiance_has_the_requested_illuminance() {
         for name in illuminant_names() {
             let light = Illuminant::named(name).unwrap();
             assert!((luminous(&light.irradiance(500.0)) - 500.0).abs() < 1e-9, "{name}");

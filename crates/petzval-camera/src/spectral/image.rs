@@ -1,10 +1,10 @@
-//! Pictures with a plane per wavelength.
+//! Pictures with one plane per wavelength band.
 
 use crate::image::{CHANNELS, LinearImage};
 
-/// Radiance over the spectrum: plane by plane, W m-2 sr-1 nm-1.
+/// Radiance over the spectrum, one plane per band, W m-2 sr-1 nm-1.
 ///
-/// Between its bands a pixel's spectrum is linear, outside zero. Element `(band, row, col)` is at
+/// A pixel's spectrum is linear between the bands and zero outside. Element `(band, row, col)` is at
 /// `(band * height + row) * width + col`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralImage {
@@ -70,7 +70,7 @@ pub enum SpectralImageError {
 }
 
 impl SpectralImage {
-    /// Checks that the planes make an image of possible radiances.
+    /// Checks shapes, that wavelengths ascend, and that all radiances are finite and not negative.
     pub fn validate(&self) -> Result<(), SpectralImageError> {
         let (bands, height, width) = (self.wavelength_um.len(), self.height, self.width);
         if bands < 2 || height == 0 || width == 0 {
@@ -105,7 +105,7 @@ impl SpectralImage {
         &self.data[band * n..(band + 1) * n]
     }
 
-    /// Three bands as the planes that the renderer takes.
+    /// Three bands as three planes for the renderer.
     pub fn planes(&self, bands: [usize; CHANNELS]) -> LinearImage {
         let data = bands.iter().flat_map(|b| self.plane(*b).iter().copied()).collect();
         LinearImage { channels: CHANNELS, height: self.height, width: self.width, data }

@@ -1,13 +1,13 @@
-//! Light over the spectrum: scenes as radiance per wavelength, and how many electrons they give in each pixel.
+//! Light over the spectrum: scenes as radiance per wavelength, and the electrons that they give in each pixel.
 //!
 //! ```text
 //! illuminant x reflectance = radiance -> lens (a PSF per band) -> photons -> quantum efficiency -> electrons per colour
-//! RGB photograph -> three smooth reflectances -> the same, or at once by a 3x3 matrix
+//! RGB photograph -> three smooth reflectances -> the same, or directly by a 3x3 matrix
 //! ```
 //!
-//! A [`Spectrum`] is linear between its samples and zero outside; integrals of products are exact for that. Radiance is in
-//! W m-2 sr-1 nm-1, wavelengths are in um. The sums over the spectrum of [`ThreeBand`] and of a [`SpectralImage`] made by
-//! [`upsample`] are the same, so RGB stays as the fast path.
+//! A [`Spectrum`] is linear between its samples and zero outside; integrals of products are exact for such curves. Radiance
+//! is in W m-2 sr-1 nm-1, wavelengths are in um. [`ThreeBand`] is the fast path for RGB: it gives the same electrons as a
+//! [`SpectralImage`] made by [`upsample`].
 
 mod bands;
 mod colour;

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::spectrum::{Spectrum, integral};
 use super::table::SpectrumTable;
 
-/// Maximum luminous efficacy K_m, lm/W. CIE 15 allows 683 for 683.002, which belongs to the wavelength in standard air.
+/// Maximum luminous efficacy K_m, lm/W. CIE 15 allows 683 in place of 683.002, the value for the wavelength in standard air.
 pub const LUMENS_PER_WATT: f64 = 683.0;
 
 /// Colour-matching functions x, y, z of the CIE 1931 2 degree observer, 360..830 nm every 1 nm (CIE 15); y is the luminous
@@ -30,7 +30,7 @@ pub fn xyz(stimulus: &Spectrum) -> [f64; 3] {
 
 /// Tristimulus values of a reflectance under an illuminant, with Y = 1 for the perfect diffuser.
 ///
-/// The illuminant must have light in the visible; without any the result is not finite.
+/// The illuminant must have visible light; without it the result is not finite.
 pub fn xyz_of_reflectance(reflectance: &Spectrum, illuminant: &Spectrum) -> [f64; 3] {
     let [x, y, z] = cie1931();
     let white = integral(&[illuminant, y]);
@@ -60,8 +60,8 @@ mod tests {
     }
 
     #[test]
-    fn the_matching_functions_have_the_integrals_of_the_table() {
-        // Sums of the 1 nm table of CIE 15, which make the chromaticity of equal energy (0.33331, 0.33329).
+    fn integrals_of_the_matching_functions_match_the_cie_table() {
+        // Sums of the 1 nm table of CIE 15. They give the chromaticity of equal energy, (0.33331, 0.33329).
         let even = Spectrum::new(vec![0.36, 0.83], vec![1.0, 1.0]).unwrap();
         for (ours, sum) in xyz(&even).into_iter().zip([106.865469, 106.856917, 106.892251]) {
             assert!((ours / sum - 1.0).abs() < 1e-5, "{ours} {sum}");

@@ -1,13 +1,13 @@
 //! SI photometry of a pixel: from the radiance of a scene to the photons that a pixel collects.
 //!
-//! A lens of f-number `F` and transmission `tau` puts the irradiance `pi L tau / (1 + 4 F^2)` on the axis of its image. A
-//! pixel of area `A` that is exposed for `t` collects, per nm,
+//! A lens of f-number `F` and transmission `tau` gives the irradiance `pi L tau / (1 + 4 F^2)` on the axis. A pixel of area
+//! `A` that is exposed for the time `t` collects, per nm,
 //!
 //! ```text
 //! N(l) = L(l) A t pi / (1 + 4 F^2) tau(l) l / (h c)
 //! ```
 //!
-//! photons, with L in W m-2 sr-1 nm-1. Off the axis the renderer's relative illumination multiplies it. Source: EMVA 1288
+//! photons, with L in W m-2 sr-1 nm-1. Off the axis the renderer multiplies by the relative illumination. Source: EMVA 1288
 //! release 4.0, section 2 (irradiation of a pixel); h and c are exact in the SI (CODATA 2018).
 
 use super::bands::hat;
@@ -18,7 +18,7 @@ pub const PLANCK_J_S: f64 = 6.626_070_15e-34;
 /// Speed of light in vacuum, m/s (exact).
 pub const LIGHT_M_PER_S: f64 = 299_792_458.0;
 
-/// What stands between a scene and the photons of one pixel.
+/// Lens, pixel and exposure time: all that turns scene radiance into photons of one pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PixelOptics {
     /// Pixel pitch, um; the whole pixel collects (fill factor and microlens count as quantum efficiency).
@@ -31,7 +31,7 @@ pub struct PixelOptics {
     pub transmission: Option<Spectrum>,
 }
 
-/// A setting of the optics that is no positive number.
+/// A setting of the optics that is not a positive number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{what} is {value}; it must be a positive number")]
 pub struct OpticsError {
@@ -64,7 +64,7 @@ impl PixelOptics {
     /// Electrons of a pixel with quantum efficiency `efficiency` (0..1) under `radiance` (W m-2 sr-1 nm-1); with an
     /// efficiency of 1 everywhere, photons. The integral is exact for the curves as given.
     pub fn electrons(&self, radiance: &Spectrum, efficiency: &Spectrum) -> f64 {
-        // Photons per joule are l / (h c): the wavelength is one more straight line in the product.
+        // Photons per joule are l / (h c): the wavelength is one more linear factor of the product.
         let (low, high) = radiance.range_um();
         let Ok(wavelength_um) = Spectrum::new(vec![low, high], vec![low, high]) else { return 0.0 };
         let mut factors = vec![radiance, efficiency, &wavelength_um];
@@ -73,11 +73,11 @@ impl PixelOptics {
         self.throughput() * nm_um * 1e-6 / (PLANCK_J_S * LIGHT_M_PER_S)
     }
 
-    /// Electrons per unit radiance of each band of a spectral image: `electrons` of an image that is linear between its bands
-    /// is the sum over the bands of weight times radiance.
+    /// Electrons per unit radiance of each band of a spectral image. For a spectrum that is linear between the bands,
+    /// [`Self::electrons`] is the sum over the bands of weight times radiance.
     ///
-    /// `band_um` are the bands' wavelengths, ascending; the weight of a band is the integral over its hat function, which
-    /// falls to zero at its neighbours.
+    /// `band_um` are the wavelengths of the bands, um, ascending. The weight of a band is the integral over its hat function,
+    /// which falls to zero at its neighbours.
     pub fn band_weights(&self, band_um: &[f64], efficiency: &Spectrum) -> Vec<f64> {
         (0..band_um.len())
             .map(|band| hat(band_um, band).map_or(0.0, |hat| self.electrons(&hat, efficiency)))
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_are_no_positive_number_are_named() {
+    fn validation_names_a_setting_that_is_not_positive() {
         let error = PixelOptics { f_number: 0.0, ..optics() }.validate().unwrap_err();
         assert!(error.to_string().contains("f-number is 0"));
         assert!(PixelOptics { time_s: f64::NAN, ..optics() }.validate().is_err());

@@ -11,13 +11,13 @@ use super::spectrum::Spectrum;
 /// A built-in scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneKind {
-    /// The 24 patches of a ColorChecker Classic (Ohta's reflectances) on black, around it mid gray.
+    /// The 24 patches of a ColorChecker Classic (Ohta's reflectances) in a black frame on mid gray.
     ColourChecker,
     /// The perfect diffuser: reflectance 1 at all wavelengths.
     Flat,
-    /// An edge between the chart's black and white, 5 degrees from the vertical; they reflect 0.03 and 0.89.
+    /// An edge between the chart's black and white (reflectances 0.03 and 0.89), 5 degrees from the vertical.
     SlantedEdge,
-    /// 36 pairs of black and white sectors.
+    /// A star of 36 pairs of black and white sectors.
     SiemensStar,
 }
 
@@ -25,7 +25,7 @@ pub enum SceneKind {
 const EDGE_DEG: f64 = 5.0;
 /// Pairs of sectors of the Siemens star.
 const STAR_CYCLES: f64 = 36.0;
-/// Points along a pixel's side at which an edge is looked at.
+/// Sample points along a pixel's side, for pixels that an edge crosses.
 const SUPERSAMPLING: usize = 8;
 
 /// A scene of matt surfaces: at every pixel a mixture of two materials.
@@ -55,7 +55,7 @@ impl SceneKind {
         }
     }
 
-    /// The scene of a name.
+    /// The scene with this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
@@ -89,11 +89,11 @@ impl SceneKind {
     }
 }
 
-/// Squares of the chart, in a black frame with gaps of a fifth of a square, on the gray of its patch "neutral 5".
+/// The squares of the chart in a black frame, on the gray of its patch "neutral 5". A gap is a fifth of a square's period.
 fn chart(height: usize, width: usize) -> ReflectanceScene {
     let patches = colour_checker(ChartData::Ohta);
     let (gray, black) = (21u8, 23u8);
-    // A cell is a square and its gap; the frame leaves room around the chart.
+    // A cell is a square and its gap. The chart fills at most 90 % of the picture.
     let (rows, columns) = (CHART_ROWS as f64, CHART_COLUMNS as f64);
     let cell = (0.9 * height as f64 / (rows + 0.2)).min(0.9 * width as f64 / (columns + 0.2));
     let gap = 0.2 * cell;
@@ -117,7 +117,8 @@ fn chart(height: usize, width: usize) -> ReflectanceScene {
     ReflectanceScene { height, width, materials, pixels }
 }
 
-/// Two materials; a pixel's share of the second is that of its points where `second(y, x)` holds, in pixels from the corner.
+/// A scene of two materials. A pixel's share of the second is the share of its sample points where `second(y, x)` holds;
+/// y and x are in pixels from the top-left corner.
 fn two_tone(
     height: usize,
     width: usize,
@@ -138,16 +139,16 @@ fn two_tone(
 }
 
 impl ReflectanceScene {
-    /// The scene under `light` with an illuminance of `lux`: radiance `E(l) rho(l) / pi` in the bands around `band_um`
-    /// (ascending, at least two), each the mean over its hat function.
+    /// The scene under `light` with an illuminance of `lux`: radiance `E(l) rho(l) / pi` in the bands `band_um` (um, ascending,
+    /// at least two). Each band holds the mean over its hat function.
     pub fn under(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
         let radiance = self.radiance(light, lux, band_um);
         let data = (0..band_um.len()).flat_map(|band| self.plane(&radiance, band)).collect();
         SpectralImage { wavelength_um: band_um.to_vec(), height: self.height, width: self.width, data }
     }
 
-    /// Radiance of each material in each band, W m-2 sr-1 nm-1, `[material][band]`. Beyond the wavelengths at which a
-    /// material was measured its reflectance keeps its last value.
+    /// Radiance of each material in each band, W m-2 sr-1 nm-1, `[material][band]`. Outside the measured wavelengths of a
+    /// material its reflectance keeps the value at the end of the range.
     pub fn radiance(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> Vec<Vec<f64>> {
         let white = light.white_radiance(lux);
         let range = ends(band_um);
@@ -157,7 +158,7 @@ impl ReflectanceScene {
             .collect()
     }
 
-    /// One band, row by row, with the [`radiance`](Self::radiance) of the materials.
+    /// Radiance of every pixel in one band, row by row. `radiance` comes from [`radiance`](Self::radiance).
     pub fn plane(&self, radiance: &[Vec<f64>], band: usize) -> Vec<f32> {
         let of: Vec<f32> = radiance.iter().map(|material| material[band] as f32).collect();
         let mixed = |(a, b, share): &(u8, u8, f32)| (1.0 - share) * of[*a as usize] + share * of[*b as usize];
@@ -171,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn black_and_white_reflect_what_the_book_says() {
+    fn black_and_white_have_the_reflectances_of_the_book() {
         for kind in [SceneKind::SlantedEdge, SceneKind::SiemensStar] {
             let scene = kind.draw(24, 32);
             let rounded =

@@ -1,4 +1,4 @@
-//! A scene that is made a few bands at a time: what a lens looks at, without room for the whole spectrum.
+//! A scene that computes a few bands at a time, so that the whole spectrum need not fit in memory.
 
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
@@ -6,7 +6,7 @@ use super::scene::ReflectanceScene;
 use super::upsampling::{basis_bands, print_plane};
 use crate::image::{CHANNELS, LinearImage};
 
-/// A scene over the spectrum that gives its bands when asked.
+/// A scene over the spectrum that computes its bands on request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralScene {
     /// Wavelength of each band, um, ascending; at least two.
@@ -22,24 +22,24 @@ enum Content {
 }
 
 impl SpectralScene {
-    /// Surfaces under `light` with an illuminance of `lux`: the bands of [`ReflectanceScene::under`].
+    /// Surfaces under `light` with an illuminance of `lux`; the bands equal those of [`ReflectanceScene::under`].
     pub fn surfaces(scene: ReflectanceScene, light: &Illuminant, lux: f64, band_um: &[f64]) -> Self {
         let radiance = scene.radiance(light, lux, band_um);
         Self { band_um: band_um.to_vec(), content: Content::Surfaces { scene, radiance } }
     }
 
-    /// A photograph as a matt print: the bands of [`upsample`](super::upsample).
+    /// A photograph as a matt print; the bands equal those of [`upsample`](super::upsample).
     pub fn print(photo: LinearImage, light: &Illuminant, lux: f64, band_um: &[f64]) -> Self {
         let radiance = basis_bands(light, lux, band_um);
         Self { band_um: band_um.to_vec(), content: Content::Print { photo, radiance } }
     }
 
-    /// A spectral image, in memory as a whole.
+    /// A spectral image that is already in memory.
     pub fn image(image: SpectralImage) -> Self {
         Self { band_um: image.wavelength_um.clone(), content: Content::Image(image) }
     }
 
-    /// Radiance in three bands, W m-2 sr-1 nm-1, as the planes that the renderer takes.
+    /// Radiance in three bands, W m-2 sr-1 nm-1, as three planes for the renderer.
     pub fn planes(&self, bands: [usize; CHANNELS]) -> LinearImage {
         let together = |height: usize, width: usize, plane: &dyn Fn(usize) -> Vec<f32>| {
             let data = bands.iter().flat_map(|band| plane(*band)).collect();
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_one_by_one_are_those_of_the_whole_image() {
+    fn bands_on_request_equal_those_of_the_whole_image() {
         let light = Illuminant::named("FL2").unwrap();
         let bands = even_bands(0.38, 0.90, 9);
         let chart = SceneKind::ColourChecker.draw(40, 60);
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn white_is_white_beyond_the_visible() {
+    fn a_white_print_equals_the_perfect_diffuser_beyond_the_visible() {
         let light = Illuminant::named("blackbody:2856").unwrap();
         let bands = even_bands(0.3, 1.1, 41);
         let white = LinearImage::filled(CHANNELS, 1, 1, 1.0);

@@ -69,7 +69,7 @@ impl Spectrum {
     ) -> Result<Self, SpectrumError> {
         let (low, high) = range_um.into_inner();
         let steps = ((high - low) / step_um).round();
-        // More samples than any instrument gives are a mistake of the step.
+        // More than a million samples are a mistaken step: let `new` reject the single sample.
         let steps = if (1.0..=1e6).contains(&steps) { steps as usize } else { 0 };
         let at: Vec<f64> = (0..=steps).map(|i| low + (high - low) * i as f64 / steps.max(1) as f64).collect();
         let value = at.iter().map(|um| f(*um)).collect();
@@ -109,7 +109,7 @@ impl Spectrum {
         Self { wavelength_um: self.wavelength_um.clone(), value }
     }
 
-    /// The part of the curve between two wavelengths, um; `None` if it reaches over none of them.
+    /// The part of the curve between two wavelengths, um; `None` if the curve does not overlap that range.
     pub fn within(&self, (low_um, high_um): (f64, f64)) -> Option<Self> {
         let (first, last) = self.range_um();
         let (low, high) = (low_um.max(first), high_um.min(last));
@@ -119,7 +119,7 @@ impl Spectrum {
         Self::new(knots, value).ok()
     }
 
-    /// The curve, with its first and last value held beyond its samples as far as these wavelengths, um.
+    /// The curve extended to these wavelengths, um, with its first and last value held constant.
     pub fn held(&self, (low_um, high_um): (f64, f64)) -> Self {
         let mut held = self.clone();
         let (first, last) = self.range_um();
@@ -142,9 +142,9 @@ impl Spectrum {
         Some((self.wavelength_um[first.saturating_sub(1)], self.wavelength_um[end]))
     }
 
-    /// The product with another curve, sampled at the wavelengths of both where both are known; linear between those.
+    /// The product with another curve, sampled at the wavelengths of both within their common range, linear in between.
     ///
-    /// `None` where the curves overlap in less than two wavelengths. For an exact integral of the product use [`integral`].
+    /// `None` if fewer than two wavelengths lie in the common range. For an exact integral of the product use [`integral`].
     pub fn times(&self, other: &Self) -> Option<Self> {
         let knots = common_knots(&[self, other]);
         let value = knots.iter().map(|um| self.at(*um) * other.at(*um)).collect();
@@ -153,10 +153,10 @@ impl Spectrum {
 }
 
 /// Integral over the wavelength, in um, of the product of up to five curves:
-/// `int f_1(l) f_2(l) ... dl`, exact for the piecewise linear curves that they are.
+/// `int f_1(l) f_2(l) ... dl`, exact for piecewise linear curves.
 ///
-/// Between two neighbouring samples of any of the curves the product is a polynomial of at most fifth degree, for which
-/// the Gauss-Legendre rule of three points has no error. Zero where the curves have no wavelength in common.
+/// Between two neighbouring samples of any curve the product is a polynomial of at most fifth degree. The Gauss-Legendre
+/// rule of three points integrates it without error. The result is zero if the curves have no wavelength in common.
 pub fn integral(factors: &[&Spectrum]) -> f64 {
     debug_assert!(factors.len() <= 5, "the quadrature is exact for up to five factors");
     let reach = 0.6f64.sqrt();
@@ -171,7 +171,7 @@ pub fn integral(factors: &[&Spectrum]) -> f64 {
         .sum()
 }
 
-/// Samples of all curves within the range that they share.
+/// Wavelengths of all curves within their common range, ascending.
 fn common_knots(curves: &[&Spectrum]) -> Vec<f64> {
     let low = curves.iter().map(|c| c.range_um().0).fold(f64::NEG_INFINITY, f64::max);
     let high = curves.iter().map(|c| c.range_um().1).fold(f64::INFINITY, f64::min);
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_a_held_end_and_the_support_of_a_curve() {
+    fn within_held_and_support_of_a_curve() {
         let tent = curve(&[(0.4, 0.0), (0.5, 0.0), (0.6, 2.0), (0.7, 0.0), (0.8, 0.0)]);
         assert_eq!(tent.support_um(), Some((0.5, 0.7)));
         assert_eq!(tent.scaled(0.0).support_um(), None);
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_curve_is_refused() {
+    fn malformed_curves_are_refused() {
         let new = |w: &[f64], v: &[f64]| Spectrum::new(w.to_vec(), v.to_vec());
         assert!(matches!(new(&[0.5], &[1.0]), Err(SpectrumError::Length { .. })));
         assert!(matches!(new(&[0.5, 0.6], &[1.0]), Err(SpectrumError::Length { .. })));

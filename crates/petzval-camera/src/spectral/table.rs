@@ -1,4 +1,4 @@
-//! Tables of spectra: wavelengths in nm in the first column, one named curve in each of the others.
+//! Tables of spectra: the first column holds wavelengths in nm, each other column a named curve.
 
 use petzval_base::FileError;
 
@@ -12,8 +12,8 @@ pub struct SpectrumTable {
 }
 
 impl SpectrumTable {
-    /// Reads comma-separated values: a head line of names (the first names the wavelengths, which are in nm), then one line
-    /// per wavelength. Empty cells are not tabulated; lines that begin with `#` are comments.
+    /// Reads comma-separated values: a head line of names, then one line per wavelength. The first column holds wavelengths in
+    /// nm. An empty cell means that the curve has no sample there. Lines that begin with `#` are comments.
     pub fn parse(text: &str) -> Result<Self, FileError> {
         let mut lines = text
             .lines()
@@ -26,8 +26,9 @@ impl SpectrumTable {
             lines.next().ok_or_else(|| FileError::at_line(0, "", "the table is empty").hint(hint))?;
         let names: Vec<&str> = head.split(',').map(str::trim).collect();
         if names.len() < 2 || names[0].parse::<f64>().is_ok() {
-            return Err(FileError::at_line(head_line, head, "this is no head line of a table").hint(hint));
+            return Err(FileError::at_line(head_line, head, "this is not a head line of a table").hint(hint));
         }
+        // Read one wavelength per line, and remember the line of every sample for errors.
         let mut samples: Vec<(Vec<f64>, Vec<f64>)> = vec![Default::default(); names.len() - 1];
         let mut places: Vec<Vec<(u32, &str)>> = vec![Vec::new(); names.len() - 1];
         for (number, line) in lines {
@@ -40,7 +41,7 @@ impl SpectrumTable {
                 cell.parse::<f64>()
                     .ok()
                     .filter(|v| v.is_finite())
-                    .ok_or_else(|| wrong(format!("`{cell}` is no finite number")))
+                    .ok_or_else(|| wrong(format!("`{cell}` is not a finite number")))
             };
             let um = read(cells[0])? / 1000.0;
             for ((cell, (at, value)), places) in cells[1..].iter().zip(&mut samples).zip(&mut places) {
@@ -51,6 +52,7 @@ impl SpectrumTable {
                 }
             }
         }
+        // Make a curve of every column.
         let curves = names[1..]
             .iter()
             .zip(samples)
@@ -69,7 +71,7 @@ impl SpectrumTable {
         Ok(Self { curves })
     }
 
-    /// A table of the program itself, whose text the tests have read.
+    /// A table that is built into the program; tests parse every one.
     pub(super) fn built_in(text: &str) -> Self {
         match Self::parse(text) {
             Ok(table) => table,
@@ -77,12 +79,12 @@ impl SpectrumTable {
         }
     }
 
-    /// The curve of a name.
+    /// The curve with this name, in any letter case.
     pub fn get(&self, name: &str) -> Option<&Spectrum> {
         self.curves.iter().find(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, curve)| curve)
     }
 
-    /// All curves of a table of `N` columns.
+    /// All curves of a table of `N` curves; `None` if it has another number.
     pub(super) fn into_curves<const N: usize>(self) -> Option<[Spectrum; N]> {
         self.curves.into_iter().map(|(_, curve)| curve).collect::<Vec<_>>().try_into().ok()
     }

@@ -1,19 +1,20 @@
 //! RGB as the fast path: the electrons of each filter colour are a fixed mixture of red, green and blue.
 //!
-//! The spectra that [`upsample`](super::upsample) gives to RGB colours are linear in RGB, and so are electrons in spectra.
-//! The integral over the spectrum therefore needs to be taken three times only, once per primary:
+//! The spectra that [`upsample`](super::upsample) gives to RGB colours are linear in RGB, and electrons are linear in the
+//! spectrum. Three integrals over the spectrum are therefore enough, one per primary:
 //!
 //! ```text
 //! electrons_c = sum_k M_ck rgb_k,   M_ck = sum_l Q_c(l) s_c N_k(l)
 //! ```
 //!
-//! with N_k the photons of primary k. The sums of the rows are the electrons of white: `white_e` of the green pixels, and
-//! relative to them the `relative_qe` with which a sensor file stands for the whole spectrum.
+//! with N_k the photons of primary k. The sums of the rows are the electrons of white. That of green pixels is `white_e`;
+//! relative to it, the sums are the `relative_qe` by which a sensor file summarises the spectrum.
 
-use super::electrons::{ElectronsError, band_weights};
+use super::electrons::{ColourElectrons, ElectronsError, band_weights};
 use super::illuminant::Illuminant;
 use super::photons::PixelOptics;
 use super::upsampling::basis_bands;
+use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Colour, SensorModel};
 
 /// Electrons per unit of linear red, green and blue, 1.0 = the perfect diffuser, for each colour of a filter array.
@@ -24,8 +25,8 @@ pub struct ThreeBand {
 }
 
 impl ThreeBand {
-    /// The matrix of a sensor behind a lens that looks at matt surfaces under `light` with an illuminance of `lux`; the
-    /// integrals are those over bands around `band_um` (ascending, at least two).
+    /// The matrix of a sensor and a lens that images matt surfaces under `light` with an illuminance of `lux`. Integrals are
+    /// sums over the bands `band_um` (um, ascending, at least two). Fails if a colour has no curve, or no electrons for white.
     pub fn new(
         sensor: &SensorModel,
         optics: &PixelOptics,
@@ -51,14 +52,14 @@ impl ThreeBand {
         self.rows.iter().find(|(c, _)| *c == colour).map(|(_, row)| row.iter().sum())
     }
 
-    /// Electrons that white gives in a green pixel; in an array without green, in a pixel of its first colour.
+    /// Electrons that white gives in a green pixel. In an array without green pixels it is a pixel of the first colour.
     pub fn white_e(&self) -> f64 {
         let first = self.rows.first().map_or(0.0, |(_, row)| row.iter().sum());
         self.white_of(Colour::Green).unwrap_or(first)
     }
 
-    /// The sensor with the relative efficiencies of this light, and with it the white balance of its development. Colours
-    /// that it has not keep theirs.
+    /// The sensor with the relative efficiencies for this light, which also set the white balance of development. Colours
+    /// without pixels keep their efficiency.
     pub fn balanced(&self, sensor: &SensorModel) -> SensorModel {
         let white_e = self.white_e();
         let mut balanced = sensor.clone();
@@ -69,6 +70,24 @@ impl ThreeBand {
             }
         }
         balanced
+    }
+}
+
+impl ColourElectrons {
+    /// Electrons of a three-band picture by the 3x3 (or 3x4) matrix of `bands`: the fast path.
+    pub fn of_rgb(photo: &LinearImage, bands: &ThreeBand) -> Self {
+        let planes = bands
+            .rows
+            .iter()
+            .map(|(colour, row)| {
+                let row = row.map(|v| v as f32);
+                let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
+                let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
+                let electrons = (0..r.len()).map(|i| row[0] * r[i] + row[1] * g[i] + row[2] * b[i]).collect();
+                (*colour, electrons)
+            })
+            .collect();
+        Self { height: photo.height, width: photo.width, planes }
     }
 }
 
@@ -102,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn the_matrix_is_the_integral_of_the_spectral_path() {
+    fn the_matrix_gives_the_electrons_of_the_spectral_path() {
         for (name, bands) in [
             ("D65", even_bands(0.38, 0.78, 81)),
             ("A", even_bands(0.4, 0.7, 16)),

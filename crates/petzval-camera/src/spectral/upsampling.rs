@@ -1,10 +1,10 @@
 //! Smooth spectra for RGB colours.
 //!
-//! Three reflectances `rho_R, rho_G, rho_B`, smooth, within 0..1 and with the sum 1, have the colours of the sRGB primaries
-//! under D65. The reflectance of a linear sRGB colour is their mixture `r rho_R + g rho_G + b rho_B`: it has just that colour
-//! under D65, white is the perfect diffuser, and the map is linear. Method: I. Mallett and C. Yuksel, "Spectral primary
-//! decomposition for rendering with sRGB reflectance", EGSR 2019. The three curves are computed by the example `srgb_basis`
-//! as the smoothest ones, in the sense of the least sum of squared second differences.
+//! Three smooth reflectances `rho_R, rho_G, rho_B`, within 0..1 and with the sum 1, have the colours of the sRGB primaries
+//! under D65. The reflectance of a linear sRGB colour is their mixture `r rho_R + g rho_G + b rho_B`. It has exactly that
+//! colour under D65, white is the perfect diffuser, and the map is linear. Method: I. Mallett and C. Yuksel, "Spectral
+//! primary decomposition for rendering with sRGB reflectance", EGSR 2019. The example `srgb_basis` computes the three
+//! curves: they have the least sum of squared second differences.
 
 use std::sync::OnceLock;
 
@@ -58,21 +58,21 @@ pub fn srgb_of_reflectance(reflectance: &Spectrum) -> [f64; 3] {
 }
 
 /// A photograph as the spectral image of a matt print under `light` with an illuminance of `lux`: radiance
-/// `E(l) rho(l) / pi` in the bands around `band_um` (ascending, at least two), each the mean over its hat function.
+/// `E(l) rho(l) / pi` in the bands `band_um` (um, ascending, at least two). Each band holds the mean over its hat function.
 pub fn upsample(photo: &LinearImage, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
     let radiance = basis_bands(light, lux, band_um);
     let data = (0..band_um.len()).flat_map(|band| print_plane(photo, &radiance, band)).collect();
     SpectralImage { wavelength_um: band_um.to_vec(), height: photo.height, width: photo.width, data }
 }
 
-/// Radiance of each basis reflectance in each band, W m-2 sr-1 nm-1, `[colour][band]`. Beyond 380..780 nm the three keep
-/// their last values, so that white is the perfect diffuser at every wavelength.
+/// Radiance of each basis reflectance in each band, W m-2 sr-1 nm-1, `[colour][band]`. Outside 380..780 nm the reflectances
+/// keep the values at the ends of the range, so white is the perfect diffuser at every wavelength.
 pub fn basis_bands(light: &Illuminant, lux: f64, band_um: &[f64]) -> [Vec<f64>; 3] {
     let white = light.white_radiance(lux);
     srgb_basis().each_ref().map(|basis| band_mean(&[&white, &basis.held(ends(band_um))], band_um))
 }
 
-/// One band of a matt print, row by row, with the radiance of [`basis_bands`].
+/// Radiance of a matt print in one band, row by row. `radiance` comes from [`basis_bands`].
 pub(super) fn print_plane(photo: &LinearImage, radiance: &[Vec<f64>; 3], band: usize) -> Vec<f32> {
     let weight = radiance.each_ref().map(|colour| colour[band] as f32);
     let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
@@ -93,7 +93,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     #[test]
-    fn the_basis_is_a_partition_of_white_within_zero_and_one() {
+    fn the_basis_sums_to_one_and_lies_within_zero_and_one() {
         let basis = srgb_basis();
         for i in 0..basis[0].value().len() {
             let values = basis.each_ref().map(|b| b.value()[i]);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn the_basis_is_as_smooth_as_the_program_that_made_it_found_possible() {
+    fn the_basis_has_the_least_bending_of_the_quadratic_program() {
         let bending: f64 = srgb_basis()
             .iter()
             .flat_map(|basis| basis.value().windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).powi(2)))
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn rgb_survives_the_way_through_spectrum_and_xyz() {
+    fn rgb_to_spectrum_to_xyz_to_rgb_is_the_identity() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
         let mut colours = vec![[0.0; 3], [1.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         colours.extend((0..200).map(|_| [0; 3].map(|_| rng.random::<f64>())));

@@ -23,8 +23,8 @@ pub fn develop_op(
     Ok(apply(Arc::new(DevelopKernel::new(raw.dims(), sensor, captures)?), raw))
 }
 
-/// [`develop_op`] at exposures that are differentiable: development divides by gain and exposure, so it is told the stops
-/// of [`super::expose_with_stops_op`], and a scene keeps its brightness whatever they are. There is an example there.
+/// [`develop_op`] at differentiable exposures. Development divides by gain and exposure, so it takes the same `stops` as
+/// [`super::expose_with_stops_op`]; a scene then keeps its brightness at any exposure. An example is given there.
 pub fn develop_with_stops_op(
     raw: Tensor<4>,
     stops: Tensor<2>,
@@ -35,7 +35,7 @@ pub fn develop_with_stops_op(
     Ok(apply_two(Arc::new(DevelopKernel::new(raw.dims(), sensor, captures)?), raw, stops))
 }
 
-/// Inputs: digital numbers, and stops where they are differentiable.
+/// Development as a host kernel. Inputs: digital numbers and, for differentiable exposures, stops.
 #[derive(Debug)]
 struct DevelopKernel {
     sensor: SensorModel,
@@ -77,7 +77,7 @@ impl HostKernel for DevelopKernel {
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
         let [_, channels, height, width] = self.shape;
         let one = |(i, capture): (usize, &Capture)| {
-            // Stops that leave no exposure leave no picture.
+            // Without a valid exposure the picture is NaN.
             if capture.exposure.validate().is_err() {
                 return vec![f32::NAN; channels * height * width];
             }

@@ -1,4 +1,4 @@
-//! The sensor on the tape.
+//! The exposure of the sensor on the tape.
 
 use std::sync::{Arc, OnceLock};
 
@@ -15,8 +15,8 @@ use crate::sensor::{
 
 /// Exposes a batch: irradiance `[B,3,H,W]` to digital numbers `[B,1,H,W]`, one capture per picture.
 ///
-/// The gradient is that of the [`crate::sensor::NoiseMode`]; see [`crate::sensor::expose_with_tape`]. A value that is not
-/// finite makes its pixel NaN instead of an error.
+/// The [`crate::sensor::NoiseMode`] sets the gradient; see [`crate::sensor::expose_with_tape`]. Irradiance that is not
+/// finite makes its pixel NaN and is not an error.
 pub fn expose_op(
     irradiance: Tensor<4>,
     sensor: &SensorModel,
@@ -30,15 +30,15 @@ pub fn expose_op(
     Ok(apply(Arc::new(ExposeKernel::new(irradiance.dims(), sensor, captures, noise, 0.0)?), irradiance))
 }
 
-/// [`expose_op`] whose exposures are differentiable too: picture `b` is taken at the exposure of its capture, changed by
-/// `stops[b] = [gain, exposure]` factors of two (see [`crate::sensor::Exposure::with_stops`]).
+/// [`expose_op`] that is differentiable in the exposures as well: `stops[b] = [gain, exposure]` changes the exposure of
+/// capture `b` by factors of two (see [`crate::sensor::Exposure::with_stops`]).
 ///
-/// Full wells and converters at their limits let `leak` (0..1; 0 is the true derivative) of a gradient through. Gains are
-/// continuous here, whatever steps the sensor has: round to [`SensorModel::nearest_gain`] when the optimum is found. Stops
-/// that leave no valid exposure make their picture NaN.
+/// Full wells and converters at their limits pass the share `leak` (0..1; 0 is the true derivative) of a gradient. Gains are
+/// continuous here, even if the sensor has steps: round the optimum to [`SensorModel::nearest_gain`]. Stops that give no
+/// valid exposure make their picture NaN.
 ///
-/// It is an operation of the library: experiments hold gain and exposure fixed. One step of gradient descent on both, for
-/// the error of the developed picture:
+/// The built-in experiments hold gain and exposure fixed. One step of gradient descent on both, for the error of the
+/// developed picture:
 ///
 /// ```
 /// use burn::prelude::*;
@@ -95,7 +95,7 @@ pub(super) fn check_stops(stops: &Tensor<2>, captures: &[Capture]) -> Result<(),
     Err(SensorError::Shape { what: "stops of gain and exposure", expected, got })
 }
 
-/// The captures at their exposures changed by stops, if there are any.
+/// The captures, with their exposures changed if stops are among the inputs.
 pub(super) fn changed(captures: &[Capture], inputs: &[&[f32]]) -> Vec<Capture> {
     match inputs {
         [_, stops] => captures
@@ -107,7 +107,7 @@ pub(super) fn changed(captures: &[Capture], inputs: &[&[f32]]) -> Vec<Capture> {
     }
 }
 
-/// Inputs: irradiance, and stops where they are differentiable.
+/// Exposure as a host kernel. Inputs: irradiance and, for differentiable exposures, stops.
 #[derive(Debug)]
 struct ExposeKernel {
     sensor: SensorModel,
@@ -115,7 +115,7 @@ struct ExposeKernel {
     noise: Noise,
     leak: f32,
     shape: [usize; 4],
-    /// Derivatives per picture. A kernel serves one call, so what the forward pass found holds for the backward pass.
+    /// Derivatives per picture. A kernel serves one call, so the backward pass reuses those of the forward pass.
     tape: OnceLock<Vec<Slopes>>,
 }
 
@@ -180,6 +180,7 @@ impl HostKernel for ExposeKernel {
         let mut d_irradiance = vec![0.0f32; inputs[0].len()];
         let mut d_stops = Vec::new();
         for (i, (slopes, capture)) in tape.iter().zip(&self.captures).enumerate() {
+            // Distribute each pixel's cotangent to the colours that its filter passes.
             let d_dn = &d_output[i * plane..(i + 1) * plane];
             let placement = capture.placement;
             for (pixel, (slope, d)) in slopes.light.iter().zip(d_dn).enumerate() {
@@ -189,6 +190,7 @@ impl HostKernel for ExposeKernel {
                     d_irradiance[(i * CHANNELS + c) * plane + pixel] = slope * d * response[c] as f32;
                 }
             }
+            // Sum over pixels for the two stops of the picture.
             for slopes in [&slopes.log2_gain, &slopes.log2_exposure] {
                 let sum: f64 = slopes.iter().zip(d_dn).map(|(slope, d)| *slope as f64 * *d as f64).sum();
                 d_stops.push(sum as f32);

@@ -1,4 +1,4 @@
-//! Gradients by gain and exposure, through sensor and development.
+//! Gradients with respect to gain and exposure, through sensor and development.
 
 use burn::prelude::*;
 
@@ -37,7 +37,7 @@ fn off() -> Noise {
     Noise { mode: NoiseMode::Off, seed: 0 }
 }
 
-/// A scalar of the developed pictures: their squares, weighed unevenly.
+/// A scalar of the developed pictures: the sum of their squares with random weights.
 fn loss(light: Tensor<4>, stops: Tensor<2>, sensor: &SensorModel, noise: &Noise) -> Tensor<1> {
     let captures = captures();
     let raw = expose_with_stops_op(light, stops.clone(), sensor, &captures, noise, 0.0).unwrap();
@@ -47,7 +47,7 @@ fn loss(light: Tensor<4>, stops: Tensor<2>, sensor: &SensorModel, noise: &Noise)
 }
 
 #[test]
-fn stops_of_zero_are_the_capture_itself() {
+fn zero_stops_give_the_capture_and_other_stops_its_changed_exposure() {
     let (sensor, captures) = (sensor(), captures());
     let light = tensor(uniform(1, 2 * CHANNELS * HEIGHT * WIDTH), [2, CHANNELS, HEIGHT, WIDTH]);
     let zero = || tensor(vec![0.0; 4], [2, 2]);
@@ -59,7 +59,7 @@ fn stops_of_zero_are_the_capture_itself() {
         let developed = develop_with_stops_op(plain.clone(), zero(), &sensor, &captures).unwrap();
         assert_eq!(values(developed), values(develop_op(plain, &sensor, &captures).unwrap()));
     }
-    // And a stop more is the exposure a stop up.
+    // Other stops equal a capture with the changed exposure.
     let up = expose_with_stops_op(
         light.clone(),
         tensor(vec![1.0, -0.5, 0.0, 2.0], [2, 2]),
@@ -77,7 +77,7 @@ fn stops_of_zero_are_the_capture_itself() {
 }
 
 #[test]
-fn gradients_by_light_and_stops_match_finite_differences() {
+fn gradients_of_light_and_stops_match_finite_differences() {
     let sensor = sensor();
     let light_values: Vec<f32> =
         uniform(1, 2 * CHANNELS * HEIGHT * WIDTH).iter().map(|v| 0.1 + 0.6 * v).collect();
@@ -88,8 +88,8 @@ fn gradients_by_light_and_stops_match_finite_differences() {
     let stops = tensor(stops_values.clone(), [2, 2]).require_grad();
     let gradients = loss(tracked.clone(), stops.clone(), &sensor, &off()).backward();
     let by_stops = values(stops.grad(&gradients).unwrap());
-    // Through both operations an exposure mostly cancels; what is left is what hot pixels and offsets leave, so the
-    // scale of the comparison is that of one operation alone.
+    // Through both operations the exposure cancels except in hot pixels and offsets. Compare each operation alone too, where
+    // the gradients are large.
     let raw_only = |stops: Vec<f32>| {
         let stops = tensor(stops, [2, 2]);
         values(
@@ -145,7 +145,7 @@ fn gradients_by_light_and_stops_match_finite_differences() {
 
 #[test]
 fn tangent_and_adjoint_agree() {
-    // <y, J x> = <J^T y, x> for the sensor, J x from the slopes and J^T y from the tape.
+    // <y, J x> = <J^T y, x> for the sensor: J x from the slopes, J^T y from the tape.
     let sensor = sensor();
     let n = 2 * CHANNELS * HEIGHT * WIDTH;
     let light = tensor(uniform(1, n), [2, CHANNELS, HEIGHT, WIDTH]).require_grad();
@@ -181,8 +181,8 @@ fn tangent_and_adjoint_agree() {
 }
 
 #[test]
-fn the_dequantised_gradient_by_exposure_is_that_of_the_mean() {
-    // Mean over many pixels of tanh((dn - 200) / 100): its gradient by the exposure, and differences of independent frames.
+fn the_dequantised_gradient_matches_differences_of_the_mean_score() {
+    // Mean over many pixels of tanh((dn - 200) / 100): its gradient, against differences of independent frames.
     let side = 700;
     let sensor = SensorModel { nonuniformity: NonUniformity::default(), ..sensor() };
     let exposure = Exposure { white_e: 3000.0, time_s: 0.05, linear_gain: 1.0 };
@@ -216,13 +216,13 @@ fn the_dequantised_gradient_by_exposure_is_that_of_the_mean() {
     }
 }
 
-/// Error of a picture in stops: mean square of `log2(picture + floor) - log2(scene + floor)`.
+/// Floor of the error of a picture in stops, the mean square of `log2(picture + floor) - log2(scene + floor)`.
 const FLOOR: f32 = 0.004;
 
 #[test]
 fn exposure_descends_to_the_optimum_of_a_scan() {
-    // A scene of eleven stops. Little light drowns its shadows in noise, much light clips its highlights: between them
-    // lies an optimum. Gradient descent by fresh noisy frames must find what a scan with exact counts finds.
+    // A scene of eleven stops. A short exposure buries its shadows in noise and a long one clips its highlights, so an
+    // optimum lies between. Gradient descent with fresh noisy frames must find the optimum of a scan with exact counts.
     let side = 96;
     let sensor = SensorModel { nonuniformity: NonUniformity::default(), ..sensor() };
     let scene: Vec<f32> =
@@ -274,7 +274,7 @@ fn exposure_descends_to_the_optimum_of_a_scan() {
 }
 
 #[test]
-fn wrong_stops_are_typed_errors_and_wild_stops_unknown_pictures() {
+fn wrong_shapes_of_stops_are_errors_and_extreme_stops_give_nan() {
     let (sensor, captures) = (sensor(), captures());
     let light = || tensor(uniform(1, 2 * CHANNELS * HEIGHT * WIDTH), [2, CHANNELS, HEIGHT, WIDTH]);
     let three = tensor(vec![0.0; 6], [2, 3]);
@@ -293,7 +293,7 @@ fn wrong_stops_are_typed_errors_and_wild_stops_unknown_pictures() {
     assert!(values(picture).iter().all(|v| v.is_nan()));
     assert!(values(stops.grad(&gradients).unwrap()).iter().all(|v| v.is_nan()));
 
-    // Steps of the gain bind a capture, not the search for one.
+    // Gain steps restrict a capture, but not the continuous search.
     let stepped = SensorModel { gain_steps: vec![1.0, 1.77], ..sensor };
     assert!(expose_op(light(), &stepped, &captures, &off()).is_err());
     let zero = tensor(vec![0.0; 4], [2, 2]);

@@ -1,4 +1,4 @@
-//! A differentiable operation of the tensor framework made from plain Rust code on the host.
+//! Differentiable operations of the tensor framework from plain Rust code on the host.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -14,12 +14,12 @@ use burn::tensor::TensorData;
 
 /// A function of one or two tensors with its hand-written adjoint. Tensors arrive flattened, row-major, as f32.
 ///
-/// Both functions must be functions of their arguments alone: same inputs, same bits.
+/// Both methods must depend on their arguments alone: the same inputs give the same bits.
 pub trait HostKernel: Debug + Send + Sync {
     /// Shape of the output.
     fn output_shape(&self) -> Vec<usize>;
 
-    /// Value, `output_shape` elements.
+    /// Value of the function: as many elements as `output_shape` has.
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32>;
 
     /// `J^T d_output` for each input, in the shape of the input.
@@ -43,8 +43,8 @@ pub fn apply_two<const D: usize, const E: usize, const R: usize>(
     Tensor::from_dispatch(<Dispatch as HostOps>::host_two(kernel, first, second))
 }
 
-/// Backend operations behind [`apply`] and [`apply_two`]. A new backend needs one line in the attribute and one empty
-/// `impl`: the default bodies copy to the host and back.
+/// Backend operations that [`apply`] and [`apply_two`] call. A new backend needs one entry in the attribute and an empty
+/// `impl`: the default bodies copy tensors to the host and back.
 #[backend_extension(Flex, Cube: cfg(any(feature = "wgpu", feature = "cuda")), Autodiff)]
 trait HostOps: Backend {
     fn host_one(kernel: Arc<dyn HostKernel>, input: FloatTensor<Self>) -> FloatTensor<Self> {
@@ -80,7 +80,7 @@ fn to_device<B: Backend>(values: Vec<f32>, shape: Vec<usize>, like: &FloatTensor
     B::float_from_data(data, &like.device())
 }
 
-/// The backward pass with the kernel and its inputs: `N` inputs in the order of the forward call.
+/// The backward pass of a kernel with `N` inputs, in the order of the forward call.
 #[derive(Debug)]
 struct HostBackward;
 

@@ -1,29 +1,34 @@
-//! The camera on the tape of the tensor framework: PSF values are leaf tensors, everything after them is differentiable.
+//! The camera on the tape of the tensor framework: PSF values are leaf tensors, and every stage after them is
+//! differentiable.
 //!
 //! ```text
 //! psf_values [F,3,G,G] --render_op--> [B,3,H,W] --( * illumination_op )--> irradiance
-//!            --expose_op--> raw [B,1,H,W] --develop_op--> linear RGB [B,3,H,W] --> network
+//!            --expose_op--> raw [B,1,H,W] --linear_isp_op--> linear RGB [B,3,H,W] --> network
 //! ```
 //!
 //! Exposure can be a leaf tensor as well: [`expose_with_stops_op`] and [`develop_with_stops_op`] take `stops [B,2]`, the
 //! change of gain and exposure of each picture.
 //!
-//! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]; a [`HostKernel`]
-//! carries it, with its hand-written adjoint, into the framework on any backend.
+//! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]. A
+//! [`HostKernel`] makes it, with its hand-written adjoint, an operation of the framework on any backend.
 
 mod develop_op;
 mod expose_op;
+mod frames;
 mod host_kernel;
+mod linear_isp_op;
 mod render_op;
 
 pub use develop_op::{develop_op, develop_with_stops_op};
 pub use expose_op::{expose_op, expose_with_stops_op};
+pub use frames::Frames;
 pub use host_kernel::{HostKernel, apply, apply_two};
+pub use linear_isp_op::linear_isp_op;
 pub use render_op::{PlacedScene, illumination_op, render_op};
 
 use crate::image::LinearImage;
 
-/// Picture `index` of a batch of three-plane pictures.
+/// Picture `index` of a batch of pictures with `channels` planes.
 fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: usize) -> LinearImage {
     let n = channels * height * width;
     LinearImage { channels, height, width, data: batch[index * n..(index + 1) * n].to_vec() }

@@ -14,7 +14,7 @@ use crate::render::{
     kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels,
 };
 
-/// A scene (with the border that the PSF needs) and the place of its output on the sensor.
+/// A scene, with the border that the PSF needs, and the sensor position of its output.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedScene {
     /// Linear light, 3 planes, output plus [`kernel_radius`] pixels on every side.
@@ -62,6 +62,7 @@ pub fn render_op(
     Ok(apply(Arc::new(kernel), psf_values))
 }
 
+/// Rendering of a batch as a host kernel, linear in the PSF values.
 #[derive(Debug)]
 struct RenderKernel {
     geometry: RenderGeometry,
@@ -97,6 +98,7 @@ impl HostKernel for RenderKernel {
                     .expect(CHECKED)
             })
             .collect();
+        // Add the scenes in fixed order, then pull the patch kernels back to the PSF values.
         let mut parts = parts.into_iter();
         let mut sum = parts.next().expect("at least one scene");
         for part in parts {
@@ -131,6 +133,7 @@ pub fn illumination_op(
     Ok(apply(Arc::new(kernel), illumination))
 }
 
+/// Illumination of a batch of windows as a host kernel, linear in the table.
 #[derive(Debug)]
 struct IlluminationKernel {
     geometry: RenderGeometry,

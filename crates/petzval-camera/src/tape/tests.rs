@@ -124,7 +124,7 @@ fn render_op_has_the_gradient_of_render_adjoint() {
     }
 }
 
-/// PSF and illumination to a scalar through the whole camera, without noise.
+/// A scalar of PSF and illumination through the whole camera: the sum of squares of the developed pictures.
 fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor<1> {
     let (layout, geometry) = (bank().layout(), geometry());
     let sensor: SensorModel =
@@ -157,7 +157,7 @@ fn gradients_through_the_whole_camera_match_finite_differences() {
     let d_psf = values(psf.grad(&gradients).unwrap());
     let d_table = values(table.grad(&gradients).unwrap());
 
-    // The loss is quadratic, so central differences with a large step are exact but for round-off.
+    // The loss is quadratic, so central differences with a large step are exact up to round-off.
     let loss = |psf: Vec<f32>, table: Vec<f32>| {
         values(camera_loss(tensor(psf, psf_shape), tensor(table, [2, CHANNELS]), &noise))[0]
     };
@@ -212,4 +212,69 @@ fn wrong_shapes_are_typed_errors() {
     assert!(render_op(psf, &layout, &geometry, mixed).is_err());
     let table = tensor(bank.illumination, [2, CHANNELS]);
     assert!(illumination_op(table, &layout, &geometry, &[Placement { row: 39, col: 0 }], 15, 20).is_err());
+}
+
+/// Raw frames of which about half of the pixels saturate, their captures, and an illumination that falls below the floor.
+fn overexposed(sensor: &SensorModel) -> (Vec<f32>, Vec<Capture>, Vec<f32>) {
+    let exposure = Exposure { white_e: 30_000.0, time_s: 0.005, linear_gain: 1.0 };
+    let placements = [Placement { row: 0, col: 1 }, Placement { row: 3, col: 2 }];
+    let captures: Vec<Capture> =
+        placements.map(|placement| Capture { exposure, placement, frame: 0 }).to_vec();
+    let dn = uniform(31, 2 * 12 * 14).into_iter().map(|v| 2.0 * v * sensor.max_dn() as f32).collect();
+    let light = uniform(32, 2 * CHANNELS * 12 * 14).into_iter().map(|v| 1.1 * v).collect();
+    (dn, captures, light)
+}
+
+#[test]
+fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
+    use crate::isp::LinearIsp;
+    use crate::sensor::Raw;
+    let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    let sensor: SensorModel = toml::from_str(text).unwrap();
+    let (dn, captures, light) = overexposed(&sensor);
+    let matrix = [[1.6, -0.5, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.6, 1.6]];
+    for isp in [LinearIsp::default(), LinearIsp { colour_matrix: Some(matrix), ..LinearIsp::default() }] {
+        let raw = tensor(dn.clone(), [2, 1, 12, 14]);
+        let found = linear_isp_op(raw, tensor(light.clone(), [2, 3, 12, 14]), &isp, &sensor, &captures);
+        let found = values(found.unwrap());
+        for (i, capture) in captures.iter().enumerate() {
+            let n = 12 * 14;
+            let raw = Raw { height: 12, width: 14, dn: dn[i * n..(i + 1) * n].to_vec(), capture: *capture };
+            let map = picture(&light, i, CHANNELS, 12, 14);
+            let expected = isp.develop(&raw, &map, &sensor).unwrap().data;
+            for (a, b) in found[i * CHANNELS * n..].iter().zip(&expected) {
+                // The matrix is applied in single precision on the tape, in double precision off it.
+                let same = if isp.colour_matrix.is_none() { a == b } else { (a - b).abs() < 1e-6 };
+                assert!(same, "{a} on the tape, {b} off it");
+            }
+        }
+    }
+}
+
+#[test]
+fn clipped_highlights_have_no_gradient() {
+    use crate::develop::{clip_levels_dn, develop_adjoint};
+    use crate::isp::LinearIsp;
+    let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
+    let sensor: SensorModel = toml::from_str(text).unwrap();
+    let (dn, captures, _) = overexposed(&sensor);
+    let raw = tensor(dn[..168].to_vec(), [1, 1, 12, 14]).require_grad();
+    let light = tensor(vec![1.0; 3 * 168], [1, 3, 12, 14]);
+    let out = linear_isp_op(raw.clone(), light, &LinearIsp::default(), &sensor, &captures[..1]).unwrap();
+    let gradients = out.sum().backward();
+    let found = values(raw.grad(&gradients).unwrap());
+    let ones = LinearImage::filled(CHANNELS, 12, 14, 1.0);
+    let unclipped = develop_adjoint(&ones, &sensor, &captures[0]).unwrap();
+    let levels = clip_levels_dn(&sensor, &captures[0], 12, 14).unwrap();
+    let clipped = dn[..168].iter().zip(&levels).filter(|(dn, level)| dn > level).count();
+    assert!((60..150).contains(&clipped), "{clipped}");
+    for i in 0..168 {
+        if dn[i] > levels[i] {
+            assert_eq!(found[i], 0.0);
+        } else {
+            // A developed value is at most the end of the highlights where no pixel beside it is clipped; elsewhere a
+            // mean of it with clipped neighbours is, too: the derivative is the whole one.
+            assert!((found[i] - unclipped[i]).abs() <= 1e-5 * unclipped[i].abs() + 1e-9, "{i}");
+        }
+    }
 }

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::RunFolder;
+use crate::block::{Block, BlockName, BlockState};
 use crate::error::DesignError;
 
 const PREFIX: &str = "step-";
@@ -55,9 +56,51 @@ fn all_checkpoints(root: &Path) -> Result<Vec<(u64, PathBuf)>, DesignError> {
     Ok(found)
 }
 
+/// Writes the states of blocks into a folder: `blocks/NAME/PART`.
+pub fn save_blocks<'b>(
+    folder: &Path,
+    blocks: impl IntoIterator<Item = &'b dyn Block>,
+) -> Result<(), DesignError> {
+    for block in blocks {
+        let folder = block_folder(folder, block.name());
+        fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
+        for (part, bytes) in block.save()? {
+            let path = folder.join(part);
+            fs::write(&path, bytes).map_err(DesignError::io(&path))?;
+        }
+    }
+    Ok(())
+}
+
+/// Restores blocks from what [`save_blocks`] wrote into a folder.
+pub fn load_blocks<'b>(
+    folder: &Path,
+    blocks: impl IntoIterator<Item = &'b mut dyn Block>,
+) -> Result<(), DesignError> {
+    for block in blocks {
+        let folder = block_folder(folder, block.name());
+        let mut state = BlockState::new();
+        for entry in fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
+            let path = entry.map_err(DesignError::io(&folder))?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            state.insert(name, fs::read(&path).map_err(DesignError::io(&path))?);
+        }
+        block.load(&state).map_err(|problem| DesignError::Run { path: folder, problem })?;
+    }
+    Ok(())
+}
+
+fn block_folder(folder: &Path, block: BlockName) -> PathBuf {
+    folder.join("blocks").join(block.name())
+}
+
 fn sync_files(folder: &Path) -> Result<(), DesignError> {
     for entry in fs::read_dir(folder).map_err(DesignError::io(folder))? {
         let path = entry.map_err(DesignError::io(folder))?.path();
+        if path.is_dir() {
+            sync_files(&path)?;
+            continue;
+        }
         let sync = || fs::File::open(&path)?.sync_all();
         sync().map_err(DesignError::io(&path))?;
     }

@@ -90,6 +90,11 @@ impl RunFolder {
         self.root.join("inputs").join("lens.toml")
     }
 
+    /// A file that the run was made from.
+    pub fn input(&self, file: &str) -> PathBuf {
+        self.root.join("inputs").join(file)
+    }
+
     /// The sensor.
     pub fn sensor(&self) -> PathBuf {
         self.root.join("inputs").join("sensor.toml")

@@ -1,5 +1,7 @@
 //! The figures that a run ends with. They hold nothing that a second run would not repeat to the bit.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// Scores of every camera on held-out pictures.
@@ -22,14 +24,11 @@ pub struct Metrics {
 /// One camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraMetrics {
-    /// `nominal`, `spot-optimised` or `end-to-end`.
+    /// Name of the variant.
     pub camera: String,
-    /// Mean of 1 - LPIPS.
-    pub one_minus_lpips: f64,
-    /// Mean PSNR, dB.
-    pub psnr_db: f64,
-    /// Mean SSIM.
-    pub ssim: f64,
+    /// Means of the experiment's scores over all pictures, by name.
+    #[serde(flatten)]
+    pub scores: BTreeMap<String, f64>,
     /// Mean over the fields of the polychromatic RMS spot radius, um.
     pub rms_spot_um: f64,
     /// Effective focal length, mm.
@@ -59,10 +58,7 @@ pub struct PictureScore {
     pub photo: String,
     /// Distance of the crop's centre from the axis over that of the sensor's corner, 0..1.
     pub relative_field: f64,
-    /// 1 - LPIPS.
-    pub one_minus_lpips: f64,
-    /// PSNR, dB.
-    pub psnr_db: f64,
-    /// SSIM.
-    pub ssim: f64,
+    /// The experiment's scores, by name.
+    #[serde(flatten)]
+    pub scores: BTreeMap<String, f64>,
 }

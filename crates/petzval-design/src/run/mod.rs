@@ -9,7 +9,7 @@ mod events;
 mod folder;
 mod metrics;
 
-pub use checkpoint::{latest_checkpoint, save_checkpoint};
+pub use checkpoint::{latest_checkpoint, load_blocks, save_blocks, save_checkpoint};
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_atomically};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};

@@ -1,6 +1,7 @@
 //! Apertures of every kind, as the diameter of the entrance pupil.
 
-use super::{Clear, Record};
+use super::item::Clear;
+use super::record::Record;
 use crate::decimal::shown;
 use petzval_base::FileError;
 use petzval_optics::lens::{Lens, ObjectDistance};

@@ -1,6 +1,7 @@
 //! Clear semi-diameters of surfaces that lose no light: where the beams of the lens's own fields pass.
 
-use super::{Clear, Drafted, Effect, Losses};
+use super::item::{Clear, Drafted};
+use crate::loss::{Effect, Losses};
 use petzval_optics::lens::{Lens, LensDefect, validate};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::paraxial_launch;

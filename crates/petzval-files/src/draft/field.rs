@@ -1,7 +1,9 @@
 //! Fields of every kind, as angles in the y-z plane.
 
-use super::{Effect, FileError, Losses, Record};
+use super::record::Record;
 use crate::decimal::shown;
+use crate::loss::{Effect, Losses};
+use petzval_base::FileError;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::pupil::field_imaged_at;

@@ -6,20 +6,24 @@
 mod aperture;
 mod clear;
 mod field;
+mod item;
 mod place;
 mod power;
+mod record;
 
 pub(super) use aperture::Aperture;
 pub(super) use field::{FieldKind, Fields};
-pub(super) use place::{Break, check_angles, is_bend, undone};
+pub(super) use item::{Break, Clear, Drafted, Item};
+pub(super) use place::{check_angles, is_bend, undone};
 pub(super) use power::{in_mm, set_powers};
+pub(super) use record::{Record, line_end};
 
 use super::lens_toml::OPTICAL_UM;
 use super::loss::{Effect, Loss, Losses};
 use petzval_base::FileError;
 
 use super::LensFile;
-use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
+use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, validate};
 
 /// Surfaces that a file may have. A ray takes a microsecond for so many, and no lens has a tenth of them.
 pub(super) const MOST_SURFACES: usize = 500;
@@ -40,55 +44,6 @@ pub struct Import {
     pub file: LensFile,
     /// What the file says and the lens does not.
     pub losses: Vec<Loss>,
-}
-
-/// What ends a line: in files of old Macintoshes a carriage return alone.
-pub(super) fn line_end(text: &str) -> char {
-    if text.contains('\n') { '\n' } else { '\r' }
-}
-
-/// A line of a file, for messages.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Record {
-    /// From 1; 0 for what no line says.
-    pub line: u32,
-    /// As it stands there.
-    pub text: String,
-}
-
-impl Record {
-    pub fn new(line: u32, text: &str) -> Self {
-        Self { line, text: text.to_owned() }
-    }
-
-    pub fn error(&self, message: impl Into<String>) -> FileError {
-        FileError::at_line(self.line, &self.text, message)
-    }
-}
-
-/// How far out a surface works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Clear {
-    /// Light beyond this is lost, mm.
-    Edge(f64),
-    /// No light is lost; the file prints this, mm, or 0.
-    Open(f64),
-}
-
-/// A surface of the file.
-#[derive(Clone, Debug)]
-pub(super) struct Drafted {
-    /// Its clear semi-diameter is not filled in yet; nor is the medium behind a mirror.
-    pub surface: Surface,
-    pub clear: Clear,
-    pub record: Record,
-}
-
-/// What stands between object and image.
-#[derive(Clone, Debug)]
-pub(super) enum Item {
-    Surface(Box<Drafted>),
-    Break(Break),
 }
 
 /// Wavelengths, um, with their weights, in the order of the file.

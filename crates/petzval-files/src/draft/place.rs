@@ -5,23 +5,11 @@
 
 use std::sync::Arc;
 
-use super::{Clear, Drafted, FileError, Item, Record};
+use super::item::{Break, Clear, Drafted, Item};
+use super::record::Record;
+use petzval_base::FileError;
 use petzval_optics::glass::Glass;
 use petzval_optics::lens::{Action, Axis, Placement, Surface};
-
-/// A move of the axis.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Break {
-    /// Along x and y, mm.
-    pub decenter_mm: [f64; 2],
-    /// About x, y and z, rad.
-    pub tilt_rad: [f64; 3],
-    /// Whether the rotations come first, in reverse order.
-    pub tilt_first: bool,
-    /// Along the new axis to what comes next, mm.
-    pub thickness_mm: f64,
-    pub record: Record,
-}
 
 impl Break {
     fn moves_nothing(&self) -> bool {

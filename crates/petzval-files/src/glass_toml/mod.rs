@@ -26,8 +26,8 @@ mod read;
 mod text;
 mod write;
 
-pub use read::parse_catalog;
 pub(super) use read::read_glasses;
-pub(super) use text::GlassTables;
+pub use read::{is_meant_as_catalog, parse_catalog};
+pub(super) use text::{GlassTables, GlassText};
 pub use write::write_catalog;
 pub(super) use write::write_glass;

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::text::{GlassTables, GlassText, Placed, Thickness};
-use crate::lens_toml::Number;
+use crate::toml_number::Number;
 use petzval_base::FileError;
 use petzval_optics::glass::{Absorption, Catalog, Dispersion, Expansion, Glass, Printed, Status, Thermal};
 
@@ -21,6 +21,12 @@ struct CatalogText {
 pub fn parse_catalog(text: &str) -> Result<Catalog, FileError> {
     let file: CatalogText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     read_glasses(text, &file.glass)
+}
+
+/// Whether a text is meant as a catalogue, be it right or wrong: `glass` is its only key, or it is no TOML.
+pub fn is_meant_as_catalog(text: &str) -> bool {
+    let is_catalog = |table: toml::Table| !table.is_empty() && table.keys().all(|key| key == "glass");
+    toml::from_str(text).map_or(true, is_catalog)
 }
 
 /// The glasses of some tables. Names and aliases are unique without regard to case.

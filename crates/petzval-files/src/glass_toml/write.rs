@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use toml_writer::ToTomlKey;
 
-use crate::lens_toml::{number, numbers, quoted};
+use crate::toml_number::{number, numbers, quoted};
 use petzval_optics::glass::{Absorption, Dispersion, Glass};
 
 /// A catalogue file of these glasses, in their order, under their own names.

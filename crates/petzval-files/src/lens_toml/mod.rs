@@ -57,8 +57,6 @@ mod write;
 pub use parameter::parameter_name;
 pub(super) use read::OPTICAL_UM;
 pub use read::parse_lens;
-pub(super) use text::Number;
-pub(super) use write::{exact_degrees, exact_reciprocal, number, numbers, quoted};
 pub use write::{special_lines, write_lens};
 
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
@@ -135,4 +133,9 @@ pub struct ExpectedSpots {
     pub values_um: Vec<f64>,
     /// The largest relative difference that still agrees.
     pub relative_tolerance: f64,
+}
+
+/// The JSON Schema of a lens file. Numbers that may be infinite are written `inf` in TOML, which the schema calls a number.
+pub fn lens_schema() -> schemars::Schema {
+    schemars::schema_for!(text::LensText)
 }

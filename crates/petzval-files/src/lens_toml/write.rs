@@ -2,11 +2,10 @@
 
 use std::fmt::Write;
 
-use toml_writer::{ToTomlValue, TomlStringBuilder};
-
 use super::parameter::parameter_name;
 use super::{Expected, LensFile};
 use crate::glass_toml::write_glass;
+use crate::toml_number::{exact_degrees, exact_reciprocal, number, numbers, quoted};
 use petzval_optics::glass::Glass;
 use petzval_optics::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
@@ -249,38 +248,4 @@ fn reciprocal([reciprocal_key, key]: [&str; 2], value: f64) -> String {
         Some(reciprocal) => format!("{reciprocal_key} = {}", number(reciprocal)),
         None => format!("{key} = {}", number(value)),
     }
-}
-
-/// A number whose reciprocal is the given one to the last bit, the shortest to print; most but not all numbers have one.
-pub(crate) fn exact_reciprocal(value: f64) -> Option<f64> {
-    shortest(1.0 / value, |candidate| (1.0 / candidate).to_bits() == value.to_bits())
-}
-
-/// An angle in degrees that is the given one in rad to the last bit.
-pub(crate) fn exact_degrees(rad: f64) -> Option<f64> {
-    shortest(rad.to_degrees(), |candidate| candidate.to_radians().to_bits() == rad.to_bits())
-}
-
-/// Of a number and its neighbours, the shortest to print that will do.
-fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
-    let candidates = [near, near.next_down(), near.next_up()];
-    candidates.into_iter().filter(|c| will_do(*c)).min_by_key(|c| number(*c).len())
-}
-
-/// The shortest decimal that reads back as the same bits.
-pub(crate) fn number(value: f64) -> String {
-    match value.is_nan() {
-        true => "nan".into(),
-        false => format!("{value:?}"),
-    }
-}
-
-pub(crate) fn numbers(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(|v| number(*v)).collect();
-    format!("[{}]", values.join(", "))
-}
-
-/// A one-line TOML string.
-pub(crate) fn quoted(text: &str) -> String {
-    TomlStringBuilder::new(text).as_basic().to_toml_value()
 }

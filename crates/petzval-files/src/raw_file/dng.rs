@@ -11,7 +11,8 @@ use rawler::rawimage::{RawImage, RawPhotometricInterpretation};
 use rawler::rawsource::RawSource;
 use rawler::{CFA, RawImageData};
 
-use super::{RawFrame, RawInfo, Unreadable};
+use super::frame::{RawFrame, Unreadable};
+use super::info::RawInfo;
 use petzval_camera::sensor::CfaPattern;
 
 const HINT: &str = "give a DNG with one mosaicked or monochrome frame of digital numbers";

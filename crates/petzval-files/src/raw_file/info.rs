@@ -1,11 +1,11 @@
 //! What is known of a raw frame beside its digital numbers.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use petzval_camera::sensor::{CfaPattern, OutOfRange};
 
 /// Camera and exposure of a frame, as far as the file and its sidecar say.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RawInfo {
     /// Name of the sensor or camera.
     #[serde(skip_serializing_if = "Option::is_none")]

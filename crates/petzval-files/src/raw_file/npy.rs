@@ -2,7 +2,8 @@
 
 use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
-use super::{RawFrame, RawInfo, Unreadable};
+use super::frame::{MOST_PIXELS, RawFrame, Unreadable};
+use super::info::RawInfo;
 
 const HINT: &str =
     "save the frame with numpy.save as a C array of two axes, rows and columns, of dtype uint16";
@@ -23,7 +24,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         return Err(unreadable(format!("an array of {} axes", array.shape().len())));
     };
     let (pixels, order, kind) = (height * width, array.order(), array.dtype());
-    if pixels == 0 || pixels > super::MOST_PIXELS {
+    if pixels == 0 || pixels > MOST_PIXELS {
         return Err(unreadable(format!("{height}x{width} pixels: none, or more than 2^28")));
     }
     // The data must be there before room is made for it.

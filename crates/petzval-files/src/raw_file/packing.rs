@@ -13,6 +13,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::frame::MOST_PIXELS;
 use super::info::largest_dn;
 
 /// How digital numbers lie in bytes.
@@ -176,7 +177,7 @@ impl PackedLayout {
         }
         let size = PackingError::Size { height, width };
         let pixels = (height as u64).checked_mul(width as u64).ok_or(size.clone())?;
-        if pixels == 0 || pixels > super::MOST_PIXELS {
+        if pixels == 0 || pixels > MOST_PIXELS {
             return Err(size);
         }
         let needed = row_bytes(width, bits, packing);

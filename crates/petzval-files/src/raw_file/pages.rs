@@ -6,8 +6,8 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{PhotometricInterpretation, Tag};
 use tiff::{ColorType, TiffError};
 
-use super::picture::{MOST_EXPANSION, WORK_SPACE};
-use super::{RawFrame, RawInfo, Unreadable};
+use super::frame::{MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
+use super::info::RawInfo;
 
 const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8 or 16 bits a sample";
 
@@ -49,7 +49,7 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFra
     let (width, height) = tiff.decoder.dimensions().map_err(|error| tiff.unreadable(error))?;
     let pixels = u64::from(width) * u64::from(height);
     // A damaged header can claim any size; a file cannot hold more than its bytes can become.
-    let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(2 * super::MOST_PIXELS) + WORK_SPACE;
+    let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(2 * MOST_PIXELS) + WORK_SPACE;
     if 2 * pixels > most {
         return Err(refused(format!("{height}x{width} pixels do not fit in a file of {} bytes", tiff.bytes)));
     }

@@ -2,16 +2,11 @@
 
 use std::io::Cursor;
 
+use super::frame::{MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
+use super::info::RawInfo;
 use super::pages::{decode_page, is_tiff, pages};
-use super::{RawFrame, RawInfo, Unreadable};
 use crate::undecoded;
 use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
-
-/// Most bytes that a byte of a file can become: LZW with codes of 12 bits stays below, deflate far below.
-pub(super) const MOST_EXPANSION: u64 = 4096;
-
-/// What a decoder may use beside the picture, bytes.
-pub(super) const WORK_SPACE: u64 = 1 << 20;
 
 /// Reads a gray picture of 8 or 16 bits, the only one of its file.
 pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
@@ -31,7 +26,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     check_kept(bytes, reader.format()).map_err(unreadable)?;
     // A damaged header can claim any size; a file cannot hold more than its bytes can become.
     let mut limits = Limits::default();
-    let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * super::MOST_PIXELS);
+    let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * MOST_PIXELS);
     limits.max_alloc = Some(most + WORK_SPACE);
     reader.limits(limits);
     let picture = reader.decode().map_err(|e| unreadable(undecoded(&e)))?;

@@ -1,11 +1,13 @@
 //! What the digital numbers of a frame are like, colour by colour.
 
+use serde::{Deserialize, Serialize};
+
 use super::RawFrame;
 use super::info::largest_dn;
 use petzval_camera::sensor::{CfaPattern, Colour};
 
 /// Digital numbers of all pixels of one colour.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ColourStatistics {
     /// The colour; all pixels are `Clear` if the frame's mosaic is not known.
     pub colour: Colour,

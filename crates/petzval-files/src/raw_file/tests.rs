@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use petzval_camera::render::Placement;
-use petzval_camera::sensor::{Capture, CfaPattern, Exposure};
+use petzval_camera::sensor::{Capture, CfaPattern, Exposure, Raw};
 
 fn frame(height: usize, width: usize, bits: u32) -> RawFrame {
     let max = u32::from(info::largest_dn(bits));

@@ -35,6 +35,7 @@
 
 mod command;
 mod glass;
+mod out;
 mod read;
 mod read_surface;
 mod system;

@@ -1,22 +1,18 @@
 //! Writing a file, such that reading it gives the same bits.
 
-use std::fmt::Write;
-
+use super::out::Out;
 use super::write_surface::write_surface;
 use crate::decimal::shifted_text;
-use crate::export::{lose_the_rest, object_heights, one_word, surface_error, weighted_wavelengths};
-use crate::lens_toml::{exact_reciprocal, number};
+use crate::export::{lose_the_rest, object_heights, weighted_wavelengths};
 use crate::loss::{Effect, Losses};
+use crate::toml_number::{exact_reciprocal, number};
 use crate::{Export, LensFile};
 use petzval_base::FileError;
-use petzval_optics::glass::{Catalog, Dispersion, Glass};
+use petzval_optics::glass::Catalog;
 use petzval_optics::lens::{Departure, Lens, ObjectDistance};
 
 /// The distance of an object at infinity, as the program writes it.
 const INFINITY: &str = "0.1e14";
-
-/// Words that mean something else where a glass may stand.
-const TAKEN: &[&str] = &["AIR", "REFL", "REFR", "PWL", "END"];
 
 /// A lens as a file in mm, with radii where all of them are exact, else with curvatures. Glasses of `catalog` are named as the
 /// program names them; those by Schott's formula, a constant index or a table go into a private catalogue.
@@ -52,47 +48,8 @@ fn has_radii(departure: &Departure, curvature: f64) -> bool {
     exact(curvature) && exact(x)
 }
 
-/// What is written so far.
-pub(super) struct Out<'a> {
-    pub text: String,
-    pub losses: Losses,
-    catalog: &'a Catalog,
-    pub radii: bool,
-    /// Names of the private glasses, as they are called in the file, with their glasses.
-    private: Vec<(String, &'a Glass)>,
-}
-
 impl<'a> Out<'a> {
-    /// Adds a line.
-    pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
-        self.text
-            .write_fmt(line)
-            .and_then(|()| self.text.write_char('\n'))
-            .expect("a string takes whatever is written");
-    }
-
-    /// A radius or a curvature, as the mode of the file asks.
-    pub fn curved(&self, curvature: f64) -> String {
-        match self.radii {
-            false => number(curvature),
-            true if curvature == 0.0 => "0.0".into(),
-            true => number(exact_reciprocal(curvature).unwrap_or(1.0 / curvature)),
-        }
-    }
-
-    /// Text in quotes, which cannot hold its own quotes.
-    pub fn quoted(&mut self, what: &str, text: &str) -> String {
-        let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-        match (line.contains('\''), line.contains('"')) {
-            (false, _) => format!("'{line}'"),
-            (true, false) => format!("\"{line}\""),
-            (true, true) => {
-                self.losses.add(0, what, Effect::NoRay, "double quotes become single ones");
-                format!("\"{}\"", line.replace('"', "'"))
-            }
-        }
-    }
-
+    /// The whole lens.
     fn lens(&mut self, lens: &'a Lens) -> Result<(), FileError> {
         self.line(format_args!("RDM {};LEN", if self.radii { "Y" } else { "N" }));
         let title = self.quoted("name", &lens.name);
@@ -127,104 +84,6 @@ impl<'a> Out<'a> {
             write_surface(self, i, surface, i == lens.stop)?;
         }
         self.line(format_args!("SI 0.0 0.0\nGO"));
-        Ok(())
-    }
-
-    /// A command with many values, a few on each line.
-    fn list(&mut self, name: &str, values: &[String]) {
-        const A_LINE: usize = 6;
-        let lines: Vec<String> = values.chunks(A_LINE).map(|chunk| chunk.join(" ")).collect();
-        self.line(format_args!("{name} {}", lines.join(" &\n ")));
-    }
-
-    /// What a glass is called, if no private catalogue is needed.
-    fn known_name(&self, glass: &Glass) -> Option<String> {
-        if let Dispersion::NdVd { nd, vd } = &glass.dispersion {
-            return Some(format!("{}:{}", number(*nd), number(*vd)));
-        }
-        let same = |known: &&std::sync::Arc<Glass>| known.dispersion == glass.dispersion;
-        let known = self.catalog.all(&glass.name).iter().rfind(same)?;
-        // The reader must find the same glass. What has no maker has its very name, in quotes.
-        let found = |text: &str, quoted: bool| {
-            let word = super::command::Word { text: text.to_owned(), quoted };
-            let found =
-                super::glass::PrivateGlasses::default().medium(&word, self.catalog, &Default::default());
-            found.is_ok_and(|found| found.dispersion == glass.dispersion)
-        };
-        if known.maker.is_empty() {
-            let fits = one_word(&glass.name) == glass.name && !glass.name.contains(['\'', '"']);
-            return (fits && found(&glass.name, true)).then(|| format!("'{}'", glass.name));
-        }
-        let name =
-            format!("{}_{}", super::glass::bare(&glass.name), super::glass::maker_suffix(&known.maker));
-        found(&name, false).then_some(name)
-    }
-
-    /// What the glass behind a surface is called; empty for air.
-    pub fn glass_name(&mut self, surface: usize, glass: &Glass) -> String {
-        if glass.is_air() {
-            return String::new();
-        }
-        if let Some((name, _)) = self.private.iter().find(|(_, known)| *known == glass) {
-            return format!("'{name}'");
-        }
-        if matches!(glass.dispersion, Dispersion::NdVd { .. }) {
-            let message = format!("{} keeps its nd and Vd and loses its name", glass.name);
-            self.losses.add(0, &format!("surface {}", surface + 1), Effect::NoRay, message);
-        }
-        self.known_name(glass).unwrap_or_default()
-    }
-
-    /// Glasses that no catalogue has.
-    fn private_catalog(&mut self, lens: &'a Lens) -> Result<(), FileError> {
-        let mut lines = Vec::new();
-        for (i, surface) in lens.surfaces.iter().enumerate() {
-            let glass: &Glass = &surface.glass;
-            let is_new = !glass.is_air() && !self.private.iter().any(|(_, known)| *known == glass);
-            if !is_new || self.known_name(glass).is_some() {
-                continue;
-            }
-            let mut name = one_word(&glass.name.to_uppercase()).replace(['\'', '"', '!', ';', '&'], "_");
-            while name.is_empty()
-                || TAKEN.contains(&name.as_str())
-                || self.private.iter().any(|(known, _)| *known == name)
-            {
-                name.push('-');
-                name.push('2');
-            }
-            if name != glass.name {
-                let message = format!("the glass {} is called {name}", glass.name);
-                self.losses.add(0, &format!("surface {}", i + 1), Effect::NoRay, message);
-            }
-            match &glass.dispersion {
-                Dispersion::Schott(a) => {
-                    let a: Vec<String> = a.iter().map(|v| number(*v)).collect();
-                    lines.push(format!("  '{name}' LAU {}", a.join(" ")));
-                }
-                Dispersion::Constant(n) => lines.push(format!("  PWL 587.6\n  '{name}' {}", number(*n))),
-                Dispersion::Table { wavelength_um, index }
-                    if wavelength_um.len() <= crate::draft::MOST_VALUES =>
-                {
-                    let message = format!(
-                        "between its wavelengths, programs compute the index of {name} in ways of their own"
-                    );
-                    self.losses.add(0, &format!("surface {}", i + 1), Effect::Approximated, message);
-                    let nm: Vec<String> = wavelength_um.iter().map(|um| shifted_text(*um, 3)).collect();
-                    let index: Vec<String> = index.iter().map(|n| number(*n)).collect();
-                    lines.push(format!("  PWL {}\n  '{name}' {}", nm.join(" "), index.join(" ")));
-                }
-                _ => {
-                    let message =
-                        format!("the glass {} is not in the catalogue as it is in the lens", glass.name);
-                    let hint = "of formulas the format holds Schott's; give `nd` and `vd`, or name a catalogue glass";
-                    return Err(surface_error(i + 1, message).hint(hint));
-                }
-            }
-            self.private.push((name, glass));
-        }
-        if !lines.is_empty() {
-            self.line(format_args!("PRV\n{}\nEND", lines.join("\n")));
-        }
         Ok(())
     }
 }

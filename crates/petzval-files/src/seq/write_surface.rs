@@ -1,10 +1,10 @@
 //! A surface: its line, its shape, its place.
 
-use super::write::Out;
+use super::out::Out;
 use crate::draft::is_bend;
 use crate::export::{degrees, surface_error};
-use crate::lens_toml::number;
 use crate::loss::Effect;
+use crate::toml_number::number;
 use petzval_base::FileError;
 use petzval_optics::lens::{Action, Axis, Departure, Placement, Surface, xy_powers};
 

@@ -5,8 +5,9 @@ use std::io::Cursor;
 use exr::meta::MetaData;
 use exr::prelude::*;
 
-use super::{MAX_VALUES, SpectralImage};
+use super::limits::MAX_VALUES;
 use crate::exr_bytes;
+use petzval_camera::spectral::SpectralImage;
 
 type Wrong = (String, &'static str);
 

@@ -10,6 +10,7 @@
 //! channels hold the wavelengths. An OpenEXR file that names another unit is refused without one.
 
 mod exr_file;
+mod limits;
 mod npy_file;
 mod sidecar;
 mod tiff_file;
@@ -18,13 +19,11 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 
+pub use limits::MAX_VALUES;
 pub use sidecar::{Axes, Sidecar, sidecar_path};
 
 use petzval_base::write_whole;
 use petzval_camera::spectral::{SpectralImage, SpectralImageError};
-
-/// Largest number of values of an image that is read: 2 GiB.
-pub const MAX_VALUES: usize = 1 << 29;
 
 /// Why a spectral image could not be read or written.
 #[derive(Debug, thiserror::Error)]

@@ -2,9 +2,10 @@
 
 use npyz::NpyFile;
 
+use super::limits::MAX_VALUES;
 use super::sidecar::{Axes, Sidecar};
-use super::{MAX_VALUES, SpectralImage};
 use crate::npy_bytes;
+use petzval_camera::spectral::SpectralImage;
 
 const HINT: &str = "a spectral image is an array of three axes of float32, float64, uint8 or uint16";
 

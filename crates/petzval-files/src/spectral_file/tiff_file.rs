@@ -4,8 +4,9 @@ use std::io::Cursor;
 
 use tiff::decoder::{Decoder, DecodingResult};
 
+use super::limits::MAX_VALUES;
 use super::sidecar::Sidecar;
-use super::{MAX_VALUES, SpectralImage};
+use petzval_camera::spectral::SpectralImage;
 
 type Wrong = (String, &'static str);
 

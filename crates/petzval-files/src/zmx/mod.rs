@@ -45,6 +45,7 @@
 //! ```
 
 mod header;
+mod out;
 mod read;
 mod read_shape;
 mod read_surface;

@@ -1,14 +1,13 @@
 //! Writing a file, such that reading it gives the same bits.
 
-use std::fmt::Write;
-
+use super::out::Out;
 use super::write_shape::write_shape;
 use crate::draft::undone;
 use crate::export::{
     degrees, lose_the_rest, object_heights, one_line, one_word, surface_error, weighted_wavelengths,
 };
-use crate::lens_toml::number;
 use crate::loss::{Effect, Losses};
+use crate::toml_number::number;
 use crate::{Export, LensFile};
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
@@ -30,22 +29,7 @@ pub fn write_zmx(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError
     Ok(Export { text: out.text, losses: out.losses.into_list() })
 }
 
-/// What is written so far.
-pub(super) struct Out<'a> {
-    pub text: String,
-    pub losses: Losses,
-    pub catalog: &'a Catalog,
-}
-
 impl Out<'_> {
-    /// Adds a line.
-    pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
-        self.text
-            .write_fmt(line)
-            .and_then(|()| self.text.write_char('\n'))
-            .expect("a string takes whatever is written");
-    }
-
     fn lens(&mut self, lens: &Lens) -> Result<(), FileError> {
         self.line(format_args!("VERS 140124 258 36214"));
         self.line(format_args!("MODE SEQ"));

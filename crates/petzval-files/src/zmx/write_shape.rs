@@ -1,10 +1,10 @@
 //! Shapes and structures of surfaces, by the name of a type that holds them.
 
-use super::write::Out;
+use super::out::Out;
 use crate::decimal::shifted_text;
 use crate::export::surface_error;
-use crate::lens_toml::{exact_reciprocal, number};
 use crate::loss::Effect;
+use crate::toml_number::{exact_reciprocal, number};
 use petzval_base::FileError;
 use petzval_optics::lens::{Action, Departure, Pattern, Phase, Surface, SurfaceShape};
 

@@ -1,12 +1,12 @@
 //! EMVA 1288 figures that follow from the numbers of a sensor file.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::figures::QUANTISATION_DN2;
+use super::rounding::QUANTISATION_DN2;
 use petzval_camera::sensor::{Electronics, SensorModel};
 
 /// What a sensor reaches at one linear gain.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Derived {
     /// Linear gain g.
     pub linear_gain: f64,

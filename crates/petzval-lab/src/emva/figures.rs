@@ -5,14 +5,11 @@ use serde::Serialize;
 
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
-use super::rounding::RoundingError;
+pub use super::rounding::QUANTISATION_DN2;
+use super::rounding::{LEAST_DARK_VARIANCE_DN2, RoundingError};
 use super::spatial::{Components, Spatial, StackVariances, Variances};
-use super::transfer::{PhotonTransfer, Rules, TransferPoint};
-
-/// Variance of rounding to whole digital numbers, DN^2.
-pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
-/// Temporal dark variance below which the noise of the converter rules, DN^2 (release 3.1, Sec. 6.6).
-pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
+use super::transfer::PhotonTransfer;
+use super::transfer_point::{Rules, TransferPoint};
 
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -39,7 +36,7 @@ impl Figure {
     }
 }
 
-/// What the figures of one gain and colour follow from.
+/// The inputs of the figures of one gain and colour.
 pub struct Basis<'a> {
     /// The points, light ascending.
     pub points: &'a [TransferPoint],
@@ -68,7 +65,7 @@ pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
         .iter()
         .zip(library.into_iter().zip(ours))
         .map(|((name, section, unit, meaning), (library, ours))| {
-            // Where both agree, ours knows its error.
+            // Where both agree, ours is kept, because it has a standard error.
             let (value, corrected) = if same(&library, &ours) { (ours, None) } else { (library, Some(ours)) };
             Figure { name, section, meaning, unit, value, corrected }
         })
@@ -158,7 +155,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     let (k, r) = (transfer.gain_dn_per_e, transfer.responsivity_dn);
     let dark = if ours { basis.dark } else { &dark_of(points) };
 
-    // Dark noise: the intercept over exposure time, or what there is at a single one.
+    // Dark noise: the intercept over exposure time, or the value at the only exposure time.
     let first = &points[0];
     let dark_variance = match dark.variance.intercept.value() {
         Some(_) => dark.variance.intercept,
@@ -168,28 +165,29 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
                 .with_error(rounding.variance_dn2)
         }
     };
-    // Below the least that a converter of whole numbers tells, the standard takes that: a limit, which has no error.
+    // Dark variance below what a converter of whole numbers resolves is set to that limit, as the standard does. A limit has no
+    // error.
     let is_limit = dark_variance.value().is_some_and(|v| v <= LEAST_DARK_VARIANCE_DN2);
-    let told = |m: Measured| if is_limit { m.limit() } else { m };
-    let dark_variance = told(dark_variance.map(|v| v.max(LEAST_DARK_VARIANCE_DN2), |_| 1.0));
+    let or_limit = |m: Measured| if is_limit { m.limit() } else { m };
+    let dark_variance = or_limit(dark_variance.map(|v| v.max(LEAST_DARK_VARIANCE_DN2), |_| 1.0));
     let sigma_y_dark = dark_variance.root();
-    let sigma_d = told(dark_variance.map(|v| v - QUANTISATION_DN2, |_| 1.0).root().over(k));
+    let sigma_d = or_limit(dark_variance.map(|v| v - QUANTISATION_DN2, |_| 1.0).root().over(k));
 
-    // Threshold: signal of the noise of the dark plus half an electron, at a signal-to-noise ratio of one.
+    // Sensitivity threshold: dark noise plus half an electron, where the signal-to-noise ratio is one.
     let threshold_dn = match (sigma_y_dark.value(), k.value()) {
         (Some(s), Some(gain)) => {
             Measured::new(s + 0.5 * gain, sigma_y_dark.error_or_zero().hypot(0.5 * k.error_or_zero()))
         }
         _ => Measured::none(Unresolved::FollowsFrom("K")),
     };
-    let u_e_min = told(sigma_y_dark.over(k).map(|v| v + 0.5, |_| 1.0));
-    let u_p_min = told(threshold_dn.over(r));
+    let u_e_min = or_limit(sigma_y_dark.over(k).map(|v| v + 0.5, |_| 1.0));
+    let u_p_min = or_limit(threshold_dn.over(r));
 
     let at = transfer.saturation;
     let (u_p_sat, u_e_sat) = match rules {
         Rules::Ours => {
             let signal = transfer.saturation_signal_dn;
-            // What is not reached at all comes before what is not known of the light.
+            // "Not saturated" is the more useful reason where photons are missing as well.
             let no_photons = signal.value().is_some() && points.iter().any(|p| p.photons.is_none());
             let u_p_sat = if no_photons { Measured::none(Unresolved::NoPhotons) } else { signal.over(r) };
             (u_p_sat, signal.over(k))
@@ -201,11 +199,11 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     };
     let snr = u_e_sat.root();
     let dr = match (rules, u_p_sat.reason()) {
-        // Without photons the signal itself tells the electrons.
+        // Without photons the dynamic range is that of the electrons.
         (Rules::Ours, Some(Unresolved::NoPhotons)) => u_e_sat.over(u_e_min),
         _ => u_p_sat.over(u_p_min),
     };
-    let dr = told(dr);
+    let dr = or_limit(dr);
     let db = |m: Measured| m.map(|v| 20.0 * v.log10(), |v| 20.0 / (v * std::f64::consts::LN_10));
     let per_area = |m: Measured| match basis.pixel_area_um2 {
         Some(area) => m.scale(1.0 / area),

@@ -5,7 +5,7 @@
 //! a separable `l` of unit sum is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) has a 5x5 box, release 4
 //! a 7x7 box, an 11x11 box and a 3x3 binomial kernel one after the other.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A picture of numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Plane {
 }
 
 /// Which high-pass goes before the evaluation of non-uniformity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum HighPass {
     /// None, as the EMVA 1288 Python library.
     #[serde(rename = "none")]
@@ -39,8 +39,8 @@ pub struct Passed {
     pub pixel: f64,
     /// Of a pattern of rows or of columns.
     pub line: f64,
-    /// Sum of the squared correlations of a filtered pixel with all pixels: independent values lost, as a factor of the variance of
-    /// a variance.
+    /// Sum of the squared correlations of a filtered pixel with all pixels: independent values lost, as a factor of the
+    /// variance of a variance.
     pub pixel_correlation: f64,
     /// The same of the lines of a filtered pattern.
     pub line_correlation: f64,

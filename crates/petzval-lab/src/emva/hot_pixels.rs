@@ -6,30 +6,32 @@
 //! x_p = (mean_p(t_long) - mean_p(t_short)) / (t_long - t_short)        [DN/s]
 //! ```
 //!
-//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`; a share `h` of them, the hot
-//! ones, has more dark current, exponentially distributed with mean `theta` ([`NonUniformity`](petzval_camera::sensor::NonUniformity)).
-//! An exponential distribution has no memory: what exceeds a threshold `T` is distributed as before. So the `n` pixels more than
-//! `T = 6 s` above the others tell both numbers, whatever the noise looks like below (peaks over a threshold):
+//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`; a share `h` of them, the
+//! hot ones, has more dark current, exponentially distributed with mean `theta`
+//! ([`NonUniformity`](petzval_camera::sensor::NonUniformity)). An exponential distribution has no memory: what exceeds a
+//! threshold `T` is distributed as before. So the `n` pixels more than `T = 6 s` above the others determine both numbers,
+//! whatever the noise looks like below (peaks over a threshold):
 //!
 //! ```text
 //! theta = sum(x_p - T) / m                       m of the n are not full at t_long: maximum likelihood of a censored sample
 //! h     = n / N exp(T / theta - s^2 / (2 theta^2))                     N pixels; the exponent is what lies below T
 //! ```
 //!
-//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen is one draw
-//! of its kind. The dark current of the ordinary pixels is the mean of those within `T`, less what hot ones below `T` add.
+//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen is one
+//! draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, less what hot ones below `T`
+//! add.
 
 use serde::Serialize;
 
 use super::captures::{Kind, Point};
+use super::flags::FlaggedPoint;
 use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
-use super::point::{PointStatistics, Stack};
+use super::point::Stack;
 use super::samples::greatest_common_divisor;
-use super::warning::clipped_at_zero;
 
 /// Standard deviations from the median beyond which a dark current is no noise: 2e-9 of normally distributed ones.
 const THRESHOLD_SIGMAS: f64 = 6.0;
-/// Fewest pixels that tell a distribution: the mean excess is known to a third.
+/// Fewest pixels from which the distribution is estimated: ten give the mean excess to a third.
 const FEWEST: usize = 10;
 /// Share of normal pixels below the median by more than one standard deviation.
 const BELOW_ONE_SIGMA: f64 = 0.158_655_253_931_457_05;
@@ -92,22 +94,22 @@ pub(super) fn dark_ends<'a>(points: &[&'a Point]) -> [Option<&'a Point>; 2] {
     ]
 }
 
-/// Dark currents of the pixels from the points of a gain, if its dark frames have two exposure times and are not clipped at zero.
-pub(super) fn of_dark_ends(reduced: &[(&Point, PointStatistics)], max_dn: f64) -> Option<PixelDarkCurrents> {
-    let points: Vec<&Point> = reduced.iter().map(|(p, _)| *p).collect();
-    let end = |end: Option<&Point>| {
-        let end = end?;
-        let (point, found) = reduced.iter().find(|(p, _)| std::ptr::eq(*p, end))?;
-        let usable = !clipped_at_zero(&found.all);
-        usable.then_some(DarkEnd {
-            exposure_s: point.exposure_s,
-            stack: found.stack.as_ref()?,
-            variance_dn2: found.all.variance_dn2,
-        })
-    };
-    let [short, long] = dark_ends(&points).map(end);
+/// Dark currents of the pixels from the two ends of a dark series, if their exposure times differ and neither is clipped at zero.
+/// `max_dn` is the largest digital number of the converter.
+pub(super) fn of_dark_ends(ends: [Option<&FlaggedPoint<'_>>; 2], max_dn: f64) -> Option<PixelDarkCurrents> {
+    let [short, long] = ends.map(dark_end);
     let (short, long) = (short?, long?);
     (long.exposure_s > short.exposure_s).then(|| pixel_dark_currents(&short, &long, max_dn))
+}
+
+/// One end of a dark series, if its frames are not clipped at zero.
+fn dark_end<'a>(end: Option<&'a FlaggedPoint<'_>>) -> Option<DarkEnd<'a>> {
+    let FlaggedPoint { point, found, flags } = end?;
+    flags.clipped_at_zero.is_none().then_some(DarkEnd {
+        exposure_s: point.exposure_s,
+        stack: found.stack.as_ref()?,
+        variance_dn2: found.all.variance_dn2,
+    })
 }
 
 /// Dark currents of the pixels from the two ends of a dark series. `max_dn` is the largest digital number of the converter.
@@ -123,12 +125,15 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let per_unit = 1.0 / ((short_frames * of_short) as f64 * time_s);
     let pixels = differences.len() as f64;
 
+    // Median and standard deviation of the pixels, by quantiles, which hot pixels hardly move; above the threshold pixels
+    // stand out.
     let mut sorted = differences.clone();
     let median = quantile(&mut sorted, 0.5) * per_unit;
     let below = quantile(&mut sorted, BELOW_ONE_SIGMA) * per_unit;
     let spread = (median - below).max(ROUNDING_DN2.sqrt() / time_s);
     let threshold = median + THRESHOLD_SIGMAS * spread;
 
+    // Mean of the ordinary pixels, those within the threshold.
     let currents = || differences.iter().map(|d| *d as f64 * per_unit);
     let within = |x: &f64| (x - median).abs() <= threshold - median;
     let (core, core_sum) = currents().filter(within).fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x));
@@ -142,6 +147,7 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         .filter(|(x, _)| *x > threshold)
         .map(|(x, sum)| (x, long_dn(*sum)))
         .collect();
+    // Outliers that pile up at the top are full at the longer exposure: their dark current is known from below only.
     let n = outliers.len() as f64;
     let excess = |x: f64| x - core_mean;
     let frame_noise_dn = (short.variance_dn2.max(0.0) / long_frames as f64).sqrt();
@@ -150,6 +156,7 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let full = outliers.iter().filter(|(_, dn)| *dn >= end_dn).count();
     let known = (outliers.len() - full) as f64;
 
+    // Mean excess of the hot pixels by maximum likelihood, and the result if there are none.
     let above = threshold - core_mean;
     let theta = outliers.iter().map(|(x, _)| x - threshold).sum::<f64>() / known;
     let found = PixelDarkCurrents {
@@ -170,13 +177,15 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     if outliers.len() - full < FEWEST || theta <= spread {
         return found;
     }
+    // Share of hot pixels: the outliers, and those that are hidden below the threshold.
     let ratio = spread / theta;
     let share = n / pixels * (above / theta - 0.5 * ratio * ratio).exp();
     let share_error = n.sqrt().recip().hypot((above / theta - ratio * ratio) / known.sqrt());
-    // As every number, the share counts from two standard errors on; and the median is that of ordinary pixels.
+    // The share must be resolved, and the median must be that of ordinary pixels.
     if share_error * RESOLVED_SIGMAS >= 1.0 || share >= 0.5 {
         return found;
     }
+    // Take the hidden hot pixels out of the mean of the ordinary ones; variance that all hot pixels add.
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
     let mean = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / pixels;

@@ -1,7 +1,7 @@
-//! All gains together: what read noise, electronics noise and dark current are, and the ratios of the colours.
+//! All gains together: read noise, electronics noise, dark current, and the ratios of the colours.
 //!
-//! Electronics noise does not grow with the gain, read noise does. So the intercepts of the dark series over the gains tell
-//! them apart:
+//! Electronics noise does not grow with the gain, read noise does. So the intercepts of the dark series over the gains
+//! separate them:
 //!
 //! ```text
 //! I_g = sigma_r^2 K_g^2 + (sigma_el^2 + 1/12)        intercept of the dark variance [DN^2]
@@ -9,19 +9,18 @@
 //! ```
 //!
 //! Each is a line with weights `1/s^2`, where `s` holds the error of the intercept, that of `K_g` and that of rounding: 1/12 is
-//! what whole digital numbers add only to noise that spreads over several of them ([`super::rounding`]). Averages of what single
-//! gains give (Tseng et al. 2021, supplement 2.3.2) cannot separate them. BL and mu_el are one number to the captures: BL
-//! is taken from the setting of the camera.
+//! what whole digital numbers add only to noise that spreads over several of them ([`super::rounding`]). Averages over
+//! single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
+//! BL is taken from the setting of the camera.
 
 use serde::Serialize;
 
 use super::dark::DarkSeries;
-use super::figures::QUANTISATION_DN2;
 use super::fit::{Line, line, through_origin, weighted_mean};
 use super::hot_pixels::PixelDarkCurrents;
 use super::measured::{Measured, Unresolved};
-use super::rounding::RoundingError;
-use super::transfer::TransferPoint;
+use super::rounding::{QUANTISATION_DN2, RoundingError};
+use super::transfer_point::TransferPoint;
 use petzval_camera::sensor::Colour;
 
 /// What one linear gain contributes.
@@ -58,7 +57,7 @@ pub struct JointFit {
     pub dark_current_e_per_s: Measured,
     /// mu_I from their variance, e-/s.
     pub dark_current_variance_e_per_s: Measured,
-    /// The first less the second, e-/s: zero within its error but for light or offset that is no dark current.
+    /// The first less the second, e-/s: zero within its error unless light leaks in or the offset drifts.
     pub dark_current_difference_e_per_s: Measured,
     /// Median of the pixels' dark currents, e-/s: EMVA's mu_I is the mean, which hot pixels raise.
     pub dark_current_median_e_per_s: Measured,
@@ -108,7 +107,7 @@ pub struct GainInput<'a> {
     pub points: Vec<(Colour, &'a [TransferPoint])>,
 }
 
-/// Gains that a line over the gains needs: two would leave nothing to check it by.
+/// Gains that a line over the gains needs: through two points any line fits.
 pub const GAINS: usize = 3;
 
 /// Fits all gains together.
@@ -167,8 +166,8 @@ struct PixelDarkCurrentsE {
     hot_variance: Measured,
 }
 
-/// Noise differs from gain to gain, so that median and mean of the ordinary pixels are weighted means. Hot pixels are the same at
-/// every gain, so that their scatter is no new evidence: the gain that tells them best counts.
+/// Converts the dark currents of the pixels to electrons. Noise differs from gain to gain, so median and mean of the ordinary
+/// pixels are weighted means. All gains see the same hot pixels: use the most precise gain, do not average.
 fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDarkCurrentsE {
     let known: Vec<(&PixelDarkCurrents, Measured)> =
         inputs.iter().zip(rows).filter_map(|(i, r)| Some((i.pixels.ok()?, r.gain_dn_per_e))).collect();

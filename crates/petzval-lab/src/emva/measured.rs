@@ -1,4 +1,4 @@
-//! A measured number with its standard error, or the reason why the captures do not tell it.
+//! A measured number with its standard error, or the reason why it is not resolved.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 /// Multiple of the standard error within which a slope or a variance counts as zero.
 pub const RESOLVED_SIGMAS: f64 = 2.0;
 
-/// A result of a measurement. Never NaN: what cannot be told says why.
+/// A result of a measurement. Never NaN: a number that is not resolved has a reason instead.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Measured {
@@ -19,7 +19,7 @@ pub enum Measured {
         #[serde(skip_serializing_if = "Option::is_none")]
         standard_error: Option<f64>,
     },
-    /// The captures do not tell.
+    /// The captures do not determine the number.
     NotResolved {
         /// Why not.
         not_resolved: Unresolved,
@@ -31,7 +31,7 @@ pub enum Measured {
 pub enum Unresolved {
     /// There are fewer points than the fit needs.
     TooFewPoints {
-        /// Points there are.
+        /// Points that were found.
         got: usize,
         /// Points that are needed.
         need: usize,
@@ -42,7 +42,7 @@ pub enum Unresolved {
     NoFlat,
     /// There are too few linear gains.
     TooFewGains {
-        /// Gains there are.
+        /// Gains that were found.
         got: usize,
         /// Gains that are needed.
         need: usize,
@@ -53,7 +53,7 @@ pub enum Unresolved {
     OneLight,
     /// The exposure times do not differ enough.
     TooFewExposures {
-        /// Different exposure times there are.
+        /// Different exposure times that were found.
         got: usize,
         /// Different exposure times that are needed.
         need: usize,

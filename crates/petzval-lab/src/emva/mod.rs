@@ -2,34 +2,41 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | which captures there are | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
-//! | frames to sums, one at a time | [`point`] |
-//! | what all samples tell of the converter | [`samples`] |
-//! | signal, noise and light: R, K, QE, linearity | [`transfer`] |
-//! | where the signal ends | [`mod@saturation`] |
+//! | the list of captures: its values, its two formats, wildcards in names | [`captures`], [`manifest`], [`descriptor`], `frame_names` |
+//! | open a folder of captures | `open` |
+//! | reduce the frames of a point to sums | [`point`], [`counts`] |
+//! | flags: what the captures show about the use of each point | `flags` |
+//! | find where the converter clips, from all samples | [`samples`] |
+//! | select the points of one gain by their flags, and evaluate them | `gain` |
+//! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`] |
+//! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
-//! | all of it | [`mod@characterize`] |
-//! | whether they tell of a sensor at all | [`usable`] |
-//! | what is odd about the captures | [`warning`], [`mod@warning_lines`] |
-//! | as files: sensor, XML | [`sensor_file`], [`mod@result_xml`] |
-//! | captures out of a sensor | [`plan`], [`series`] |
+//! | all steps in order, and their result | [`mod@characterize`], [`result`] |
+//! | reject series from which no sensor follows | `usable` |
+//! | warnings, made from flags and results | [`warnings`] |
+//! | write a sensor file, write XML | [`sensor_file`], [`mod@result_xml`] |
+//! | simulate captures of a sensor | [`plan`], [`series`] |
 //! | figures of a sensor file | [`mod@derived`] |
 //!
-//! Every number is a [`Measured`]: a value with its standard error, or the reason why the captures do not tell it.
+//! Every number is a [`Measured`]: a value with its standard error, or the reason why it cannot be measured from these captures.
 //! Sources: EMVA 1288 release 4.0 Linear; Tseng et al. 2021, supplement sections 1 and 2.
 
 pub mod captures;
 pub mod characterize;
+mod colour_name;
+pub mod counts;
 pub mod dark;
 pub mod derived;
 pub mod descriptor;
 pub mod figures;
 pub mod fit;
+mod flags;
 mod frame_names;
+mod gain;
 pub mod high_pass;
 pub mod histogram;
 pub mod histogram_fit;
@@ -37,9 +44,11 @@ pub mod hot_pixels;
 pub mod joint;
 pub mod manifest;
 pub mod measured;
+mod open;
 pub mod plan;
 pub mod pmf;
 pub mod point;
+pub mod result;
 pub mod result_xml;
 pub mod rounding;
 pub mod samples;
@@ -49,12 +58,14 @@ pub mod series;
 pub mod spatial;
 pub mod spectrogram;
 pub mod transfer;
-pub mod usable;
-pub mod warning;
-pub mod warning_lines;
+pub mod transfer_point;
+mod usable;
+pub mod warnings;
 
 pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
-pub use characterize::{ChannelResult, Characterization, GainResult, Options, PointHistogram, characterize};
+pub use characterize::characterize;
+pub use colour_name::colour_name;
+pub use counts::PointHistogram;
 pub use derived::{Derived, derived};
 pub use figures::Figure;
 pub use high_pass::HighPass;
@@ -63,9 +74,9 @@ pub use hot_pixels::PixelDarkCurrents;
 pub use joint::JointFit;
 pub use measured::{Measured, Unresolved};
 pub use plan::{Plan, PlannedPoint};
+pub use result::{ChannelResult, Characterization, GainResult, Options};
 pub use result_xml::{Values, result_xml};
 pub use sensor_file::sensor_toml;
 pub use series::{Written, write_series};
 pub use spatial::Spatial;
-pub use warning::Warning;
-pub use warning_lines::warning_lines;
+pub use warnings::{Warning, warning_lines};

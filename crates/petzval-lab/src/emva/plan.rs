@@ -1,4 +1,4 @@
-//! What a series of captures holds: gains, exposure times, stacks and the light, planned against a sensor.
+//! The plan of a series of captures for a sensor: gains, exposure times, stacks and the light.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,12 +17,12 @@ const EMVA_BEYOND: f64 = 1.2;
 const WEAKEST_COLOUR: f64 = 0.5;
 /// Frames of a stack: they leave a tenth of the temporal noise in the mean frame.
 const EMVA_STACK: usize = 100;
-/// Longest exposure times of a series for the dark current, ms, and the number of its equal steps (the standard asks for
-/// six or more).
+/// Longest exposure times of a series for the dark current, ms, and the number of its equal steps (the standard
+/// requires six or more).
 const DARK_LONGEST_MS: [f64; 7] = [100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0];
 const DARK_STEPS: usize = 10;
 
-/// What the light of a plan does in the pixels of a sensor.
+/// A sensor under the light of a plan.
 pub(super) struct Lit {
     /// The sensor, its colours with their relative response to this light.
     pub sensor: SensorModel,
@@ -30,7 +30,7 @@ pub(super) struct Lit {
     pub photons_per_e: Option<f64>,
 }
 
-/// What a series holds.
+/// The settings of a series.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -100,7 +100,7 @@ pub struct PlannedPoint {
 }
 
 impl Plan {
-    /// The series that EMVA 1288 release 4.0 Linear asks for, of the whole sensor at the gain nearest to 1, with light of
+    /// The series that EMVA 1288 release 4.0 Linear prescribes, of the whole sensor at the gain nearest to 1, with light of
     /// `wavelength_um` or, if neither that nor `quantum_efficiency` is given, of the wavelength at which the sensor's curve is
     /// highest (that of green, where there is green):
     ///
@@ -145,7 +145,7 @@ impl Plan {
         }
     }
 
-    /// Bytes of the frames of all points as TIFF, but for what the files say about themselves.
+    /// Bytes of the frames of all points as TIFF, without headers.
     pub fn bytes(&self, points: &[PlannedPoint]) -> u64 {
         let frames: usize = points.iter().map(|p| p.names.len()).sum();
         (frames * self.height * self.width * size_of::<u16>()) as u64

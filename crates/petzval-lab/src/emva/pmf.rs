@@ -95,7 +95,7 @@ fn poisson(rate: f64) -> (u64, Vec<f64>) {
     (first, p)
 }
 
-/// Mean counts above so many times what the converter can tell are clipped at every pixel.
+/// Mean counts above so many times the range of the converter are clipped at every pixel.
 const CLIPPED_TIMES: f64 = 4.0;
 /// Least share of shot noise that a negative variance between pixels leaves.
 const LEAST_SHOT_SHARE: f64 = 0.05;
@@ -109,9 +109,9 @@ pub fn digital_numbers(rate_e: f64, response: &Response) -> Vec<f64> {
     let dark_sigma = dark_variance.sqrt().max(1e-9);
 
     // Light far beyond the range of the converter gives its largest number, however many electrons there are.
-    let told_e = (top as f64 + 1.0 + REACH_SIGMAS * dark_sigma - response.offset_dn) / gain
+    let range_e = (top as f64 + 1.0 + REACH_SIGMAS * dark_sigma - response.offset_dn) / gain
         - response.read_noise_mean_e;
-    if response.full_well_e > told_e && rate_e > CLIPPED_TIMES * told_e.max(0.0) + 1000.0 {
+    if response.full_well_e > range_e && rate_e > CLIPPED_TIMES * range_e.max(0.0) + 1000.0 {
         p[top] = 1.0;
         return p;
     }

@@ -1,4 +1,4 @@
-//! What is kept of the frames of one point: moments per colour, histograms, and for stacks the sum of the frames.
+//! The frames of one point reduced to moments per colour, histograms, and for stacks the sum of the frames.
 //!
 //! Frames are reduced as they are read; two images of sums, not the frames, are in memory. With frames `y_k`, `k = 1..L`,
 //!
@@ -16,60 +16,15 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use serde::Serialize;
 
 use super::captures::{CaptureError, Captures, FrameFile, Point};
+use super::counts::Counts;
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
 
 /// Blocks a side into which a frame is divided to look for light that is not uniform or moves.
 pub const BLOCKS: usize = 8;
 
-/// How often each digital number occurs.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Counts {
-    /// First digital number that occurs.
-    pub first_dn: u32,
-    /// Occurrences of `first_dn`, `first_dn + 1`, ...
-    pub counts: Vec<u64>,
-}
-
-impl Counts {
-    /// Of a table over all digital numbers from 0.
-    fn of(table: &[u64]) -> Self {
-        let first = table.iter().position(|c| *c > 0).unwrap_or(0);
-        let end = table.iter().rposition(|c| *c > 0).map_or(first, |last| last + 1);
-        Self { first_dn: first as u32, counts: table[first..end].to_vec() }
-    }
-
-    /// Occurrences in all.
-    pub fn total(&self) -> u64 {
-        self.counts.iter().sum()
-    }
-
-    /// Last digital number that occurs.
-    pub fn last_dn(&self) -> u32 {
-        self.first_dn + self.counts.len().saturating_sub(1) as u32
-    }
-
-    /// Occurrences of one digital number.
-    pub fn at(&self, dn: i64) -> u64 {
-        usize::try_from(dn - i64::from(self.first_dn))
-            .ok()
-            .and_then(|i| self.counts.get(i))
-            .copied()
-            .unwrap_or(0)
-    }
-
-    /// The sum of two.
-    pub fn merge(&self, other: &Self) -> Self {
-        match (self.counts.is_empty(), other.counts.is_empty()) {
-            (true, _) => return other.clone(),
-            (_, true) => return self.clone(),
-            _ => {}
-        }
-        let (first, last) = (self.first_dn.min(other.first_dn), self.last_dn().max(other.last_dn()));
-        let counts = (first..=last).map(|dn| self.at(dn.into()) + other.at(dn.into())).collect();
-        Self { first_dn: first, counts }
-    }
-}
+/// Share of samples at an end of the converter's range above which a point counts as clipped there.
+pub const CLIPPED_SHARE: f64 = 1e-4;
 
 /// Moments of the pixels of one colour (or of all) at one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -106,6 +61,17 @@ impl Moments {
         squares.sum::<f64>() / self.histogram.total() as f64
     }
 
+    /// Whether the distribution of the samples is cut off at digital number 0: samples are there, and the mean is so near that
+    /// they are not those of dead pixels.
+    pub fn is_clipped_at_zero(&self) -> bool {
+        self.share_at_zero > CLIPPED_SHARE && self.mean_dn < 8.0 * self.total_variance_dn2().sqrt()
+    }
+
+    /// Whether samples are at the largest digital number of the converter.
+    pub fn is_clipped_at_max(&self) -> bool {
+        self.share_at_max > CLIPPED_SHARE
+    }
+
     /// Whether the samples come near a digital number: the mean lies within eight standard deviations below it. Samples further
     /// off are those of stuck pixels.
     pub fn reaches(&self, dn: u32) -> bool {
@@ -128,7 +94,7 @@ pub struct Stack {
     pub variance_dn2: Vec<f64>,
 }
 
-/// What is kept of a point.
+/// A point reduced to statistics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointStatistics {
     /// Rows.
@@ -150,7 +116,7 @@ pub struct PointStatistics {
     /// By frame, a fingerprint of its digital numbers; `None` of a frame that is constant but for clipped samples. Frames
     /// of one fingerprint are copies.
     pub fingerprints: Vec<Option<u64>>,
-    /// The summed frames, of points with more than two and of those that are asked for.
+    /// The summed frames, of stacks and of points with `keep_sum` (see [`reduce`]).
     pub stack: Option<Stack>,
 }
 
@@ -195,8 +161,8 @@ impl Class {
     }
 }
 
-/// Reads the frames of a point one after the other; `read` is told of each. `size` is that of the other frames. The sum of the
-/// frames is kept of stacks, and of others with `keep_sum`.
+/// Reads the frames of a point one after the other and calls `read` after each. All must have `size`, rows and columns. The
+/// sum of the frames is kept for stacks, and for other points with `keep_sum`.
 pub fn reduce(
     captures: &Captures,
     point: &Point,
@@ -223,6 +189,7 @@ pub fn reduce(
     let mut block_totals = [0u64; BLOCKS * BLOCKS];
     let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
 
+    // Read frame by frame: sums per pixel, per colour, per block, and the histogram of each colour.
     for (k, file) in point.frames.iter().enumerate() {
         let frame = load(captures, point, file, size)?;
         fingerprints.push(fingerprint(&frame.dn, bits));
@@ -247,7 +214,7 @@ pub fn reduce(
         read();
     }
 
-    // The variance of each pixel over the frames, from sums of whole numbers.
+    // The variance of each pixel over the frames, exact from sums of whole numbers.
     let l = frames as u64;
     let scale = 1.0 / (l * (l - 1)) as f64;
     let mut block_pixels = vec![0usize; BLOCKS * BLOCKS];
@@ -269,6 +236,7 @@ pub fn reduce(
             }
         }
     }
+    // All pixels together are the sum of the colours.
     let mut all = class[0].clone();
     for c in &class[1..] {
         all.pixels += c.pixels;
@@ -307,9 +275,10 @@ pub fn reduce(
 /// Pixels of a frame that chance does not make twice.
 const LEAST_FINGERPRINT: usize = 64;
 
-/// Two different numbers that are not clipped tell a frame from one that is constant, whose twins are no copies.
+/// A hash of the digital numbers. Constant frames have none, because equal ones need not be copies: a frame counts as not
+/// constant if two unclipped numbers differ.
 fn fingerprint(dn: &[u16], bits: u32) -> Option<u64> {
-    // A handful of pixels is the same by chance.
+    // A few pixels may be equal by chance.
     if dn.len() < LEAST_FINGERPRINT {
         return None;
     }
@@ -328,7 +297,7 @@ fn classes(cfa: &CfaPattern, colours: &[Colour]) -> Vec<Vec<usize>> {
     (0..cfa.rows()).map(|row| (0..cfa.cols()).map(|col| index(row, col)).collect()).collect()
 }
 
-/// Reads a frame and checks its size, its numbers, and what stands with it.
+/// Reads a frame and checks its size, its digital numbers, and its settings.
 fn load(
     captures: &Captures,
     point: &Point,
@@ -360,8 +329,7 @@ const SAME_SETTING: f64 = 0.01;
 /// Black levels agree within this, DN.
 const SAME_BLACK_DN: f64 = 0.5;
 
-/// What stands with a frame (its sidecar, or the file itself) and what the list says are one: which of the two is wrong cannot be
-/// known, and either puts numbers where they do not belong.
+/// Checks that the frame's own settings (from its sidecar or its file) agree with the list. If they differ, either may be wrong.
 fn no_contradiction(
     captures: &Captures,
     point: &Point,

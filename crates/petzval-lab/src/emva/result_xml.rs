@@ -2,14 +2,16 @@
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
+use serde::{Deserialize, Serialize};
 
-use super::characterize::ChannelResult;
 use super::high_pass::HighPass;
 use super::histogram::Histogram;
 use super::measured::Measured;
+use super::result::ChannelResult;
 
 /// Which of the two values of a figure are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Values {
     /// As the library derives them, for comparison with it.
     Library,

@@ -7,10 +7,14 @@
 //! mean:      sum_k   (-1)^k exp(-2 pi^2 k^2 s^2) sin(2 pi k m) / (pi k)                  [DN]
 //! ```
 //!
-//! (less the square of the mean's part, which is smaller): nothing at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at 0.37. Where m
-//! lies between two whole numbers the captures do not tell well enough, so that these are errors of random phase.
+//! (less the square of the mean's part, which is smaller): nothing at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at
+//! 0.37. The captures do not determine well enough where m lies between two whole numbers, so these are errors of random
+//! phase.
 
-use super::figures::QUANTISATION_DN2;
+/// Variance of rounding to whole digital numbers, DN^2.
+pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
+/// Temporal dark variance below which the noise of the converter rules, DN^2 (release 3.1, Sec. 6.6).
+pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
 
 /// Standard errors that rounding makes.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -1,9 +1,8 @@
-//! What the digital numbers of all frames tell of the converter: where it clips, and whether `bits` is that of the frames.
+//! The converter as the digital numbers of all frames show it: where it clips, and whether `bits` is that of the frames.
 
 use super::captures::Kind;
-use super::point::{Counts, Moments};
-use super::transfer::CLIPPED_SHARE;
-use super::warning::Warning;
+use super::counts::Counts;
+use super::point::{CLIPPED_SHARE, Moments};
 
 /// Standard deviations by which the count at the end of a histogram must stand above the one before.
 const PILE_SIGMAS: f64 = 5.0;
@@ -12,7 +11,8 @@ const PILE_SIGMAS: f64 = 5.0;
 const FACTOR_NUMBERS: usize = 8;
 
 /// Digital number at which samples are clipped: the largest of the stated bits, or the largest of all flat frames if samples pile
-/// up there. It is no matter to the fits whether converter or pixel ends there: what is clipped has lost its noise.
+/// up there. The fits need not know whether the converter or the pixel ends there: clipped samples have lost their
+/// noise either way.
 pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32) -> u32 {
     let Some(largest) = flats.clone().map(|m| m.histogram.last_dn()).max() else { return max_dn };
     let mut at_end = flats.filter(|m| m.histogram.last_dn() == largest && m.reaches(largest));
@@ -42,34 +42,52 @@ impl Samples {
         self.has_flats |= kind == Kind::Flat;
     }
 
-    /// Notes that samples are clipped at a number. It tells of a converter if it is the last one of fewer bits (left-aligned or
-    /// not); at any other number the pixels are full.
+    /// Notes that samples are clipped at a number. If it is the largest number of fewer bits (left-aligned or not), the converter
+    /// has fewer bits than stated; at any other number the pixels are full.
     pub fn clips_at(&mut self, clip_dn: u32, max_dn: u32) {
         let odd = clip_dn >> clip_dn.trailing_zeros().min(31);
         self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();
     }
 
-    /// What they tell of the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below, or
-    /// pile up below its end; left-aligned ones are multiples of a power of two.
-    pub fn warnings(&self, max_dn: u32) -> Vec<Warning> {
+    /// What they show about the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below,
+    /// or pile up below its end; left-aligned ones are multiples of a power of two.
+    pub fn flags(&self, max_dn: u32) -> ConverterFlags {
         let numbers = self.all.counts.iter().enumerate().filter(|(_, count)| **count > 0);
-        // The top of the range is no multiple: what is clipped may be set to it.
+        // The top of the range need not be a multiple: clipped samples may be set to it.
         let inside = || numbers.clone().map(|(i, _)| self.all.first_dn + i as u32).filter(|dn| *dn < max_dn);
         let factor = match inside().count() {
             few if few < FACTOR_NUMBERS => 1,
             _ => inside().fold(0, greatest_common_divisor),
         };
-        let mut warnings = Vec::new();
-        if factor > 1 {
-            warnings.push(Warning::CommonFactor { factor, max_dn });
-        }
         let largest_dn = self.all.last_dn();
         let quarter = largest_dn < max_dn / 4;
-        if self.has_flats && largest_dn + factor <= max_dn && (self.piled || quarter) {
-            warnings.push(Warning::TopNotReached { largest_dn, max_dn, piled: self.piled });
+        let top_is_open = self.has_flats && largest_dn + factor <= max_dn && (self.piled || quarter);
+        ConverterFlags {
+            max_dn,
+            common_factor: (factor > 1).then_some(factor),
+            top_not_reached: top_is_open.then_some(TopNotReached { largest_dn, piled: self.piled }),
         }
-        warnings
     }
+}
+
+/// What all samples of a series show about the converter. A flag that is set holds its evidence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConverterFlags {
+    /// Largest digital number of the stated bits.
+    pub max_dn: u32,
+    /// Every sample is a multiple of this number.
+    pub common_factor: Option<u32>,
+    /// No sample comes near the largest digital number, or samples pile up below it.
+    pub top_not_reached: Option<TopNotReached>,
+}
+
+/// Where the samples end below the largest digital number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TopNotReached {
+    /// Largest sample, DN.
+    pub largest_dn: u32,
+    /// Whether samples pile up there.
+    pub piled: bool,
 }
 
 /// The largest number that divides both.

@@ -13,7 +13,7 @@
 //! standard deviations before it, `u - 3 sqrt(u)`, which is 3 % of 10,000 electrons.
 
 use super::measured::{Measured, Unresolved};
-use super::transfer::{FIT_SHARE, Rules, TransferPoint, light};
+use super::transfer_point::{FIT_SHARE, Rules, TransferPoint, light};
 
 /// Standard errors by which the noise must fall, or the signal fall short, before it is saturation: chance does as much
 /// once in a million points.
@@ -33,7 +33,7 @@ pub struct Saturation {
 /// Looks for saturation among points in the order of growing light; `None` without points.
 pub fn saturation(points: &[TransferPoint], rules: Rules) -> Option<Saturation> {
     let brightest = points.len().checked_sub(1)?;
-    let clipped = points[brightest].share_at_max > 0.5;
+    let clipped = points[brightest].is_full();
     Some(match rules {
         Rules::Library => {
             let point = noise_peak(points);
@@ -69,8 +69,8 @@ fn noise_peak(points: &[TransferPoint]) -> usize {
     peak
 }
 
-/// The point of the largest noise, if the noise of a brighter one is less by [`SATURATION_SIGMAS`] and the signal ends there: pixels
-/// that fill hold it near its largest, while something that moved makes noise anywhere.
+/// The point of the largest noise, if the noise of a brighter one is less by [`SATURATION_SIGMAS`] and the signal ends there:
+/// pixels that fill hold it near its largest, while something that moved makes noise anywhere.
 fn significant_peak(points: &[TransferPoint]) -> Option<usize> {
     let peak =
         (0..points.len()).max_by(|a, b| points[*a].variance_dn2.total_cmp(&points[*b].variance_dn2))?;
@@ -84,7 +84,7 @@ fn significant_peak(points: &[TransferPoint]) -> Option<usize> {
     (ends && points[peak + 1..].iter().any(falls)).then_some(peak)
 }
 
-/// The first point of a plateau: from it on to the brightest point the signal grows by less than half of what the light asks.
+/// The first point of a plateau: from there to the brightest point the signal grows by less than half as much as the light.
 fn plateau(points: &[TransferPoint]) -> Option<usize> {
     let x = light(points);
     let signal: Vec<f64> = points.iter().map(TransferPoint::signal_dn).collect();
@@ -105,8 +105,9 @@ const SHORT_OF_LEVEL: f64 = 1.5;
 
 /// Signal at which the series ends: the largest mean from the peak of the noise on, above the dark at that peak.
 ///
-/// Its error is that of the means; and how far the mean may still be from the level, which is told by the shot noise that is
-/// left ([`SHORT_OF_LEVEL`]): a full pixel has none; and the growth of the dark over the step in which the pixels fill.
+/// Its standard error has three parts: that of the means; the distance of the largest mean from the level, estimated from the
+/// shot noise that is left, since full pixels have none ([`SHORT_OF_LEVEL`]); and the growth of the dark signal over the step
+/// in which the pixels fill.
 fn level(points: &[TransferPoint], peak: usize) -> Measured {
     let at_peak = &points[peak];
     let beyond = points[peak..].iter().max_by(|a, b| a.mean_dn.total_cmp(&b.mean_dn));

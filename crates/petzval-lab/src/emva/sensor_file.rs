@@ -2,24 +2,23 @@
 
 use std::fmt::Write;
 
-use super::characterize::{Characterization, GainResult};
 use super::histogram_fit::HistogramFit;
 use super::joint::JointFit;
 use super::measured::{Measured, Unresolved};
-use petzval_camera::sensor::Colour;
+use super::result::{Characterization, GainResult};
 
 /// One line of the file.
 struct Entry {
     key: &'static str,
     unit: &'static str,
     value: Measured,
-    /// What the file holds where the captures do not tell, and in which words that is said.
+    /// The value that the file holds where the number is not resolved, and what that value is.
     stand_in: f64,
     stand_in_is: &'static str,
 }
 
-/// The numbers of the model that the file takes: those of the fit to the histograms where it was made and is sound, since with
-/// them simulated histograms match captured ones best; else those of the joint fit.
+/// The numbers of the model that go into the file: those of the fit to the histograms if it was made and is sound, because
+/// with them simulated histograms match captured ones best; else those of the joint fit.
 struct Model<'a> {
     joint: &'a JointFit,
     fit: Option<&'a HistogramFit>,
@@ -70,15 +69,15 @@ impl<'a> Model<'a> {
     }
 }
 
-/// Text of a sensor file: numbers at linear gain 1 with their standard errors as comments. Where the captures do not tell a
-/// number, the file holds a stand-in and says so. For K there is none, because all other numbers in electrons follow from
-/// it: without K there is no file, but the reason.
+/// Text of a sensor file: numbers at linear gain 1 with their standard errors as comments. Where a number is not resolved, the
+/// file holds a stand-in, and a comment gives the reason. K has no stand-in, because all numbers in electrons follow from it:
+/// without K the reason is returned instead of a file.
 pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let (joint, model) = (&found.joint, Model::of(found));
     let gain = model.gain();
     let Some(k) = gain.value() else { return Err(gain.reason().unwrap_or(Unresolved::NotFinite)) };
     let max_dn = (2.0_f64).powi(found.sensor.bits as i32) - 1.0;
-    // With one gain, read noise and electronics noise are one number, and so are their means.
+    // Stand-ins. With one gain, read noise and electronics noise cannot be separated, nor can their means.
     let lowest = found.gains.first();
     let channel = lowest.and_then(|g| g.channels.first());
     let figure = |name: &str| channel.and_then(|c| c.figure(name)).map(|f| f.best());
@@ -96,6 +95,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         Some(stated) => Measured::exact(stated),
         None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
     };
+    // The numbers of the model, each with its stand-in.
     let entries = [
         Entry {
             key: "black_level_dn",
@@ -155,12 +155,14 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         },
     ];
 
+    // Write the facts of the sensor, the numbers, the colours, the gains and the non-uniformity.
     let mut text = String::new();
     let quoted = |s: &str| toml::Value::String(s.to_owned()).to_string();
     // Writing to a text cannot fail.
     let _ = writeln!(text, "# Measured by `petzval sensor characterize`; all numbers hold at linear gain 1.");
     if model.fit.is_some() {
-        let _ = writeln!(text, "# The model is that of the fit to the histograms, as far as they tell it.");
+        let _ =
+            writeln!(text, "# The model is that of the fit to the histograms, as far as they determine it.");
     }
     let _ = writeln!(text, "name = {}", quoted(&found.sensor.name));
     let _ = writeln!(text, "source = \"characterised from captures after EMVA 1288\"\n");
@@ -190,7 +192,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         }
     }
     let _ =
-        writeln!(text, "electronics = \"before_adc\"   # assumed: captures do not tell it from after_adc\n");
+        writeln!(text, "electronics = \"before_adc\"   # assumed: captures look the same with after_adc\n");
     let ratio = |m: Measured| m.value().unwrap_or(1.0);
     let red = model.best(|f| f.red_over_green, joint.red_over_green);
     let blue = model.best(|f| f.blue_over_green, joint.blue_over_green);
@@ -212,8 +214,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     Ok(text)
 }
 
-/// Appends what is known of the non-uniformity: hot pixels, and DSNU and PRNU of the lowest gain that has stacks, mean of the
-/// colours.
+/// Appends the non-uniformity: hot pixels, and DSNU and PRNU of the lowest gain that has stacks, mean of the colours.
 fn non_uniformity(found: &Characterization, text: &mut String) {
     let joint = &found.joint;
     let stacks = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some()));
@@ -247,8 +248,8 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
     line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s");
 }
 
-/// DSNU and PRNU of one gain. What hot pixels add to the variance of the dark stack has lines of its own, and goes from the DSNU of
-/// single pixels.
+/// DSNU and PRNU of one gain. Hot pixels have lines of their own, so their part of the variance of the dark stack is
+/// subtracted from the DSNU of single pixels.
 fn stack_non_uniformity(joint: &JointFit, gain: &GainResult, text: &mut String) {
     for (key, name, unit) in [
         ("dsnu_pixel_e", "DSNU1288_pixel", "e-"),
@@ -293,12 +294,4 @@ fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
             writeln!(text, "# {key}: not resolved: {why}")
         }
     };
-}
-
-/// Colours by name for headings and files: the letter of the pattern, `mono` for a sensor without filters.
-pub fn colour_name(colour: Colour) -> &'static str {
-    match colour {
-        Colour::Clear => "mono",
-        filtered => filtered.name(),
-    }
 }

@@ -7,9 +7,9 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::captures::{CaptureError, Kind, MANIFEST, SensorFacts};
+use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
 use super::manifest::{self, Listed};
 use super::plan::{Plan, PlannedPoint};
 use petzval_base::write_whole;
@@ -18,17 +18,14 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw_alone};
 
-/// Name of the file that says which series a folder holds, from the first frame on.
-pub(super) const SERIES: &str = "series.toml";
-
 #[derive(Serialize)]
 struct Identity<'a> {
     plan: &'a Plan,
     sensor: &'a SensorModel,
 }
 
-/// What came of writing a series.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// Result of writing a series.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Written {
     /// The list of captures.
     pub list: PathBuf,
@@ -38,14 +35,15 @@ pub struct Written {
     pub kept: usize,
 }
 
-/// Writes the series into a folder, which is made if need be. `told` hears of every frame. Same sensor and plan: same bits,
-/// on any number of threads, in one go or in several.
+/// Writes the series into a folder, which is made if need be. `written` is called after every frame. Same sensor and plan:
+/// same bits, on any number of threads, in one go or in several.
 pub fn write_series(
     sensor: &SensorModel,
     plan: &Plan,
     folder: &Path,
-    told: &(dyn Fn() + Sync),
+    written: &(dyn Fn() + Sync),
 ) -> Result<Written, CaptureError> {
+    // The folder gets a file that identifies the series, so that another series is not mixed into it.
     plan.validate(sensor)?;
     sensor.validate().map_err(petzval_camera::sensor::SensorError::from)?;
     let io = |path: &Path| {
@@ -59,6 +57,7 @@ pub fn write_series(
     let series = folder.join(SERIES);
     write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
 
+    // Expose and write the frames that are not there yet, in parallel.
     let lit = plan.lit(sensor)?;
     let points = plan.points_lit(&lit.sensor);
     for gain in &plan.gains {
@@ -75,11 +74,12 @@ pub fn write_series(
             if !there {
                 write_frame(&lit.sensor, plan, point, *i, &path)?;
             }
-            told();
+            written();
             Ok(there)
         })
         .collect::<Result<_, CaptureError>>()?;
 
+    // The list of captures comes last: a folder without it is not complete.
     let list = folder.join(MANIFEST);
     let facts = SensorFacts {
         name: sensor.name.clone(),
@@ -107,7 +107,7 @@ pub fn write_series(
     Ok(Written { list, frames: frames.len(), kept: kept.iter().filter(|k| **k).count() })
 }
 
-/// A folder may hold the beginning of this very series, or no captures at all.
+/// A series is written into a folder without captures, or into one that holds the beginning of the same series.
 fn check_folder(folder: &Path, identity: &str) -> Result<(), CaptureError> {
     let path = folder.join(SERIES);
     match std::fs::read_to_string(&path) {

@@ -45,9 +45,9 @@ pub struct Variances {
 
 /// Variances of the mean of a stack without a high-pass, as release 4 and the library split them.
 ///
-/// Standard errors are the scatter over specimens of one kind: `A sqrt(2/N)` of the variance `A` of `N` column means, `A sqrt(2/M)`
-/// of that of `M` row means, from the fourth moment of what both leave for the pixels, and the three are independent. An uneven
-/// field, whose rows and columns are no draws of chance, is less certain than they say.
+/// Standard errors are the scatter over specimens of one kind: `A sqrt(2/N)` of the variance `A` of `N` column means, `A
+/// sqrt(2/M)` of that of `M` row means, from the fourth moment of what both leave for the pixels, and the three are
+/// independent. They are too small for an uneven field, whose rows and columns are not random.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct StackVariances {
     /// Frames L.

@@ -1,4 +1,4 @@
-//! Photon transfer: signal, noise and light of the points of one gain and colour, and what lines through them tell.
+//! Photon transfer: signal, noise and light of the points of one gain and colour, and the lines through them.
 //!
 //! ```text
 //! mu_y - mu_dark   = R u_p                     responsivity R [DN/photon]
@@ -12,111 +12,10 @@ use serde::Serialize;
 
 use super::fit::{Line, line, through_origin};
 use super::measured::{Measured, Unresolved};
-use super::point::Moments;
 use super::rounding::RoundingError;
 use super::saturation::saturation;
-
-/// One setting with its flat and its dark frames.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TransferPoint {
-    /// Exposure time, s.
-    pub exposure_s: f64,
-    /// Photons per pixel, if they are known.
-    pub photons: Option<f64>,
-    /// Mean of the flat frames, DN.
-    pub mean_dn: f64,
-    /// Its standard error, DN.
-    pub mean_se_dn: f64,
-    /// Temporal variance of the flat frames, DN^2.
-    pub variance_dn2: f64,
-    /// Its standard error, DN^2.
-    pub variance_se_dn2: f64,
-    /// Mean of the dark frames, DN.
-    pub dark_mean_dn: f64,
-    /// Its standard error, DN.
-    pub dark_mean_se_dn: f64,
-    /// Temporal variance of the dark frames, DN^2.
-    pub dark_variance_dn2: f64,
-    /// Its standard error, DN^2.
-    pub dark_variance_se_dn2: f64,
-    /// Variance of the flat samples over pixels and frames, DN^2.
-    pub total_variance_dn2: f64,
-    /// Share of the flat samples at the digital number where the converter clips.
-    pub share_at_max: f64,
-}
-
-impl TransferPoint {
-    /// Pairs flat and dark moments; `mean_difference` subtracts the variance of the frames' means (release 4), `clip_dn` is
-    /// where the converter clips ([`super::samples::clip_dn`]).
-    pub fn new(
-        exposure_s: f64,
-        photons: Option<f64>,
-        flat: &Moments,
-        dark: &Moments,
-        mean_difference: bool,
-        clip_dn: u32,
-    ) -> Self {
-        let variance =
-            |m: &Moments| if mean_difference { m.variance_dn2 } else { m.variance_uncorrected_dn2 };
-        Self {
-            exposure_s,
-            photons,
-            mean_dn: flat.mean_dn,
-            mean_se_dn: flat.mean_se_dn,
-            variance_dn2: variance(flat),
-            variance_se_dn2: flat.variance_se_dn2,
-            dark_mean_dn: dark.mean_dn,
-            dark_mean_se_dn: dark.mean_se_dn,
-            dark_variance_dn2: variance(dark),
-            dark_variance_se_dn2: dark.variance_se_dn2,
-            total_variance_dn2: flat.total_variance_dn2(),
-            share_at_max: share_at(flat, clip_dn),
-        }
-    }
-
-    /// Signal above dark, DN.
-    pub fn signal_dn(&self) -> f64 {
-        self.mean_dn - self.dark_mean_dn
-    }
-
-    /// Standard error of the signal, DN.
-    pub fn signal_se_dn(&self) -> f64 {
-        self.mean_se_dn.hypot(self.dark_mean_se_dn)
-    }
-
-    /// Variance above dark, DN^2.
-    pub fn shot_variance_dn2(&self) -> f64 {
-        self.variance_dn2 - self.dark_variance_dn2
-    }
-
-    /// Standard error of the variance above dark, DN^2.
-    pub fn shot_variance_se_dn2(&self) -> f64 {
-        self.variance_se_dn2.hypot(self.dark_variance_se_dn2)
-    }
-}
-
-/// Share of the samples at the digital number where they are clipped; none of a point whose mean is so far below that they are
-/// stuck pixels and not its light.
-fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
-    match flat.reaches(clip_dn) {
-        true => flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
-        false => 0.0,
-    }
-}
-
-/// Which rules choose the points of a fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rules {
-    /// Those of the EMVA 1288 Python library: the brightest point counts as saturated if no peak of the noise is seen.
-    Library,
-    /// Ours: a peak of the noise from which it falls by more than chance, or a signal that no longer grows, is saturation;
-    /// without either, all points count that are not clipped and have the noise of the light.
-    Ours,
-}
-
-/// Share of samples at the largest digital number from which a point counts as clipped.
-pub const CLIPPED_SHARE: f64 = 1e-4;
+use super::transfer_point::FIT_SHARE;
+pub use super::transfer_point::{Rules, TransferPoint, light};
 
 /// Straightness of the response: the weighted line through 5 to 95 % of saturation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -161,8 +60,12 @@ pub struct PhotonTransfer {
     pub no_linearity: Option<Unresolved>,
 }
 
-/// Share of the way to saturation that the fits of R and K take (EMVA 1288).
-pub(super) const FIT_SHARE: f64 = 0.7;
+impl PhotonTransfer {
+    /// Whether a point lies beyond the point of the largest noise of a series that saturates.
+    pub fn is_beyond_saturation(&self, point: usize) -> bool {
+        self.saturated && point > self.saturation
+    }
+}
 
 /// Analyses points in the order of growing light. `None` without points.
 pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonTransfer> {
@@ -201,9 +104,9 @@ const KNEE_SIGMAS: f64 = 3.0;
 ///
 /// Where pixels begin to fill, variance is lost long before the mean bends (2.3 standard deviations below the level 2 % of it,
 /// while the mean is off by 0.4 % of one), yet it may still grow. If any point of the upper 30 % has
-/// less noise than the line through the points below asks, by [`KNEE_SIGMAS`], these alone count.
+/// less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the points below are used.
 fn last_with_the_noise_of_light(points: &[TransferPoint]) -> Option<usize> {
-    let last = points.iter().rposition(|p| p.share_at_max <= CLIPPED_SHARE)?;
+    let last = points.iter().rposition(|p| !p.is_clipped())?;
     let lower_dn = FIT_SHARE * points[last].signal_dn();
     let Some(lower) = points[..last].iter().rposition(|p| p.signal_dn() <= lower_dn) else {
         return Some(last);
@@ -280,14 +183,9 @@ fn responsivity(used: &[TransferPoint]) -> Measured {
     }
 }
 
-/// Light of each point: photons if all are known, else exposure times.
-pub fn light(points: &[TransferPoint]) -> Vec<f64> {
-    let photons: Option<Vec<f64>> = points.iter().map(|p| p.photons).collect();
-    photons.unwrap_or_else(|| points.iter().map(|p| p.exposure_s).collect())
-}
-
 /// The line through the points of 5 to 95 % of `end_dn`, the signal at saturation.
 fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Linearity, Unresolved> {
+    // The points between 5 and 95 % of saturation, if their light differs.
     let x = light(points);
     let (low, high) = x.iter().fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
     if points.len() > 1 && high - low <= 1e-9 * high {
@@ -300,12 +198,13 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
     let Some((first, last)) = within.filter(|(first, last)| !signal[*first..=*last].contains(&0.0)) else {
         return Err(Unresolved::FewInLinearRange(first.zip(last).map_or(0, range_of)));
     };
-    // Relative errors count: the weight of a point is one over its signal squared.
+    // The line with weights of one over the squared signal, so that relative errors count.
     let weight: Vec<f64> = signal[first..=last].iter().map(|s| 1.0 / (s * s)).collect();
     let fit: Line = line(&x[first..=last], &signal[first..=last], &weight, &vec![0.0; weight.len()]);
     let (Some(slope), Some(offset_dn)) = (fit.slope.value(), fit.intercept.value()) else {
         return Err(Unresolved::OneLight);
     };
+    // Deviations of all points from the line, and the extremes within the range.
     let deviation_percent: Vec<f64> = x
         .iter()
         .zip(signal)
@@ -387,7 +286,7 @@ mod tests {
 
     #[test]
     fn a_point_that_lacks_noise_does_not_count() {
-        // The brightest has 8 % less than the line asks: 4.8 standard errors, and more than any other point.
+        // The brightest has 8 % less than the line predicts: 4.8 standard errors, and more than any other point.
         let signals = [1000.0, 2000.0, 3000.0, 4000.0, 5000.0];
         let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 460.0], 5.0);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();

@@ -1,29 +1,30 @@
-//! Whether a series tells of a sensor at all.
+//! Rejects series from which no sensor can be measured.
 
 use super::captures::{CaptureError, Captures};
-use super::characterize::GainResult;
+use super::flags::{GainFlags, Signal};
 use super::measured::Unresolved;
-use super::warning::Warning;
+use super::result::GainResult;
 
 /// Standard errors above which a signal is light.
 const LIGHT_SIGMAS: f64 = 5.0;
 
-/// Light that dark frames have more than flat ones of the same time, and that no drift of the black level makes, DN.
+/// A dark mean that exceeds the flat mean of the same exposure time by this is no drift of the black level, DN.
 const SWAPPED_DN: f64 = 10.0;
 
-/// An error if there are flat and dark frames, and none of the points shows light below saturation: what they give would be no
-/// sensor. Series of dark frames alone tell of the dark, and pass.
+/// Returns an error if there are flat and dark frames, but no point shows light below saturation. A series of dark frames alone
+/// passes: it characterises the dark signal.
 pub fn check_usable(
     captures: &Captures,
     gains: &[GainResult],
-    warnings: &[Warning],
+    flags: &[GainFlags],
 ) -> Result<(), CaptureError> {
     let list = || captures.list.clone();
     let channels = || gains.iter().flat_map(|g| &g.channels);
-    let dark: Vec<(f64, f64)> = warnings
+    let dark: Vec<(f64, f64)> = flags
         .iter()
-        .filter_map(|w| match w {
-            Warning::NoSignal { signal_dn, standard_error_dn, .. } => Some((*signal_dn, *standard_error_dn)),
+        .flat_map(|gain| &gain.flats)
+        .filter_map(|flat| match flat.signal {
+            Signal::None { signal_dn, standard_error_dn } => Some((signal_dn, standard_error_dn)),
             _ => None,
         })
         .collect();

@@ -1,12 +1,12 @@
-//! The fit of cells to the mosaic's own pixels: Richardson and Lucy's, with read noise, for cells that are sums of blobs.
+//! Fits cells to the pixels of the mosaic by the method of Richardson and Lucy with read noise; the cells are sums of blobs.
 //!
 //! `u <- u B'[(y + b)/(B u + b)] / B'1` with `b = var(y) T - y` in electrons (Snyder et al., J. Opt. Soc. Am. A 10, 1014, 1993).
 //! The cells are `x = G u` with Gaussian blobs G, and `B = A G` (method of sieves, Snyder & Miller 1985). u is kept symmetric
 //! about the field's own axis.
 
-use super::estimate::{CELLS_PER_PIXEL, GRID, Place};
 use super::landing::{Landing, Spot};
 use super::measure::CROP;
+use super::place::{CELLS_PER_PIXEL, GRID, Place};
 
 /// A pixel of the mosaic, in electrons over the whole time that it gathered light.
 pub(super) struct Datum {
@@ -16,7 +16,7 @@ pub(super) struct Datum {
     pub value: f64,
     /// Its variance.
     pub variance: f64,
-    /// What of the variance is no shot noise of the signal.
+    /// Part of the variance that is not shot noise of the signal.
     offset: f64,
     /// Time over which it gathered light, s.
     pub time_s: f64,
@@ -68,7 +68,7 @@ impl<'a> Ascent<'a> {
         ascent
     }
 
-    /// `B'` of a value per pixel, which sees the datum and the electrons that the cells bring it.
+    /// `B'` of a value per pixel, computed from the datum and the expected electrons of the cells.
     fn gather(&self, value: impl Fn(&Datum, f64) -> f64) -> Vec<f64> {
         let mut sum = vec![0.0; GRID * GRID];
         for ((landing, data), landed) in self.landings.iter().zip(&self.data).zip(&self.landed) {

@@ -1,4 +1,4 @@
-//! Repeated frames: their mean and variance, pixel by pixel, without holding them.
+//! Mean and variance of repeated frames, pixel by pixel, without keeping the frames.
 
 use petzval_base::statistics::median;
 
@@ -16,8 +16,8 @@ pub struct Average {
 }
 
 impl Average {
-    /// Takes a frame in; `saturation_dn` is where pixels stop following the light: the end of the converter, or below it
-    /// that of the full well. All frames have the same number of pixels.
+    /// Adds a frame. Pixels stop following the light at `saturation_dn`: at the end of the converter, or below it at the full
+    /// well. All frames have the same number of pixels.
     pub fn add(&mut self, dn: impl ExactSizeIterator<Item = f64>, saturation_dn: f64) {
         if self.frames == 0 {
             self.mean_dn = vec![0.0; dn.len()];
@@ -40,7 +40,7 @@ impl Average {
     }
 }
 
-/// The signal without light, to be taken off every pixel.
+/// The signal without light, which is subtracted from every pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dark {
     /// Dark frames averaged; 0 if the mean is the sensor model's.
@@ -55,7 +55,7 @@ pub struct Dark {
     pub clipped: Vec<bool>,
 }
 
-/// Dark pixels above the median by so many standard deviations of their fellows are hot.
+/// Dark pixels above the median by so many standard deviations of the other pixels are hot.
 const HOT_SIGMAS: f64 = 6.0;
 
 impl Dark {
@@ -72,7 +72,7 @@ impl Dark {
 
     /// From dark frames; `single_dn2` is the modelled variance of one frame, used where there is only one.
     pub fn measured(average: &Average, single_dn2: f64) -> Self {
-        // The spread of most pixels, by their median distance from the median: hot ones have no say in it.
+        // The spread of most pixels, by their median distance from the median: hot pixels do not affect it.
         let mean_dn = average.mean_dn.clone();
         let middle = median(mean_dn.iter().copied());
         let spread = 1.4826 * median(mean_dn.iter().map(|v| (v - middle).abs()));

@@ -1,4 +1,4 @@
-//! Frames of a simulated source, through the same sensor model as every other picture.
+//! Frames of a simulated source, exposed by the same sensor model as every other picture.
 
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;

@@ -1,15 +1,16 @@
 //! A measured PSF beside a simulated one, twice: as ideal pixels would show it, and through the same mosaic.
 //!
-//! Bilinear demosaicing of a spot a few pixels wide is no small error, and one that measured and simulated PSF share if
-//! the simulated one goes the same way: landed at the same sub-pixel place (where it fits best), kept by the same colours, demosaiced and cropped.
-//! The distance to that one is judged against noise; the distance between the two simulated ones is what demosaicing does.
+//! Bilinear demosaicing of a spot a few pixels wide makes a large error. Measured and simulated PSF share it if the simulated
+//! one is processed in the same way: landed at the same sub-pixel place (where it fits best), kept by the same colours,
+//! demosaiced and cropped. Compare the distance to that one with noise; the distance between the two simulated ones is the
+//! error of demosaicing.
 
 use super::PsfCalibrationError;
 use super::landing::{FinePsf, Spot};
 use super::measure::{Frame, Measured, PixelPsf, centroid, extract, extract_ideal, l1};
 use petzval_camera::image::CHANNELS;
 
-/// What simulation says of a measured place.
+/// A measured place beside its simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// The simulated PSF through the same mosaic, demosaiced.
@@ -22,11 +23,12 @@ pub struct Comparison {
     pub l1_ideal: [f64; CHANNELS],
     /// L1 distance of the fair PSF from the ideal one: demosaicing alone, without noise.
     pub demosaic_l1: [f64; CHANNELS],
-    /// Measured less simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts both, so this
-    /// is what noise does. Where the place of the image is not known, the simulated PSF stays where it fits best, and only differences
-    /// between channels say something.
+    /// Measured less simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts both,
+    /// so this is what noise does. Where the place of the image is not known, the simulated PSF stays where it fits best, and
+    /// only differences between channels are meaningful.
     pub centroid_error_px: [[f64; 2]; CHANNELS],
-    /// Measured less ideal-pixel centroid, which is the error that a user of the measured centroid has: what demosaicing does is in it.
+    /// Measured less ideal-pixel centroid, which is the error that a user of the measured centroid has: what demosaicing does
+    /// is in it.
     pub centroid_error_ideal_px: [[f64; 2]; CHANNELS],
     /// Centroid of the simulated PSF on ideal pixels in the same round window, (row, column) in the frame, px.
     pub ideal_centroid_px: [[f64; 2]; CHANNELS],
@@ -34,14 +36,15 @@ pub struct Comparison {
     pub is_placed: bool,
 }
 
-/// How often the simulated PSF is moved.
+/// How many times the simulated PSF is moved.
 const MOVES: usize = 4;
 
 /// Step of the differences behind a move, px.
 const STEP_PX: f64 = 0.02;
 
-/// Compares where the simulated PSF fits best, and says how far the measured centroid is from that at `expected`, the window place
-/// (row, column) of the reference chief ray, if it is known. A place from which the PSF leaves the frame counts as not known.
+/// Compares the PSFs where the simulated one fits best, and returns how far the measured centroid is from that at `expected`,
+/// the window place (row, column) of the reference chief ray, if it is known. A place from which the PSF leaves the frame
+/// counts as not known.
 pub fn compare(
     measured: &Measured,
     frame: &Frame,
@@ -70,7 +73,7 @@ pub fn compare(
     let (_, near) = land(goal)?;
     let mut at = [0, 1].map(|axis| 2.0 * goal[axis] - near.centroid_px[1][axis]);
     let (mut light, mut fair) = land(at)?;
-    // Least squares of all pixels and colours does: Gauss-Newton with differences for derivatives.
+    // Least squares over all pixels and colours goes further: Gauss-Newton with differences for derivatives.
     for _ in 0..MOVES {
         let along = [land([at[0] + STEP_PX, at[1]])?.1, land([at[0], at[1] + STEP_PX])?.1];
         let (mut normal, mut right) = ([0.0; 3], [0.0; 2]);

@@ -11,7 +11,7 @@ use petzval_files::raw_file::RawFileError;
 /// Why captures could not be read, or hold no PSF.
 #[derive(Debug, thiserror::Error)]
 pub enum PsfCalibrationError {
-    /// The manifest, or a file of measured PSFs, says something that cannot be used.
+    /// The manifest, or a file of measured PSFs, is wrong.
     #[error("{}: {error}", path.display())]
     File {
         /// The file.
@@ -62,7 +62,7 @@ pub enum PsfCalibrationError {
         /// Largest that the sensor gives.
         max: f64,
     },
-    /// A frame, or its sidecar, says of itself what sensor and manifest say otherwise.
+    /// A frame or its sidecar contradicts the sensor or the manifest.
     #[error(
         "{}: `{what} = {said}`, but {is}; hint: correct the one that is wrong, or take `{what}` out of the sidecar",
         path.display()
@@ -74,7 +74,7 @@ pub enum PsfCalibrationError {
         what: &'static str,
         /// Its value.
         said: String,
-        /// What sensor or manifest say.
+        /// The value in the sensor or the manifest.
         is: String,
     },
     /// Exposing, or a window that leaves the sensor.
@@ -103,7 +103,7 @@ pub enum PsfCalibrationError {
         /// Least side.
         least: usize,
     },
-    /// Nothing stands out of the noise.
+    /// No source stands out of the noise.
     #[error(
         "position `{position}`: no source: the brightest spot is {sigmas:.1} standard deviations above the background; hint: \
          is the source on, in the window, and are these the right frames?"

@@ -1,8 +1,8 @@
-//! PSFs for the renderer from measured ones: cells smaller than a pixel, the axis of the field up.
+//! PSFs for the renderer from measured ones, on cells smaller than a pixel and with the field's axis up.
 //!
-//! A pixel has integrated the light over its area already. The renderer integrates what it is given over pixels *again*,
-//! and turns it first; measured pixels used as its cells would be blurred twice as soon as they are turned. So the bank
-//! holds not the pixels but light that explains them: cells `x >= 0` of a third of a pixel with
+//! A pixel has integrated the light over its area already. The renderer turns its cells and integrates them over pixels
+//! *again*; measured pixels used as cells would be blurred twice. So the bank holds light that explains the pixels:
+//! cells `x >= 0` of a third of a pixel with
 //!
 //! ```text
 //! y_j = (A_j x)_j + noise,    A_j: turn to the azimuth of position j, put at its middle, integrate over pixels
@@ -11,38 +11,33 @@
 //! `A_j` is the renderer's own operator ([`Landing`]). Each channel is fitted to the *mosaic's* own pixels of its colour:
 //! nothing is demosaiced. The fit is in `ascent`.
 //!
-//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are three sub-pixel
-//! phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise can be far off for
-//! another phase or azimuth. So the fit is as smooth as explains best what was held out (`held_out`), and what that costs, chi^2 and
-//! L1 distance on pixels that took no part, stands beside every field. The renderer's PSF is that of a rotationally
-//! symmetric lens, so the cells are symmetric about the field's own axis and, in the middle of the image, seen at eight azimuths.
-//! Cells beyond half the crop stay dark but for the blobs' rim.
+//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are three
+//! sub-pixel phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise can be far
+//! off for another phase or azimuth. So the smoothness of the fit is the one that best predicts held-out pixels (`held_out`),
+//! and chi^2 and L1 distance on pixels that took no part are reported with every field. The renderer's PSF is that of a
+//! rotationally symmetric lens, so the cells are symmetric about the field's own axis and, in the middle of the image, seen
+//! at eight azimuths. Cells beyond half the crop stay dark, except for the rim of the blobs.
 //!
-//! The cells also hold the field's *light*. The sum of a demosaiced spot is no measure of it: of a spot as small as a pixel a red
-//! pixel in four catches much or little, by where it falls. Positions of one radius see one source through a rotationally symmetric
-//! lens, so they have one light, and their phases together tell how much. In green they do to a tenth or better; red and blue
-//! of the sharpest spots leave it open, so the relative illumination of green stands for all colours.
+//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red, and
+//! of a spot as small as a pixel it catches much or little, depending on where the spot falls. Positions of one radius see
+//! one source through a rotationally symmetric lens, so they have one light, and their phases together determine it. In green
+//! they do to a tenth or better; red and blue of the sharpest spots leave it open, so the relative illumination of green
+//! stands for all colours.
 //!
-//! Where each position's middle lies is fitted too, by turns with the cells: the demosaiced centroid of a sharp spot is off by
-//! parts of a pixel. The middle of the grid is the green centroid, not the chief ray, which a measured spot does not show: lateral colour between
-//! channels is kept, the distance between chief ray and centroid is lost, as distortion is.
+//! Where each position's middle lies is fitted too, by turns with the cells: the demosaiced centroid of a sharp spot is off
+//! by parts of a pixel. The middle of the grid is the green centroid, not the chief ray, which a measured spot does not show:
+//! lateral colour between channels is kept, the distance between chief ray and centroid is lost, as distortion is.
 
 use rayon::prelude::*;
 
 use super::ascent::{Ascent, landing, pixels};
 use super::held_out::{Choice, Fold, HeldOut, HeldOutBy, choose, start, tile_folds};
 use super::landing::Landing;
-use super::measure::{COLOURS, CROP, Frame, Measured};
-use super::merge::Merged;
+use super::measure::COLOURS;
+pub use super::place::{CELLS_PER_PIXEL, GRID, Place};
 use super::register::{explain, misplaced};
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::{PsfBank, PsfError};
-
-/// Cells of the bank along a pixel.
-pub const CELLS_PER_PIXEL: usize = 3;
-
-/// Cells along a side of the bank's grid.
-pub const GRID: usize = CROP * CELLS_PER_PIXEL;
 
 /// Mean squared residual over the variance up to which pixels count as explained.
 const EXPLAINED: f64 = 1.2;
@@ -50,7 +45,7 @@ const EXPLAINED: f64 = 1.2;
 /// L1 distance on held-out pixels, over that of noise, up to which a field counts as known.
 const KNOWN: f64 = 1.5;
 
-/// How often positions are put right between fits, ...
+/// How many times the positions are corrected between fits, ...
 const REGISTRATIONS: usize = 4;
 
 /// ... which take so many rounds, ...
@@ -65,24 +60,7 @@ const AXIS_AZIMUTHS: usize = 8;
 /// Two positions closer in radius than this are of one field, mm.
 pub const SAME_FIELD_MM: f64 = 0.05;
 
-/// One measured place, as the estimate needs it.
-#[derive(Debug, Clone, Copy)]
-pub struct Place<'a> {
-    /// Radius of the field, mm.
-    pub field_radius_mm: f64,
-    /// Direction away from the axis, rad from the columns towards higher rows.
-    pub azimuth_rad: f64,
-    /// Factor from the light of the source to relative illumination before it is divided by that of the innermost field.
-    pub light_factor: f64,
-    /// The window.
-    pub frame: &'a Frame,
-    /// Rates and variances.
-    pub merged: &'a Merged,
-    /// PSF and centroid.
-    pub measured: &'a Measured,
-}
-
-/// How the cells of a field came out.
+/// The estimate of one field.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldEstimate {
     /// Mean radius of its positions, mm.
@@ -94,8 +72,8 @@ pub struct FieldEstimate {
     /// Mean squared residual of the fitted pixels over the variance, per channel. Says whether the positions agree, not how
     /// well the PSF is known: see `held_out`.
     pub chi2: [f64; CHANNELS],
-    /// The same and the L1 distance for pixels that took no part in a fit. Smoothness was chosen by them, which flatters
-    /// them a little.
+    /// The same and the L1 distance for pixels that took no part in a fit. Smoothness was chosen by them, so they are
+    /// slightly too small.
     pub held_out: HeldOut,
     /// Standard deviation of the blobs chosen, per channel, px.
     pub blob_px: [f64; CHANNELS],
@@ -108,7 +86,7 @@ pub struct FieldEstimate {
 }
 
 impl FieldEstimate {
-    /// What a careful reader should know.
+    /// Warnings about the estimate.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let named = |of: &dyn Fn(usize) -> bool, figure: &dyn Fn(usize) -> f64| -> Vec<String> {
@@ -213,7 +191,7 @@ fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
     let (middle, cells) = register(&field, turns, pixel_um);
     let (seen, landings) = sights(&field, &middle, turns, pixel_um);
 
-    // How smooth? Each position is predicted by the others, or a part of the pixels by the rest.
+    // Choose the smoothness: predict each position from the others, or a part of the pixels from the rest.
     let folds = if field.len() > 1 {
         (0..field.len())
             .into_par_iter()
@@ -230,7 +208,7 @@ fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
     } else {
         tile_folds(&seen, &landings, field[0], middle[0])
     };
-    // Lateral colour, to whole cells, for fits that start from green.
+    // Find the lateral colour to whole cells, for fits that start from green.
     let outward = [0, 1, 2].map(|c| {
         let cells_out = CELLS_PER_PIXEL as f64 * (outward_px(&cells[c]) - outward_px(&cells[1]));
         cells_out.round() as isize
@@ -282,8 +260,8 @@ fn sights<'a>(
     (seen, landings)
 }
 
-/// Where the middles of the positions of a field lie, and the cells that say so. Demosaiced centroids of sharp spots are off by
-/// parts of a pixel, each its own.
+/// Fits the middles of the positions of a field, and the cells, by turns. Demosaiced centroids of sharp spots are off by
+/// parts of a pixel, each by its own.
 fn register(field: &[Place], turns: usize, pixel_um: f64) -> (Vec<[f64; 2]>, [Vec<f64>; CHANNELS]) {
     let mut middle: Vec<[f64; 2]> = field.iter().map(|p| p.measured.psf.centroid_px[1]).collect();
     let mut cells: [Vec<f64>; CHANNELS] = Default::default();
@@ -299,7 +277,7 @@ fn register(field: &[Place], turns: usize, pixel_um: f64) -> (Vec<[f64; 2]>, [Ve
             })
             .collect();
         cells = std::array::from_fn(|c| fits[c].clone());
-        // And keep the green centroid in the middle of the grid; on the axis it is there.
+        // Keep the green centroid in the middle of the grid. On the axis symmetry keeps it there.
         let outward = if turns > 1 { 0.0 } else { outward_px(&cells[1]) };
         for (place, middle) in field.iter().zip(&mut middle) {
             let moved = misplaced(place, *middle, cells.each_ref().map(|c| &c[..]), pixel_um);

@@ -1,4 +1,4 @@
-//! A folder of captures, position by position, to measured PSFs.
+//! Measures the PSFs of a folder of captures, position by position.
 
 use std::path::{Path, PathBuf};
 
@@ -6,14 +6,13 @@ use petzval_base::FileError;
 
 use super::PsfCalibrationError;
 use super::average::{Average, Dark};
+use super::exposure_report::ExposureReport;
 use super::manifest::{MANIFEST_FILE, Manifest};
-use super::measure::{DETECTION_SIGMAS, Frame, LEAST_SIDE, Measured, check_mosaic, measure};
-use super::merge::{
-    Agreement, ExposureMean, Merged, SensorNoise, agreement, mask_hot_pixels, merge, saturation_dn,
-};
-use super::spots::SECOND_SOURCE;
+use super::measure::{Frame, LEAST_SIDE, Measured, check_mosaic, measure};
+use super::merge::{ExposureMean, Merged, SensorNoise, agreement, mask_hot_pixels, merge, saturation_dn};
+use super::spots::{DETECTION_SIGMAS, SECOND_SOURCE};
 use super::track::{Centroid, Mosaics, Track, mean_centroid};
-use super::trouble::{Seen, trouble};
+use super::warnings::{Seen, position_warnings};
 use petzval_base::statistics::median;
 use petzval_camera::develop::dark_mean_dn;
 use petzval_camera::render::Placement;
@@ -23,28 +22,8 @@ use petzval_files::raw_file::{RawFrame, RawInfo, Sidecar, load_raw, sidecar_path
 /// Frames larger than this are cut to a window of so many pixels a side around the brightest spot.
 const WINDOW: usize = 96;
 
-/// Of 5x5 pixels so many, the darkest, count for how bright a place is.
+/// The brightness of a place is that of the darkest so many of its 5x5 pixels.
 const KEPT: usize = 20;
-
-/// What is told of one exposure.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ExposureReport {
-    /// Exposure time, ms.
-    pub exposure_ms: f64,
-    /// Frames averaged.
-    pub frames: usize,
-    /// Dark frames averaged; 0 if the dark signal is the sensor model's.
-    pub dark_frames: usize,
-    /// Pixels that were saturated.
-    pub saturated_pixels: usize,
-    /// Mean of the frames' variance over the modelled one; `None` for one frame.
-    pub variance_ratio: Option<f64>,
-    /// This exposure beside all others; `None` if no bright pixel of it is usable in another.
-    pub agreement: Option<Agreement>,
-    /// Mean centroid of the frames in the window, (row, column), px, that of all light of the mosaic
-    /// ([`super::track`]), and its standard error from their scatter.
-    pub centroid_px: Option<([f64; 2], [f64; 2])>,
-}
 
 /// One position, measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +44,7 @@ pub struct CalibratedPosition {
     pub measured: Measured,
     /// Exposure by exposure.
     pub exposures: Vec<ExposureReport>,
-    /// What a careful reader should know.
+    /// Warnings about the position.
     pub warnings: Vec<String>,
 }
 
@@ -98,7 +77,7 @@ pub fn calibrate_position(
     let mut reader =
         Reader { folder, position: &name, manifest, origin: *position.origin.get_ref(), sensor, size: None };
 
-    // The longest exposure shows best where the source is; around it a window is cut.
+    // Cut a window around the source, as the longest exposure shows it.
     let longest = position.exposure.last();
     let first = longest.and_then(|e| Some((e.frames.get_ref().first()?, *e.exposure_ms.get_ref())));
     let first = first.map(|(file, exposure_ms)| reader.load(file, exposure_ms)).transpose()?;
@@ -163,7 +142,7 @@ pub fn calibrate_position(
         windows.push(of_exposure);
     }
 
-    // Merge them, and take single bright pixels away from the source for what they are.
+    // Merge the exposures, and replace hot pixels: single bright pixels away from the source.
     let mut merged = merge(&exposures, sensor, linear_gain);
     let source = brightest(frame.height, frame.width, |i| merged.rate_e_per_s[i]).0;
     let hot = mask_hot_pixels(&mut merged, &frame, source);
@@ -190,7 +169,7 @@ pub fn calibrate_position(
         })
         .collect();
     let on_frame = |i: usize| [frame.placement.row + i / frame.width, frame.placement.col + i % frame.width];
-    let mut warnings = trouble(&Seen {
+    let mut warnings = position_warnings(&Seen {
         exposures: &reports,
         tracks: &tracks,
         between: &between,
@@ -265,7 +244,7 @@ impl Reader<'_> {
                 first_width,
             });
         }
-        // What a sidecar says of the converter; a file's own bits are those of its container.
+        // The bits of the converter are those of the sidecar; a file's own bits are those of its container.
         let bits = Sidecar::beside(&path)?.and_then(|sidecar| sidecar.info.bits);
         if let Some((what, said, is)) = self.contradiction(&raw.info, bits, exposure_ms) {
             let sidecar = sidecar_path(&path);
@@ -279,7 +258,7 @@ impl Reader<'_> {
         Ok(raw)
     }
 
-    /// What a frame says of itself against sensor and manifest: the key, what it says, and what they say.
+    /// A setting of a frame that contradicts the sensor or the manifest: the key, the frame's value, and theirs.
     fn contradiction(
         &self,
         info: &RawInfo,
@@ -320,7 +299,7 @@ impl Reader<'_> {
     }
 }
 
-/// The part of each frame that is looked at.
+/// The part of each frame that is evaluated.
 struct Cut {
     row: usize,
     col: usize,
@@ -331,7 +310,7 @@ struct Cut {
 }
 
 /// The brightest place, (row, column), of at least 5x5 pixels, and the light there: 5x5 pixels without the five brightest, so
-/// that a few hot pixels are no spot.
+/// that a few hot pixels do not count as a spot.
 fn brightest(height: usize, width: usize, value: impl Fn(usize) -> f64) -> ([f64; 2], f64) {
     let mut best = ([2.0; 2], f64::NEG_INFINITY);
     let mut values = [0.0; 25];
@@ -365,7 +344,7 @@ impl Cut {
         if (height, width) == (raw.height, raw.width) {
             return cut;
         }
-        // What is as bright beyond the cut, above the level and the noise of the whole frame.
+        // A second source outside the cut: as bright, above the level and the noise of the whole frame.
         let level = median(raw.dn.iter().map(|v| f64::from(*v)));
         let spread = 1.4826 * median(raw.dn.iter().map(|v| (f64::from(*v) - level).abs()));
         let inside = |r: usize, c: usize| (row..row + height).contains(&r) && (col..col + width).contains(&c);
@@ -390,7 +369,7 @@ impl Cut {
     }
 }
 
-/// What it takes to find the source in frames and exposures.
+/// The inputs of finding the source in frames and exposures.
 struct Follow<'a> {
     frame: &'a Frame,
     exposures: &'a [ExposureMean],

@@ -1,33 +1,35 @@
-//! How smooth the cells of a field have to be: what explains pixels that took no part in the fit.
+//! Chooses how smooth the cells of a field are: as smooth as best predicts pixels that took no part in the fit.
 //!
-//! The cells are not determined by the pixels. Red and blue are sampled at two pixels, spots have structure of two, and cells of a third
-//! of a pixel reach a chi^2 of 1 on the pixels they are fitted to whatever their detail. So size of the blobs, number of
-//! rounds and start are those that predict best what was held out: each position of a radius in turn, its middle and light
-//! free; or, where a radius has one position only, each fifth of its 2x2 tiles. The latter says nothing about another
+//! The cells are not determined by the pixels. Red and blue are sampled at two pixels, spots have structure of two, and cells
+//! of a third of a pixel reach a chi^2 of 1 on the pixels they are fitted to whatever their detail. So size of the blobs,
+//! number of rounds and start are those that best predict the held-out pixels: each position of a radius in turn, its middle
+//! and light free; or, where a radius has one position only, each fifth of its 2x2 tiles. The latter does not test another
 //! sub-pixel phase.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::ascent::{Ascent, Datum, even, landing, pixels, shaped};
-use super::estimate::Place;
 use super::landing::Landing;
+use super::place::Place;
 use super::register::{Score, explain};
 use petzval_camera::image::CHANNELS;
 
 /// Standard deviations of a blob, cells.
 const BLOBS_CELLS: [f64; 4] = [1.8, 1.25, 0.8, 0.5];
 
-/// The fit is looked at after so many rounds.
+/// Rounds after which the fit is scored.
 const LOOKS: [usize; 11] = [10, 15, 25, 40, 60, 90, 140, 200, 300, 450, 700];
 
-/// A fit that got worse at so many looks in a row is not followed further.
+/// A fit that got worse so many times in a row ends.
 const PATIENCE: usize = 3;
 
 /// Parts into which the tiles of a lone position fall.
 const TILE_FOLDS: usize = 5;
 
 /// What was held out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum HeldOutBy {
     /// Each position in turn.
     Positions,
@@ -103,7 +105,7 @@ pub(super) fn start(seen: &[Place], channel: usize, green: Option<(&[f64], isize
     green.map_or_else(|| even(light), |(cells, outward)| shaped(cells, outward, light))
 }
 
-/// Chooses how each channel is fitted, and says how well what was held out is explained then. The channels of a monochrome
+/// Chooses how each channel is fitted, and returns how well the held-out pixels are explained then. The channels of a monochrome
 /// sensor are one, and fitted once.
 pub(super) fn choose(
     folds: &[Fold],
@@ -140,7 +142,7 @@ pub(super) fn choose(
     (channels.map(|c| c.0), HeldOut { by, score })
 }
 
-/// The way to fit one channel that explains best what is held out, and the cells of each split fitted so.
+/// The way to fit one channel that best explains the held-out pixels, and the cells of each split fitted so.
 fn best(
     folds: &[Fold],
     channel: usize,

@@ -31,7 +31,7 @@ pub struct Spot {
 /// Shares of PSF cells that fall on pixels: a sparse matrix, pixels x cells.
 ///
 /// A turned cell keeps an axis-parallel box of its own size, shared among the pixels under it in proportion to the area:
-/// exactly what the renderer does (`render/kernel.rs`), so what is fitted through a landing renders back. What falls
+/// exactly as the renderer does (`render/kernel.rs`), so cells that are fitted through a landing render back. What falls
 /// outside the window is lost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Landing {

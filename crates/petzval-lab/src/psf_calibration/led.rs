@@ -1,4 +1,4 @@
-//! The white diode behind the pinhole, and what of it each colour of the sensor sees.
+//! The white diode behind the pinhole, and its spectrum as each colour of the sensor sees it.
 
 use petzval_camera::image::CHANNELS;
 use petzval_camera::sensor::{CfaPattern, Colour, SensorModel};

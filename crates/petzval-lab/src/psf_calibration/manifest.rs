@@ -1,4 +1,4 @@
-//! `captures.toml`: which frames show the source where.
+//! `captures.toml`: the positions of the source and the frames of each.
 //!
 //! ```toml
 //! sensor = "imx249-calibrated"      # built in, or a sensor file beside this one: bits, mosaic, black level, gain, noise
@@ -168,10 +168,10 @@ impl Manifest {
             let name = position.name.get_ref();
             let at = |message: &str| FileError::at(text, position.name.span(), "name", message);
             if name.trim().is_empty() {
-                return Err(at("an empty name").hint("any text that tells positions apart"));
+                return Err(at("an empty name").hint("any text that distinguishes positions"));
             }
             if !names.insert(name) {
-                return Err(at("another position has this name").hint("names tell positions apart"));
+                return Err(at("another position has this name").hint("names distinguish positions"));
             }
             optional(&position.field_radius_mm, "field_radius_mm", 0.0, 1e3, "millimetres from the axis")?;
             optional(&position.azimuth_deg, "azimuth_deg", -360.0, 360.0, "degrees from the columns")?;

@@ -16,27 +16,18 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::PsfCalibrationError;
+pub use super::frame::{Frame, LEAST_SIDE};
 use super::merge::Merged;
 use super::spots::{find_source, other_sources};
-use petzval_camera::develop::{demosaic_bilinear, demosaic_bilinear_adjoint};
+use petzval_camera::develop::demosaic_bilinear_adjoint;
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_camera::render::Placement;
-use petzval_camera::sensor::{CfaPattern, Colour, SensorError};
+use petzval_camera::sensor::CfaPattern;
 
 /// Pixels along a side of a measured PSF, as in the paper.
 pub const CROP: usize = 23;
 
 /// Window of the centroid: full weight to here, px.
 const WINDOW_PX: f64 = 0.5 * CROP as f64 - 0.5;
-
-/// Light beyond this distance from the source is background, px.
-pub(super) const BACKGROUND_PX: f64 = 16.0;
-
-/// Least side of a frame: the background's circle fits with a border of two pixels.
-pub const LEAST_SIDE: usize = 2 * BACKGROUND_PX as usize + 4;
-
-/// A source stands out of the noise by so many standard deviations.
-pub(super) const DETECTION_SIGMAS: f64 = 8.0;
 
 /// Draws of noise behind the noise floor.
 const DRAWS: usize = 48;
@@ -47,19 +38,6 @@ pub const COLOURS: [&str; CHANNELS] = ["red", "green", "blue"];
 /// Checks that PSFs are measured through this mosaic.
 pub fn check_mosaic(cfa: CfaPattern) -> Result<(), PsfCalibrationError> {
     if cfa.is_bayer() || cfa == CfaPattern::MONO { Ok(()) } else { Err(PsfCalibrationError::Mosaic(cfa)) }
-}
-
-/// Where a mosaic lies on the sensor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
-    /// Rows.
-    pub height: usize,
-    /// Columns.
-    pub width: usize,
-    /// Sensor position of its first pixel.
-    pub placement: Placement,
-    /// Colours of the sensor.
-    pub cfa: CfaPattern,
 }
 
 /// A PSF as the pixels of a window show it.
@@ -103,67 +81,6 @@ pub struct Measured {
     pub mosaic_e_per_s: Vec<f64>,
     /// Other bright spots of the window, 4 px and more from the source: (row, column) and share of the main peak.
     pub other_sources: Vec<([usize; 2], f64)>,
-}
-
-impl Frame {
-    fn colour(&self, pixel: usize) -> Colour {
-        let (row, col) = (pixel / self.width, pixel % self.width);
-        self.cfa.colour(self.placement.row + row, self.placement.col + col)
-    }
-
-    /// The channel that a pixel's value is of; the channels of a monochrome sensor are one, and green stands for it.
-    fn channel(&self, pixel: usize) -> usize {
-        self.colour(pixel).plane().unwrap_or(1)
-    }
-
-    /// Whether there is one channel only, which then stands in the place of all three.
-    pub fn is_mono(&self) -> bool {
-        self.cfa == CfaPattern::MONO
-    }
-
-    /// What the mosaic keeps of light that all channels bring to every pixel.
-    pub fn mosaic(&self, light: &[Vec<f64>; CHANNELS]) -> Vec<f64> {
-        (0..self.height * self.width).map(|i| light[self.channel(i)][i]).collect()
-    }
-
-    /// Pixels of one channel: those of its colour, or all of a monochrome sensor.
-    pub fn is_colour(&self, pixel: usize, channel: usize) -> bool {
-        self.colour(pixel).plane().is_none_or(|plane| plane == channel)
-    }
-
-    fn demosaic(&self, mosaic: &[f64]) -> Result<LinearImage, SensorError> {
-        let mosaic: Vec<f32> = mosaic.iter().map(|v| *v as f32).collect();
-        demosaic_bilinear(&mosaic, self.height, self.width, self.cfa, self.placement)
-    }
-
-    /// Distance of a pixel from a place (row, column), px.
-    pub(super) fn distance(&self, pixel: usize, centre: [f64; 2]) -> f64 {
-        ((pixel / self.width) as f64 - centre[0]).hypot((pixel % self.width) as f64 - centre[1])
-    }
-
-    /// Mean of each colour far from the source, values beyond 4 standard deviations left out.
-    pub(super) fn background(&self, mosaic: &[f64], variance: &[f64], centre: [f64; 2]) -> [f64; CHANNELS] {
-        let far: Vec<usize> =
-            (0..mosaic.len()).filter(|i| self.distance(*i, centre) > BACKGROUND_PX).collect();
-        std::array::from_fn(|channel| {
-            let here: Vec<usize> = far.iter().copied().filter(|i| self.is_colour(*i, channel)).collect();
-            let mut values: Vec<f64> = here.iter().map(|i| mosaic[*i]).collect();
-            values.sort_by(f64::total_cmp);
-            let median = values.get(values.len() / 2).copied().unwrap_or(0.0);
-            let (mut sum, mut count) = (0.0, 0.0);
-            for i in here {
-                if (mosaic[i] - median).abs() <= 4.0 * variance[i].sqrt() {
-                    (sum, count) = (sum + mosaic[i], count + 1.0);
-                }
-            }
-            if count > 0.0 { sum / count } else { median }
-        })
-    }
-
-    /// A mosaic less the background of each colour.
-    pub(super) fn without(&self, mosaic: &[f64], background: [f64; CHANNELS]) -> Vec<f64> {
-        mosaic.iter().enumerate().map(|(i, v)| v - background[self.channel(i)]).collect()
-    }
 }
 
 /// Weight of the centroid's window at a distance from its middle, px.

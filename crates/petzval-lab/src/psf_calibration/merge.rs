@@ -23,7 +23,7 @@
 //! there. Noise that a row or a column shares enters pixel by pixel; that its neighbours have it too is not followed.
 
 use super::average::{Average, Dark};
-use super::measure::Frame;
+use super::frame::Frame;
 use petzval_base::statistics::median;
 use petzval_camera::sensor::{Electronics, SensorModel};
 
@@ -222,7 +222,7 @@ pub struct Agreement {
 /// A pixel is bright where its rate is so many standard deviations of the difference.
 const BRIGHT_SIGMAS: f64 = 5.0;
 
-/// Fewer bright pixels than this say nothing.
+/// Fewer bright pixels than this give no useful agreement.
 const LEAST_PIXELS: usize = 8;
 
 /// Compares exposure number `index` with the merged rates of all others, where both are bright and none is saturated; `None`
@@ -282,7 +282,7 @@ const HOT_DISTANCE_PX: f64 = 3.0;
 /// of its own share or more from a width of 1.2 px at half of its height on. Those nearest have other colours, but filters
 /// overlap. (In 153 simulated captures of the nominal triplet, no pixel 8 sigma above m has an r2 below m + 0.45 (r - m).)
 /// On the flank of a PSF the neighbours nearer to the source stand out as well, so there a hot pixel is found if it
-/// is four times as bright as they are. What is darker stays, since it cannot be told from light.
+/// is four times as bright as they are. Darker pixels stay, since they cannot be distinguished from light.
 pub fn mask_hot_pixels(merged: &mut Merged, frame: &Frame, source: [f64; 2]) -> Vec<usize> {
     let inside = |at: usize, step: isize, len: usize| at.checked_add_signed(step).filter(|v| *v < len);
     let around = |i: usize| -> Vec<usize> {

@@ -1,4 +1,4 @@
-//! What a real lens makes of a point: PSFs measured from captures of a pinhole.
+//! PSFs of a real lens, measured from captures of a pinhole.
 //!
 //! ```text
 //! frames -> mean of N -> minus dark -> electrons/s, exposures merged -> demosaic -> centroid -> 23x23 PSF, unit sum
@@ -10,18 +10,20 @@
 //! | which frames belong to which place of the source | [`manifest`] |
 //! | mean and variance of repeated frames, dark frames | [`average`] |
 //! | exposures of several times as one rate, with its variance | [`merge`] |
+//! | the window of a source on the sensor | [`frame`] |
 //! | the source, and whether there is another | `spots` |
 //! | centroid, crop, background, and their noise floor | [`measure`] |
 //! | light of a finely sampled PSF on the pixels of a window | [`landing`] |
 //! | where the source is in each frame, and whether it moved | [`track`] |
 //! | measured beside simulated | [`compare`] |
+//! | one place of the source, as the estimate needs it | [`place`] |
 //! | PSFs on fine cells from several azimuths, for the renderer; how well they predict | [`estimate`], [`held_out`], [`register`] |
 //! | a bank of PSFs as files | [`psf_file`] |
 //! | frames of a simulated source, and the spectrum of its diode | [`capture`], [`led`] |
 //! | a folder of captures from its manifest to measured PSFs | [`folder`] |
 //!
-//! Method: Tseng et al. 2021, supplement section 11. What is ours is said where it happens: the weights of the merge, the
-//! predicted noise floor, and the bank.
+//! Method: Tseng et al. 2021, supplement section 11. Our additions are the weights of the merge, the
+//! predicted noise floor, and the bank; each is described where it is made.
 
 mod ascent;
 pub mod average;
@@ -29,20 +31,24 @@ pub mod capture;
 pub mod compare;
 mod error;
 pub mod estimate;
+mod exposure_report;
 pub mod folder;
+pub mod frame;
 pub mod held_out;
 pub mod landing;
 pub mod led;
 pub mod manifest;
 pub mod measure;
 pub mod merge;
+pub mod place;
 pub mod psf_file;
 pub mod register;
 mod spots;
 pub mod track;
-mod trouble;
+mod warnings;
 
 pub use error::PsfCalibrationError;
+pub use exposure_report::ExposureReport;
 pub use folder::{CalibratedPosition, calibrate_position, read_manifest};
 pub use landing::{FinePsf, Landing, Spot};
 pub use manifest::Manifest;

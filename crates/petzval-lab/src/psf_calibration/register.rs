@@ -1,8 +1,8 @@
 //! Where on the pixels of a position the middle of a fitted PSF lies, and how well the PSF explains what is seen there.
 
 use super::ascent::{Datum, landing, pixels};
-use super::estimate::Place;
 use super::landing::Landing;
+use super::place::Place;
 use petzval_camera::image::CHANNELS;
 
 /// Step of the differences behind a registration, px.
@@ -122,8 +122,8 @@ pub(super) fn misplaced(
     step.map(|s| if s.is_finite() { s.clamp(-MOST_PX, MOST_PX) } else { 0.0 })
 }
 
-/// How well cells, in any unit of light, explain a position that took no part in their fit. Free are its middle, (row, column), which
-/// is fitted from `start` on and returned, and the light of each colour.
+/// How well cells, in any unit of light, explain a position that took no part in their fit. Free are its middle, (row,
+/// column), which is fitted from `start` on and returned, and the light of each colour.
 pub fn explain(
     place: &Place,
     start: [f64; 2],

@@ -30,10 +30,13 @@
 //! at which a PSF is over, any maximum is another source.
 
 use super::PsfCalibrationError;
-use super::measure::{BACKGROUND_PX, DETECTION_SIGMAS, Frame};
+use super::frame::{BACKGROUND_PX, Frame};
 use petzval_camera::image::CHANNELS;
 
-/// A second source is told of from this share of the first one's peak.
+/// A source stands out of the noise by so many standard deviations.
+pub(super) const DETECTION_SIGMAS: f64 = 8.0;
+
+/// A second source is reported from this share of the first one's peak on.
 pub(super) const SECOND_SOURCE: f64 = 0.1;
 
 /// Nearer than this two maxima are one PSF, and the peaks of all colours of one source are no further from its peak, px.

@@ -332,7 +332,7 @@ fn clipped_pixels_come_from_shorter_exposures() {
         assert!((10.0 * a - b).abs() < 1e-3 * b.abs() + 30.0, "{a} {b}");
     }
     let blinding = take(&psf, SPOT, CORNER, NoiseMode::Exact, 200.0, 1);
-    assert!(blinding.merged.saturated.iter().any(|s| *s), "told of, not hidden");
+    assert!(blinding.merged.saturated.iter().any(|s| *s), "reported, not hidden");
 }
 
 fn bank_of(psf: &FinePsf) -> (PsfBank, FieldEstimate) {
@@ -442,7 +442,7 @@ fn what_is_no_psf_is_told() {
     let bright = Merged { rate_e_per_s: rates.clone(), variance: vec![100.0; SIDE * SIDE], ..dark.clone() };
     assert!(measure(&bright, &frame, "edge", 1).unwrap_err().to_string().contains("leave its 64x64"));
 
-    // Two sources: the brighter one is measured, the other is told of.
+    // Two sources: the brighter one is measured, the other is reported.
     let both: Vec<f64> = frame
         .mosaic(&psf.land(Spot { row: 40.0, col: 24.0, ..SPOT }, 5.86, (SIDE, SIDE)))
         .iter()

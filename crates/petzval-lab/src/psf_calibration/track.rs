@@ -119,7 +119,7 @@ pub fn mean_centroid(track: &[Followed]) -> Option<([f64; 2], [f64; 2])> {
     Some((mean, error))
 }
 
-/// From so many frames on their own scatter can say more about the error than propagation: with fewer, a steady drift of
+/// From so many frames on their own scatter estimates the error better than propagation does: with fewer, a steady drift of
 /// any speed would hide in it.
 const FRAMES_FOR_SCATTER: usize = 8;
 

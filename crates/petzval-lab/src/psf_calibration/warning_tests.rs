@@ -1,4 +1,4 @@
-//! What is told of captures with something wrong, and that nothing is told of captures without.
+//! Captures with something wrong have warnings, captures without have none.
 
 use std::path::Path;
 

@@ -1,19 +1,19 @@
-//! Which window of which picture falls where on the sensor.
+//! Crops: random windows of training photographs, and fixed places for held-out pictures, with their sensor positions.
 
 use rand::RngExt;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
 use super::{DatasetError, NamedPhoto};
 
-/// How training windows are cut: their size and the sensor they are placed on.
+/// Size of the training windows, and the sensor on which they are placed.
 ///
-/// A photograph is one scene pixel per sensor pixel. The network sees `crop x crop` sensor pixels; the photograph must
-/// reach `margin` pixels further on every side, so that light blurred in from outside the crop is there.
+/// A photograph has one pixel per sensor pixel. The network receives `crop x crop` sensor pixels. The window of the
+/// photograph extends `margin` pixels further on every side, because the lens blurs light from there into the crop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CropPlan {
-    /// Side of the square the network sees, pixels.
+    /// Side of the square that the network receives, pixels.
     pub crop: usize,
-    /// Extra photograph on every side for the PSF's reach, pixels.
+    /// Border of the window on every side, at least the kernel radius of the PSF, pixels.
     pub margin: usize,
     /// Rows of the sensor.
     pub sensor_rows: usize,
@@ -32,7 +32,7 @@ impl CropPlan {
         self.crop.saturating_add(self.margin.saturating_mul(2))
     }
 
-    /// Refuses a crop that the sensor or one of the photographs cannot hold.
+    /// Checks that the sensor and every photograph can hold the crop. Fails on an empty list.
     pub fn check(&self, photos: &[NamedPhoto]) -> Result<(), DatasetError> {
         if self.crop == 0 || self.crop > self.sensor_rows || self.crop > self.sensor_columns {
             return Err(DatasetError::SensorTooSmall {
@@ -66,7 +66,7 @@ pub struct TrainingCrop {
     pub row: usize,
     /// First column of the window (margin included) in the photograph.
     pub column: usize,
-    /// Mirror the window left to right.
+    /// Whether the window is mirrored left to right.
     pub flip: bool,
     /// First sensor row of the crop (margin not included).
     pub sensor_row: usize,
@@ -74,12 +74,12 @@ pub struct TrainingCrop {
     pub sensor_column: usize,
 }
 
-/// Draws item `item` of step `step`: a uniform photograph, window, mirror image and sensor position.
+/// Draws item `item` of step `step`: photograph, window, mirroring and sensor position, each uniformly distributed.
 ///
-/// A pure function of its arguments: the generator is ChaCha8 keyed by `seed`, with the step as its stream and the item
-/// as its place in the stream, so a resumed run draws what an uninterrupted one does. The crop's centre is uniform over
-/// the whole sensor, and a crop that would stick out is moved inside: were its corner uniform over the places where it
-/// fits, the sensor's own corners would hardly ever be seen.
+/// The result depends on the arguments alone, so a resumed run draws the same items as an uninterrupted one. The generator
+/// is ChaCha8 keyed by `seed`; the step selects its stream and the item the place in the stream. The centre of the crop is
+/// uniform over the whole sensor, and a crop that extends beyond the sensor is moved inside. A crop uniform over the
+/// positions where it fits would hardly ever cover the sensor's corners.
 pub fn training_crop(
     plan: &CropPlan,
     photos: &[NamedPhoto],
@@ -89,7 +89,7 @@ pub fn training_crop(
 ) -> Result<TrainingCrop, DatasetError> {
     plan.check(photos)?;
 
-    // Give every item its own 64-word block: it draws at most 11 words but for rejections, which are very rare.
+    // Give every item its own block of 64 words. It draws at most 11, apart from very rare rejections.
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(step);
     generator.set_word_pos(u128::from(item) * 64);
@@ -107,27 +107,27 @@ pub fn training_crop(
     })
 }
 
-/// First pixel of a crop around `centre`, moved inside the sensor.
+/// First pixel of a crop centred at `centre`, moved inside the sensor.
 fn around(centre: usize, crop: usize, sensor: usize) -> usize {
     centre.saturating_sub(crop / 2).min(sensor - crop)
 }
 
-/// A fixed place on the sensor where held-out pictures are judged.
+/// A fixed place on the sensor at which held-out pictures are scored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeldOutPlacement {
     /// First sensor row of the crop.
     pub sensor_row: usize,
     /// First sensor column of the crop.
     pub sensor_column: usize,
-    /// Distance of the crop centre from the sensor centre over the distance of the outermost possible crop centre, 0..1.
+    /// Distance of the crop centre from the sensor centre, relative to the outermost possible crop centre, 0..1.
     pub relative_field: f64,
 }
 
-/// Places on a grid of `per_side` x `per_side` over a quadrant of the sensor, from its centre (first) to its corner
-/// (last): their mean stands for the picture area, as training crops do, which lie anywhere.
+/// Places on a grid of `per_side` x `per_side` over a quadrant of the sensor, sorted from its centre to its corner. Their
+/// mean represents the picture area, over which training crops are spread.
 ///
-/// Successive places go to the four quadrants in turn, so that they also differ in direction. `per_side` 1 gives the
-/// centre; 0 gives none.
+/// Successive grid places are mirrored into the four quadrants in turn, so that they also differ in direction. `per_side` 1
+/// gives the centre, 0 an empty list. Fails if the sensor cannot hold the crop.
 pub fn held_out_placements(plan: &CropPlan, per_side: usize) -> Result<Vec<HeldOutPlacement>, DatasetError> {
     if plan.crop == 0 || plan.crop > plan.sensor_rows || plan.crop > plan.sensor_columns {
         return Err(DatasetError::SensorTooSmall {

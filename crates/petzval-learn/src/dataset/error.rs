@@ -1,13 +1,13 @@
-//! What can be wrong with a data set.
+//! Errors of a data set.
 
 use std::path::PathBuf;
 
 use petzval_files::ImageError;
 
-/// A data set that cannot be used, and what to do about it.
+/// Why a data set cannot be used. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// A file is no picture that this program can decode.
+    /// A file is not a picture that this program can decode.
     #[error("{0}; use an undamaged PNG, JPEG or TIFF, or take it out of the set")]
     Unreadable(#[from] ImageError),
     /// The folder or a file in it cannot be read.
@@ -15,7 +15,7 @@ pub enum DatasetError {
     Io {
         /// The folder or file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// A folder holds no pictures.
@@ -57,9 +57,9 @@ pub enum DatasetError {
     UnknownName {
         /// `training` or `held_out`.
         list: &'static str,
-        /// The name asked for.
+        /// The unknown name.
         name: String,
-        /// The names there are.
+        /// The names of all pictures, separated by commas.
         known: String,
     },
     /// Two pictures have one name.
@@ -68,7 +68,7 @@ pub enum DatasetError {
         /// The name.
         name: String,
     },
-    /// A picture would be trained on and judged by.
+    /// A picture is in both lists.
     #[error(
         "{name:?} is in both training and held_out; keep it in one, or the held-out result means nothing"
     )]
@@ -76,7 +76,7 @@ pub enum DatasetError {
         /// The name.
         name: String,
     },
-    /// Two names hold the same picture, one on each side of the split.
+    /// A training picture and a held-out picture have different names and the same content.
     #[error(
         "{training:?} (training) and {held_out:?} (held_out) are the same picture; remove one, or the held-out result means nothing"
     )]

@@ -1,7 +1,7 @@
-//! Photographs to train on and to judge by.
+//! Photographs for training and for held-out scores.
 //!
-//! A [`NamedPhoto`] is one picture; a [`PhotoSet`] keeps training pictures and held-out pictures apart;
-//! [`training_crop`] says which window of which picture goes where on the sensor at each step.
+//! A [`NamedPhoto`] is one picture. A [`PhotoSet`] keeps training and held-out pictures apart. [`training_crop`] draws a
+//! window of a picture and its sensor position for each item of a training step.
 
 mod crop;
 mod error;

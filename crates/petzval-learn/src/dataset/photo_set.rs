@@ -1,4 +1,4 @@
-//! Pictures split into those to train on and those to judge by.
+//! Pictures, split into training and held-out pictures.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::DatasetError;
 
-/// A picture and the name it goes by in lists, logs and errors.
+/// A picture, and its name in lists, logs and errors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedPhoto {
     /// File name without folder, such as `coffee.png`.
@@ -17,12 +17,12 @@ pub struct NamedPhoto {
     pub image: LinearImage,
 }
 
-/// Which pictures are for training and which are held out, by name.
+/// Names of the training pictures and of the held-out pictures.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PhotoSplit {
-    /// Names of the pictures the network and the lens are trained on.
+    /// Pictures on which the network and the lens are trained.
     pub training: Vec<String>,
-    /// Names of the pictures every published number is computed on.
+    /// Pictures on which every published number is computed.
     pub held_out: Vec<String>,
 }
 
@@ -36,8 +36,8 @@ pub struct PhotoSet {
 impl PhotoSet {
     /// Sorts `photos` into the two lists of `split`; pictures in neither list are dropped.
     ///
-    /// Refuses an empty list, an unknown or repeated name, a name in both lists, and equal pictures under different
-    /// names on the two sides.
+    /// Fails on an empty list, an unknown or repeated name, a name in both lists, and a training picture that equals a held-out
+    /// picture of another name.
     pub fn new(photos: Vec<NamedPhoto>, split: &PhotoSplit) -> Result<Self, DatasetError> {
         let mut names = BTreeSet::new();
         if let Some(twice) = photos.iter().find(|p| !names.insert(p.name.as_str())) {
@@ -49,7 +49,7 @@ impl PhotoSet {
         let training = pick(&photos, "training", &split.training)?;
         let held_out = pick(&photos, "held_out", &split.held_out)?;
 
-        // Compare contents too: a renamed copy would leak just as well.
+        // Compare contents too: a renamed copy in both lists would falsify the scores.
         for judge in &held_out {
             if let Some(same) = training.iter().find(|t| t.image == judge.image) {
                 return Err(DatasetError::SameContent {
@@ -61,12 +61,12 @@ impl PhotoSet {
         Ok(Self { training, held_out })
     }
 
-    /// The pictures to train on, in the order of the split.
+    /// The training pictures, in the order of the split.
     pub fn training(&self) -> &[NamedPhoto] {
         &self.training
     }
 
-    /// The pictures to judge by, in the order of the split.
+    /// The held-out pictures, in the order of the split.
     pub fn held_out(&self) -> &[NamedPhoto] {
         &self.held_out
     }
@@ -95,9 +95,10 @@ fn pick(
         .collect()
 }
 
-/// Reads every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` of a folder, sorted by name, subfolders left out.
+/// Reads every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name.
 ///
-/// Each picture is named by its file name. The first file that cannot be decoded is an error that names it.
+/// The name of a picture is its file name. Fails on a folder without pictures, and names the first file that cannot be
+/// decoded.
 pub fn load_folder(folder: impl AsRef<Path>) -> Result<Vec<NamedPhoto>, DatasetError> {
     let folder = folder.as_ref();
     let cannot_read = |path: &Path| {

@@ -1,6 +1,6 @@
-//! What can be wrong with a loss.
+//! Errors of a loss.
 
-/// A loss that cannot be built or computed, and what to do about it.
+/// Why a loss cannot be built or computed. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum LossError {
     /// The weight file is not a safetensors file.
@@ -13,12 +13,12 @@ pub enum LossError {
     BadWeight {
         /// Name of the tensor.
         name: &'static str,
-        /// What was found.
+        /// Shape or number type in the file.
         found: String,
-        /// What is needed.
+        /// Shape and number types that are needed.
         expected: String,
     },
-    /// The picture is smaller than the network's reach.
+    /// The picture is too small for the layers of the network.
     #[error(
         "picture of {height} x {width} pixels; LPIPS with AlexNet needs at least {least} x {least}: use a larger crop"
     )]
@@ -30,12 +30,12 @@ pub enum LossError {
         /// Least side, pixels.
         least: usize,
     },
-    /// The pictures compared do not have one shape, or not three channels.
+    /// The two pictures differ in shape, or do not have three channels.
     #[error(
         "picture of shape {image:?} against {target:?}; both must be [batch, 3, height, width] of one size"
     )]
     ShapeMismatch {
-        /// Shape of the judged picture.
+        /// Shape of the scored picture.
         image: [usize; 4],
         /// Shape of the reference.
         target: [usize; 4],

@@ -1,36 +1,26 @@
-//! The loss a camera for pictures is trained on.
+//! The training loss of a camera for pictures: L1 plus LPIPS.
 
 use burn::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::{LossError, Lpips, LpipsTarget, l1, same_shape};
 
-/// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
-///
-/// The weights are not negative. A part of weight 0 is neither computed nor reported.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ImageLoss {
-    /// Weight of the mean absolute difference.
-    pub l1_weight: f32,
-    /// Weight of the LPIPS distance.
-    pub lpips_weight: f32,
-}
-
-impl Default for ImageLoss {
-    /// Both parts with weight 1.
-    fn default() -> Self {
-        Self { l1_weight: 1.0, lpips_weight: 1.0 }
+petzval_base::parameters! {
+    /// `total = l1_weight * mean |image - target| + lpips_weight * mean over the batch of LPIPS(image, target)`.
+    pub struct ImageLoss {
+        /// Weight of the mean absolute difference; a part of weight 0 is neither computed nor reported.
+        l1_weight: f32 = 1.0, "", 0..1e6, Log, "a weight of 0 leaves the part out";
+        /// Weight of the LPIPS distance; a part of weight 0 is neither computed nor reported.
+        lpips_weight: f32 = 0.5, "", 0..1e6, Log, "a weight of 0 leaves the part out";
     }
 }
 
-/// A reference picture and, where the loss uses them, its features.
+/// A reference picture and, if the loss uses LPIPS, its features.
 pub struct ImageTarget {
     picture: Tensor<4>,
     features: Option<LpipsTarget>,
 }
 
-/// The loss and what it is made of.
+/// The loss and its parts.
 pub struct ImageLossParts {
     /// The weighted sum, one value, with its graph.
     pub total: Tensor<1>,
@@ -41,7 +31,7 @@ pub struct ImageLossParts {
 }
 
 impl ImageLoss {
-    /// Refuses weights that are negative or not finite.
+    /// Checks that the weights are finite and not negative.
     pub fn check(&self) -> Result<(), LossError> {
         for (name, value) in [("l1_weight", self.l1_weight), ("lpips_weight", self.lpips_weight)] {
             if !value.is_finite() || value < 0.0 {
@@ -79,7 +69,7 @@ impl ImageLoss {
             total = total + part * self.l1_weight;
         }
         if self.lpips_weight > 0.0 {
-            // A target prepared under another loss may lack features; compute them then.
+            // Compute the features if the target was prepared by a loss without LPIPS.
             let distance = match &target.features {
                 Some(features) => lpips.distance_to(image, features)?,
                 None => lpips.distance_to(image, &lpips.target(target.picture.clone())?)?,

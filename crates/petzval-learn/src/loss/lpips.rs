@@ -13,17 +13,18 @@ use safetensors::{Dtype, SafeTensors};
 
 use super::{LossError, same_shape};
 
-/// Least side of a picture, pixels: the last pooling still sees one whole window.
+/// Least side of a picture, pixels: the last pooling needs one whole window.
 pub const LEAST_SIDE: usize = 31;
 
-/// Mean and deviation of the training images of the features, for inputs in -1..1 (R, G, B).
+/// Mean and standard deviation of AlexNet's training images, for inputs in -1..1 (R, G, B).
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 
-/// Added to the length of a feature vector before dividing by it.
+/// Added to the length of a feature vector before the division by it.
 const EPSILON: f32 = 1e-10;
 
 /// One stage of AlexNet: optional pooling, convolution, rectification.
+#[derive(Clone)]
 struct Stage {
     weight: Tensor<4>,
     bias: Tensor<1>,
@@ -34,16 +35,17 @@ struct Stage {
     head: Tensor<4>,
 }
 
-/// LPIPS v0.1 with AlexNet features; the weights are frozen, gradients flow to the pictures only.
+/// LPIPS v0.1 with AlexNet features. The weights are frozen: gradients flow to the pictures only.
 ///
 /// ```text
 /// d(a, b) = sum over layers l of the mean over pixels of sum over channels c of w_lc (A_lc - B_lc)^2
 /// A_l = F_l(a) / (|F_l(a)| + 1e-10), the length taken over channels
 /// ```
 ///
-/// `F_l` are the outputs of the five rectified convolutions. 0 for equal pictures; 0.1 is visible, 0.7 bad.
+/// `F_l` are the outputs of the five rectified convolutions. Equal pictures have distance 0; 0.1 is visible, 0.7 is bad.
 /// Source: R. Zhang, P. Isola, A. Efros, E. Shechtman, O. Wang, "The Unreasonable Effectiveness of Deep Features as a
 /// Perceptual Metric", CVPR 2018.
+#[derive(Clone)]
 pub struct Lpips {
     stages: Vec<Stage>,
     shift: Tensor<4>,
@@ -56,7 +58,7 @@ pub struct LpipsTarget {
     features: Vec<Tensor<4>>,
 }
 
-/// Name of a convolution and its head, `[out, in, kernel]`, stride, padding, pooling before it.
+/// Names of a convolution's weight, bias and head; `[out, in, kernel]`, stride, padding, whether pooling precedes it.
 type StageShape = (&'static str, &'static str, &'static str, [usize; 3], usize, usize, bool);
 
 const STAGES: [StageShape; 5] = [
@@ -71,7 +73,7 @@ impl Lpips {
     /// Builds the loss from the bytes of a safetensors file (f16 or f32) with the names `features.N.weight`,
     /// `features.N.bias` (N = 0, 3, 6, 8, 10) and `lin0.weight` to `lin4.weight`.
     ///
-    /// `device` must be the device of the pictures; an autodiff device when gradients are wanted.
+    /// `device` must be the device of the pictures. Gradients need an autodiff device.
     pub fn from_safetensors(bytes: &[u8], device: &Device) -> Result<Self, LossError> {
         let file = SafeTensors::deserialize(bytes)?;
         let stages = STAGES
@@ -106,7 +108,7 @@ impl Lpips {
         Ok(LpipsTarget { shape: reference.dims(), features: self.unit_features(reference)? })
     }
 
-    /// Like [`distance`](Self::distance), against features kept from [`target`](Self::target).
+    /// As [`distance`](Self::distance), with the features that [`target`](Self::target) computed.
     pub fn distance_to(&self, image: Tensor<4>, target: &LpipsTarget) -> Result<Tensor<1>, LossError> {
         same_shape(image.dims(), target.shape)?;
         let batch = image.dims()[0];
@@ -114,7 +116,7 @@ impl Lpips {
         for ((stage, ours), theirs) in
             self.stages.iter().zip(self.unit_features(image)?).zip(&target.features)
         {
-            // Weigh the squared difference by channel and average it over the picture.
+            // Weight the squared difference by channel and average it over the picture.
             let [_, _, rows, columns] = ours.dims();
             let weighted = (ours - theirs.clone()).square() * stage.head.clone();
             let layer =
@@ -124,7 +126,7 @@ impl Lpips {
                 None => layer,
             });
         }
-        // There are five stages, so the sum exists.
+        // The sum exists, because there are five stages.
         Ok(total.unwrap_or_else(|| Tensor::zeros([batch], &self.shift.device())))
     }
 
@@ -135,7 +137,7 @@ impl Lpips {
             return Err(LossError::TooSmall { height, width, least: LEAST_SIDE });
         }
 
-        // Map 0..1 to -1..1, then to the statistics the network was trained on.
+        // Map 0..1 to -1..1, then normalise with the statistics of the training images.
         let mut x = (picture * 2.0 - 1.0 - self.shift.clone()) * self.inverse_scale.clone();
         let mut features = Vec::with_capacity(self.stages.len());
         for stage in &self.stages {
@@ -153,7 +155,7 @@ impl Lpips {
     }
 }
 
-/// Takes one tensor out of the file, checking its shape.
+/// Reads one tensor of the file and checks its shape and number type.
 fn read<const D: usize>(
     file: &SafeTensors,
     name: &'static str,

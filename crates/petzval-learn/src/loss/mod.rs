@@ -1,6 +1,6 @@
-//! How far a picture is from the photograph it shows.
+//! Losses: the distance between a picture and the photograph that it shows.
 //!
-//! [`l1`] measures pixels, [`Lpips`] measures what a viewer would notice, [`ImageLoss`] mixes the two.
+//! [`l1`] compares pixel values, [`Lpips`] compares features as a viewer perceives them, [`ImageLoss`] adds the two.
 
 mod error;
 pub(crate) mod image_loss;
@@ -12,7 +12,7 @@ pub use image_loss::{ImageLoss, ImageLossParts, ImageTarget};
 pub use l1::l1;
 pub use lpips::{LEAST_SIDE, Lpips, LpipsTarget};
 
-/// Refuses pictures of different shapes, of no pixels, or without three channels.
+/// Checks that two pictures have the same shape, at least one pixel, and three channels.
 fn same_shape(image: [usize; 4], target: [usize; 4]) -> Result<(), LossError> {
     if image != target || image[1] != 3 || image.contains(&0) {
         return Err(LossError::ShapeMismatch { image, target });

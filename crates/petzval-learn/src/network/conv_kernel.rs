@@ -1,8 +1,8 @@
 //! 3x3 convolution on the CPU, forward and backward, on plain arrays.
 //!
-//! The loops keep a small block of the result in vector registers: eight output channels by two rows forward, eight
-//! output channels by three kernel columns for the weight gradient. Each result value is summed in one fixed order,
-//! whatever the thread count.
+//! The loops keep a small block of the result in vector registers: eight output channels by two rows in the forward pass,
+//! eight output channels by three kernel columns for the weight gradient. Each value is summed in a fixed order, so the
+//! result does not depend on the number of threads.
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use super::planes::{PlaneShape, Planes};
 /// Output channels computed together.
 const BLOCK: usize = 8;
 
-/// Pixels whose weight gradient is summed before the sums go back to memory; eight channels of them fit in a 48 KiB
+/// Pixels whose weight gradient is summed in registers before the sums are stored. Eight channels of them fit in a 48 KiB
 /// first-level cache.
 const BAND: usize = 1024;
 
@@ -37,10 +37,10 @@ pub(crate) fn forward(
     correlate(&padded, &packed, bias, slope)
 }
 
-/// Gradients of [`forward`] with respect to `x`, `weight` and `bias`, given the gradient `gradient` of its result `y`.
+/// Gradients of [`forward`] with respect to `x`, `weight` and `bias`, from the cotangent `gradient` of its result `y`.
 ///
-/// The sign of `y` tells which side of the leaky rectifier a value was on (`slope` must be positive).
-/// `x` gets none when `wants_input` is false, the other two none when `wants_weight` is false (empty vectors).
+/// The sign of `y` shows which branch of the leaky rectifier was taken, because `slope` is positive. The gradient of `x` is
+/// empty unless `wants_input`; those of `weight` and `bias` are empty unless `wants_weight`.
 pub(crate) fn backward(
     x: &[f32],
     weight: &[f32],
@@ -51,6 +51,7 @@ pub(crate) fn backward(
     slope: f32,
     [wants_input, wants_weight]: [bool; 2],
 ) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
+    // Pull the cotangent back through the rectifier.
     let blocks = outputs.div_ceil(BLOCK);
     let masked =
         Planes::copy(
@@ -61,7 +62,7 @@ pub(crate) fn backward(
             |g, i| if y[i] >= 0.0 { g } else { slope * g },
         );
 
-    // The input gradient is a convolution with the kernel turned half round and inputs and outputs exchanged.
+    // The gradient of the input is a convolution with the kernel rotated by 180 degrees and inputs and outputs exchanged.
     let for_input = if wants_input {
         let packed = pack(inputs, masked.channels, |input, output, tap| {
             if output < outputs { weight[(output * inputs + input) * 9 + 8 - tap] } else { 0.0 }
@@ -77,7 +78,7 @@ pub(crate) fn backward(
     (for_input, weight_gradient(&padded, &masked, outputs), bias_gradient(&masked, outputs))
 }
 
-/// Orders the weights as the forward loop reads them: `[output block, input, column, row, output in block]`.
+/// Orders the weights for the forward loop: `[output block, input, column, row, output in block]`.
 fn pack(outputs: usize, inputs: usize, weight: impl Fn(usize, usize, usize) -> f32) -> Vec<f32> {
     let mut packed = Vec::with_capacity(outputs.next_multiple_of(BLOCK) * inputs * 9);
     for block in 0..outputs.div_ceil(BLOCK) {
@@ -98,7 +99,7 @@ fn pack(outputs: usize, inputs: usize, weight: impl Fn(usize, usize, usize) -> f
     packed
 }
 
-/// Runs one task per picture and output block.
+/// Convolves padded planes with packed weights: one task per picture and block of output channels.
 fn correlate(x: &Planes, packed: &[f32], bias: &[f32], slope: f32) -> Vec<f32> {
     let shape = x.shape;
     let batch = x.data.len() / (x.channels * shape.stored());
@@ -113,7 +114,7 @@ fn correlate(x: &Planes, packed: &[f32], bias: &[f32], slope: f32) -> Vec<f32> {
     out
 }
 
-/// Up to eight output planes of one picture.
+/// The convolution for up to eight output planes of one picture.
 struct CorrelateBlock<'a> {
     x: &'a [f32],
     shape: PlaneShape,
@@ -132,7 +133,7 @@ impl WithSimd for CorrelateBlock<'_> {
         let (lanes, stride) = (S::F32_LANES, shape.stride());
         for row in (0..shape.height).step_by(2) {
             for column in (0..shape.width).step_by(lanes) {
-                // Sum over input channels and kernel places, two rows of eight channels at once.
+                // Sum over input channels and kernel taps, for two rows of eight output channels at once.
                 let mut sums = [[simd.splat_f32s(0.0); BLOCK]; 2];
                 for (plane, weights) in x.chunks_exact(shape.stored()).zip(weights.chunks_exact(9 * BLOCK)) {
                     let rows: [&[f32]; 4] =
@@ -152,7 +153,7 @@ impl WithSimd for CorrelateBlock<'_> {
                     }
                 }
 
-                // Add the bias, rectify, and keep what lies inside the picture.
+                // Add the bias, rectify, and store the pixels inside the picture.
                 let kept = lanes.min(shape.width - column);
                 for r in 0..2.min(shape.height - row) {
                     for (channel, plane) in out.chunks_exact_mut(shape.pixels()).enumerate() {
@@ -174,7 +175,7 @@ fn weight_gradient(x: &Planes, gradient: &Planes, outputs: usize) -> Vec<f32> {
     let inputs = x.channels;
     let mut out = vec![0.0; outputs * inputs * 9];
     out.par_chunks_mut(BLOCK * inputs * 9).enumerate().for_each(|(block, out)| {
-        // Split the inputs too, so that narrow layers still give every thread work.
+        // Split the inputs too, so that narrow layers occupy every thread.
         let parts: Vec<(usize, Vec<f32>)> = (0..inputs)
             .into_par_iter()
             .step_by(INPUTS_PER_TASK)
@@ -219,11 +220,11 @@ impl WithSimd for WeightBlock<'_> {
             let gradient = &gradient.item(item)[block * BLOCK * stored..][..BLOCK * stored];
             let x = &x.item(item)[first * stored..][..count * stored];
 
-            // Treat the stored rows as one long line: the gradient is 0 between them, so nothing is added there. Go
-            // through the line in bands that stay in the cache while all inputs pass over them.
+            // Treat the stored rows as one long line; the cotangent is 0 between rows, so the gaps add nothing. Process
+            // the line in bands that stay in the cache while all inputs are correlated with them.
             let length = (shape.height * stride).next_multiple_of(lanes);
             for start in (0..length).step_by(BAND) {
-                // Copy the band of all eight channels side by side, so that its loads are aligned.
+                // Interleave the band of all eight channels, so that loads are aligned.
                 let vectors = BAND.min(length - start) / lanes;
                 let lines: [&[S::f32s]; BLOCK] = std::array::from_fn(|channel| {
                     &S::as_simd_f32s(&gradient[channel * stored..][..stored][start + stride + 1..]).0
@@ -231,6 +232,7 @@ impl WithSimd for WeightBlock<'_> {
                 });
                 beside.clear();
                 beside.extend((0..vectors).map(|i| lines.map(|line| line[i])));
+                // Correlate the band with every input plane, one kernel row at a time.
                 for (input, plane) in x.chunks_exact(stored).enumerate() {
                     for tap in 0..3 {
                         let near: [&[S::f32s]; 3] = std::array::from_fn(|shift| {
@@ -252,6 +254,7 @@ impl WithSimd for WeightBlock<'_> {
                 }
             }
         }
+        // Add the lanes of each sum.
         let mut out = Vec::with_capacity(BLOCK * count * 9);
         for channel in 0..BLOCK {
             for place in &sums {

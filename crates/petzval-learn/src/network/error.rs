@@ -1,6 +1,6 @@
-//! What can be wrong with a network.
+//! Errors of a network.
 
-/// A network that cannot be built or restored, and what to do about it.
+/// Why a network cannot be built, stored or restored.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
     /// A size of the network is outside its range.

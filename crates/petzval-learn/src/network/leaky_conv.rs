@@ -12,7 +12,7 @@ use super::conv3x3_leaky;
 /// Slope of the rectifier for negative values.
 pub(crate) const SLOPE: f32 = 0.2;
 
-/// Draws initial weights from its own generator, and numbers them, so that the same seed gives the same network.
+/// Draws initial weights and parameter numbers from a seed, so that the same seed gives the same network.
 pub(crate) struct Initializer {
     generator: ChaCha8Rng,
     seed: u64,
@@ -42,8 +42,8 @@ impl Initializer {
     }
 
     fn parameter<const D: usize>(&mut self, values: Vec<f32>, shape: [usize; D]) -> Param<Tensor<D>> {
-        // Derive the parameter's number from the seed by one round of splitmix64: optimisers keep their state under it,
-        // and a random one would make two equal runs write different checkpoints.
+        // Derive the parameter's number from the seed by one round of splitmix64. Optimisers store their state under this
+        // number; a random number would make two equal runs write different checkpoints.
         self.count += 1;
         let mut id = self.seed.wrapping_add(self.count.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         id = (id ^ (id >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -62,7 +62,7 @@ pub(crate) struct LeakyConv {
 }
 
 impl LeakyConv {
-    /// He-normal weights for the leaky rectifier, deviation `sqrt(2 / ((1 + slope^2) 9 inputs))`; zero bias.
+    /// He-normal weights for the leaky rectifier, standard deviation `sqrt(2 / ((1 + slope^2) 9 inputs))`; zero bias.
     pub fn new(inputs: usize, outputs: usize, initializer: &mut Initializer) -> Self {
         let deviation = (2.0 / ((1.0 + SLOPE * SLOPE) * 9.0 * inputs as f32)).sqrt();
         Self {

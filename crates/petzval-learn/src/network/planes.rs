@@ -1,14 +1,14 @@
-//! Picture planes with a border of zeros, as the convolution kernels read them.
+//! Picture planes with a border of zeros, the layout of the convolution kernels.
 
 use rayon::prelude::*;
 
-/// Columns are stored in whole groups of this many, so that a vector load never leaves its row.
+/// Columns are stored in whole groups of this size, so that a vector load stays within its row.
 const COLUMN_GROUP: usize = 16;
 
 /// Height, width and storage of zero-bordered planes.
 ///
-/// A plane holds rows -1..=height (one more when the height is odd) and columns -1..=width, the columns in between
-/// rounded up to whole groups; everything outside the picture is 0.
+/// A plane holds rows -1..=height (one more if the height is odd) and columns -1..=width, where the width is rounded up to
+/// whole groups. All values outside the picture are 0.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlaneShape {
     pub height: usize,
@@ -21,7 +21,7 @@ impl PlaneShape {
         self.width.next_multiple_of(COLUMN_GROUP) + 2
     }
 
-    /// Values of one stored plane, with some to spare so that vectors may run past the last row.
+    /// Values of one stored plane, with spare values at the end so that vectors may extend past the last row.
     pub fn stored(self) -> usize {
         (self.height.next_multiple_of(2) + 2) * self.stride() + 2 * COLUMN_GROUP
     }
@@ -40,8 +40,8 @@ pub(crate) struct Planes {
 }
 
 impl Planes {
-    /// Copies `values`, shape `[batch, channels, height, width]`, giving each picture `stored_channels` planes
-    /// (`channels` or more; the rest stay 0), each value passed through `map(value, index into values)`.
+    /// Copies `values` of shape `[batch, channels, height, width]` through `map(value, index into values)`. Each picture has
+    /// `stored_channels` planes, at least `channels`; the additional planes are 0.
     pub fn copy(
         values: &[f32],
         channels: usize,

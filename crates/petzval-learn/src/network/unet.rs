@@ -1,4 +1,4 @@
-//! A small U-Net that finishes a developed picture: a software image signal processor.
+//! A small U-Net that finishes a developed picture: a software image signal processor (ISP).
 
 use burn::{
     module::{Module, Param},
@@ -21,14 +21,14 @@ use super::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UNetConfig {
-    /// Channels at full resolution, 1..=256; they double with each level. Multiples of 8 use the processor best.
+    /// Channels at full resolution, 1..=256. They double with each level. Multiples of 8 are the most efficient.
     pub base_channels: usize,
-    /// How often the picture is halved, 1..=6.
+    /// Number of times that the picture is halved, 1..=6.
     pub levels: usize,
-    /// Channels of the input, `out_channels` or more. Further channels may carry what helps the network, such as the
-    /// place in the field.
+    /// Channels of the input, `out_channels`..=256. Additional channels may carry other inputs, such as the position in the
+    /// field.
     pub in_channels: usize,
-    /// Channels of the output.
+    /// Channels of the output, 1..=64.
     pub out_channels: usize,
 }
 
@@ -40,10 +40,10 @@ impl Default for UNetConfig {
 }
 
 impl UNetConfig {
-    /// Builds the network on `device` with weights drawn from `seed` alone.
+    /// Builds the network on `device`, with weights drawn from `seed` alone. Fails on a size that is out of range.
     ///
-    /// The output starts equal to the input: the last layer is 0. The numbers under which an optimiser keeps the
-    /// parameters also come from the seed, so give two networks under one optimiser two seeds.
+    /// The last layer starts at 0, so the output starts equal to the input. The numbers under which an optimiser stores its
+    /// state also derive from the seed: two networks that share an optimiser need two seeds.
     pub fn init(&self, seed: u64, device: &Device) -> Result<UNet, NetworkError> {
         let limits = [
             ("base_channels", self.base_channels, 1..=256, "1 to 256"),
@@ -69,7 +69,7 @@ impl UNetConfig {
                 pair(from, channels(level), channels(level))
             })
             .collect();
-        // Every pair below full resolution ends with the channel count of the level above it.
+        // Every pair below full resolution ends with the number of channels of the level above it.
         let bottom = pair(channels(self.levels - 1), channels(self.levels), channels(self.levels - 1));
         let decoder = (0..self.levels)
             .rev()
@@ -98,13 +98,13 @@ impl ConvPair {
     }
 }
 
-/// `output = input + U(input)`, U a U-Net of 3x3 convolutions and leaky rectifiers of slope 0.2.
+/// `output = input + U(input)`, where U is a U-Net of 3x3 convolutions and leaky rectifiers of slope 0.2.
 ///
-/// Down: 2x2 max-pooling. Up: the convolution that halves the channels works before the picture is doubled by repeating
-/// pixels, a quarter of the work of convolving afterwards and with no transposed convolution, which is slow on the CPU.
-/// Measured forward and backward on two cores, batch 4, to 16 channels at 128 x 128: convolve and repeat 3.3 ms,
-/// transposed convolution 6.4 ms, repeat and convolve 11 ms; max-pooling 1.9 ms, strided convolution 6.4 ms.
-/// Skips join by concatenation. Last: one weight per pair of channels, starting at 0.
+/// The way down uses 2x2 max-pooling. On the way up, a convolution first halves the channels, then repeated pixels double
+/// the picture: this is a quarter of the work of the opposite order, and avoids transposed convolution, which is slow on
+/// the CPU. Measured forward and backward on two cores, batch 4, to 16 channels at 128 x 128: convolve and repeat 3.3 ms,
+/// transposed convolution 6.4 ms, repeat and convolve 11 ms; max-pooling 1.9 ms, strided convolution 6.4 ms. Skip
+/// connections are concatenated. The last layer has one weight per pair of channels, which starts at 0.
 ///
 /// Source: O. Ronneberger, P. Fischer, T. Brox, "U-Net", MICCAI 2015; the residual form is common in restoration.
 #[derive(Module, Debug)]
@@ -119,11 +119,11 @@ pub struct UNet {
 impl UNet {
     /// Finishes pictures `[batch, in_channels, height, width]`, sRGB-encoded, about 0..1; any height and width.
     ///
-    /// Returns `[batch, out_channels, height, width]`, not clamped. Sizes that `2^levels` does not divide are extended
-    /// at the right and bottom by repeating the border and cut back at the end.
+    /// Returns `[batch, out_channels, height, width]`, not clamped. A size that is not a multiple of `2^levels` is extended at
+    /// the right and bottom by repeating the border, and cropped at the end.
     ///
     /// # Panics
-    /// Panics when the picture does not have `in_channels` channels.
+    /// Panics if the picture does not have `in_channels` channels.
     pub fn forward(&self, picture: Tensor<4>) -> Tensor<4> {
         let [batch, _, height, width] = picture.dims();
         let unit = 1_usize << self.encoder.len();
@@ -134,7 +134,7 @@ impl UNet {
             picture.clone()
         };
 
-        // Go down, keeping each resolution for the way back.
+        // Halve the picture level by level, and keep each resolution for the skip connections.
         let mut skips = Vec::with_capacity(self.encoder.len());
         let mut x = whole;
         for pair in &self.encoder {
@@ -144,14 +144,14 @@ impl UNet {
         }
         x = self.bottom.forward(x);
 
-        // Come back up.
+        // Double the picture level by level, and join it with the kept resolution.
         for (pair, kept) in self.decoder.iter().zip(skips.into_iter().rev()) {
             let [_, _, rows, columns] = kept.dims();
             let options = InterpolateOptions::new(InterpolateMode::Nearest).with_output_size([rows, columns]);
             x = pair.forward(Tensor::cat(vec![interpolate(x, options), kept], 1));
         }
 
-        // Mix the channels of each pixel into the correction: a matrix product, far cheaper here than a 1x1 convolution.
+        // Mix the channels of each pixel into the correction. A matrix product is far cheaper here than a 1x1 convolution.
         let [_, base, rows, columns] = x.dims();
         let [out_channels] = self.last_bias.dims();
         let mixed = self.last_weight.val().unsqueeze::<3>().matmul(x.reshape([batch, base, rows * columns]));
@@ -161,13 +161,13 @@ impl UNet {
         picture.slice([0..batch, 0..out_channels]) + inside
     }
 
-    /// All weights as bytes (Burn's own format), to the bit.
+    /// All weights as bytes in Burn's format, exact to the bit.
     pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
         let bytes = self.clone().into_record().into_bytes();
         Ok(bytes.map_err(|error| NetworkError::NotStored(error.to_string()))?.to_vec())
     }
 
-    /// Takes over weights written by [`to_bytes`](Self::to_bytes) of a network of the same configuration.
+    /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
     pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
         let refuse = |error: burn::store::RecordError| NetworkError::BadWeights(error.to_string());
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes)).map_err(refuse)?;

@@ -14,6 +14,7 @@ mod traced;
 use polynomial::{Blocks, PolynomialChannel};
 use traced::TracedChannel;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::gradient::LensGradient;
@@ -24,7 +25,7 @@ use crate::trace::Sequence;
 use crate::wave::{ImageGrid, Shown, WaveChannel};
 
 /// What light is taken for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PsfKind {
     /// Rays: right where aberrations spread light over many times the Airy disk.

@@ -4,40 +4,35 @@ use maud::{Markup, html};
 
 use super::Change;
 use crate::number;
+use crate::table::{Column, Row, Table};
 
 /// A value nearer to a bound than this share of the range is said to lie on it.
 const ON_BOUND: f64 = 0.01;
 
 /// The table of changes; nothing if there are none.
 pub(super) fn change_table(changes: &[Change], baseline: &str) -> Markup {
-    html! {
-        @if !changes.is_empty() {
-            div.scroll {
-                table.changes {
-                    thead { tr {
-                        th scope="col" { "parameter" }
-                        th scope="col" { (baseline) }
-                        th scope="col" { "now" }
-                        th scope="col" { "change" }
-                        th scope="col" { "unit" }
-                        th.range scope="col" { "between its bounds" }
-                    } }
-                    tbody {
-                        @for change in changes {
-                            tr {
-                                th scope="row" { (change.parameter) }
-                                td { (number::significant(change.from)) }
-                                td { (number::significant(change.to)) }
-                                td { (percent(change)) }
-                                td.unit-cell { (change.unit) }
-                                td.range { (range(change)) }
-                            }
-                        }
-                    }
-                }
-            }
-        }
+    if changes.is_empty() {
+        return html! {};
     }
+    let columns = [
+        Column::new("parameter"),
+        Column::new(baseline),
+        Column::new("now"),
+        Column::new("change"),
+        Column::new("unit").units(),
+        Column::new("between its bounds").text(),
+    ];
+    let rows = changes.iter().map(|change| {
+        let cells = [
+            html! { (number::significant(change.from)) },
+            html! { (number::significant(change.to)) },
+            html! { (percent(change)) },
+            html! { (change.unit) },
+            range(change),
+        ];
+        Row::new(&change.parameter, cells)
+    });
+    Table::new(columns).class("changes").rows(rows).html()
 }
 
 /// The change in per cent of the old value; a dash where that has no meaning.

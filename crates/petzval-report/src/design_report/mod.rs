@@ -1,8 +1,7 @@
 //! The report: a run as one HTML file, with its lenses, PSFs, pictures, scores and curves.
 //!
-//! Plain data goes in and text comes out: nothing here reads a file, a clock or the network. The page
-//! holds everything it shows, so that it can be mailed, archived and printed. What the data do not
-//! contain but the lenses determine (layouts, spot radii, illumination) is traced here, exactly.
+//! Plain data go in and text comes out: nothing here traces a lens or reads a file, a clock or the network. The page holds
+//! everything it shows, so that it can be mailed, archived and printed.
 
 mod change;
 mod page;
@@ -13,7 +12,7 @@ mod reading;
 mod score_table;
 
 use crate::palette;
-use petzval_optics::lens::Lens;
+use petzval_optics::analysis::{FirstOrderTable, Layout};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 
 /// Everything a report shows.
@@ -29,8 +28,10 @@ pub struct Report {
     pub table: Vec<TableRow>,
     /// The cameras that are compared, the baseline first.
     pub cameras: Vec<CameraView>,
-    /// Fields of the design, rad, ascending; the last is the full field.
-    pub fields_rad: Vec<f64>,
+    /// Fields of the rays in the layouts, degrees.
+    pub layout_fields_deg: Vec<f64>,
+    /// Wavelength of those rays and of the first-order properties, um.
+    pub reference_um: f64,
     /// Wavelengths of the colour channels, um, in the order of [`PsfView::values`].
     pub wavelengths_um: Vec<f64>,
     /// Half the diagonal of the sensor, mm.
@@ -73,13 +74,51 @@ pub struct TableRow {
 pub struct CameraView {
     /// Name, as in [`TableRow::camera`].
     pub name: String,
-    /// The lens.
-    pub lens: Lens,
+    /// First-order properties of the lens.
+    pub first_order: FirstOrderTable,
+    /// The surfaces of the lens, in the order that light meets them.
+    pub surfaces: Vec<SurfaceView>,
+    /// The lens in cross-section, with rays of [`Report::layout_fields_deg`].
+    pub layout: Layout,
+    /// Spots and light from the axis to the full field.
+    pub over_field: Vec<FieldPoint>,
     /// PSFs at some fields; the table shows those nearest to 0, 25, 50, 75 and 100 % of the
     /// half-diagonal.
     pub psfs: Vec<PsfView>,
     /// Its numbers that differ from the baseline's.
     pub changes: Vec<Change>,
+}
+
+/// A surface as a line of a prescription.
+#[derive(Clone, Debug)]
+pub struct SurfaceView {
+    /// Radius of curvature, mm; infinite for a plane.
+    pub radius_mm: f64,
+    /// Distance to the next surface, mm.
+    pub thickness_mm: f64,
+    /// Name of the glass behind it, empty for air.
+    pub glass: String,
+    /// Clear semi-diameter, mm; that of the stop follows from the entrance pupil.
+    pub semi_diameter_mm: f64,
+    /// Conic constant.
+    pub conic: f64,
+    /// Aspheric coefficients that are not zero: order n and value, mm^(1-n).
+    pub asphere: Vec<(usize, f64)>,
+    /// What else the surface is, each in the words of a lens file.
+    pub more: Vec<String>,
+    /// Whether it is the stop.
+    pub is_stop: bool,
+}
+
+/// A lens at one field, over all colour channels.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldPoint {
+    /// Field angle, degrees.
+    pub field_deg: f64,
+    /// RMS spot radius about the common centroid of the channels, um.
+    pub rms_um: f64,
+    /// Relative illumination, mean of the channels.
+    pub illumination: f64,
 }
 
 /// The PSFs of one field in all colour channels.
@@ -98,11 +137,13 @@ pub struct PsfView {
     pub values: [Vec<f64>; 3],
     /// Relative illumination, mean of the channels, 1 on the axis of an unvignetted lens.
     pub illumination: f64,
+    /// RMS radius about the common centroid of the channels, um; NaN if it is not known.
+    pub rms_um: f64,
 }
 
 impl PsfView {
-    /// The view of a traced PSF; `None` unless it has three channels.
-    pub fn new(psf: &FieldPsf, options: &PsfOptions) -> Option<Self> {
+    /// The view of a traced PSF with its RMS radius; `None` unless it has three channels.
+    pub fn new(psf: &FieldPsf, options: &PsfOptions, rms_um: f64) -> Option<Self> {
         let values = <[Vec<f64>; 3]>::try_from(psf.values.clone()).ok()?;
         Some(Self {
             field_deg: psf.field_rad.to_degrees(),
@@ -111,6 +152,7 @@ impl PsfView {
             pitch_um: options.pitch_um,
             values,
             illumination: psf.illumination.iter().sum::<f64>() / psf.illumination.len() as f64,
+            rms_um,
         })
     }
 }

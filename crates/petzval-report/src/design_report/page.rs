@@ -1,7 +1,6 @@
-//! The page: all sections in the order in which a reader asks for them.
+//! The page: the result first, then what explains it, and last how it was made.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
-use petzval_optics::lens::Lens;
+use maud::{Markup, html};
 
 use super::change::change_table;
 use super::picture::pictures;
@@ -9,67 +8,48 @@ use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
-use super::{CameraView, LossCurve, Report};
-use crate::chart::{Chart, Series, chart_svg};
-use crate::field_curve::{FieldPoint, to_full_field};
-use crate::layout::{Extent, LayoutOptions, layout_extent, layout_svg};
+use super::{CameraView, FieldPoint, LossCurve, Report};
+use crate::layout::{CrossSection, Extent};
+use crate::number;
+use crate::page::{Page, caption, facts, figure, section};
 use crate::palette;
-
-const STYLE: &str = include_str!("page.css");
-const SCRIPT: &str = include_str!("page.js");
+use crate::plot::{Chart, Series, chart_svg};
 
 /// Width of a layout drawing, px.
 const LAYOUT_PX: f64 = 1020.0;
 
-/// Rays of a fan in a layout.
-const FAN_RAYS: usize = 9;
-
 /// The whole page.
 pub(super) fn page(report: &Report) -> String {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { (report.title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                (head(report))
-                main {
-                    (result(report))
-                    (section("Pictures", !report.pictures.is_empty(), || pictures(report)))
-                    (section("Lenses", !report.cameras.is_empty(), || lenses(report)))
-                    (section("Point-spread functions", has_psfs(report), || psf_table(report)))
-                    (section("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
-                    (section("Over the run", !report.losses.is_empty(), || over_the_run(report)))
-                    (how_it_was_made(report))
-                }
-                (viewer())
-                script { (PreEscaped(SCRIPT)) }
-            }
-        }
+    let main = html! {
+        (result(report))
+        (section_of("Pictures", !report.pictures.is_empty(), || pictures(report)))
+        (section_of("Lenses", !report.cameras.is_empty(), || lenses(report)))
+        (section_of("Point-spread functions", has_psfs(report), || psf_table(report)))
+        (section_of("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
+        (section_of("Over the run", !report.losses.is_empty(), || over_the_run(report)))
+        (how_it_was_made(report))
+    };
+    let command = html! {
+        @if !report.command_line.is_empty() { pre.command { code { "$ " (report.command_line) } } }
+    };
+    Page {
+        title: report.title.clone(),
+        style: include_str!("page.css"),
+        headline: report.title.clone(),
+        subtitle: html! { (report.subtitle) },
+        lead: command,
+        main,
+        script: Some((viewer(), include_str!("page.js"))),
     }
-    .into_string()
+    .html()
 }
 
 /// A section under a headline, if there is something to show.
-fn section(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> Markup {
-    html! {
-        @if is_there { section { h2 { (headline) } (body()) } }
-    }
-}
-
-fn head(report: &Report) -> Markup {
-    html! {
-        header {
-            p.mark { "Petzval" }
-            h1 { (report.title) }
-            @if !report.subtitle.is_empty() { p.subtitle { (report.subtitle) } }
-            @if !report.command_line.is_empty() { pre.command { code { "$ " (report.command_line) } } }
-        }
+fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> Markup {
+    if is_there {
+        section(headline, body())
+    } else {
+        html! {}
     }
 }
 
@@ -78,8 +58,7 @@ fn result(report: &Report) -> Markup {
     let sentences = reading(&report.table);
     html! {
         @if !report.table.is_empty() || !report.notes.is_empty() {
-            section {
-                h2 { "Result" }
+            (section("Result", html! {
                 @if let Some((first, rest)) = sentences.split_first() {
                     p.lead { (first) }
                     @for sentence in rest { p.reading { (sentence) } }
@@ -88,60 +67,47 @@ fn result(report: &Report) -> Markup {
                 @if !report.notes.is_empty() {
                     ul.notes { @for note in &report.notes { li { (note) } } }
                 }
-            }
+            }))
         }
     }
 }
 
 /// Layouts on one scale, with what changed.
 fn lenses(report: &Report) -> Markup {
-    let full = report.fields_rad.last().copied().unwrap_or(0.0);
-    let mut options = LayoutOptions {
-        px_per_mm: 1.0,
-        fields_rad: vec![0.0, 0.5 * full, full],
-        rays: FAN_RAYS,
-        half_diagonal_mm: report.half_diagonal_mm,
-        ghost: None,
-        extent: Extent::default(),
-    };
-    options.extent = report
-        .cameras
-        .iter()
-        .map(|c| layout_extent(&c.lens, &options))
-        .fold(Extent::default(), Extent::union);
-    options.px_per_mm = LAYOUT_PX / (options.extent.z_max_mm - options.extent.z_min_mm).max(1e-6);
     let baseline = report.cameras.first();
+    let section = |i: usize| CrossSection {
+        name: &report.cameras[i].name,
+        layout: &report.cameras[i].layout,
+        fields_deg: &report.layout_fields_deg,
+        half_diagonal_mm: report.half_diagonal_mm,
+        ghost: baseline.map(|b| &b.layout).filter(|ghost| i > 0 && **ghost != report.cameras[i].layout),
+    };
+    let sections: Vec<CrossSection> = (0..report.cameras.len()).map(section).collect();
+    let extent = sections.iter().map(CrossSection::extent).fold(Extent::default(), Extent::union);
+    let px_per_mm = LAYOUT_PX / (extent.z_max_mm - extent.z_min_mm).max(1e-6);
+    let rays = baseline.and_then(|b| b.layout.rays.first()).map_or(0, Vec::len);
     html! {
         @for (i, camera) in report.cameras.iter().enumerate() {
-            @let ghost = baseline.filter(|b| i > 0 && b.lens != camera.lens).map(|b| b.lens.clone());
-            (lens_card(camera, i, baseline, &LayoutOptions { ghost, ..options.clone() }))
+            (lens(camera, i, baseline, &sections[i].svg(px_per_mm, extent)))
         }
-        p.caption {
-            "All layouts are on one scale. Fans of " (FAN_RAYS) " rays are aimed at the stop by real tracing "
-            "at " (lens_reference(baseline.map(|b| &b.lens))) " µm; a ray that is clipped ends in a dot. "
+        (caption(html! {
+            "All layouts are on one scale. Fans of " (rays) " rays are aimed at the stop by real tracing "
+            "at " (number::fixed(report.reference_um, 4)) " µm; a ray that is clipped ends in a dot. "
             "Glass is blue for crowns and plastics of low dispersion, sand for flints."
             @if let (Some(b), true) = (baseline, report.cameras.len() > 1) {
                 " Dashed: the elements of " (b.name) "."
             }
-        }
+        }))
     }
 }
 
-fn lens_reference(lens: Option<&Lens>) -> String {
-    crate::number::fixed(lens.map_or(f64::NAN, |l| l.reference_um), 4)
-}
-
-fn lens_card(
-    camera: &CameraView,
-    i: usize,
-    baseline: Option<&CameraView>,
-    options: &LayoutOptions,
-) -> Markup {
+/// One lens: its layout, what changed, and its prescription.
+fn lens(camera: &CameraView, i: usize, baseline: Option<&CameraView>, layout_svg: &str) -> Markup {
     html! {
         article.lens {
             h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
-            p.muted { (first_order_line(&camera.lens)) }
-            div.card { (PreEscaped(layout_svg(&camera.lens, options))) }
+            p.muted { (first_order_line(&camera.first_order)) }
+            (figure(layout_svg))
             @if let (Some(b), false) = (baseline, camera.changes.is_empty()) {
                 details open {
                     summary { "What changed (" (camera.changes.len()) ")" }
@@ -150,7 +116,7 @@ fn lens_card(
             }
             details {
                 summary { "Prescription" }
-                (prescription(&camera.lens))
+                (prescription(&camera.surfaces))
             }
         }
     }
@@ -158,37 +124,28 @@ fn lens_card(
 
 /// Spot radius and illumination of every camera from the axis to the full field.
 fn over_the_field(report: &Report) -> Markup {
-    let full = report.fields_rad.last().copied().unwrap_or(0.0);
-    let curves: Vec<Vec<FieldPoint>> =
-        report.cameras.iter().map(|c| to_full_field(&c.lens, full, &report.wavelengths_um)).collect();
     let chart = |what: &str, y_axis: &str, value: fn(&FieldPoint) -> f64| {
-        let series = report.cameras.iter().zip(&curves).enumerate().map(|(i, (camera, curve))| Series {
+        let series = report.cameras.iter().enumerate().map(|(i, camera)| Series {
             name: camera.name.clone(),
             colour: palette::camera(i).into(),
-            points: curve.iter().map(|p| (p.field_deg, value(p))).collect(),
+            points: camera.over_field.iter().map(|p| (p.field_deg, value(p))).collect(),
         });
-        figure(&Chart {
+        figure(&chart_svg(&Chart {
             alt: format!("{what} over the field angle, one curve per camera"),
             x_axis: "field angle, degrees".into(),
             y_axis: y_axis.into(),
             series: series.collect(),
             smooth: false,
             from_zero: true,
-        })
+        }))
     };
     html! {
         div.charts {
             (chart("RMS spot radius", "RMS spot radius, µm", |p| p.rms_um))
             (chart("Relative illumination", "relative illumination, %", |p| 100.0 * p.illumination))
         }
-        p.caption {
-            "Traced from the lenses above: means over the three wavelengths, spots about their common centroid."
-        }
+        (caption("Traced from the lenses above: means over the three wavelengths, spots about their common centroid."))
     }
-}
-
-fn figure(chart: &Chart) -> Markup {
-    html! { div.card { (PreEscaped(chart_svg(chart))) } }
 }
 
 /// One chart for each block and loss, one curve for each camera.
@@ -203,12 +160,11 @@ fn over_the_run(report: &Report) -> Markup {
     }
     html! {
         div.charts {
-            @for group in &groups { (figure(&loss_chart(group, report))) }
+            @for group in &groups { (figure(&chart_svg(&loss_chart(group, report)))) }
         }
-        p.caption {
-            "Faint: every step. Thick: smoothed by local straight lines. Axes are logarithmic where values "
-            "span more than a decade."
-        }
+        (caption(
+            "Faint: every step. Thick: smoothed by local straight lines. Axes are logarithmic where values span more than a decade.",
+        ))
     }
 }
 
@@ -236,12 +192,10 @@ fn has_psfs(report: &Report) -> bool {
 /// The machine, and the configuration that runs it again.
 fn how_it_was_made(report: &Report) -> Markup {
     let is_there = !report.environment.is_empty() || !report.config_toml.is_empty();
-    section("How it was made", is_there, || {
+    section_of("How it was made", is_there, || {
         html! {
             @if !report.environment.is_empty() {
-                dl.environment {
-                    @for (name, value) in &report.environment { div { dt { (name) } dd { (value) } } }
-                }
+                (facts(report.environment.iter().map(|(name, value)| (name.as_str(), Some(value.clone())))))
             }
             @if !report.config_toml.is_empty() {
                 details {
@@ -310,7 +264,8 @@ mod tests {
         report.environment.push((bad.into(), bad.into()));
         report.table[1].camera = bad.into();
         report.cameras[1].name = bad.into();
-        report.cameras[1].lens.name = bad.into();
+        report.cameras[1].surfaces[0].glass = bad.into();
+        report.cameras[1].layout.elements[0].glass = bad.into();
         report.losses[0].label = bad.into();
         assert!(!page(&report).contains("alert(1)</script>"));
     }

@@ -2,13 +2,13 @@
 
 use std::io::Cursor;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use image::ImageFormat;
 use maud::{Markup, html};
 
 use super::{CameraPicture, PictureView, Report};
 use crate::number;
+use crate::page::caption;
+use crate::png;
 
 /// The enlarged part is this share of a side.
 const ZOOM: f64 = 0.25;
@@ -27,11 +27,10 @@ pub(super) fn pictures(report: &Report) -> Markup {
                 @for (i, picture) in rest.iter().enumerate() { (comparison(report, picture, UNFOLDED + i)) }
             }
         }
-        p.caption {
-            "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw "
-            "frame developed but not yet processed by the network. Select a picture to see it large; the "
-            "arrow keys then switch cameras in place."
-        }
+        (caption(
+            "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw frame developed but not yet \
+             processed by the network. Select a picture to see it large; the arrow keys then switch cameras in place.",
+        ))
     }
 }
 
@@ -39,8 +38,8 @@ pub(super) fn pictures(report: &Report) -> Markup {
 fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
     let columns = picture.cameras.len() + 1;
     html! {
-        figure.comparison {
-            figcaption { b { (picture.title) } span.muted { " " (picture.place) } }
+        article.comparison {
+            p { b { (picture.title) } span.muted { " " (picture.place) } }
             div.comparison-grid style=(format!("--columns:{columns}")) {
                 div.shot {
                     div.shot-name style="--camera:currentColor" { "truth" span.muted { " the scene" } }
@@ -88,7 +87,7 @@ fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
     let edge = 100.0 * 0.5 * (1.0 - ZOOM);
     html! {
         button.frame type="button" data-group=(group) data-name=(name) {
-            img src=(data_url(png)) alt=(alt);
+            img src=(png::address(png)) alt=(alt);
             i style=(format!("inset:{edge}%")) {}
         }
     }
@@ -97,7 +96,7 @@ fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
 /// The middle of a picture; nothing if it cannot be decoded.
 fn zoomed(png: &[u8], alt: &str) -> Markup {
     html! {
-        @if let Some(middle) = middle(png) { img.pixels.zoom src=(data_url(&middle)) alt=(alt); }
+        @if let Some(middle) = middle(png) { img.pixels.zoom src=(png::address(&middle)) alt=(alt); }
     }
 }
 
@@ -109,10 +108,6 @@ fn middle(png: &[u8]) -> Option<Vec<u8>> {
     let mut out = Cursor::new(Vec::new());
     picture.crop_imm(x, y, w, h).write_to(&mut out, ImageFormat::Png).ok()?;
     Some(out.into_inner())
-}
-
-fn data_url(png: &[u8]) -> String {
-    format!("data:image/png;base64,{}", STANDARD.encode(png))
 }
 
 #[cfg(test)]

@@ -1,74 +1,75 @@
 //! The prescription: the surfaces of a lens as a designer lists them.
 
-use maud::{Markup, html};
-use petzval_files::lens_toml::special_lines;
-use petzval_optics::lens::{Lens, Surface};
-use petzval_optics::paraxial::first_order;
+use maud::Markup;
+use petzval_optics::analysis::FirstOrderTable;
 
+use super::SurfaceView;
 use crate::number::{fixed, significant};
+use crate::table::{Column, Row, Table};
 
-/// First-order data in one line.
-pub(super) fn first_order_line(lens: &Lens) -> String {
-    let order = first_order(&lens.at_wavelength(lens.reference_um));
+/// First-order properties in one line.
+pub(super) fn first_order_line(order: &FirstOrderTable) -> String {
+    let known = |value: Option<f64>| fixed(value.unwrap_or(f64::NAN), 2);
     format!(
         "EFL {} mm, f/{}, entrance pupil {} mm, back focal length {} mm, total track {} mm",
-        fixed(order.efl_mm, 2),
-        fixed(order.f_number, 2),
-        fixed(lens.entrance_pupil_mm, 2),
-        fixed(order.bfl_mm, 2),
-        fixed(lens.total_track_mm(), 2),
+        known(order.efl_mm),
+        known(order.f_number),
+        fixed(order.entrance_pupil_mm, 2),
+        known(order.bfl_mm),
+        fixed(order.total_track_mm, 2),
     )
 }
 
-/// One row a surface. Semi-diameters are clear ones; that of the stop follows from the entrance pupil.
-pub(super) fn prescription(lens: &Lens) -> Markup {
-    let stop_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
-    html! {
-        div.scroll {
-            table.prescription {
-                thead { tr {
-                    @for (name, unit) in [("surface", ""), ("radius", "mm"), ("thickness", "mm"), ("glass", ""),
-                        ("semi-diameter", "mm"), ("conic", ""), ("asphere", "mm¹⁻ⁿ")] {
-                        th scope="col" { (name) span.unit { (if unit.is_empty() { "\u{a0}" } else { unit }) } }
-                    }
-                } }
-                tbody {
-                    @for (i, s) in lens.surfaces.iter().enumerate() {
-                        @let is_stop = i == lens.stop;
-                        tr {
-                            th scope="row" { (i + 1) @if is_stop { " stop" } }
-                            td { (significant(1.0 / s.shape.curvature)) }
-                            td { (fixed(s.thickness_mm, 4)) }
-                            td.text-cell { @if !s.glass.is_air() { (s.glass.name) } }
-                            td { (fixed(if is_stop { stop_mm } else { s.semi_diameter_mm }, 3)) }
-                            td { @if s.shape.conic != 0.0 { (fixed(s.shape.conic, 4)) } }
-                            td.text-cell { (asphere(s)) }
-                        }
-                    }
-                }
-            }
-        }
-    }
+/// One row a surface.
+pub(super) fn prescription(surfaces: &[SurfaceView]) -> Markup {
+    let columns = [
+        Column::new("surface"),
+        Column::new("radius").unit("mm"),
+        Column::new("thickness").unit("mm"),
+        Column::new("glass").text(),
+        Column::new("semi-diameter").unit("mm"),
+        Column::new("conic"),
+        Column::new("asphere").unit("mm¹⁻ⁿ").text(),
+    ];
+    let rows = surfaces.iter().enumerate().map(|(i, s)| {
+        let cells = [
+            significant(s.radius_mm),
+            fixed(s.thickness_mm, 4),
+            s.glass.clone(),
+            fixed(s.semi_diameter_mm, 3),
+            if s.conic == 0.0 { String::new() } else { fixed(s.conic, 4) },
+            asphere(s),
+        ];
+        Row::new(format!("{}{}", i + 1, if s.is_stop { " stop" } else { "" }), cells)
+    });
+    Table::new(columns).class("prescription").rows(rows).html()
 }
 
-/// The coefficients that are not zero, `a4 = -4.0600·10⁻⁵, a6 = ...`, and what else the surface is, as its file says it.
-fn asphere(surface: &Surface) -> String {
-    let terms = surface.shape.asphere.iter().enumerate().filter(|(_, a)| **a != 0.0);
-    let terms = terms.map(|(i, a)| format!("a{} = {}", 2 * i + 2, significant(*a)));
-    terms.chain(special_lines(surface).lines().map(str::to_owned)).collect::<Vec<_>>().join(", ")
+/// The coefficients, `a4 = -4.0600·10⁻⁵, a6 = ...`, and what else the surface is.
+fn asphere(surface: &SurfaceView) -> String {
+    let terms = surface.asphere.iter().map(|(order, value)| format!("a{order} = {}", significant(*value)));
+    terms.chain(surface.more.iter().cloned()).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
 mod tests {
+    use petzval_optics::analysis::first_order_table;
+
     use super::*;
-    use crate::sample::triplet;
+    use crate::sample::{surfaces, triplet};
 
     #[test]
     fn every_surface_is_listed() {
-        let table = prescription(&triplet()).into_string();
-        assert_eq!(table.matches("<tr>").count(), 8);
-        assert!(table.contains("5 stop") && table.contains("N-SF11") && table.contains("∞"));
-        assert!(table.contains("a4 = \u{2212}4.0600·10⁻⁵"));
-        assert!(first_order_line(&triplet()).starts_with("EFL 2"));
+        let table = prescription(&surfaces()).into_string();
+        assert_eq!(table.matches("<tr>").count(), 3);
+        assert!(table.contains("2 stop") && table.contains("N-SF11") && table.contains("∞"));
+        assert!(table.contains("a4 = \u{2212}4.0600·10⁻⁵, a6 = ") && table.contains(", mirror = true"));
+        assert!(table.contains("\u{2212}1.0000") && !table.contains("NaN"));
+    }
+
+    #[test]
+    fn the_first_order_line_has_every_number() {
+        let line = first_order_line(&first_order_table(&triplet()));
+        assert!(line.starts_with("EFL 2") && !line.contains('–'), "{line}");
     }
 }

@@ -1,14 +1,11 @@
 //! The PSF table: one row a camera, one column a field, each PSF as a colour picture.
 
-use std::io::Cursor;
-
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use image::{ImageFormat, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 use maud::{Markup, html};
 
 use super::{CameraView, PsfView, Report};
-use crate::{field_curve, number, palette};
+use crate::page::caption;
+use crate::{number, palette, png};
 
 /// Columns, as shares of the half-diagonal.
 const SHARES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -37,11 +34,11 @@ pub(super) fn psf_table(report: &Report) -> Markup {
             @for (row, camera) in report.cameras.iter().enumerate() {
                 div.row-head style=(format!("--camera:{}", palette::camera(row))) { (camera.name) }
                 @for column in &columns {
-                    (cell(report, camera, column.psfs[row], column.peak, window_um, channels))
+                    (cell(camera, column.psfs[row], column.peak, window_um, channels))
                 }
             }
         }
-        p.caption {
+        (caption(html! {
             "Columns are fields, nearest to these shares of the sensor's half-diagonal ("
             (number::fixed(report.half_diagonal_mm, 2)) " mm) in the first camera; each picture is "
             (number::fixed(window_um, 0)) " µm wide and up is away from the axis. Red, green and blue are "
@@ -49,7 +46,7 @@ pub(super) fn psf_table(report: &Report) -> Markup {
             (wavelength(report, channels[2])) " µm. Every channel holds the same light; brightness is the "
             "square root of the irradiance, on one scale in each column. RMS radii are traced, about the "
             "centroid of the three colours; light is the relative illumination."
-        }
+        }))
     }
 }
 
@@ -129,7 +126,6 @@ fn wavelength(report: &Report, channel: usize) -> String {
 }
 
 fn cell(
-    report: &Report,
     camera: &CameraView,
     psf: Option<&PsfView>,
     peak: f64,
@@ -137,18 +133,16 @@ fn cell(
     channels: [usize; 3],
 ) -> Markup {
     let Some(psf) = psf else { return html! { div.psf { "–" } } };
-    let traced = field_curve::at_fields(&camera.lens, &[psf.field_deg.to_radians()], &report.wavelengths_um);
-    let rms_um = traced.first().map_or(f64::NAN, |t| t.rms_um);
-    let rms = number::fixed(rms_um, if rms_um < 9.95 { 1 } else { 0 });
+    let rms = number::fixed(psf.rms_um, if psf.rms_um < 9.95 { 1 } else { 0 });
     let (deg, light) = (number::fixed(psf.field_deg, 1), number::fixed(100.0 * psf.illumination, 0));
     let alt = format!("PSF of {} at {deg} degrees, RMS radius {rms} um", camera.name);
     let cells = ((window_um / psf.pitch_um).round() as usize).min(psf.grid);
-    let png = STANDARD.encode(psf_png(psf, cells, peak, channels));
+    let source = png::address(&psf_png(psf, cells, peak, channels));
     let bar = format!("width:{:.2}%", 100.0 * BAR_UM / window_um);
     html! {
         div.psf {
             div.psf-picture {
-                img.pixels src=(format!("data:image/png;base64,{png}")) alt=(alt) width="160" height="160";
+                img.pixels src=(source) alt=(alt) width="160" height="160";
                 span.psf-bar style=(bar) {}
                 span.psf-bar-text { (number::fixed(BAR_UM, 0)) " µm" }
             }
@@ -168,10 +162,7 @@ fn psf_png(psf: &PsfView, cells: usize, peak: f64, channels: [usize; 3]) -> Vec<
         let (row, column) = (offset + cells - 1 - y as usize, offset + x as usize);
         Rgb(channels.map(|c| tone(c, row, column)))
     });
-    let mut png = Cursor::new(Vec::new());
-    // Writing to memory fails only for a picture without pixels, which shows as its alt text.
-    let _ = picture.write_to(&mut png, ImageFormat::Png);
-    png.into_inner()
+    png::encode(&picture)
 }
 
 #[cfg(test)]
@@ -188,6 +179,7 @@ mod tests {
             pitch_um: 10.0,
             values: cells.map(point),
             illumination: 1.0,
+            rms_um: 1.0,
         }
     }
 

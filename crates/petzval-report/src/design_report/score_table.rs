@@ -4,6 +4,8 @@ use maud::{Markup, html};
 
 use super::{CameraView, TableRow};
 use crate::number;
+use crate::page::caption;
+use crate::table::{Column, Row, Table};
 
 /// A column of scores.
 pub(super) struct Score {
@@ -27,6 +29,16 @@ pub(super) enum Better {
 }
 
 impl Score {
+    /// The head of the column.
+    fn column(&self) -> Column {
+        let way = match self.better {
+            Some(Better::Higher) => html! { span.muted title="higher is better" { " ↑" } },
+            Some(Better::Lower) => html! { span.muted title="lower is better" { " ↓" } },
+            None => html! {},
+        };
+        Column::new(html! { (self.name) (way) }).unit(self.unit)
+    }
+
     /// How much better `to` is than `from` in printed digits: positive, zero or negative.
     pub fn gain(&self, from: &TableRow, to: &TableRow) -> f64 {
         let difference = (self.value)(to) - (self.value)(from);
@@ -77,38 +89,17 @@ const SCORES: [Score; 7] = [LPIPS, PSNR, SSIM, SPOT, EFL, F_NUMBER, FOV];
 /// The table, in the colours of the cameras. The first row is the baseline.
 pub(super) fn score_table(rows: &[TableRow], cameras: &[CameraView]) -> Markup {
     let Some(baseline) = rows.first() else { return html! {} };
+    let columns = [Column::new("camera")].into_iter().chain(SCORES.iter().map(Score::column));
+    let lines = rows.iter().enumerate().map(|(i, row)| {
+        let cells = SCORES.iter().map(|score| cell(score, row, rows, baseline, i > 0));
+        Row::new(&row.camera, cells).of_camera(super::camera_colour(cameras, &row.camera, i))
+    });
     html! {
-        div.scroll {
-            table.scores {
-                thead { tr {
-                    th scope="col" { "camera" }
-                    @for score in &SCORES {
-                        th scope="col" {
-                            (score.name)
-                            @match score.better {
-                                Some(Better::Higher) => span.muted title="higher is better" { " ↑" },
-                                Some(Better::Lower) => span.muted title="lower is better" { " ↓" },
-                                None => {},
-                            }
-                            span.unit { (if score.unit.is_empty() { "\u{a0}" } else { score.unit }) }
-                        }
-                    }
-                } }
-                tbody {
-                    @for (i, row) in rows.iter().enumerate() {
-                        @let colour = super::camera_colour(cameras, &row.camera, i);
-                        tr {
-                            th scope="row" style=(format!("--camera:{colour}")) { (row.camera) }
-                            @for score in &SCORES { (cell(score, row, rows, baseline, i > 0)) }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption {
-            "Means over held-out pictures. Bold: the best printed value. Small: the difference to "
-            (baseline.camera) "."
-        }
+        (Table::new(columns).class("scores").rows(lines).html())
+        (caption(format!(
+            "Means over held-out pictures. Bold: the best printed value. Small: the difference to {}.",
+            baseline.camera
+        )))
     }
 }
 
@@ -121,12 +112,10 @@ fn cell(score: &Score, row: &TableRow, rows: &[TableRow], baseline: &TableRow, d
         _ => "delta",
     };
     html! {
-        td {
-            @if score.is_best(row, rows) { b { (value) } } @else { (value) }
-            @if differs {
-                span class=(class) {
-                    (number::signed((score.value)(row) - (score.value)(baseline), score.decimals))
-                }
+        @if score.is_best(row, rows) { b { (value) } } @else { (value) }
+        @if differs {
+            span class=(class) {
+                (number::signed((score.value)(row) - (score.value)(baseline), score.decimals))
             }
         }
     }

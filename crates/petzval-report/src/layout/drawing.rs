@@ -7,7 +7,8 @@ use super::View;
 use super::label::{CHARACTER_PX, Label, settle};
 use super::symbol;
 use super::view::MARGIN_PX;
-use crate::plot::{INK, MUTED, plain, px};
+use crate::palette::{AXIS, INK, MUTED, PAPER};
+use crate::plot::{plain, px};
 use crate::{number, palette};
 
 /// Height of the rows of dimensions below the drawing, px: the scale, and the track above it where there is one.
@@ -74,7 +75,7 @@ impl Drawing<'_> {
             }
         }
         html! {
-            path class="axis" d=(view.path(&points, false)) stroke="#8a919b" stroke-width="0.8"
+            path class="axis" d=(view.path(&points, false)) stroke=(AXIS) stroke-width="0.8"
                 stroke-dasharray="12 3 2 3" {}
         }
     }
@@ -115,7 +116,7 @@ impl Drawing<'_> {
     }
 
     /// From the first vertex to the image, where both lie on a straight axis.
-    fn track(&self) -> Option<f64> {
+    pub fn track(&self) -> Option<f64> {
         let is_folded = self.layout.lines.iter().any(|l| l.kind == LineKind::Mirror);
         let is_straight = self.layout.axis.iter().all(|p| p[1].abs() < 1e-9);
         let length = self.layout.axis.last()?[0];
@@ -165,7 +166,7 @@ impl Drawing<'_> {
                 path d=(head(to, -1.0)) fill=(MUTED) {}
             }
             text x=(px(0.5 * (from + to))) y=(px(y - 5.0)) text-anchor="middle" fill=(INK) font-size="13"
-                stroke="#ffffff" stroke-width="4" paint-order="stroke" {
+                stroke=(PAPER) stroke-width="4" paint-order="stroke" {
                 "total track " (number::fixed(length, 2)) " mm"
             }
         }

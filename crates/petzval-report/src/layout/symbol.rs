@@ -4,7 +4,8 @@ use maud::{Markup, html};
 use petzval_optics::analysis::{LayoutLine, LineKind};
 
 use super::View;
-use crate::plot::{INK, px};
+use crate::palette::INK;
+use crate::plot::px;
 
 /// Length and distance of the strokes behind a mirror, px.
 const HATCH_PX: f64 = 7.0;

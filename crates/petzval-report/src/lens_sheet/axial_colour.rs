@@ -3,8 +3,9 @@
 use maud::html;
 use petzval_optics::analysis::Analysis;
 
-use super::style::{WIDTH_PX, axis_with_zero, foot, wavelength_keys, wavelength_name, wavelength_pen};
-use crate::plot::{Axis, Curve, Frame, INK, Names, Pen, Sheet, span};
+use super::style::{axis_with_zero, foot, wavelength_keys, wavelength_name, wavelength_pen};
+use crate::palette::INK;
+use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, WIDTH_PX, span};
 
 /// Height of both frames, px.
 const HEIGHT_PX: f64 = 420.0;

@@ -3,10 +3,10 @@
 use maud::html;
 use petzval_optics::analysis::Analysis;
 
-use super::style::{WIDTH_PX, field_name, foot, wavelength_name};
+use super::style::{field_name, foot, wavelength_name};
 use crate::layout::{Drawing, View, extent_of};
 use crate::palette;
-use crate::plot::{Key, Pen, Sheet, px};
+use crate::plot::{Key, Pen, Sheet, WIDTH_PX, px};
 
 /// The largest height of the drawing, px.
 const TALLEST_PX: f64 = 560.0;

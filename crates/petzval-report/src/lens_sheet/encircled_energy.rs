@@ -4,7 +4,8 @@ use petzval_optics::analysis::Analysis;
 
 use super::mtf::{modulation_frame, sheet};
 use super::style::{COMMON, field_keys, field_pen};
-use crate::plot::{Axis, Curve, INK, Key, Names, Pen, Sheet, round_up};
+use crate::palette::INK;
+use crate::plot::{Axis, Curve, Key, Names, Pen, Sheet, round_up};
 
 /// Energy by waves solid and by rays dashed, or by rays alone.
 pub(super) fn encircled_energy(analysis: &Analysis) -> Sheet {

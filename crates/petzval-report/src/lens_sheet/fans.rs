@@ -3,10 +3,9 @@
 use maud::html;
 use petzval_optics::analysis::{Analysis, Fan};
 
-use super::style::{
-    WIDTH_PX, are_own, field_name, foot, scales, wavelength_keys, wavelength_name, wavelength_pen,
-};
-use crate::plot::{Axis, Curve, Frame, INK, Names, Sheet, px, span};
+use super::style::{are_own, field_name, foot, scales, wavelength_keys, wavelength_name, wavelength_pen};
+use crate::palette::INK;
+use crate::plot::{Axis, Curve, Frame, Names, Sheet, WIDTH_PX, px, span};
 
 /// Size of a panel, distance of rows, px.
 const PANEL_PX: [f64; 2] = [352.0, 118.0];

@@ -4,10 +4,10 @@ use maud::html;
 use petzval_optics::analysis::Analysis;
 
 use super::style::{
-    WIDTH_PX, axis_with_zero, foot, has_one_field, section_keys, wavelength_keys, wavelength_name,
-    wavelength_pen, without_curves,
+    axis_with_zero, foot, has_one_field, section_keys, wavelength_keys, wavelength_name, wavelength_pen,
+    without_curves,
 };
-use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
+use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, WIDTH_PX, span};
 
 /// Height of both frames, px.
 const HEIGHT_PX: f64 = 420.0;

@@ -3,11 +3,10 @@
 use petzval_optics::analysis::Analysis;
 
 use super::field_curvature::{over_field, panel};
-use super::style::{
-    WIDTH_PX, foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen, without_curves,
-};
+use super::style::{foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen, without_curves};
 use crate::number;
-use crate::plot::{Curve, Key, MUTED, Pen, Sheet};
+use crate::palette::MUTED;
+use crate::plot::{Curve, Key, Pen, Sheet, WIDTH_PX};
 
 /// Heights of the chief rays of all wavelengths from that of the reference, between the edges of the Airy disk.
 pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {

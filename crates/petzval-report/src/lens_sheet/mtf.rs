@@ -3,9 +3,10 @@
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 use super::style::{
-    WIDTH_PX, field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys,
+    field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys,
 };
-use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet};
+use crate::palette::LIMIT;
+use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet, WIDTH_PX};
 
 /// The field between the axes, px.
 const SIZE_PX: [f64; 2] = [816.0, 420.0];
@@ -21,7 +22,7 @@ pub(super) fn mtf(analysis: &Analysis) -> Sheet {
     let limits = analysis.mtf.iter().filter_map(|m| Some((m, m.limit.as_ref()?)));
     let limit =
         limits.min_by(|a, b| a.0.field_deg.abs().total_cmp(&b.0.field_deg.abs())).map(|(at, limit)| {
-            let pen = Pen { width: 2.2, ..Pen::thin("#b3b9c1") };
+            let pen = Pen { width: 2.2, ..Pen::thin(LIMIT) };
             keys.push(Key::pen(pen.clone(), "diffraction limit"));
             Curve::over(pen, 0, &at.frequency_per_mm, limit.tangential.iter().copied().map(Some))
         });

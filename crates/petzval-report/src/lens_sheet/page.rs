@@ -1,35 +1,31 @@
 //! The page: all pictures and tables of a lens in one self-contained HTML file.
 
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 use petzval_optics::analysis::Analysis;
 
 use super::style::{field_name, short};
 use super::table::{by_field, first_order, third_order};
 use super::{PictureKind, sheet};
-use crate::page::Page;
-use crate::plot::plain;
-
-const STYLE: &str = include_str!("page.css");
+use crate::page::{Page, figure, section};
 
 /// The page with some of the pictures. It needs nothing but itself, and prints well.
 pub fn page(analysis: &Analysis, kinds: &[PictureKind]) -> String {
-    let name = plain(&analysis.name);
     let main = html! {
-        section { h2 { "First order" } (first_order(analysis)) }
-        section { h2 { "By field" } (by_field(analysis)) }
-        @for kind in kinds {
-            section {
-                figure { (PreEscaped(sheet(analysis, *kind).svg())) }
+        (section("First order", first_order(analysis)))
+        (section("By field", by_field(analysis)))
+        section {
+            @for kind in kinds {
+                (figure(&sheet(analysis, *kind).svg()))
                 @if *kind == PictureKind::Seidel { (third_order(analysis)) }
             }
         }
     };
     Page {
-        title: html! { (name) " – analysis" },
-        style: STYLE,
-        headline: html! { (name) },
-        subtitle: html! { (conditions(analysis)) },
+        title: format!("{} – analysis", analysis.name),
+        headline: analysis.name.clone(),
+        subtitle: conditions(analysis),
         main,
+        ..Page::default()
     }
     .html()
 }

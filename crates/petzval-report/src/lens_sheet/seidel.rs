@@ -3,9 +3,10 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, ThirdOrder, ThirdOrderSurface};
 
-use super::style::{WIDTH_PX, field_name, foot, wavelength_name};
+use super::style::{field_name, foot, wavelength_name};
 use crate::palette;
-use crate::plot::{Axis, Frame, GRID, INK, Key, KeyLine, MUTED, Names, Sheet, px, span};
+use crate::palette::{GRID, INK, MUTED};
+use crate::plot::{Axis, Frame, Key, KeyLine, Names, Sheet, WIDTH_PX, px, span};
 
 /// Height of the frame, least width of a group of bars, px.
 const HEIGHT_PX: f64 = 380.0;
@@ -72,15 +73,13 @@ fn diagram(order: &ThirdOrder, width: f64) -> Markup {
     let frame = Frame { left: LEFT_PX, top: 14.0, width, height: HEIGHT_PX, x, y };
     let group_px = width / groups.len() as f64;
     let bar_px = 0.8 * group_px / SUMS.len() as f64;
-    let zero = frame.at([0.0, 0.0])[1];
     let bars = html! {
         @for (g, values) in groups.iter().enumerate() {
             @let left = g as f64 * group_px;
             @if g > 0 { path d=(format!("M{} 0V{HEIGHT_PX}", px(left))) stroke=(GRID) {} }
             @for (i, value) in values.iter().enumerate() {
-                @let at = frame.at([0.0, *value])[1];
-                rect class="bar" x=(px(left + 0.1 * group_px + i as f64 * bar_px)) width=(px(0.9 * bar_px))
-                    y=(px(at.min(zero))) height=(px((at - zero).abs())) fill=(palette::camera(i)) {}
+                @let bar_left = left + 0.1 * group_px + i as f64 * bar_px;
+                (frame.column(bar_left, 0.9 * bar_px, *value, palette::camera(i)))
             }
         }
     };

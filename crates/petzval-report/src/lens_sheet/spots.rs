@@ -3,9 +3,10 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, SpotDiagram};
 
-use super::style::{WIDTH_PX, are_own, field_name, foot, scales, short, wavelength_keys, wavelength_pen};
+use super::style::{are_own, field_name, foot, scales, short, wavelength_keys, wavelength_pen};
 use crate::number;
-use crate::plot::{AXIS, INK, Key, KeyLine, MUTED, Sheet, px, round_up};
+use crate::palette::{AXIS, INK, MUTED, PAPER};
+use crate::plot::{Key, KeyLine, Sheet, WIDTH_PX, px, round_up};
 
 /// Side of a box, space between boxes, height of the text below, px.
 const BOX_PX: f64 = 200.0;
@@ -51,10 +52,7 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
         })
         .collect();
     let airy = analysis.spots.first().map_or(f64::NAN, |s| s.airy_radius_um);
-    keys.push(Key {
-        line: KeyLine::None,
-        name: format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2)),
-    });
+    keys.push(Key::remark(format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2))));
     Sheet {
         class: "spots",
         title: "Spot diagrams".into(),
@@ -99,7 +97,7 @@ fn one(analysis: &Analysis, spot: &SpotDiagram, side_um: f64) -> Markup {
         rect width=(px(BOX_PX)) height=(px(BOX_PX)) stroke=(AXIS) {}
         path class="scale-bar" stroke=(INK) stroke-width="1.4"
             d=(format!("M8 {y}h{w}M8 {t}v6m{w} -6v6", y = px(bar_y), t = px(bar_y - 3.0), w = px(bar_px))) {}
-        text x=(px(bar_px + 13.0)) y=(px(bar_y + 4.0)) fill=(INK) font-size="11.5" stroke="#ffffff" stroke-width="3"
+        text x=(px(bar_px + 13.0)) y=(px(bar_y + 4.0)) fill=(INK) font-size="11.5" stroke=(PAPER) stroke-width="3"
             paint-order="stroke" { (short(bar_um, 3)) " µm" }
         g text-anchor="middle" font-size="12.5" {
             text x=(px(half)) y=(px(BOX_PX + 18.0)) fill=(INK) font-size="13.5" font-weight="600" {

@@ -3,14 +3,8 @@
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 pub(super) use crate::number::short;
-use crate::palette;
-use crate::plot::{Axis, Curve, INK, Key, KeyLine, Marker, Pen, Sheet, span};
-
-/// Width of a picture, px.
-pub(super) const WIDTH_PX: f64 = 908.0;
-
-/// A name longer than this is cut in the foot of a picture.
-const LONGEST_NAME: usize = 90;
+use crate::palette::{self, INK};
+use crate::plot::{Axis, Curve, Key, Marker, Pen, Sheet, WIDTH_PX, span};
 
 /// The pen of the i-th field.
 pub(super) fn field_pen(i: usize) -> Pen {
@@ -99,16 +93,12 @@ pub(super) fn section_keys() -> [Key; 2] {
 
 /// The lens and its wavelengths.
 pub(super) fn foot(analysis: &Analysis) -> Vec<Key> {
-    let mut name: String = analysis.name.chars().take(LONGEST_NAME).collect();
-    if name.len() < analysis.name.len() {
-        name.push('…');
-    }
     let wavelengths: Vec<String> = analysis.wavelengths_um.iter().map(|um| short(*um, 4)).collect();
     let colours = match wavelengths.len() {
         1 => format!("wavelength {} µm", wavelengths[0]),
         _ => format!("wavelengths {} µm", wavelengths.join(", ")),
     };
-    [name, colours].map(|name| Key { line: KeyLine::None, name }).into()
+    vec![Key::name(&analysis.name), Key::remark(colours)]
 }
 
 /// Both sections of a curve of modulation.

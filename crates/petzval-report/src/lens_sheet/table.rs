@@ -1,12 +1,14 @@
 //! Tables: first order, the fields at a glance, third-order sums by surface.
 
 use maud::{Markup, html};
-use petzval_optics::analysis::Analysis;
+use petzval_optics::analysis::{Analysis, ThirdOrderSurface};
 
 use super::seidel::{SUMS, sums};
 use super::style::{field_name, method, short, wavelength_name};
 use super::wavefront::nearest_to_reference;
 use crate::number;
+use crate::page::{caption, facts};
+use crate::table::{Column, Row, Table};
 
 /// First-order quantities as a list of two columns; what does not exist is left out.
 pub(super) fn first_order(analysis: &Analysis) -> Markup {
@@ -37,13 +39,7 @@ pub(super) fn first_order(analysis: &Analysis) -> Markup {
         ("cutoff", Some(format!("{} cycles/mm", number::fixed(o.cutoff_per_mm, 1)))),
         ("reference wavelength", Some(wavelength_name(analysis.reference_um))),
     ];
-    html! {
-        dl.first-order {
-            @for (name, value) in rows {
-                @if let Some(value) = value { div { dt { (name) } dd { (value) } } }
-            }
-        }
-    }
+    facts(rows)
 }
 
 /// One line a field.
@@ -53,74 +49,57 @@ pub(super) fn by_field(analysis: &Analysis) -> Markup {
     let um = analysis.wavelengths_um.get(shown).copied().unwrap_or(f64::NAN);
     let has_waves: Vec<bool> = analysis.mtf.iter().map(|m| m.diffraction.is_some()).collect();
     let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
+    let columns = [
+        Column::new("field"),
+        Column::new("chief ray y").unit("mm"),
+        Column::new("RMS spot").unit("µm"),
+        Column::new("largest").unit("µm"),
+        Column::new("RMS wavefront").unit("waves"),
+        Column::new("P–V").unit("waves"),
+        Column::new("Strehl").unit("ratio"),
+        Column::new("MTF T").unit(format!("at {}", short(highest, 2))),
+        Column::new("MTF S").unit("cycles/mm"),
+    ];
+    let row = |(i, field): (usize, &f64)| {
+        let (spot, wave, mtf) = (&analysis.spots[i], &analysis.wavefronts[i], &analysis.mtf[i]);
+        let curve = mtf.diffraction.as_ref().unwrap_or(&mtf.geometric);
+        let cells = [
+            number::fixed(spot.chief_mm[1], 4),
+            number::fixed(spot.rms_um, 2),
+            number::fixed(spot.geometric_radius_um, 2),
+            number::fixed(wave.rms_waves[shown], 3),
+            number::fixed(wave.peak_to_valley_waves[shown], 2),
+            number::fixed(wave.strehl[shown].unwrap_or(f64::NAN), 3),
+            number::fixed(last(&curve.tangential), 3),
+            number::fixed(last(&curve.sagittal), 3),
+        ];
+        Row::new(field_name(*field), cells)
+    };
+    let table = Table::new(columns).rows(analysis.fields_deg.iter().enumerate().map(row));
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "field" }
-                        th { "chief ray y" span.unit { "mm" } }
-                        th { "RMS spot" span.unit { "µm" } }
-                        th { "largest" span.unit { "µm" } }
-                        th { "RMS wavefront" span.unit { "waves" } }
-                        th { "P–V" span.unit { "waves" } }
-                        th { "Strehl" span.unit { "ratio" } }
-                        th { "MTF T" span.unit { "at " (short(highest, 2)) } }
-                        th { "MTF S" span.unit { "cycles/mm" } }
-                    }
-                }
-                tbody {
-                    @for (i, field) in analysis.fields_deg.iter().enumerate() {
-                        @let (spot, wave, mtf) = (&analysis.spots[i], &analysis.wavefronts[i], &analysis.mtf[i]);
-                        @let curve = mtf.diffraction.as_ref().unwrap_or(&mtf.geometric);
-                        tr {
-                            th { (field_name(*field)) }
-                            td { (number::fixed(spot.chief_mm[1], 4)) }
-                            td { (number::fixed(spot.rms_um, 2)) }
-                            td { (number::fixed(spot.geometric_radius_um, 2)) }
-                            td { (number::fixed(wave.rms_waves[shown], 3)) }
-                            td { (number::fixed(wave.peak_to_valley_waves[shown], 2)) }
-                            td { (number::fixed(wave.strehl[shown].unwrap_or(f64::NAN), 3)) }
-                            td { (number::fixed(last(&curve.tangential), 3)) }
-                            td { (number::fixed(last(&curve.sagittal), 3)) }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption {
-            "Spots of all wavelengths about their common centroid; wavefronts at " (wavelength_name(um))
-            ". MTF: " (method(&has_waves).to_lowercase()) "; mean of the wavelengths."
-        }
+        (table.html())
+        (caption(format!(
+            "Spots of all wavelengths about their common centroid; wavefronts at {}. MTF: {}; mean of the wavelengths.",
+            wavelength_name(um),
+            method(&has_waves).to_lowercase()
+        )))
     }
 }
 
-/// Third-order sums by surface.
+/// Third-order sums by surface; nothing where third-order theory has no formulas for the lens.
 pub(super) fn third_order(analysis: &Analysis) -> Markup {
-    let line = |values: [f64; 7]| html! { @for v in values { td { (number::fixed(v, 5)) } } };
+    let Some(order) = &analysis.third_order else { return html! {} };
+    let cells = |of: &ThirdOrderSurface| sums(of).map(|v| number::fixed(v, 5));
+    let columns = SUMS.iter().map(|(sum, name)| Column::new(*sum).unit(*name));
+    let surfaces = order.surfaces.iter().enumerate().map(|(i, s)| Row::new((i + 1).to_string(), cells(s)));
+    let table = Table::new([Column::new("surface")].into_iter().chain(columns))
+        .rows(surfaces)
+        .rows([Row::new("sum, mm", cells(&order.total)).class("sum")]);
+    let [w040, w131, w222, w220, w311] = order.wavefront_waves.map(|w| number::fixed(w, 3));
     html! {
-        @if let Some(order) = &analysis.third_order {
-            div.scroll {
-                table {
-                    thead {
-                        tr {
-                            th { "surface" }
-                            @for (sum, name) in SUMS { th { (sum) span.unit { (name) } } }
-                        }
-                    }
-                    tbody {
-                        @for (i, surface) in order.surfaces.iter().enumerate() {
-                            tr { th { (i + 1) } (line(sums(surface))) }
-                        }
-                        tr.sum { th { "sum, mm" } (line(sums(&order.total))) }
-                    }
-                }
-            }
-            @let [w040, w131, w222, w220, w311] = order.wavefront_waves.map(|w| number::fixed(w, 3));
-            p.caption {
-                "As wavefronts at the edge of pupil and field, waves: W040 " (w040) ", W131 " (w131) ", W222 " (w222)
-                ", W220 " (w220) ", W311 " (w311) "."
-            }
-        }
+        (table.html())
+        (caption(format!(
+            "As wavefronts at the edge of pupil and field, waves: W040 {w040}, W131 {w131}, W222 {w222}, W220 {w220}, W311 {w311}."
+        )))
     }
 }

@@ -3,8 +3,9 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, Wavefront, ZERNIKE_TERMS};
 
-use super::style::{WIDTH_PX, field_name, foot, scales, short, wavelength_name};
-use crate::plot::{Axis, Frame, INK, MUTED, Names, Sheet, px, span};
+use super::style::{field_name, foot, scales, short, wavelength_name};
+use crate::palette::{INK, MUTED};
+use crate::plot::{Axis, Frame, Names, Sheet, WIDTH_PX, px, span};
 use crate::{number, palette};
 
 /// Size of the bars' frame, height of a line of numbers, px.
@@ -77,12 +78,9 @@ fn bars(coefficients: &[f64], reach: f64, top: f64, is_first: bool, is_last: boo
         @if coefficients.is_empty() {
             text x="12" y=(px(zero - 8.0)) fill=(MUTED) font-size="12.5" { "too few rays for coefficients" }
         }
-        g fill=(palette::field(0)) {
-            @for (k, waves) in coefficients.iter().enumerate().skip(FIRST_TERM - 1) {
-                @let [x, y] = frame.at([(k + 1) as f64, *waves]);
-                rect class="bar" x=(px(x - 0.5 * width)) width=(px(width)) y=(px(y.min(zero)))
-                    height=(px((y - zero).abs())) {}
-            }
+        @for (k, waves) in coefficients.iter().enumerate().skip(FIRST_TERM - 1) {
+            @let middle = frame.at([(k + 1) as f64, 0.0])[0];
+            (frame.column(middle - 0.5 * width, width, *waves, palette::field(0)))
         }
     };
     let names = Names {

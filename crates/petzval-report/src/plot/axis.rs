@@ -2,6 +2,12 @@
 
 use crate::number;
 
+/// An axis over fewer decades than this has ticks between powers of ten.
+const FEW_DECADES: f64 = 2.5;
+
+/// Ticks at powers of ten on one axis, at most.
+const MOST_DECADES: usize = 10;
+
 /// An axis, linear or logarithmic.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Axis {
@@ -43,6 +49,20 @@ impl Axis {
         Self { low: 10_f64.powi(first), high: 10_f64.powi(last), ticks, decimals: 0, is_logarithmic: true }
     }
 
+    /// Logarithmic, exactly from one value to another, both positive, with a tick at every power of ten, and at its 2 and 5 where
+    /// there are few powers.
+    pub fn ratios(low: f64, high: f64) -> Self {
+        if !(low > 0.0 && high > low && high.is_finite()) {
+            return Self::decades(low, high);
+        }
+        let powers = low.log10().floor() as i32..=high.log10().ceil() as i32;
+        let digits: &[f64] = if (high / low).log10() < FEW_DECADES { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let each = powers.clone().count().div_ceil(MOST_DECADES);
+        let ticks = powers.step_by(each).flat_map(|p| digits.iter().map(move |d| d * 10_f64.powi(p)));
+        let ticks = ticks.filter(|t| (low..=high).contains(t)).collect();
+        Self { low, high, ticks, decimals: 0, is_logarithmic: true }
+    }
+
     /// From the tick at or below one value to that at or above another.
     pub fn around(low: f64, high: f64, count: usize) -> Self {
         let mut axis = Self::between(low, high, count);
@@ -66,6 +86,11 @@ impl Axis {
         axis
     }
 
+    /// Whether equal ratios are equally long.
+    pub fn is_logarithmic(&self) -> bool {
+        self.is_logarithmic
+    }
+
     /// Where a value lies on the axis, 0..1 between its ends.
     pub fn share(&self, value: f64) -> f64 {
         if self.is_logarithmic {
@@ -78,17 +103,23 @@ impl Axis {
 
     /// The number at a tick.
     pub fn label(&self, value: f64) -> String {
+        let power = |v: f64| (v.abs().log10() + 1e-9).floor() as i32;
         if self.is_logarithmic {
-            return match value.log10().round() as i32 {
+            return match power(value) {
                 power @ -3..=4 => number::fixed(value, (-power).max(0) as usize),
-                power => format!("10{}", number::superscript(power)),
+                power if number::is_nothing(value / 10_f64.powi(power) - 1.0, 6) => {
+                    format!("10{}", number::superscript(power))
+                }
+                power => number::power_of_ten(value, power),
             };
         }
-        let size = value.abs().max(self.low.abs()).max(self.high.abs());
-        if (1e-6..1e7).contains(&size) {
+        let size = self.low.abs().max(self.high.abs());
+        if (1e-4..1e6).contains(&size) {
             number::fixed(value, self.decimals)
+        } else if value.abs() < 1e-9 * size {
+            "0".into()
         } else {
-            number::significant(value)
+            number::power_of_ten(value, power(value))
         }
     }
 
@@ -145,6 +176,24 @@ mod tests {
         assert_eq!(labels(&axis)[7], "10⁵");
         let wide = Axis::decades(1.0, 1e20);
         assert!(wide.ticks.len() <= 10 && Axis::decades(0.0, 0.0).high > 1.0, "{wide:?}");
+    }
+
+    #[test]
+    fn few_decades_have_ticks_between_their_powers() {
+        let axis = Axis::ratios(0.08, 12.0);
+        assert_eq!((axis.low, axis.high), (0.08, 12.0));
+        assert_eq!(labels(&axis), ["0.1", "0.2", "0.5", "1", "2", "5", "10"]);
+        assert_eq!(labels(&Axis::ratios(1e-6, 1e-2)).len(), 5);
+        assert_eq!(labels(&Axis::ratios(1.5e-5, 6e-5)), ["2·10⁻⁵", "5·10⁻⁵"]);
+        assert!(Axis::ratios(1.0, 1e25).ticks.len() <= 10 && Axis::ratios(0.0, 1.0).high >= 1.0);
+    }
+
+    #[test]
+    fn small_and_large_numbers_have_powers_of_ten() {
+        let small = Axis::between(0.0, 2.2e-5, 5);
+        assert_eq!(labels(&small), ["0", "5·10⁻⁶", "1·10⁻⁵", "1.5·10⁻⁵", "2·10⁻⁵"]);
+        assert_eq!(labels(&Axis::between(0.0, 3e7, 3))[1], "1·10⁷");
+        assert_eq!(labels(&Axis::between(0.0, 4e5, 2)), ["0", "200000", "400000"]);
     }
 
     #[test]

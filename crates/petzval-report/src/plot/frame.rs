@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::{AXIS, Axis, Curve, GRID, INK, MUTED, px};
+use super::{Axis, Curve, px};
+use crate::palette::{AXIS, GRID, INK, MUTED, PAPER};
 
 /// Size of the numbers at ticks and of the names of axes, px.
 const NUMBER_PX: f64 = 12.0;
@@ -49,6 +50,11 @@ impl Frame {
     /// Space that the numbers of the vertical axis take to its left, px.
     pub fn number_width(axis: &Axis) -> f64 {
         super::width_of("0", NUMBER_PX) * axis.widest_label() as f64 + 10.0
+    }
+
+    /// Space that the numbers and the name of the vertical axis take to its left, px.
+    pub fn names_width(axis: &Axis) -> f64 {
+        Self::number_width(axis) + 30.0
     }
 
     /// The frame with a grid, numbers and names, and curves that end at its edges.
@@ -134,14 +140,24 @@ impl Frame {
         }
         let markers = pen.marker.map(|m| (m, m.path(self.marked(curve), MARKER_PX)));
         html! {
-            path class="curve" d=(path) stroke=(pen.colour) stroke-width=(px(pen.width)) stroke-dasharray=[pen.dashes()] {}
+            path class="curve" d=(path) stroke=(pen.colour) stroke-width=(px(pen.width))
+                stroke-opacity=[(pen.opacity < 1.0).then_some(pen.opacity)] stroke-dasharray=[pen.dashes()] {}
             @if let Some((marker, path)) = markers {
                 @if marker.is_open() {
                     path class="markers" d=(path) stroke=(pen.colour) stroke-width="1.7" {}
                 } @else {
-                    path class="markers" d=(path) fill=(pen.colour) stroke="#ffffff" stroke-width="0.7" {}
+                    path class="markers" d=(path) fill=(pen.colour) stroke=(PAPER) stroke-width="0.7" {}
                 }
             }
+        }
+    }
+
+    /// A bar from zero to a value, px from the left edge of the frame.
+    pub fn column(&self, left: f64, width: f64, value: f64, colour: &str) -> Markup {
+        let [zero, end] = [0.0, value].map(|v| self.at([0.0, v])[1]);
+        html! {
+            rect class="bar" x=(px(left)) width=(px(width)) y=(px(end.min(zero))) height=(px((end - zero).abs()))
+                fill=(colour) {}
         }
     }
 

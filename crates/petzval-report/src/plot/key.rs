@@ -2,13 +2,17 @@
 
 use maud::{Markup, html};
 
-use super::{INK, Marker, Pen, plain, px, width_of};
+use super::{Marker, Pen, plain, px, width_of};
+use crate::palette::INK;
 
 /// Size of the text, length of a piece of line, height of a row, and space between entries, px.
 const TEXT_PX: f64 = 12.5;
 const LINE_PX: f64 = 26.0;
 const ROW_PX: f64 = 20.0;
 const GAP_PX: f64 = 20.0;
+
+/// A name longer than this is cut.
+const LONGEST_NAME: usize = 90;
 
 /// An entry of a key.
 #[derive(Clone, Debug)]
@@ -36,6 +40,20 @@ impl Key {
     /// An entry for curves.
     pub fn pen(pen: Pen, name: impl Into<String>) -> Self {
         Self { line: KeyLine::Pen(pen), name: name.into() }
+    }
+
+    /// A remark without a line.
+    pub fn remark(text: impl Into<String>) -> Self {
+        Self { line: KeyLine::None, name: text.into() }
+    }
+
+    /// The name of what is shown; a long one is cut.
+    pub fn name(text: &str) -> Self {
+        let mut name: String = text.chars().take(LONGEST_NAME).collect();
+        if name.len() < text.len() {
+            name.push('…');
+        }
+        Self::remark(name)
     }
 
     fn sample_px(&self) -> f64 {
@@ -108,6 +126,13 @@ pub(super) fn draw(keys: &[Key], [left, top]: [f64; 2], width: f64) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_name_is_cut() {
+        assert_eq!(Key::name("short").name, "short");
+        let long = Key::name(&"µ".repeat(200)).name;
+        assert!(long.chars().count() == LONGEST_NAME + 1 && long.ends_with('…'));
+    }
 
     #[test]
     fn a_long_key_goes_on_in_the_next_row() {

@@ -1,30 +1,35 @@
-//! Plots: axes, curves, markers and keys as SVG, placed by hand so that the pictures of a lens look alike.
+//! Plots: axes, curves, bars, markers and keys as SVG.
 //!
-//! Coordinates are px from the upper left corner, y downwards. A [`Sheet`] is a whole picture, a [`Frame`] one pair of axes in it,
-//! a [`Pen`] how a curve is drawn.
+//! Coordinates are px from the upper left corner, y downwards. A sheet is a whole picture, a frame one pair of axes in it, a panel a
+//! frame with measured points, curves and histograms, a pen how a curve is drawn. [`chart_svg`] and [`bars_svg`] draw the common
+//! cases from plain data.
 
 mod axis;
+mod bars;
+mod chart;
 mod frame;
 mod key;
 mod marker;
+mod panel;
 mod pen;
+mod points;
 mod sheet;
+mod smooth;
+mod steps;
 
 pub(crate) use axis::{Axis, round_up};
+pub use bars::{Bar, BarChart, bars_svg};
+pub use chart::{Chart, Series, chart_svg};
 pub(crate) use frame::{Frame, Names};
 pub(crate) use key::{Key, KeyLine};
 pub(crate) use marker::Marker;
+pub(crate) use panel::{Panel, grid};
 pub(crate) use pen::{Curve, Pen};
-pub(crate) use sheet::Sheet;
+pub(crate) use points::Points;
+pub(crate) use sheet::{Sheet, WIDTH_PX};
+pub(crate) use steps::Steps;
 
-/// Colour of text and outlines.
-pub(crate) const INK: &str = "#22272e";
-/// Colour of what explains.
-pub(crate) const MUTED: &str = "#5f6670";
-/// Colour of grids.
-pub(crate) const GRID: &str = "#e4e7eb";
-/// Colour of axes.
-pub(crate) const AXIS: &str = "#969da6";
+use maud::html;
 
 /// Mean width of a character over the size of its font.
 const CHARACTER: f64 = 0.56;
@@ -42,7 +47,7 @@ pub(crate) fn px(value: f64) -> String {
     if short == "-0" { "0".into() } else { short.into() }
 }
 
-/// Width of a text in a font of a size, px, as good as can be told without the font.
+/// Width of a text in a font of a size, px, as well as it can be estimated without the font.
 pub(crate) fn width_of(text: &str, size: f64) -> f64 {
     CHARACTER * size * text.chars().count() as f64
 }
@@ -59,6 +64,21 @@ pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> 
         None => Some((v, v)),
         Some((low, high)) => Some((f64::min(low, v), f64::max(high, v))),
     })
+}
+
+/// A picture of a width that says that there are no data.
+fn without_data(alt: &str, width: f64) -> Sheet {
+    Sheet {
+        class: "chart",
+        title: String::new(),
+        remark: String::new(),
+        keys: vec![Key::remark("no data")],
+        alt: alt.into(),
+        width,
+        height: 20.0,
+        body: html! {},
+        foot: Vec::new(),
+    }
 }
 
 #[cfg(test)]

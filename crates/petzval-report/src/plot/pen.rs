@@ -1,4 +1,4 @@
-//! Pens: how a curve is drawn.
+//! Pens and curves: what is drawn in a frame, and how.
 
 use super::Marker;
 
@@ -11,6 +11,8 @@ pub(crate) struct Pen {
     pub is_dashed: bool,
     /// px.
     pub width: f64,
+    /// From 0, invisible, to 1.
+    pub opacity: f64,
     /// Shape that marks the curve here and there.
     pub marker: Option<Marker>,
 }
@@ -18,12 +20,12 @@ pub(crate) struct Pen {
 impl Pen {
     /// A solid line with markers.
     pub fn marked(colour: &str, marker: Marker) -> Self {
-        Self { colour: colour.into(), is_dashed: false, width: 1.7, marker: Some(marker) }
+        Self { colour: colour.into(), is_dashed: false, width: 1.7, opacity: 1.0, marker: Some(marker) }
     }
 
     /// A thin solid line without markers.
     pub fn thin(colour: &str) -> Self {
-        Self { colour: colour.into(), is_dashed: false, width: 1.2, marker: None }
+        Self { colour: colour.into(), is_dashed: false, width: 1.2, opacity: 1.0, marker: None }
     }
 
     /// The same, dashed.

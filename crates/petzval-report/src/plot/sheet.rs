@@ -2,7 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::{INK, Key, MUTED, key, plain, px};
+use super::{Key, key, plain, px};
+use crate::palette::{INK, MUTED, PAPER};
+
+/// Width of the sheets of a page, px.
+pub(crate) const WIDTH_PX: f64 = 908.0;
 
 /// Space at the left and right edge, px.
 const MARGIN_PX: f64 = 18.0;
@@ -12,7 +16,7 @@ const MARGIN_PX: f64 = 18.0;
 pub(crate) struct Sheet {
     /// Which picture it is: the class of the SVG.
     pub class: &'static str,
-    /// Headline.
+    /// Headline; empty if the page says what it is.
     pub title: String,
     /// A line below it.
     pub remark: String,
@@ -33,18 +37,23 @@ impl Sheet {
     /// The picture as a stand-alone SVG on white.
     pub fn svg(&self) -> String {
         let inside = self.width - 2.0 * MARGIN_PX;
-        let key_top = 38.0 + if self.remark.is_empty() { 0.0 } else { 17.0 };
+        // A sheet without a headline begins with its key.
+        let title_px = if self.title.is_empty() { 10.0 } else { 38.0 };
+        let key_top = title_px + if self.remark.is_empty() { 0.0 } else { 17.0 };
         let body_top = key_top + key::height(&self.keys, inside);
         let foot_top = body_top + self.height;
-        let height = foot_top + key::height(&self.foot, inside) + 12.0;
+        let foot_px = if self.foot.is_empty() { 0.0 } else { key::height(&self.foot, inside) + 12.0 };
+        let height = foot_top + foot_px;
         html! {
             svg xmlns="http://www.w3.org/2000/svg" class=(self.class) role="img" aria-label=(plain(&self.alt))
                 viewBox=(format!("0 0 {} {}", px(self.width), px(height))) width=(px(self.width)) height=(px(height))
                 font-family="system-ui, sans-serif" fill="none" stroke-linejoin="round" {
-                rect width="100%" height="100%" fill="#ffffff" {}
-                text x=(px(MARGIN_PX)) y="27" fill=(INK) font-size="17" font-weight="600" { (plain(&self.title)) }
+                rect width="100%" height="100%" fill=(PAPER) {}
+                @if !self.title.is_empty() {
+                    text x=(px(MARGIN_PX)) y="27" fill=(INK) font-size="17" font-weight="600" { (plain(&self.title)) }
+                }
                 @if !self.remark.is_empty() {
-                    text x=(px(MARGIN_PX)) y="46" fill=(MUTED) font-size="12.5" { (plain(&self.remark)) }
+                    text x=(px(MARGIN_PX)) y=(px(title_px + 8.0)) fill=(MUTED) font-size="12.5" { (plain(&self.remark)) }
                 }
                 (key::draw(&self.keys, [MARGIN_PX, key_top], inside))
                 g class="body" transform=(format!("translate(0 {})", px(body_top))) { (self.body) }

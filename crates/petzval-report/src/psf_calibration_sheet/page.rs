@@ -2,49 +2,48 @@
 
 use std::collections::BTreeMap;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
 use petzval_camera::image::CHANNELS;
 use petzval_lab::psf_calibration::held_out::HeldOutBy;
 
-use super::sheet::{DECADES, Tone, kinds, picture, png};
+use super::sheet::{DECADES, Tone, kinds, picture};
 use super::{Calibration, by_direction};
-use crate::page::Page;
+use crate::number::fixed;
+use crate::page::{Page, caption, section};
 use crate::plot::plain;
-
-const STYLE: &str = include_str!("page.css");
+use crate::png;
+use crate::table::{Column, Row, Table};
 
 /// The page. It needs nothing but itself, and prints well.
 pub fn page(calibration: &Calibration) -> String {
-    let title = plain(&calibration.captures);
     let main = html! {
         @for (direction, members) in by_direction(calibration) {
-            section { h2 { "PSFs, " (direction) } (pictures(calibration, &members)) }
+            (section(format!("PSFs, {direction}"), pictures(calibration, &members)))
         }
-        p.caption {
+        (caption(html! {
             "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
             "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
             @if calibration.lens.is_some() {
                 "“Same mosaic”: the simulated PSF landed where it fits best, kept by the same colours and "
                 "demosaiced. “Ideal pixels”: every colour in every pixel."
             }
-        }
+        }))
         @if calibration.lens.is_some() {
-            section { h2 { "L1 distance from the simulated PSF" } (distances(calibration)) }
+            (section("L1 distance from the simulated PSF", distances(calibration)))
         }
-        section { h2 { "Centroids" } (centroids(calibration)) }
-        section { h2 { "Light" } (light(calibration)) }
-        section { h2 { "Exposures" } (exposures(calibration)) }
-        section { h2 { "Bank for the renderer" } (fields(calibration)) }
-        section { h2 { "Warnings" } (warnings(calibration)) }
+        (section("Centroids", centroids(calibration)))
+        (section("Light", light(calibration)))
+        (section("Exposures", exposures(calibration)))
+        (section("Bank for the renderer", fields(calibration)))
+        (section("Warnings", warnings(calibration)))
     };
     Page {
-        title: html! { "PSF calibration – " (title) },
-        style: STYLE,
-        headline: html! { "PSF calibration" },
-        subtitle: html! { (subtitle(calibration)) },
+        title: format!("PSF calibration – {}", calibration.captures),
+        style: include_str!("page.css"),
+        headline: "PSF calibration".into(),
+        subtitle: subtitle(calibration),
         main,
+        ..Page::default()
     }
     .html()
 }
@@ -61,237 +60,206 @@ fn subtitle(calibration: &Calibration) -> Markup {
     }
 }
 
+/// The PSFs of one direction: a column for each field radius, a row for each kind of picture.
 fn pictures(calibration: &Calibration, members: &[usize]) -> Markup {
     let names: Vec<&str> =
         members.first().map_or(Vec::new(), |i| kinds(calibration, *i).into_iter().map(|k| k.0).collect());
-    html! {
-        div.scroll {
-            table.psfs {
-                thead {
-                    tr {
-                        th {}
-                        @for i in members { th { (format!("{:.2}", calibration.positions[*i].0.field_radius_mm)) " mm" } }
-                    }
-                }
-                tbody {
-                    @for tone in [Tone::Linear, Tone::Log] {
-                        @for (k, name) in names.iter().enumerate() {
-                            tr class=[(tone == Tone::Log && k == 0).then_some("log-first")] {
-                                th { (name) br; @if tone == Tone::Log { "log" } @else { "linear" } }
-                                @for i in members {
-                                    td { (cell(calibration, *i, k, tone)) }
-                                }
-                            }
-                        }
-                    }
-                }
-            }
+    let radius =
+        |i: &usize| Column::new(format!("{} mm", fixed(calibration.positions[*i].0.field_radius_mm, 2)));
+    let mut rows = Vec::new();
+    for tone in [Tone::Linear, Tone::Log] {
+        for (k, name) in names.iter().enumerate() {
+            let head = html! { (name) br; @if tone == Tone::Log { "log" } @else { "linear" } };
+            let row = Row::new(head, members.iter().map(|i| cell(calibration, *i, k, tone)));
+            rows.push(if tone == Tone::Log && k == 0 { row.class("log-first") } else { row });
         }
     }
+    Table::new([Column::new("")].into_iter().chain(members.iter().map(radius)))
+        .class("psfs")
+        .rows(rows)
+        .html()
 }
 
 fn cell(calibration: &Calibration, index: usize, kind: usize, tone: Tone) -> Markup {
     let shown = kinds(calibration, index);
     let Some((name, values)) = shown.get(kind) else { return html! { "–" } };
     let alt = format!("{}: {name}", plain(&calibration.positions[index].0.name));
-    let data = STANDARD.encode(png(&picture(values, tone)));
-    html! { img src=(format!("data:image/png;base64,{data}")) alt=(alt); }
+    html! { img.pixels src=(png::address(&png::encode(&picture(values, tone)))) alt=(alt); }
 }
 
-/// Three numbers, one per channel.
-fn triple(values: [f64; CHANNELS], digits: usize) -> Markup {
-    html! { @for v in values { td { (format!("{v:.digits$}")) } } }
+/// Numbers between commas: those of red, green and blue, or of row and column.
+fn list<const N: usize>(values: [f64; N], decimals: usize) -> String {
+    values.map(|v| fixed(v, decimals)).join(", ")
+}
+
+/// Row and column, 10^-3 pixels.
+fn pair(values_px: [f64; 2]) -> String {
+    list(values_px.map(|v| 1e3 * v), 1)
 }
 
 fn distances(calibration: &Calibration) -> Markup {
+    let groups = ["same mosaic", "noise floor", "ideal pixels", "demosaicing alone"];
+    let channels = groups.iter().flat_map(|_| ["R", "G", "B"].map(Column::new));
+    let rows = calibration.positions.iter().filter_map(|(position, comparison)| {
+        let c = comparison.as_ref()?;
+        let distances: [[f64; CHANNELS]; 4] = [c.l1, position.measured.floor.l1, c.l1_ideal, c.demosaic_l1];
+        Some(Row::new(plain(&position.name), distances.into_iter().flatten().map(|v| fixed(v, 4))))
+    });
+    let table = Table::new([Column::new("position")].into_iter().chain(channels))
+        .groups(groups.map(|name| (name, CHANNELS)))
+        .rows(rows);
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "position" }
-                        th colspan="3" { "same mosaic" }
-                        th colspan="3" { "noise floor" }
-                        th colspan="3" { "ideal pixels" }
-                        th colspan="3" { "demosaicing alone" }
-                    }
-                    tr { th {} @for _ in 0..4 { th { "R" } th { "G" } th { "B" } } }
-                }
-                tbody {
-                    @for (position, comparison) in &calibration.positions {
-                        @if let Some(c) = comparison {
-                            tr {
-                                th { (plain(&position.name)) }
-                                (triple(c.l1, 4)) (triple(position.measured.floor.l1, 4)) (triple(c.l1_ideal, 4))
-                                (triple(c.demosaic_l1, 4))
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption {
-            "Sum of absolute differences of PSFs of unit sum: 0 for equal, 2 for disjoint ones. Right sensor, lens and model put “same "
-            "mosaic” on the noise floor. The floor is the mean distance that draws of the merged noise cause, background and "
-            "normalisation included."
-        }
+        (table.html())
+        (caption(
+            "Sum of absolute differences of PSFs of unit sum: 0 for equal, 2 for disjoint ones. Right sensor, lens and model put “same \
+             mosaic” on the noise floor. The floor is the mean distance that draws of the merged noise cause, background and \
+             normalisation included.",
+        ))
     }
 }
 
 fn centroids(calibration: &Calibration) -> Markup {
-    html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "position" }
-                        th { "row" span.unit { "px" } }
-                        th { "column" span.unit { "px" } }
-                        th { "standard error" span.unit { "10⁻³ px" } }
-                        @if calibration.lens.is_some() {
-                            th { "green error" span.unit { "ideal pixels, 10⁻³ px" } }
-                            th { "green error" span.unit { "same mosaic, 10⁻³ px" } }
-                            th { "red – green" span.unit { "same mosaic, 10⁻³ px" } }
-                            th { "blue – green" span.unit { "same mosaic, 10⁻³ px" } }
-                        }
-                    }
+    let mut columns = vec![
+        Column::new("position"),
+        Column::new("row").unit("px"),
+        Column::new("column").unit("px"),
+        Column::new("standard error").unit("10⁻³ px"),
+    ];
+    if calibration.lens.is_some() {
+        columns.extend([
+            Column::new("green error").unit("ideal pixels, 10⁻³ px"),
+            Column::new("green error").unit("same mosaic, 10⁻³ px"),
+            Column::new("red – green").unit("same mosaic, 10⁻³ px"),
+            Column::new("blue – green").unit("same mosaic, 10⁻³ px"),
+        ]);
+    }
+    let rows = calibration.positions.iter().map(|(position, comparison)| {
+        let (m, placement) = (&position.measured, &position.frame.placement);
+        let mut cells = vec![
+            fixed(placement.row as f64 + m.psf.centroid_px[1][0], 3),
+            fixed(placement.col as f64 + m.psf.centroid_px[1][1], 3),
+            pair(m.centroid_se_px),
+        ];
+        if calibration.lens.is_some() {
+            cells.extend(match comparison {
+                Some(c) => {
+                    let e = c.centroid_error_px;
+                    let placed = |error| if c.is_placed { pair(error) } else { "–".to_owned() };
+                    let from_green = |channel: usize| pair([0, 1].map(|axis| e[channel][axis] - e[1][axis]));
+                    [placed(c.centroid_error_ideal_px[1]), placed(e[1]), from_green(0), from_green(2)]
                 }
-                tbody {
-                    @for (position, comparison) in &calibration.positions {
-                        @let m = &position.measured;
-                        tr {
-                            th { (plain(&position.name)) }
-                            td { (format!("{:.3}", position.frame.placement.row as f64 + m.psf.centroid_px[1][0])) }
-                            td { (format!("{:.3}", position.frame.placement.col as f64 + m.psf.centroid_px[1][1])) }
-                            td { (pair(m.centroid_se_px)) }
-                            @if calibration.lens.is_some() {
-                                @match comparison {
-                                    Some(c) => {
-                                        @let e = c.centroid_error_px;
-                                        @for error in [c.centroid_error_ideal_px[1], e[1]] {
-                                            td { @if c.is_placed { (pair(error)) } @else { "–" } }
-                                        }
-                                        @for channel in [0, 2] {
-                                            td { (pair([0, 1].map(|axis| e[channel][axis] - e[1][axis]))) }
-                                        }
-                                    }
-                                    None => { @for _ in 0..4 { td { "–" } } }
-                                }
-                            }
-                        }
-                    }
-                }
-            }
+                None => ["–"; 4].map(str::to_owned),
+            });
         }
-        p.caption { "Row and column are those of the green centroid on the sensor; the standard error is that of both. "
+        Row::new(plain(&position.name), cells)
+    });
+    html! {
+        (Table::new(columns).rows(rows).html())
+        (caption(html! {
+            "Row and column are those of the green centroid on the sensor; the standard error is that of both. "
             @if calibration.lens.is_some() {
                 "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the chief ray "
                 "should land. “Ideal pixels” is the error of the measured centroid, that of demosaicing included; “same mosaic” leaves "
                 "demosaicing out and shows what noise does."
             }
-        }
+        }))
     }
 }
 
 fn light(calibration: &Calibration) -> Markup {
+    let columns = [
+        Column::new("position"),
+        Column::new("light").unit("R, G, B, Me⁻/s"),
+        Column::new("standard error").unit("R, G, B, %"),
+    ];
+    let rows = calibration.positions.iter().map(|(position, _)| {
+        let m = &position.measured;
+        let cells =
+            [list(m.psf.light_e_per_s.map(|v| 1e-6 * v), 3), list(m.floor.light.map(|v| 100.0 * v), 2)];
+        Row::new(plain(&position.name), cells)
+    });
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "position" }
-                        th { "light" span.unit { "R, G, B, Me⁻/s" } }
-                        th { "standard error" span.unit { "R, G, B, %" } }
-                    }
-                }
-                tbody {
-                    @for (position, _) in &calibration.positions {
-                        @let m = &position.measured;
-                        tr {
-                            th { (plain(&position.name)) }
-                            td { (m.psf.light_e_per_s.map(|v| format!("{:.3}", 1e-6 * v)).join(", ")) }
-                            td { (m.floor.light.map(|v| format!("{:.2}", 100.0 * v)).join(", ")) }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption { "The sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall on the mosaic, which the "
-            "bank's relative illumination does not." }
+        (Table::new(columns).rows(rows).html())
+        (caption(
+            "The sum of the demosaiced PSF: of spots no wider than a few pixels it depends on where they fall on the mosaic, which the \
+             bank's relative illumination does not.",
+        ))
     }
 }
 
-fn pair(values: [f64; 2]) -> String {
-    values.map(|v| format!("{:.1}", 1e3 * v)).join(", ")
-}
-
 fn exposures(calibration: &Calibration) -> Markup {
+    let columns = [
+        Column::new("position"),
+        Column::new("exposure").unit("ms"),
+        Column::new("frames"),
+        Column::new("dark frames"),
+        Column::new("saturated").unit("pixels"),
+        Column::new("variance").unit("measured / modelled"),
+        Column::new("light").unit("over the other exposures"),
+        Column::new("χ²").unit("against the others"),
+    ];
+    let unknown = || "–".to_owned();
+    let rows = calibration.positions.iter().flat_map(|(position, _)| {
+        position.exposures.iter().enumerate().map(move |(k, e)| {
+            let cells = [
+                e.exposure_ms.to_string(),
+                e.frames.to_string(),
+                e.dark_frames.to_string(),
+                e.saturated_pixels.to_string(),
+                e.variance_ratio.map_or_else(unknown, |r| fixed(r, 3)),
+                e.agreement.map_or_else(unknown, |a| fixed(a.ratio, 4)),
+                e.agreement.map_or_else(unknown, |a| fixed(a.chi2, 2)),
+            ];
+            Row::new(if k == 0 { plain(&position.name) } else { String::new() }, cells)
+        })
+    });
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "position" } th { "exposure" span.unit { "ms" } } th { "frames" } th { "dark frames" }
-                        th { "saturated" span.unit { "pixels" } }
-                        th { "variance" span.unit { "measured / modelled" } }
-                        th { "light" span.unit { "over the other exposures" } }
-                        th { "χ²" span.unit { "against the others" } }
-                    }
-                }
-                tbody {
-                    @for (position, _) in &calibration.positions {
-                        @for (k, e) in position.exposures.iter().enumerate() {
-                            tr {
-                                th { @if k == 0 { (plain(&position.name)) } } td { (e.exposure_ms) } td { (e.frames) } td { (e.dark_frames) }
-                                td { (e.saturated_pixels) }
-                                td { @match e.variance_ratio { Some(r) => (format!("{r:.3}")), None => "–" } }
-                                @let agreement = e.agreement.map(|a| [format!("{:.4}", a.ratio), format!("{:.2}", a.chi2)]);
-                                @for figure in agreement.unwrap_or_else(|| ["–", "–"].map(String::from)) { td { (figure) } }
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption { "Variance: that of the frames of one exposure over what the sensor model says, 1 for the right sensor. Light and χ² compare the "
-            "bright pixels of an exposure with all other exposures of its position; both are 1 where they show the same light. A dash: "
-            "one frame, or no bright pixel that is usable in another exposure." }
+        (Table::new(columns).rows(rows).html())
+        (caption(
+            "Variance: that of the frames of one exposure over what the sensor model says, 1 for the right sensor. Light and χ² compare the \
+             bright pixels of an exposure with all other exposures of its position; both are 1 where they show the same light. A dash: \
+             one frame, or no bright pixel that is usable in another exposure.",
+        ))
     }
 }
 
 fn fields(calibration: &Calibration) -> Markup {
+    let columns = [
+        Column::new("field radius").unit("mm"),
+        Column::new("positions"),
+        Column::new("held out"),
+        Column::new("held-out L1").unit("R, G, B"),
+        Column::new("L1 of noise").unit("R, G, B"),
+        Column::new("held-out χ²").unit("R, G, B"),
+        Column::new("fitted χ²").unit("R, G, B"),
+        Column::new("blobs").unit("R, G, B, px"),
+    ];
+    let rows = calibration.fields.iter().map(|f| {
+        let by = match f.held_out.by {
+            HeldOutBy::Positions => "positions",
+            HeldOutBy::Pixels => "pixels",
+        };
+        let cells = [
+            f.positions.to_string(),
+            by.to_owned(),
+            list(f.held_out.score.map(|s| s.l1()), 3),
+            list(f.held_out.score.map(|s| s.noise_l1()), 3),
+            list(f.held_out.score.map(|s| s.chi2()), 1),
+            list(f.chi2, 2),
+            list(f.blob_px, 2),
+        ];
+        Row::new(fixed(f.field_radius_mm, 3), cells)
+    });
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "field radius" span.unit { "mm" } } th { "positions" } th { "held out" }
-                        th { "held-out L1" span.unit { "R, G, B" } } th { "L1 of noise" span.unit { "R, G, B" } }
-                        th { "held-out χ²" span.unit { "R, G, B" } } th { "fitted χ²" span.unit { "R, G, B" } }
-                        th { "blobs" span.unit { "R, G, B, px" } }
-                    }
-                }
-                tbody {
-                    @for f in &calibration.fields {
-                        tr {
-                            th { (format!("{:.3}", f.field_radius_mm)) } td { (f.positions) }
-                            td { @match f.held_out.by { HeldOutBy::Positions => "positions", HeldOutBy::Pixels => "pixels" } }
-                            td { (f.held_out.score.map(|s| format!("{:.3}", s.l1())).join(", ")) }
-                            td { (f.held_out.score.map(|s| format!("{:.3}", s.noise_l1())).join(", ")) }
-                            td { (f.held_out.score.map(|s| format!("{:.1}", s.chi2())).join(", ")) }
-                            td { (f.chi2.map(|v| format!("{v:.2}")).join(", ")) }
-                            td { (f.blob_px.map(|v| format!("{v:.2}")).join(", ")) }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption { "Light on cells of a third of a pixel that predicts best the mosaics of directions that took no part in the fit. Held-out "
-            "L1 and χ² say how well it does: L1 is the sum of absolute differences over the light on the colour’s pixels, middle and light of the "
-            "held-out position free. They hold for the directions and sub-pixel phases captured, and are a little flattered, because smoothness was "
-            "chosen by them. Held out is each position in turn, or of a lone one each fifth of its pixels, which says nothing about another phase. Fitted χ² well above 1 says that "
-            "positions disagree or that no smooth PSF explains them: a lens that is not rotationally symmetric, a wrong azimuth, detail below "
-            "the pixel." }
+        (Table::new(columns).rows(rows).html())
+        (caption(
+            "Light on cells of a third of a pixel that predicts best the mosaics of directions that took no part in the fit. Held-out \
+             L1 and χ² say how well it does: L1 is the sum of absolute differences over the light on the colour’s pixels, middle and light \
+             of the held-out position free. They hold for the directions and sub-pixel phases captured, and are a little flattered, because \
+             smoothness was chosen by them. Held out is each position in turn, or of a lone one each fifth of its pixels, which says nothing \
+             about another phase. Fitted χ² well above 1 says that positions disagree or that no smooth PSF explains them: a lens that is not \
+             rotationally symmetric, a wrong azimuth, detail below the pixel.",
+        ))
     }
 }
 

@@ -1,12 +1,11 @@
 //! PSFs as pictures: linear and logarithmic, measured and simulated.
 
-use std::io::Cursor;
-
-use image::{ImageFormat, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 use petzval_camera::image::{CHANNELS, srgb_encode};
 use petzval_lab::psf_calibration::CROP;
 
 use super::{Calibration, by_direction};
+use crate::png;
 
 /// Picture pixels along one sensor pixel of the sheet.
 const ZOOM: usize = 4;
@@ -43,17 +42,9 @@ pub(super) fn picture(values: &[Vec<f64>; CHANNELS], tone: Tone) -> RgbImage {
     })
 }
 
-/// PNG of a picture.
-pub(super) fn png(picture: &RgbImage) -> Vec<u8> {
-    let mut out = Cursor::new(Vec::new());
-    // Writing to memory fails only for a picture without pixels, which shows as its alt text.
-    let _ = picture.write_to(&mut out, ImageFormat::Png);
-    out.into_inner()
-}
-
 /// The sheet of all positions as a PNG file.
 pub fn sheet_png(calibration: &Calibration) -> Vec<u8> {
-    png(&sheet(calibration))
+    png::encode(&sheet(calibration))
 }
 
 /// What is shown of a position: name, PSF.

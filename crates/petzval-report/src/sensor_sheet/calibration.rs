@@ -3,50 +3,45 @@
 
 use maud::{Markup, html};
 use petzval_lab::emva::captures::Kind;
-use petzval_lab::emva::joint::GAINS;
+use petzval_lab::emva::joint::{GAINS, GainRow};
 use petzval_lab::emva::{Characterization, Measured};
 
 use super::reasons::Reasons;
 use super::style::{short, symbol, with_error};
 use crate::number;
+use crate::page::caption;
+use crate::table::{Column, Row, Table};
 
 /// What each gain contributes to the joint fit.
 pub(super) fn gains(all: &Characterization) -> Markup {
     let mut reasons = Reasons::default();
-    html! {
-        div.scroll {
-            table.figures {
-                thead {
-                    tr {
-                        th { "gain" }
-                        th { (symbol("K_g")) span.unit { "DN/e⁻" } }
-                        th { (symbol("K_g")) "/g" span.unit { "DN/e⁻" } }
-                        th { (symbol("μ_I")) ", mean" span.unit { "e⁻/s" } }
-                        th { (symbol("μ_I")) ", variance" span.unit { "e⁻/s" } }
-                        th { "dark variance" span.unit { "DN² at 0 s" } }
-                        th { "dark mean" span.unit { "DN at 0 s" } }
-                    }
-                }
-                tbody {
-                    @for row in &all.joint.rows {
-                        tr {
-                            th { (short(row.linear_gain, 2)) }
-                            @for value in [
-                                &row.gain_dn_per_e,
-                                &row.gain_at_unit_dn_per_e,
-                                &row.dark_current_mean_e_per_s,
-                                &row.dark_current_variance_e_per_s,
-                                &row.dark_variance_dn2,
-                                &row.dark_mean_dn,
-                            ] { td { (reasons.cell(value)) } }
-                        }
-                    }
-                }
-            }
-        }
-        (reasons.list())
-    }
+    let columns = [
+        Column::new("gain"),
+        Column::new(symbol("K_g")).unit("DN/e⁻"),
+        Column::new(html! { (symbol("K_g")) "/g" }).unit("DN/e⁻"),
+        Column::new(html! { (symbol("μ_I")) ", mean" }).unit("e⁻/s"),
+        Column::new(html! { (symbol("μ_I")) ", variance" }).unit("e⁻/s"),
+        Column::new("dark variance").unit("DN² at 0 s"),
+        Column::new("dark mean").unit("DN at 0 s"),
+    ];
+    let row = |row: &GainRow| {
+        let values = [
+            &row.gain_dn_per_e,
+            &row.gain_at_unit_dn_per_e,
+            &row.dark_current_mean_e_per_s,
+            &row.dark_current_variance_e_per_s,
+            &row.dark_variance_dn2,
+            &row.dark_mean_dn,
+        ];
+        Row::new(short(row.linear_gain, 2), values.map(|value| reasons.cell(value)))
+    };
+    let table = Table::new(columns).class("figures").rows(all.joint.rows.iter().map(row));
+    html! { (table.html()) (reasons.list()) }
 }
+
+/// Symbol, quantity and unit of a parameter, its value by the joint fit and by the fit to histograms, and what tables 3, 4 and 5 of
+/// the paper print.
+type Parameter<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
 
 /// Parameters of the model by the joint fit and by the fit to histograms, beside what Tseng et al. print for their camera.
 pub(super) fn model(all: &Characterization) -> Markup {
@@ -59,7 +54,8 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
     let stated = |v: f64| Measured::exact(v);
-    // What the histograms do not tell was held, and has no error; nor has anything of a fit that does not describe them.
+    // A parameter that the histograms do not resolve was held and has no error. Where the fit does not describe the histograms, no
+    // parameter has one.
     let fitted = |of: fn(&petzval_lab::emva::HistogramFit) -> Measured| {
         let (fit, value) = (fit?, of(fit?));
         let held = match value.standard_error() {
@@ -69,10 +65,8 @@ pub(super) fn model(all: &Characterization) -> Markup {
         };
         Some(with_error(&value)? + held)
     };
-    // Symbol, quantity, unit, joint fit, histogram fit, tables 3, 4 and 5.
     let black_level = joint.black_level_dn.map_or(html! { "not stated" }, |v| measured(&stated(v)));
-    type Row<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
-    let mut rows: Vec<Row<'_>> = vec![
+    let mut rows: Vec<Parameter<'_>> = vec![
         (
             "",
             "columns × rows",
@@ -185,43 +179,41 @@ pub(super) fn model(all: &Characterization) -> Markup {
             ),
         ]);
     }
-    html! {
-        div.scroll {
-            table.figures {
-                thead {
-                    tr {
-                        th { "symbol" }
-                        th.meaning { "parameter" }
-                        th.unit-cell { "unit" }
-                        th { "all gains together" }
-                        @if fit.is_some() { th { "fit to histograms" } }
-                        @if is_paper_camera { th { "Table 3" } th { "Table 4" } th { "Table 5" } }
-                    }
-                }
-                tbody {
-                    @for (text, meaning, unit, value, fitted, paper) in &rows {
-                        tr {
-                            th { (symbol(text)) }
-                            td.meaning { (meaning) }
-                            td.unit-cell { (unit) }
-                            td { (value) }
-                            @if fit.is_some() { td { (fitted.as_deref().unwrap_or("–")) } }
-                            @if is_paper_camera { @for cell in paper { td { (if cell.is_empty() { "–" } else { *cell }) } } }
-                        }
-                    }
-                }
-            }
+    let mut columns = vec![
+        Column::new("symbol"),
+        Column::new("parameter").note(),
+        Column::new("unit").units(),
+        Column::new("all gains together"),
+    ];
+    if fit.is_some() {
+        columns.push(Column::new("fit to histograms"));
+    }
+    if is_paper_camera {
+        columns.extend(["Table 3", "Table 4", "Table 5"].map(Column::new));
+    }
+    let row = |(text, meaning, unit, value, fitted, paper): Parameter<'_>| {
+        let mut cells = vec![html! { (meaning) }, html! { (unit) }, value];
+        if fit.is_some() {
+            cells.push(html! { (fitted.as_deref().unwrap_or("–")) });
         }
+        if is_paper_camera {
+            cells.extend(paper.map(|cell| html! { (if cell.is_empty() { "–" } else { cell }) }));
+        }
+        Row::new(symbol(text), cells)
+    };
+    let table = Table::new(columns).class("figures").rows(rows.into_iter().map(row));
+    html! {
+        (table.html())
         (reasons.list())
         @if all.gains.len() < GAINS {
-            p.caption { "Captures at three or more linear gains tell read noise from electronics noise." }
+            (caption("Captures at three or more linear gains separate read noise from electronics noise."))
         }
         @if is_paper_camera {
-            p.caption {
+            (caption(html! {
                 "Tables 3 to 5: supplement of Tseng et al. 2021, as printed, for a camera with the Sony IMX249. Table 4 calls σ"
                 sub { "r" } " 16 e⁻, its text and Table 5 call the variance 16 e⁻²; the electronics noise, printed in electrons, acts after the "
                 "converter and is in DN."
-            }
+            }))
         }
         @if let Some(fit) = fit { (agreement(fit)) }
     }
@@ -234,47 +226,40 @@ fn agreement(fit: &petzval_lab::emva::HistogramFit) -> Markup {
         let all: Vec<f64> = fit.histograms.iter().filter(|h| h.kind == kind).map(value).collect();
         all.iter().sum::<f64>() / all.len() as f64
     };
+    let columns = [
+        Column::new("histograms"),
+        Column::new("number"),
+        Column::new("mean χ²/ν").unit("before the fit"),
+        Column::new("mean χ²/ν").unit("after"),
+        Column::new("mean TV, %").unit("before"),
+        Column::new("mean TV, %").unit("after"),
+        Column::new("mean KS, %").unit("after"),
+    ];
+    let row = |(kind, name): (Kind, &str)| {
+        let count = fit.histograms.iter().filter(|h| h.kind == kind).count();
+        let cells = [
+            count.to_string(),
+            number::fixed(of(kind, |h| h.before.reduced_chi2), 3),
+            number::fixed(of(kind, |h| h.after.reduced_chi2), 3),
+            number::fixed(100.0 * of(kind, |h| h.before.total_variation), 3),
+            number::fixed(100.0 * of(kind, |h| h.after.total_variation), 3),
+            number::fixed(100.0 * of(kind, |h| h.after.kolmogorov_smirnov), 3),
+        ];
+        (count > 0).then(|| Row::new(name, cells))
+    };
+    let table = Table::new(columns).rows(rows.into_iter().filter_map(row));
+    let size = |m: &Measured, unit: &str| with_error(m).map_or("no resolved size".to_owned(), |v| v + unit);
     html! {
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th { "histograms" }
-                        th { "number" }
-                        th { "mean χ²/ν" span.unit { "before the fit" } }
-                        th { "mean χ²/ν" span.unit { "after" } }
-                        th { "mean TV, %" span.unit { "before" } }
-                        th { "mean TV, %" span.unit { "after" } }
-                        th { "mean KS, %" span.unit { "after" } }
-                    }
-                }
-                tbody {
-                    @for (kind, name) in rows {
-                        @if fit.histograms.iter().any(|h| h.kind == kind) {
-                            tr {
-                                th { (name) }
-                                td { (fit.histograms.iter().filter(|h| h.kind == kind).count()) }
-                                td { (number::fixed(of(kind, |h| h.before.reduced_chi2), 3)) }
-                                td { (number::fixed(of(kind, |h| h.after.reduced_chi2), 3)) }
-                                td { (number::fixed(100.0 * of(kind, |h| h.before.total_variation), 3)) }
-                                td { (number::fixed(100.0 * of(kind, |h| h.after.total_variation), 3)) }
-                                td { (number::fixed(100.0 * of(kind, |h| h.after.kolmogorov_smirnov), 3)) }
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        p.caption {
+        (table.html())
+        (caption(html! {
             "χ²/ν: reduced chi-square, about 1 where only chance is left. TV: total variation. KS: Kolmogorov-Smirnov distance. "
             @if fit.converged { "The fit converged in " (fit.steps) " steps." }
             @else { "The fit had not converged after " (fit.steps) " steps." }
             @if fit.left_out > 0 {
                 " " (fit.left_out) " histograms that are clipped or near saturation do not count."
             }
-            " Read noise is that of temporal noise; beyond it the histograms have a DSNU of "
-            (with_error(&fit.dsnu_e).map_or("no resolved size".to_owned(), |v| v + " e⁻"))
-            " and a PRNU of " (with_error(&fit.prnu_percent).map_or("no resolved size".to_owned(), |v| v + " %")) "."
-        }
+            " Read noise is that of temporal noise; beyond it the histograms have a DSNU of " (size(&fit.dsnu_e, " e⁻"))
+            " and a PRNU of " (size(&fit.prnu_percent, " %")) "."
+        }))
     }
 }

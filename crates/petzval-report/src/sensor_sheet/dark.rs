@@ -3,10 +3,10 @@
 use petzval_lab::emva::{Characterization, GainResult};
 
 use super::Shown;
-use super::panel::{Panel, Points};
-use super::style::{Around, NEUTRAL, gain_look, gain_name, sheet, straight, with_error};
+use super::style::{Around, gain_look, gain_name, sheet, straight, with_error};
 use super::transfer::HEIGHT_PX;
-use crate::plot::{Axis, Marker, Pen, Sheet, span};
+use crate::palette::INK;
+use crate::plot::{Axis, Marker, Panel, Pen, Points, Sheet, span};
 
 /// An axis about values and their errors, wide enough that noise does not look like a slope.
 fn axis_about(values: &[(f64, f64, f64)], ticks: usize) -> Axis {
@@ -41,14 +41,14 @@ pub(super) fn mean_over_time(shown: &Shown<'_>) -> Option<Sheet> {
     if let (Some(slope), Some(intercept)) = (dark.mean.slope.value(), dark.mean.intercept.value()) {
         // The fit is over seconds.
         let ends = [panel.x.low, panel.x.high];
-        panel.curves.push(straight(Pen::thin(NEUTRAL), 1e-3 * slope, intercept, ends));
+        panel.curves.push(straight(Pen::thin(INK), 1e-3 * slope, intercept, ends));
     }
     panel.notes_left = true;
     panel.notes.push(match with_error(&dark.mean.slope) {
         Some(slope) => format!("slope {slope} DN/s"),
         None => dark.mean.slope.reason().map_or(String::new(), |why| format!("slope not resolved: {why}")),
     });
-    panel.points.push(Points { colour: NEUTRAL.into(), marker: Marker::Circle, is_hollow: false, at });
+    panel.points.push(Points { colour: INK.into(), marker: Marker::Circle, is_hollow: false, at });
     let around = Around {
         class: "dark-mean",
         title: "Dark signal over exposure time",

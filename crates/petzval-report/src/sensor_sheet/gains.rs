@@ -4,11 +4,10 @@ use petzval_camera::sensor::Colour;
 use petzval_lab::emva::transfer::TransferPoint;
 use petzval_lab::emva::{ChannelResult, Characterization};
 
-use super::panel::{Panel, Points};
 use super::style::{Around, axis_from_zero, colour_name, gain_look, gain_name, sheet, straight};
 use super::transfer::HEIGHT_PX;
 use crate::number;
-use crate::plot::{Key, KeyLine, Pen, Sheet};
+use crate::plot::{Key, KeyLine, Panel, Pen, Points, Sheet};
 
 /// The colour that stands for a gain: green, where the mosaic has it.
 fn standing_for(channels: &[ChannelResult]) -> Option<&ChannelResult> {

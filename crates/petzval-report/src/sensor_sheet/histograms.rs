@@ -4,9 +4,10 @@ use petzval_camera::sensor::Colour;
 use petzval_lab::emva::captures::Kind;
 use petzval_lab::emva::{Characterization, HistogramComparison, PointHistogram};
 
-use super::panel::{Panel, Steps};
-use super::style::{Around, colour_name, colour_of, gain_name, sheet, short, significant};
-use crate::plot::{Axis, Curve, Key, KeyLine, Pen, Sheet, span};
+use super::style::{Around, colour_name, gain_name, sheet, short, significant};
+use crate::palette;
+use crate::palette::INK;
+use crate::plot::{Axis, Curve, Key, KeyLine, Panel, Pen, Sheet, Steps, span};
 
 /// Exposures of a picture.
 const MOST_EXPOSURES: usize = 4;
@@ -135,7 +136,7 @@ fn share_beyond(h: &Compared) -> f64 {
 
 /// Bars of so many digital numbers each, and the model at their middles. `x` counts digital numbers.
 fn add(panel: &mut Panel, h: &Compared, each: usize, least: f64) {
-    let (colour, n) = (colour_of(h.colour), h.captured.len());
+    let (colour, n) = (palette::mosaic(h.colour), h.captured.len());
     let sums = |values: &[f64]| values.chunks(each).map(|part| part.iter().sum()).collect::<Vec<f64>>();
     let edges: Vec<f64> =
         (0..=n.div_ceil(each)).map(|i| f64::from(h.first_dn) - 0.5 + (i * each) as f64).collect();
@@ -152,7 +153,7 @@ fn add(panel: &mut Panel, h: &Compared, each: usize, least: f64) {
             let middle = |(i, e): (usize, &f64)| shown(*e).map(|e| [0.5 * (edge(i) + edge(i + 1)), e]);
             expected.iter().enumerate().map(middle).collect()
         };
-        panel.curves.push(Curve { pen: Pen { width: 1.5, ..Pen::thin("#1d2229") }, index: 0, points });
+        panel.curves.push(Curve { pen: Pen { width: 1.5, ..Pen::thin(INK) }, index: 0, points });
     }
     if !h.note.is_empty() {
         panel.notes.push(h.note.clone());
@@ -171,7 +172,7 @@ fn around(
         if found.iter().any(|h| h.colour == colour) {
             let name = colour.map_or("all pixels", colour_name);
             keys.push(Key {
-                line: KeyLine::Fill(colour_of(colour).into()),
+                line: KeyLine::Fill(palette::mosaic(colour).into()),
                 name: format!("captured, {name}"),
             });
         }
@@ -179,7 +180,7 @@ fn around(
     let remark = match all.histogram_fit {
         Some(_) => {
             keys.push(Key::pen(
-                Pen { width: 1.5, ..Pen::thin("#1d2229") },
+                Pen { width: 1.5, ..Pen::thin(INK) },
                 "simulated: the model with the fitted parameters",
             ));
             format!(

@@ -4,11 +4,11 @@ use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::transfer::{Linearity, TransferPoint};
 
 use super::Shown;
-use super::panel::Panel;
-use super::style::{Around, axis_from_zero, colour_keys, colour_name, colour_of, points_of, sheet, straight};
+use super::style::{Around, axis_from_zero, colour_keys, colour_name, points_of, sheet, straight};
 use super::transfer::{HEIGHT_PX, light_axis};
 use crate::number;
-use crate::plot::{Axis, Pen, Sheet};
+use crate::palette;
+use crate::plot::{Axis, Panel, Pen, Sheet};
 
 fn fits<'a>(shown: &Shown<'a>) -> Vec<(&'a ChannelResult, &'a Linearity)> {
     shown.channels().iter().filter_map(|c| Some((c, c.transfer.linearity.as_ref()?))).collect()
@@ -34,7 +34,7 @@ pub(super) fn linearity(shown: &Shown<'_>) -> Option<Sheet> {
         });
         panel.points.extend(points_of(Some(channel.colour), at));
         let ends = [x.get(fit.range.0), x.get(fit.range.1)].map(|x| x.copied().unwrap_or(0.0));
-        let pen = Pen::thin(colour_of(Some(channel.colour)));
+        let pen = Pen::thin(palette::mosaic(Some(channel.colour)));
         panel.curves.push(straight(pen, fit.slope / scale(channel), fit.offset_dn, ends));
     }
     let around = Around {

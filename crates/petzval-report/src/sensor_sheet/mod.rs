@@ -10,7 +10,6 @@ mod gains;
 mod histograms;
 mod linearity;
 mod page;
-mod panel;
 mod profiles;
 mod reasons;
 mod signal_to_noise;

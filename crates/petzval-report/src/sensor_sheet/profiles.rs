@@ -4,10 +4,11 @@ use petzval_camera::sensor::Colour;
 use petzval_lab::emva::spatial::Profile;
 
 use super::Shown;
-use super::panel::Panel;
 use super::spatial::{Stack, channels};
-use super::style::{Around, colour_name, colour_of, sheet};
-use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
+use super::style::{Around, colour_name, sheet};
+use crate::palette;
+use crate::palette::{LIMIT, MUTED};
+use crate::plot::{Axis, Curve, Key, Panel, Pen, Sheet, span};
 
 /// Places of a profile that a frame can show; where there are more, several are drawn as one.
 const MOST_PLACES: usize = 700;
@@ -37,13 +38,9 @@ pub(super) fn profiles(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     let (channel, spatial) =
         channels.iter().find(|(c, _)| c.colour == Colour::Green).or_else(|| channels.first())?;
     let plots = stack.plots(spatial);
-    let colour = colour_of(Some(channel.colour));
-    let pens = [
-        Pen::thin("#c3c8cf"),
-        Pen::thin("#c3c8cf"),
-        Pen::thin("#8a929c"),
-        Pen { width: 1.6, ..Pen::thin(colour) },
-    ];
+    let colour = palette::mosaic(Some(channel.colour));
+    let pens =
+        [Pen::thin(LIMIT), Pen::thin(LIMIT), Pen::thin(MUTED), Pen { width: 1.6, ..Pen::thin(colour) }];
     let panel = |head: &str, x_name: &str, profile: &Profile| {
         type Part<'a> = (&'a Vec<f64>, fn(&[f64]) -> f64);
         let parts: [Part<'_>; 4] = [

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 use petzval_lab::emva::{Measured, Unresolved};
 
 use super::style::with_error;
+use crate::page::caption;
 
 /// The i-th letter; beyond z they begin again with a digit.
 fn nth_letter(i: usize) -> String {
@@ -52,14 +53,14 @@ impl Reasons {
     pub fn list(&self) -> Markup {
         html! {
             @if !self.all.is_empty() {
-                p.caption.reasons {
+                (caption(html! {
                     "Not resolved: "
                     @for (i, reason) in self.all.iter().enumerate() {
                         @if i > 0 { "; " }
                         sup { (nth_letter(i)) } " " (reason)
                     }
                     "."
-                }
+                }))
             }
         }
     }
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_is_told_once_and_found_numbers_stay() {
+    fn a_reason_stands_once_and_found_numbers_stay() {
         let mut reasons = Reasons::default();
         let photons = Measured::none(Unresolved::NoPhotons);
         let noise = |value| Measured::none(Unresolved::WithinNoise { value, standard_error: 135.0 });

@@ -9,13 +9,12 @@ use petzval_lab::emva::figures::QUANTISATION_DN2;
 use petzval_lab::emva::transfer::TransferPoint;
 
 use super::Shown;
-use super::panel::Panel;
-use super::style::{Around, IDEAL, axis_of_decades, colour_keys, colour_of, points_of, sheet};
+use super::style::{Around, axis_of_decades, colour_keys, points_of, sheet};
 use super::transfer::HEIGHT_PX;
-use crate::plot::{Axis, Curve, Key, Pen, Sheet};
+use crate::palette;
+use crate::palette::{IDEAL, LIMIT, MUTED};
+use crate::plot::{Axis, Curve, Key, Panel, Pen, Sheet};
 
-/// Colour of the marks of threshold and saturation.
-const MARKS: &str = "#a7aeb7";
 /// Points of a curve over the whole axis.
 const STEPS: usize = 120;
 
@@ -83,17 +82,17 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
                     })
                     .collect::<Vec<_>>()
             };
-            panel.curves.push(Curve::over(Pen::thin(colour_of(colour)), 0, &grid, model(0.0, 0.0)));
+            panel.curves.push(Curve::over(Pen::thin(palette::mosaic(colour)), 0, &grid, model(0.0, 0.0)));
             if let (Some(dsnu), Some(prnu)) = (figure(channel, "DSNU1288"), figure(channel, "PRNU1288")) {
                 has_total = true;
                 let total = model(dsnu * dsnu, 0.01 * prnu);
-                panel.curves.push(Curve::over(Pen::thin(colour_of(colour)).dashed(), 0, &grid, total));
+                panel.curves.push(Curve::over(Pen::thin(palette::mosaic(colour)).dashed(), 0, &grid, total));
             }
         }
         for (name, called) in marks {
             let Some(mark) = figure(channel, name) else { continue };
             let upright = [panel.y.low, panel.y.high].map(|y| Some([mark, y])).into();
-            panel.curves.push(Curve { pen: Pen::thin(MARKS), index: 0, points: upright });
+            panel.curves.push(Curve { pen: Pen::thin(LIMIT), index: 0, points: upright });
             if !marked.contains(&called) {
                 marked.push(called);
             }
@@ -102,14 +101,14 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
         panel.points.extend(points_of(colour, at));
     }
     let mut keys = colour_keys(shown);
-    keys.push(Key::pen(Pen::thin("#5f6670"), "model"));
+    keys.push(Key::pen(Pen::thin(MUTED), "model"));
     if has_total {
-        keys.push(Key::pen(Pen::thin("#5f6670").dashed(), "with DSNU and PRNU"));
+        keys.push(Key::pen(Pen::thin(MUTED).dashed(), "with DSNU and PRNU"));
     }
     let best = if in_photons { "ideal sensor: √photons" } else { "shot noise alone: √electrons" };
     keys.push(Key::pen(ideal, best));
     if !marked.is_empty() {
-        keys.push(Key::pen(Pen::thin(MARKS), marked.join(", ")));
+        keys.push(Key::pen(Pen::thin(LIMIT), marked.join(", ")));
     }
     let around = Around {
         class: "snr",

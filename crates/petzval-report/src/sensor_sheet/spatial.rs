@@ -6,9 +6,11 @@ use petzval_lab::emva::histogram::Histogram;
 use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
 use super::Shown;
-use super::panel::{Panel, Steps};
-use super::style::{Around, IDEAL, axis_of_amplitudes, colour_keys, colour_name, colour_of, sheet};
+use super::style::{Around, axis_of_amplitudes, colour_keys, colour_name, sheet};
+use crate::palette;
+use crate::palette::{IDEAL, MUTED};
 use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
+use crate::plot::{Panel, Steps};
 
 /// Which of the two stacks a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +84,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             let last = values.len().saturating_sub(1).max(1) as f64;
             let x: Vec<f64> = (0..values.len()).map(|i| 0.5 * i as f64 / last).collect();
             let y = values.iter().enumerate().map(|(i, v)| (i > 0).then_some(*v));
-            panel.curves.push(Curve::over(Pen::thin(colour_of(Some(channel.colour))), 0, &x, y));
+            panel.curves.push(Curve::over(Pen::thin(palette::mosaic(Some(channel.colour))), 0, &x, y));
             // White temporal noise that the mean of the frames still holds.
             let kept = match stack {
                 Stack::Dark => spatial.dark.variances.temporal / spatial.dark.frames.max(1) as f64,
@@ -91,7 +93,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
                         + spatial.dark.variances.temporal / spatial.dark.frames.max(1) as f64
                 }
             };
-            let pen = Pen::thin(colour_of(Some(channel.colour))).dashed();
+            let pen = Pen::thin(palette::mosaic(Some(channel.colour))).dashed();
             panel.curves.push(Curve::over(pen, 0, &[0.0, 0.5], [Some(kept.max(0.0).sqrt()); 2]));
         }
         if stack == Stack::Dark {
@@ -106,7 +108,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     };
     let panels = [panel("horizontal", along_rows), panel("vertical", along_columns)];
     let mut keys = colour_keys(shown);
-    keys.push(Key::pen(Pen::thin("#5f6670").dashed(), "temporal noise left in the mean frame"));
+    keys.push(Key::pen(Pen::thin(MUTED).dashed(), "temporal noise left in the mean frame"));
     if stack == Stack::Dark {
         keys.push(Key::pen(quantisation, "quantisation of one frame, 1/√12 DN"));
     }
@@ -130,7 +132,7 @@ pub(super) fn defects(shown: &Shown<'_>) -> Option<Sheet> {
     let names = ["deviation, DN", "pixels"];
     let panels = histogram_panels(shown, names, |plots| &plots.histogram, true)?;
     let mut keys = colour_keys(shown);
-    keys.push(Key::pen(Pen::thin("#5f6670").dashed(), "normal distribution of the same spread"));
+    keys.push(Key::pen(Pen::thin(MUTED).dashed(), "normal distribution of the same spread"));
     let around = Around {
         class: "defects",
         title: "Histograms of deviations",
@@ -186,7 +188,7 @@ fn histogram_panels(
         let y = Axis::decades(0.5 * least, most);
         let mut panel = Panel::new(stack.name(), names, Axis::between(low, high, 6), y);
         for (channel, histogram) in found() {
-            let colour = colour_of(Some(channel.colour));
+            let colour = palette::mosaic(Some(channel.colour));
             panel.steps.push(Steps {
                 colour: colour.into(),
                 edges: edges(histogram),

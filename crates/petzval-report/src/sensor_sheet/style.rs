@@ -5,29 +5,9 @@ use petzval_camera::sensor::Colour;
 use petzval_lab::emva::{Characterization, Measured};
 
 use super::Shown;
-use super::panel::{Panel, Points, grid};
 pub(super) use crate::number::short;
-use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Pen, Sheet, span};
+use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, WIDTH_PX, grid, span};
 use crate::{number, palette};
-
-/// Width of a picture, px.
-pub(super) const WIDTH_PX: f64 = 908.0;
-/// Colour of what is no measurement of a colour: dark frames, ideals.
-pub(super) const NEUTRAL: &str = "#33373d";
-/// Colour of ideals.
-pub(super) const IDEAL: &str = "#b8860b";
-/// A name longer than this is cut in the foot of a picture.
-const LONGEST_NAME: usize = 80;
-
-/// Colour in which a colour of the mosaic is drawn.
-pub(super) fn colour_of(colour: Option<Colour>) -> &'static str {
-    match colour {
-        Some(Colour::Red) => "#c0392b",
-        Some(Colour::Green) => "#238b45",
-        Some(Colour::Blue) => "#2b62b8",
-        Some(Colour::Clear) | None => NEUTRAL,
-    }
-}
 
 /// Marker of a colour of the mosaic.
 pub(super) fn marker_of(colour: Option<Colour>) -> Marker {
@@ -60,7 +40,7 @@ pub(super) fn points_of(
     [false, true]
         .into_iter()
         .map(|is_hollow| Points {
-            colour: colour_of(colour).to_owned(),
+            colour: palette::mosaic(colour).to_owned(),
             marker: marker_of(colour),
             is_hollow,
             at: all.iter().filter(|(_, used)| *used != is_hollow).map(|(at, _)| *at).collect(),
@@ -76,7 +56,7 @@ pub(super) fn straight(pen: Pen, slope: f64, intercept: f64, [from, to]: [f64; 2
 
 /// A key of the colours of the mosaic that are shown.
 pub(super) fn colour_keys(shown: &Shown<'_>) -> Vec<Key> {
-    let marker = |colour| KeyLine::Marker(colour_of(Some(colour)).to_owned(), marker_of(Some(colour)));
+    let marker = |colour| KeyLine::Marker(palette::mosaic(Some(colour)).to_owned(), marker_of(Some(colour)));
     let entry = |colour| Key { line: marker(colour), name: colour_name(colour).to_owned() };
     shown.channels().iter().map(|channel| entry(channel.colour)).collect()
 }
@@ -121,13 +101,10 @@ pub(super) fn gain_name(linear_gain: f64) -> String {
 
 /// Sensor and size of the frames, and the gain where a picture shows but one.
 pub(super) fn foot(all: &Characterization, linear_gain: Option<f64>) -> Vec<Key> {
-    let mut name: String = all.sensor.name.chars().take(LONGEST_NAME).collect();
-    if name.len() < all.sensor.name.len() {
-        name.push('…');
-    }
-    let mut entries = vec![name, format!("{} × {} pixels", all.width, all.height)];
-    entries.extend(linear_gain.map(|gain| format!("linear {}", gain_name(gain))));
-    entries.into_iter().map(|name| Key { line: KeyLine::None, name }).collect()
+    let mut foot =
+        vec![Key::name(&all.sensor.name), Key::remark(format!("{} × {} pixels", all.width, all.height))];
+    foot.extend(linear_gain.map(|gain| Key::remark(format!("linear {}", gain_name(gain)))));
+    foot
 }
 
 /// What stands around the panels of a sheet.

@@ -7,9 +7,11 @@ use super::Shown;
 use super::reasons::Reasons;
 use super::style::{colour_name, short, significant, symbol, with_error};
 use crate::number;
+use crate::page::{caption, facts};
 use crate::plot::plain;
+use crate::table::{Column, Row, Table};
 
-/// Figures of the table that release 4.0 asks for: computer name and symbol, in the order of its report.
+/// Figures of the table that release 4.0 requires: computer name and symbol, in the order of its report.
 const FIGURES: [(&str, &str); 32] = [
     ("QE", "η"),
     ("R", "R"),
@@ -50,24 +52,13 @@ fn unit(text: &str) -> String {
     text.replace("e-", "e⁻").replace("um2", "µm²").replace("DN2", "DN²")
 }
 
-/// Rows of two columns; what is not stated has no row.
-fn facts(rows: &[(&str, Option<String>)]) -> Markup {
-    html! {
-        dl.first-order {
-            @for (name, value) in rows {
-                @if let Some(value) = value { div { dt { (name) } dd { (plain(value)) } } }
-            }
-        }
-    }
-}
-
 /// What is known of the sensor.
 pub(super) fn basic_data(all: &Characterization) -> Markup {
     let s = &all.sensor;
     let number = |v: Option<f64>, unit: &str| v.map(|v| format!("{} {unit}", significant(v, 6)));
     let diagonal = s.pixel_um.map(|pitch| 1e-3 * pitch * (all.height as f64).hypot(all.width as f64));
     let colour = if s.cfa.colours().len() > 1 { s.cfa.to_string() } else { "none (monochrome)".to_owned() };
-    facts(&[
+    facts([
         ("sensor", Some(s.name.clone())),
         ("type of data", Some("single".to_owned())),
         ("size of the frames", Some(format!("{} × {} pixels", all.width, all.height))),
@@ -107,7 +98,7 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
         true => "exposure time",
         false => "irradiance",
     };
-    facts(&[
+    facts([
         ("linear gain", Some(short(gain.linear_gain, 3))),
         ("wavelength", s.wavelength_um.map(|um| format!("{} nm", short(1e3 * um, 1)))),
         ("f-number", s.f_number.map(|f| short(f, 2))),
@@ -124,62 +115,46 @@ pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
     ])
 }
 
-/// One row: the figure of every colour.
-fn row(head: Markup, name: &str, channels: &[ChannelResult], reasons: &mut Reasons) -> Markup {
-    let Some(first) = channels.first().and_then(|c| c.figure(name)) else { return html! {} };
-    html! {
-        tr {
-            th { (head) }
-            td.meaning { (first.meaning) }
-            td.unit-cell { (unit(first.unit)) }
-            @for channel in channels {
-                td { @if let Some(figure) = channel.figure(name) { (reasons.cell(&figure.best())) } @else { "–" } }
-            }
-        }
+/// One row: the figure of every colour; `None` for one that was not derived.
+fn row(head: Markup, name: &str, channels: &[ChannelResult], reasons: &mut Reasons) -> Option<Row> {
+    let first = channels.first().and_then(|c| c.figure(name))?;
+    let mut cells = vec![html! { (first.meaning) }, html! { (unit(first.unit)) }];
+    for channel in channels {
+        cells.push(channel.figure(name).map_or(html! { "–" }, |figure| reasons.cell(&figure.best())));
     }
+    Some(Row::new(head, cells))
 }
 
-fn head(first: &str, channels: &[ChannelResult]) -> Markup {
-    html! {
-        thead {
-            tr {
-                th { (first) }
-                th.meaning { "figure" }
-                th.unit-cell { "unit" }
-                @for channel in channels { th { (colour_name(channel.colour)) } }
-            }
-        }
-    }
+/// A table of figures, one column for each colour.
+fn figure_table(head: &str, channels: &[ChannelResult], rows: impl IntoIterator<Item = Row>) -> Markup {
+    let explained = [Column::new(head), Column::new("figure").note(), Column::new("unit").units()];
+    let colours = channels.iter().map(|c| Column::new(colour_name(c.colour)));
+    Table::new(explained.into_iter().chain(colours)).class("figures").rows(rows).html()
 }
 
-/// The figures of EMVA 1288 at the shown gain; all others, and what the library derives otherwise, folded away.
+/// The figures of EMVA 1288 at the shown gain. All other figures, and what the library derives otherwise, are folded away.
 pub(super) fn figures(shown: &Shown<'_>) -> Markup {
     let channels = shown.channels();
     let Some(first) = channels.first() else {
-        return html! { p.caption { "There are no flat frames: no figure of the light can be told." } };
+        return caption("There are no flat frames: no figure of the light can be derived.");
     };
     let (mut of_standard, mut of_all) = (Reasons::default(), Reasons::default());
+    let standard: Vec<Row> = FIGURES
+        .iter()
+        .filter_map(|(name, text)| row(symbol(text), name, channels, &mut of_standard))
+        .collect();
+    let all: Vec<Row> = first
+        .figures
+        .iter()
+        .filter_map(|f| row(html! { code { (f.name) } }, f.name, channels, &mut of_all))
+        .collect();
     html! {
-        div.scroll {
-            table.figures {
-                (head("symbol", channels))
-                tbody { @for (name, text) in FIGURES { (row(symbol(text), name, channels, &mut of_standard)) } }
-            }
-        }
+        (figure_table("symbol", channels, standard))
         (of_standard.list())
-        p.caption { "Value ± standard error." }
+        (caption("Value ± standard error."))
         details {
             summary { "All figures under their computer names" }
-            div.scroll {
-                table.figures {
-                    (head("name", channels))
-                    tbody {
-                        @for figure in &first.figures {
-                            (row(html! { code { (figure.name) } }, figure.name, channels, &mut of_all))
-                        }
-                    }
-                }
-            }
+            (figure_table("name", channels, all))
             (of_all.list())
         }
         (library(channels))
@@ -192,50 +167,36 @@ fn library(channels: &[ChannelResult]) -> Markup {
     let number = channels.first().map_or(0, |c| c.figures.len());
     let differing: Vec<usize> =
         (0..number).filter(|i| channels.iter().any(|c| of(c, *i).is_some())).collect();
-    let told = |m: &Measured| with_error(m).unwrap_or_else(|| "not resolved".to_owned());
+    if differing.is_empty() {
+        return html! {};
+    }
+    let text = |m: &Measured| with_error(m).unwrap_or_else(|| "not resolved".to_owned());
+    let row = |i: &usize| {
+        let first = &channels[0].figures[*i];
+        let mut cells = vec![first.meaning.to_owned(), unit(first.unit)];
+        for c in channels {
+            cells.extend(match of(c, *i) {
+                Some(figure) => [text(&figure.best()), text(&figure.value)],
+                None => ["=", "="].map(str::to_owned),
+            });
+        }
+        Row::new(html! { code { (first.name) } }, cells)
+    };
+    let explained = [Column::new("name"), Column::new("figure").note(), Column::new("unit").units()];
+    let pairs = channels
+        .iter()
+        .flat_map(|c| ["here", "library"].map(|whose| Column::new(colour_name(c.colour)).unit(whose)));
+    let table = Table::new(explained.into_iter().chain(pairs)).class("figures");
     html! {
-        @if !differing.is_empty() {
-            details {
-                summary { "What the EMVA 1288 Python library derives otherwise" }
-                div.scroll {
-                    table.figures {
-                        thead {
-                            tr {
-                                th { "name" }
-                                th.meaning { "figure" }
-                                th.unit-cell { "unit" }
-                                @for c in channels {
-                                    th { (colour_name(c.colour)) span.unit { "here" } }
-                                    th { (colour_name(c.colour)) span.unit { "library" } }
-                                }
-                            }
-                        }
-                        tbody {
-                            @for i in differing {
-                                tr {
-                                    th { code { (channels[0].figures[i].name) } }
-                                    td.meaning { (channels[0].figures[i].meaning) }
-                                    td.unit-cell { (unit(channels[0].figures[i].unit)) }
-                                    @for c in channels {
-                                        @if let Some(figure) = of(c, i) {
-                                            td { (told(&figure.best())) }
-                                            td { (told(&figure.value)) }
-                                        } @else { td { "=" } td { "=" } }
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
-                p.caption {
-                    "The library takes the brightest point for saturation, and non-uniformity without a high-pass."
-                }
-            }
+        details {
+            summary { "What the EMVA 1288 Python library derives otherwise" }
+            (table.rows(differing.iter().map(row)).html())
+            (caption("The library takes the brightest point for saturation, and non-uniformity without a high-pass."))
         }
     }
 }
 
-/// What is odd about the captures: one entry for each kind of warning, the first told and the others folded away.
+/// What is odd about the captures: one entry for each kind of warning. The first of a kind is shown, the others are folded away.
 pub(super) fn warnings(all: &Characterization) -> Markup {
     let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
     for warning in &all.warnings {
@@ -247,7 +208,7 @@ pub(super) fn warnings(all: &Characterization) -> Markup {
     }
     html! {
         @if kinds.is_empty() {
-            p.caption { "Nothing odd was found in the captures." }
+            (caption("Nothing odd was found in the captures."))
         } @else {
             ul.warnings {
                 @for (name, of_kind) in &kinds {

@@ -3,12 +3,12 @@
 use petzval_lab::emva::transfer::{TransferPoint, light};
 
 use super::Shown;
-use super::panel::Panel;
 use super::style::{
-    Around, axis_from_zero, colour_keys, colour_name, colour_of, points_of, sheet, short, straight,
-    with_error,
+    Around, axis_from_zero, colour_keys, colour_name, points_of, sheet, short, straight, with_error,
 };
-use crate::plot::{Key, KeyLine, Pen, Sheet};
+use crate::palette;
+use crate::palette::MUTED;
+use crate::plot::{Key, KeyLine, Panel, Pen, Sheet};
 
 /// Height of a frame alone on its sheet, px.
 pub(super) const HEIGHT_PX: f64 = 400.0;
@@ -49,7 +49,12 @@ pub(super) fn sensitivity(shown: &Shown<'_>) -> Option<Sheet> {
         panel.points.extend(points_of(Some(channel.colour), at));
         if let Some(slope) = channel.transfer.responsivity_dn.value() {
             let last = x.get(used.1).copied().unwrap_or(0.0);
-            panel.curves.push(straight(Pen::thin(colour_of(Some(channel.colour))), slope, 0.0, [0.0, last]));
+            panel.curves.push(straight(
+                Pen::thin(palette::mosaic(Some(channel.colour))),
+                slope,
+                0.0,
+                [0.0, last],
+            ));
             let r = with_error(&channel.transfer.responsivity_dn).unwrap_or_default();
             panel.notes.push(format!("{}: R = {r} DN per photon", colour_name(channel.colour)));
         }
@@ -92,20 +97,20 @@ pub(super) fn photon_transfer(shown: &Shown<'_>) -> Option<Sheet> {
         panel.points.extend(points_of(colour, at));
         let signal = |i: usize| channel.points.get(i).map_or(0.0, TransferPoint::signal_dn);
         if let Some(gain) = transfer.gain_dn_per_e.value() {
-            panel.curves.push(straight(Pen::thin(colour_of(colour)), gain, 0.0, [0.0, signal(used.1)]));
+            panel.curves.push(straight(Pen::thin(palette::mosaic(colour)), gain, 0.0, [0.0, signal(used.1)]));
             let k = with_error(&transfer.gain_dn_per_e).unwrap_or_default();
             let last = short(signal(used.1), 0);
             let name = colour_name(channel.colour);
             panel.notes.push(format!("{name}: K = {k} DN/e⁻, fitted up to {last} DN"));
         }
         if let Some(at) = transfer.saturation_signal_dn.value() {
-            let pen = Pen::thin(colour_of(colour)).dashed();
+            let pen = Pen::thin(palette::mosaic(colour)).dashed();
             let upright = [panel.y.low, panel.y.high].map(|y| Some([at, y]));
             panel.curves.push(crate::plot::Curve { pen, index: 0, points: upright.into() });
         }
     }
     if shown.channels().iter().any(|c| c.transfer.saturation_signal_dn.value().is_some()) {
-        let pen = Pen::thin("#5f6670").dashed();
+        let pen = Pen::thin(MUTED).dashed();
         keys.push(Key { line: KeyLine::Pen(pen), name: "saturation: the signal at which it ends".into() });
     }
     let around = Around {

@@ -4,9 +4,10 @@ use std::process::ExitCode;
 
 use petzval::base::simd::level;
 use petzval::built_in_assets;
+use petzval::jobs::machine::simd_level;
 use serde_json::json;
 
-use super::{Failure, device, print_json};
+use super::{Failure, print_json};
 
 /// Say what this machine and this build offer.
 #[derive(Debug, clap::Args)]
@@ -16,46 +17,10 @@ pub struct Args {
     json: bool,
 }
 
-/// The widest vector unit that the CPU reports.
-pub fn simd_level() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if std::arch::is_x86_feature_detected!("avx512f") {
-            return "avx512";
-        }
-        if std::arch::is_x86_feature_detected!("avx2") {
-            return "avx2";
-        }
-        "sse2"
-    }
-    #[cfg(target_arch = "aarch64")]
-    {
-        "neon"
-    }
-    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-    {
-        "scalar"
-    }
-}
-
-/// What a run was made with: kept beside its results.
-pub fn environment() -> serde_json::Value {
-    json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "os": std::env::consts::OS,
-        "architecture": std::env::consts::ARCH,
-        "simd": simd_level(),
-        "simd_used": level(),
-        "cores": std::thread::available_parallelism().map_or(1, usize::from),
-        "threads": rayon::current_num_threads(),
-        "command": std::env::args().collect::<Vec<_>>().join(" "),
-    })
-}
-
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let assets = built_in_assets();
-    let devices = device::compiled_in();
+    let devices = petzval::jobs::compiled_in_devices();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let (lenses, sensors) = (assets.names("lenses"), assets.names("sensors"));
     let experiments = assets.names("experiments");

@@ -6,9 +6,9 @@ use std::process::ExitCode;
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::base::FileError;
 use petzval::design::error::DesignError;
-use petzval::files::ImageError;
 use petzval::files::decode;
 use petzval::files::raw_file::RawFileError;
+use petzval::jobs::{Fault, JobError};
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;
@@ -87,31 +87,39 @@ impl Failure {
     }
 }
 
+impl From<JobError> for Failure {
+    /// Names a setting of the request as its flag: `corner_mm` as `--corner-mm`.
+    fn from(error: JobError) -> Self {
+        let code = match error.fault() {
+            Fault::Input => EXIT_INPUT,
+            Fault::Job => EXIT_JOB,
+        };
+        let (message, hint) = match error {
+            JobError::File { path, error } => return Self::in_file(&path, &error),
+            JobError::Setting { key, value, message, hint } => {
+                let flag = format!("--{}", key.replace('_', "-"));
+                let named = if value.is_empty() { flag } else { format!("{flag} {value}") };
+                (format!("{named}: {message}"), hint)
+            }
+            JobError::Input { message, hint } => (message, hint),
+            JobError::Failed(message) => (message, String::new()),
+        };
+        let mut diagnostic = MietteDiagnostic::new(message);
+        if !hint.is_empty() {
+            diagnostic = diagnostic.with_help(hint);
+        }
+        Self { report: Report::new(diagnostic), code }
+    }
+}
+
 impl From<DesignError> for Failure {
     fn from(error: DesignError) -> Self {
-        match &error {
-            DesignError::Input { path, error } => Self::in_file(path, error),
-            DesignError::Image(ImageError::Io { .. }) => {
-                Self::input(error.to_string(), "give a PNG, JPEG or TIFF file that exists")
-            }
-            _ => {
-                let code = if error.is_input() { EXIT_INPUT } else { EXIT_JOB };
-                Self { report: Report::new(MietteDiagnostic::new(error.to_string())), code }
-            }
-        }
+        JobError::from(error).into()
     }
 }
 
 impl From<RawFileError> for Failure {
     fn from(error: RawFileError) -> Self {
-        match &error {
-            RawFileError::Sidecar { path, error } => Self::in_file(path, error),
-            RawFileError::Content { path, reason, hint } => {
-                Self::input(format!("{}: {reason}", path.display()), *hint)
-            }
-            RawFileError::Io { .. } => {
-                Self::input(error.to_string(), "give a file that can be read, or a place that can be written")
-            }
-        }
+        JobError::from(error).into()
     }
 }

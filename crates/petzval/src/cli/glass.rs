@@ -8,8 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use petzval::design::glasses::read_glasses;
-use petzval::optics::glass::Glass;
+use petzval::jobs::glass::read_glasses;
 
 use super::Failure;
 
@@ -27,14 +26,14 @@ pub enum GlassVerb {
 /// Runs a verb.
 pub fn run(verb: GlassVerb) -> Result<ExitCode, Failure> {
     match verb {
-        GlassVerb::Find(args) => find::run(&args),
-        GlassVerb::Show(args) => show::run(&args),
-        GlassVerb::List(args) => list::run(&args),
+        GlassVerb::Find(args) => find::run(args),
+        GlassVerb::Show(args) => show::run(args),
+        GlassVerb::List(args) => list::run(args),
     }
 }
 
-/// Reads the catalogues of PETZVAL_GLASSES and of the command line, for every lens that is read from now on. What in
-/// them was not understood is said on stderr, in full where the command is about glass.
+/// Reads the catalogues of PETZVAL_GLASSES and of the command line, for every lens that is read from now on. Prints a warning
+/// for each line that was not understood: all of them where the command is about glass, else the first few.
 pub fn choose(named: &[PathBuf], in_full: bool) -> Result<(), Failure> {
     const FEW: usize = 2;
     let listed = std::env::var_os("PETZVAL_GLASSES").unwrap_or_default();
@@ -50,23 +49,13 @@ pub fn choose(named: &[PathBuf], in_full: bool) -> Result<(), Failure> {
     }
     if shown < chosen.warnings.len() {
         let more = chosen.warnings.len() - shown;
-        eprintln!("warning: {more} more lines of glass catalogues; `petzval glass list` says all");
+        eprintln!("warning: {more} more lines of glass catalogues; `petzval glass list` shows all");
     }
     petzval::choose_glasses(chosen.catalog);
     Ok(())
 }
 
-/// Whether a glass is of a maker, by any part of the maker's name in upper or lower case.
-fn is_made_by(glass: &Glass, maker: Option<&str>) -> bool {
-    maker.is_none_or(|maker| glass.maker.to_lowercase().contains(&maker.to_lowercase()))
-}
-
-/// A figure with so many decimals; a dash for one that the glass does not have, as a medium without dispersion.
-fn figure(value: f64, decimals: usize) -> String {
-    if value.is_finite() { format!("{value:.decimals$}") } else { "-".to_owned() }
-}
-
-/// The word for a status, or nothing.
-fn status(glass: &Glass) -> &'static str {
-    glass.status.map_or("", |status| status.word())
+/// A figure with so many decimals; a dash for one that the glass does not have, such as the Abbe number of air.
+fn figure(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }

@@ -1,6 +1,7 @@
 //! `petzval lens`: look at a lens, or make it better.
 
 mod analyze;
+mod bar;
 mod convert;
 mod focus;
 mod optimize;
@@ -19,7 +20,7 @@ use super::Failure;
 pub enum LensVerb {
     /// Prescription, first-order properties, Seidel sums and RMS spots
     Show(show::Args),
-    /// Layout, spots, fans, MTF and all else a designer looks at, as pictures and data
+    /// Layout, spots, fans, MTF and everything else a designer looks at, as pictures and data
     Analyze(analyze::Args),
     /// From one file format to another, with a report of what is lost
     Convert(convert::Args),
@@ -27,18 +28,18 @@ pub enum LensVerb {
     Trace(trace::Args),
     /// Smaller spots within bounds, by descent or by a global search
     Optimize(Box<optimize::Args>),
-    /// What becomes of a lens when it is made: sensitivities, random lenses, yield
+    /// How errors in its making change a lens: sensitivities, random lenses, yield
     Tolerance(tolerance::Args),
 }
 
 /// Runs a verb.
 pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
     match verb {
-        LensVerb::Show(args) => show::run(&args),
-        LensVerb::Analyze(args) => analyze::run(&args),
-        LensVerb::Convert(args) => convert::run(&args),
-        LensVerb::Trace(args) => trace::run(&args),
-        LensVerb::Optimize(args) => optimize::run(&args),
-        LensVerb::Tolerance(args) => tolerance::run(&args),
+        LensVerb::Show(args) => show::run(args),
+        LensVerb::Analyze(args) => analyze::run(args),
+        LensVerb::Convert(args) => convert::run(args),
+        LensVerb::Trace(args) => trace::run(args),
+        LensVerb::Optimize(args) => optimize::run(*args),
+        LensVerb::Tolerance(args) => tolerance::run(args),
     }
 }

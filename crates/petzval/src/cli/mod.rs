@@ -4,9 +4,9 @@
 
 mod bench;
 mod design;
-mod device;
 mod doctor;
 mod evaluate;
+mod experiment;
 mod failure;
 mod glass;
 mod lens;
@@ -18,11 +18,14 @@ mod report;
 mod sensor;
 mod signals;
 mod simulate;
+mod watcher;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
+use petzval::jobs::Context;
 
 pub use failure::Failure;
 
@@ -52,6 +55,11 @@ pub struct Cli {
 enum Verb {
     /// Design lens and network together, and compare with two controls
     Design(design::Args),
+    /// Look at the built-in experiments
+    #[command(subcommand)]
+    Experiment(experiment::ExperimentVerb),
+    /// Print the JSON Schema of experiment, lens or sensor files
+    Schema(experiment::SchemaArgs),
     /// Write the report of a run again
     Report(report::Args),
     /// Score the cameras of a run again, with exact optics
@@ -106,6 +114,8 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
     glass::choose(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
     match cli.verb {
         Verb::Design(args) => design::run(args),
+        Verb::Experiment(verb) => experiment::run(verb),
+        Verb::Schema(args) => experiment::schema(args),
         Verb::Report(args) => report::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Lens(verb) => lens::run(verb),
@@ -147,9 +157,14 @@ fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints a JSON value on stdout, indented.
-fn print_json(value: &serde_json::Value) -> Result<ExitCode, Failure> {
-    let text = serde_json::to_string_pretty(value).map_err(|e| Failure::job(e.to_string()))?;
-    println!("{text}");
+/// What the jobs of a command are given: the built-in library with the user's glasses, and stderr for what they report.
+fn context() -> Context {
+    Context::new(petzval::built_in_assets(), Arc::new(watcher::Stderr::new()))
+}
+
+/// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
+fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
+    let print = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
+    println!("{}", print().map_err(|e| Failure::job(e.to_string()))?);
     Ok(ExitCode::SUCCESS)
 }

@@ -1,27 +1,12 @@
 //! `petzval simulate`: photographs and scenes through a lens onto a sensor.
 
-mod camera;
-mod highlights;
-mod output;
-mod spectral;
-
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
-use petzval::camera::develop::{clip_highlights, correct_shading, develop, saturated_share};
-use petzval::camera::image::LinearImage;
-use petzval::camera::render::render;
-use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
-use petzval::camera::spectral::{Matrix3, apply};
-use petzval::design::error::DesignError;
-use petzval::design::light_path::SHADING_FLOOR;
-use petzval::files::load_image;
-use serde_json::{Value, json};
+use petzval::jobs::simulate::{self, Request};
 
-use self::camera::{Camera, camera};
-use super::{Failure, print_json};
+use super::{Failure, context, print_json};
 
 /// How a photograph lands on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -39,10 +24,68 @@ enum Isp {
     Linear,
 }
 
+/// How the raw frame is written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RawAs {
+    /// 16-bit gray TIFF.
+    Tiff,
+    /// 16-bit gray PNG.
+    Png,
+    /// `.raw`, packed as MIPI CSI-2 does where the sensor has 8, 10, 12 or 14 bits, else contiguous bits.
+    Packed,
+    /// NumPy array, uint16.
+    Npy,
+}
+
+/// How the developed picture is written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PictureAs {
+    /// 8-bit sRGB PNG.
+    Png,
+    /// 16-bit sRGB PNG.
+    Png16,
+    /// OpenEXR, 32-bit floats, linear light.
+    Exr,
+    /// NumPy array, float32 [plane, row, column], linear light.
+    Npy,
+}
+
+/// The light, and how finely its spectrum is sampled.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Over the spectrum")]
+struct SpectralArgs {
+    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
+    /// relative power [default: D65]
+    #[arg(long, value_name = "LIGHT")]
+    illuminant: Option<String>,
+    /// Illuminance of the scene, lux; white is a matt white surface there [default: 500, or as --white-e needs]
+    #[arg(long, value_name = "LUX")]
+    illuminance_lux: Option<f64>,
+    /// Bands for scenes and photographs, over the wavelengths at which light, lens and sensor all have something [default: 16,
+    /// more where these would be over 20 nm apart]
+    #[arg(long, value_name = "N")]
+    bands: Option<usize>,
+    /// Quantum efficiency curves in place of the sensor's own: a built-in name (imx219, ov5647), flat:VALUE for one efficiency
+    /// at all wavelengths, or a file: CSV with a head line `wavelength_nm,red,green,blue` or `wavelength_nm,clear` and
+    /// efficiencies of 0 to 1, or TOML with the keys of [quantum_efficiency] in a sensor file
+    #[arg(long, value_name = "CURVES")]
+    qe: Option<String>,
+    /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission
+    #[arg(long, value_name = "TAU")]
+    transmission: Option<String>,
+    /// Take photographs the fast way: red, green and blue through three PSFs, then electrons by a 3x3 matrix
+    #[arg(long, conflicts_with = "bands")]
+    three_band: bool,
+    /// Show the camera's own colours, white-balanced, without the matrix fitted to the ColorChecker
+    #[arg(long)]
+    no_colour_matrix: bool,
+}
+
 /// Take photographs and scenes through a lens: scene, raw frame, developed picture.
 ///
 /// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers;
-/// NAME-raw.tiff.toml, which says how it was taken; and NAME-developed.png, 8 bit sRGB.
+/// NAME-raw.tiff.toml, which says how it was taken; and NAME-developed.png, 8 bit sRGB. The picture is developed as those
+/// that networks are trained on.
 ///
 /// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
 /// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
@@ -95,9 +138,13 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     #[command(flatten)]
-    spectral: spectral::SpectralArgs,
-    #[command(flatten)]
-    formats: output::Formats,
+    spectral: SpectralArgs,
+    /// Format of the raw frame
+    #[arg(long, value_enum, default_value = "tiff", value_name = "FORMAT")]
+    raw_format: RawAs,
+    /// Format of the developed picture
+    #[arg(long, value_enum, default_value = "png", value_name = "FORMAT")]
+    picture_format: PictureAs,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
@@ -109,88 +156,55 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args) -> Result<ExitCode, Failure> {
     let Isp::Linear = args.isp;
-    for (name, value, max) in [
-        ("--white-e", args.white_e, 1e7),
-        ("--time-s", Some(args.time_s), 1e4),
-        ("--gain", Some(args.gain), 1e3),
-    ] {
-        if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= max)) {
-            return Err(Failure::input(
-                format!("{name} {value}: not between 0 and {max}"),
-                "a positive number",
-            ));
+    let over = args.spectral;
+    let request = Request {
+        images: args.images,
+        lens: args.lens,
+        psfs: args.psfs,
+        sensor: args.sensor,
+        place: match args.place {
+            Place::Fill => simulate::Place::Fill,
+            Place::Centre => simulate::Place::Centre,
+        },
+        white_e: args.white_e,
+        size: args.size,
+        time_s: args.time_s,
+        gain: args.gain,
+        no_noise: args.no_noise,
+        seed: args.seed,
+        spectral: simulate::Spectral {
+            illuminant: over.illuminant,
+            illuminance_lux: over.illuminance_lux,
+            bands: over.bands,
+            qe: over.qe,
+            transmission: over.transmission,
+            three_band: over.three_band,
+            no_colour_matrix: over.no_colour_matrix,
+        },
+        raw_format: match args.raw_format {
+            RawAs::Tiff => simulate::RawAs::Tiff,
+            RawAs::Png => simulate::RawAs::Png,
+            RawAs::Packed => simulate::RawAs::Packed,
+            RawAs::Npy => simulate::RawAs::Npy,
+        },
+        picture_format: match args.picture_format {
+            PictureAs::Png => simulate::PictureAs::Png,
+            PictureAs::Png16 => simulate::PictureAs::Png16,
+            PictureAs::Exr => simulate::PictureAs::Exr,
+            PictureAs::Npy => simulate::PictureAs::Npy,
+        },
+        out: args.out,
+    };
+    let response = simulate::run(&request, &context())?;
+    if args.json {
+        return print_json(&response.images);
+    }
+    for image in &response.images {
+        for file in ["raw", "developed"] {
+            println!("{}", image[file].as_str().unwrap_or_default());
         }
     }
-    // Results are named by their image: two of one name would overwrite each other.
-    let mut names = std::collections::BTreeSet::new();
-    if let Some(twice) = args.images.iter().find(|path| !names.insert(stem(path))) {
-        return Err(Failure::input(
-            format!("{}: another image is called `{}` too", twice.display(), stem(twice)),
-            "results are named by their image; simulate the two into different folders with --out",
-        ));
-    }
-    if spectral::wanted(&args) {
-        return spectral::run(&args);
-    }
-    // Every image is read before anything is written.
-    let photos: Vec<(String, LinearImage)> = args
-        .images
-        .iter()
-        .map(|path| Ok((stem(path), load_image(path).map_err(DesignError::from)?)))
-        .collect::<Result<_, Failure>>()?;
-    let camera = camera(&args)?;
-    Failure::folder(&args.out)?;
-    let bar = progress_bar(photos.len(), "{pos}/{len}");
-    let mut written = Vec::new();
-    for (frame, (name, photo)) in photos.iter().enumerate() {
-        bar.set_message(name.clone());
-        let (facts, warning) = take(&args, &camera, name, photo, frame as u64)?;
-        warning.into_iter().for_each(|warning| bar.suspend(|| eprintln!("{warning}")));
-        written.push(Value::Object(facts));
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    if args.json {
-        return print_json(&json!(written));
-    }
-    print_paths(&written);
     Ok(ExitCode::SUCCESS)
-}
-
-/// Prints where raw frames and developed pictures are.
-fn print_paths(written: &[Value]) {
-    for w in written {
-        println!("{}\n{}", w["raw"].as_str().unwrap_or(""), w["developed"].as_str().unwrap_or(""));
-    }
-}
-
-/// A bar on stderr; `count` is what stands behind it.
-fn progress_bar(length: usize, count: &str) -> ProgressBar {
-    let bar = ProgressBar::new(length as u64);
-    if let Ok(style) = ProgressStyle::with_template(&format!("{{msg}} [{{bar:30}}] {count}, {{eta}} left")) {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// Name of the results: that of the file or of the scene.
-fn stem(path: &Path) -> String {
-    if let Some(scene) = spectral::scene_name(path) {
-        return scene.to_owned();
-    }
-    path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
-}
-
-/// A picture laid on the pixels of the sensor.
-fn placed(args: &Args, picture: &LinearImage, sensor: &SensorModel) -> LinearImage {
-    let (height, width) = (sensor.height, sensor.width);
-    if (picture.height, picture.width) == (height, width) {
-        return picture.clone();
-    }
-    match args.place {
-        Place::Fill => picture.cover(height, width),
-        Place::Centre => picture.centred(height, width),
-    }
 }
 
 /// Rows and columns of `480x640`.
@@ -199,84 +213,4 @@ fn size(text: &str) -> Result<(usize, usize), String> {
     let (height, width) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
     let number = |text: &str| text.trim().parse().map_err(|_| wrong());
     Ok((number(height)?, number(width)?))
-}
-
-/// A picture on the whole sensor as the lens images it on the pixels that are read, in three colours: spread by the PSFs,
-/// dimmed off the axis.
-fn through_lens(camera: &Camera, picture: &LinearImage) -> Result<LinearImage, DesignError> {
-    let scene = camera.window.scene(picture, camera.border);
-    let mut light = render(&camera.geometry, &camera.bank, &scene, camera.window.placement)?;
-    light.data.iter_mut().zip(&camera.illumination.data).for_each(|(l, m)| *l *= m);
-    Ok(light)
-}
-
-/// Takes one photograph and writes its raw frame and its developed picture.
-fn take(
-    args: &Args,
-    camera: &Camera,
-    name: &str,
-    photo: &LinearImage,
-    frame: u64,
-) -> Result<Finished, Failure> {
-    let light = through_lens(camera, &placed(args, photo, &camera.sensor))?;
-    let white_e = match args.white_e {
-        Some(white_e) => white_e,
-        None => highlights::default_white_e(args, &camera.sensor)?,
-    };
-    finish(args, camera, &Shot { name, frame, light, white_e, sensor: &camera.sensor, matrix: None })
-}
-
-/// What was written of a shot, for the JSON, and what to warn of.
-type Finished = (serde_json::Map<String, Value>, Option<String>);
-
-/// One picture in front of the sensor.
-struct Shot<'a> {
-    name: &'a str,
-    /// Number of the frame, which keys its noise.
-    frame: u64,
-    /// Light on each pixel, 1 = white.
-    light: LinearImage,
-    white_e: f32,
-    /// The sensor, balanced for the light.
-    sensor: &'a SensorModel,
-    /// Linear sRGB from camera colours.
-    matrix: Option<&'a Matrix3>,
-}
-
-/// Exposes and develops a shot and writes the results; says where they are.
-fn finish(args: &Args, camera: &Camera, shot: &Shot) -> Result<Finished, Failure> {
-    let exposure = Exposure { white_e: shot.white_e, time_s: args.time_s, linear_gain: args.gain };
-    let capture = Capture { exposure, placement: camera.window.placement, frame: shot.frame };
-    let mode = if args.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
-    let raw = expose(&shot.light, shot.sensor, &capture, &Noise { mode, seed: args.seed })
-        .map_err(DesignError::from)?;
-    // Development balances white, ends highlights where the first colour saturates, corrects the shading and turns camera colours
-    // into those of a display.
-    let clipped = clip_highlights(&raw, shot.sensor).map_err(DesignError::from)?;
-    let developed = develop(&clipped, shot.sensor).map_err(DesignError::from)?;
-    let mut developed =
-        correct_shading(&developed, &camera.illumination, SHADING_FLOOR).map_err(DesignError::from)?;
-    let saturation = highlights::Saturation::of(args, shot, saturated_share(&raw, shot.sensor))?;
-    let highest = saturation.highest as f32;
-    developed.data.iter_mut().for_each(|value| *value = value.min(highest));
-    if let Some(matrix) = shot.matrix {
-        let n = developed.height * developed.width;
-        for i in 0..n {
-            let camera_rgb = [0, 1, 2].map(|c| f64::from(developed.data[c * n + i]));
-            for (c, value) in apply(matrix, camera_rgb).into_iter().enumerate() {
-                developed.data[c * n + i] = value as f32;
-            }
-        }
-    }
-    let display_white = saturation.display_white();
-    let mut facts =
-        output::write(&args.formats, &args.out, shot.name, &raw, shot.sensor, (&developed, display_white))?;
-    for (key, value) in [
-        ("white_e", json!(shot.white_e)),
-        ("saturated_share", json!(saturation.share)),
-        ("display_white", json!(display_white)),
-    ] {
-        facts.insert(key.to_owned(), value);
-    }
-    Ok((facts, saturation.warning(args, shot)))
 }

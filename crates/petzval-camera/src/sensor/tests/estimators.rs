@@ -39,7 +39,7 @@ const STUDY: f64 = 2e6;
 /// Two-sided normal quantile of the family-wise alpha 1e-4 over 25 cases with 6 estimators and up to three tests each.
 const Z: f64 = 5.1;
 
-/// A million electrons of a rate, and their derivatives by it.
+/// A million draws of electrons at one rate, and their derivatives with respect to it.
 fn draws(mode: NoiseMode, rate: f64) -> (Vec<f64>, Vec<f64>) {
     let frame = Capture { frame: rate.to_bits(), ..capture(1.0, 1.0, 1.0) };
     let streams = FrameStreams::new(&noise(mode), &frame);
@@ -60,11 +60,11 @@ fn study() -> Vec<Value> {
     rows
 }
 
-/// Holds the mean and the spread of draws to those of the study; returns the mean and its standard error.
+/// Compares the mean and the spread of draws with the study; returns the mean and its standard error.
 fn agrees(what: &str, draws: impl Iterator<Item = f64> + Clone, study: &Value) -> (f64, f64) {
     let [study_mean, study_std] = [0, 1].map(|i| study[i].as_f64().unwrap());
     let (n, mean, variance, fourth) = moments(draws);
-    // Draws that are all alike must be those of the study; the mean of its million equal numbers has rounding.
+    // Equal draws must equal those of the study, up to the rounding of the mean of a million numbers.
     if study_std < 1e-12 {
         assert!(variance < 1e-24 && (mean - study_mean).abs() <= 1e-12, "{what}: {mean} {study_mean}");
         return (mean, 0.0);
@@ -72,7 +72,7 @@ fn agrees(what: &str, draws: impl Iterator<Item = f64> + Clone, study: &Value) -
     let inverse = 1.0 / n + 1.0 / STUDY;
     let z_mean = (mean - study_mean) / (variance * inverse).sqrt();
     assert!(z_mean.abs() < Z, "{what}: mean {mean} {study_mean}, z {z_mean}");
-    // Where rare draws make up the spread, a million of them do not tell its error.
+    // Skip the spread where rare draws dominate it: a million draws do not determine its error.
     let kurtosis = fourth / (variance * variance);
     if kurtosis < 100.0 {
         let error = ((fourth - variance * variance) * inverse).sqrt() / (2.0 * variance.sqrt());
@@ -93,13 +93,13 @@ fn every_mode_has_the_bias_and_spread_of_the_study() {
                 let what = format!("{function} at {rate}, {name}");
                 let exact = row["exact"].as_f64().unwrap();
                 let gradients = x.iter().zip(&d).map(|(x, d)| derivative(*x) * d);
-                // Far outside a function's reach its gradient is nothing but the rarest of draws.
+                // Where the function is flat, only extremely rare draws have a gradient.
                 if exact.abs() < 1e-20 {
                     assert!(gradients.sum::<f64>().abs() / (ROWS * WIDTH) as f64 <= 1e-15, "{what}");
                     continue;
                 }
                 let (mean, error) = agrees(&what, gradients, &row[name]);
-                // The dequantised mode is unbiased for the mean of what it draws.
+                // The dequantised mode is unbiased for the mean of f over its own draws.
                 if mode == NoiseMode::Dequantised {
                     let drawn = row["exact_dequantised"].as_f64().unwrap();
                     assert!((mean - drawn).abs() < Z * error, "{what}: {mean} {drawn}");
@@ -129,9 +129,9 @@ fn biases_are_as_documented() {
 }
 
 #[test]
-fn below_the_floor_the_gradient_of_a_straight_function_is_unbiased() {
-    // Gradients of x, x^2 and sqrt(x + 1) by the rate, against exact sums: that of the mean of what is drawn, and the bias
-    // that the documentation of the modes states. Twelve tests, family-wise alpha 1e-4.
+fn below_the_rate_floor_gradients_have_the_documented_bias() {
+    // Gradients of x, x^2 and sqrt(x + 1) with respect to the rate, against exact sums: the gradient of the mean over the
+    // mode's own draws plus the documented bias. Twelve tests, family-wise alpha 1e-4.
     const Z: f64 = 4.5;
     let test = |what: &str, gradients: Vec<f64>, expected: f64| {
         let (n, mean, variance, _) = moments(gradients.iter().copied());
@@ -147,7 +147,7 @@ fn below_the_floor_the_gradient_of_a_straight_function_is_unbiased() {
             (0..8).map(|k| law(k) * cells.clone().map(|t| g(k as f64, t)).sum::<f64>() / 2000.0).sum()
         };
         let (x, d) = draws(NoiseMode::Dequantised, rate);
-        // What is drawn, and the bias.
+        // The gradient of the mean over the draws, and the bias.
         let exact = |f: &dyn Fn(f64) -> f64, derivative: &dyn Fn(f64) -> f64| {
             let bend = mean_of(&|n, t| (1.0 - t) * (derivative(n + t + 0.5) - derivative(n + t - 0.5)));
             (mean_of(&|n, t| f(n + t + 0.5) - f(n + t - 0.5)), -dark * bend)
@@ -159,7 +159,7 @@ fn below_the_floor_the_gradient_of_a_straight_function_is_unbiased() {
         }
         let (drawn, bias) = exact(&FUNCTIONS[2].1, &FUNCTIONS[2].2);
         assert!((100.0 * bias / drawn - stated).abs() < 0.05, "{bias} {drawn}");
-        // A square root behind a read noise of 4 e-, which is spread over +-6 standard deviations in steps of one eighth.
+        // A square root after read noise of 4 e-, summed over +-6 standard deviations in steps of one eighth.
         let read: Vec<(f64, f64)> =
             (-48..=48).map(|i| i as f64 / 8.0).map(|z| (4.0 * z, (-z * z / 2.0).exp())).collect();
         let total: f64 = read.iter().map(|(_, weight)| weight).sum();
@@ -189,7 +189,7 @@ fn the_score_function_is_unbiased_and_noisy() {
             for (name, baseline) in [("score_function", 0.0), ("score_function_with_baseline", mean_value)] {
                 let what = format!("{function} at {rate}, {name}");
                 let gradients = counts.iter().map(|&n| score_function_gradient(value(n), baseline, n, rate));
-                // A baseline that takes off everything leaves rounding.
+                // A baseline equal to a constant function leaves only rounding.
                 if exact.abs() < 1e-20 && baseline != 0.0 {
                     assert!(gradients.sum::<f64>().abs() / (ROWS * WIDTH) as f64 <= 1e-9, "{what}");
                     continue;
@@ -203,7 +203,7 @@ fn the_score_function_is_unbiased_and_noisy() {
 
 #[test]
 fn electrons_have_the_moments_of_their_mode() {
-    // Mean and variance of what is drawn; ten tests, family-wise alpha 1e-4.
+    // Mean and variance of the draws; ten tests, family-wise alpha 1e-4.
     for (mode, shift, extra) in [
         (NoiseMode::Exact, 0.0, 0.0),
         (NoiseMode::StraightThrough, 0.0, 0.0),

@@ -1,4 +1,4 @@
-//! The rows of `expose` against the pixels of the readable reference, bit by bit.
+//! Compares the rows of `expose` with the pixels of the readable reference, bit by bit.
 
 use pulp::{Simd, WithSimd};
 
@@ -14,7 +14,7 @@ const MODES: [NoiseMode; 6] = [
     NoiseMode::Off,
 ];
 
-/// Light from below black to far beyond every limit.
+/// Light from below zero to far above saturation.
 fn wild(height: usize, width: usize) -> LinearImage {
     let mut light = LinearImage::zeros(CHANNELS, height, width);
     for (i, v) in light.data.iter_mut().enumerate() {
@@ -50,7 +50,7 @@ fn sensors() -> Vec<SensorModel> {
 }
 
 #[test]
-fn a_frame_is_its_pixels() {
+fn every_pixel_of_a_frame_equals_the_reference_pixel() {
     let light = wild(13, 150);
     for (i, sensor) in sensors().iter().enumerate() {
         for mode in MODES {
@@ -77,7 +77,7 @@ fn a_frame_is_its_pixels() {
     }
 }
 
-/// One row at a given instruction set.
+/// The bits of one row computed with a given instruction set.
 fn row_with(simd: impl Simd, light: &LinearImage, sensor: &SensorModel, mode: NoiseMode) -> Vec<u32> {
     let capture = capture(15_000.0, 0.3, 1.3);
     let noise = noise(mode);
@@ -152,7 +152,7 @@ fn noise_depends_on_seed_frame_and_pixel_only() {
 }
 
 #[test]
-fn light_that_is_not_finite_makes_its_pixel_unknown() {
+fn irradiance_that_is_not_finite_makes_its_pixel_nan() {
     let mut light = LinearImage::filled(CHANNELS, 4, 8, 0.2);
     light.plane_mut(1)[1] = f32::NAN;
     light.plane_mut(0)[10] = f32::INFINITY;

@@ -1,4 +1,4 @@
-//! What a frame shows: limits, colours, derivatives, and calls that are wrong.
+//! Tests of a frame: limits, colours, derivatives, and wrong calls.
 
 use super::*;
 
@@ -14,7 +14,7 @@ fn full_well_and_converter_saturate_and_block_the_gradient() {
         assert!(slope.iter().all(|&v| v == 0.0));
     }
 
-    // With less gain the full well limits first: light has no say any more, gain has.
+    // With less gain the full well limits first: the number no longer depends on light, but still on gain.
     let sensor = SensorModel { gain_dn_per_e: 0.05, ..imx249() };
     let (raw, slopes) = at(&sensor, NoiseMode::Off, 0.0);
     let expected = 0.05 * (33723.0 + 3.25) + 119.0 + 1.15;
@@ -23,7 +23,7 @@ fn full_well_and_converter_saturate_and_block_the_gradient() {
     let by_gain = std::f64::consts::LN_2 * 0.05 * (33723.0 + 3.25);
     assert!(slopes.log2_gain.iter().all(|&v| (v as f64 / by_gain - 1.0).abs() < 1e-6));
 
-    // A leak lets its share of the gradient through, and changes no number.
+    // A leak passes its share of the gradient and does not change the digital numbers.
     let (leaky, some) = at(&sensor, NoiseMode::Off, 0.01);
     assert_eq!(leaky.dn, raw.dn);
     let open = 0.01 * 0.05 * 60000.0;
@@ -37,7 +37,7 @@ fn full_well_and_converter_saturate_and_block_the_gradient() {
 }
 
 #[test]
-fn each_pixel_sees_the_colour_of_its_place_on_the_sensor() {
+fn each_pixel_measures_the_colour_of_its_place_on_the_sensor() {
     let bayer = imx249();
     let mixed = SensorModel { cfa: "WR/GB".parse().unwrap(), clear_response: [0.9, 0.5, 0.0], ..imx249() };
     for (sensor, row, col) in [(&bayer, 0, 0), (&bayer, 0, 1), (&bayer, 1, 0), (&bayer, 1, 1), (&mixed, 1, 0)]
@@ -60,7 +60,7 @@ fn each_pixel_sees_the_colour_of_its_place_on_the_sensor() {
 }
 
 #[test]
-fn slopes_are_the_derivatives() {
+fn slopes_match_finite_differences() {
     // Without noise the frame is piecewise linear in light, gain and exposure, so differences are exact.
     for sensor in [
         imx249(),
@@ -107,7 +107,7 @@ fn slopes_are_the_derivatives() {
 }
 
 #[test]
-fn exact_counts_have_no_derivative_by_light_but_one_by_gain() {
+fn exact_counts_have_a_derivative_with_respect_to_gain_but_not_to_light() {
     let light = LinearImage::filled(CHANNELS, 4, 4, 0.3);
     let (raw, slopes) =
         expose_with_tape(&light, &imx249(), &capture(5000.0, 0.01, 1.0), &noise(NoiseMode::Exact), 0.0)

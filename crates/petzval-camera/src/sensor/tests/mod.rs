@@ -36,7 +36,7 @@ fn noise(mode: NoiseMode) -> Noise {
     Noise { mode, seed: 20 }
 }
 
-/// Mean, variance and fourth central moment.
+/// Number of values, mean, variance and fourth central moment.
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, f64, f64) {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;

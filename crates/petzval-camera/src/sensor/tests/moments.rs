@@ -1,4 +1,4 @@
-//! Means and variances of frames against formulas.
+//! Compares means and variances of frames with formulas.
 
 use super::*;
 
@@ -30,7 +30,7 @@ fn mean_and_variance_match_the_closed_formulas_at_seven_gains() {
 }
 
 #[test]
-fn mean_and_variance_with_everything_uneven() {
+fn mean_and_variance_with_every_kind_of_non_uniformity() {
     // Pixels of a frame share their rows and columns, so the independent samples are specimens with a frame each.
     const SPECIMENS: u64 = 3000;
     // Two tests at three settings, family-wise alpha 1e-4.
@@ -40,7 +40,7 @@ fn mean_and_variance_with_everything_uneven() {
         let picture = LinearImage::filled(CHANNELS, side, side, light);
         let (mut means, mut squares) = (Vec::new(), Vec::new());
         let u = uneven(0);
-        // E lambda and Var lambda over pixels, then what reading adds.
+        // E lambda and Var lambda over pixels, then the contributions of the read-out.
         let percent = [u.prnu_pixel_percent, u.prnu_row_percent, u.prnu_column_percent];
         let prnu2: f64 = percent.iter().map(|p| (0.01 * p).powi(2)).sum();
         let (sensor, t) = (SensorModel { cfa: CfaPattern::MONO, ..imx249() }, time_s as f64);
@@ -117,8 +117,8 @@ fn each_part_of_the_fixed_pattern_has_its_spread() {
 }
 
 #[test]
-fn row_and_column_noise_changes_with_the_frame_and_the_specimen_does_not() {
-    // Only what rows and columns share: two frames differ by it, and by nothing else.
+fn row_and_column_noise_changes_with_the_frame_and_the_fixed_pattern_does_not() {
+    // Without other temporal noise, two frames differ only by row or column noise.
     let quiet = SensorModel {
         dark_current_e_per_s: 0.0,
         read_noise_e: 0.0,

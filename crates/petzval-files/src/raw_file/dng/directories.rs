@@ -57,7 +57,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<usize, String> {
         Some(b"MM\0*") => Numbers { bytes, little: false },
         _ => return Err("the file is no TIFF, which a DNG is".to_owned()),
     };
-    let most_pixels = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(super::super::MOST_PIXELS);
+    let most_pixels = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(super::super::frame::MOST_PIXELS);
     let cut = || "the file ends in its header".to_owned();
     let first = numbers.u32(4).ok_or_else(cut)?;
     let (mut chain, mut seen, mut is_dng) = (0, 0, false);

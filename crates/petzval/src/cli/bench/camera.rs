@@ -7,11 +7,11 @@ use petzval::camera::render::{Placement, RenderGeometry, kernel_radius, render};
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose};
 use petzval::design::error::DesignError;
 use petzval::design::optics::PsfPlan;
+use petzval::jobs::machine::simd_level;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 
 use super::{Failure, Prepared, Workload};
-use crate::cli::doctor::simd_level;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };

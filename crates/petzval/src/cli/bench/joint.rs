@@ -1,37 +1,39 @@
 //! Workloads of the whole: a network step and a lens step of the built-in experiment.
 
 use petzval::built_in_assets;
-use petzval::design::design_loop::{DesignLoop, StepKind};
+use petzval::design::block::BlockName;
+use petzval::design::design_loop::DesignLoop;
 use petzval::design::error::DesignError;
 use petzval::design::run::RunFolder;
 use petzval::design::setup::Setup;
+use petzval::jobs::machine::simd_level;
+use petzval::learn::score::standard_scores;
 
 use super::{Failure, Prepared, Workload};
-use crate::cli::device;
-use crate::cli::doctor::simd_level;
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "unet_step", simd: simd_level, prepare: || step(StepKind::Network) },
-        Workload { name: "joint_step", simd: simd_level, prepare: || step(StepKind::Optics) },
+        Workload { name: "unet_step", simd: simd_level, prepare: || step(BlockName::Network) },
+        Workload { name: "joint_step", simd: simd_level, prepare: || step(BlockName::Optics) },
     ]
 }
 
-fn step(kind: StepKind) -> Result<Prepared, Failure> {
+fn step(kind: BlockName) -> Result<Prepared, Failure> {
     let assets = built_in_assets();
     let experiment = assets.experiment("cooke-triplet-image-quality")?;
-    let training = experiment.training;
-    let network = experiment.network;
+    let training = experiment.training.clone();
+    let network = experiment.network.clone();
     // The loop lives as long as the process: its settings and its scratch folder are leaked on purpose.
-    let setup: &'static Setup = Box::leak(Box::new(Setup::new(experiment, &assets, device::device("cpu")?)?));
+    let setup: &'static Setup =
+        Box::leak(Box::new(Setup::new(experiment, &assets, crate::cli::context().device("cpu")?)?));
     let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
     let folder: &'static RunFolder = Box::leak(Box::new(RunFolder::create(&scratch)?));
-    let mut design = DesignLoop::new(setup, folder)?;
+    let mut design = DesignLoop::new(setup, folder, standard_scores(&setup.lpips()?))?;
     // Single steps write nothing.
     std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
     let what = match kind {
-        StepKind::Network => "render, expose, develop, U-Net forward and back, LPIPS, Adam",
-        StepKind::Optics => "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam",
+        BlockName::Network => "render, expose, develop, U-Net forward and back, LPIPS, Adam",
+        BlockName::Optics => "13 x 3 PSFs, the same chain held, back to every number of the lens, Adam",
     };
     Ok(Prepared {
         work: format!(

@@ -1,16 +1,13 @@
 //! `petzval glass list`: every glass.
 
 use std::process::ExitCode;
-use std::sync::Arc;
 
-use petzval::built_in_assets;
-use petzval::optics::glass::Glass;
-use serde_json::json;
+use petzval::jobs::glass::list;
 
-use super::{figure, is_made_by, status};
-use crate::cli::{Failure, print_json};
+use super::figure;
+use crate::cli::{Failure, context, print_json};
 
-/// List glasses, those that a name alone does not mean as MAKER:NAME.
+/// List glasses by the names that lens files use: MAKER:NAME where the name alone means another glass.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Only glasses of this maker
@@ -22,49 +19,17 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let catalog = built_in_assets().catalog()?;
-    let listed: Vec<&Arc<Glass>> =
-        catalog.glasses().filter(|glass| is_made_by(glass, args.maker.as_deref())).collect();
-    if listed.is_empty() {
-        return Err(Failure::input("there is no such glass", "leave --maker out to see all makers"));
-    }
-    // How a lens file has to call a glass.
-    let called = |glass: &Glass| match catalog.get(&glass.name) {
-        Ok(counts) if *counts != *glass => format!("{}:{}", glass.maker.to_uppercase(), glass.name),
-        _ => glass.name.clone(),
-    };
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let response = list::run(&list::Request { maker: args.maker }, &context())?;
     if args.json {
-        let list = listed.iter().map(|glass| {
-            json!({
-                "name": called(glass),
-                "maker": glass.maker,
-                "status": glass.status.map(|s| s.word()),
-                "nd": glass.nd(),
-                "vd": glass.abbe_vd(),
-                "printed_nd": glass.printed_nd.map(|p| p.value),
-                "printed_vd": glass.printed_vd.map(|p| p.value),
-                "agrees_with_print": agrees(glass),
-                "range_um": glass.range_um,
-            })
-        });
-        return print_json(&list.collect());
+        return print_json(&response.glasses);
     }
     println!("glass                  maker            nd       Vd  status");
-    for glass in &listed {
-        let (nd, vd) = (glass.nd(), figure(glass.abbe_vd(), 2));
-        let line = format!("{:<22} {:<12} {nd:>8.5} {vd:>8}  {}", called(glass), glass.maker, status(glass));
+    for glass in &response.glasses {
+        let (nd, vd) = (figure(glass.nd, 5), figure(glass.vd, 2));
+        let status = glass.status.as_deref().unwrap_or_default();
+        let line = format!("{:<22} {:<12} {nd:>8} {vd:>8}  {status}", glass.name, glass.maker);
         println!("{}", line.trim_end());
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Whether the formula gives what is printed, to the last printed digit; `None` where nothing is printed.
-fn agrees(glass: &Glass) -> Option<bool> {
-    let nd = glass.printed_nd.map(|printed| printed.agrees(glass.nd()));
-    let vd = glass.printed_vd.map(|printed| printed.agrees(glass.abbe_vd()));
-    match (nd, vd) {
-        (None, None) => None,
-        (nd, vd) => Some(nd != Some(false) && vd != Some(false)),
-    }
 }

@@ -1,26 +1,14 @@
 //! `petzval lens analyze`: everything that a designer looks at, as pictures and as data.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::builder::PossibleValuesParser;
-use petzval::built_in_assets;
-use petzval::design::error::DesignError;
-use petzval::optics::analysis::{Analysis, AnalysisOptions, analyze, first_order_table};
-use petzval::report::lens_sheet::{PictureKind, page, picture};
+use petzval::jobs::lens::analyze;
+use petzval::optics::analysis::Analysis;
 
-use super::focus::{FocusAt, focused};
-use crate::cli::Failure;
-
-/// Files beside the pictures.
-const PAGE: &str = "html";
-const DATA: &str = "json";
-
-/// A lens with less power over its length is afocal but for rounding.
-const LEAST_POWER: f64 = 1e-9;
-
-/// Highest frequency that can be asked for, cycles/mm: beyond the cutoff of any lens for light.
-const MOST_PER_MM: f64 = 2e4;
+use super::focus::FocusAt;
+use crate::cli::{Failure, context};
 
 /// Write everything that a designer looks at: pictures (SVG), a page that shows them all, and the data behind them.
 ///
@@ -37,7 +25,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write only these: names of pictures, html, json (several with commas)
-    #[arg(long, value_name = "KIND", value_delimiter = ',', value_parser = PossibleValuesParser::new(names()))]
+    #[arg(long, value_name = "KIND", value_delimiter = ',', value_parser = PossibleValuesParser::new(analyze::names()))]
     only: Vec<String>,
     /// Where the image plane goes
     #[arg(long, value_enum, default_value = "file")]
@@ -53,85 +41,29 @@ pub struct Args {
     json: bool,
 }
 
-/// All that `--only` knows.
-fn names() -> Vec<&'static str> {
-    PictureKind::ALL.iter().map(|kind| kind.name()).chain([PAGE, DATA]).collect()
-}
-
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    for (name, value) in [("--max-frequency", args.max_frequency), ("--frequency", args.frequency)] {
-        if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= MOST_PER_MM)) {
-            return Err(Failure::input(
-                format!("{name} {value}: not a frequency between 0 and {MOST_PER_MM} cycles/mm"),
-                "a pixel of 5.86 um resolves 85.32 cycles/mm",
-            ));
-        }
-    }
-    let lens = focused(built_in_assets().lens(&args.lens)?.lens, args.focus)?;
-    // Rounding leaves an afocal lens some power.
-    let table = first_order_table(&lens);
-    let power = table.efl_mm.map_or(0.0, |efl| (lens.total_track_mm() / efl).abs());
-    if power < LEAST_POWER || !table.cutoff_per_mm.is_normal() {
-        return Err(Failure::input(
-            format!(
-                "{}: the lens is afocal in the y-z plane, or telecentric on the side of its object",
-                args.lens
-            ),
-            "neither has an entrance pupil and a focus to start from; a thin lens of known focal length behind an afocal lens makes an \
-             image",
-        ));
-    }
-    let options = AnalysisOptions {
-        max_frequency_per_mm: args.max_frequency,
-        focus_frequency_per_mm: args.frequency,
-        ..AnalysisOptions::default()
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let request = analyze::Request {
+        lens: args.lens,
+        out: args.out,
+        only: args.only,
+        focus: args.focus.into(),
+        max_frequency: args.max_frequency,
+        frequency: args.frequency,
     };
-    let analysis = analyze(&lens, &options).map_err(|error| {
-        Failure::input(
-            format!("{}: {error}", args.lens),
-            format!("`petzval lens show {}` says where light is lost; or leave that field out", args.lens),
-        )
-    })?;
-    let data = serde_json::to_string(&analysis).map_err(|e| Failure::job(e.to_string()))?;
-
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&args.lens));
-    Failure::folder(&out)?;
-    let is_wanted = |name: &str| args.only.is_empty() || args.only.iter().any(|n| n == name);
-    let kinds: Vec<PictureKind> = PictureKind::ALL.into_iter().filter(|k| is_wanted(k.name())).collect();
-    let mut written = 0;
-    let mut write = |name: String, text: &str| -> Result<(), Failure> {
-        let path = out.join(name);
-        std::fs::write(&path, text).map_err(DesignError::io(&path))?;
-        written += 1;
-        Ok(())
-    };
-    for kind in &kinds {
-        write(format!("{}.svg", kind.name()), &picture(&analysis, *kind))?;
-    }
-    if is_wanted(PAGE) {
-        // The page by itself holds all pictures.
-        let shown = if kinds.is_empty() { &PictureKind::ALL[..] } else { &kinds };
-        write("analysis.html".into(), &page(&analysis, shown))?;
-    }
-    if is_wanted(DATA) {
-        write("analysis.json".into(), &data)?;
-    }
+    let response = analyze::run(&request, &context())?;
+    let written = format!("{} files in {}", response.files.len(), response.folder.display());
     if args.json {
+        // On one line, in the order of analysis.json.
+        let data = serde_json::to_string(&response.analysis).map_err(|e| Failure::job(e.to_string()))?;
         println!("{data}");
-        eprintln!("{written} files in {}", out.display());
-    } else {
-        print!("{}", summary(&analysis));
-        let open = if is_wanted(PAGE) { "; open analysis.html" } else { "" };
-        println!("\n{written} files in {}{open}", out.display());
+        eprintln!("{written}");
+        return Ok(ExitCode::SUCCESS);
     }
+    print!("{}", summary(&response.analysis));
+    let open = if response.page.is_some() { "; open analysis.html" } else { "" };
+    println!("\n{written}{open}");
     Ok(ExitCode::SUCCESS)
-}
-
-/// `NAME-analysis` for a built-in name or the name of a file.
-fn default_folder(lens: &str) -> PathBuf {
-    let stem = Path::new(lens).file_stem().map_or_else(|| "lens".into(), |s| s.to_string_lossy());
-    PathBuf::from(format!("{stem}-analysis"))
 }
 
 /// A few lines for people.

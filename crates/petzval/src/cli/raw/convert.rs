@@ -5,12 +5,12 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use petzval::camera::sensor::CfaPattern;
-use petzval::files::raw_file::{Packing, RawFormat, RawInfo, load_raw, save_raw, sidecar_path};
+use petzval::files::raw_file::Packing;
+use petzval::jobs::raw::convert;
 
-use super::describe;
-use crate::cli::{Failure, print_json};
+use crate::cli::{Failure, context, print_json};
 
-/// How the numbers of a `.raw` lie in its bytes.
+/// How a `.raw` file packs digital numbers into bytes.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum PackAs {
     /// MIPI CSI-2: 8, 10, 12 or 14 bits.
@@ -23,10 +23,10 @@ enum PackAs {
     U16be,
 }
 
-/// Write a raw frame in another format, told by the name of OUT: .tiff, .png, .npy, .raw (packed) or .exr.
+/// Write a raw frame in another format. The name of OUT chooses it: .tiff, .png, .npy, .raw (packed) or .exr.
 ///
-/// Digital numbers stay as they are, to the bit. What is known of camera and exposure goes into the sidecar OUT.toml; the
-/// options below change it.
+/// Digital numbers do not change. Camera and exposure go into the sidecar OUT.toml: those of IN and its sidecar, except where
+/// the options below give others.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The frame
@@ -65,49 +65,28 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let mut frame = load_raw(&args.input)?;
-    let said = RawInfo {
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let request = convert::Request {
+        input: args.input,
+        output: args.output,
+        packing: args.packing.map(|packing| match packing {
+            PackAs::Mipi => Packing::Mipi,
+            PackAs::Lsb => Packing::Lsb,
+            PackAs::U16le => Packing::U16le,
+            PackAs::U16be => Packing::U16be,
+        }),
         bits: args.bits,
         cfa: args.cfa,
         black_level_dn: args.black_level_dn,
         white_level_dn: args.white_level_dn,
-        exposure_s: args.time_s,
-        linear_gain: args.gain,
+        time_s: args.time_s,
+        gain: args.gain,
         pixel_um: args.pixel_um,
-        ..RawInfo::default()
     };
-    said.validate().map_err(|wrong| Failure::input(wrong.to_string(), format!("give {}", wrong.meaning)))?;
-    frame.info = said.or(frame.info);
-    let bits = frame.info.bits.unwrap_or(16);
-    if let Some((row, col, dn)) = frame.beyond(bits) {
-        let message = format!(
-            "{}: the value {dn} at row {row}, column {col} does not fit in {bits} bits",
-            args.input.display()
-        );
-        return Err(Failure::input(message, "give the --bits that the numbers have"));
-    }
-    let packing = match args.packing {
-        None => Packing::for_bits(bits),
-        Some(PackAs::Mipi) => Packing::Mipi,
-        Some(PackAs::Lsb) => Packing::Lsb,
-        Some(PackAs::U16le) => Packing::U16le,
-        Some(PackAs::U16be) => Packing::U16be,
-    };
-    let format = RawFormat::of_name(&args.output, packing).filter(|format| *format != RawFormat::Dng);
-    let format = format.ok_or_else(|| {
-        let message = format!("{}: the name does not say a format that is written", args.output.display());
-        Failure::input(message, "end it with .tiff, .png, .npy, .raw or .exr")
-    })?;
-    if args.packing.is_some() && !matches!(format, RawFormat::Packed(_)) {
-        let message = format!("--packing is for .raw files, and {} is none", args.output.display());
-        return Err(Failure::input(message, "leave --packing out, or name the file .raw"));
-    }
-    save_raw(&frame, &args.output, format)?;
-    let output = args.output.display().to_string();
+    let response = convert::run(&request, &context())?;
     if args.json {
-        return print_json(&describe(&output, &frame));
+        return print_json(&response.frame);
     }
-    println!("{output}\n{}", sidecar_path(&args.output).display());
+    println!("{}\n{}", response.frame.file, response.sidecar.display());
     Ok(ExitCode::SUCCESS)
 }

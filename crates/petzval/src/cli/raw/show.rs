@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::files::raw_file::{RawFrame, colour_statistics, load_raw};
+use petzval::files::raw_file::RawInfo;
+use petzval::jobs::raw::show;
 
-use super::describe;
-use crate::cli::{Failure, print_json};
+use crate::cli::{Failure, context, print_json};
 
-/// Show a raw frame: size, what its sidecar says, and its digital numbers colour by colour.
+/// Show a raw frame: size, camera and exposure from its sidecar, and its digital numbers colour by colour.
 ///
 /// Reads gray TIFF and PNG of 8 or 16 bits, NumPy arrays, packed .raw files with a sidecar FILE.toml, and DNG where the
 /// command was built with the cargo feature `dng`.
@@ -22,21 +22,20 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let frame = load_raw(&args.file)?;
-    let file = args.file.display().to_string();
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let frame = show::run(&show::Request { file: args.file }, &context())?;
     if args.json {
-        return print_json(&describe(&file, &frame));
+        return print_json(&frame);
     }
-    println!("{file}");
+    println!("{}", frame.file);
     println!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
-    facts(&frame).iter().for_each(|(name, value)| println!("  {name:<13} {value}"));
+    facts(&frame.info).iter().for_each(|(name, value)| println!("  {name:<13} {value}"));
     println!();
     println!(
         "  {:<6} {:>9} {:>7} {:>7} {:>10} {:>9} {:>8} {:>9}",
         "colour", "pixels", "min DN", "max DN", "mean DN", "sd DN", "at zero", "saturated"
     );
-    for s in colour_statistics(&frame) {
+    for s in &frame.colours {
         let saturated = s.saturated.map_or("-".to_owned(), |n| n.to_string());
         println!(
             "  {:<6} {:>9} {:>7} {:>7} {:>10.3} {:>9.3} {:>8} {saturated:>9}",
@@ -52,9 +51,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is known of camera and exposure; what is not known has no line.
-fn facts(frame: &RawFrame) -> Vec<(&'static str, String)> {
-    let info = &frame.info;
+/// Camera and exposure, a line for each number that is known.
+fn facts(info: &RawInfo) -> Vec<(&'static str, String)> {
     let number = |value: Option<f64>, unit: &str| value.map(|v| format!("{v}{unit}"));
     let all = [
         ("sensor", info.sensor.clone()),

@@ -4,14 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::built_in_assets;
-use petzval::lab::emva::{Plan, write_series};
-use serde_json::json;
+use petzval::jobs::sensor::capture;
 
-use super::{failure, frames_bar};
-use crate::cli::{Failure, print_json};
+use crate::cli::{Failure, context, print_json};
 
-/// Kind of the frames' files.
+/// Format of the frames.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
     /// 16-bit TIFF
@@ -28,8 +25,8 @@ enum Format {
 /// goes on with the same command.
 ///
 /// Without options it is the series of Tseng et al. (2021), which is made for the fit over gains: seven gains, four exposures
-/// below saturation, no stacks. With --emva it is what EMVA 1288 release 4.0 Linear asks for, and fills its whole sheet. Every
-/// other option changes that series.
+/// below saturation, no stacks. With --emva it is the series that EMVA 1288 release 4.0 Linear prescribes, which fills its whole
+/// sheet. Every other option changes that series.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Sensor file, or a built-in name such as imx249-fitted (`petzval sensor list`)
@@ -55,21 +52,21 @@ pub struct Args {
     /// --emva 100]
     #[arg(long, value_name = "L")]
     stack: Option<usize>,
-    /// Rows and columns of the frames, from the corner of the sensor; the whole sensor if it is left out
+    /// Rows and columns of the frames, from the corner of the sensor; the whole sensor without it
     #[arg(long, value_name = "HxW")]
     size: Option<String>,
     /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 saturates [default: 0.6; with
     /// --emva 1.2, and more where a weaker colour is to saturate too]
     #[arg(long, allow_negative_numbers = true)]
     level: Option<f64>,
-    /// Quantum efficiency (0..1) of green or clear pixels, by which electrons are told as photons
+    /// Quantum efficiency (0..1) of green or clear pixels, which converts electrons to photons
     #[arg(long, value_name = "QE")]
     quantum_efficiency: Option<f64>,
     /// Wavelength of the light, um; the sensor's curves there give the photons and the response of each colour, unless
     /// --quantum-efficiency states it
     #[arg(long, value_name = "UM")]
     wavelength: Option<f64>,
-    /// Kind of the files
+    /// Format of the frames
     #[arg(long, value_enum, default_value = "tiff")]
     format: Format,
     /// Seed of the noise
@@ -80,79 +77,38 @@ pub struct Args {
     json: bool,
 }
 
-/// Bytes of a series from which on the message names a smaller one.
-const LARGE_BYTES: u64 = 500_000_000;
-/// Rows and columns of the smaller one.
-const SMALLER: (usize, usize) = (300, 480);
-
-/// Says on stderr how large the series will be, before it is written, and what it lacks.
-fn told_before(plan: &Plan, frames: usize, bytes: u64) {
-    let megabytes = |bytes: u64| (bytes as f64 / 1e6).ceil();
-    let most = if plan.format == "tiff" { "" } else { "at most " };
-    let (height, width) = SMALLER;
-    let smaller = bytes / (plan.height * plan.width) as u64 * (height * width) as u64;
-    let instead = match bytes > LARGE_BYTES && smaller < bytes {
-        true => format!("; --size {height}x{width} takes {} MB", megabytes(smaller)),
-        false => String::new(),
-    };
-    eprintln!("{frames} frames, {most}{} MB{instead}", megabytes(bytes));
-    if plan.quantum_efficiency.is_none() && plan.wavelength_um.is_none() {
-        eprintln!(
-            "the list states no photons; --quantum-efficiency QE gives them, or --wavelength UM where the sensor file has curves"
-        );
-    }
+/// Rows and columns of a text such as `600x960`.
+fn rows_and_columns(size: &str) -> Result<[usize; 2], Failure> {
+    let parse =
+        |(rows, columns): (&str, &str)| Some([rows.trim().parse().ok()?, columns.trim().parse().ok()?]);
+    size.split_once(['x', 'X']).and_then(parse).ok_or_else(|| {
+        Failure::input(format!("--size {size}: not a size"), "rows x columns, such as 600x960")
+    })
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let sensor = built_in_assets().sensor(&args.sensor)?;
-    let (height, width) = match &args.size {
-        None => (sensor.height, sensor.width),
-        Some(size) => size
-            .split_once(['x', 'X'])
-            .and_then(|(h, w)| Some((h.trim().parse().ok()?, w.trim().parse().ok()?)))
-            .ok_or_else(|| {
-                Failure::input(format!("--size {size}: no size"), "rows x columns, such as 600x960")
-            })?,
-    };
-    let preset = match args.emva {
-        true => Plan::emva(&sensor, args.quantum_efficiency, args.wavelength),
-        false => {
-            let gains = match &sensor.gain_steps[..] {
-                [] => Plan::default().gains,
-                steps => steps.to_vec(),
-            };
-            let (quantum_efficiency, wavelength_um) = (args.quantum_efficiency, args.wavelength);
-            Plan { gains, quantum_efficiency, wavelength_um, ..Plan::default() }
-        }
-    };
-    let plan = Plan {
-        height,
-        width,
-        gains: if args.gains.is_empty() { preset.gains } else { args.gains.clone() },
-        flat_ms: args.exposures.clone().unwrap_or(preset.flat_ms),
-        dark_ms: args.dark_exposures.clone().unwrap_or(preset.dark_ms),
-        stack: args.stack.unwrap_or(preset.stack),
-        level: args.level.unwrap_or(preset.level),
-        seed: args.seed,
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let request = capture::Request {
+        size: args.size.as_deref().map(rows_and_columns).transpose()?,
+        sensor: args.sensor,
+        out: args.out,
+        emva: args.emva,
+        gains: args.gains,
+        exposures: args.exposures,
+        dark_exposures: args.dark_exposures,
+        stack: args.stack,
+        level: args.level,
+        quantum_efficiency: args.quantum_efficiency,
+        wavelength: args.wavelength,
         format: match args.format {
-            Format::Tiff => "tiff".to_owned(),
-            Format::Png => "png".to_owned(),
+            Format::Tiff => capture::Format::Tiff,
+            Format::Png => capture::Format::Png,
         },
-        ..preset
+        seed: args.seed,
     };
-    plan.validate(&sensor).map_err(failure)?;
-    if args.out.exists() && !args.out.is_dir() {
-        Failure::folder(&args.out)?;
-    }
-    let points = plan.points(&sensor).map_err(failure)?;
-    let frames = points.iter().map(|p| p.names.len()).sum();
-    told_before(&plan, frames, plan.bytes(&points));
-    let bar = frames_bar(frames, "exposing");
-    let written = write_series(&sensor, &plan, &args.out, &|| bar.inc(1)).map_err(failure)?;
-    bar.finish_and_clear();
+    let written = capture::run(&request, &context())?;
     if args.json {
-        return print_json(&json!(written));
+        return print_json(&written);
     }
     println!("{}", written.list.display());
     if written.kept > 0 {

@@ -1,25 +1,17 @@
 //! `petzval sensor characterize`: a sensor measured from captures.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::base::write_whole;
 use petzval::camera::sensor::Colour;
-use petzval::design::error::DesignError;
-use petzval::lab::emva::captures::milliseconds;
+use petzval::jobs::sensor::characterize;
+use petzval::lab::emva::colour_name;
 use petzval::lab::emva::joint::GAINS;
-use petzval::lab::emva::sensor_file::colour_name;
-use petzval::lab::emva::{
-    Captures, Characterization, HighPass, Measured, Options, Values, characterize, result_xml, sensor_toml,
-    warning_lines,
-};
-use petzval::report::sensor_sheet;
-use serde_json::json;
+use petzval::lab::emva::{Characterization, HighPass, HistogramComparison, Measured, Values};
 
-use super::{failure, frames_bar};
-use crate::cli::{Failure, print_json};
+use crate::cli::{Failure, context, print_json};
 
 /// The filter before non-uniformity.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -37,9 +29,9 @@ enum Filter {
 ///
 /// DIR holds frames and a list of them: captures.toml, whose names of frames may have wildcards (flat-*.tiff), or the
 /// EMVA1288descriptor.txt of the EMVA 1288 Python library. Each page of a TIFF file is a frame.
-/// Numbers are printed with their standard errors; what the captures do not tell is named with the reason. What is odd is
-/// told as a warning, one line for each kind; results.json names every point. With --out
-/// they are written too: sensor.toml, which `simulate --sensor` loads (if K is resolved); results.json with everything; for each gain and
+/// Numbers are printed with their standard errors. A number that the captures do not determine is named with the reason.
+/// Warnings report oddities, one line for each kind; results.json names every point. With --out
+/// the results are written too: sensor.toml, which `simulate --sensor` loads (if K is resolved); results.json with everything; for each gain and
 /// colour emva-*.xml under the names of the library; histograms.csv; report.html, one page of all tables and plots, and the
 /// plots as .svg.
 #[derive(Debug, clap::Args)]
@@ -70,88 +62,29 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    if let Some(pitch) = args.pixel_um.filter(|p| !(0.1..=1000.0).contains(p)) {
-        return Err(Failure::input(
-            format!("--pixel-um {pitch}: not between 0.1 and 1000"),
-            "the pitch in um",
-        ));
-    }
-    let mut captures = Captures::open(&args.dir).map_err(failure)?;
-    captures.sensor.pixel_um = captures.sensor.pixel_um.or(args.pixel_um);
-    let options = Options {
-        high_pass: match args.highpass {
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let request = characterize::Request {
+        dir: args.dir,
+        out: args.out,
+        highpass: match args.highpass {
             Filter::None => HighPass::None,
             Filter::R31 => HighPass::R31,
             Filter::R4 => HighPass::R4,
         },
+        values: if args.compatible { Values::Library } else { Values::Corrected },
         mean_difference: !args.no_mean_difference,
         fit_histograms: args.fit_histograms,
+        pixel_um: args.pixel_um,
     };
-    let bar = frames_bar(captures.frames(), "reading");
-    let found = characterize(&captures, &options, &|| bar.inc(1)).map_err(failure)?;
-    bar.finish_and_clear();
-    for line in warning_lines(&found.warnings) {
-        eprintln!("warning: {line}");
-    }
-    let values = if args.compatible { Values::Library } else { Values::Corrected };
-    if let Some(out) = &args.out {
-        Failure::folder(out)?;
-        write_results(&found, values, out)?;
-    }
+    let found = characterize::run(&request, &context())?.characterization;
     if args.json {
-        return print_json(&json!(found));
+        return print_json(&found);
     }
-    print!("{}", table(&found, values));
+    print!("{}", table(&found, request.values));
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes every file of the results, each under a temporary name first.
-fn write_results(found: &Characterization, values: Values, out: &Path) -> Result<(), Failure> {
-    let results = serde_json::to_string_pretty(found).map_err(|e| Failure::job(e.to_string()))?;
-    // Without K there is no sensor; one of an earlier run would pass for that of this one.
-    let sensor = out.join("sensor.toml");
-    match sensor_toml(found) {
-        Ok(text) => whole(&sensor, &text)?,
-        Err(_) if sensor.is_file() => std::fs::remove_file(&sensor).map_err(DesignError::io(&sensor))?,
-        Err(_) => {}
-    }
-    whole(&out.join("results.json"), &results)?;
-    whole(&out.join("histograms.csv"), &histograms_csv(found))?;
-    for (name, text) in sensor_sheet::files(found) {
-        whole(&out.join(name), &text)?;
-    }
-    for gain in &found.gains {
-        for channel in &gain.channels {
-            let name = format!("emva-gain-{}-{}.xml", gain.linear_gain, colour_name(channel.colour));
-            let xml = result_xml(channel, values).map_err(|e| Failure::job(format!("{name}: {e}")))?;
-            whole(&out.join(name), &xml)?;
-        }
-    }
-    Ok(())
-}
-
-fn whole(path: &Path, text: &str) -> Result<(), Failure> {
-    Ok(write_whole(path, text.as_bytes()).map_err(DesignError::io(path))?)
-}
-
-fn histograms_csv(found: &Characterization) -> String {
-    let mut text = "kind,linear_gain,exposure_ms,photons,colour,dn,samples\n".to_owned();
-    for h in &found.histograms {
-        let kind = if h.colour.is_some() { "flat" } else { "dark" };
-        let colour = h.colour.map_or("all", colour_name);
-        let photons = h.photons.map_or(String::new(), |p| p.to_string());
-        for (i, count) in h.counts.counts.iter().enumerate().filter(|(_, c)| **c > 0) {
-            let dn = h.counts.first_dn as usize + i;
-            let ms = milliseconds(h.exposure_s);
-            // Writing to a text cannot fail.
-            let _ = writeln!(text, "{kind},{},{ms},{photons},{colour},{dn},{count}", h.linear_gain);
-        }
-    }
-    text
-}
-
-/// Lines of numbers; what is not resolved is gathered, one line for each reason.
+/// Lines of numbers. Numbers that are not resolved are gathered, one line for each reason.
 #[derive(Default)]
 struct Lines {
     text: String,
@@ -159,7 +92,7 @@ struct Lines {
 }
 
 impl Lines {
-    /// Adds a number with as many digits as its error leaves.
+    /// Adds a number with as many digits as its error justifies.
     fn add(&mut self, name: &str, measured: Measured, unit: &str) {
         // Writing to a text cannot fail.
         let _ = match (measured.value(), measured.standard_error().filter(|se| *se > 0.0)) {
@@ -180,7 +113,7 @@ impl Lines {
         };
     }
 
-    /// Writes what was gathered, each reason with the numbers that it keeps back.
+    /// Writes one line for each reason, with the numbers that are not resolved because of it.
     fn reasons(&mut self, indent: &str) {
         for (why, names) in std::mem::take(&mut self.unresolved) {
             let _ = writeln!(self.text, "{indent}not resolved: {why}: {}", names.join(", "));
@@ -219,11 +152,11 @@ fn table(found: &Characterization, values: Values) -> String {
     }
     lines.reasons("");
     if found.gains.len() < GAINS {
-        lines.text += "captures at three or more linear gains tell read noise from electronics noise \
+        lines.text += "captures at three or more linear gains separate read noise from electronics noise \
                        (`sensor capture --gains 1,2,4`)\n";
     }
     if let Some(fit) = &found.histogram_fit {
-        let after = |f: fn(&petzval::lab::emva::HistogramComparison) -> f64| {
+        let after = |f: fn(&HistogramComparison) -> f64| {
             let all: Vec<f64> = fit.histograms.iter().map(f).collect();
             all.iter().sum::<f64>() / all.len().max(1) as f64
         };
@@ -300,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_line_tells_all_that_one_reason_keeps_back() {
+    fn numbers_with_the_same_reason_share_a_line() {
         let mut lines = Lines::default();
         lines.add("  K", Measured::new(0.14, 0.001), "DN/e-");
         for name in ["  u_e_sat", "  DR_dB"] {

@@ -2,12 +2,10 @@
 
 use std::process::ExitCode;
 
-use petzval::built_in_assets;
-use petzval::camera::sensor::SensorModel;
-use serde_json::json;
+use petzval::jobs::sensor::list;
 
 use super::six_digits;
-use crate::cli::{Failure, print_json};
+use crate::cli::{Failure, context, print_json};
 
 /// List the built-in sensors: pixels, pitch, full well, read noise, and where the numbers come from.
 #[derive(Debug, clap::Args)]
@@ -18,41 +16,23 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let assets = built_in_assets();
-    let all: Vec<(&str, SensorModel)> = assets
-        .names("sensors")
-        .into_iter()
-        .map(|name| Ok((name, assets.sensor(name)?)))
-        .collect::<Result<_, Failure>>()?;
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let sensors = list::run(&list::Request {}, &context())?.sensors;
     if args.json {
-        let row = |(name, s): &(&str, SensorModel)| {
-            json!({
-                "name": name,
-                "sensor": s.name,
-                "width": s.width,
-                "height": s.height,
-                "pixel_um": s.pixel_um,
-                "bits": s.bits,
-                "cfa": s.cfa,
-                "full_well_e": s.full_well_e,
-                "read_noise_e": s.read_noise_e,
-                "source": s.source,
-            })
-        };
-        return print_json(&all.iter().map(row).collect());
+        return print_json(&sensors);
     }
-    let names = all.iter().map(|(name, _)| name.len()).fold("sensor".len(), usize::max);
+    let names = sensors.iter().map(|s| s.name.len()).fold("sensor".len(), usize::max);
     println!(
         "{:<names$} {:>11} {:>9} {:>7} {:>12} {:>13}  source",
         "sensor", "pixels", "pitch um", "filter", "full well e-", "read noise e-"
     );
-    for (name, s) in &all {
+    for s in &sensors {
         let pixels = format!("{} x {}", s.width, s.height);
-        // What follows the place is told by `sensor show`.
+        // `sensor show` prints the whole of it.
         let source = s.source.split_once(": ").map_or(&s.source[..], |(place, _)| place);
         println!(
-            "{name:<names$} {pixels:>11} {:>9} {:>7} {:>12} {:>13}  {source}",
+            "{:<names$} {pixels:>11} {:>9} {:>7} {:>12} {:>13}  {source}",
+            s.name,
             six_digits(s.pixel_um),
             s.cfa.to_string(),
             six_digits(s.full_well_e),

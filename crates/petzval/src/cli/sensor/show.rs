@@ -1,21 +1,19 @@
-//! `petzval sensor show`: what a sensor is, in numbers.
+//! `petzval sensor show`: a sensor in numbers.
 
 use std::process::ExitCode;
 
-use petzval::built_in_assets;
 use petzval::camera::sensor::{Colour, Electronics, SensorModel};
-use petzval::lab::emva::{Derived, derived};
-use serde_json::json;
+use petzval::jobs::sensor::show;
 
 use super::six_digits;
-use crate::cli::{Failure, print_json};
+use crate::cli::{Failure, context, print_json};
 
 /// Show a sensor: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Sensor file, or a built-in name such as imx249-fitted
     sensor: String,
-    /// Linear gains to show; those of the file, or 1, if it is left out
+    /// Linear gains to show; without it those of the file, or 1
     #[arg(long, value_name = "G,G,...", value_delimiter = ',')]
     gains: Vec<f64>,
     /// Machine-readable output
@@ -23,7 +21,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Everything that the file says, a line each.
+/// The numbers of the sensor file, a line each.
 fn facts(s: &SensorModel) -> String {
     let mut text = format!("{}\n{}\n\n", s.name, s.source);
     let mut line = |name: &str, value: String| text += &format!("{name:<28}{value}\n");
@@ -115,21 +113,12 @@ fn facts(s: &SensorModel) -> String {
 }
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<ExitCode, Failure> {
-    let sensor = built_in_assets().sensor(&args.sensor)?;
-    if let Some(wrong) = args.gains.iter().find(|g| !(**g > 0.0 && **g <= 1e4)) {
-        return Err(Failure::input(format!("--gains {wrong}: not between 0 and 10000"), "positive numbers"));
-    }
-    let gains = match (&args.gains[..], &sensor.gain_steps[..]) {
-        ([], []) => vec![1.0],
-        ([], steps) => steps.to_vec(),
-        (chosen, _) => chosen.to_vec(),
-    };
-    let found: Vec<Derived> = gains.iter().map(|g| derived(&sensor, *g)).collect();
+pub fn run(args: Args) -> Result<ExitCode, Failure> {
+    let response = show::run(&show::Request { sensor: args.sensor, gains: args.gains }, &context())?;
     if args.json {
-        return print_json(&json!({ "sensor": sensor, "derived": found }));
+        return print_json(&response);
     }
-    print!("{}", facts(&sensor));
+    print!("{}", facts(&response.sensor));
     println!(
         "\n{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
         "gain", "K g", "dark noise", "dark noise", "threshold", "saturation", "SNR max", "dynamic", "range"
@@ -138,7 +127,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Failure> {
         "{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
         "", "DN/e-", "DN", "e-", "e-", "e-", "dB", "", "dB"
     );
-    for d in &found {
+    for d in &response.derived {
         println!(
             "{:>8} {:>9.5} {:>11.4} {:>11.3} {:>11.3} {:>10.0} {:>9.2} {:>10.1} {:>8.2}{}",
             six_digits(d.linear_gain),

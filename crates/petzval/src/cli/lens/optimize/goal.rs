@@ -1,330 +1,75 @@
-//! What is asked of a lens, from the command line to an optimisation problem.
+//! The goal of an optimisation as arguments.
 
-use std::sync::Arc;
+use petzval::jobs::lens::optimize::Goal;
 
-use petzval::files::LensFile;
-use petzval::optics::design_space::{EflSolve, Focus, Solves, Variable};
-use petzval::optics::glass::{Catalog, Glass, Status, map_distance};
-use petzval::optics::lens::{Action, Lens};
-use petzval::optics::number::Number;
-use petzval::optics::optimize::{GlassChoice, Limits, Problem};
-use petzval::optics::paraxial::first_order;
-use petzval::optics::pupil::PupilSampling;
-use serde::{Deserialize, Serialize};
-
-use crate::cli::Failure;
-
-/// What is asked for; kept in the folder of a search, so that it can go on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
-pub struct Goal {
+/// What the optimised lens has to be.
+#[derive(Debug, clap::Args)]
+pub struct GoalArgs {
     /// Wavelengths, um, all of the same weight [default: those of the lens]
     #[arg(long, value_delimiter = ',', value_name = "UM,...")]
-    pub wavelengths: Vec<f64>,
+    wavelengths: Vec<f64>,
     /// Field angles, degrees [default: those of the lens]
     #[arg(long, value_delimiter = ',', value_name = "DEG,...", allow_hyphen_values = true)]
-    pub fields: Vec<f64>,
-    /// The mean over the fields of RMS^P is made small: 1 the mean spot, 2 the mean square, 8 nearly the worst
+    fields: Vec<f64>,
+    /// Minimise the mean over the fields of RMS^P: 1 the mean spot, 2 the mean square, 8 nearly the worst
     #[arg(long, default_value_t = 1.0, value_name = "P")]
-    pub power: f64,
+    power: f64,
     /// Focal length to hold, mm, or `free` [default: what the lens file solves for]
     #[arg(long, value_name = "MM|free", allow_hyphen_values = true)]
-    pub efl: Option<String>,
-    /// A glass that a search may exchange: the surface in front of it, and what it may be [default: the whole catalogue]
+    efl: Option<String>,
+    /// A glass that a search may exchange: the surface in front of it, and the glasses to choose from [default: the whole catalogue]
     #[arg(long, value_name = "SURFACE[=NAME,...]")]
-    pub glass: Vec<String>,
-    /// F-number: sets the entrance pupil by the focal length of the start, or the one held
+    glass: Vec<String>,
+    /// F-number: sets the entrance pupil by the focal length that is held, or that of the start
     #[arg(long, value_name = "N")]
-    pub f_number: Option<f64>,
+    f_number: Option<f64>,
     /// Least and greatest back focal length, mm
     #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MIN,MAX", allow_hyphen_values = true)]
-    pub bfl: Vec<f64>,
+    bfl: Vec<f64>,
     /// Least edge thickness of every element, mm
     #[arg(long, value_name = "MM")]
-    pub edge: Option<f64>,
+    edge: Option<f64>,
     /// Least centre thickness of every element, mm
     #[arg(long, value_name = "MM")]
-    pub centre: Option<f64>,
+    centre: Option<f64>,
     /// Least air between elements, on the axis and at the edge, mm
     #[arg(long, value_name = "MM")]
-    pub air: Option<f64>,
+    air: Option<f64>,
     /// Greatest track, first vertex to image, mm
     #[arg(long, value_name = "MM")]
-    pub track: Option<f64>,
+    track: Option<f64>,
     /// Greatest clear diameter of any surface, mm
     #[arg(long, value_name = "MM")]
-    pub clear_diameter: Option<f64>,
+    clear_diameter: Option<f64>,
     /// Greatest distortion at the outermost field, percent
     #[arg(long, value_name = "PERCENT")]
-    pub distortion: Option<f64>,
+    distortion: Option<f64>,
     /// Steepest surface within its clear aperture, degrees
     #[arg(long, value_name = "DEG")]
-    pub slope: Option<f64>,
+    slope: Option<f64>,
     /// Greatest angle of the outermost chief ray to the axis at the image, degrees
     #[arg(long, value_name = "DEG")]
-    pub chief_ray_angle: Option<f64>,
+    chief_ray_angle: Option<f64>,
 }
 
-impl Default for Goal {
-    /// What a command line without any of these asks.
-    fn default() -> Self {
+impl From<GoalArgs> for Goal {
+    fn from(args: GoalArgs) -> Self {
         Self {
-            wavelengths: Vec::new(),
-            fields: Vec::new(),
-            power: 1.0,
-            efl: None,
-            glass: Vec::new(),
-            f_number: None,
-            bfl: Vec::new(),
-            edge: None,
-            centre: None,
-            air: None,
-            track: None,
-            clear_diameter: None,
-            distortion: None,
-            slope: None,
-            chief_ray_angle: None,
+            wavelengths: args.wavelengths,
+            fields: args.fields,
+            power: args.power,
+            efl: args.efl,
+            glass: args.glass,
+            f_number: args.f_number,
+            bfl: args.bfl,
+            edge: args.edge,
+            centre: args.centre,
+            air: args.air,
+            track: args.track,
+            clear_diameter: args.clear_diameter,
+            distortion: args.distortion,
+            slope: args.slope,
+            chief_ray_angle: args.chief_ray_angle,
         }
     }
-}
-
-impl Goal {
-    /// The problem of bringing a lens there.
-    pub fn problem(&self, file: &LensFile, catalog: &Catalog) -> Result<Problem, Failure> {
-        let mut problem = Problem::new(file.lens.clone());
-        problem.variables =
-            if file.variables.is_empty() { usual_variables(&file.lens)? } else { file.variables.clone() };
-        if !self.wavelengths.is_empty() {
-            check(
-                "--wavelengths",
-                self.wavelengths.iter().all(|w| (0.2..20.0).contains(w)),
-                "um: 550 nm is 0.55",
-            )?;
-            problem.merit.wavelengths_um.clone_from(&self.wavelengths);
-        }
-        if !self.fields.is_empty() {
-            check("--fields", self.fields.iter().all(|f| f.abs() < 89.0), "degrees from the axis")?;
-            problem.merit.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
-            problem.merit.field_weights = vec![1.0; self.fields.len()];
-        }
-        check("--power", (0.5..=64.0).contains(&self.power), "0.5 to 64; 1 is the mean spot")?;
-        problem.merit.power = self.power;
-        problem.solves = Solves { efl: self.efl_solve(file)?, length: file.length_solve };
-        problem.pickups.clone_from(&file.pickups);
-        if let Some(solve) = &problem.solves.efl {
-            // A curvature that is solved for is no variable.
-            let is_solved = |v: &Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
-            if let Some(at) = problem.variables.iter().position(is_solved) {
-                if problem.pickups.iter().any(|p| p.variable == at) {
-                    let message = format!(
-                        "--efl solves for the radius of surface {}, which others follow",
-                        solve.surface + 1
-                    );
-                    return Err(Failure::input(
-                        message,
-                        "write [solve] efl into the lens file, with another surface",
-                    ));
-                }
-                problem.variables.remove(at);
-                for p in &mut problem.pickups {
-                    p.variable -= usize::from(p.variable > at);
-                }
-            }
-        }
-        if let Some(n) = self.f_number {
-            check("--f-number", (0.4..200.0).contains(&n), "2.8 is f/2.8")?;
-            let found = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
-            let efl_mm = problem.solves.efl.map_or(found, |s| s.efl_mm);
-            check("--f-number", efl_mm.is_finite(), "the lens has no focal length to take it of")?;
-            problem.base.entrance_pupil_mm = efl_mm.abs() / n;
-        }
-        problem.focus = Focus::Free;
-        problem.merit.sampling = PupilSampling::Degree(6);
-        problem.limits = self.limits()?;
-        if self.distortion.is_some() && !file.lens.is_rotationally_symmetric() {
-            return Err(Failure::input(
-                "--distortion: the lens is not rotationally symmetric, and its ideal image is not that of its focal length",
-                "leave it out",
-            ));
-        }
-        problem.glasses = self.glass_choices(&file.lens, catalog)?;
-        Ok(problem)
-    }
-
-    fn glass_choices(&self, lens: &Lens, catalog: &Catalog) -> Result<Vec<GlassChoice>, Failure> {
-        let mut choices: Vec<GlassChoice> = Vec::new();
-        for asked in &self.glass {
-            let (surface, names) = asked.split_once('=').unwrap_or((asked, "all"));
-            let hint = "for example --glass 1=N-BK7,N-SK16 or --glass 1 for the whole catalogue";
-            let wrong = |what: String| Failure::input(format!("--glass {asked}: {what}"), hint);
-            let index = surface.trim().parse::<usize>().ok().and_then(|s| s.checked_sub(1));
-            let surface = index
-                .filter(|s| {
-                    lens.surfaces.get(*s).is_some_and(|s| !s.glass.is_air() && s.action != Action::Reflect)
-                })
-                .ok_or_else(|| wrong(format!("there is no glass behind surface `{surface}`")))?;
-            if choices.iter().any(|c| c.surface == surface) {
-                return Err(wrong("the surface was named already".to_owned()));
-            }
-            let mut candidates: Vec<Arc<Glass>> = match names.trim() {
-                "all" => {
-                    one_of_each_kind(catalog.iter().map(|(_, glass)| glass).filter(|g| may_be_taken(g, lens)))
-                }
-                names => names
-                    .split(',')
-                    .map(|name| catalog.get(name.trim()).map_err(|e| wrong(e.to_string())))
-                    .collect::<Result<_, _>>()?,
-            };
-            // Aliases name a glass twice.
-            candidates.sort_by(|a, b| a.name.cmp(&b.name));
-            candidates.dedup_by(|a, b| a.name == b.name);
-            choices.push(GlassChoice { surface, candidates });
-        }
-        Ok(choices)
-    }
-
-    fn limits(&self) -> Result<Limits, Failure> {
-        let back_focal_mm = match self.bfl[..] {
-            [] => None,
-            [min, max] if min <= max => Some([min, max]),
-            _ => {
-                return Err(Failure::input(
-                    "--bfl needs two numbers, the smaller first",
-                    "for example 24,25",
-                ));
-            }
-        };
-        for (name, value) in [
-            ("--edge", self.edge),
-            ("--centre", self.centre),
-            ("--air", self.air),
-            ("--track", self.track),
-            ("--clear-diameter", self.clear_diameter),
-        ] {
-            check(name, value.is_none_or(|v| (0.0..1e4).contains(&v)), "a length in mm")?;
-        }
-        for (name, value) in [("--slope", self.slope), ("--chief-ray-angle", self.chief_ray_angle)] {
-            check(name, value.is_none_or(|v| (0.0..90.0).contains(&v)), "degrees, below 90")?;
-        }
-        check("--distortion", self.distortion.is_none_or(|d| (0.0..100.0).contains(&d)), "percent")?;
-        Ok(Limits {
-            element_edge_mm: Some(self.edge.unwrap_or(LEAST_MM)),
-            element_centre_mm: self.centre,
-            air_gap_mm: Some(self.air.unwrap_or(LEAST_MM)),
-            back_focal_mm,
-            track_mm: self.track,
-            clear_diameter_mm: self.clear_diameter,
-            distortion: self.distortion.map(|percent| 0.01 * percent),
-            slope_rad: self.slope.map(f64::to_radians),
-            chief_ray_angle_rad: self.chief_ray_angle.map(f64::to_radians),
-        })
-    }
-
-    fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>, Failure> {
-        let Some(wanted) = self.efl.as_deref() else { return Ok(file.efl_solve) };
-        if wanted == "free" {
-            return Ok(None);
-        }
-        let efl_mm: f64 =
-            wanted.parse().ok().filter(|f: &f64| f.is_finite() && *f != 0.0).ok_or_else(|| {
-                Failure::input(format!("--efl {wanted}: neither a length nor `free`"), "in mm")
-            })?;
-        if let Some(solve) = file.efl_solve {
-            return Ok(Some(EflSolve { efl_mm, ..solve }));
-        }
-        // The last one that nothing else decides; else the last, which then is no variable any more but keeps its bounds.
-        let of_radius =
-            |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
-        let follows = |s: usize| {
-            let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
-            file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
-        };
-        let is_followed =
-            |s: usize| of_radius(s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
-        let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
-        let free = eligible.iter().rev().find(|s| of_radius(**s).is_none());
-        let surface = free.or(eligible.last()).copied().ok_or_else(|| {
-            Failure::input(
-                "no surface can hold the focal length",
-                "a curved surface between two media, or a curved mirror, that follows nothing and that nothing follows",
-            )
-        })?;
-        let bounds = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
-        if bounds.is_some() {
-            eprintln!(
-                "the radius of surface {} holds the focal length and is no variable here; its bounds are kept",
-                surface + 1
-            );
-        }
-        Ok(Some(EflSolve { surface, efl_mm, radius_mm: bounds }))
-    }
-}
-
-/// Edges and gaps that are not asked for must still be there, mm.
-const LEAST_MM: f64 = 0.01;
-
-/// Whether a search over the whole catalogue may put a glass into a lens: it can be bought, and its formula holds.
-fn may_be_taken(glass: &Glass, lens: &Lens) -> bool {
-    !glass.is_air()
-        && glass.status != Some(Status::Obsolete)
-        && !lens.wavelengths_um.iter().any(|um| glass.is_outside_range(*um))
-}
-
-/// Of glasses that makers offer as each other's equivalents, one, the preferred one of its maker first. A search looks
-/// at a few neighbours on the glass map, and six kinds of BK7 are none.
-fn one_of_each_kind<'a>(glasses: impl Iterator<Item = &'a Arc<Glass>>) -> Vec<Arc<Glass>> {
-    const ALIKE: f64 = 0.3;
-    let mut glasses: Vec<&Arc<Glass>> = glasses.collect();
-    glasses.sort_by_key(|glass| glass.status.is_none_or(|status| status != Status::Preferred));
-    let mut kept: Vec<Arc<Glass>> = Vec::new();
-    for glass in glasses {
-        let place = [glass.nd(), glass.abbe_vd()];
-        if !kept.iter().any(|other| map_distance(other, place) < ALIKE) {
-            kept.push(glass.clone());
-        }
-    }
-    kept
-}
-
-fn check(name: &str, holds: bool, hint: &str) -> Result<(), Failure> {
-    if holds { Ok(()) } else { Err(Failure::input(format!("{name}: out of range"), hint)) }
-}
-
-/// Surfaces between two media, and mirrors that are not flat.
-fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
-    let sequence = lens.at_wavelength(lens.reference_um);
-    let bends = |i: &usize| {
-        let s = &lens.surfaces[*i];
-        match s.action {
-            Action::Refract => sequence.surfaces[*i].n_before != sequence.surfaces[*i].n_after,
-            Action::Reflect => s.shape.curvature != 0.0,
-            Action::ThinLens { .. } => false,
-        }
-    };
-    (0..lens.surfaces.len()).filter(bends).collect::<Vec<_>>().into_iter()
-}
-
-/// What moves in a lens whose file does not say: every curvature between two media, up to one and a half times the
-/// strongest, and every gap of air but the last, from a tenth to twice what it is.
-fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, Failure> {
-    let curvature = |i: usize| lens.surfaces[i].shape.curvature.abs();
-    let strongest = powered(lens).map(curvature).fold(0.0, f64::max);
-    if strongest == 0.0 {
-        return Err(Failure::input(
-            "the lens has no curved surface between two media",
-            "give it [[variable]] entries",
-        ));
-    }
-    let radius = 1.0 / (1.5 * strongest);
-    let radii = powered(lens).map(|surface| Variable {
-        surface,
-        number: Number::Curvature,
-        min: -radius,
-        max: radius,
-    });
-    let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
-        let gap = lens.surfaces[surface].thickness_mm;
-        let (near, far) = (0.1 * gap, 2.0 * gap + if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 });
-        Variable { surface, number: Number::Thickness, min: near.min(far), max: near.max(far) }
-    });
-    Ok(radii.chain(gaps).collect())
 }

@@ -1,61 +1,56 @@
-//! What was found, for people.
+//! The figures of a tolerance analysis as a table.
 
-use petzval::optics::tolerance::{MonteCarlo, PERCENTILES};
+use petzval::jobs::lens::tolerance::{Better, RandomLenses, Report, Response, three_digits};
 
-use super::result::{Findings, travel_of};
-
-/// Rows that are shown unless all are asked for.
+/// Rows that are shown without --all.
 const ROWS: usize = 20;
 
-/// Prints it.
-pub fn print(findings: &Findings, all: bool) {
-    let (study, table) = (findings.study, &findings.table);
-    let merit = study.merit();
-    let unit = merit.unit();
-    let set: Vec<String> = study.tolerances().compensators.iter().map(|(f, _)| findings.setting(f)).collect();
-    println!("{}: {}\n", findings.lens.name, merit.name());
-    if set.is_empty() {
-        println!("nothing is set anew on a lens");
+/// Prints the table.
+pub fn print(response: &Response, all: bool) {
+    let Response { report, compensators, .. } = response;
+    println!("{}: {}\n", report.lens, report.merit);
+    if compensators.is_empty() {
+        println!("nothing is adjusted on a lens");
     } else {
-        println!("set anew on every lens: {}", set.join(", "));
+        println!("adjusted on every lens: {}", compensators.join(", "));
     }
-    println!("nominal {:.4} {unit}\n", table.nominal);
-    sensitivities(findings, all);
-    estimate(findings);
-    if let Some(random) = &findings.random {
-        lenses(findings, random);
+    println!("nominal {:.4} {}\n", report.nominal, report.unit);
+    sensitivities(report, all);
+    estimate(report);
+    if let Some(random) = &report.monte_carlo {
+        lenses(report, random, compensators);
     }
 }
 
 /// What each tolerance does, the greatest effect first.
-fn sensitivities(findings: &Findings, all: bool) {
-    let (study, table) = (findings.study, &findings.table);
-    let unit = study.merit().unit();
-    let rows = findings.by_effect();
+fn sensitivities(report: &Report, all: bool) {
+    let rows = &report.sensitivities;
     let shown = if all { rows.len() } else { rows.len().min(ROWS) };
-    let width = rows.iter().map(|i| study.tolerances().perturbations[*i].freedom.name().len()).max();
-    let width = width.unwrap_or(0).max(8);
-    let inverse = if findings.shared.is_some() { format!("{:>18}", "should be") } else { String::new() };
-    println!("change of the merit{}, with one quantity off by its tolerance", of_unit(unit));
+    let width = rows.iter().map(|row| row.quantity.name.len()).max().unwrap_or(0).max(8);
+    let has_inverse = rows.iter().any(|row| row.inverse_tolerance.is_some());
+    let inverse = if has_inverse { format!("{:>18}", "should be") } else { String::new() };
+    let of_unit = if report.unit.is_empty() { String::new() } else { format!(", {}", report.unit) };
+    println!("change of the merit{of_unit}, with one quantity off by its tolerance");
     println!("{:<width$} {:>18} {:>10} {:>10} {:>11}{inverse}", "", "tolerance", "minus", "plus", "by slope");
-    for i in &rows[..shown] {
-        let (row, p) = (&table.rows[*i], &study.tolerances().perturbations[*i]);
-        let change = |v: Option<f64>| {
-            v.map_or_else(|| format!("{:>10}", "no image"), |v| format!("{:>+10.4}", v - table.nominal))
+    for row in &rows[..shown] {
+        let change = |merit: Option<f64>| {
+            merit.map_or_else(
+                || format!("{:>10}", "no image"),
+                |merit| format!("{:>+10.4}", merit - report.nominal),
+            )
         };
-        let quantity = p.freedom.quantity.unit();
-        let should = findings.shared.as_ref().map_or_else(String::new, |shared| {
-            let s = &shared[*i];
-            let more = if s.is_free { ">" } else { "" };
-            format!("{:>10} {quantity:<7}", format!("{more}{}", short(s.tolerance)))
+        let unit = &row.quantity.unit;
+        let should = row.inverse_tolerance.map_or_else(String::new, |tolerance| {
+            let more = if row.inverse_is_free == Some(true) { ">" } else { "" };
+            format!("{:>10} {unit:<7}", format!("{more}{}", three_digits(tolerance)))
         });
         let line = format!(
-            "{:<width$} {:>10} {quantity:<7} {} {} {:>+11.4}{should}",
-            p.freedom.name(),
-            short(p.tolerance),
-            change(row.at_minus),
-            change(row.at_plus),
-            row.derivative * p.tolerance,
+            "{:<width$} {:>10} {unit:<7} {} {} {:>+11.4}{should}",
+            row.quantity.name,
+            three_digits(row.tolerance),
+            change(row.merit_at_minus),
+            change(row.merit_at_plus),
+            row.derivative * row.tolerance,
         );
         println!("{}", line.trim_end());
     }
@@ -64,70 +59,55 @@ fn sensitivities(findings: &Findings, all: bool) {
     }
 }
 
-/// A named figure with its unit; one lens has no spread, and none no mean.
+/// A named figure with its unit. One lens has no spread, and none no mean.
 fn figure(name: &str, value: Option<f64>, unit: &str) -> String {
-    match value.filter(|v| v.is_finite()) {
+    match value {
         Some(v) => format!("  {name:<25} {v:>9.4} {unit}"),
         None => format!("  {name:<25} {:>9}", "none"),
     }
 }
 
-/// What the table says of lenses as built.
-fn estimate(findings: &Findings) {
-    let unit = findings.study.merit().unit();
+/// Lenses as built, estimated from the sensitivities.
+fn estimate(report: &Report) {
+    let unit = &report.unit;
     println!("\nas built, by the table");
-    let Some(e) = findings.table.estimate else {
-        println!("  nothing: a lens at a tolerance brings no image");
+    let Some(e) = &report.estimate else {
+        println!("  no estimate: a lens at a tolerance brings no image");
         return;
     };
-    println!("{}", figure("root sum square", Some(e.root_sum_square), unit));
-    println!("{}", figure("mean, second order", Some(e.mean), unit));
-    println!("{}", figure("standard deviation", Some(e.standard_deviation), unit));
-    println!("{}", figure("the same by slopes alone", Some(e.linear_spread), unit));
+    println!("{}", figure("root sum square", e.root_sum_square, unit));
+    println!("{}", figure("mean, second order", e.mean, unit));
+    println!("{}", figure("standard deviation", e.standard_deviation, unit));
+    println!("{}", figure("the same by slopes alone", e.linear_spread, unit));
 }
 
-/// What lenses made at random say.
-fn lenses(findings: &Findings, random: &MonteCarlo) {
-    let unit = findings.study.merit().unit();
-    let (mean, deviation) = random.mean_and_deviation();
-    println!("\n{} lenses at random, seed {}", random.trials.len(), random.seed);
-    if random.failed() > 0 {
-        println!("  {:<25} {:>9}", "without an image", random.failed());
+/// Lenses made at random.
+fn lenses(report: &Report, random: &RandomLenses, compensators: &[String]) {
+    let unit = &report.unit;
+    let reach = match report.better {
+        Better::Lower => "at most",
+        Better::Higher => "at least",
+    };
+    println!("\n{} lenses at random, seed {}", random.trials, random.seed);
+    if random.failed > 0 {
+        println!("  {:<25} {:>9}", "without an image", random.failed);
     }
-    println!("{}", figure("mean", Some(mean), unit));
-    println!("{}", figure("standard deviation", Some(deviation), unit));
-    for percent in PERCENTILES {
-        let name = format!("{percent:>2.0} % have {}", findings.way());
-        println!("{}", figure(&name, random.percentile(percent), unit));
+    println!("{}", figure("mean", random.mean, unit));
+    println!("{}", figure("standard deviation", random.standard_deviation, unit));
+    for percentile in &random.percentiles {
+        let name = format!("{:>2.0} % have {reach}", percentile.percent);
+        println!("{}", figure(&name, percentile.merit, unit));
     }
-    if let Some(limit) = findings.limit {
-        let share = 100.0 * random.yield_at(limit);
-        println!("  yield: {share:.1} % have {} {limit} {unit}", findings.way());
+    if let (Some(limit), Some(share)) = (random.limit, random.yield_at_limit) {
+        println!("  yield: {:.1} % have {reach} {limit} {unit}", 100.0 * share);
     }
-    for (k, (freedom, _)) in findings.study.tolerances().compensators.iter().enumerate() {
-        let [mean, deviation, low, high] = travel_of(random, k);
-        let unit = freedom.quantity.unit();
-        if !deviation.is_finite() {
-            println!("  {}: too few lenses to say how it moves", findings.setting(freedom));
-            continue;
+    for (travel, name) in random.compensators.iter().zip(compensators) {
+        match (travel.mean, travel.standard_deviation, travel.least, travel.greatest) {
+            (Some(mean), Some(deviation), Some(least), Some(greatest)) => println!(
+                "  {name} moves by {mean:+.4} +- {deviation:.4} {} ({least:+.4} ... {greatest:+.4})",
+                travel.quantity.unit
+            ),
+            _ => println!("  {name}: too few lenses to tell how it moves"),
         }
-        println!(
-            "  {} moves by {mean:+.4} +- {deviation:.4} {unit} ({low:+.4} ... {high:+.4})",
-            findings.setting(freedom)
-        );
     }
-}
-
-/// Three significant digits without needless zeros.
-pub fn short(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-fn of_unit(unit: &str) -> String {
-    if unit.is_empty() { String::new() } else { format!(", {unit}") }
 }

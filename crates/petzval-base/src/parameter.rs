@@ -1,0 +1,213 @@
+//! The one description of a number that a user may set: name, unit, range, scale, default, and a sentence.
+//!
+//! [`parameters!`](crate::parameters) declares the numbers of a configuration table once. From that declaration come the
+//! struct that serde reads from TOML with a default for every key, the check of its ranges with hints, its JSON Schema, the
+//! commented file that `--print-config` prints, and the bounds and scales of optimisers and sliders.
+
+use schemars::Schema;
+
+/// How a number is best varied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// By equal differences.
+    Linear,
+    /// By equal ratios.
+    Log,
+}
+
+/// A number that a user may set, or an array of numbers with one range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Key in the file.
+    pub name: &'static str,
+    /// Unit; empty for a plain number.
+    pub unit: &'static str,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+    /// How it is best varied.
+    pub scale: Scale,
+    /// Default: one value, or one for each element of an array.
+    pub default: Vec<f64>,
+    /// What it is, in one sentence.
+    pub sentence: String,
+    /// What to write instead of a value out of range.
+    pub hint: &'static str,
+}
+
+/// The numbers of one table of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterTable {
+    /// What the table is about, in one sentence.
+    pub sentence: String,
+    /// Its numbers, in the order of the file.
+    pub parameters: Vec<Parameter>,
+}
+
+/// A value outside its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutOfRange {
+    /// The parameter.
+    pub parameter: Parameter,
+    /// The value.
+    pub value: f64,
+}
+
+impl OutOfRange {
+    /// The message for a user, without the place in the file.
+    pub fn message(&self) -> String {
+        format!("must lie between {} and {}", self.parameter.min, self.parameter.max)
+    }
+}
+
+/// A configuration table that was declared by [`parameters!`](crate::parameters).
+pub trait Parameters {
+    /// The description of its numbers.
+    fn table() -> ParameterTable;
+
+    /// Its present values, in the order of [`ParameterTable::parameters`].
+    fn values(&self) -> Vec<Vec<f64>>;
+
+    /// The first value outside its range; a value that is no number is outside every range.
+    fn out_of_range(&self) -> Option<OutOfRange> {
+        let all = Self::table().parameters.into_iter().zip(self.values());
+        let mut wrong = all.flat_map(|(parameter, values)| {
+            values.into_iter().map(move |value| OutOfRange { parameter: parameter.clone(), value })
+        });
+        wrong.find(|o| !(o.value >= o.parameter.min && o.value <= o.parameter.max))
+    }
+}
+
+/// Writes sentence, unit and range of each number into the JSON Schema of its table.
+pub fn describe<P: Parameters>(schema: &mut Schema) {
+    let Some(properties) = schema.get_mut("properties").and_then(|p| p.as_object_mut()) else { return };
+    for p in P::table().parameters {
+        let Some(property) = properties.get_mut(p.name).and_then(|v| v.as_object_mut()) else { continue };
+        let unit = if p.unit.is_empty() { String::new() } else { format!(" Unit: {}.", p.unit) };
+        property.insert("description".to_owned(), format!("{}{unit}", p.sentence).into());
+        let numbers = match property.get_mut("items").and_then(|v| v.as_object_mut()) {
+            Some(items) => items,
+            None => property,
+        };
+        numbers.remove("format");
+        for (key, value) in [("minimum", p.min), ("maximum", p.max)] {
+            numbers.insert(key.to_owned(), value.into());
+        }
+    }
+}
+
+/// A value of a parameter: a number, or an array of numbers.
+pub trait Numbers {
+    /// The numbers.
+    fn numbers(&self) -> Vec<f64>;
+}
+
+macro_rules! plain_numbers {
+    ($($kind:ty),*) => {$(
+        impl Numbers for $kind {
+            fn numbers(&self) -> Vec<f64> {
+                vec![*self as f64]
+            }
+        }
+    )*};
+}
+
+plain_numbers!(f64, usize, u32, u64);
+
+impl Numbers for f32 {
+    /// The shortest decimal number that reads back to the same value.
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.to_string().parse().unwrap_or(f64::from(*self))]
+    }
+}
+
+impl<T: Numbers, const N: usize> Numbers for [T; N] {
+    fn numbers(&self) -> Vec<f64> {
+        self.iter().flat_map(Numbers::numbers).collect()
+    }
+}
+
+/// Declares a configuration table: the struct, its default, its reading by serde, its JSON Schema, and its
+/// [`ParameterTable`](crate::parameter::ParameterTable).
+///
+/// Each line is `name: type = default, unit, least..greatest, scale, hint;`, with a documentation comment that becomes the
+/// sentence. Keys that are no numbers follow after `also`, with their default. The crate that uses it depends on serde
+/// and schemars.
+///
+/// ```
+/// petzval_base::parameters! {
+///     /// How a picture is exposed.
+///     pub struct Exposure {
+///         /// Exposure time.
+///         time_s: f64 = 0.005, "s", 1e-6..1e4, Log, "5 ms is 0.005";
+///     }
+/// }
+/// use petzval_base::parameter::Parameters;
+///
+/// assert_eq!(Exposure::default().time_s, 0.005);
+/// assert_eq!(Exposure::table().parameters[0].unit, "s");
+/// let wrong = Exposure { time_s: -1.0 }.out_of_range().unwrap();
+/// assert_eq!(wrong.message(), "must lie between 0.000001 and 10000");
+/// ```
+#[macro_export]
+macro_rules! parameters {
+    (
+        $(#[doc = $about:expr])+
+        pub struct $table:ident {
+            $(
+                $(#[doc = $sentence:expr])+
+                $name:ident: $kind:ty = $default:expr, $unit:literal, $min:literal..$max:literal, $scale:ident, $hint:literal;
+            )*
+        }
+        $(also { $(
+            $(#[doc = $other_doc:expr])+
+            $other:ident: $other_kind:ty = $other_default:expr;
+        )* })?
+    ) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize, ::schemars::JsonSchema)]
+        #[serde(default, deny_unknown_fields)]
+        #[schemars(transform = $crate::parameter::describe::<Self>)]
+        pub struct $table {
+            $(
+                $(#[doc = $sentence])+
+                #[doc = concat!("\nUnit: `", $unit, "`. Range: ", stringify!($min), " to ", stringify!($max), ".")]
+                pub $name: $kind,
+            )*
+            $($(
+                $(#[doc = $other_doc])+
+                pub $other: $other_kind,
+            )*)?
+        }
+
+        impl Default for $table {
+            fn default() -> Self {
+                Self { $($name: $default,)* $($($other: $other_default,)*)? }
+            }
+        }
+
+        impl $crate::parameter::Parameters for $table {
+            fn table() -> $crate::parameter::ParameterTable {
+                let default = Self::default();
+                $crate::parameter::ParameterTable {
+                    sentence: [$($about),+].concat().trim().to_owned(),
+                    parameters: vec![$($crate::parameter::Parameter {
+                        name: stringify!($name),
+                        unit: $unit,
+                        min: f64::from($min),
+                        max: f64::from($max),
+                        scale: $crate::parameter::Scale::$scale,
+                        default: $crate::parameter::Numbers::numbers(&default.$name),
+                        sentence: [$($sentence),+].concat().trim().to_owned(),
+                        hint: $hint,
+                    }),*],
+                }
+            }
+
+            fn values(&self) -> Vec<Vec<f64>> {
+                vec![$($crate::parameter::Numbers::numbers(&self.$name)),*]
+            }
+        }
+    };
+}

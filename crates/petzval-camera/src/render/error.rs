@@ -1,0 +1,86 @@
+//! Why a scene cannot be rendered.
+
+use super::limits::MAX_RADIUS;
+use crate::psf::PsfError;
+
+/// Why a scene cannot be rendered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// The PSFs are malformed.
+    #[error(transparent)]
+    Psf(#[from] PsfError),
+    /// Sensor size, pixel pitch or patch count is out of range.
+    #[error(
+        "render geometry {height}x{width} pixels of {pixel_um} um in {patch_rows}x{patch_cols} patches; \
+         all must be positive, with at most 65536 pixels and 256 patches along a side"
+    )]
+    Geometry {
+        /// Sensor rows.
+        height: usize,
+        /// Sensor columns.
+        width: usize,
+        /// Pixel pitch.
+        pixel_um: f64,
+        /// Patch rows.
+        patch_rows: usize,
+        /// Patch columns.
+        patch_cols: usize,
+    },
+    /// The PSF covers more pixels than can be convolved.
+    #[error(
+        "the PSF grid reaches {radius} pixels; at most {MAX_RADIUS} are possible; hint: check pitch and pixel size"
+    )]
+    PsfTooLarge {
+        /// Reach in pixels.
+        radius: f64,
+    },
+    /// A picture does not have three planes.
+    #[error("the {what} has {channels} planes; 3 (red, green, blue) are needed")]
+    Channels {
+        /// Which picture.
+        what: &'static str,
+        /// Its planes.
+        channels: usize,
+    },
+    /// The scene has no room for the PSF around the output.
+    #[error(
+        "the scene has {height}x{width} pixels; it needs more than {border} on each side of the output; \
+         hint: use pad_replicate"
+    )]
+    SceneTooSmall {
+        /// Scene rows.
+        height: usize,
+        /// Scene columns.
+        width: usize,
+        /// Kernel radius, pixels.
+        border: usize,
+    },
+    /// The output leaves the sensor.
+    #[error(
+        "output of {height}x{width} at row {row}, column {col} leaves the {sensor_height}x{sensor_width} sensor"
+    )]
+    OffSensor {
+        /// Output rows.
+        height: usize,
+        /// Output columns.
+        width: usize,
+        /// First row on the sensor.
+        row: usize,
+        /// First column on the sensor.
+        col: usize,
+        /// Sensor rows.
+        sensor_height: usize,
+        /// Sensor columns.
+        sensor_width: usize,
+    },
+    /// A buffer has another size than its partner.
+    #[error("{what}: expected {expected}, got {got}")]
+    Mismatch {
+        /// What was compared.
+        what: &'static str,
+        /// Expected size.
+        expected: String,
+        /// Size found.
+        got: String,
+    },
+}

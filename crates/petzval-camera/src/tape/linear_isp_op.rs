@@ -1,0 +1,54 @@
+//! The linear ISP on the tape.
+
+use burn::prelude::*;
+use burn::tensor::TensorData;
+
+use super::develop_op;
+use crate::develop::clip_levels_dn;
+use crate::isp::LinearIsp;
+use crate::sensor::{Capture, SensorError, SensorModel};
+
+/// Develops a batch: digital numbers `[B,1,H,W]` and relative illumination `[B,3,H,W]` to linear light `[B,3,H,W]`,
+/// differentiable in both. See [`LinearIsp::develop`].
+///
+/// The gradient with respect to the illumination knows the gain that makes up for lost light; together with the illumination
+/// in the irradiance, a lens that loses light pays for it in noise, not in brightness.
+pub fn linear_isp_op(
+    raw: Tensor<4>,
+    illumination: Tensor<4>,
+    isp: &LinearIsp,
+    sensor: &SensorModel,
+    captures: &[Capture],
+) -> Result<Tensor<4>, SensorError> {
+    let [batch, _, height, width] = raw.dims();
+    let device = raw.device();
+    // Clip each pixel where white light would saturate the first colour.
+    let mut levels = Vec::with_capacity(batch * height * width);
+    let mut highest = Vec::with_capacity(batch);
+    for capture in captures {
+        levels.extend(clip_levels_dn(sensor, capture, height, width)?);
+        highest.push(crate::isp::highest_light(sensor, &capture.exposure)?);
+    }
+    let check = || SensorError::Shape {
+        what: "raw frames",
+        expected: format!("one capture each, {batch}"),
+        got: format!("{} captures", captures.len()),
+    };
+    if captures.len() != batch {
+        return Err(check());
+    }
+    let levels = Tensor::from_data(TensorData::new(levels, [batch, 1, height, width]), &device);
+    let clipped = raw.min_pair(levels);
+    // Dark level, white balance and demosaicing are linear.
+    let balanced = develop_op(clipped, sensor, captures)?;
+    // Lift the dim corners, but nothing above the light at which highlights end.
+    let highest = Tensor::<4>::from_data(TensorData::new(highest, [batch, 1, 1, 1]), &device);
+    let picture = (balanced / illumination.clamp_min(isp.shading_floor))
+        .min_pair(highest.expand([batch, 3, height, width]));
+    let Some(matrix) = &isp.colour_matrix else { return Ok(picture) };
+    // Mix the planes: row r of the matrix gives plane r.
+    let rows: Vec<f32> = matrix.iter().flatten().map(|v| *v as f32).collect();
+    let matrix = Tensor::<3>::from_data(TensorData::new(rows, [1, 3, 3]), &device);
+    let flat = picture.reshape([batch, 3, height * width]);
+    Ok(matrix.expand([batch, 3, 3]).matmul(flat).reshape([batch, 3, height, width]))
+}

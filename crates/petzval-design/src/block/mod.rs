@@ -1,0 +1,115 @@
+//! The blocks of a camera that a stage may move: each has free numbers, a step rule, a proximal term, and a state that a
+//! checkpoint keeps.
+//!
+//! A block is held or it moves. While one moves, the others are held: the loss goes back on the tape to the moving block
+//! alone, which takes one step down its gradient.
+
+mod network;
+mod optics;
+
+use std::collections::BTreeMap;
+
+use burn::tensor::Gradients;
+use petzval_camera::sensor::Noise;
+use petzval_learn::objective::NamedLoss;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::camera::{Camera, Shot};
+use crate::error::DesignError;
+
+pub use network::NetworkBlock;
+pub use optics::OpticsBlock;
+
+/// A block of the camera, by name. The order is that of the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BlockName {
+    /// The free numbers of the lens.
+    Optics,
+    /// The weights of the network.
+    Network,
+}
+
+impl BlockName {
+    /// The name in experiments, events and checkpoints.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Optics => "optics",
+            Self::Network => "network",
+        }
+    }
+}
+
+/// What a checkpoint keeps of a block: bytes by the name of their part.
+pub type BlockState = BTreeMap<String, Vec<u8>>;
+
+/// How a block steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepRule {
+    /// Learning rate of this step.
+    pub rate: f64,
+    /// Weight mu of the proximal term `mu / 2 |theta - theta_0|^2`, where theta_0 are the free numbers at the start of the stage.
+    pub proximal: f64,
+}
+
+/// The loss of what a camera took, as the objective of the stage defines it.
+pub type LossOf<'a> = dyn Fn(&petzval_camera::tape::Frames, &[Shot]) -> Result<NamedLoss, DesignError> + 'a;
+
+/// What a step of a block is taken on.
+pub struct Batch<'a> {
+    /// The camera with every block held.
+    pub camera: &'a Camera,
+    /// What it takes.
+    pub shots: &'a [Shot],
+    /// How noise is drawn.
+    pub noise: Noise,
+    /// The loss of the frames.
+    pub loss: &'a LossOf<'a>,
+}
+
+/// A part of the camera that a stage may move.
+pub trait Block {
+    /// Its name.
+    fn name(&self) -> BlockName;
+
+    /// Number of free numbers.
+    fn free_numbers(&self) -> usize;
+
+    /// Starts a stage: forgets the moments of earlier gradients, and takes the present numbers as centre of the proximal term.
+    fn begin_stage(&mut self);
+
+    /// Takes one step down the gradient of the batch's loss. Returns the losses before the step, by name.
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError>;
+
+    /// Whether the free numbers are finite, as far as the losses of a step do not show it.
+    fn is_finite(&self) -> bool {
+        true
+    }
+
+    /// Everything that [`Block::load`] needs to go on with the same bits.
+    fn save(&self) -> Result<BlockState, DesignError>;
+
+    /// Takes over what [`Block::save`] returned; the error says which part is missing or does not fit, and why.
+    fn load(&mut self, state: &BlockState) -> Result<(), String>;
+}
+
+/// The parts of a loss by name.
+fn named(loss: &NamedLoss) -> BTreeMap<String, f64> {
+    loss.parts.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
+}
+
+/// A part of a state.
+fn part<'a>(state: &'a BlockState, name: &str) -> Result<&'a [u8], String> {
+    state.get(name).map(Vec::as_slice).ok_or_else(|| format!("`{name}` is missing"))
+}
+
+/// A gradient that the tape must have; its absence is a defect of the program or the device.
+fn missing(what: &str) -> DesignError {
+    DesignError::Device(format!("{what} have no gradient"))
+}
+
+/// The gradients of a loss.
+fn backward(loss: NamedLoss) -> Gradients {
+    loss.total.backward()
+}

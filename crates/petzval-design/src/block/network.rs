@@ -1,0 +1,142 @@
+//! The network as a block: its weights, moved by Adam.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::prelude::*;
+use burn::tensor::Bytes;
+use petzval_learn::network::{PictureNetwork, UNet};
+
+use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
+use crate::error::DesignError;
+
+const WEIGHTS: &str = "weights.bin";
+const OPTIMIZER: &str = "optimizer.bin";
+
+/// A U-Net with its optimiser.
+pub struct NetworkBlock {
+    network: UNet,
+    optimizer: ModuleOptimizer,
+    /// The weights at the start of the stage: the centre of the proximal term.
+    anchor: UNet,
+}
+
+impl NetworkBlock {
+    /// A network at the start of its training.
+    pub fn new(network: UNet) -> Self {
+        Self { anchor: network.clone(), network, optimizer: AdamConfig::new().init() }
+    }
+
+    /// The network with its weights held: no gradient goes to them.
+    pub fn held(&self) -> Rc<dyn PictureNetwork> {
+        Rc::new(self.network.clone().no_grad())
+    }
+}
+
+impl Block for NetworkBlock {
+    fn name(&self) -> BlockName {
+        BlockName::Network
+    }
+
+    fn free_numbers(&self) -> usize {
+        self.network.num_params()
+    }
+
+    fn begin_stage(&mut self) {
+        self.optimizer = AdamConfig::new().init();
+        self.anchor = self.network.clone();
+    }
+
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        let camera = batch.camera.with_network(Rc::new(self.network.clone()));
+        let frames = camera.take(batch.shots, &batch.noise)?;
+        let loss = (batch.loss)(&frames, batch.shots)?;
+        let losses = named(&loss);
+        // A loss that is no number must not reach the weights; the caller ends the run.
+        if losses.values().all(|v| v.is_finite()) {
+            let gradients = GradientsParams::from_grads(backward(loss), &self.network);
+            self.network = self.optimizer.step(rule.rate, self.network.clone(), gradients);
+            if rule.proximal > 0.0 {
+                self.network = pulled_towards(self.network.clone(), &self.anchor, rule.rate * rule.proximal);
+            }
+        }
+        Ok(losses)
+    }
+
+    fn save(&self) -> Result<BlockState, DesignError> {
+        let unwritable = |problem: String| DesignError::Unwritable { what: "the network", problem };
+        let weights = self.network.to_bytes().map_err(|e| unwritable(e.to_string()))?;
+        let optimizer = self.optimizer.into_bytes().map_err(|e| unwritable(e.to_string()))?;
+        Ok(BTreeMap::from([(WEIGHTS.to_owned(), weights), (OPTIMIZER.to_owned(), optimizer.to_vec())]))
+    }
+
+    fn load(&mut self, state: &BlockState) -> Result<(), String> {
+        let weights = part(state, WEIGHTS)?.to_vec();
+        self.network = self.network.clone().load_bytes(weights).map_err(|e| format!("{WEIGHTS}: {e}"))?;
+        let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
+        self.optimizer = AdamConfig::new()
+            .init()
+            .from_bytes(optimizer)
+            .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
+        Ok(())
+    }
+}
+
+/// The proximal map of `strength / 2 |theta - anchor|^2`: `theta <- (theta + strength anchor) / (1 + strength)`.
+fn pulled_towards(network: UNet, anchor: &UNet, strength: f64) -> UNet {
+    let mut centre = Weights(Vec::new());
+    anchor.visit(&mut centre);
+    network.map(&mut Pull { anchor: centre.0.into_iter(), strength })
+}
+
+/// Collects the weights of a network in the order of a visit.
+struct Weights(Vec<TensorData>);
+
+impl ModuleVisitor for Weights {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        self.0.push(param.val().detach().into_data());
+    }
+}
+
+struct Pull {
+    anchor: std::vec::IntoIter<TensorData>,
+    strength: f64,
+}
+
+impl ModuleMapper for Pull {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let Some(anchor) = self.anchor.next() else { return param };
+        param.map(|weights| {
+            let is_tracked = weights.is_require_grad();
+            let anchor = Tensor::<D>::from_data(anchor, &weights.device());
+            let pulled = (weights.detach() + anchor * self.strength) / (1.0 + self.strength);
+            if is_tracked { pulled.require_grad() } else { pulled }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use petzval_learn::Device;
+    use petzval_learn::network::UNetConfig;
+
+    fn weights(network: &UNet) -> Vec<f32> {
+        let mut all = Weights(Vec::new());
+        network.visit(&mut all);
+        all.0.into_iter().flat_map(|data| data.try_to_vec::<f32>().unwrap()).collect()
+    }
+
+    #[test]
+    fn the_proximal_map_moves_weights_towards_the_anchor_by_its_share() {
+        let config = UNetConfig { base_channels: 8, levels: 1, ..Default::default() };
+        let device = Device::flex().autodiff();
+        let (network, anchor) = (config.init(1, &device).unwrap(), config.init(2, &device).unwrap());
+        let pulled = weights(&pulled_towards(network.clone(), &anchor, 3.0));
+        for ((w, a), p) in weights(&network).iter().zip(weights(&anchor)).zip(pulled) {
+            assert!((p - (0.25 * w + 0.75 * a)).abs() < 1e-6, "{w} {a} {p}");
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! The lens as a block: the free coordinates of its design space, moved by Adam.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use petzval_optics::lens::Lens;
+use serde::{Deserialize, Serialize};
+
+use super::{Batch, Block, BlockName, BlockState, StepRule, backward, missing, named, part};
+use crate::adam::Adam;
+use crate::camera::to_host;
+use crate::error::DesignError;
+use crate::start::Start;
+
+const COORDINATES: &str = "coordinates.json";
+
+/// A lens on its way through its design space.
+pub struct OpticsBlock {
+    start: Arc<Start>,
+    /// Weight of the requirements' penalty in the loss, 1/mm^2.
+    constraint_weight: f64,
+    moving: Moving,
+}
+
+/// The state of the block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Moving {
+    /// Free coordinates.
+    x: Vec<f64>,
+    /// Moments of the gradient.
+    adam: Adam,
+    /// The coordinates at the start of the stage: the centre of the proximal term.
+    anchor: Vec<f64>,
+}
+
+impl OpticsBlock {
+    /// The lens from which a design starts.
+    pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
+        let x = start.space.start().to_vec();
+        Self { start, constraint_weight, moving: Moving { anchor: x.clone(), x, adam: Adam::default() } }
+    }
+
+    /// The lens as it stands.
+    pub fn lens(&self) -> Result<Lens, DesignError> {
+        Ok(self.start.space.lens_at(&self.moving.x)?)
+    }
+
+    /// The free coordinates.
+    pub fn coordinates(&self) -> &[f64] {
+        &self.moving.x
+    }
+
+    /// Losses at the present coordinates, and the derivatives by them of the batch's loss plus the weighted penalty of the
+    /// requirements.
+    ///
+    /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
+    /// there by the adjoint of ray tracing.
+    pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+        let (frames, psfs) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
+        let loss = (batch.loss)(&frames, batch.shots)?;
+        let mut losses = named(&loss);
+
+        // The tape ends at the PSFs.
+        let gradients = backward(loss);
+        let by_values = to_host(psfs.values.grad(&gradients).ok_or_else(|| missing("the PSFs"))?)?;
+        let by_illumination =
+            to_host(psfs.illumination.grad(&gradients).ok_or_else(|| missing("the PSFs"))?)?;
+        // Ray tracing takes over from the PSFs to the numbers of the lens.
+        let formed = batch.camera.psfs();
+        let mut gradient =
+            formed.pull_back(&by_values, &by_illumination).ok_or_else(|| missing("measured PSFs"))?;
+
+        let lens = self.lens()?;
+        let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
+        gradient += &by_penalty.scaled(self.constraint_weight);
+        losses.insert("penalty_mm2".to_owned(), penalty_mm2);
+        Ok((losses, self.start.space.pull_back(&self.moving.x, &lens, &gradient)))
+    }
+
+    /// One step towards smaller spots, whatever the rest of the camera is. Returns the RMS spot before the step, um.
+    pub fn spot_step(&mut self, rule: StepRule) -> Result<f64, DesignError> {
+        let (rms_um, gradient) = self.start.spot_gradient(&self.moving.x)?;
+        self.descend(&gradient, rule);
+        Ok(rms_um)
+    }
+
+    /// One step of Adam and the proximal map. A gradient that is no number must not reach the moments: it shows in the
+    /// coordinates instead.
+    fn descend(&mut self, gradient: &[f64], rule: StepRule) {
+        let Moving { x, adam, anchor } = &mut self.moving;
+        if !gradient.iter().all(|g| g.is_finite()) {
+            x[0] = f64::NAN;
+            return;
+        }
+        adam.step(x, gradient, rule.rate);
+        let strength = rule.rate * rule.proximal;
+        if strength > 0.0 {
+            x.iter_mut().zip(anchor).for_each(|(x, a)| *x = (*x + strength * *a) / (1.0 + strength));
+        }
+    }
+}
+
+impl Block for OpticsBlock {
+    fn name(&self) -> BlockName {
+        BlockName::Optics
+    }
+
+    fn free_numbers(&self) -> usize {
+        self.moving.x.len()
+    }
+
+    fn begin_stage(&mut self) {
+        self.moving.adam = Adam::default();
+        self.moving.anchor = self.moving.x.clone();
+    }
+
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        let (losses, gradient) = self.gradient(batch)?;
+        self.descend(&gradient, rule);
+        Ok(losses)
+    }
+
+    fn is_finite(&self) -> bool {
+        self.moving.x.iter().all(|x| x.is_finite())
+    }
+
+    fn save(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the coordinates of the lens", &self.moving)?;
+        Ok(BTreeMap::from([(COORDINATES.to_owned(), text.into_bytes())]))
+    }
+
+    fn load(&mut self, state: &BlockState) -> Result<(), String> {
+        let moving: Moving =
+            serde_json::from_slice(part(state, COORDINATES)?).map_err(|e| format!("{COORDINATES}: {e}"))?;
+        let free = self.moving.x.len();
+        if moving.x.len() != free || moving.anchor.len() != free || !moving.adam.fits(free) {
+            return Err(format!("{COORDINATES}: the lens has other variables; has its file been changed?"));
+        }
+        self.moving = moving;
+        Ok(())
+    }
+}

@@ -1,0 +1,262 @@
+//! The camera: lens, PSFs, sensor, exposure, development and network as one immutable value.
+//!
+//! Every verb that takes a picture goes through [`Camera::take`], so that a network trains on the pictures that
+//! `simulate` makes. A camera changes by making another: [`Setup`](crate::setup::Setup) makes one from a lens,
+//! [`Camera::with_network`] puts a network behind it.
+
+mod psf_source;
+
+use std::rc::Rc;
+use std::sync::Arc;
+
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::LinearIsp;
+use petzval_camera::psf::PsfBank;
+use petzval_camera::render::{Placement, RenderGeometry, kernel_radius};
+use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
+use petzval_camera::tape::{Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op};
+use petzval_learn::network::PictureNetwork;
+use petzval_learn::objective::Labels;
+
+use crate::error::DesignError;
+
+pub use psf_source::{PsfSource, Psfs};
+
+/// One window of a photograph at a place of the sensor, taken as one frame.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// The scene: the window, and around it the border that the PSF reaches into; linear light.
+    pub scene: LinearImage,
+    /// Sensor position of the window's top-left pixel.
+    pub placement: Placement,
+    /// Number of the frame; it keys the noise.
+    pub frame: u64,
+}
+
+/// Everything of a camera except its optics and its network.
+#[derive(Clone)]
+pub struct Body {
+    /// The sensor.
+    pub sensor: SensorModel,
+    /// Sensor grid, and patches of constant PSF.
+    pub geometry: RenderGeometry,
+    /// Exposure of every frame.
+    pub exposure: Exposure,
+    /// Development.
+    pub isp: LinearIsp,
+    /// Where the tensors live, with automatic differentiation if gradients are needed.
+    pub device: Device,
+}
+
+/// A camera.
+#[derive(Clone)]
+pub struct Camera {
+    body: Arc<Body>,
+    psfs: Arc<Psfs>,
+    border: usize,
+    network: Option<Rc<dyn PictureNetwork>>,
+}
+
+/// The PSFs of a camera as tensors that the frames depend on.
+pub struct PsfLeaves {
+    /// `[field, channel, row, column]`.
+    pub values: Tensor<4>,
+    /// Relative illumination, `[field, channel]`.
+    pub illumination: Tensor<2>,
+}
+
+impl PsfLeaves {
+    fn new(bank: &PsfBank, device: &Device) -> Self {
+        let (fields, grid) = (bank.field_radius_mm.len(), bank.grid);
+        let values = TensorData::new(bank.values.clone(), [fields, 3, grid, grid]);
+        let illumination = TensorData::new(bank.illumination.clone(), [fields, 3]);
+        Self {
+            values: Tensor::from_data(values, device),
+            illumination: Tensor::from_data(illumination, device),
+        }
+    }
+
+    fn tracked(self) -> Self {
+        Self { values: self.values.require_grad(), illumination: self.illumination.require_grad() }
+    }
+}
+
+impl Camera {
+    /// A camera without a network.
+    pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
+        let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
+        Ok(Self { body, psfs, border, network: None })
+    }
+
+    /// The same camera with a network behind the development.
+    pub fn with_network(&self, network: Rc<dyn PictureNetwork>) -> Self {
+        Self { network: Some(network), ..self.clone() }
+    }
+
+    /// Sensor, exposure and device.
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// The PSFs, with what their gradient needs.
+    pub fn psfs(&self) -> &Psfs {
+        &self.psfs
+    }
+
+    /// Pixels of scene that the PSF reaches into around a window.
+    pub fn border(&self) -> usize {
+        self.border
+    }
+
+    /// Takes a batch of shots of one size: light, raw frames, developed and finished pictures.
+    ///
+    /// The graph of the frames leads to the weights of a network that is tracked, and no further.
+    pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
+        self.take_through(&PsfLeaves::new(self.psfs.bank(), &self.body.device), shots, noise)
+    }
+
+    /// [`Camera::take`] with a graph that leads to the PSFs, which are returned as leaf tensors.
+    pub fn take_tracking_psfs(
+        &self,
+        shots: &[Shot],
+        noise: &Noise,
+    ) -> Result<(Frames, PsfLeaves), DesignError> {
+        let leaves = PsfLeaves::new(self.psfs.bank(), &self.body.device).tracked();
+        Ok((self.take_through(&leaves, shots, noise)?, leaves))
+    }
+
+    fn take_through(&self, psfs: &PsfLeaves, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
+        // The lens spreads every point by the PSF of its place and dims it off the axis.
+        let (irradiance, illumination) = self.image(psfs, shots)?;
+        let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
+        self.expose(irradiance, illumination, &captures, noise)
+    }
+
+    /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
+    /// planes, 1 = white on the axis.
+    pub fn take_light(
+        &self,
+        light: &LinearImage,
+        capture: Capture,
+        noise: &Noise,
+    ) -> Result<Frames, DesignError> {
+        let LinearImage { channels, height, width, .. } = *light;
+        let device = &self.body.device;
+        let data = TensorData::new(light.data.clone(), [1, channels, height, width]);
+        let psfs = PsfLeaves::new(self.psfs.bank(), device);
+        let illumination = self.illumination(&psfs, &[capture.placement], [height, width])?;
+        self.expose(Tensor::from_data(data, device), illumination, &[capture], noise)
+    }
+
+    /// Irradiance of a single shot on the host, three planes.
+    pub fn irradiance(&self, shots: &[Shot; 1]) -> Result<LinearImage, DesignError> {
+        let psfs = PsfLeaves::new(self.psfs.bank(), &self.body.device);
+        let (irradiance, _) = self.image(&psfs, shots)?;
+        let [_, channels, height, width] = irradiance.dims();
+        Ok(LinearImage { channels, height, width, data: to_host(irradiance)? })
+    }
+
+    /// From light on the pixels to finished pictures.
+    fn expose(
+        &self,
+        irradiance: Tensor<4>,
+        illumination: Tensor<4>,
+        captures: &[Capture],
+        noise: &Noise,
+    ) -> Result<Frames, DesignError> {
+        // The sensor turns light into digital numbers behind its colour filters.
+        let raw = expose_op(irradiance.clone(), &self.body.sensor, captures, noise)?;
+        // Development turns them back into light, balances white and lifts the dim corners.
+        let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
+        // The network finishes what a display would show.
+        let finished = self.finish(developed.clone());
+        Ok(Frames { irradiance, illumination, raw, developed, finished })
+    }
+
+    /// Irradiance and relative illumination of a batch of shots.
+    fn image(&self, psfs: &PsfLeaves, shots: &[Shot]) -> Result<(Tensor<4>, Tensor<4>), DesignError> {
+        let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
+        let [height, width] = self.window(shots);
+        let scenes =
+            shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
+        let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
+        let blurred = render_op(psfs.values.clone(), &layout, geometry, scenes)?;
+        let illumination = self.illumination(psfs, &placements, [height, width])?;
+        Ok((blurred * illumination.clone(), illumination))
+    }
+
+    /// Relative illumination of the pixels of windows.
+    fn illumination(
+        &self,
+        psfs: &PsfLeaves,
+        placements: &[Placement],
+        [height, width]: [usize; 2],
+    ) -> Result<Tensor<4>, DesignError> {
+        let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
+        Ok(illumination_op(psfs.illumination.clone(), &layout, geometry, placements, height, width)?)
+    }
+
+    /// Develops raw frames `[batch, 1, height, width]` to linear light `[batch, 3, height, width]`.
+    ///
+    /// The shading is corrected by the lens's own relative illumination, as in a calibrated camera. The gradient includes both:
+    /// the light that the lens loses, and the gain that makes up for it.
+    pub fn develop(
+        &self,
+        raw: Tensor<4>,
+        illumination: Tensor<4>,
+        captures: &[Capture],
+    ) -> Result<Tensor<4>, DesignError> {
+        Ok(linear_isp_op(raw, illumination, &self.body.isp, &self.body.sensor, captures)?)
+    }
+
+    /// What the network makes of developed pictures, sRGB-encoded; without a network, the developed pictures encoded.
+    pub fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
+        let encoded = srgb_encode(developed);
+        match &self.network {
+            Some(network) => network.finish(encoded),
+            None => encoded,
+        }
+    }
+
+    /// The windows of the scenes, sRGB-encoded: what a perfect camera would show.
+    pub fn labels(&self, shots: &[Shot]) -> Result<Labels, DesignError> {
+        let [height, width] = self.window(shots);
+        let mut data = Vec::new();
+        for shot in shots {
+            let window = shot
+                .scene
+                .crop(self.border, self.border, height, width)
+                .map_err(|e| DesignError::Device(e.to_string()))?;
+            data.extend(window.to_srgb());
+        }
+        let shape = [shots.len(), 3, height, width];
+        Ok(Labels { picture: Tensor::from_data(TensorData::new(data, shape), &self.body.device) })
+    }
+
+    /// Rows and columns of the shots' windows.
+    fn window(&self, shots: &[Shot]) -> [usize; 2] {
+        let side = |whole: usize| whole.saturating_sub(2 * self.border);
+        shots.first().map_or([0, 0], |s| [side(s.scene.height), side(s.scene.width)])
+    }
+
+    /// How a shot is captured.
+    pub fn capture(&self, shot: &Shot) -> Capture {
+        Capture { exposure: self.body.exposure, placement: shot.placement, frame: shot.frame }
+    }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), linear below its toe so that noise around black keeps its sign.
+pub fn srgb_encode(linear: Tensor<4>) -> Tensor<4> {
+    const TOE: f32 = 0.003_130_8;
+    let toe = linear.clone() * 12.92;
+    let curve = linear.clone().clamp_min(TOE).powf_scalar(1.0 / 2.4) * 1.055 - 0.055;
+    let in_toe = linear.lower_equal_elem(TOE);
+    curve.mask_where(in_toe, toe)
+}
+
+/// The values of a tensor on the host.
+pub fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignError> {
+    tensor.detach().into_data().try_to_vec::<f32>().map_err(|e| DesignError::Device(format!("{e:?}")))
+}

@@ -1,0 +1,202 @@
+//! An experiment: everything that a run depends on, as one TOML file. Every key has a default.
+
+mod commented;
+mod tables;
+mod variants;
+
+pub use commented::{commented_toml, reference_markdown};
+pub use tables::{
+    CheckpointConfig, ConstraintConfig, ExposureConfig, NetworkConfig, OpticsConfig, PsfConfig,
+    ScoringConfig, SpotConfig, TrainingConfig,
+};
+pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
+
+use petzval_base::FileError;
+use petzval_base::parameter::Parameters;
+use petzval_camera::sensor::NoiseMode;
+use petzval_learn::loss::ImageLoss;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::block::BlockName;
+use crate::error::DesignError;
+use crate::setup::BUILT_IN_PHOTOS;
+use crate::variant::{Variant, variants};
+
+/// A joint design of lens and network, and the two controls it is compared with.
+///
+/// Names of lenses and sensors are those of the built-in library, or paths of files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Experiment {
+    /// Title of the report.
+    pub name: String,
+    /// What the camera is for.
+    pub task: TaskKind,
+    /// The nominal lens.
+    pub lens: String,
+    /// The sensor.
+    pub sensor: String,
+    /// `built-in`, or a folder of pictures.
+    pub photos: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// How the picture is exposed, the same for every camera.
+    pub exposure: ExposureConfig,
+    /// Point-spread functions.
+    pub psf: PsfConfig,
+    /// The network.
+    pub network: NetworkConfig,
+    /// How the network is trained.
+    pub training: TrainingConfig,
+    /// What a picture's loss is made of.
+    pub loss: ImageLoss,
+    /// How the lens moves with the network.
+    pub optics: OpticsConfig,
+    /// The spot goal of a stage.
+    pub spot: SpotConfig,
+    /// What the lens must keep.
+    pub constraints: ConstraintConfig,
+    /// How cameras are scored.
+    pub scoring: ScoringConfig,
+    /// How often the run can be resumed from.
+    pub checkpoint: CheckpointConfig,
+    /// The cameras that are made and compared, in this order.
+    pub variant: Vec<VariantConfig>,
+}
+
+/// What the camera is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TaskKind {
+    /// A picture for people to look at, made by a network from the developed raw frame.
+    ImageQuality,
+}
+
+impl Default for Experiment {
+    /// The main job: the nominal Cooke triplet and a small U-Net on a Sony IMX249, against two controls.
+    fn default() -> Self {
+        Self {
+            name: "Camera design".to_owned(),
+            task: TaskKind::ImageQuality,
+            lens: "cooke-triplet-nominal".to_owned(),
+            sensor: "imx249-fitted".to_owned(),
+            photos: BUILT_IN_PHOTOS.to_owned(),
+            seed: 1,
+            exposure: ExposureConfig::default(),
+            psf: PsfConfig::default(),
+            network: NetworkConfig::default(),
+            training: TrainingConfig::default(),
+            loss: ImageLoss::default(),
+            optics: OpticsConfig::default(),
+            spot: SpotConfig::default(),
+            constraints: ConstraintConfig::default(),
+            scoring: ScoringConfig::default(),
+            checkpoint: CheckpointConfig::default(),
+            variant: standard_variants(),
+        }
+    }
+}
+
+impl Experiment {
+    /// Reads and checks an experiment. Errors name line, key, value and a hint.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        let experiment: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        experiment.check(text)?;
+        Ok(experiment)
+    }
+
+    /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key: a default in place of a key that was lost
+    /// would make another run of it.
+    pub fn parse_complete(text: &str) -> Result<Self, FileError> {
+        let experiment = Self::parse(text)?;
+        let found: toml::Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let whole = toml::Table::try_from(&experiment).unwrap_or_default();
+        let missing = whole.iter().find_map(|(key, value)| match (found.get(key), value) {
+            (None, _) => Some(key.clone()),
+            (Some(toml::Value::Table(found)), toml::Value::Table(whole)) => {
+                whole.keys().find(|k| !found.contains_key(*k)).map(|k| format!("{key}.{k}"))
+            }
+            _ => None,
+        });
+        match missing {
+            None => Ok(experiment),
+            Some(key) => Err(FileError::at_key(text, &[&key], "is missing")
+                .hint("the config.toml of a run holds every key; put it back as it was")),
+        }
+    }
+
+    /// The experiment as a file that [`Experiment::parse`] reads back to the same values.
+    pub fn to_toml(&self) -> Result<String, DesignError> {
+        toml::to_string(self)
+            .map_err(|e| DesignError::Unwritable { what: "the experiment", problem: e.to_string() })
+    }
+
+    fn check(&self, text: &str) -> Result<(), FileError> {
+        let tables = [
+            ("exposure", self.exposure.out_of_range()),
+            ("psf", self.psf.out_of_range()),
+            ("network", self.network.out_of_range()),
+            ("training", self.training.out_of_range()),
+            ("loss", self.loss.out_of_range()),
+            ("optics", self.optics.out_of_range()),
+            ("spot", self.spot.out_of_range()),
+            ("constraints", self.constraints.out_of_range()),
+            ("scoring", self.scoring.out_of_range()),
+            ("checkpoint", self.checkpoint.out_of_range()),
+        ];
+        for (table, wrong) in tables {
+            if let Some(wrong) = wrong {
+                let error = FileError::at_key(text, &[table, wrong.parameter.name], wrong.message());
+                return Err(error.hint(wrong.parameter.hint));
+            }
+        }
+        let moves_lens_for_task =
+            |v: &Variant| v.stages.iter().any(|s| s.goal == Goal::Task && s.steps_of(BlockName::Optics) > 0);
+        if self.training.noise == NoiseMode::Exact && variants(self).iter().any(moves_lens_for_task) {
+            let error =
+                FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
+            return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
+        }
+        self.check_variants(text)?;
+        if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
+            let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
+            return Err(error.hint("give at least one part a positive weight"));
+        }
+        for (table, key, value) in [
+            ("psf", "pupil_cells", self.psf.pupil_cells),
+            ("psf", "scoring_pupil_cells", self.psf.scoring_pupil_cells),
+            ("psf", "grid", self.psf.grid),
+        ] {
+            if !value.is_multiple_of(2) {
+                return Err(FileError::at_key(text, &[table, key], "must be even")
+                    .hint(format!("take {}", value + 1)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets the network steps of every stage that trains for `training.steps` steps, and changes all other steps in proportion,
+    /// rounded up.
+    pub fn scale_steps(&mut self, network_steps: usize) {
+        let share = network_steps as f64 / self.training.steps as f64;
+        let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
+        self.optics.steps = scaled(self.optics.steps);
+        self.spot.steps = scaled(self.spot.steps);
+        self.training.steps = network_steps;
+        for stage in self.variant.iter_mut().flat_map(|v| &mut v.stage) {
+            let own = [&mut stage.optics, &mut stage.network].into_iter().flatten();
+            own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
+        }
+    }
+
+    /// The experiment with one variant alone, and those from which it starts. `None` if it has none of that name.
+    pub fn only(&self, name: &str) -> Option<Self> {
+        let mut wanted = vec![self.variant.iter().find(|v| v.name == name)?];
+        while let Some(from) = wanted.last().and_then(|v| v.from.as_deref()) {
+            wanted.push(self.variant.iter().find(|v| v.name == from)?);
+        }
+        let is_wanted = |v: &&VariantConfig| wanted.iter().any(|w| w.name == v.name);
+        Some(Self { variant: self.variant.iter().filter(is_wanted).cloned().collect(), ..self.clone() })
+    }
+}

@@ -1,0 +1,159 @@
+//! The tables of an experiment: every number with its unit, range, default and sentence.
+
+use petzval_base::parameters;
+use petzval_camera::sensor::{Exposure, NoiseMode};
+use petzval_optics::constraint::Clearances;
+use petzval_optics::psf::PsfKind;
+
+parameters! {
+    /// Exposure of every camera of the experiment.
+    pub struct ExposureConfig {
+        /// Photoelectrons that white gives in a green pixel on the axis.
+        white_e: f32 = 16000.0, "e-", 1..1e7, Log, "photoelectrons of white in green";
+        /// Exposure time.
+        time_s: f32 = 0.005, "s", 1e-6..1e4, Log, "seconds; 5 ms is 0.005";
+        /// Linear analogue gain.
+        linear_gain: f32 = 1.0, "", 0.1..1e3, Log, "1 is 0 dB, 31.62 is 30 dB";
+    }
+}
+
+parameters! {
+    /// How point-spread functions are computed.
+    pub struct PsfConfig {
+        /// Number of fields from the axis to the sensor's corner.
+        fields: usize = 13, "", 2..201, Linear, "the paper takes 13";
+        /// Wavelengths of the red, green and blue channel.
+        wavelengths_um: [f64; 3] = [0.62, 0.55, 0.486], "um", 0.2..20, Linear, "wavelengths are in um: 550 nm is 0.55";
+        /// Cells a side of a PSF; an even number.
+        grid: usize = 128, "", 16..1024, Log, "the paper takes 128";
+        /// Cell size.
+        pitch_um: f64 = 1.0, "um", 0.05..50, Log, "the paper takes 1";
+        /// Patches of constant PSF on the sensor: rows, columns.
+        patches: [usize; 2] = [7, 7], "", 1..101, Linear, "the paper takes 7 x 7";
+        /// Pupil cells a side while the lens moves; an even number.
+        pupil_cells: usize = 96, "", 16..1024, Log, "32 is quick, 256 is accurate";
+        /// Pupil cells a side for lenses at rest and for scoring; an even number.
+        scoring_pupil_cells: usize = 256, "", 16..1024, Log, "32 is quick, 256 is accurate";
+    } also {
+        /// Rays, right where aberrations spread light over many times the Airy disk, or waves.
+        kind: PsfKind = PsfKind::Geometric;
+    }
+}
+
+parameters! {
+    /// The network behind the development: a U-Net.
+    pub struct NetworkConfig {
+        /// Channels of the first level.
+        base_channels: usize = 16, "", 1..256, Log, "16 trains in minutes on a CPU";
+        /// Levels of halved resolution.
+        levels: usize = 3, "", 1..6, Linear, "3 or 4";
+    }
+}
+
+parameters! {
+    /// Training of the network, the same for every variant.
+    pub struct TrainingConfig {
+        /// Network steps of a stage that trains the network.
+        steps: usize = 800, "", 1..1e8, Log, "a few hundred on a CPU";
+        /// Windows a step.
+        batch: usize = 4, "", 1..1024, Log, "2 to 8 on a CPU";
+        /// Side of a window.
+        crop: usize = 96, "pixels", 32..1200, Linear, "64 to 256 pixels";
+        /// First learning rate of Adam; it falls along a half cosine.
+        learning_rate: f64 = 2e-3, "", 1e-8..1, Log, "1e-3 is Adam's usual start";
+        /// Learning rate at the end over that at the start.
+        final_learning_rate: f64 = 0.02, "", 0..1, Linear, "a share of the first";
+        /// Weight of the network's proximal term.
+        proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+    } also {
+        /// How noise is sampled and differentiated.
+        noise: NoiseMode = NoiseMode::Dequantised;
+    }
+}
+
+parameters! {
+    /// How the lens moves for the task.
+    pub struct OpticsConfig {
+        /// Lens steps of a stage that moves the lens for the task.
+        steps: usize = 500, "", 0..1e8, Log, "0 keeps the lens";
+        /// Share of the stage's network steps over which the lens steps are spread evenly; then the lens rests.
+        moving_share: f64 = 0.7, "", 0..1, Linear, "0.7 leaves the network time to settle";
+        /// First learning rate of Adam in the bounded coordinates.
+        learning_rate: f64 = 0.02, "rad of the bounding sine", 1e-8..1, Log, "0.01 of a coordinate's range of 3.1";
+        /// Learning rate at the end over that at the start.
+        final_learning_rate: f64 = 0.1, "", 0..1, Linear, "a share of the first";
+        /// Half-range of the image plane around the paraxial focus.
+        defocus_mm: f64 = 0.5, "mm", 1e-3..10, Log, "half-range around the paraxial focus";
+        /// Weight of the lens's proximal term, per squared coordinate.
+        proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+    }
+}
+
+parameters! {
+    /// How the lens moves for its RMS spot alone, within the same bounds.
+    pub struct SpotConfig {
+        /// Lens steps of a stage with the spot goal.
+        steps: usize = 500, "", 0..1e8, Log, "a few hundred";
+        /// First learning rate of Adam in the bounded coordinates.
+        learning_rate: f64 = 0.03, "rad of the bounding sine", 1e-8..1, Log, "0.02 of a coordinate's range of 3.1";
+        /// Learning rate at the end over that at the start.
+        final_learning_rate: f64 = 0.02, "", 0..1, Linear, "a share of the first";
+    }
+}
+
+parameters! {
+    /// What a lens must keep to be manufactured and to fit its camera: penalties.
+    pub struct ConstraintConfig {
+        /// Weight of the penalty in the loss.
+        weight: f64 = 100.0, "1/mm^2", 0..1e9, Log, "1 is one unit of loss per mm^2";
+        /// Least edge thickness of an element.
+        element_edge_mm: f64 = 0.8, "mm", 0..1e3, Linear, "a length in mm";
+        /// Least air gap.
+        air_gap_mm: f64 = 0.05, "mm", 0..1e3, Linear, "a length in mm";
+        /// Least distance of the last vertex from the image.
+        back_focal_mm: f64 = 15.0, "mm", 0..1e3, Linear, "a length in mm";
+        /// How far the image of the sensor corner's field may move from where the nominal lens has it, as a share of its height.
+        distortion_tolerance: f64 = 0.003, "", 0..1, Log, "0.003 is 0.3 %";
+    }
+}
+
+parameters! {
+    /// Scoring on held-out pictures with exact noise.
+    pub struct ScoringConfig {
+        /// Each held-out picture is scored at this many places squared, from the sensor's centre to its corner.
+        places_per_side: usize = 3, "", 1..15, Linear, "3 gives 9 places";
+        /// Side of a scored window.
+        crop: usize = 120, "pixels", 64..1200, Linear, "LPIPS needs at least 64 pixels";
+    } also {
+        /// Names of the scores: one_minus_lpips, psnr_db, ssim.
+        scores: Vec<String> = ["one_minus_lpips", "psnr_db", "ssim"].map(str::to_owned).to_vec();
+    }
+}
+
+parameters! {
+    /// How often a run can be resumed from.
+    pub struct CheckpointConfig {
+        /// Steps between checkpoints.
+        every: usize = 50, "", 1..1e8, Log, "steps between checkpoints";
+        /// Checkpoints kept.
+        keep: usize = 3, "", 1..1e4, Log, "checkpoints kept";
+    }
+}
+
+impl ExposureConfig {
+    /// As the sensor takes it.
+    pub fn exposure(&self) -> Exposure {
+        Exposure { white_e: self.white_e, time_s: self.time_s, linear_gain: self.linear_gain }
+    }
+}
+
+impl ConstraintConfig {
+    /// The clearances without their weight.
+    pub fn clearances(&self) -> Clearances {
+        Clearances {
+            element_edge_mm: self.element_edge_mm,
+            air_gap_mm: self.air_gap_mm,
+            back_focal_mm: self.back_focal_mm,
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! What a report shows of a lens: its cross-section, its prescription, its spots and its light over the field, all traced exactly.
+
+use petzval_files::lens_toml::special_lines;
+use petzval_optics::analysis::{AnalysisOptions, Layout, layout};
+use petzval_optics::lens::Lens;
+use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::Quadrature;
+use petzval_optics::spot::spot;
+use petzval_report::design_report::{FieldPoint, SurfaceView};
+
+/// Rays of a fan in a layout.
+const FAN_RAYS: usize = 9;
+
+/// Pupil cells a side; spot radii are then right to a few parts in a thousand.
+const PUPIL_CELLS: usize = 32;
+
+/// Fields from the axis to the edge.
+const FIELDS: usize = 25;
+
+/// The cross-section of a lens with fans of rays of some fields.
+pub fn section(lens: &Lens, fields_deg: &[f64]) -> Layout {
+    let lens = Lens { fields_deg: fields_deg.to_vec(), ..lens.clone() };
+    layout(&lens, &AnalysisOptions { layout_rays: FAN_RAYS, ..AnalysisOptions::default() })
+}
+
+/// The surfaces of a lens. The semi-diameter of the stop is the one that the entrance pupil needs.
+pub fn surfaces(lens: &Lens) -> Vec<SurfaceView> {
+    let stop_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
+    let surface = |(i, s): (usize, &petzval_optics::lens::Surface)| SurfaceView {
+        radius_mm: 1.0 / s.shape.curvature,
+        thickness_mm: s.thickness_mm,
+        glass: if s.glass.is_air() { String::new() } else { s.glass.name.clone() },
+        semi_diameter_mm: if i == lens.stop { stop_mm } else { s.semi_diameter_mm },
+        conic: s.shape.conic,
+        asphere: (2..).step_by(2).zip(s.shape.asphere).filter(|(_, a)| *a != 0.0).collect(),
+        more: special_lines(s).lines().map(str::to_owned).collect(),
+        is_stop: i == lens.stop,
+    };
+    lens.surfaces.iter().enumerate().map(surface).collect()
+}
+
+/// Spots and light at given fields, over all wavelengths; a field without light is left out.
+pub fn at_fields(lens: &Lens, fields_rad: &[f64], wavelengths_um: &[f64]) -> Vec<FieldPoint> {
+    let lens = Lens { wavelengths_um: wavelengths_um.to_vec(), ..lens.clone() };
+    let Ok(quadrature) = Quadrature::grid(PUPIL_CELLS) else { return Vec::new() };
+    fields_rad
+        .iter()
+        .filter_map(|field| spot(&lens, *field, &quadrature))
+        .map(|s| FieldPoint {
+            field_deg: s.field_rad.to_degrees(),
+            rms_um: s.rms_poly_um,
+            illumination: s.illumination.iter().sum::<f64>() / s.illumination.len() as f64,
+        })
+        .collect()
+}
+
+/// Spots and light at evenly spaced fields up to the full field, rad.
+pub fn to_full_field(lens: &Lens, full_rad: f64, wavelengths_um: &[f64]) -> Vec<FieldPoint> {
+    let fields: Vec<f64> = (0..FIELDS).map(|i| full_rad * i as f64 / (FIELDS - 1) as f64).collect();
+    at_fields(lens, &fields, wavelengths_um)
+}

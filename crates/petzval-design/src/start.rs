@@ -1,0 +1,127 @@
+//! Where designs start: a lens, where it may go, and what it must keep.
+
+use std::path::Path;
+
+use petzval_camera::sensor::SensorModel;
+use petzval_files::LensFile;
+use petzval_optics::design_space::{DesignSpace, Focus, SmoothSpace, Solves};
+use petzval_optics::spot::mean_square_spot;
+
+use crate::assets::Assets;
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+use crate::optics::PsfPlan;
+use crate::requirements::Requirements;
+use crate::setup::misfit;
+
+/// Penalty of a violated requirement in a merit of squared spots, um^2 per mm^2.
+const PENALTY_UM2_PER_MM2: f64 = 1e6;
+
+/// A lens from which variants start.
+pub struct Start {
+    /// Its file.
+    pub lens_file: LensFile,
+    /// Where it may go.
+    pub space: SmoothSpace,
+    /// What every lens of that space must keep.
+    pub requirements: Requirements,
+    /// Field angles of the spot goal, rad: each stands for an equal area of the sensor.
+    pub spot_fields_rad: Vec<f64>,
+}
+
+impl Start {
+    /// Reads a lens and makes its design space.
+    pub fn new(
+        name: &str,
+        experiment: &Experiment,
+        assets: &Assets,
+        sensor: &SensorModel,
+        plan: &PsfPlan,
+    ) -> Result<Self, DesignError> {
+        let mut lens_file = assets.lens(name)?;
+        // Spots and pictures are scored in the same colours.
+        let mut colours = experiment.psf.wavelengths_um.to_vec();
+        colours.sort_by(f64::total_cmp);
+        lens_file.lens.wavelengths_um = colours;
+        if lens_file.variables.is_empty() {
+            return Err(DesignError::NothingToMove(name.to_owned()));
+        }
+        let space = DesignSpace::new(
+            lens_file.lens.clone(),
+            lens_file.variables.clone(),
+            lens_file.pickups.clone(),
+            Solves { efl: lens_file.efl_solve, length: lens_file.length_solve },
+            Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
+        )
+        .and_then(SmoothSpace::new)
+        .map_err(|e| {
+            let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
+            misfit(Path::new(name), &e, hint)
+        })?;
+        let lens = &lens_file.lens;
+        let corner_mm = plan.field_radius_mm.last().copied().unwrap_or(0.0);
+        let requirements = Requirements::new(
+            &lens_file,
+            experiment.constraints.clearances(),
+            plan.field_angle(lens, corner_mm),
+            experiment.constraints.distortion_tolerance,
+        )?;
+        let spot_fields_rad = area_quantile_radii_mm(sensor, experiment.psf.fields)
+            .iter()
+            .map(|radius| plan.field_angle(lens, *radius))
+            .collect();
+        // A lens whose light does not arrive is refused now, not after the first step.
+        plan.bank(lens).map_err(|e| {
+            let hint =
+                "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
+            misfit(Path::new(name), &e, hint)
+        })?;
+        Ok(Self { lens_file, space, requirements, spot_fields_rad })
+    }
+
+    /// RMS spot radius at a point of the space, um, and the derivatives of the logarithm of the spot merit: the mean over
+    /// fields and wavelengths of the squared spot radius plus penalties. The logarithm keeps the gradient's scale on the way down.
+    pub fn spot_gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), DesignError> {
+        let lens = self.space.lens_at(x)?;
+        let (square_um2, mut gradient) =
+            mean_square_spot(&lens, &self.spot_fields_rad).ok_or(DesignError::NoLight {
+                field_deg: self.spot_fields_rad.last().copied().unwrap_or(0.0).to_degrees(),
+            })?;
+        let (penalty_mm2, by_penalty) = self.requirements.penalty(&lens)?;
+        gradient += &by_penalty.scaled(PENALTY_UM2_PER_MM2);
+        let value = square_um2 + PENALTY_UM2_PER_MM2 * penalty_mm2;
+        let by_x = self.space.pull_back(x, &lens, &gradient);
+        Ok((value.sqrt(), by_x.iter().map(|g| g / value).collect()))
+    }
+}
+
+/// Image radii that stand for equal areas of the sensor: the medians of `count` equal parts of its pixels, ordered by their
+/// distance from the centre, mm, ascending.
+fn area_quantile_radii_mm(sensor: &SensorModel, count: usize) -> Vec<f64> {
+    // A grid over a quadrant, fine enough for the quantiles to be good to a thousandth of the diagonal.
+    const CELLS: usize = 200;
+    let at = |i: usize, side: usize| 0.5e-3 * sensor.pixel_um * side as f64 * (i as f64 + 0.5) / CELLS as f64;
+    let mut radii: Vec<f64> =
+        (0..CELLS * CELLS).map(|i| at(i / CELLS, sensor.height).hypot(at(i % CELLS, sensor.width))).collect();
+    radii.sort_by(f64::total_cmp);
+    (0..count).map(|i| radii[(2 * i + 1) * radii.len() / (2 * count)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sensor(height: usize, width: usize, pixel_um: f64) -> SensorModel {
+        let text = include_str!("../../../data/sensors/imx249-fitted.toml");
+        SensorModel { height, width, pixel_um, ..petzval_files::parse_sensor(text).unwrap() }
+    }
+
+    #[test]
+    fn quantiles_of_a_square_are_those_of_its_area() {
+        // Half of a square of side 2 lies within sqrt(2 / pi) of its centre, a little less than 1.
+        let radii = area_quantile_radii_mm(&sensor(2000, 2000, 1.0), 1);
+        assert!((radii[0] - (2.0 / std::f64::consts::PI).sqrt()).abs() < 3e-3, "{radii:?}");
+        let many = area_quantile_radii_mm(&sensor(1200, 1920, 5.86), 13);
+        assert!(many.is_sorted() && many[0] > 0.5 && many[12] < 6.634, "{many:?}");
+    }
+}

@@ -1,0 +1,187 @@
+//! The variants of an experiment: what each camera starts from, which blocks move, and in what stages.
+//!
+//! [`Experiment::variant`](crate::experiment::Experiment) holds them as the file says them; here they are resolved against the
+//! experiment's defaults and checked.
+
+use std::collections::BTreeMap;
+
+use crate::adam::cosine_rate;
+use crate::block::{BlockName, StepRule};
+use crate::experiment::{Experiment, Goal, ScheduleConfig, StageConfig, VariantConfig};
+
+/// A camera of the comparison.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// Its name in tables and folders.
+    pub name: String,
+    /// Name of the lens from which it starts.
+    pub lens: String,
+    /// The variant whose finished lens and network it starts from.
+    pub from: Option<String>,
+    /// What is done with it, in this order.
+    pub stages: Vec<Stage>,
+}
+
+/// Blocks that move for one goal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// What the stage improves.
+    pub goal: Goal,
+    /// The blocks that move, each with its schedule.
+    pub moves: BTreeMap<BlockName, Schedule>,
+}
+
+/// How many steps a block takes in a stage, and how long they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Schedule {
+    /// Steps.
+    pub steps: usize,
+    /// First learning rate of Adam; it falls along a half cosine.
+    pub learning_rate: f64,
+    /// Learning rate at the end over that at the start.
+    pub final_learning_rate: f64,
+    /// Share of the stage's network steps over which the steps of this block are spread.
+    pub share: f64,
+    /// Weight of the proximal term.
+    pub proximal: f64,
+}
+
+impl Schedule {
+    /// How the block takes a step, counted from 0.
+    pub fn rule(&self, step: usize) -> StepRule {
+        let rate = cosine_rate(self.learning_rate, self.final_learning_rate, step, self.steps);
+        StepRule { rate, proximal: self.proximal }
+    }
+}
+
+impl Stage {
+    /// Steps of all blocks together.
+    pub fn steps(&self) -> usize {
+        self.moves.values().map(|s| s.steps).sum()
+    }
+
+    /// Steps of a block; 0 for one that does not move.
+    pub fn steps_of(&self, block: BlockName) -> usize {
+        self.moves.get(&block).map_or(0, |s| s.steps)
+    }
+
+    /// The block whose turn it is once blocks have taken these steps; `None` at the end of the stage.
+    ///
+    /// The network takes the steps that count. Those of another block are spread evenly over the first `share` of them.
+    pub fn turn(&self, taken: &BTreeMap<BlockName, usize>) -> Option<BlockName> {
+        let taken = |block: BlockName| taken.get(&block).copied().unwrap_or(0);
+        let network = self.steps_of(BlockName::Network);
+        for (block, schedule) in &self.moves {
+            if *block == BlockName::Network || taken(*block) >= schedule.steps {
+                continue;
+            }
+            let span = (schedule.share * network as f64).max(1.0);
+            let passed = (taken(BlockName::Network) + 1) as f64 / span;
+            let due = (passed * schedule.steps as f64) as usize;
+            if taken(*block) < due || taken(BlockName::Network) == network {
+                return Some(*block);
+            }
+        }
+        (taken(BlockName::Network) < network).then_some(BlockName::Network)
+    }
+}
+
+impl Variant {
+    /// Steps of a block in all stages.
+    pub fn steps_of(&self, block: BlockName) -> usize {
+        self.stages.iter().map(|s| s.steps_of(block)).sum()
+    }
+
+    /// Steps of all blocks in all stages.
+    pub fn steps(&self) -> usize {
+        self.stages.iter().map(Stage::steps).sum()
+    }
+
+    /// Whether its lens may end elsewhere than its lens file says.
+    pub fn moves_lens(&self) -> bool {
+        self.steps_of(BlockName::Optics) > 0 || self.from.is_some()
+    }
+}
+
+/// The variants of an experiment, in the order of its file.
+pub fn variants(experiment: &Experiment) -> Vec<Variant> {
+    let resolve = |v: &VariantConfig| Variant {
+        name: v.name.clone(),
+        lens: v.lens.clone().unwrap_or_else(|| experiment.lens.clone()),
+        from: v.from.clone(),
+        stages: v.stage.iter().map(|s| stage(experiment, s)).collect(),
+    };
+    experiment.variant.iter().map(resolve).collect()
+}
+
+fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
+    let (t, o, s) = (&experiment.training, &experiment.optics, &experiment.spot);
+    let default = |block: BlockName| match (config.goal, block) {
+        (Goal::Spot, _) => Schedule {
+            steps: s.steps,
+            learning_rate: s.learning_rate,
+            final_learning_rate: s.final_learning_rate,
+            share: 1.0,
+            proximal: 0.0,
+        },
+        (Goal::Task, BlockName::Optics) => Schedule {
+            steps: o.steps,
+            learning_rate: o.learning_rate,
+            final_learning_rate: o.final_learning_rate,
+            share: o.moving_share,
+            proximal: o.proximal,
+        },
+        (Goal::Task, BlockName::Network) => Schedule {
+            steps: t.steps,
+            learning_rate: t.learning_rate,
+            final_learning_rate: t.final_learning_rate,
+            share: 1.0,
+            proximal: t.proximal,
+        },
+    };
+    let own = |block: BlockName| match block {
+        BlockName::Optics => config.optics,
+        BlockName::Network => config.network,
+    };
+    let moves = config.moves.iter().map(|block| {
+        let (all, own): (Schedule, ScheduleConfig) = (default(*block), own(*block).unwrap_or_default());
+        let schedule = Schedule {
+            steps: own.steps.unwrap_or(all.steps),
+            learning_rate: own.learning_rate.unwrap_or(all.learning_rate),
+            final_learning_rate: own.final_learning_rate.unwrap_or(all.final_learning_rate),
+            share: own.share.unwrap_or(all.share),
+            proximal: own.proximal.unwrap_or(all.proximal),
+        };
+        (*block, schedule)
+    });
+    Stage { goal: config.goal, moves: moves.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stage(optics: usize, network: usize, share: f64) -> Stage {
+        let schedule =
+            |steps| Schedule { steps, learning_rate: 0.1, final_learning_rate: 0.1, share, proximal: 0.0 };
+        let moves = [(BlockName::Optics, schedule(optics)), (BlockName::Network, schedule(network))];
+        Stage { goal: Goal::Task, moves: moves.into_iter().filter(|(_, s)| s.steps > 0).collect() }
+    }
+
+    fn turns(stage: &Stage) -> String {
+        let (mut taken, mut all) = (BTreeMap::new(), String::new());
+        while let Some(block) = stage.turn(&taken) {
+            *taken.entry(block).or_default() += 1;
+            all.push(if block == BlockName::Optics { 'o' } else { 'n' });
+        }
+        all
+    }
+
+    #[test]
+    fn lens_steps_are_spread_over_the_first_part_of_the_networks_steps() {
+        assert_eq!(turns(&stage(2, 8, 0.5)), "nonnonnnnn");
+        assert_eq!(turns(&stage(4, 2, 1.0)), "oonoon");
+        assert_eq!(turns(&stage(3, 0, 1.0)), "ooo");
+        assert_eq!(turns(&stage(0, 3, 1.0)), "nnn");
+    }
+}

@@ -1,0 +1,157 @@
+//! A fourth variant and a further score take a few lines of TOML and this one file.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use petzval_design::assets::Assets;
+use petzval_design::design_loop::{DesignLoop, Ending, Observer};
+use petzval_design::experiment::Experiment;
+use petzval_design::inputs::keep_inputs;
+use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder};
+use petzval_design::setup::Setup;
+use petzval_learn::Device;
+use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
+
+/// The mean absolute difference of sRGB-encoded values.
+struct MeanAbsoluteError;
+
+impl Score for MeanAbsoluteError {
+    fn name(&self) -> &'static str {
+        "mean_absolute_error"
+    }
+
+    fn title(&self) -> &'static str {
+        "MAE"
+    }
+
+    fn decimals(&self) -> usize {
+        4
+    }
+
+    fn higher_is_better(&self) -> bool {
+        false
+    }
+
+    fn of(&self, pair: &ScoredPair) -> Result<f64, ScoreError> {
+        let differences = pair.finished.data.iter().zip(&pair.truth.data);
+        let sum: f64 = differences.map(|(a, b)| f64::from((a - b).abs())).sum();
+        Ok(sum / pair.truth.data.len() as f64)
+    }
+}
+
+/// An experiment that runs in about a second.
+const TINY: &str = r#"
+name = "tiny"
+[psf]
+fields = 3
+grid = 64
+patches = [2, 2]
+pupil_cells = 16
+scoring_pupil_cells = 16
+[network]
+base_channels = 4
+levels = 1
+[training]
+steps = 4
+batch = 1
+crop = 64
+[optics]
+steps = 3
+[spot]
+steps = 3
+[scoring]
+places_per_side = 1
+crop = 64
+"#;
+
+const NETWORK: &str = "[[variant.stage]]\nmoves = [\"network\"]\n";
+const SPOT: &str = "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"optics\"]\n";
+const JOINT: &str = "[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
+
+fn variant(name: &str, more: &str) -> String {
+    format!("[[variant]]\nname = \"{name}\"\n{more}")
+}
+
+struct Silent;
+
+impl Observer for Silent {
+    fn start(&mut self, _: u64, _: u64) {}
+    fn step(&mut self, _: &Event) {}
+    fn camera(&mut self, _: &CameraMetrics) {}
+}
+
+/// Runs an experiment to its end with the further score.
+fn run(experiment: Experiment, folder: &Path) -> Metrics {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
+    let folder = RunFolder::create(folder).unwrap();
+    keep_inputs(&setup, &assets, &folder).unwrap();
+    let mut scores = standard_scores(&setup.lpips().unwrap());
+    scores.push(Box::new(MeanAbsoluteError));
+    let design = DesignLoop::new(&setup, &folder, scores).unwrap();
+    match design.run(&mut Silent, &AtomicBool::new(false)).unwrap() {
+        Ending::Finished(metrics) => *metrics,
+        Ending::Stopped(step) => panic!("stopped at {step}"),
+    }
+}
+
+#[test]
+fn a_fourth_variant_and_a_further_score_are_toml_and_one_file() {
+    let scores = "scores = [\"psnr_db\", \"mean_absolute_error\"]\n";
+    let three = [
+        variant("nominal", NETWORK),
+        variant("spot-optimised", &format!("{SPOT}{NETWORK}")),
+        variant("end-to-end", JOINT),
+    ]
+    .concat();
+    let fourth = variant("refined", &format!("from = \"spot-optimised\"\n{JOINT}"));
+    let text = format!("{TINY}{scores}{three}{fourth}");
+    let folder = tempfile::tempdir().unwrap();
+    let all = run(Experiment::parse(&text).unwrap(), &folder.path().join("all"));
+    let names: Vec<&str> = all.rows.iter().map(|r| r.camera.as_str()).collect();
+    assert_eq!(names, ["nominal", "spot-optimised", "end-to-end", "refined"]);
+    for row in &all.rows {
+        assert_eq!(row.scores.keys().collect::<Vec<_>>(), ["mean_absolute_error", "psnr_db"]);
+        assert!(row.scores["mean_absolute_error"] > 0.0 && row.scores["mean_absolute_error"] < 1.0);
+    }
+    let spot = |name: &str| all.rows.iter().find(|r| r.camera == name).unwrap().rms_spot_um;
+    // It goes on from where the other variant ended, not from the nominal lens.
+    let step = (spot("spot-optimised") - spot("nominal")).abs();
+    assert!((spot("refined") - spot("spot-optimised")).abs() < step, "{} {step}", spot("refined"));
+
+    // A variant alone, or at another place of the list, is the same camera to the last bit.
+    let alone = Experiment::parse(&text).unwrap().only("end-to-end").unwrap();
+    let alone = run(alone, &folder.path().join("alone"));
+    assert_eq!(alone.rows, all.rows[2..3]);
+    let only = Experiment::parse(&text).unwrap().only("refined").unwrap();
+    let names: Vec<&str> = only.variant.iter().map(|v| v.name.as_str()).collect();
+    assert_eq!(names, ["spot-optimised", "refined"]);
+}
+
+#[test]
+fn variants_that_cannot_be_made_are_refused_with_a_hint() {
+    let refused = |variants: &str| Experiment::parse(&format!("{TINY}{variants}")).unwrap_err().to_string();
+    for (variants, words) in [
+        (variant("a", ""), "missing"),
+        (variant("a/b", NETWORK), "folder"),
+        (variant("a", NETWORK).repeat(2), "two variants"),
+        (variant("a", &format!("from = \"b\"\n{NETWORK}")), "no earlier variant"),
+        (variant("a", "[[variant.stage]]\nmoves = []\n"), "moves no block"),
+        (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
+        (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
+    ] {
+        let said = refused(&variants);
+        assert!(said.contains(words), "{variants}: {said}");
+    }
+}
+
+#[test]
+fn an_unknown_score_is_refused_with_the_known_ones() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
+    let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(folder.path()).unwrap();
+    let error = DesignLoop::new(&setup, &run, standard_scores(&setup.lpips().unwrap())).err().unwrap();
+    assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
+}

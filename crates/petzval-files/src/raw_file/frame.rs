@@ -1,0 +1,70 @@
+//! A frame of digital numbers, how large it may be, and why bytes are none.
+
+use super::info::{RawInfo, largest_dn};
+use petzval_camera::sensor::{Raw, SensorModel};
+
+/// Most pixels of a frame, 2^28: 512 MiB of digital numbers.
+pub(crate) const MOST_PIXELS: u64 = 1 << 28;
+
+/// Most bytes that a byte of a file can become: LZW with codes of 12 bits stays below, deflate far below.
+pub(super) const MOST_EXPANSION: u64 = 4096;
+
+/// What a decoder may use beside the picture, bytes.
+pub(super) const WORK_SPACE: u64 = 1 << 20;
+
+/// A frame of digital numbers, and what is known of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RawFrame {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Digital numbers, row by row.
+    pub dn: Vec<u16>,
+    /// What the file and its sidecar say of the camera and the exposure.
+    pub info: RawInfo,
+}
+
+impl RawFrame {
+    /// An exposed frame with all that its sensor and its exposure are. Digital numbers are rounded (those of a simulation
+    /// without noise are fractions) and clipped to 0..65535.
+    pub fn from_raw(raw: &Raw, sensor: &SensorModel) -> Self {
+        let (exposure, placement) = (&raw.capture.exposure, &raw.capture.placement);
+        Self {
+            height: raw.height,
+            width: raw.width,
+            dn: raw.dn.iter().map(|v| v.round().clamp(0.0, 65535.0) as u16).collect(),
+            info: RawInfo {
+                sensor: Some(sensor.name.clone()),
+                bits: Some(sensor.bits),
+                // A window of the sensor begins anywhere in its mosaic.
+                cfa: Some(sensor.cfa.starting_at(placement.row, placement.col)),
+                black_level_dn: Some(sensor.black_level_dn),
+                // Whole numbers from here on are saturated.
+                white_level_dn: Some(sensor.white_level_dn(shortest(exposure.linear_gain)).floor()),
+                exposure_s: Some(shortest(exposure.time_s)),
+                linear_gain: Some(shortest(exposure.linear_gain)),
+                pixel_um: Some(sensor.pixel_um),
+                temperature_c: None,
+            },
+        }
+    }
+
+    /// The first digital number that `bits` cannot hold: its row, column and value.
+    pub fn beyond(&self, bits: u32) -> Option<(usize, usize, u16)> {
+        let max = largest_dn(bits);
+        let at = self.dn.iter().position(|dn| *dn > max)?;
+        Some((at / self.width, at % self.width, self.dn[at]))
+    }
+}
+
+/// The number that was meant: 0.005 rather than the 32-bit float next to it.
+pub fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// Why bytes are no raw frame, or a frame no bytes; the caller adds the file.
+pub(super) struct Unreadable {
+    pub reason: String,
+    pub hint: &'static str,
+}

@@ -1,0 +1,4 @@
+//! How large a spectral image may be.
+
+/// Largest number of values of an image that is read: 2 GiB.
+pub const MAX_VALUES: usize = 1 << 29;

@@ -1,0 +1,23 @@
+//! A file as far as it is written: its lines, and what is lost.
+
+use std::fmt::Write;
+
+use crate::loss::Losses;
+use petzval_optics::glass::Catalog;
+
+/// What is written so far.
+pub(super) struct Out<'a> {
+    pub text: String,
+    pub losses: Losses,
+    pub catalog: &'a Catalog,
+}
+
+impl Out<'_> {
+    /// Adds a line.
+    pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
+        self.text
+            .write_fmt(line)
+            .and_then(|()| self.text.write_char('\n'))
+            .expect("a string takes whatever is written");
+    }
+}

@@ -1,0 +1,109 @@
+//! What every job is given beside its request.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use petzval_design::assets::Assets;
+use petzval_learn::Device;
+
+use crate::device;
+use crate::error::JobError;
+
+/// Receives what a job reports while it works. The command prints it, a studio draws it.
+pub trait Watcher: Send + Sync {
+    /// Something that the user should know before believing the result; the job goes on. One line, without a full stop.
+    fn warning(&self, text: &str);
+
+    /// Something that the job has done, such as a file it has written. One line.
+    fn note(&self, text: &str) {
+        let _ = text;
+    }
+
+    /// How far the job has come.
+    fn progress(&self, progress: &Progress) {
+        let _ = progress;
+    }
+}
+
+/// How far a job has come.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Units of work done, in the unit that the job counts: steps, rounds, pictures.
+    pub done: u64,
+    /// Units of work in all; 0 if unknown.
+    pub total: u64,
+    /// What the job is doing now.
+    pub text: String,
+}
+
+/// A watcher that ignores everything.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Watcher for Silent {
+    fn warning(&self, _: &str) {}
+}
+
+/// Library, watcher and cancellation of a job.
+#[derive(Clone)]
+pub struct Context {
+    /// Lenses, glasses, sensors, experiments and weights by name.
+    pub assets: Assets,
+    watcher: Arc<dyn Watcher>,
+    cancelled: Arc<AtomicBool>,
+    command: String,
+}
+
+impl Context {
+    /// A context whose library reports its warnings to the same watcher as its jobs.
+    pub fn new(assets: Assets, watcher: Arc<dyn Watcher>) -> Self {
+        let sink = watcher.clone();
+        let assets = assets.reporting_warnings(Arc::new(move |text: &str| sink.warning(text)));
+        Self { assets, watcher, cancelled: Arc::new(AtomicBool::new(false)), command: String::new() }
+    }
+
+    /// The same context with a flag that stops its jobs once it is set.
+    pub fn with_cancellation(self, cancelled: Arc<AtomicBool>) -> Self {
+        Self { cancelled, ..self }
+    }
+
+    /// The same context with the command line that its jobs keep beside their results.
+    pub fn with_command(self, command: String) -> Self {
+        Self { command, ..self }
+    }
+
+    /// The command line that called the jobs; may be empty.
+    pub fn command(&self) -> &str {
+        &self.command
+    }
+
+    /// Whether the job should stop at its next safe point.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// The flag behind [`Context::is_cancelled`].
+    pub fn cancellation(&self) -> &AtomicBool {
+        &self.cancelled
+    }
+
+    /// Reports a warning.
+    pub fn warning(&self, text: impl AsRef<str>) {
+        self.watcher.warning(text.as_ref());
+    }
+
+    /// Reports something that was done.
+    pub fn note(&self, text: impl AsRef<str>) {
+        self.watcher.note(text.as_ref());
+    }
+
+    /// Reports how far the job has come.
+    pub fn progress(&self, done: u64, total: u64, text: impl Into<String>) {
+        self.watcher.progress(&Progress { done, total, text: text.into() });
+    }
+
+    /// The tensor device of a name, with automatic differentiation: `cpu`, or one that this build has a feature for.
+    pub fn device(&self, name: &str) -> Result<Device, JobError> {
+        device::device(name)
+    }
+}

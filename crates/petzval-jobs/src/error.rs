@@ -1,0 +1,127 @@
+//! Why a job ends without a response.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+use petzval_design::error::DesignError;
+use petzval_files::ImageError;
+use petzval_files::raw_file::RawFileError;
+
+/// Who has to change something before the job can succeed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The user: the request or a file is wrong.
+    Input,
+    /// Nobody: the request was proper, and the job failed.
+    Job,
+}
+
+/// Why a job ends without a response.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// A setting of the request has a value that cannot be used.
+    #[error("{key} {value}: {message}")]
+    Setting {
+        /// Field of the request, in snake case.
+        key: &'static str,
+        /// Its value as text; empty where it is not worth repeating.
+        value: String,
+        /// What is wrong.
+        message: String,
+        /// What to give instead.
+        hint: String,
+    },
+    /// The request, or something that it names, cannot be used.
+    #[error("{message}")]
+    Input {
+        /// What is wrong.
+        message: String,
+        /// What to do instead; may be empty.
+        hint: String,
+    },
+    /// A place in a file is wrong.
+    #[error("{}: {error}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it, where, and a hint.
+        error: Box<FileError>,
+    },
+    /// The request was proper, and the job failed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl JobError {
+    /// A setting with a value that cannot be used; the value may be empty.
+    pub fn setting(
+        key: &'static str,
+        value: impl std::fmt::Display,
+        message: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> Self {
+        Self::Setting { key, value: value.to_string(), message: message.into(), hint: hint.into() }
+    }
+
+    /// A request that cannot be used.
+    pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Input { message: message.into(), hint: hint.into() }
+    }
+
+    /// A job that failed though the request was proper.
+    pub fn failed(message: impl Into<String>) -> Self {
+        Self::Failed(message.into())
+    }
+
+    /// Who has to change something.
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::Failed(_) => Fault::Job,
+            Self::Setting { .. } | Self::Input { .. } | Self::File { .. } => Fault::Input,
+        }
+    }
+}
+
+impl From<DesignError> for JobError {
+    fn from(error: DesignError) -> Self {
+        match error {
+            DesignError::Input { path, error } => Self::File { path, error },
+            DesignError::Image(ImageError::Io { .. }) => {
+                Self::input(error.to_string(), "give a PNG, JPEG or TIFF file that exists")
+            }
+            _ if error.is_input() => Self::input(error.to_string(), ""),
+            _ => Self::failed(error.to_string()),
+        }
+    }
+}
+
+impl From<RawFileError> for JobError {
+    fn from(error: RawFileError) -> Self {
+        match error {
+            RawFileError::Sidecar { path, error } => Self::File { path, error },
+            RawFileError::Content { path, reason, hint } => {
+                Self::input(format!("{}: {reason}", path.display()), hint)
+            }
+            RawFileError::Io { .. } => {
+                Self::input(error.to_string(), "give a file that can be read, or a place that can be written")
+            }
+        }
+    }
+}
+
+/// Makes the folder for results, with its parents. A name at which none can be made is a mistake of the request.
+pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
+    let wrong = |message: String| {
+        JobError::setting("out", path.display(), message, "give a folder; it is made if it does not exist")
+    };
+    if path.exists() && !path.is_dir() {
+        return Err(wrong("this is a file".to_owned()));
+    }
+    std::fs::create_dir_all(path).map_err(|e| wrong(e.to_string()))
+}
+
+/// A value as indented JSON, with the keys of its objects in alphabetical order.
+pub(crate) fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
+    let text = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
+    text().map_err(|e: serde_json::Error| JobError::failed(e.to_string()))
+}

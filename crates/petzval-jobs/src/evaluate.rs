@@ -1,0 +1,63 @@
+//! `evaluate`: the cameras of a finished run scored again, with exact optics.
+
+use std::path::PathBuf;
+
+use petzval_design::inputs::check_inputs;
+use petzval_design::run::{CameraMetrics, Metrics, RunFolder, load_blocks};
+use petzval_design::run_report::{camera_lens, read_metrics};
+use petzval_design::scoring::Scorer;
+use petzval_design::setup::Setup;
+use petzval_learn::score::{Column, columns, standard_scores};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// A finished run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Its folder.
+    pub run: PathBuf,
+    /// Where tensors live.
+    pub device: String,
+}
+
+/// The figures, computed again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The figures.
+    pub metrics: Metrics,
+    /// Largest absolute difference between a score or a spot radius and that of the run.
+    pub largest_difference_from_run: f64,
+    /// How to head the scores.
+    pub columns: Vec<Column>,
+}
+
+/// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let folder = RunFolder::open(&request.run)?;
+    let kept = read_metrics(&folder)?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
+    let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
+    check_inputs(&setup, &folder)?;
+    let scores = standard_scores(&setup.lpips()?);
+    let columns = columns(&scores, &setup.experiment.scoring.scores);
+    let scorer = Scorer::new(&setup, scores)?;
+    let mut rows: Vec<CameraMetrics> = Vec::new();
+    for row in &kept.rows {
+        context.note(format!("scoring {}", row.camera));
+        let mut network = setup.network()?;
+        load_blocks(&folder.camera(&row.camera), [&mut network as &mut dyn petzval_design::block::Block])?;
+        let lens = camera_lens(&folder, &row.camera)?.lens;
+        let camera = setup.camera(lens, false)?.with_network(network.held());
+        let found = scorer.score(&row.camera, &camera)?.0;
+        rows.push(CameraMetrics { network_steps: row.network_steps, ..found });
+    }
+    let largest = rows.iter().zip(&kept.rows).fold(0.0_f64, |worst, (a, b)| {
+        let scores = a.scores.iter().map(|(name, value)| value - b.scores.get(name).unwrap_or(&f64::NAN));
+        let off = scores.chain([a.rms_spot_um - b.rms_spot_um]).map(f64::abs);
+        off.fold(worst, |worst, off| if off.is_nan() { f64::NAN } else { worst.max(off) })
+    });
+    Ok(Response { metrics: Metrics { rows, ..kept }, largest_difference_from_run: largest, columns })
+}

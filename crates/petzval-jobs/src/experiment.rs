@@ -1,0 +1,57 @@
+//! `experiment` and `schema`: the built-in experiments, and what may stand in a file.
+
+use petzval_camera::sensor::SensorModel;
+use petzval_design::experiment::Experiment;
+use schemars::schema_for;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// A built-in experiment.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Name by which `petzval design` runs it.
+    pub name: String,
+    /// Its title.
+    pub title: String,
+    /// Names of its variants.
+    pub variants: Vec<String>,
+}
+
+/// The built-in experiments, by name.
+pub fn list(context: &Context) -> Result<Vec<Entry>, JobError> {
+    let entry = |name: &str| {
+        let experiment = context.assets.experiment(name)?;
+        let variants = experiment.variant.iter().map(|v| v.name.clone()).collect();
+        Ok(Entry { name: name.to_owned(), title: experiment.name, variants })
+    };
+    context.assets.names("experiments").into_iter().map(entry).collect()
+}
+
+/// The text of an experiment, by built-in name or path.
+pub fn show(name: &str, context: &Context) -> Result<String, JobError> {
+    Ok(context.assets.text("experiment", "experiments", name)?.text)
+}
+
+/// A kind of file that a user writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FileKind {
+    /// An experiment of `petzval design`.
+    Experiment,
+    /// A lens.
+    Lens,
+    /// A sensor.
+    Sensor,
+}
+
+/// The JSON Schema of a kind of file: editors complete and check from it.
+pub fn schema(kind: FileKind) -> serde_json::Value {
+    let schema = match kind {
+        FileKind::Experiment => schema_for!(Experiment),
+        FileKind::Lens => petzval_files::lens_schema(),
+        FileKind::Sensor => schema_for!(SensorModel),
+    };
+    schema.to_value()
+}

@@ -1,0 +1,35 @@
+//! Progress in frames.
+
+use std::sync::Mutex;
+
+use crate::context::Context;
+
+/// Counts the frames of a job and reports each to its watcher, from any thread and in ascending order.
+pub(crate) struct Frames<'a> {
+    context: &'a Context,
+    total: u64,
+    done: Mutex<u64>,
+}
+
+impl<'a> Frames<'a> {
+    pub(crate) fn new(context: &'a Context, total: usize) -> Self {
+        Self { context, total: total as u64, done: Mutex::new(0) }
+    }
+
+    /// Counts one more frame.
+    pub(crate) fn add(&self, text: &str) {
+        self.report(1, text);
+    }
+
+    /// Reports what the job does now, without a new frame.
+    pub(crate) fn now(&self, text: &str) {
+        self.report(0, text);
+    }
+
+    fn report(&self, more: u64, text: &str) {
+        // A watcher that panicked leaves the count as it was.
+        let mut done = self.done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        *done += more;
+        self.context.progress(*done, self.total, text);
+    }
+}

@@ -1,0 +1,89 @@
+//! `glass list`: every glass.
+
+use std::sync::Arc;
+
+use petzval_optics::glass::{Catalog, Glass};
+use serde::{Deserialize, Serialize};
+
+use super::{is_made_by, status};
+use crate::context::Context;
+use crate::error::JobError;
+use crate::finite::finite;
+
+/// Which glasses to list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Only glasses of this maker: any part of the name, in upper or lower case.
+    pub maker: Option<String>,
+}
+
+/// The glasses of the catalogue.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// In the order of the catalogue.
+    pub glasses: Vec<Listed>,
+}
+
+/// A glass of the catalogue.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Listed {
+    /// What a lens file has to call it: its name, or `MAKER:NAME` where the name alone means another glass.
+    pub name: String,
+    /// Its maker; may be empty.
+    pub maker: String,
+    /// How the maker offers it: preferred, standard, special, obsolete or melt.
+    pub status: Option<String>,
+    /// Index at the d line.
+    pub nd: Option<f64>,
+    /// Abbe number; `None` without dispersion.
+    pub vd: Option<f64>,
+    /// The index that the maker prints.
+    pub printed_nd: Option<f64>,
+    /// The Abbe number that the maker prints.
+    pub printed_vd: Option<f64>,
+    /// Whether the formula gives the printed numbers to their last digit; `None` where nothing is printed.
+    pub agrees_with_print: Option<bool>,
+    /// Wavelengths between which the formula holds, um.
+    pub range_um: Option<[f64; 2]>,
+}
+
+impl Listed {
+    fn new(glass: &Glass, catalog: &Catalog) -> Self {
+        let name = match catalog.get(&glass.name) {
+            Ok(meant) if *meant != *glass => format!("{}:{}", glass.maker.to_uppercase(), glass.name),
+            _ => glass.name.clone(),
+        };
+        Self {
+            name,
+            maker: glass.maker.clone(),
+            status: status(glass),
+            nd: finite(glass.nd()),
+            vd: finite(glass.abbe_vd()),
+            printed_nd: glass.printed_nd.map(|p| p.value),
+            printed_vd: glass.printed_vd.map(|p| p.value),
+            agrees_with_print: agrees_with_print(glass),
+            range_um: glass.range_um,
+        }
+    }
+}
+
+/// Lists the glasses.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let catalog = context.assets.catalog()?;
+    let glasses: Vec<&Arc<Glass>> =
+        catalog.glasses().filter(|glass| is_made_by(glass, request.maker.as_deref())).collect();
+    if glasses.is_empty() {
+        return Err(JobError::input("there is no such glass", "leave --maker out to see all makers"));
+    }
+    Ok(Response { glasses: glasses.into_iter().map(|glass| Listed::new(glass, &catalog)).collect() })
+}
+
+fn agrees_with_print(glass: &Glass) -> Option<bool> {
+    let nd = glass.printed_nd.map(|printed| printed.agrees(glass.nd()));
+    let vd = glass.printed_vd.map(|printed| printed.agrees(glass.abbe_vd()));
+    match (nd, vd) {
+        (None, None) => None,
+        (nd, vd) => Some(nd != Some(false) && vd != Some(false)),
+    }
+}

@@ -1,0 +1,157 @@
+//! `lens analyze`: everything that a designer looks at, as pictures and as data.
+
+use std::path::{Path, PathBuf};
+
+use petzval_optics::analysis::{Analysis, AnalysisOptions, analyze, first_order_table};
+use petzval_optics::lens::Lens;
+use petzval_report::lens_sheet::{PictureKind, page, picture};
+use serde::{Deserialize, Serialize};
+
+use super::focus::{FocusAt, focused};
+use super::write;
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+/// Names of the page and of the data among [`names`].
+const PAGE: &str = "html";
+const DATA: &str = "json";
+
+/// Track over focal length of a lens that counts as afocal: rounding leaves an afocal lens some power.
+const LEAST_POWER: f64 = 1e-9;
+
+/// Highest frequency of a request, cycles/mm: beyond the cutoff of any lens for light.
+const MOST_PER_MM: f64 = 2e4;
+
+/// What to compute of a lens, and what to write.
+///
+/// Files: one SVG for every [`PictureKind`]; `analysis.html`, all of them on one page; `analysis.json`, the data. Fields and
+/// wavelengths are those of the lens file; rays are aimed at the real stop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Lens file, or a built-in name.
+    pub lens: String,
+    /// Folder for the results; `NAME-analysis` if left out.
+    pub out: Option<PathBuf>,
+    /// Write only these of [`names`]; all if empty.
+    pub only: Vec<String>,
+    /// Where the image plane goes.
+    pub focus: FocusAt,
+    /// Highest frequency of MTF curves, cycles/mm; if left out, 100, or about half of the cutoff if that is less.
+    pub max_frequency: Option<f64>,
+    /// Frequency of MTF through focus, cycles/mm; half of the highest if left out.
+    pub frequency: Option<f64>,
+}
+
+/// The analyses, and the files that show them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Response {
+    /// Folder of the files.
+    pub folder: PathBuf,
+    /// The files that were written.
+    pub files: Vec<PathBuf>,
+    /// The page among them, if it was written.
+    pub page: Option<PathBuf>,
+    /// The analyses.
+    pub analysis: Analysis,
+}
+
+/// Names of everything that can be written: the pictures, `html` for the page and `json` for the data.
+pub fn names() -> Vec<&'static str> {
+    PictureKind::ALL.iter().map(|kind| kind.name()).chain([PAGE, DATA]).collect()
+}
+
+impl Request {
+    fn check(&self) -> Result<(), JobError> {
+        for (key, value) in [("max_frequency", self.max_frequency), ("frequency", self.frequency)] {
+            if let Some(value) = value.filter(|v| !(*v > 0.0 && *v <= MOST_PER_MM)) {
+                return Err(JobError::setting(
+                    key,
+                    value,
+                    format!("not a frequency between 0 and {MOST_PER_MM} cycles/mm"),
+                    "a pixel of 5.86 um resolves 85.32 cycles/mm",
+                ));
+            }
+        }
+        let names = names();
+        match self.only.iter().find(|name| !names.contains(&name.as_str())) {
+            Some(name) => {
+                let hint = format!("the names are {}", names.join(", "));
+                Err(JobError::setting("only", name, "nothing of this name can be written", hint))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn is_wanted(&self, name: &str) -> bool {
+        self.only.is_empty() || self.only.iter().any(|n| n == name)
+    }
+
+    /// The folder for the results: `NAME-analysis` after a built-in name or the name of a file, unless the request names one.
+    fn folder(&self) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| {
+            let stem =
+                Path::new(&self.lens).file_stem().map_or_else(|| "lens".into(), |s| s.to_string_lossy());
+            PathBuf::from(format!("{stem}-analysis"))
+        })
+    }
+}
+
+/// Analyses the lens and writes the files.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    request.check()?;
+    let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    check_image(&request.lens, &lens)?;
+    let options = AnalysisOptions {
+        max_frequency_per_mm: request.max_frequency,
+        focus_frequency_per_mm: request.frequency,
+        ..AnalysisOptions::default()
+    };
+    let analysis = analyze(&lens, &options).map_err(|error| {
+        JobError::input(
+            format!("{}: {error}", request.lens),
+            format!("`petzval lens show {}` says where light is lost; or leave that field out", request.lens),
+        )
+    })?;
+    let data = serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?;
+
+    let folder = request.folder();
+    make_folder(&folder)?;
+    let mut files = Vec::new();
+    let kinds: Vec<PictureKind> =
+        PictureKind::ALL.into_iter().filter(|kind| request.is_wanted(kind.name())).collect();
+    for kind in &kinds {
+        let path = folder.join(format!("{}.svg", kind.name()));
+        write(&path, picture(&analysis, *kind))?;
+        files.push(path);
+    }
+    let mut page_file = None;
+    if request.is_wanted(PAGE) {
+        // A page that is written without pictures beside it shows all of them.
+        let shown = if kinds.is_empty() { &PictureKind::ALL[..] } else { &kinds };
+        let path = folder.join("analysis.html");
+        write(&path, page(&analysis, shown))?;
+        files.push(path.clone());
+        page_file = Some(path);
+    }
+    if request.is_wanted(DATA) {
+        let path = folder.join("analysis.json");
+        write(&path, data)?;
+        files.push(path);
+    }
+    Ok(Response { folder, files, page: page_file, analysis })
+}
+
+/// Refuses a lens that has no entrance pupil or no focus: the analyses start from both.
+fn check_image(name: &str, lens: &Lens) -> Result<(), JobError> {
+    let table = first_order_table(lens);
+    let power = table.efl_mm.map_or(0.0, |efl| (lens.total_track_mm() / efl).abs());
+    if power < LEAST_POWER || !table.cutoff_per_mm.is_normal() {
+        return Err(JobError::input(
+            format!("{name}: the lens is afocal in the y-z plane, or telecentric on the side of its object"),
+            "neither has an entrance pupil and a focus to start from; a thin lens of known focal length behind an afocal lens makes an \
+             image",
+        ));
+    }
+    Ok(())
+}

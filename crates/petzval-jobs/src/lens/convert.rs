@@ -1,0 +1,82 @@
+//! `lens convert`: a lens from one file format to another, with a report of what is lost.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::FileError;
+use petzval_design::assets::extension;
+use petzval_files::{Export, Loss, write_lens, write_seq, write_zmx};
+use petzval_optics::paraxial::first_order;
+use serde::{Deserialize, Serialize};
+
+use super::write;
+use crate::context::Context;
+use crate::error::JobError;
+use crate::finite::finite;
+
+/// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Lens file, or a built-in name.
+    pub from: String,
+    /// The file to write, whose ending names the format.
+    pub to: PathBuf,
+}
+
+/// What was written and what was lost.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Name of the lens.
+    pub name: String,
+    /// The lens as the request names it.
+    pub from: String,
+    /// The file that was written.
+    pub to: PathBuf,
+    /// Focal length, mm; `None` if the lens is afocal.
+    pub efl_mm: Option<f64>,
+    /// What the file that was read says and the lens does not hold.
+    pub losses_of_reading: Vec<Loss>,
+    /// What the lens holds and the new file does not say.
+    pub losses_of_writing: Vec<Loss>,
+}
+
+/// Reads the lens and writes it in the other format. A lens that would bend light otherwise there is refused.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let import = context.assets.import(&request.from)?;
+    let catalog = context.assets.catalog()?;
+    let export = match extension(&request.to).as_str() {
+        "toml" => Ok(Export { text: write_lens(&import.file), losses: Vec::new() }),
+        "zmx" => write_zmx(&import.file, &catalog),
+        "seq" => write_seq(&import.file, &catalog),
+        _ => {
+            let message = format!("{}: no lens format has this ending", request.to.display());
+            return Err(JobError::input(message, "write .toml, .zmx or .seq"));
+        }
+    };
+    let export = export.map_err(|error| not_writable(&request.to, &error))?;
+    write(&request.to, encoded(&request.to, &export.text))?;
+    let lens = import.file.lens;
+    Ok(Response {
+        efl_mm: finite(first_order(&lens.at_wavelength(lens.reference_um)).efl_mm),
+        name: lens.name,
+        from: request.from.clone(),
+        to: request.to.clone(),
+        losses_of_reading: import.losses,
+        losses_of_writing: export.losses,
+    })
+}
+
+/// The bytes of a file. Zemax takes ASCII as it is, and other text in UTF-16 with a byte order mark.
+fn encoded(path: &Path, text: &str) -> Vec<u8> {
+    match extension(path) == "zmx" && !text.is_ascii() {
+        true => "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect(),
+        false => text.as_bytes().to_vec(),
+    }
+}
+
+/// The error for a lens that the format cannot describe.
+fn not_writable(path: &Path, error: &FileError) -> JobError {
+    let bare = FileError { hint: None, ..error.clone() };
+    let hint = error.hint.as_deref().unwrap_or("convert to .toml, which holds every lens");
+    JobError::input(format!("{}: nothing is written: {bare}", path.display()), hint)
+}

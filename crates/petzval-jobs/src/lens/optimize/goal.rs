@@ -1,0 +1,323 @@
+//! The goal of an optimisation, and the problem that follows from it.
+
+use std::sync::Arc;
+
+use petzval_files::LensFile;
+use petzval_optics::design_space::{EflSolve, Focus, Solves, Variable};
+use petzval_optics::glass::{Catalog, Glass, Status, map_distance};
+use petzval_optics::lens::{Action, Lens};
+use petzval_optics::number::Number;
+use petzval_optics::optimize::{GlassChoice, Limits, Problem};
+use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::PupilSampling;
+use serde::{Deserialize, Serialize};
+
+use crate::error::JobError;
+
+/// What an optimised lens has to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Goal {
+    /// Wavelengths, um, all of the same weight; those of the lens if empty.
+    pub wavelengths: Vec<f64>,
+    /// Field angles, degrees; those of the lens if empty.
+    pub fields: Vec<f64>,
+    /// The mean over the fields of `RMS^power` is minimised: 1 the mean spot, 2 the mean square, 8 nearly the worst; 0.5 to 64.
+    pub power: f64,
+    /// Focal length to hold, mm, or `free`; what the lens file solves for if left out.
+    pub efl: Option<String>,
+    /// Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the glass, and the
+    /// names that it may get, the whole catalogue if none.
+    pub glass: Vec<String>,
+    /// F-number: sets the entrance pupil by the focal length that is held, or that of the start.
+    pub f_number: Option<f64>,
+    /// Least and greatest back focal length, mm; empty for none.
+    pub bfl: Vec<f64>,
+    /// Least edge thickness of every element, mm.
+    pub edge: Option<f64>,
+    /// Least centre thickness of every element, mm.
+    pub centre: Option<f64>,
+    /// Least air between elements, on the axis and at the edge, mm.
+    pub air: Option<f64>,
+    /// Greatest track, first vertex to image, mm.
+    pub track: Option<f64>,
+    /// Greatest clear diameter of any surface, mm.
+    pub clear_diameter: Option<f64>,
+    /// Greatest distortion at the outermost field, percent.
+    pub distortion: Option<f64>,
+    /// Steepest surface within its clear aperture, degrees.
+    pub slope: Option<f64>,
+    /// Greatest angle of the outermost chief ray to the axis at the image, degrees.
+    pub chief_ray_angle: Option<f64>,
+}
+
+impl Default for Goal {
+    /// The smallest mean spot, and no limits.
+    fn default() -> Self {
+        Self {
+            wavelengths: Vec::new(),
+            fields: Vec::new(),
+            power: 1.0,
+            efl: None,
+            glass: Vec::new(),
+            f_number: None,
+            bfl: Vec::new(),
+            edge: None,
+            centre: None,
+            air: None,
+            track: None,
+            clear_diameter: None,
+            distortion: None,
+            slope: None,
+            chief_ray_angle: None,
+        }
+    }
+}
+
+impl Goal {
+    /// The problem of bringing a lens there.
+    pub(super) fn problem(&self, file: &LensFile, catalog: &Catalog) -> Result<Problem, JobError> {
+        let mut problem = Problem::new(file.lens.clone());
+        problem.variables =
+            if file.variables.is_empty() { usual_variables(&file.lens)? } else { file.variables.clone() };
+        if !self.wavelengths.is_empty() {
+            check("wavelengths", &self.wavelengths, |w| (0.2..20.0).contains(&w), "um: 550 nm is 0.55")?;
+            problem.merit.wavelengths_um.clone_from(&self.wavelengths);
+        }
+        if !self.fields.is_empty() {
+            check("fields", &self.fields, |f| f.abs() < 89.0, "degrees from the axis")?;
+            problem.merit.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
+            problem.merit.field_weights = vec![1.0; self.fields.len()];
+        }
+        check("power", &[self.power], |p| (0.5..=64.0).contains(&p), "0.5 to 64; 1 is the mean spot")?;
+        problem.merit.power = self.power;
+        problem.solves = Solves { efl: self.efl_solve(file)?, length: file.length_solve };
+        problem.pickups.clone_from(&file.pickups);
+        if let Some(solve) = &problem.solves.efl {
+            // A radius that is solved for is no variable.
+            let is_solved = |v: &Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
+            if let Some(at) = problem.variables.iter().position(is_solved) {
+                if problem.pickups.iter().any(|p| p.variable == at) {
+                    return Err(JobError::setting(
+                        "efl",
+                        "",
+                        format!(
+                            "solves for the radius of surface {}, which others follow",
+                            solve.surface + 1
+                        ),
+                        "write [solve] efl into the lens file, with another surface",
+                    ));
+                }
+                problem.variables.remove(at);
+                for p in &mut problem.pickups {
+                    p.variable -= usize::from(p.variable > at);
+                }
+            }
+        }
+        if let Some(n) = self.f_number {
+            check("f_number", &[n], |n| (0.4..200.0).contains(&n), "2.8 is f/2.8")?;
+            let found = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
+            let efl_mm = problem.solves.efl.map_or(found, |s| s.efl_mm);
+            if !efl_mm.is_finite() {
+                let message = "the lens is afocal and has no f-number";
+                return Err(JobError::setting("f_number", n, message, "hold a focal length with --efl"));
+            }
+            problem.base.entrance_pupil_mm = efl_mm.abs() / n;
+        }
+        problem.focus = Focus::Free;
+        problem.merit.sampling = PupilSampling::Degree(6);
+        problem.limits = self.limits()?;
+        if self.distortion.is_some() && !file.lens.is_rotationally_symmetric() {
+            return Err(JobError::setting(
+                "distortion",
+                "",
+                "the lens is not rotationally symmetric, and its ideal image is not that of its focal length",
+                "leave it out",
+            ));
+        }
+        problem.glasses = self.glass_choices(&file.lens, catalog)?;
+        Ok(problem)
+    }
+
+    fn glass_choices(&self, lens: &Lens, catalog: &Catalog) -> Result<Vec<GlassChoice>, JobError> {
+        let mut choices: Vec<GlassChoice> = Vec::new();
+        for choice in &self.glass {
+            let (surface, names) = choice.split_once('=').unwrap_or((choice, "all"));
+            let hint = "for example --glass 1=N-BK7,N-SK16 or --glass 1 for the whole catalogue";
+            let wrong = |message: String| JobError::setting("glass", choice, message, hint);
+            let index = surface.trim().parse::<usize>().ok().and_then(|s| s.checked_sub(1));
+            let surface = index
+                .filter(|s| {
+                    lens.surfaces.get(*s).is_some_and(|s| !s.glass.is_air() && s.action != Action::Reflect)
+                })
+                .ok_or_else(|| wrong(format!("there is no glass behind surface `{surface}`")))?;
+            if choices.iter().any(|c| c.surface == surface) {
+                return Err(wrong("the surface was named already".to_owned()));
+            }
+            let mut candidates: Vec<Arc<Glass>> = match names.trim() {
+                "all" => {
+                    one_of_each_kind(catalog.iter().map(|(_, glass)| glass).filter(|g| is_usable(g, lens)))
+                }
+                names => names
+                    .split(',')
+                    .map(|name| catalog.get(name.trim()).map_err(|e| wrong(e.to_string())))
+                    .collect::<Result<_, _>>()?,
+            };
+            // A glass may come twice, by its name and by an alias.
+            candidates.sort_by(|a, b| a.name.cmp(&b.name));
+            candidates.dedup_by(|a, b| a.name == b.name);
+            choices.push(GlassChoice { surface, candidates });
+        }
+        Ok(choices)
+    }
+
+    fn limits(&self) -> Result<Limits, JobError> {
+        let back_focal_mm = match self.bfl[..] {
+            [] => None,
+            [min, max] if min <= max => Some([min, max]),
+            _ => {
+                let message = "needs two numbers, the smaller first";
+                return Err(JobError::setting("bfl", list(&self.bfl), message, "for example 24,25"));
+            }
+        };
+        for (key, length) in [
+            ("edge", self.edge),
+            ("centre", self.centre),
+            ("air", self.air),
+            ("track", self.track),
+            ("clear_diameter", self.clear_diameter),
+        ] {
+            check(key, length.as_slice(), |mm| (0.0..1e4).contains(&mm), "a length in mm")?;
+        }
+        for (key, angle) in [("slope", self.slope), ("chief_ray_angle", self.chief_ray_angle)] {
+            check(key, angle.as_slice(), |deg| (0.0..90.0).contains(&deg), "degrees, below 90")?;
+        }
+        check("distortion", self.distortion.as_slice(), |d| (0.0..100.0).contains(&d), "percent")?;
+        Ok(Limits {
+            element_edge_mm: Some(self.edge.unwrap_or(LEAST_MM)),
+            element_centre_mm: self.centre,
+            air_gap_mm: Some(self.air.unwrap_or(LEAST_MM)),
+            back_focal_mm,
+            track_mm: self.track,
+            clear_diameter_mm: self.clear_diameter,
+            distortion: self.distortion.map(|percent| 0.01 * percent),
+            slope_rad: self.slope.map(f64::to_radians),
+            chief_ray_angle_rad: self.chief_ray_angle.map(f64::to_radians),
+        })
+    }
+
+    fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>, JobError> {
+        let Some(wanted) = self.efl.as_deref() else { return Ok(file.efl_solve) };
+        if wanted == "free" {
+            return Ok(None);
+        }
+        let efl_mm: f64 = wanted
+            .parse()
+            .ok()
+            .filter(|f: &f64| f.is_finite() && *f != 0.0)
+            .ok_or_else(|| JobError::setting("efl", wanted, "neither a length nor `free`", "in mm"))?;
+        if let Some(solve) = file.efl_solve {
+            return Ok(Some(EflSolve { efl_mm, ..solve }));
+        }
+        // Solve for the last radius that does not vary; if all do, for the last, within its bounds.
+        let of_radius =
+            |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
+        let follows = |s: usize| {
+            let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
+            file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
+        };
+        let is_followed =
+            |s: usize| of_radius(s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
+        let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
+        let free = eligible.iter().rev().find(|s| of_radius(**s).is_none());
+        let surface = free.or(eligible.last()).copied().ok_or_else(|| {
+            let hint = "it takes a curved surface between two media, or a curved mirror, without pickups from or to it";
+            JobError::setting("efl", wanted, "no surface can hold the focal length", hint)
+        })?;
+        let bounds = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm: bounds }))
+    }
+}
+
+/// The least edge thickness and air gap where the goal names none, mm.
+const LEAST_MM: f64 = 0.01;
+
+/// Whether a search over the whole catalogue may put a glass into a lens: it can be bought, and its formula holds.
+fn is_usable(glass: &Glass, lens: &Lens) -> bool {
+    !glass.is_air()
+        && glass.status != Some(Status::Obsolete)
+        && !lens.wavelengths_um.iter().any(|um| glass.is_outside_range(*um))
+}
+
+/// One of each set of glasses that makers offer as each other's equivalents, if possible a preferred one. A search exchanges
+/// a glass for one of a few neighbours on the glass map; six kinds of BK7 would be no choice.
+fn one_of_each_kind<'a>(glasses: impl Iterator<Item = &'a Arc<Glass>>) -> Vec<Arc<Glass>> {
+    const ALIKE: f64 = 0.3;
+    let mut glasses: Vec<&Arc<Glass>> = glasses.collect();
+    glasses.sort_by_key(|glass| glass.status.is_none_or(|status| status != Status::Preferred));
+    let mut kept: Vec<Arc<Glass>> = Vec::new();
+    for glass in glasses {
+        let place = [glass.nd(), glass.abbe_vd()];
+        if !kept.iter().any(|other| map_distance(other, place) < ALIKE) {
+            kept.push(glass.clone());
+        }
+    }
+    kept
+}
+
+/// Refuses a setting one of whose values is out of range.
+fn check(
+    key: &'static str,
+    values: &[f64],
+    is_in_range: impl Fn(f64) -> bool,
+    hint: &str,
+) -> Result<(), JobError> {
+    match values.iter().all(|v| is_in_range(*v)) {
+        true => Ok(()),
+        false => Err(JobError::setting(key, list(values), "out of range", hint)),
+    }
+}
+
+fn list(values: &[f64]) -> String {
+    values.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+}
+
+/// Surfaces between two media, and mirrors that are not flat.
+fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let bends = |i: &usize| {
+        let s = &lens.surfaces[*i];
+        match s.action {
+            Action::Refract => sequence.surfaces[*i].n_before != sequence.surfaces[*i].n_after,
+            Action::Reflect => s.shape.curvature != 0.0,
+            Action::ThinLens { .. } => false,
+        }
+    };
+    (0..lens.surfaces.len()).filter(bends).collect::<Vec<_>>().into_iter()
+}
+
+/// The variables of a lens whose file names none: every curvature between two media, up to one and a half times the strongest,
+/// and every gap of air but the last, from a tenth to twice its length.
+fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, JobError> {
+    let curvature = |i: usize| lens.surfaces[i].shape.curvature.abs();
+    let strongest = powered(lens).map(curvature).fold(0.0, f64::max);
+    if strongest == 0.0 {
+        return Err(JobError::input(
+            "the lens has no curved surface between two media",
+            "give it [[variable]] entries",
+        ));
+    }
+    let radius = 1.0 / (1.5 * strongest);
+    let radii = powered(lens).map(|surface| Variable {
+        surface,
+        number: Number::Curvature,
+        min: -radius,
+        max: radius,
+    });
+    let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
+        let gap = lens.surfaces[surface].thickness_mm;
+        let (near, far) = (0.1 * gap, 2.0 * gap + if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 });
+        Variable { surface, number: Number::Thickness, min: near.min(far), max: near.max(far) }
+    });
+    Ok(radii.chain(gaps).collect())
+}

@@ -1,0 +1,231 @@
+//! The folder of an optimisation: the lens at its start, every step that made the lens better, the best lens, and the state
+//! from which a search continues.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use petzval_files::{LensFile, write_lens};
+use petzval_optics::design_space::EflSolve;
+use petzval_optics::optimize::{Analysis, Kept, Problem, SearchState};
+use serde::{Deserialize, Serialize};
+
+use super::goal::Goal;
+use crate::context::Context;
+use crate::error::{JobError, json, make_folder};
+use crate::lens::write;
+
+/// The lens of the last step.
+const BEST: &str = "best.toml";
+
+/// The folder.
+pub struct History {
+    root: PathBuf,
+    steps: Vec<Step>,
+    file: LensFile,
+}
+
+/// What an optimisation does; kept in its folder, so that it continues with the same.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Config {
+    /// What the lens has to be.
+    pub goal: Goal,
+    /// Whether the search is global.
+    pub global: bool,
+    /// Its seed.
+    pub seed: u64,
+}
+
+/// A step that made the lens better: a line of history.jsonl.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Step {
+    /// From 0.
+    pub step: usize,
+    /// Seconds of work until then, those of earlier calls included.
+    pub seconds: f64,
+    /// Root of the merit, um.
+    pub merit_um: f64,
+    /// Mean RMS spot over the fields, um.
+    pub mean_rms_um: f64,
+    /// RMS spot of each field, um.
+    pub rms_um: Vec<f64>,
+    /// Limits that are violated, and by how much, mm.
+    pub violations: Vec<(String, f64)>,
+    /// Coordinates of the lens.
+    pub at: Vec<f64>,
+    /// Names of the glasses that may be exchanged.
+    pub glasses: Vec<String>,
+    /// The round of the search that found it.
+    pub round: u64,
+}
+
+impl History {
+    /// Begins a new folder.
+    pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self, JobError> {
+        let ours = ["history.jsonl", BEST, "start.toml", "config.json", "search.json"];
+        if ours.iter().any(|name| root.join(name).exists()) {
+            let hint =
+                format!("continue it with --resume {}, or choose another folder with --out", root.display());
+            return Err(JobError::input(format!("{}: holds an optimisation already", root.display()), hint));
+        }
+        make_folder(root)?;
+        make_folder(&root.join("lens"))?;
+        let history = Self { root: root.to_path_buf(), steps: Vec::new(), file: file.clone() };
+        history.write("start.toml", &write_lens(file))?;
+        history.write("config.json", &json(config)?)?;
+        Ok(history)
+    }
+
+    /// Opens a folder, back to step `rewind` if given: later steps are forgotten.
+    pub fn open(root: &Path, rewind: Option<usize>, context: &Context) -> Result<(Self, Config), JobError> {
+        let read = |name: &str| {
+            fs::read_to_string(root.join(name)).map_err(|e| {
+                let what = format!("{}: {e}", root.join(name).display());
+                JobError::input(what, "give the folder of an optimisation, as --out named it")
+            })
+        };
+        let bad = |name: &str, e: serde_json::Error| {
+            JobError::input(
+                format!("{}: {e}", root.join(name).display()),
+                "it was changed since it was written",
+            )
+        };
+        let config: Config =
+            serde_json::from_str(&read("config.json")?).map_err(|e| bad("config.json", e))?;
+        read("start.toml")?;
+        let file = context.assets.lens(&root.join("start.toml").display().to_string())?;
+        let mut steps: Vec<Step> = read("history.jsonl")?
+            .lines()
+            .map(|line| serde_json::from_str(line).map_err(|e| bad("history.jsonl", e)))
+            .collect::<Result<_, _>>()?;
+        if let Some(step) = rewind
+            && step >= steps.len()
+        {
+            let hint = format!("the last is {}", steps.len().saturating_sub(1));
+            return Err(JobError::setting("rewind", step, "there is no such step", hint));
+        }
+        let gone = rewind.map_or_else(Vec::new, |step| steps.split_off(step + 1));
+        let history = Self { root: root.to_path_buf(), steps, file };
+        if let (Some(_), Some(last)) = (rewind, history.steps.last()) {
+            let path = root.join(lens_name(last.step));
+            let lens = fs::read_to_string(&path)
+                .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "rewind to another step"))?;
+            let kept = Kept { at: last.at.clone(), glasses: last.glasses.clone(), round: last.round };
+            history.keep_state(&SearchState { round: last.round, kept: vec![kept] })?;
+            history.write(BEST, &lens)?;
+            history.write_steps()?;
+            for step in gone {
+                // A lens that is not there needs no removal.
+                let _ = fs::remove_file(root.join(lens_name(step.step)));
+            }
+        }
+        Ok((history, config))
+    }
+
+    /// The lens that the optimisation began with.
+    pub fn start(&self) -> &LensFile {
+        &self.file
+    }
+
+    /// Steps so far.
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The last step, which is the best.
+    pub fn best(&self) -> Option<&Step> {
+        self.steps.last()
+    }
+
+    /// The file of the best lens.
+    pub fn best_lens(&self) -> PathBuf {
+        self.root.join(BEST)
+    }
+
+    /// Whether a lens is better than the best so far by this share of the root of the merit.
+    pub fn is_better(&self, analysis: &Analysis, share: f64) -> bool {
+        let known = self.best().map_or(f64::INFINITY, |step| step.merit_um);
+        analysis.merit.sqrt() < known * (1.0 - share)
+    }
+
+    /// The state from which a search continues, if one was kept.
+    pub fn state(&self) -> Result<Option<SearchState>, JobError> {
+        let path = self.root.join("search.json");
+        let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
+        let state = serde_json::from_str(&text).map_err(|e| {
+            JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
+        })?;
+        Ok(Some(state))
+    }
+
+    /// Keeps the state from which a search continues.
+    pub fn keep_state(&self, state: &SearchState) -> Result<(), JobError> {
+        self.write("search.json", &json(state)?)
+    }
+
+    /// Adds a step with its lens.
+    pub fn add(
+        &mut self,
+        problem: &Problem,
+        round: u64,
+        seconds: f64,
+        analysis: &Analysis,
+        at: &[f64],
+        glasses: &[usize],
+    ) -> Result<(), JobError> {
+        let step = self.steps.len();
+        let named = problem.glasses.iter().zip(glasses);
+        let names = named.map(|(choice, i)| choice.candidates[*i].name.clone());
+        let lens = write_lens(&self.found(problem, analysis));
+        self.write(&lens_name(step), &lens)?;
+        self.write(BEST, &lens)?;
+        self.steps.push(Step {
+            step,
+            seconds,
+            merit_um: analysis.merit.sqrt(),
+            mean_rms_um: analysis.mean_rms_um(),
+            rms_um: analysis.rms_um.clone(),
+            violations: analysis.violations.iter().map(|(what, v)| (what.to_string(), *v)).collect(),
+            at: at.to_vec(),
+            glasses: names.collect(),
+            round,
+        });
+        self.write_steps()
+    }
+
+    /// A found lens as a file of its own: with the variables and solves of the problem, clear semi-diameters as its beams need
+    /// them, and without the expected figures of the lens at the start.
+    fn found(&self, problem: &Problem, analysis: &Analysis) -> LensFile {
+        let mut lens = analysis.fitted_lens(problem);
+        lens.source = format!("petzval lens optimize, from {}", self.file.lens.name);
+        // Widen the bounds of the solved radius to where it ended: a file must hold its own lens, also while a limit is violated.
+        let efl_solve = problem.solves.efl.map(|solve| {
+            let radius = 1.0 / lens.surfaces[solve.surface].shape.curvature;
+            let around = |[min, max]: [f64; 2]| [min.min(radius), max.max(radius)];
+            EflSolve { radius_mm: solve.radius_mm.map(around), ..solve }
+        });
+        // Leave out variables that the file did not name: they were a guess for this optimisation.
+        let (variables, pickups) = match self.file.variables.is_empty() {
+            true => (Vec::new(), Vec::new()),
+            false => (problem.variables.clone(), problem.pickups.clone()),
+        };
+        let length_solve = problem.solves.length;
+        LensFile { lens, expect: None, variables, pickups, efl_solve, length_solve }
+    }
+
+    fn write_steps(&self) -> Result<(), JobError> {
+        let mut text = String::new();
+        for step in &self.steps {
+            text += &serde_json::to_string(step).map_err(|e| JobError::failed(e.to_string()))?;
+            text.push('\n');
+        }
+        self.write("history.jsonl", &text)
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), JobError> {
+        write(&self.root.join(name), text)
+    }
+}
+
+fn lens_name(step: usize) -> String {
+    format!("lens/step-{step:05}.toml")
+}

@@ -1,0 +1,482 @@
+//! `lens optimize`: a better lens, by descent or by search.
+
+mod goal;
+mod history;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use petzval_files::LensFile;
+use petzval_optics::design_space::{DesignSpaceError, Solves};
+use petzval_optics::glass::Catalog;
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
+use petzval_optics::paraxial::{first_order, image_height_per_tangent};
+use petzval_optics::pupil::{PupilSampling, chief_ray};
+use serde::{Deserialize, Serialize};
+
+use self::history::{Config, History};
+use crate::context::Context;
+use crate::error::JobError;
+use crate::finite::finite;
+
+pub use goal::Goal;
+
+/// An optimisation that begins, or one that is continued, and how far it goes in this call.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Where it starts.
+    pub start: Start,
+    /// Iterations of a descent.
+    pub iterations: usize,
+    /// Rounds of a search, 1 at least: the same rounds give the same lenses on any machine.
+    pub rounds: u64,
+    /// Stops a search after the round in which so many seconds have passed, if that is before its last round.
+    pub seconds: Option<f64>,
+    /// Whether to search again, for as many rounds, with each of some further requirements, to see what each costs.
+    pub trade: bool,
+}
+
+/// Where an optimisation starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Start {
+    /// At a lens.
+    New {
+        /// Lens file, or a built-in name. Its variables move; a lens that names none gets its curvatures and gaps.
+        lens: String,
+        /// Folder for the lenses and the history; it must not hold an optimisation.
+        out: PathBuf,
+        /// What the lens has to be.
+        goal: Goal,
+        /// Whether to search the whole of the bounds, not only downhill from the lens.
+        global: bool,
+        /// Seed of the search.
+        seed: u64,
+    },
+    /// Where the optimisation in a folder ended, with its goal.
+    Resume {
+        /// The folder.
+        folder: PathBuf,
+        /// Forget every step after this one first.
+        rewind: Option<usize>,
+    },
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The lenses.
+    pub found: Found,
+    /// Field angles of [`Figures::rms_spot_um`], degrees.
+    pub fields_deg: Vec<f64>,
+    /// Whether the job was cancelled before its budget was spent.
+    pub is_cancelled: bool,
+}
+
+/// The lens at the start and the best one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// The lens at the start; `None` if its rays do not reach the image.
+    pub start: Option<Figures>,
+    /// The best lens.
+    pub best: Figures,
+    /// Steps of the history.
+    pub steps: usize,
+    /// What further requirements cost; empty unless the request has `trade`.
+    pub trades: Vec<Trade>,
+    /// File of the best lens.
+    pub lens: PathBuf,
+}
+
+/// Figures of a lens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// Mean over the fields of the RMS spot radius, um.
+    pub mean_rms_spot_um: f64,
+    /// RMS spot radius by field, um.
+    pub rms_spot_um: Vec<f64>,
+    /// Focal length, mm.
+    pub focal_length_mm: Option<f64>,
+    /// From the last vertex to the rear focal point, mm.
+    pub back_focal_length_mm: Option<f64>,
+    /// Focal length over entrance pupil diameter.
+    pub f_number: Option<f64>,
+    /// From the first vertex to the image plane, mm.
+    pub track_to_the_image_mm: f64,
+    /// Largest diameter of a surface that the beams need, mm.
+    pub largest_clear_diameter_mm: f64,
+    /// Distortion at the outermost field; `None` without such a field, or without rotational symmetry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion_percent: Option<f64>,
+    /// Limits that are violated, and by how much, mm.
+    pub violations_mm: Vec<(String, f64)>,
+}
+
+/// The best lens of a search with a further requirement.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trade {
+    /// The requirement, in words.
+    pub asked: String,
+    /// Mean over the fields of the RMS spot radius, um.
+    pub mean_rms_um: f64,
+    /// How many limits are violated.
+    pub violations: usize,
+}
+
+/// A step of the history is better than the one before by this share at least.
+const STEP_SHARE: f64 = 1e-3;
+
+/// A limit counts as violated from here, mm.
+const VIOLATED_MM: f64 = 1e-3;
+
+/// How often a search writes its state, so that it can continue from there whatever ends the process.
+const KEEP_EVERY: Duration = Duration::from_secs(1);
+
+impl Request {
+    fn check(&self) -> Result<(), JobError> {
+        if self.rounds == 0 {
+            return Err(JobError::setting("rounds", 0, "out of range", "1 or more; 10 is usual"));
+        }
+        match self.seconds.filter(|s| !(*s > 0.0 && *s < 1e7)) {
+            Some(s) => Err(JobError::setting("seconds", s, "out of range", "a week is 604800")),
+            None => Ok(()),
+        }
+    }
+
+    fn is_out_of_time(&self, began: Instant) -> bool {
+        self.seconds.is_some_and(|seconds| began.elapsed().as_secs_f64() >= seconds)
+    }
+}
+
+/// Optimises the lens.
+///
+/// The folder holds the best lens (`best.toml`), every better lens on the way (`lens/step-N.toml`, `history.jsonl`) and what
+/// is needed to continue.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    request.check()?;
+    let catalog = context.assets.catalog()?;
+    let (mut history, config, problem) = match &request.start {
+        Start::Resume { folder, rewind } => {
+            let (history, config) = History::open(folder, *rewind, context)?;
+            let problem = config.goal.problem(history.start(), &catalog)?;
+            (history, config, problem)
+        }
+        Start::New { lens, out, goal, global, seed } => {
+            let config = Config { goal: goal.clone(), global: *global, seed: *seed };
+            let file = context.assets.lens(lens)?;
+            let problem = new_problem(&config, &file, &catalog)?;
+            // Everything is checked before the folder is made.
+            check_trade(request, &config)?;
+            (History::create(out, &file, &config)?, config, problem)
+        }
+    };
+    check_trade(request, &config)?;
+    note_held_radius(&problem, history.start(), context);
+
+    let start = with_more_rays(&problem, &problem.base);
+    let best = if config.global {
+        search(&problem, &mut history, config.seed, request, context)?
+    } else {
+        Some(descent(&problem, &mut history, request.iterations, context)?)
+    };
+    let Some(best) = best else {
+        return Err(JobError::failed(
+            "no lens was found whose rays reach the image; widen the bounds, or search longer",
+        ));
+    };
+    let trades = match request.trade {
+        true => trades(&config, history.start(), &catalog, request, context)?,
+        false => Vec::new(),
+    };
+    Ok(Response {
+        found: Found {
+            start: start.as_ref().map(|analysis| Figures::new(&problem, analysis)),
+            best: Figures::new(&problem, &best),
+            steps: history.steps().len(),
+            trades,
+            lens: history.best_lens(),
+        },
+        fields_deg: problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect(),
+        is_cancelled: context.is_cancelled(),
+    })
+}
+
+/// The problem of a new optimisation, once the lens, its variables and the goal are known to fit together.
+fn new_problem(config: &Config, file: &LensFile, catalog: &Catalog) -> Result<Problem, JobError> {
+    if !config.global && !config.goal.glass.is_empty() {
+        return Err(JobError::setting("glass", "", "a descent leaves glasses as they are", "add --global"));
+    }
+    let problem = config.goal.problem(file, catalog)?;
+    if config.global {
+        Search::new(&problem, SearchOptions::default()).map_err(|e| not_optimisable(&e))?;
+    } else {
+        let once = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+        descend(&problem, &once, &mut |_, _, _| true).map_err(|e| not_optimisable(&e))?;
+    }
+    Ok(problem)
+}
+
+fn check_trade(request: &Request, config: &Config) -> Result<(), JobError> {
+    match request.trade && !config.global {
+        true => {
+            let message = "compares searches, and this is a descent";
+            Err(JobError::setting("trade", "", message, "begin a search with --global"))
+        }
+        false => Ok(()),
+    }
+}
+
+/// Says which radius of the lens file's variables does not vary, because the goal has it hold the focal length.
+fn note_held_radius(problem: &Problem, file: &LensFile, context: &Context) {
+    if file.efl_solve.is_none()
+        && let Some(solve) = &problem.solves.efl
+        && solve.radius_mm.is_some()
+    {
+        context.note(format!(
+            "the radius of surface {} holds the focal length and does not vary; its bounds still count",
+            solve.surface + 1
+        ));
+    }
+}
+
+fn not_optimisable(error: &DesignSpaceError) -> JobError {
+    JobError::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
+}
+
+/// Levenberg and Marquardt's method from the best lens so far, or from the lens itself.
+fn descent(
+    problem: &Problem,
+    history: &mut History,
+    iterations: usize,
+    context: &Context,
+) -> Result<Analysis, JobError> {
+    let clock = Clock::start(history);
+    let base = match history.best() {
+        None => problem.base.clone(),
+        Some(_) => {
+            // An import reports no warnings: those of the glasses were reported with the first lens of the history.
+            let best = history.best_lens().display().to_string();
+            let best = context.assets.import(&best)?.file.lens;
+            Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best }
+        }
+    };
+    let problem = &Problem { base, ..problem.clone() };
+    let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+    let mut add = |iteration: usize, least_share: f64, analysis: &Analysis, at: &[f64]| {
+        if !history.is_better(analysis, least_share) {
+            return Ok(());
+        }
+        let seconds = clock.seconds();
+        context.note(line(&format!("iteration {iteration}"), seconds, analysis));
+        history.add(problem, 0, seconds, analysis, at, &[])
+    };
+    let mut failure = None;
+    let descent = descend(problem, &options, &mut |iteration, analysis, at| {
+        context.progress(iteration as u64, iterations as u64, "descent");
+        failure = add(iteration, STEP_SHARE, analysis, at).err();
+        failure.is_none() && !context.is_cancelled()
+    })
+    .map_err(|e| not_optimisable(&e))?;
+    if let Some(failure) = failure {
+        return Err(failure);
+    }
+    // The last lens counts, however little it gained.
+    add(descent.iterations, 0.0, &descent.best, &descent.at)?;
+    let why = match descent.stop {
+        Stop::Converged => "converged",
+        Stop::Stuck => "no step makes it better",
+        Stop::Exhausted => "all iterations are done; --resume continues",
+        Stop::Asked => "stopped; --resume continues",
+    };
+    context.note(format!("{} iterations: {why}", descent.iterations));
+    Ok(descent.best)
+}
+
+/// A global search.
+fn search(
+    problem: &Problem,
+    history: &mut History,
+    seed: u64,
+    request: &Request,
+    context: &Context,
+) -> Result<Option<Analysis>, JobError> {
+    let options = SearchOptions { seed, ..SearchOptions::default() };
+    let mut search = match history.state()? {
+        Some(state) => Search::resume(problem, options, &state),
+        None => Search::new(problem, options),
+    }
+    .map_err(|e| not_optimisable(&e))?;
+    let clock = Clock::start(history);
+    let (mut best, mut examined) = (None, f64::INFINITY);
+    let mut kept_at = Instant::now();
+    for done in 0.. {
+        context.progress(done, request.rounds, "search");
+        // Trace more rays through a better lens than the search did: their merit decides.
+        if let Some(found) = search.best().filter(|found| found.analysis.merit < examined) {
+            examined = found.analysis.merit;
+            if let Some(fine) = with_more_rays(problem, &found.analysis.lens) {
+                if history.is_better(&fine, STEP_SHARE) {
+                    let (round, seconds) = (search.progress().0, clock.seconds());
+                    context.note(line(&format!("round {round}"), seconds, &fine));
+                    history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
+                    history.keep_state(&search.state())?;
+                }
+                if best.as_ref().is_none_or(|b: &Analysis| fine.merit < b.merit) {
+                    best = Some(fine);
+                }
+            }
+        }
+        let is_out_of_time = done > 0 && request.is_out_of_time(clock.began);
+        if done == request.rounds || is_out_of_time || context.is_cancelled() {
+            break;
+        }
+        search.advance();
+        if kept_at.elapsed() > KEEP_EVERY {
+            history.keep_state(&search.state())?;
+            kept_at = Instant::now();
+        }
+    }
+    history.keep_state(&search.state())?;
+    let (rounds, descents) = search.progress();
+    context.note(format!("{rounds} rounds, {descents} descents"));
+    Ok(best)
+}
+
+/// Seconds of work on an optimisation, those of earlier calls included.
+struct Clock {
+    began: Instant,
+    before: f64,
+}
+
+impl Clock {
+    fn start(history: &History) -> Self {
+        Self { began: Instant::now(), before: history.best().map_or(0.0, |step| step.seconds) }
+    }
+
+    fn seconds(&self) -> f64 {
+        self.before + self.began.elapsed().as_secs_f64()
+    }
+}
+
+/// A lens traced with more rays than an optimisation traces, its image plane where they are best; `None` if they do not reach
+/// the image.
+fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
+    let only_image_plane = Problem {
+        base: lens.clone(),
+        merit: SpotResiduals { sampling: PupilSampling::Degree(10), ..problem.merit.clone() },
+        variables: Vec::new(),
+        pickups: Vec::new(),
+        glasses: Vec::new(),
+        solves: Solves::default(),
+        ..problem.clone()
+    };
+    descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+}
+
+fn violations(analysis: &Analysis) -> usize {
+    analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM).count()
+}
+
+/// A line about a better lens.
+fn line(what: &str, seconds: f64, analysis: &Analysis) -> String {
+    let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
+    let violated = match violations(analysis) {
+        0 => String::new(),
+        n => format!("; {n} limits violated"),
+    };
+    format!(
+        "{seconds:8.2} s  {what:<14} merit {:8.3} um  spots {:.3} um ({}){violated}",
+        analysis.merit.sqrt(),
+        analysis.mean_rms_um(),
+        fields.join(" ")
+    )
+}
+
+/// Searches again with each further requirement. What the goal demands more strictly stays.
+fn trades(
+    config: &Config,
+    file: &LensFile,
+    catalog: &Catalog,
+    request: &Request,
+    context: &Context,
+) -> Result<Vec<Trade>, JobError> {
+    let at_least = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.max(value)));
+    let at_most = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.min(value)));
+    let colours = |g: &mut Goal| g.wavelengths = file.lens.wavelengths_um.clone();
+    let edges = |g: &mut Goal| g.edge = at_least(g.edge, 1.0);
+    let diameters = |g: &mut Goal| g.clear_diameter = at_most(g.clear_diameter, 12.7);
+    let distortion = |g: &mut Goal| g.distortion = at_most(g.distortion, 1.0);
+    let all = |g: &mut Goal| {
+        colours(g);
+        edges(g);
+        diameters(g);
+        distortion(g);
+    };
+    type Requirement<'a> = (&'static str, &'a dyn Fn(&mut Goal));
+    let requirements: [Requirement; 6] = [
+        ("as asked", &|_| {}),
+        ("polychromatic spots", &colours),
+        ("edges of 1 mm", &edges),
+        ("clear diameters of 12.7 mm", &diameters),
+        ("distortion of 1 %", &distortion),
+        ("all of these", &all),
+    ];
+    let mut trades = Vec::new();
+    for (asked, require) in requirements {
+        let mut goal = config.goal.clone();
+        require(&mut goal);
+        let problem = goal.problem(file, catalog)?;
+        let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
+        let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
+        let began = Instant::now();
+        for done in 0..request.rounds {
+            context.progress(done, request.rounds, asked);
+            if context.is_cancelled() {
+                return Ok(trades);
+            }
+            if done > 0 && request.is_out_of_time(began) {
+                break;
+            }
+            search.advance();
+        }
+        let Some(best) = search.best() else { continue };
+        let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
+        context.note(line(asked, began.elapsed().as_secs_f64(), &best));
+        trades.push(Trade {
+            asked: asked.to_owned(),
+            mean_rms_um: best.mean_rms_um(),
+            violations: violations(&best),
+        });
+    }
+    Ok(trades)
+}
+
+impl Figures {
+    fn new(problem: &Problem, analysis: &Analysis) -> Self {
+        let lens = &analysis.lens;
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let order = first_order(&sequence);
+        let clear = analysis.fitted_lens(problem);
+        let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
+        let outermost = problem.merit.outermost_field_rad();
+        let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
+            .then(|| chief_ray(&sequence, outermost))
+            .flatten();
+        let distortion =
+            chief.map(|c| c.y_mm / (image_height_per_tangent(&sequence) * outermost.tan()) - 1.0);
+        Self {
+            mean_rms_spot_um: analysis.mean_rms_um(),
+            rms_spot_um: analysis.rms_um.clone(),
+            focal_length_mm: finite(order.efl_mm),
+            back_focal_length_mm: finite(order.bfl_mm),
+            f_number: finite(order.f_number),
+            track_to_the_image_mm: lens.total_track_mm(),
+            largest_clear_diameter_mm: widest,
+            distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
+            violations_mm: analysis.violations.iter().map(|(what, mm)| (what.to_string(), *mm)).collect(),
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! `lens show`: what a lens is, in numbers.
+
+use petzval_design::glass_warnings::glass_warnings;
+use petzval_files::lens_toml::special_lines;
+use petzval_optics::analysis::first_order_table;
+use petzval_optics::lens::{Action, Lens, ObjectDistance};
+use petzval_optics::paraxial::{FirstOrder, first_order};
+use petzval_optics::pupil::{Quadrature, paraxial_launch, trace_beam};
+use petzval_optics::seidel::seidel_total;
+use petzval_optics::spot::{FieldSpot, PrintedSpot, spot, spot_paraxial_pupil};
+use petzval_optics::trace::{Fate, launch, trace_ray};
+use serde::{Deserialize, Serialize};
+
+use super::focus::{FocusAt, focused};
+use crate::context::Context;
+use crate::error::JobError;
+use crate::finite::finite;
+
+/// Pupil cells a side: spot radii are then good to 0.1 %.
+const PUPIL_CELLS: usize = 64;
+
+/// A stop with a clear radius of so many times that of the beam gets a warning.
+const WIDE_STOP: f64 = 3.0;
+
+/// Which lens to show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Lens file, or a built-in name.
+    pub lens: String,
+    /// Where the image plane goes.
+    pub focus: FocusAt,
+}
+
+/// The figures of a lens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The figures.
+    pub figures: Figures,
+    /// From the object to the first vertex, mm; `None` at infinity.
+    pub object_distance_mm: Option<f64>,
+    /// Lateral magnification of a near object.
+    pub magnification: Option<f64>,
+    /// 1 / (2 NA) of the paraxial cone at the image.
+    pub working_f_number: Option<f64>,
+    /// The warnings among those of the figures that were reported to the watcher when the lens was read.
+    pub reported_warnings: Vec<String>,
+}
+
+/// Figures of a lens. What does not exist, such as the focal length of an afocal lens, is `None`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// Name of the lens.
+    pub name: String,
+    /// Where its prescription is from.
+    pub source: String,
+    /// Focal length, mm.
+    pub efl_mm: Option<f64>,
+    /// From the last vertex to the rear focal point, mm.
+    pub bfl_mm: Option<f64>,
+    /// Focal length over entrance pupil diameter.
+    pub f_number: Option<f64>,
+    /// Entrance pupil diameter, mm.
+    pub epd_mm: f64,
+    /// From the first vertex to the paraxial image, as lens tables print it, mm.
+    pub total_track_mm: Option<f64>,
+    /// From the last vertex to the image plane, mm.
+    pub image_distance_mm: f64,
+    /// Image plane from the paraxial image, mm.
+    pub defocus_mm: Option<f64>,
+    /// Entrance pupil from the first vertex, mm.
+    pub entrance_pupil_from_first_vertex_mm: Option<f64>,
+    /// Exit pupil from the last vertex, mm.
+    pub exit_pupil_from_last_vertex_mm: Option<f64>,
+    /// Exit pupil diameter, mm.
+    pub exit_pupil_mm: Option<f64>,
+    /// Wavelength of first-order properties, um.
+    pub reference_um: f64,
+    /// Wavelengths, um.
+    pub wavelengths_um: Vec<f64>,
+    /// Field angles, degrees.
+    pub fields_deg: Vec<f64>,
+    /// RMS spot radius over the paraxial entrance pupil, as lens programs print it, by field and wavelength, um.
+    pub rms_spot_um: Vec<Vec<f64>>,
+    /// The same of all wavelengths together, by field, um.
+    pub rms_spot_poly_um: Vec<f64>,
+    /// RMS spot radius through the real stop, each ray weighted by its light: what a sensor sees, by field and wavelength, um.
+    pub rms_spot_real_stop_um: Vec<Vec<f64>>,
+    /// The same of all wavelengths together, by field, um.
+    pub rms_spot_poly_real_stop_um: Vec<f64>,
+    /// Illumination relative to the axis, by field and wavelength.
+    pub relative_illumination: Vec<Vec<f64>>,
+    /// Seidel sums; `None` where third-order theory has no formulas for a surface.
+    pub seidel: Option<Seidel>,
+    /// What a designer should know before believing the rest.
+    pub warnings: Vec<String>,
+    /// The prescription.
+    pub surfaces: Vec<Surface>,
+}
+
+/// Seidel sums of the full field, mm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub struct Seidel {
+    /// Spherical aberration.
+    pub s1: f64,
+    /// Coma.
+    pub s2: f64,
+    /// Astigmatism.
+    pub s3: f64,
+    /// Field curvature (Petzval).
+    pub s4: f64,
+    /// Distortion.
+    pub s5: f64,
+}
+
+/// A surface of the prescription.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Surface {
+    /// Its number, from 1.
+    pub surface: usize,
+    /// Its label; may be empty.
+    pub label: String,
+    /// Radius, mm, positive when the centre of curvature is to the right; `None` if plane.
+    pub radius_mm: Option<f64>,
+    /// Conic constant.
+    pub conic: f64,
+    /// Coefficients of `r^2`, `r^4`, ... `r^16` in `mm^-1`, `mm^-3`, ...
+    pub asphere_a2_to_a16: Vec<f64>,
+    /// Distance to the next vertex, mm.
+    pub thickness_mm: f64,
+    /// Name of the medium behind it.
+    pub glass: String,
+    /// Its index at the d line.
+    pub nd: Option<f64>,
+    /// Its Abbe number; `None` without dispersion.
+    pub vd: Option<f64>,
+    /// Clear semi-diameter, mm.
+    pub semi_diameter_mm: f64,
+    /// Whether it is the stop.
+    pub stop: bool,
+    /// What else a lens file says of it, such as a mirror, a grating or a tilt, as lines of such a file.
+    pub special: Vec<String>,
+}
+
+impl Surface {
+    /// Whether the medium behind it is air.
+    pub fn is_before_air(&self) -> bool {
+        self.vd.is_none() && self.nd == Some(1.0)
+    }
+}
+
+/// The surfaces of a lens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Prescription {
+    /// Name of the lens.
+    pub name: String,
+    /// In the order in which light meets them.
+    pub surfaces: Vec<Surface>,
+}
+
+/// Reads the lens and nothing more: the prescription of a lens that [`run`] refuses may show why no light reaches its image.
+pub fn prescription(request: &Request, context: &Context) -> Result<Prescription, JobError> {
+    let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    Ok(Prescription { surfaces: surfaces(&lens), name: lens.name })
+}
+
+/// Computes the figures.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
+    let reference = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&reference);
+    let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
+    let (through_stop, through_pupil) = spots(&request.lens, &lens, &quadrature)?;
+    let full_field = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
+    let seidel = seidel_total(&reference, full_field)
+        .map(|total| total.s)
+        .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });
+    let reported_warnings = glass_warnings(&lens, &context.assets.catalog()?);
+    let mut warnings = warnings(&lens, &order, &quadrature);
+    warnings.extend(reported_warnings.iter().cloned());
+    let table = first_order_table(&lens);
+    let image_distance_mm = lens.image_distance_mm();
+    Ok(Response {
+        object_distance_mm: match lens.object {
+            ObjectDistance::Infinity => None,
+            ObjectDistance::Finite(distance) => Some(distance),
+        },
+        magnification: table.magnification,
+        working_f_number: finite(table.working_f_number),
+        reported_warnings,
+        figures: Figures {
+            efl_mm: finite(order.efl_mm),
+            bfl_mm: finite(order.bfl_mm),
+            f_number: finite(order.f_number),
+            epd_mm: lens.entrance_pupil_mm,
+            total_track_mm: finite(lens.total_track_mm() - image_distance_mm + order.image_distance_mm),
+            image_distance_mm,
+            defocus_mm: finite(image_distance_mm - order.image_distance_mm),
+            entrance_pupil_from_first_vertex_mm: finite(order.entrance_pupil_at_mm),
+            exit_pupil_from_last_vertex_mm: finite(order.exit_pupil_at_mm),
+            exit_pupil_mm: finite(order.exit_pupil_mm),
+            rms_spot_um: through_pupil.iter().map(|s| s.rms_um.clone()).collect(),
+            rms_spot_poly_um: through_pupil.iter().map(|s| s.rms_poly_um).collect(),
+            rms_spot_real_stop_um: through_stop.iter().map(|s| s.rms_um.clone()).collect(),
+            rms_spot_poly_real_stop_um: through_stop.iter().map(|s| s.rms_poly_um).collect(),
+            relative_illumination: through_stop.iter().map(|s| s.illumination.clone()).collect(),
+            seidel,
+            warnings,
+            surfaces: surfaces(&lens),
+            reference_um: lens.reference_um,
+            wavelengths_um: lens.wavelengths_um,
+            fields_deg: lens.fields_deg,
+            name: lens.name,
+            source: lens.source,
+        },
+    })
+}
+
+/// The spots of every field, through the real stop and over the paraxial entrance pupil.
+fn spots(
+    name: &str,
+    lens: &Lens,
+    quadrature: &Quadrature,
+) -> Result<(Vec<FieldSpot>, Vec<PrintedSpot>), JobError> {
+    let (mut through_stop, mut through_pupil) = (Vec::new(), Vec::new());
+    for field_deg in &lens.fields_deg {
+        let field = field_deg.to_radians();
+        let (Some(stop), Some(pupil)) =
+            (spot(lens, field, quadrature), spot_paraxial_pupil(lens, field, quadrature))
+        else {
+            return Err(JobError::input(
+                format!("{name}: at {field_deg} degrees no ray reaches the image{}", where_lost(lens, field)),
+                "a surface is missed, or a clear semi-diameter blocks the whole beam",
+            ));
+        };
+        through_stop.push(stop);
+        through_pupil.push(pupil);
+    }
+    Ok((through_stop, through_pupil))
+}
+
+/// Where the ray through the centre of the paraxial pupil ends, if it does.
+fn where_lost(lens: &Lens, field_rad: f64) -> String {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let at = paraxial_launch(&first_order(&sequence), &sequence, field_rad, [0.0; 2]);
+    let path = trace_ray(&sequence, launch(&sequence, field_rad, at).ray);
+    match path.fate {
+        Fate::Missed(i) => format!(": the ray through the middle of the pupil misses surface {}", i + 1),
+        Fate::TotalReflection(i) => {
+            format!(": no light passes surface {}, by total reflection or an evanescent order", i + 1)
+        }
+        Fate::Clipped(i) => format!(": the middle of the pupil is clipped at surface {}", i + 1),
+        Fate::Ok | Fate::NotAimed => String::new(),
+    }
+}
+
+/// Warns of what is odd about a lens that can be traced all the same.
+fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<String> {
+    let mut found = Vec::new();
+    let stop = &lens.surfaces[lens.stop];
+    if stop.semi_diameter_mm < 0.99 * order.stop_radius_mm {
+        found.push(format!(
+            "an entrance pupil of {} mm needs a stop of {:.3} mm radius, the stop's clear semi-diameter is {} mm; \
+             the entrance pupil counts",
+            lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
+        ));
+    }
+    if stop.semi_diameter_mm > WIDE_STOP * order.stop_radius_mm.abs() {
+        found.push(format!(
+            "an entrance pupil of {} mm fills {:.4} mm of the stop's radius, its clear semi-diameter is {} mm; \
+             the entrance pupil counts",
+            lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
+        ));
+    }
+    if lens.surfaces.iter().filter(|s| s.action == Action::Reflect && s.placement.is_none()).count() > 1 {
+        found.push(
+            "a mirror in front of another takes no light from it: there are no obscurations".to_owned(),
+        );
+    }
+    let last = lens.surfaces.len() - 1;
+    let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
+    if order.image_distance_mm * direction < 0.0 {
+        found.push("the paraxial image is virtual: it lies in front of the last surface".to_owned());
+    }
+    if !order.efl_mm.is_finite() {
+        found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
+    }
+    if !lens.is_rotationally_symmetric() {
+        found.push(
+            "the lens is not rotationally symmetric: first-order figures and Seidel sums are those of its y-z section \
+             with every surface on the axis"
+                .to_owned(),
+        );
+    }
+    let reference = lens.at_wavelength(lens.reference_um);
+    for field_deg in &lens.fields_deg {
+        let beam = trace_beam(&reference, field_deg.to_radians(), order.stop_radius_mm, quadrature);
+        let lost = beam.fate.iter().filter(|fate| !fate.reaches_image()).count();
+        if lost > 0 {
+            let share = 100.0 * lost as f64 / beam.fate.len() as f64;
+            found.push(format!(
+                "at {field_deg} degrees {share:.1} % of the rays through the stop miss a surface or are totally \
+                 reflected; spots and illumination are those of the rest"
+            ));
+        }
+    }
+    found
+}
+
+fn surfaces(lens: &Lens) -> Vec<Surface> {
+    let surfaces = lens.surfaces.iter().enumerate().map(|(i, s)| Surface {
+        surface: i + 1,
+        label: s.label.clone(),
+        radius_mm: (s.shape.curvature != 0.0).then(|| 1.0 / s.shape.curvature),
+        conic: s.shape.conic,
+        asphere_a2_to_a16: s.shape.asphere.to_vec(),
+        thickness_mm: s.thickness_mm,
+        glass: s.glass.name.clone(),
+        nd: finite(s.glass.nd()),
+        vd: finite(s.glass.abbe_vd()).filter(|_| !s.glass.is_air()),
+        semi_diameter_mm: s.semi_diameter_mm,
+        stop: i == lens.stop,
+        special: special_lines(s).lines().map(str::to_owned).collect(),
+    });
+    surfaces.collect()
+}

@@ -1,0 +1,285 @@
+//! `lens tolerance`: how sensitive a lens is to errors in its making, and how good lenses made at random are.
+
+mod files;
+mod report;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use petzval_design::error::DesignError;
+use petzval_files::{ToleranceFile, parse_tolerances};
+use petzval_optics::analysis::first_order_table;
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::{self, Mtf, RmsSpot};
+use petzval_optics::psf::PsfKind;
+use petzval_optics::tolerance::{
+    self, Freedom, MonteCarlo, Sensitivities, Shared, Study, ToleranceError, inverse, monte_carlo,
+    sensitivities,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+pub use files::three_digits;
+pub use report::{
+    Better, Compensator, Estimate, Percentile, Quantity, RandomLenses, Report, Sensitivity, Travel, Worst,
+};
+
+/// Largest number of lenses made at random.
+const MOST_TRIALS: usize = 1_000_000;
+
+/// A lens with its tolerances, and what to find out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Lens file, or a built-in name.
+    pub lens: String,
+    /// Tolerance file.
+    pub tolerances: Option<PathBuf>,
+    /// Tolerances of good practice for everything that the file does not name; precision without a file.
+    pub grade: Option<Grade>,
+    /// What a lens is judged by, over its fields (on both sides of the axis) and wavelengths.
+    pub merit: Merit,
+    /// Spatial frequency of the MTF, cycles/mm, 0.01 to 10000.
+    pub frequency: f64,
+    /// Whether the MTF takes light for rays or for waves.
+    pub kind: PsfKind,
+    /// How many lenses are made at random, 1000000 at most.
+    pub trials: usize,
+    /// What is adjusted on every lens.
+    pub compensate: Compensate,
+    /// A merit: the response says how many lenses reach it.
+    pub limit: Option<f64>,
+    /// A loss of the merit: the response says how exactly each quantity must be made if all together may cost this much.
+    pub inverse: Option<f64>,
+    /// Seed of the random lenses.
+    pub seed: u64,
+    /// How many of the worst lenses are named and written.
+    pub worst: usize,
+    /// Folder for the results; nothing is written without one.
+    pub out: Option<PathBuf>,
+}
+
+/// How exactly a lens is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Grade {
+    /// What any shop holds.
+    Commercial,
+    /// Good optics.
+    Precision,
+    /// As well as can be had at a price.
+    High,
+}
+
+impl From<Grade> for tolerance::Grade {
+    fn from(grade: Grade) -> Self {
+        match grade {
+            Grade::Commercial => Self::Commercial,
+            Grade::Precision => Self::Precision,
+            Grade::High => Self::High,
+        }
+    }
+}
+
+/// What a lens is judged by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Merit {
+    /// RMS spot radius, um.
+    #[default]
+    Rms,
+    /// Contrast at a spatial frequency, 0 to 1.
+    Mtf,
+}
+
+/// What is adjusted on every lens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Compensate {
+    /// The image plane goes where the merit is best.
+    #[default]
+    Focus,
+    /// Nothing but the compensators of the tolerance file.
+    None,
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// All figures, as in `tolerance.json`.
+    pub report: Report,
+    /// Names of the compensators, in the order of the figures.
+    pub compensators: Vec<String>,
+    /// The files that were written.
+    pub files: Vec<PathBuf>,
+}
+
+/// What was found, with the lens and the study that it was found by.
+struct Findings<'a> {
+    /// The lens as drawn.
+    lens: &'a Lens,
+    /// The lens with its tolerances and its merit.
+    study: &'a Study<'a>,
+    /// What each tolerance does.
+    table: Sensitivities,
+    /// Lenses made at random.
+    random: Option<MonteCarlo>,
+    /// Tolerances that share a loss.
+    shared: Option<Vec<Shared>>,
+    /// A merit that lenses have to reach.
+    limit: Option<f64>,
+}
+
+impl Findings<'_> {
+    /// Rows of the table, the greatest effect first.
+    fn by_effect(&self) -> Vec<usize> {
+        let mut rows: Vec<usize> = (0..self.table.rows.len()).collect();
+        let loss = |i: &usize| self.table.rows[*i].worst_loss(self.study.better(), self.table.nominal);
+        rows.sort_by(|a, b| loss(b).total_cmp(&loss(a)));
+        rows
+    }
+
+    /// Name of a compensator: the thickness behind the last surface is the image distance.
+    fn compensator_name(&self, freedom: &Freedom) -> String {
+        if *freedom == Freedom::focus(self.lens) { "image distance".to_owned() } else { freedom.name() }
+    }
+}
+
+impl Request {
+    fn check(&self) -> Result<(), JobError> {
+        let is_positive = |v: f64| v > 0.0 && v.is_finite();
+        let is_mtf = self.merit == Merit::Mtf;
+        let text = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
+        for (key, value, is_in_range, hint) in [
+            (
+                "frequency",
+                self.frequency.to_string(),
+                (0.01..=1e4).contains(&self.frequency),
+                "in cycles per mm, 0.01 to 10000; a pixel of 5 um ends at 100",
+            ),
+            (
+                "trials",
+                self.trials.to_string(),
+                self.trials <= MOST_TRIALS,
+                "at most 1000000; 0 leaves the random lenses out",
+            ),
+            (
+                "limit",
+                text(self.limit),
+                self.limit.is_none_or(|v| is_positive(v) && (!is_mtf || v <= 1.0)),
+                "a merit: um for the RMS spot, 0 to 1 for the MTF",
+            ),
+            (
+                "inverse",
+                text(self.inverse),
+                self.inverse.is_none_or(|v| is_positive(v) && (!is_mtf || v < 1.0)),
+                "a loss of the merit above 0: um for the RMS spot, less than 1 for the MTF",
+            ),
+        ] {
+            if !is_in_range {
+                return Err(JobError::setting(key, value, "out of range", hint));
+            }
+        }
+        Ok(())
+    }
+
+    /// The tolerance file, with the grade for everything that it does not name.
+    fn tolerance_file(&self, lens: &Lens) -> Result<ToleranceFile, JobError> {
+        let mut file = match &self.tolerances {
+            None => ToleranceFile { grade: Some(tolerance::Grade::Precision), ..ToleranceFile::default() },
+            Some(path) => read(path, lens)?,
+        };
+        if let Some(grade) = self.grade {
+            file.grade = Some(grade.into());
+        }
+        Ok(file)
+    }
+
+    fn merit(&self, lens: &Lens) -> Box<dyn merit::Merit> {
+        match self.merit {
+            Merit::Rms => Box::new(RmsSpot::new(lens)),
+            Merit::Mtf => Box::new(Mtf::new(lens, self.frequency, self.kind)),
+        }
+    }
+}
+
+fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "--tolerances takes a TOML file"))?;
+    Ok(parse_tolerances(&text, lens).map_err(DesignError::input(path))?)
+}
+
+/// Finds the sensitivities, makes the random lenses, and writes the results.
+///
+/// Files in the folder, if the request names one: `tolerance.json` (all figures), `sensitivities.csv`, `trials.csv` (every
+/// lens with all its errors), `tolerances.toml` (every tolerance, ready to be edited), `yield.svg`, `sensitivity.svg`, and the
+/// worst lenses.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    request.check()?;
+    let lens = context.assets.lens(&request.lens)?.lens;
+    let tolerances =
+        request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
+    if tolerances.perturbations.is_empty() {
+        return Err(JobError::input(
+            "nothing is off: there is no tolerance",
+            "give a --grade, or name some in the file",
+        ));
+    }
+    let cutoff = first_order_table(&lens).cutoff_per_mm;
+    if request.merit == Merit::Mtf && request.frequency >= cutoff {
+        return Err(JobError::setting(
+            "frequency",
+            request.frequency,
+            format!("the lens resolves nothing beyond {cutoff:.1} cycles/mm"),
+            "the cutoff is 1 / (wavelength x working f-number)",
+        ));
+    }
+    let merit = request.merit(&lens);
+    let study = Study::new(&lens, &tolerances, merit.as_ref()).map_err(|error| {
+        let hint = match error {
+            ToleranceError::NoMerit => "`petzval lens show` says which field has no spot",
+            _ => "correct the tolerance file",
+        };
+        JobError::input(format!("{}: {error}", request.lens), hint)
+    })?;
+    if let Some(out) = &request.out {
+        make_folder(out)?;
+    }
+    let count = tolerances.perturbations.len() as u64;
+    let table = counted(context, "sensitivities", count, |tick| sensitivities(&study, tick))?;
+    let random = match request.trials {
+        0 => None,
+        trials => Some(counted(context, "lenses", trials as u64, |tick| {
+            monte_carlo(&study, request.seed, trials, tick)
+        })?),
+    };
+    let shared = match request.inverse {
+        None => None,
+        Some(loss) => Some(counted(context, "inverse", count, |tick| inverse(&study, loss, tick))?),
+    };
+    let findings = Findings { lens: &lens, study: &study, table, random, shared, limit: request.limit };
+    let report = report::report(&findings, request.worst);
+    let files = match &request.out {
+        Some(out) => files::write_all(&findings, &report, out, request.worst)?,
+        None => Vec::new(),
+    };
+    let compensators =
+        tolerances.compensators.iter().map(|(freedom, _)| findings.compensator_name(freedom)).collect();
+    Ok(Response { report, compensators, files })
+}
+
+/// Does a part of the job that calls `tick` after each unit of its work, unless the job was cancelled before.
+fn counted<T>(
+    context: &Context,
+    text: &str,
+    total: u64,
+    work: impl FnOnce(&(dyn Fn() + Sync)) -> T,
+) -> Result<T, JobError> {
+    if context.is_cancelled() {
+        return Err(JobError::failed(format!("cancelled before the {text} were computed")));
+    }
+    let done = AtomicU64::new(0);
+    Ok(work(&|| context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, total, text)))
+}

@@ -1,0 +1,63 @@
+//! What the machine and the build offer; a run keeps it beside its results.
+
+use petzval_base::simd::level;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+
+/// Machine, build and command of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Environment {
+    /// CPU architecture.
+    pub architecture: String,
+    /// Command line, or what else called the job; may be empty.
+    pub command: String,
+    /// Cores that the system offers.
+    pub cores: usize,
+    /// Operating system.
+    pub os: String,
+    /// Widest vector unit that the CPU reports.
+    pub simd: String,
+    /// Vector unit that the kernels use.
+    pub simd_used: String,
+    /// Threads in use.
+    pub threads: usize,
+    /// Version of Petzval.
+    pub version: String,
+}
+
+/// The widest vector unit that the CPU reports.
+pub fn simd_level() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            return "avx512";
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return "avx2";
+        }
+        "sse2"
+    }
+    #[cfg(target_arch = "aarch64")]
+    {
+        "neon"
+    }
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    {
+        "scalar"
+    }
+}
+
+/// The environment of the jobs of a context.
+pub fn environment(context: &Context) -> Environment {
+    Environment {
+        architecture: std::env::consts::ARCH.to_owned(),
+        command: context.command().to_owned(),
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        os: std::env::consts::OS.to_owned(),
+        simd: simd_level().to_owned(),
+        simd_used: level().to_owned(),
+        threads: rayon::current_num_threads(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+    }
+}

@@ -1,0 +1,256 @@
+//! `psf-calibrate`: PSFs measured from captures of a pinhole.
+
+mod figures;
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use petzval_base::{FileError, write_whole};
+use petzval_camera::psf::PsfBank;
+use petzval_camera::sensor::SensorModel;
+use petzval_design::assets::Assets;
+use petzval_design::error::DesignError;
+use petzval_files::npy_bytes;
+use petzval_lab::psf_calibration::compare::{Comparison, compare};
+use petzval_lab::psf_calibration::estimate::{FieldEstimate, Place, estimate_bank};
+use petzval_lab::psf_calibration::measure::check_mosaic;
+use petzval_lab::psf_calibration::psf_file::save_psfs;
+use petzval_lab::psf_calibration::{
+    CROP, CalibratedPosition, Manifest, PsfCalibrationError, calibrate_position, read_manifest,
+};
+use petzval_report::psf_calibration_sheet::{Calibration, page, sheet_png};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, json, make_folder};
+use crate::frames::Frames;
+use crate::pinhole::{PinholeView, Refocus};
+
+pub use figures::{
+    AgreementFigures, BankFigures, ExposureFigures, FieldFigures, Figures, HeldOutFigures, NoiseFloor,
+    PositionFigures, Simulated,
+};
+pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
+
+/// Captures of a pinhole from which to measure PSFs.
+///
+/// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
+/// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psfs.toml` and `psfs.npy`, the bank of PSFs for the
+/// renderer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Folder of captures, with `captures.toml`.
+    pub captures: PathBuf,
+    /// Lens to compare with, if any: a file, or a built-in name.
+    pub lens: Option<String>,
+    /// Folder for the results; `psf-calibration` in the folder of captures if it is not given.
+    pub out: Option<PathBuf>,
+    /// Seed of the draws behind the noise floor.
+    pub seed: u64,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// The figures, as in `calibration.json`.
+    pub figures: Figures,
+}
+
+impl From<PsfCalibrationError> for JobError {
+    fn from(error: PsfCalibrationError) -> Self {
+        match error {
+            PsfCalibrationError::File { path, error } => Self::File { path, error },
+            PsfCalibrationError::Frame(error) => error.into(),
+            PsfCalibrationError::Io { path, error } if error.kind() == ErrorKind::NotFound => Self::input(
+                format!("{}: {error}", path.display()),
+                "a folder of captures holds captures.toml and the frames it names; `petzval psf-capture` makes one",
+            ),
+            PsfCalibrationError::Io { path, error } => DesignError::io(&path)(error).into(),
+            other => {
+                let text = other.to_string();
+                let (message, hint) = text.split_once("; hint: ").unwrap_or((&text, ""));
+                Self::input(message, hint)
+            }
+        }
+    }
+}
+
+/// Measures every position, fits the bank, and writes the results.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let folder = &request.captures;
+    let (manifest, text, path) = read_manifest(folder).map_err(described_in(folder))?;
+    let sensor = sensor(&manifest, &text, &path, &context.assets)?;
+    check_mosaic(sensor.cfa).map_err(described_in(folder))?;
+    let view =
+        request.lens.as_ref().map(|name| view(name, &manifest, &sensor, &context.assets)).transpose()?;
+    let (positions, bank, fields) = measure(request, (&manifest, &text), &sensor, view.as_ref(), context)?;
+    if manifest.source.camera_turned && manifest.source.image_scale_mm.is_none() {
+        context.warning(format!(
+            "{}: the camera was turned, but `image_scale_mm` is not given: relative illumination lacks a factor cos^3",
+            path.display()
+        ));
+    }
+    let calibration = Calibration {
+        captures: folder.display().to_string(),
+        sensor: sensor.name.clone(),
+        lens: request.lens.clone(),
+        positions,
+        fields,
+    };
+    warn(&calibration, context);
+
+    let out = request.out.clone().unwrap_or_else(|| folder.join("psf-calibration"));
+    let figures = Figures::new(&calibration, &bank, &sensor);
+    write_all(&out, &calibration, &bank, &figures)?;
+    Ok(Response { out, figures })
+}
+
+type Compared = (CalibratedPosition, Option<Comparison>);
+
+/// Measures every position, compares it with the lens if there is one, and fits the bank to all.
+fn measure(
+    request: &Request,
+    (manifest, text): (&Manifest, &str),
+    sensor: &SensorModel,
+    view: Option<&PinholeView>,
+    context: &Context,
+) -> Result<(Vec<Compared>, PsfBank, Vec<FieldEstimate>), JobError> {
+    let folder = &request.captures;
+    let exposures = manifest.position.iter().flat_map(|p| &p.exposure);
+    let progress =
+        Frames::new(context, exposures.map(|e| e.frames.get_ref().len() + e.dark_frames.len()).sum());
+    let mut positions: Vec<Compared> = Vec::new();
+    for index in 0..manifest.position.len() {
+        let name = manifest.position[index].name.get_ref();
+        progress.now(name);
+        let seed = request.seed.wrapping_add(index as u64);
+        let position =
+            calibrate_position((manifest, text), folder, index, sensor, seed, || progress.add(name))
+                .map_err(described_in(folder))?;
+        let comparison = match view {
+            Some(view) => {
+                let simulated = view.psf(position.field_radius_mm)?.psf;
+                let compared = compare(
+                    &position.measured,
+                    &position.frame,
+                    &simulated,
+                    sensor.pixel_um,
+                    position.azimuth_rad,
+                    position.expected_px,
+                    &position.name,
+                );
+                Some(compared.map_err(described_in(folder))?)
+            }
+            None => None,
+        };
+        positions.push((position, comparison));
+    }
+    progress.now("fitting the bank");
+
+    // A turned camera lacks three of the four cosines in the illumination of a flat scene.
+    let scale_mm = manifest.source.image_scale_mm.as_ref().map(|mm| *mm.get_ref());
+    let light_factor = |radius_mm: f64| match (manifest.source.camera_turned, scale_mm) {
+        (true, Some(scale)) => (radius_mm / scale).atan().cos().powi(3),
+        _ => 1.0,
+    };
+    let places: Vec<Place> = positions
+        .iter()
+        .map(|(p, _)| Place {
+            field_radius_mm: p.field_radius_mm,
+            azimuth_rad: p.azimuth_rad,
+            light_factor: light_factor(p.field_radius_mm),
+            frame: &p.frame,
+            merged: &p.merged,
+            measured: &p.measured,
+        })
+        .collect();
+    let (bank, fields) = estimate_bank(&places, sensor.pixel_um)
+        .map_err(|error| described_in(folder)(PsfCalibrationError::Bank(error)))?;
+    Ok((positions, bank, fields))
+}
+
+/// The sensor that the manifest names: a file beside it, or a built-in one.
+fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Result<SensorModel, JobError> {
+    let beside = path.parent().unwrap_or(Path::new("")).join(&manifest.sensor);
+    let name = if beside.is_file() { beside.display().to_string() } else { manifest.sensor.clone() };
+    assets.sensor(&name).map_err(|error| match error {
+        DesignError::Unknown { .. } => {
+            let at = FileError::at_key(text, &["sensor"], error.to_string());
+            let error = Box::new(at.hint("a built-in sensor, or a sensor file beside this one"));
+            JobError::File { path: path.to_owned(), error }
+        }
+        other => other.into(),
+    })
+}
+
+/// The lens, focused on the source as the manifest says.
+fn view(
+    name: &str,
+    manifest: &Manifest,
+    sensor: &SensorModel,
+    assets: &Assets,
+) -> Result<PinholeView, JobError> {
+    let lens = assets.lens(name)?.lens;
+    let source = &manifest.source;
+    let distance_mm = source.distance_mm.as_ref().map(|mm| *mm.get_ref());
+    let refocus = source.refocus_mm.as_ref().map_or(Refocus::OnSource, |mm| Refocus::Mm(*mm.get_ref()));
+    Ok(PinholeView::new(&lens, sensor, distance_mm, source.pinhole_um, source.camera_turned, refocus)?)
+}
+
+/// Turns an error about captures into one of the job; where the error has no hint, the hint names the folder.
+fn described_in(folder: &Path) -> impl Fn(PsfCalibrationError) -> JobError {
+    move |error| match JobError::from(error) {
+        JobError::Input { message, hint } if hint.is_empty() => {
+            JobError::input(message, format!("the captures are described in {}", folder.display()))
+        }
+        other => other,
+    }
+}
+
+/// Reports the warnings of the positions, then those of the bank, field by field.
+fn warn(calibration: &Calibration, context: &Context) {
+    for (position, _) in &calibration.positions {
+        for warning in position.warnings.iter().filter(|w| !w.starts_with("no dark frames")) {
+            context.warning(format!("{}: {warning}", position.name));
+        }
+    }
+    let mut is_confirmed = true;
+    for field in &calibration.fields {
+        for warning in field.warnings() {
+            context.warning(format!("bank, {:.2} mm: {warning}", field.field_radius_mm));
+            is_confirmed = false;
+        }
+    }
+    if !is_confirmed {
+        context.warning(
+            "the bank is a smooth estimate, not the PSF below a pixel: between azimuths and sub-pixel phases that were captured it \
+             is good to the held-out L1; hint: more positions of a radius, at other azimuths and phases, lower it",
+        );
+    }
+}
+
+/// Writes every file of the results.
+fn write_all(
+    out: &Path,
+    calibration: &Calibration,
+    bank: &PsfBank,
+    figures: &Figures,
+) -> Result<(), JobError> {
+    make_folder(out)?;
+    let write = |name: &str, bytes: &[u8]| {
+        let path = out.join(name);
+        write_whole(&path, bytes).map_err(DesignError::io(&path))
+    };
+    let shape = [calibration.positions.len() as u64, 3, CROP as u64, CROP as u64];
+    let psfs = calibration.positions.iter().flat_map(|(p, _)| p.measured.psf.values.iter().flatten());
+    let psfs: Vec<f64> = psfs.copied().collect();
+    let npy = npy_bytes(&shape, &psfs).map_err(|e| JobError::failed(format!("measured.npy: {e}")))?;
+    write("measured.npy", &npy)?;
+    write("psf-calibration.png", &sheet_png(calibration))?;
+    write("psf-calibration.html", page(calibration).as_bytes())?;
+    save_psfs(bank, &format!("measured: {}", calibration.captures), out)?;
+    Ok(write("calibration.json", json(figures)?.as_bytes())?)
+}

@@ -1,0 +1,36 @@
+//! `raw`: look at raw frames, or write them in another format.
+
+pub mod convert;
+pub mod show;
+
+use std::path::Path;
+
+use petzval_files::raw_file::{ColourStatistics, RawFrame, RawInfo, colour_statistics};
+use serde::{Deserialize, Serialize};
+
+/// Everything that is known of a raw frame but its pixels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameSummary {
+    /// The file, as it was named.
+    pub file: String,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Camera and exposure, as far as the file and its sidecar state them.
+    pub info: RawInfo,
+    /// Statistics of the digital numbers of each colour.
+    pub colours: Vec<ColourStatistics>,
+}
+
+impl FrameSummary {
+    fn new(file: &Path, frame: &RawFrame) -> Self {
+        Self {
+            file: file.display().to_string(),
+            height: frame.height,
+            width: frame.width,
+            info: frame.info.clone(),
+            colours: colour_statistics(frame),
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! `report`: the page of a finished run, written again from what its folder holds.
+
+use std::path::PathBuf;
+
+use petzval_design::run::{RunFolder, write_atomically};
+use petzval_design::run_report::{read_metrics, report_of_run};
+use petzval_design::setup::Setup;
+use petzval_report::design_report::html;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// A finished run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Its folder.
+    pub run: PathBuf,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The page.
+    pub report: PathBuf,
+}
+
+/// Writes the report.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let folder = RunFolder::open(&request.run)?;
+    read_metrics(&folder)?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
+    let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
+    Ok(Response { report: write(&setup, &folder)? })
+}
+
+/// Writes the report of a run; returns its path.
+pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<PathBuf, JobError> {
+    let command = format!("petzval design {}", folder.config().display());
+    let report = report_of_run(setup, folder, &command)?;
+    write_atomically(&folder.report(), html(&report).as_bytes())?;
+    Ok(folder.report())
+}

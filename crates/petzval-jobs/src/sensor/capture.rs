@@ -1,0 +1,133 @@
+//! `sensor capture`: the calibration series of a sensor, simulated.
+
+use std::path::PathBuf;
+
+use petzval_camera::sensor::SensorModel;
+use petzval_lab::emva::{Plan, Written, write_series};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+use crate::frames::Frames;
+
+/// The calibration series of a sensor: pairs of flat and of dark frames over gains and exposure times, further dark pairs for
+/// the dark current, and stacks for the non-uniformity, all listed in `captures.toml`.
+///
+/// A series that was interrupted goes on with the same request. An empty field takes its value from the series that `emva`
+/// chooses.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Sensor file, or a built-in name.
+    pub sensor: String,
+    /// Folder for the captures.
+    pub out: PathBuf,
+    /// The series of EMVA 1288 release 4.0 Linear ([`Plan::emva`]) in place of that of Tseng et al. 2021
+    /// ([`Plan::default`]).
+    pub emva: bool,
+    /// Linear gains; if empty, those of the series.
+    pub gains: Vec<f64>,
+    /// Exposure times of flat and dark pairs, ms.
+    pub exposures: Option<Vec<f64>>,
+    /// Exposure times of dark pairs, ms.
+    pub dark_exposures: Option<Vec<f64>>,
+    /// Frames of the flat and the dark stack; 0 for none.
+    pub stack: Option<usize>,
+    /// Rows and columns of the frames, from the corner of the sensor; by default the whole sensor.
+    pub size: Option<[usize; 2]>,
+    /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 it saturates.
+    pub level: Option<f64>,
+    /// Quantum efficiency of green or clear pixels, 0 to 1, which converts electrons to photons.
+    pub quantum_efficiency: Option<f64>,
+    /// Wavelength of the light, um; the sensor's curves there give the photons and the response of each colour, unless
+    /// `quantum_efficiency` is given.
+    pub wavelength: Option<f64>,
+    /// Format of the frames.
+    pub format: Format,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+/// Format of the frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Format {
+    /// 16-bit TIFF.
+    Tiff,
+    /// 16-bit PNG: a third of the size, slower.
+    Png,
+}
+
+/// What was written.
+pub type Response = Written;
+
+/// A series of more bytes than this is reported together with a smaller one.
+const LARGE_BYTES: u64 = 500_000_000;
+/// Rows and columns of the smaller one.
+const SMALLER: (usize, usize) = (300, 480);
+
+/// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let sensor = context.assets.sensor(&request.sensor)?;
+    let plan = request.plan(&sensor);
+    plan.validate(&sensor)?;
+    // The folder is made later, once the whole series is known to be possible.
+    if request.out.exists() && !request.out.is_dir() {
+        make_folder(&request.out)?;
+    }
+    let points = plan.points(&sensor)?;
+    let total = points.iter().map(|p| p.names.len()).sum();
+    note_size(&plan, total, plan.bytes(&points), context);
+    if plan.quantum_efficiency.is_none() && plan.wavelength_um.is_none() {
+        context.note(
+            "the list states no photons; --quantum-efficiency QE gives them, or --wavelength UM where the sensor file has curves",
+        );
+    }
+    let frames = Frames::new(context, total);
+    Ok(write_series(&sensor, &plan, &request.out, &|| frames.add("exposing"))?)
+}
+
+impl Request {
+    /// The series: that of the standard or of the paper, with what the request changes.
+    fn plan(&self, sensor: &SensorModel) -> Plan {
+        let (quantum_efficiency, wavelength_um) = (self.quantum_efficiency, self.wavelength);
+        let preset = if self.emva {
+            Plan::emva(sensor, quantum_efficiency, wavelength_um)
+        } else {
+            let gains = match &sensor.gain_steps[..] {
+                [] => Plan::default().gains,
+                steps => steps.to_vec(),
+            };
+            Plan { gains, quantum_efficiency, wavelength_um, ..Plan::default() }
+        };
+        let [height, width] = self.size.unwrap_or([sensor.height, sensor.width]);
+        Plan {
+            height,
+            width,
+            gains: if self.gains.is_empty() { preset.gains } else { self.gains.clone() },
+            flat_ms: self.exposures.clone().unwrap_or(preset.flat_ms),
+            dark_ms: self.dark_exposures.clone().unwrap_or(preset.dark_ms),
+            stack: self.stack.unwrap_or(preset.stack),
+            level: self.level.unwrap_or(preset.level),
+            seed: self.seed,
+            format: match self.format {
+                Format::Tiff => "tiff".to_owned(),
+                Format::Png => "png".to_owned(),
+            },
+            ..preset
+        }
+    }
+}
+
+/// Notes how large the series will be, and the size of a smaller one if it is large.
+fn note_size(plan: &Plan, frames: usize, bytes: u64, context: &Context) {
+    let megabytes = |bytes: u64| (bytes as f64 / 1e6).ceil();
+    let most = if plan.format == "tiff" { "" } else { "at most " };
+    let (height, width) = SMALLER;
+    let smaller = bytes / (plan.height * plan.width) as u64 * (height * width) as u64;
+    let instead = match bytes > LARGE_BYTES && smaller < bytes {
+        true => format!("; --size {height}x{width} takes {} MB", megabytes(smaller)),
+        false => String::new(),
+    };
+    context.note(format!("{frames} frames, {most}{} MB{instead}", megabytes(bytes)));
+}

@@ -1,0 +1,123 @@
+//! `sensor characterize`: a sensor measured from captures.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use petzval_base::write_whole;
+use petzval_design::error::DesignError;
+use petzval_lab::emva::captures::milliseconds;
+use petzval_lab::emva::colour_name;
+use petzval_lab::emva::{
+    Captures, Characterization, HighPass, Options, Values, characterize, result_xml, sensor_toml,
+    warning_lines,
+};
+use petzval_report::sensor_sheet;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+use crate::frames::Frames;
+
+/// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Folder of the captures, or its `captures.toml`.
+    pub dir: PathBuf,
+    /// Folder for the results, which are not written without it: `sensor.toml` if K is resolved, `results.json`, `emva-*.xml`
+    /// for each gain and colour, `histograms.csv`, `report.html`, and its plots as `.svg`.
+    pub out: Option<PathBuf>,
+    /// High-pass before DSNU and PRNU.
+    pub highpass: HighPass,
+    /// Which values the XML files hold.
+    pub values: Values,
+    /// Whether the difference of the frames' means is taken from the temporal variance; without it, Eq. 6 of
+    /// Tseng et al. 2021.
+    pub mean_difference: bool,
+    /// Whether the remaining parameters of the model are fitted to the captured histograms.
+    pub fit_histograms: bool,
+    /// Pixel pitch, um, 0.1 to 1000, if the list does not state it.
+    pub pixel_um: Option<f64>,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Response {
+    /// Every number with its standard error, or with the reason why the captures do not determine it.
+    pub characterization: Characterization,
+    /// The files that were written.
+    pub files: Vec<PathBuf>,
+}
+
+/// Reads the captures, measures the sensor, and writes the results.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if let Some(pitch) = request.pixel_um.filter(|p| !(0.1..=1000.0).contains(p)) {
+        return Err(JobError::setting("pixel_um", pitch, "not between 0.1 and 1000", "the pitch in um"));
+    }
+    let mut captures = Captures::open(&request.dir)?;
+    captures.sensor.pixel_um = captures.sensor.pixel_um.or(request.pixel_um);
+    let options = Options {
+        high_pass: request.highpass,
+        mean_difference: request.mean_difference,
+        fit_histograms: request.fit_histograms,
+    };
+    let frames = Frames::new(context, captures.frames());
+    let characterization = characterize(&captures, &options, &|| frames.add("reading"))?;
+    warning_lines(&characterization.warnings).iter().for_each(|line| context.warning(line));
+    let files = match &request.out {
+        Some(out) => write_results(&characterization, request.values, out)?,
+        None => Vec::new(),
+    };
+    Ok(Response { characterization, files })
+}
+
+/// Writes every file of the results, each whole or not at all; returns their paths.
+fn write_results(found: &Characterization, values: Values, out: &Path) -> Result<Vec<PathBuf>, JobError> {
+    make_folder(out)?;
+    let mut files = Vec::new();
+    let mut write = |name: &str, text: &str| -> Result<(), JobError> {
+        let path = out.join(name);
+        write_whole(&path, text.as_bytes()).map_err(DesignError::io(&path))?;
+        files.push(path);
+        Ok(())
+    };
+    // Without K there is no sensor file. One of an earlier run must not pass for that of this run.
+    let sensor = out.join("sensor.toml");
+    match sensor_toml(found) {
+        Ok(text) => write("sensor.toml", &text)?,
+        Err(_) if sensor.is_file() => std::fs::remove_file(&sensor).map_err(DesignError::io(&sensor))?,
+        Err(_) => {}
+    }
+    // In the order of the fields, which is that of the measurement.
+    let results = serde_json::to_string_pretty(found).map_err(|e| JobError::failed(e.to_string()))?;
+    write("results.json", &results)?;
+    write("histograms.csv", &histograms_csv(found))?;
+    for (name, text) in sensor_sheet::files(found) {
+        write(&name, &text)?;
+    }
+    for gain in &found.gains {
+        for channel in &gain.channels {
+            let name = format!("emva-gain-{}-{}.xml", gain.linear_gain, colour_name(channel.colour));
+            let xml = result_xml(channel, values).map_err(|e| JobError::failed(format!("{name}: {e}")))?;
+            write(&name, &xml)?;
+        }
+    }
+    Ok(files)
+}
+
+/// The captured histograms, a line for each digital number that occurs.
+fn histograms_csv(found: &Characterization) -> String {
+    let mut text = "kind,linear_gain,exposure_ms,photons,colour,dn,samples\n".to_owned();
+    for h in &found.histograms {
+        let kind = if h.colour.is_some() { "flat" } else { "dark" };
+        let colour = h.colour.map_or("all", colour_name);
+        let photons = h.photons.map_or(String::new(), |p| p.to_string());
+        for (i, count) in h.counts.counts.iter().enumerate().filter(|(_, c)| **c > 0) {
+            let dn = h.counts.first_dn as usize + i;
+            let ms = milliseconds(h.exposure_s);
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "{kind},{},{ms},{photons},{colour},{dn},{count}", h.linear_gain);
+        }
+    }
+    text
+}

@@ -1,0 +1,159 @@
+//! The bench of a simulation: PSFs in front of a sensor, and the cameras made of them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use petzval_camera::develop::develop;
+use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_camera::isp::LinearIsp;
+use petzval_camera::psf::PsfBank;
+use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius};
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
+use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
+use petzval_design::error::DesignError;
+use petzval_design::optics::PsfPlan;
+use petzval_lab::psf_calibration::PsfCalibrationError;
+use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
+use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
+use petzval_learn::Device;
+use petzval_optics::lens::Lens;
+use petzval_optics::psf::PsfOptions;
+use petzval_optics::pupil::Quadrature;
+
+use super::Request;
+use super::highlights::capacity_e;
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Most pixels of a simulated frame: the largest sensors have 150 million, and each pixel takes about 150 bytes.
+const MOST_PIXELS: usize = 200_000_000;
+
+/// Everything that all photographs of a simulation share.
+pub struct Bench {
+    pub geometry: RenderGeometry,
+    pub sensor: SensorModel,
+    /// The pixels that are read.
+    pub window: Window,
+    /// Light that the PSFs need from outside the window, pixels.
+    pub border: usize,
+    psfs: Arc<Psfs>,
+    /// The lens and how its PSFs are traced; none behind measured PSFs.
+    pub traced: Option<(Lens, PsfPlan)>,
+}
+
+impl Bench {
+    /// The bench of a request; every setting is checked before a lens is traced.
+    pub fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
+        let sensor = context.assets.sensor(&request.sensor)?;
+        if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
+            return Err(JobError::input(
+                format!("{}: a frame of {}x{} pixels", request.sensor, sensor.height, sensor.width),
+                format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
+            ));
+        }
+        rehearse(request, &sensor)?;
+        let window = window(request, &sensor)?;
+        let geometry = RenderGeometry {
+            sensor_height: sensor.height,
+            sensor_width: sensor.width,
+            pixel_um: sensor.pixel_um,
+            patches: (7, 7),
+        };
+        let (source, traced) = match &request.psfs {
+            Some(path) => (PsfSource::Measured(measured(path)?), None),
+            None => {
+                let lens = context.assets.lens(&request.lens)?.lens;
+                let plan = plan(&sensor)?;
+                let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
+                (source, Some((lens, plan)))
+            }
+        };
+        let psfs = Arc::new(source.psfs()?);
+        let border = kernel_radius(&geometry, &psfs.bank().layout()).map_err(DesignError::from)?;
+        Ok(Self { geometry, sensor, window, border, psfs, traced })
+    }
+
+    /// A camera of these PSFs with a sensor, at the exposure of the request where white gives `white_e` electrons.
+    pub fn camera(
+        &self,
+        request: &Request,
+        sensor: SensorModel,
+        white_e: f32,
+        isp: LinearIsp,
+    ) -> Result<Camera, DesignError> {
+        let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
+        let (geometry, device) = (self.geometry.clone(), Device::flex());
+        Camera::new(Arc::new(Body { sensor, geometry, exposure, isp, device }), self.psfs.clone())
+    }
+
+    /// A picture on the whole sensor as a shot of the window.
+    pub fn shot(&self, picture: &LinearImage, frame: u64) -> Shot {
+        let scene = self.window.scene(picture, self.border);
+        Shot { scene, placement: self.window.placement, frame }
+    }
+}
+
+/// The pixels that are read: all, or those of --size in the middle.
+fn window(request: &Request, sensor: &SensorModel) -> Result<Window, JobError> {
+    let whole = (sensor.height, sensor.width);
+    let (height, width) = request.size.unwrap_or(whole);
+    let tile = (sensor.cfa.rows(), sensor.cfa.cols());
+    let is_too_small = height < tile.0.max(2) || width < tile.1.max(2);
+    Window::middle(whole, tile, height, width).filter(|_| !is_too_small).ok_or_else(|| {
+        JobError::input(
+            format!("--size {height}x{width}: no part of the sensor that can be developed"),
+            format!("rows x columns, from a tile of the filter array to {}x{}", whole.0, whole.1),
+        )
+    })
+}
+
+/// The PSFs that --psfs names; of captures, says how PSFs come from them.
+fn measured(path: &Path) -> Result<PsfBank, JobError> {
+    let (results, list) = (path.join("psf-calibration"), path.join(MANIFEST_FILE));
+    if list.is_file() && !path.join(AXES_FILE).is_file() {
+        let hint = match results.join(AXES_FILE).is_file() {
+            true => format!("the PSFs that were measured from them are in {}", results.display()),
+            false => {
+                format!(
+                    "run `petzval psf-calibrate {}` first, then give {}",
+                    path.display(),
+                    results.display()
+                )
+            }
+        };
+        return Err(JobError::input(
+            format!("--psfs {}: these are captures, not PSFs", path.display()),
+            hint,
+        ));
+    }
+    load_psfs(path).map_err(|error| match error {
+        PsfCalibrationError::Io { path, error } if error.kind() == std::io::ErrorKind::NotFound => {
+            JobError::input(
+                format!("--psfs: {}: {error}", path.display()),
+                "give a folder of results of `petzval psf-calibrate`, or its psfs.toml",
+            )
+        }
+        other => other.into(),
+    })
+}
+
+/// Takes and develops one dark tile of the filter array, so that settings which the sensor refuses are refused before a lens is
+/// traced and a folder is made.
+fn rehearse(request: &Request, sensor: &SensorModel) -> Result<(), JobError> {
+    let side = |tile: usize, whole: usize| tile.max(2).min(whole);
+    let (height, width) = (side(sensor.cfa.rows(), sensor.height), side(sensor.cfa.cols(), sensor.width));
+    let exposure = Exposure { white_e: 1.0, time_s: request.time_s, linear_gain: request.gain };
+    let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 };
+    let dark = LinearImage::zeros(CHANNELS, height, width);
+    let raw = expose(&dark, sensor, &capture, &Noise { mode: NoiseMode::Off, seed: 0 })
+        .map_err(DesignError::from)?;
+    develop(&raw, sensor).map_err(DesignError::from)?;
+    capacity_e(request, sensor).map(|_| ())
+}
+
+/// PSFs at 13 fields from the centre of a sensor to its corner, in three colours.
+fn plan(sensor: &SensorModel) -> Result<PsfPlan, JobError> {
+    let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
+    let quadrature = Quadrature::grid(128).map_err(DesignError::from)?;
+    Ok(PsfPlan::new(13, corner_mm, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature))
+}

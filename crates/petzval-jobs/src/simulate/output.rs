@@ -1,0 +1,140 @@
+//! What a simulation writes: the raw frame with its sidecar, and the developed picture.
+
+use std::path::{Path, PathBuf};
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::sensor::{Raw, SensorModel};
+use petzval_design::error::DesignError;
+use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
+use petzval_files::{ImageError, save_exr, save_npy, save_png, save_png16};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::Facts;
+use crate::error::JobError;
+
+/// How the raw frame is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RawAs {
+    /// 16-bit gray TIFF.
+    #[default]
+    Tiff,
+    /// 16-bit gray PNG.
+    Png,
+    /// `.raw`, packed as MIPI CSI-2 does where the sensor has 8, 10, 12 or 14 bits, else contiguous bits.
+    Packed,
+    /// NumPy array, uint16.
+    Npy,
+}
+
+/// How the developed picture is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PictureAs {
+    /// 8-bit sRGB PNG.
+    #[default]
+    Png,
+    /// 16-bit sRGB PNG.
+    Png16,
+    /// OpenEXR, 32-bit floats, linear light.
+    Exr,
+    /// NumPy array, float32 [plane, row, column], linear light.
+    Npy,
+}
+
+impl RawAs {
+    fn format(self, bits: u32) -> RawFormat {
+        match self {
+            Self::Tiff => RawFormat::Tiff,
+            Self::Png => RawFormat::Png,
+            Self::Packed => RawFormat::Packed(Packing::for_bits(bits)),
+            Self::Npy => RawFormat::Npy,
+        }
+    }
+}
+
+/// How a picture becomes a file.
+type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
+
+/// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are. Where one of them cannot be
+/// written, none is. Formats for a display show the light `display_white` as white.
+pub fn write(
+    (raw_format, picture_format): (RawAs, PictureAs),
+    folder: &Path,
+    name: &str,
+    raw: &Raw,
+    sensor: &SensorModel,
+    (developed, display_white): (&LinearImage, f32),
+) -> Result<Facts, JobError> {
+    let format = raw_format.format(sensor.bits);
+    let (extension, save, white): (_, SavePicture, _) = match picture_format {
+        PictureAs::Png => ("png", save_png, display_white),
+        PictureAs::Png16 => ("png", save_png16, display_white),
+        PictureAs::Exr => ("exr", save_exr, 1.0),
+        PictureAs::Npy => ("npy", save_npy, 1.0),
+    };
+    let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
+    let developed_path = folder.join(format!("{name}-developed.{extension}"));
+    let files = [raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
+    for path in &files {
+        if path.is_dir() {
+            return Err(not_written(path, "this is a folder"));
+        }
+    }
+
+    // All files come to be in a folder of their own, and move where they belong when the last is whole.
+    let unfinished = Unfinished::new(folder, name)?;
+    let [raw_part, _, developed_part] = files.each_ref().map(|path| unfinished.part(path));
+    save_raw(&RawFrame::from_raw(raw, sensor), &raw_part, format).map_err(|error| match error {
+        RawFileError::Io { source, .. } => not_written(&raw_path, source),
+        other => other.into(),
+    })?;
+    let shown = developed.data.iter().map(|value| value / white).collect();
+    save(&LinearImage { data: shown, ..*developed }, &developed_part).map_err(|error| match error {
+        ImageError::Io { source, .. } => not_written(&developed_path, source),
+        other => DesignError::from(other).into(),
+    })?;
+    for path in &files {
+        std::fs::rename(unfinished.part(path), path).map_err(|error| not_written(path, error))?;
+    }
+    let facts = [
+        ("image", json!(name)),
+        ("raw", json!(raw_path.display().to_string())),
+        ("sidecar", json!(sidecar_path(&raw_path).display().to_string())),
+        ("developed", json!(developed_path.display().to_string())),
+        ("black_level_dn", json!(sensor.black_level_dn)),
+        ("cfa", json!(sensor.cfa)),
+    ];
+    Ok(facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+fn not_written(path: &Path, reason: impl std::fmt::Display) -> JobError {
+    JobError::input(
+        format!("{}: cannot be written: {reason}", path.display()),
+        "choose a folder with --out that can be written, has room, and holds nothing else of that name",
+    )
+}
+
+/// A hidden folder for files that are not whole yet; it goes when this goes.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(folder: &Path, name: &str) -> Result<Self, JobError> {
+        let path = folder.join(format!(".{name}-{}.part", std::process::id()));
+        std::fs::create_dir_all(&path).map_err(|error| not_written(folder, error))?;
+        Ok(Self(path))
+    }
+
+    /// Where the file of that name is made.
+    fn part(&self, path: &Path) -> PathBuf {
+        self.0.join(path.file_name().unwrap_or_default())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        // Nobody is left to handle an error.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}

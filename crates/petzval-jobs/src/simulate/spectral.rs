@@ -1,0 +1,265 @@
+//! `simulate` over the spectrum: spectral images, built-in scenes, and photographs under a given light.
+
+mod conditions;
+mod light;
+
+use std::path::{Path, PathBuf};
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::LinearIsp;
+use petzval_camera::spectral::{ColourElectrons, SceneKind, SpectralScene};
+use petzval_design::error::DesignError;
+use petzval_design::spectral_light::{Bands, render_spectral};
+use petzval_files::load_image;
+use petzval_files::spectral_file::{is_spectral, load_spectral};
+use serde::{Deserialize, Serialize};
+
+use self::conditions::Conditions;
+use self::light::Light;
+use super::{Bench, Facts, Request, Taken, placed, result_name, write_shot};
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+/// What the name of a built-in scene begins with.
+const SCENE: &str = "scene:";
+
+/// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Spectral {
+    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
+    /// relative power; D65 if none is named.
+    pub illuminant: Option<String>,
+    /// Illuminance of the scene, lux; 500, or as `white_e` needs.
+    pub illuminance_lux: Option<f64>,
+    /// Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart.
+    pub bands: Option<usize>,
+    /// Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file.
+    pub qe: Option<String>,
+    /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission.
+    pub transmission: Option<String>,
+    /// Photographs through three PSFs, then electrons by a 3x3 matrix.
+    pub three_band: bool,
+    /// The camera's own colours, without the matrix fitted to the ColorChecker.
+    pub no_colour_matrix: bool,
+}
+
+/// Whether a request is one over the spectrum.
+pub fn is_over_spectrum(request: &Request) -> bool {
+    request.spectral != Spectral::default() || request.images.iter().any(|path| kind(path) != Kind::Photo)
+}
+
+/// The scene in `scene:NAME`.
+pub fn scene_name(path: &Path) -> Option<&str> {
+    path.to_str()?.strip_prefix(SCENE)
+}
+
+/// What a name on the command line stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Scene,
+    Spectral,
+    Photo,
+}
+
+fn kind(path: &Path) -> Kind {
+    match path {
+        path if scene_name(path).is_some() => Kind::Scene,
+        path if is_spectral(path) => Kind::Spectral,
+        _ => Kind::Photo,
+    }
+}
+
+/// Takes all images.
+pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
+    check(request)?;
+    let mut bench = Bench::new(request, context)?;
+    let mut conditions = Conditions::new(request, &mut bench, context)?;
+    let mut shared = Light::over_all(request, &conditions, &bench)?;
+    if let Some(white_e) = request.white_e {
+        // Electrons are proportional to the illuminance.
+        conditions.lux *= f64::from(white_e) / shared.white.white_e();
+        shared = Light::over_all(request, &conditions, &bench)?;
+    }
+    // Every image is read before anything is written; only one of them at a time is in memory.
+    let mut first = None;
+    for path in &request.images {
+        first = Some(open(request, path, &conditions, &bench, &shared)?);
+    }
+    first = first.filter(|_| request.images.len() == 1);
+    if request.images.iter().any(|path| kind(path) != Kind::Spectral) {
+        shared.warn(&conditions, &bench, None, context);
+    }
+    make_folder(&request.out)?;
+    let mut written = Vec::new();
+    let mut last_note = String::new();
+    for (frame, path) in request.images.iter().enumerate() {
+        let (opened, own) = match first.take() {
+            Some(opened) => opened,
+            None => open(request, path, &conditions, &bench, &shared)?,
+        };
+        let light = own.as_ref().unwrap_or(&shared);
+        if let Some(own) = &own {
+            own.warn(&conditions, &bench, Some(path), context);
+        }
+        let name = result_name(path);
+        let electrons = match &opened {
+            Opened::Bands(scene) => over_bands(request, &bench, &conditions, light, scene, &name, context),
+            Opened::ThreeBands(photo) => in_three_bands(request, &bench, light, photo),
+        }
+        .map_err(|error| named(path, error))?;
+        let white_e = light.white.white_e();
+        let matrix = light.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
+        // The sensor balanced for this light, and the matrix fitted to it.
+        let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..LinearIsp::default() };
+        let camera = bench.camera(request, light.sensor.clone(), white_e as f32, isp)?;
+        let on_pixels = electrons.as_light(&light.sensor, white_e, bench.window.placement);
+        let taken = Taken::of_light(request, &bench, &camera, &on_pixels, frame as u64)?;
+        let (mut facts, warning) = write_shot(request, &camera, &name, &taken)?;
+        warning.into_iter().for_each(|warning| context.warning(warning));
+        facts.extend(light.facts(request, &conditions));
+        written.push(facts);
+        let note = light.says(request, &conditions);
+        if note != last_note {
+            context.note(&note);
+            last_note = note;
+        }
+    }
+    Ok(written)
+}
+
+/// Options that fit neither a run over the spectrum nor each other.
+fn check(request: &Request) -> Result<(), JobError> {
+    for name in request.images.iter().filter_map(|path| scene_name(path)) {
+        scene(name)?;
+    }
+    let first = |wanted: Kind| request.images.iter().find(|path| kind(path) == wanted);
+    if let (Some(bands), Some(file)) = (request.spectral.bands, first(Kind::Spectral)) {
+        return Err(JobError::input(
+            format!("--bands {bands}: {} has bands of its own", file.display()),
+            "leave --bands out, or simulate scenes and photographs apart from spectral images",
+        ));
+    }
+    if let (Some(white_e), Some(file)) = (request.white_e, first(Kind::Spectral)) {
+        return Err(JobError::input(
+            format!("--white-e {white_e}: {} has radiances of its own", file.display()),
+            "leave --white-e out; --time-s and --gain set the exposure",
+        ));
+    }
+    if let (Some(white_e), Some(lux)) = (request.white_e, request.spectral.illuminance_lux) {
+        return Err(JobError::input(
+            format!(
+                "--white-e {white_e}: --illuminance-lux {lux} says already how many electrons white gives"
+            ),
+            "leave one of the two out",
+        ));
+    }
+    let spectral = first(Kind::Scene).or_else(|| first(Kind::Spectral));
+    if let Some(path) = spectral.filter(|_| request.spectral.three_band) {
+        return Err(JobError::input(
+            format!("--three-band: {} is no photograph of three bands", path.display()),
+            "leave --three-band out, or give photographs",
+        ));
+    }
+    if let Some(bands) = request.spectral.bands.filter(|bands| !(2..=401).contains(bands)) {
+        return Err(JobError::input(
+            format!("--bands {bands}: not within 2..401"),
+            "16 bands are 20 nm apart over 400..700 nm",
+        ));
+    }
+    Ok(())
+}
+
+/// The built-in scene of a name.
+fn scene(name: &str) -> Result<SceneKind, JobError> {
+    SceneKind::named(name).ok_or_else(|| {
+        let known = SceneKind::ALL.map(SceneKind::name).join(", scene:");
+        JobError::input(format!("no scene called `{name}`"), format!("there are scene:{known}"))
+    })
+}
+
+/// What is taken: a scene over its bands, or a photograph on the sensor in three.
+enum Opened {
+    Bands(SpectralScene),
+    ThreeBands(LinearImage),
+}
+
+/// What an image holds, and its light if its bands are its own.
+fn open(
+    request: &Request,
+    path: &Path,
+    conditions: &Conditions,
+    bench: &Bench,
+    shared: &Light,
+) -> Result<(Opened, Option<Light>), JobError> {
+    let (illuminant, lux, band_um) = (&conditions.illuminant, conditions.lux, &shared.band_um);
+    if let Some(name) = scene_name(path) {
+        let drawn = scene(name)?.draw(bench.sensor.height, bench.sensor.width);
+        return Ok((Opened::Bands(SpectralScene::surfaces(drawn, illuminant, lux, band_um)), None));
+    }
+    if kind(path) == Kind::Spectral {
+        let image = load_spectral(path).map_err(DesignError::from)?;
+        let light = Light::in_file(request, conditions, bench, path, &image.wavelength_um)?;
+        return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
+    }
+    let photo = placed(request, &load_image(path).map_err(DesignError::from)?, &bench.sensor);
+    let opened = match request.spectral.three_band {
+        true => Opened::ThreeBands(photo),
+        false => Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um)),
+    };
+    Ok((opened, None))
+}
+
+/// Electrons of a scene whose bands go through the lens one by one.
+fn over_bands(
+    request: &Request,
+    bench: &Bench,
+    conditions: &Conditions,
+    light: &Light,
+    scene: &SpectralScene,
+    name: &str,
+    context: &Context,
+) -> Result<ColourElectrons, DesignError> {
+    let bands = Bands {
+        um: &scene.band_um,
+        weights: &light.weights,
+        planes: &|three| placed(request, &scene.planes(three), &bench.sensor),
+    };
+    let total = bands.seen().len() as u64;
+    let count = std::cell::Cell::new(0);
+    context.progress(0, total, name);
+    let done = |_band: usize| {
+        count.set(count.get() + 1);
+        context.progress(count.get(), total, name);
+    };
+    render_spectral(&conditions.lens, &conditions.plan, &bench.geometry, &bands, bench.window, &done)
+}
+
+/// Electrons of a photograph whose three planes go through the lens: the matrix is the integral over the spectrum, only the
+/// PSFs are those of three wavelengths.
+fn in_three_bands(
+    request: &Request,
+    bench: &Bench,
+    light: &Light,
+    photo: &LinearImage,
+) -> Result<ColourElectrons, DesignError> {
+    let camera = bench.camera(request, bench.sensor.clone(), 1.0, LinearIsp::default())?;
+    Ok(ColourElectrons::of_rgb(&camera.irradiance(&[bench.shot(photo, 0)])?, &light.white))
+}
+
+/// A failure with the name of the scene in which it arose.
+fn named(path: &Path, error: DesignError) -> JobError {
+    if !error.is_input() {
+        return error.into();
+    }
+    let hint = "the lens is traced at the wavelength of each band to which the sensor answers: check the focus, and the bands of the scene";
+    JobError::input(format!("{}: {error}", path.display()), hint)
+}
+
+/// A file that is named on the command line, as text.
+fn read(path: &str) -> Result<(PathBuf, String), JobError> {
+    let path = PathBuf::from(path);
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "give a CSV file that exists"))?;
+    Ok((path, text))
+}

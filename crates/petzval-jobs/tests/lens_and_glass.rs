@@ -1,0 +1,205 @@
+//! Lens and glass jobs called as a program other than the command calls them.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use petzval_jobs::lens::{FocusAt, convert, optimize, show, tolerance, trace};
+use petzval_jobs::{Context, Fault, JobError, Progress, Silent, Watcher, built_in_assets, glass};
+use petzval_optics::psf::PsfKind;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+const LENS: &str = "cooke-triplet-nominal";
+
+/// A window: a lens without focal length, f-number and paraxial image.
+const AFOCAL: &str = r#"
+name = "window"
+source = "a test"
+units = "mm"
+[aperture]
+entrance_pupil_diameter_mm = 10.0
+[object]
+distance_mm = inf
+[wavelengths]
+um = [0.55]
+reference_um = 0.55
+[fields]
+angle_deg = [0.0, 1.0]
+[[surface]]
+label = "front"
+stop = true
+glass = "N-BK7"
+radius_mm = inf
+thickness_mm = 3.0
+semi_diameter_mm = 5.5
+[[surface]]
+label = "back"
+radius_mm = inf
+thickness_mm = 20.0
+semi_diameter_mm = 6.0
+"#;
+
+fn context() -> Context {
+    Context::new(built_in_assets(), Arc::new(Silent))
+}
+
+/// Writes a value as JSON, reads it again, and compares.
+fn survives_json<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: &T) {
+    let text = serde_json::to_string(value).unwrap();
+    assert_eq!(serde_json::from_str::<T>(&text).unwrap(), *value);
+}
+
+/// Requests and responses of a job, both through JSON.
+fn run<Request, Response>(
+    job: impl Fn(&Request, &Context) -> Result<Response, JobError>,
+    request: Request,
+) -> Response
+where
+    Request: Serialize + DeserializeOwned + PartialEq + Debug,
+    Response: Serialize + DeserializeOwned + PartialEq + Debug,
+{
+    survives_json(&request);
+    let response = job(&request, &context()).unwrap();
+    survives_json(&response);
+    response
+}
+
+fn optimize_request(folder: &std::path::Path, global: bool) -> optimize::Request {
+    optimize::Request {
+        start: optimize::Start::New {
+            lens: LENS.to_owned(),
+            out: folder.join("run"),
+            goal: optimize::Goal { wavelengths: vec![0.5876], ..optimize::Goal::default() },
+            global,
+            seed: 1,
+        },
+        iterations: 3,
+        rounds: 1000,
+        seconds: None,
+        trade: false,
+    }
+}
+
+fn tolerance_request(folder: &std::path::Path) -> tolerance::Request {
+    tolerance::Request {
+        lens: LENS.to_owned(),
+        tolerances: None,
+        grade: Some(tolerance::Grade::Commercial),
+        merit: tolerance::Merit::Rms,
+        frequency: 40.0,
+        kind: PsfKind::Geometric,
+        trials: 5,
+        compensate: tolerance::Compensate::Focus,
+        limit: Some(14.0),
+        inverse: None,
+        seed: 1,
+        worst: 1,
+        out: Some(folder.join("made")),
+    }
+}
+
+#[test]
+fn requests_and_responses_survive_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let window = folder.path().join("window.toml");
+    std::fs::write(&window, AFOCAL).unwrap();
+    for lens in [LENS.to_owned(), window.display().to_string()] {
+        let shown = run(show::run, show::Request { lens, focus: FocusAt::File });
+        assert_eq!(shown.figures.efl_mm.is_some(), shown.figures.name != "window");
+    }
+    // A ray that arrives and one that is lost.
+    for py in [0.5, 9.0] {
+        let pupil = vec![0.0, py];
+        let request = trace::Request {
+            lens: LENS.to_owned(),
+            field: 5.0,
+            wavelength: 0.55,
+            pupil,
+            aim: trace::Aim::Real,
+        };
+        assert_eq!(run(trace::run, request).image.is_some(), py < 1.0);
+    }
+    let to = folder.path().join("triplet.zmx");
+    let converted = run(convert::run, convert::Request { from: LENS.to_owned(), to: to.clone() });
+    assert!(to.is_file() && !converted.losses_of_writing.is_empty());
+
+    let descent = run(optimize::run, optimize_request(folder.path(), false));
+    assert!(descent.found.lens.is_file() && !descent.is_cancelled);
+    let made = run(tolerance::run, tolerance_request(folder.path()));
+    // Figures, tolerances, two tables, two pictures, and the worst lens.
+    assert_eq!(made.files.len(), 7);
+    assert!(made.files.iter().all(|file| file.is_file()));
+
+    // AIR has no Abbe number.
+    for name in ["N-BK7", "AIR"] {
+        let request = glass::show::Request { name: name.to_owned(), temperature: None, pressure: None };
+        assert_eq!(run(glass::show::run, request).glass.vd.is_some(), name != "AIR");
+    }
+    run(glass::list::run, glass::list::Request { maker: None });
+    let near = glass::find::Request { nd: 1.5168, vd: 64.17, count: 3, maker: None, obsolete: false };
+    assert_eq!(run(glass::find::run, near).glasses.len(), 3);
+}
+
+/// Keeps the last progress, and cancels the job at some unit of its work.
+struct Canceller {
+    at: u64,
+    last: AtomicU64,
+    cancelled: Arc<AtomicBool>,
+}
+
+impl Watcher for Canceller {
+    fn warning(&self, _: &str) {}
+
+    fn progress(&self, progress: &Progress) {
+        self.last.store(progress.done, Ordering::Relaxed);
+        if progress.done == self.at {
+            self.cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+#[test]
+fn a_cancelled_search_stops_after_its_round_with_what_it_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let cancelled = Arc::new(AtomicBool::new(false));
+    let canceller = Arc::new(Canceller { at: 1, last: AtomicU64::new(0), cancelled: cancelled.clone() });
+    let context = Context::new(built_in_assets(), canceller.clone()).with_cancellation(cancelled);
+    let response = optimize::run(&optimize_request(folder.path(), true), &context).unwrap();
+    assert!(response.is_cancelled && response.found.steps > 0);
+    assert_eq!(canceller.last.load(Ordering::Relaxed), 1);
+    // What was cancelled can be continued.
+    let start = optimize::Start::Resume { folder: folder.path().join("run"), rewind: None };
+    let request = optimize::Request { start, rounds: 1, ..optimize_request(folder.path(), true) };
+    let continued = optimize::run(&request, &self::context()).unwrap();
+    assert!(continued.found.best.mean_rms_spot_um <= 1.001 * response.found.best.mean_rms_spot_um);
+}
+
+#[test]
+fn a_cancelled_tolerance_analysis_fails_as_a_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let context = context().with_cancellation(Arc::new(AtomicBool::new(true)));
+    let error = tolerance::run(&tolerance_request(folder.path()), &context).unwrap_err();
+    assert_eq!(error.fault(), Fault::Job);
+    assert!(error.to_string().contains("cancelled"), "{error}");
+}
+
+#[test]
+fn wrong_settings_are_named_by_their_key() {
+    let key = |error: JobError| match error {
+        JobError::Setting { key, .. } => key,
+        other => panic!("{other:?}"),
+    };
+    let glass = |temperature, pressure| {
+        let request = glass::show::Request { name: "N-BK7".to_owned(), temperature, pressure };
+        key(glass::show::run(&request, &context()).unwrap_err())
+    };
+    assert_eq!(glass(Some(1e9), None), "temperature");
+    assert_eq!(glass(Some(20.0), Some(-1.0)), "pressure");
+    assert_eq!(glass(None, Some(1.0)), "pressure");
+    let folder = tempfile::tempdir().unwrap();
+    let request = optimize::Request { rounds: 0, ..optimize_request(folder.path(), true) };
+    assert_eq!(key(optimize::run(&request, &context()).unwrap_err()), "rounds");
+    let request = tolerance::Request { trials: 2_000_000, ..tolerance_request(folder.path()) };
+    assert_eq!(key(tolerance::run(&request, &context()).unwrap_err()), "trials");
+}

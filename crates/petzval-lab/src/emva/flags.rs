@@ -1,0 +1,239 @@
+//! Flags: what the captures show about the use of each point, computed once.
+//!
+//! Flags decide and warnings report. The selection of points reads the flags, and the
+//! [`warnings`](super::warnings) are made from the same flags. A flag that is set holds the numbers that show it.
+//!
+//! | flag | evidence | a point with it |
+//! |---|---|---|
+//! | clipped at zero | samples pile up at digital number 0 | is not used for K and the dark series: its mean and noise are biased |
+//! | moved | a part of a frame differs from the other frames | is not used for K and the dark series |
+//! | flicker | whole frames differ from each other | is used: the differences are taken out of the noise |
+//! | light leak, uneven | parts of the mean frame differ | is used |
+//! | no dark, no signal | the dark frames of its exposure time are missing, or as bright | is not used for K |
+//! | saturated | samples are clipped, or the noise has fallen | is left out by the photon transfer |
+//! | darker | the point has more light than another and is darker | is used |
+
+use super::captures::{Captures, Kind, Point};
+use super::point::PointStatistics;
+use petzval_base::statistics::median;
+
+/// The frames of one point, reduced and judged.
+#[derive(Debug)]
+pub struct FlaggedPoint<'a> {
+    /// The setting and the frames.
+    pub point: &'a Point,
+    /// Moments of the frames.
+    pub found: PointStatistics,
+    /// What the frames show by themselves.
+    pub flags: FrameFlags,
+}
+
+/// What the frames of one point show, without the frames of other points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameFlags {
+    /// The setting in words.
+    pub label: String,
+    /// Share of the samples at digital number 0, if the distribution is cut off there.
+    pub clipped_at_zero: Option<f64>,
+    /// The means of the frames differ by more than noise.
+    pub flicker: Option<Flicker>,
+    /// A part of one frame differs from the other frames by more than noise.
+    pub moved: Option<Movement>,
+    /// Largest difference of two blocks of dark frames, DN, if it is more than noise.
+    pub light_leak_dn: Option<f64>,
+    /// Largest difference of two blocks of flat frames, percent of the signal, if it is more than noise and 5 %.
+    pub uneven_percent: Option<f64>,
+}
+
+/// Means of frames that differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flicker {
+    /// Largest difference of the frames' means, DN.
+    pub difference_dn: f64,
+    /// Its standard error from noise alone, DN.
+    pub standard_error_dn: f64,
+}
+
+/// A frame that differs from the others in a part of the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Movement {
+    /// The frame, counted from 1.
+    pub frame: usize,
+    /// Largest difference of a block's mean from that of the other frames, DN.
+    pub difference_dn: f64,
+    /// Its standard error from noise alone, DN.
+    pub standard_error_dn: f64,
+}
+
+/// What the points of one gain show together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GainFlags {
+    /// Each point by itself, in the order of the list.
+    pub frames: Vec<FrameFlags>,
+    /// Usable flat points, light ascending.
+    pub flats: Vec<FlatFlags>,
+    /// Flat stacks in the order of the list.
+    pub stacks: Vec<StackFlags>,
+}
+
+/// A flat point beside its dark frames and the other flat points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlatFlags {
+    /// The setting in words.
+    pub label: String,
+    /// How its light stands to the dark.
+    pub signal: Signal,
+    /// In a colour samples are clipped, or the point is beyond the peak of the noise.
+    pub is_saturated: bool,
+    /// In a colour the point is darker than the one before, which has less light.
+    pub is_darker: bool,
+}
+
+/// How a flat point stands to the dark frames of its gain and exposure time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Signal {
+    /// It is brighter: the point is used.
+    Above,
+    /// It has no usable dark frames.
+    NoDark,
+    /// It is no brighter.
+    None {
+        /// Its mean less that of the dark frames, DN.
+        signal_dn: f64,
+        /// The standard error of that, DN.
+        standard_error_dn: f64,
+    },
+}
+
+/// A flat stack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StackFlags {
+    /// The setting in words.
+    pub label: String,
+    /// Whether it is evaluated.
+    pub stack_use: StackUse,
+}
+
+/// Whether a flat stack is evaluated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StackUse {
+    /// It is.
+    Evaluated,
+    /// It has no dark stack of its exposure time.
+    NoDarkStack,
+    /// Another stack of this gain is.
+    Surplus,
+}
+
+impl FrameFlags {
+    /// Judges the frames of a point.
+    pub fn of(captures: &Captures, point: &Point, found: &PointStatistics) -> Self {
+        let black_dn = captures.sensor.black_level_dn.unwrap_or(0.0);
+        // Light and offset may drift by a thousandth of the signal without harm.
+        let drift_dn = match point.kind {
+            Kind::Flat => 1e-3 * (found.all.mean_dn - black_dn).abs(),
+            Kind::Dark => 0.05,
+        };
+        let whole_dn = whole_frame_deviations(found);
+        let is_mono = captures.sensor.cfa.rows() * captures.sensor.cfa.cols() == 1;
+        Self {
+            label: point.label(),
+            clipped_at_zero: found.all.is_clipped_at_zero().then_some(found.all.share_at_zero),
+            flicker: flicker(found, &whole_dn, drift_dn),
+            moved: movement(found, &whole_dn, drift_dn),
+            light_leak_dn: light_leak_dn(found).filter(|_| point.kind == Kind::Dark),
+            uneven_percent: uneven_percent(found, black_dn).filter(|_| point.kind == Kind::Flat && is_mono),
+        }
+    }
+
+    /// Whether mean and noise of the frames are those of the sensor.
+    pub fn is_usable(&self) -> bool {
+        self.clipped_at_zero.is_none() && self.moved.is_none()
+    }
+}
+
+impl GainFlags {
+    /// Flat points with dark frames and light above them: those of the photon transfer.
+    pub fn with_signal(&self) -> impl Iterator<Item = &FlatFlags> {
+        self.flats.iter().filter(|flat| flat.signal == Signal::Above)
+    }
+}
+
+/// Multiple of the standard error from which a difference is no noise: 64 blocks of a hundred points exceed it by chance once
+/// in ten thousand series.
+const NOT_NOISE_SIGMAS: f64 = 6.0;
+
+/// By frame, how much brighter it is than the others as a whole, DN: the median of its blocks, so that something that moves
+/// through a few blocks does not count.
+fn whole_frame_deviations(found: &PointStatistics) -> Vec<f64> {
+    let filled = |blocks: &[f64]| -> Vec<f64> {
+        blocks.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(d, _)| *d).collect()
+    };
+    found.block_deviations_dn.iter().map(|blocks| median(filled(blocks))).collect()
+}
+
+/// Frames of one setting have one mean, within noise and a small drift.
+fn flicker(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<Flicker> {
+    let frames = found.frames as f64;
+    let range =
+        |v: &[f64]| v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min);
+    let difference_dn = range(whole_dn) * (frames - 1.0) / frames;
+    let variance = found.all.variance_dn2.max(0.0);
+    // The variance of a median is pi/2 times that of the mean.
+    let standard_error_dn = (std::f64::consts::PI * variance / found.all.pixels as f64).sqrt();
+    (difference_dn > NOT_NOISE_SIGMAS * standard_error_dn + drift_dn)
+        .then_some(Flicker { difference_dn, standard_error_dn })
+}
+
+/// In every part of the picture a frame differs from the others by noise and by what the whole frame does. Clipped frames are
+/// not judged.
+fn movement(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<Movement> {
+    if found.all.is_clipped_at_max() {
+        return None;
+    }
+    let frames = found.frames as f64;
+    let variance = found.all.variance_dn2.max(0.0);
+    let of_frame = |(k, (blocks, whole)): (usize, (&Vec<f64>, &f64))| {
+        let (whole, factor) = (*whole, frames / (frames - 1.0));
+        blocks
+            .iter()
+            .zip(&found.block_pixels)
+            .filter(|(_, n)| **n > 0)
+            .map(|(d, n)| Movement {
+                frame: k + 1,
+                difference_dn: (d - whole).abs(),
+                standard_error_dn: (factor * variance / *n as f64).sqrt(),
+            })
+            .filter(|m| m.difference_dn > NOT_NOISE_SIGMAS * m.standard_error_dn + drift_dn)
+            .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn))
+    };
+    found
+        .block_deviations_dn
+        .iter()
+        .zip(whole_dn)
+        .enumerate()
+        .filter_map(of_frame)
+        .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn).then(b.frame.cmp(&a.frame)))
+}
+
+/// Largest difference of two blocks of the mean frame, and its standard error from the spread of all samples, DN.
+fn block_difference(found: &PointStatistics) -> (f64, f64) {
+    let blocks =
+        || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
+    let difference_dn = blocks().fold(f64::NEG_INFINITY, f64::max) - blocks().fold(f64::INFINITY, f64::min);
+    let fewest = found.block_pixels.iter().filter(|n| **n > 0).min().copied().unwrap_or(1) as f64;
+    (difference_dn, (found.all.total_variance_dn2() / fewest).sqrt())
+}
+
+/// Dark frames are brighter in places, by more than noise and 1 DN.
+fn light_leak_dn(found: &PointStatistics) -> Option<f64> {
+    let (difference_dn, standard_error_dn) = block_difference(found);
+    (difference_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * standard_error_dn).then_some(difference_dn)
+}
+
+/// A flat field is brighter in places, by more than noise and 5 % of the signal.
+fn uneven_percent(found: &PointStatistics, black_dn: f64) -> Option<f64> {
+    let (difference_dn, standard_error_dn) = block_difference(found);
+    let percent = 100.0 * difference_dn / (found.all.mean_dn - black_dn).abs().max(1.0);
+    (percent > 5.0 && difference_dn > 2.0 * NOT_NOISE_SIGMAS * standard_error_dn).then_some(percent)
+}

@@ -1,0 +1,201 @@
+//! One linear gain: its points are selected by their flags, and evaluated colour by colour.
+
+use super::captures::{Captures, Kind, Point};
+use super::dark::{DarkPoint, dark_series};
+use super::figures::{Basis, figures};
+use super::flags::{FlaggedPoint, FlatFlags, GainFlags, Signal, StackFlags, StackUse};
+use super::hot_pixels::of_dark_ends;
+use super::point::{PointStatistics, Stack};
+use super::result::{ChannelResult, GainResult, Options};
+use super::spatial::spatial;
+use super::transfer::photon_transfer;
+use super::transfer_point::{Rules, TransferPoint};
+use petzval_camera::sensor::Colour;
+
+/// Evaluates the points of one gain. `dark_ends` are those of the shortest and of the longest dark exposure, `clip_dn` is the
+/// digital number at which the converter clips.
+pub fn evaluate_gain(
+    captures: &Captures,
+    options: &Options,
+    linear_gain: f64,
+    points: &[FlaggedPoint<'_>],
+    dark_ends: [Option<&FlaggedPoint<'_>>; 2],
+    clip_dn: u32,
+) -> (GainResult, GainFlags) {
+    // Select the points whose mean and noise are those of the sensor, flat ones by growing light.
+    let mut flats = temporal(points, Kind::Flat);
+    flats.sort_by(by_light);
+    flats.retain(|p| p.flags.is_usable());
+    let mut darks = temporal(points, Kind::Dark);
+    darks.retain(|p| p.flags.is_usable());
+
+    // Fit mean and variance of the dark frames over exposure time.
+    let mean_difference = options.mean_difference;
+    let dark_point =
+        |p: &&FlaggedPoint<'_>| DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference);
+    let dark = dark_series(darks.iter().map(dark_point).collect());
+
+    // Pair each flat point with the dark one of its exposure time; those without signal are left out.
+    let dark_of = |flat: &FlaggedPoint<'_>| {
+        let time_s = flat.point.exposure_s;
+        darks.iter().find(|d| (d.point.exposure_s - time_s).abs() <= 1e-9 * time_s).copied()
+    };
+    let (mut pairs, mut flat_flags) = (Vec::new(), Vec::new());
+    for flat in flats {
+        let dark = dark_of(flat);
+        let signal = signal(flat, dark);
+        if let (Signal::Above, Some(dark)) = (signal, dark) {
+            pairs.push(Pair { point: flat.point, flat: &flat.found, dark: &dark.found });
+        }
+        let label = flat.flags.label.clone();
+        flat_flags.push(FlatFlags { label, signal, is_saturated: false, is_darker: false });
+    }
+
+    // Evaluate each colour: photon transfer, non-uniformity, figures.
+    let (stacks, stack_flags) = stacks(points);
+    let channels: Vec<ChannelResult> = captures
+        .sensor
+        .cfa
+        .colours()
+        .into_iter()
+        .filter_map(|colour| channel(captures, options, colour, &pairs, &darks, stacks.as_ref(), clip_dn))
+        .collect();
+
+    // Flag the points that the photon transfer found saturated, or darker than a point with less light.
+    let lit = flat_flags.iter_mut().filter(|flat| flat.signal == Signal::Above);
+    for (i, flat) in lit.enumerate() {
+        flat.is_saturated = channels.iter().any(|c| is_saturated(c, i));
+        flat.is_darker = i > 0 && channels.iter().any(|c| is_darker(c, i));
+    }
+    let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
+    let pixel_dark_currents = of_dark_ends(dark_ends, max_dn);
+    let frames = points.iter().map(|p| p.flags.clone()).collect();
+    (
+        GainResult { linear_gain, dark, pixel_dark_currents, channels },
+        GainFlags { frames, flats: flat_flags, stacks: stack_flags },
+    )
+}
+
+/// Points that serve the photon transfer: pairs, and stacks where there is no pair of their setting.
+fn temporal<'p, 'a>(points: &'p [FlaggedPoint<'a>], kind: Kind) -> Vec<&'p FlaggedPoint<'a>> {
+    let setting = |p: &Point| (p.exposure_s, p.photons);
+    let of_kind = || points.iter().filter(move |p| p.point.kind == kind);
+    let has_pair = |p: &Point| of_kind().any(|q| !q.point.is_stack() && setting(q.point) == setting(p));
+    of_kind().filter(|p| !p.point.is_stack() || !has_pair(p.point)).collect()
+}
+
+/// Growing light: photons, else exposure time, else the mean of the frames.
+fn by_light(a: &&FlaggedPoint<'_>, b: &&FlaggedPoint<'_>) -> std::cmp::Ordering {
+    let light = |p: &Point| p.photons.unwrap_or(p.exposure_s);
+    let by_time = a.point.exposure_s.total_cmp(&b.point.exposure_s);
+    let by_light = light(a.point).total_cmp(&light(b.point)).then(by_time);
+    by_light.then(a.found.all.mean_dn.total_cmp(&b.found.all.mean_dn))
+}
+
+/// How a flat point stands to the dark frames of its exposure time.
+fn signal(flat: &FlaggedPoint<'_>, dark: Option<&FlaggedPoint<'_>>) -> Signal {
+    let Some(dark) = dark else { return Signal::NoDark };
+    let (flat, dark) = (&flat.found.all, &dark.found.all);
+    match flat.mean_dn <= dark.mean_dn {
+        true => Signal::None {
+            signal_dn: flat.mean_dn - dark.mean_dn,
+            standard_error_dn: flat.mean_se_dn.hypot(dark.mean_se_dn),
+        },
+        false => Signal::Above,
+    }
+}
+
+/// Whether a point is clipped in a colour, or beyond the peak of its noise.
+fn is_saturated(channel: &ChannelResult, point: usize) -> bool {
+    channel.transfer.is_beyond_saturation(point) || channel.points[point].is_clipped()
+}
+
+/// Whether a point is darker than the one before it, which has less light: by more than noise below saturation, by a twentieth
+/// on the plateau beyond, where the dark signal that is subtracted still grows.
+fn is_darker(channel: &ChannelResult, point: usize) -> bool {
+    let (before, own) = (&channel.points[point - 1], &channel.points[point]);
+    let (low, high) = (before.signal_dn(), own.signal_dn());
+    match channel.transfer.is_beyond_saturation(point) {
+        true => high < 0.95 * low,
+        false => high < low - 6.0 * before.signal_se_dn().hypot(own.signal_se_dn()),
+    }
+}
+
+/// Flat frames with the dark ones of their exposure time.
+struct Pair<'a> {
+    point: &'a Point,
+    flat: &'a PointStatistics,
+    dark: &'a PointStatistics,
+}
+
+/// A flat and a dark stack of one exposure time.
+struct Stacks<'a> {
+    flat: &'a Stack,
+    dark: &'a Stack,
+    exposure_s: f64,
+}
+
+/// The first flat stack that has a dark one of its exposure time, and what becomes of each flat stack.
+fn stacks<'p>(points: &'p [FlaggedPoint<'_>]) -> (Option<Stacks<'p>>, Vec<StackFlags>) {
+    let (mut chosen, mut flags) = (None, Vec::new());
+    let of_kind = |kind| points.iter().filter(move |p| p.point.kind == kind && p.point.is_stack());
+    for flat_point in of_kind(Kind::Flat) {
+        let Some(flat) = &flat_point.found.stack else { continue };
+        let exposure_s = flat_point.point.exposure_s;
+        let dark = of_kind(Kind::Dark)
+            .filter(|p| p.point.exposure_s == exposure_s)
+            .find_map(|p| p.found.stack.as_ref());
+        let stack_use = match (dark, &chosen) {
+            (None, _) => StackUse::NoDarkStack,
+            (Some(_), Some(_)) => StackUse::Surplus,
+            (Some(dark), None) => {
+                chosen = Some(Stacks { flat, dark, exposure_s });
+                StackUse::Evaluated
+            }
+        };
+        flags.push(StackFlags { label: flat_point.flags.label.clone(), stack_use });
+    }
+    (chosen, flags)
+}
+
+/// Evaluates one colour; `None` if it has no points.
+fn channel(
+    captures: &Captures,
+    options: &Options,
+    colour: Colour,
+    pairs: &[Pair<'_>],
+    darks: &[&FlaggedPoint<'_>],
+    stacks: Option<&Stacks<'_>>,
+    clip_dn: u32,
+) -> Option<ChannelResult> {
+    let mean_difference = options.mean_difference;
+
+    // Photon transfer, by our rules and by those of the library.
+    let transfer_point = |pair: &Pair<'_>| {
+        let (flat, dark) = (pair.flat.colour(colour)?, pair.dark.colour(colour)?);
+        let (exposure_s, photons) = (pair.point.exposure_s, pair.point.photons);
+        Some(TransferPoint::new(exposure_s, photons, flat, dark, mean_difference, clip_dn))
+    };
+    let points: Vec<TransferPoint> = pairs.iter().filter_map(transfer_point).collect();
+    let transfer = photon_transfer(&points, Rules::Ours)?;
+    let library_transfer = photon_transfer(&points, Rules::Library)?;
+
+    // Non-uniformity from the stacks.
+    let spatial = stacks
+        .and_then(|s| spatial(s.flat, s.dark, s.exposure_s, &captures.sensor.cfa, colour, options.high_pass));
+
+    // Figures, with the dark series of this colour's pixels.
+    let dark_point = |p: &&FlaggedPoint<'_>| {
+        Some(DarkPoint::new(p.point.exposure_s, p.found.colour(colour)?, mean_difference))
+    };
+    let dark = dark_series(darks.iter().filter_map(dark_point).collect());
+    let figures = figures(&Basis {
+        points: &points,
+        library: &library_transfer,
+        ours: &transfer,
+        dark: &dark,
+        spatial: spatial.as_ref(),
+        pixel_area_um2: captures.sensor.pixel_um.map(|p| p * p),
+    });
+    Some(ChannelResult { colour, points, transfer, library_transfer, spatial, figures })
+}

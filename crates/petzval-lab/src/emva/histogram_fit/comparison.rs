@@ -1,0 +1,157 @@
+//! Captured histograms beside those of the model, and how well one describes the other.
+
+use serde::Serialize;
+
+use super::parameter::Numbers;
+use super::sample::{Sample, mean_dn};
+use crate::emva::captures::Kind;
+use petzval_camera::sensor::Colour;
+
+/// How well a distribution describes a histogram.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GoodnessOfFit {
+    /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is expected),
+    /// over their number less one.
+    pub reduced_chi2: f64,
+    /// Largest difference of the cumulative distributions (Kolmogorov-Smirnov), 0..1.
+    pub kolmogorov_smirnov: f64,
+    /// Half the sum of the absolute differences of the probabilities, 0..1.
+    pub total_variation: f64,
+}
+
+/// A captured histogram beside the simulated ones.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HistogramComparison {
+    /// Whether light fell on the sensor.
+    pub kind: Kind,
+    /// Linear gain.
+    pub linear_gain: f64,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Colour; `None` for dark frames.
+    pub colour: Option<Colour>,
+    /// First digital number of the three lists.
+    pub first_dn: u32,
+    /// Captured samples per digital number.
+    pub captured: Vec<u64>,
+    /// Expected samples with the parameters before the fit.
+    pub expected_before: Vec<f64>,
+    /// Expected samples with the fitted parameters.
+    pub expected_after: Vec<f64>,
+    /// Before the fit.
+    pub before: GoodnessOfFit,
+    /// After it.
+    pub after: GoodnessOfFit,
+    /// Reduced chi-square after the fit of the core alone, which tails do not touch.
+    pub core_reduced_chi2: f64,
+    /// Samples brighter than the core beyond what the model has there, as a share of all.
+    pub tail_share: f64,
+    /// Standard error of that share.
+    pub tail_share_se: f64,
+    /// Mean of the samples in the tail above the mean of the histogram, DN.
+    pub tail_mean_dn: f64,
+}
+
+/// Standard errors by which a tail must exceed what the model has there.
+const TAIL_SIGMAS: f64 = 5.0;
+/// Share of the pixels above which a tail is worth a warning.
+const TAIL_SHARE: f64 = 1e-5;
+
+impl HistogramComparison {
+    /// Whether dark frames have a tail of bright pixels that is no noise.
+    pub fn has_dark_tail(&self) -> bool {
+        let is_significant = self.tail_share > TAIL_SIGMAS * self.tail_share_se;
+        self.kind == Kind::Dark && is_significant && self.tail_share > TAIL_SHARE
+    }
+
+    /// The setting in words.
+    pub fn label(&self) -> String {
+        let (gain, ms) = (self.linear_gain, 1e3 * self.exposure_s);
+        let colour = self.colour.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
+        let kind = if self.kind == Kind::Flat { "flat" } else { "dark" };
+        format!("{kind}, gain {gain}, {ms} ms{colour}")
+    }
+}
+
+/// Compares a captured histogram with the distributions of the parameters before and after the fit.
+pub(super) fn compare(
+    sample: &Sample<'_>,
+    full_well_e: f64,
+    max_dn: u32,
+    before: &Numbers,
+    after: &Numbers,
+) -> HistogramComparison {
+    let h = sample.histogram;
+    let n = h.counts.total() as f64;
+    let [p_before, p_after] =
+        [before, after].map(|numbers| sample.distribution(full_well_e, max_dn, numbers));
+    // The range to show: that of the captured samples, and of the model where it expects half a sample.
+    let visible = |p: &f64| n * p >= 0.5;
+    let first = (h.counts.first_dn as usize).min(p_after.iter().position(visible).unwrap_or(usize::MAX));
+    let last = (h.counts.last_dn() as usize).max(p_after.iter().rposition(visible).unwrap_or(0));
+    let captured: Vec<u64> = (first..=last).map(|y| h.counts.at(y as i64)).collect();
+    let expected = |p: &[f64]| p[first..=last].iter().map(|p| n * p).collect::<Vec<f64>>();
+    let (expected_before, expected_after) = (expected(&p_before), expected(&p_after));
+
+    // The core alone, which tails do not touch.
+    let (low, high) = (sample.core.0 as usize, sample.core.1 as usize);
+    let within: Vec<u64> = (low..=high).map(|y| h.counts.at(y as i64)).collect();
+    let n_within = within.iter().sum::<u64>() as f64;
+    let share = p_after[low..=high].iter().sum::<f64>().max(1e-300);
+    let expected_within: Vec<f64> = p_after[low..=high].iter().map(|p| n_within * p / share).collect();
+
+    // The tail: samples brighter than the core, beyond those that the model has there.
+    let beyond = high + 1;
+    let in_tail: Vec<(f64, f64)> =
+        (beyond..=last.max(beyond)).map(|y| (y as f64, h.counts.at(y as i64) as f64)).collect();
+    let (found, mean) = (in_tail.iter().map(|(_, c)| c).sum::<f64>(), mean_dn(&h.counts));
+    let explained: f64 = n * p_after.iter().skip(beyond).sum::<f64>();
+    let above: f64 = in_tail.iter().map(|(y, c)| (y - mean) * c).sum();
+    HistogramComparison {
+        kind: h.kind,
+        linear_gain: h.linear_gain,
+        exposure_s: h.exposure_s,
+        colour: h.colour,
+        first_dn: first as u32,
+        before: goodness(&captured, &expected_before, n),
+        after: goodness(&captured, &expected_after, n),
+        core_reduced_chi2: goodness(&within, &expected_within, n_within).reduced_chi2,
+        captured,
+        expected_before,
+        expected_after,
+        tail_share: (found - explained) / n,
+        tail_share_se: (explained + 1.0).sqrt() / n,
+        tail_mean_dn: if found > 0.0 { above / found } else { 0.0 },
+    }
+}
+
+/// Compares counts with expected counts of the same digital numbers; `n` samples in all.
+pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
+    let mut bins: Vec<(f64, f64)> = Vec::new();
+    let (mut c_bin, mut e_bin) = (0.0, 0.0);
+    let (mut c_sum, mut e_sum, mut ks, mut variation) = (0.0, 0.0, 0.0_f64, 0.0);
+    for (c, e) in captured.iter().map(|c| *c as f64).zip(expected) {
+        c_sum += c;
+        e_sum += e;
+        ks = ks.max((c_sum - e_sum).abs() / n);
+        variation += 0.5 * (c - e).abs() / n;
+        // Neighbouring digital numbers share a bin until ten samples are expected, or are there where the model has none.
+        c_bin += c;
+        e_bin += e;
+        if e_bin >= 10.0 || (c_bin >= 10.0 && e_bin < 1.0) {
+            bins.push((c_bin, e_bin));
+            (c_bin, e_bin) = (0.0, 0.0);
+        }
+    }
+    // What is left at the end belongs to the last bin: alone it would be divided by next to nothing.
+    match bins.last_mut() {
+        Some((c, e)) => (*c, *e) = (*c + c_bin, *e + e_bin),
+        None => bins.push((c_bin, e_bin)),
+    }
+    let chi2: f64 = bins.iter().map(|(c, e)| (c - e).powi(2) / e.max(1e-3)).sum();
+    GoodnessOfFit {
+        reduced_chi2: chi2 / bins.len().saturating_sub(1).max(1) as f64,
+        kolmogorov_smirnov: ks,
+        total_variation: variation,
+    }
+}

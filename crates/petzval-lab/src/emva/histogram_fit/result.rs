@@ -1,0 +1,95 @@
+//! What the fit to the histograms gives.
+
+use serde::Serialize;
+
+use super::comparison::HistogramComparison;
+use super::parameter::ModelParameters;
+use crate::emva::measured::Measured;
+
+/// Electrons per unit of light in a green (or clear) pixel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LightLevel {
+    /// Linear gain of the points.
+    pub linear_gain: f64,
+    /// Electrons per photon where photons are known, else per second; of a single point if its light is stated by neither.
+    pub electrons: Measured,
+}
+
+/// Result of the fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HistogramFit {
+    /// Parameters before.
+    pub start: ModelParameters,
+    /// Parameters after.
+    pub fitted: ModelParameters,
+    /// K with its standard error, DN/e-.
+    pub gain_dn_per_e: Measured,
+    /// mu_r, e-.
+    pub read_noise_mean_e: Measured,
+    /// BL + mu_el, DN.
+    pub dark_offset_dn: Measured,
+    /// sigma_el, DN.
+    pub electronics_noise_dn: Measured,
+    /// alpha.
+    pub red_over_green: Measured,
+    /// beta.
+    pub blue_over_green: Measured,
+    /// `sqrt(sigma_r^2 + DSNU^2)`: the noise of the dark histograms, e-.
+    pub dark_noise_e: Measured,
+    /// sigma_r, e-: of temporal noise where it is known, else with DSNU in it.
+    pub read_noise_e: Measured,
+    /// DSNU, e-: what the histograms have beyond temporal noise. The error is an upper bound, as both come from the same
+    /// frames.
+    pub dsnu_e: Measured,
+    /// PRNU (with what is uneven in the light), percent.
+    pub prnu_percent: Measured,
+    /// mu_I, e-/s.
+    pub dark_current_e_per_s: Measured,
+    /// The light.
+    pub light: Vec<LightLevel>,
+    /// Steps taken.
+    pub steps: usize,
+    /// Whether the last step was smaller than a thousandth of the standard errors.
+    pub converged: bool,
+    /// Histograms that were left out: clipped, at the full well, or beyond the range of photon transfer.
+    pub left_out: usize,
+    /// What the fit shows about its own use.
+    #[serde(skip)]
+    pub flags: FitFlags,
+    /// Every histogram that was fitted.
+    pub histograms: Vec<HistogramComparison>,
+}
+
+/// What a fit shows about its own use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FitFlags {
+    /// It did not converge.
+    pub is_stopped: bool,
+    /// The model does not describe the histograms.
+    pub is_poor: bool,
+    /// The histograms do not determine all parameters.
+    pub is_ambiguous: bool,
+}
+
+impl HistogramFit {
+    /// Whether the fit converged and describes the histograms: standard errors are valid only if true.
+    pub fn is_sound(&self) -> bool {
+        !self.flags.is_stopped && !self.flags.is_poor
+    }
+}
+
+/// Mean reduced chi-square of the cores from which on the model does not describe the histograms. Pixels that differ count
+/// twice in two frames, which alone makes up to 2.
+const POOR_MEAN: f64 = 2.0;
+/// The same for the worst of the histograms.
+const POOR_WORST: f64 = 5.0;
+/// Mean reduced chi-square of the cores.
+pub fn mean_core_chi2(histograms: &[HistogramComparison]) -> f64 {
+    histograms.iter().map(|h| h.core_reduced_chi2).sum::<f64>() / histograms.len().max(1) as f64
+}
+
+/// Whether the model describes the cores of the histograms.
+pub fn describes(histograms: &[HistogramComparison]) -> bool {
+    let worst = histograms.iter().map(|h| h.core_reduced_chi2).fold(0.0, f64::max);
+    mean_core_chi2(histograms) <= POOR_MEAN && worst <= POOR_WORST
+}

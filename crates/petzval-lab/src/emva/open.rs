@@ -1,0 +1,146 @@
+//! Opens a folder of captures: reads its list, finds the frames, and checks what both kinds of list must hold.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use petzval_base::FileError;
+use petzval_files::decode;
+
+use super::captures::{CaptureError, Captures, DESCRIPTOR, FrameFile, Kind, MANIFEST, Point, SERIES};
+use super::{descriptor, frame_names, manifest};
+use petzval_files::raw_file::page_count;
+
+impl Captures {
+    /// Reads the list of captures of a folder and looks that every frame is there. The path of the list itself will do.
+    pub fn open(path: &Path) -> Result<Self, CaptureError> {
+        let is_list = path.file_name().is_some_and(|name| name == MANIFEST || name == DESCRIPTOR);
+        let folder = match (path.is_file(), is_list, path.parent()) {
+            (true, true, Some(folder)) if folder.as_os_str().is_empty() => Path::new("."),
+            (true, true, Some(folder)) => folder,
+            (true, ..) => return Err(CaptureError::NoFolder(path.to_owned())),
+            (false, ..) => path,
+        };
+        let (ours, theirs) = (folder.join(MANIFEST), folder.join(DESCRIPTOR));
+        if !folder.is_dir() {
+            let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
+            return Err(CaptureError::Io { path: folder.to_owned(), source });
+        }
+        let (list, ours) = match (ours.is_file(), theirs.is_file()) {
+            (true, _) => (ours, true),
+            (false, true) => (theirs, false),
+            (false, false) if folder.join(SERIES).is_file() => {
+                return Err(CaptureError::Unfinished(folder.to_owned()));
+            }
+            (false, false) => return Err(CaptureError::NoList(folder.to_owned())),
+        };
+        let bytes = std::fs::read(&list).map_err(|source| CaptureError::Io { path: list.clone(), source })?;
+        let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
+        let text = decode(&bytes);
+        let parsed = if ours { manifest::parse(&text, folder) } else { descriptor::parse(&text, folder) };
+        let mut captures = parsed.map_err(wrong)?;
+        for point in &mut captures.points {
+            if ours {
+                point.frames = frame_names::expanded(folder, point).map_err(wrong)?;
+            }
+            if let Some(missing) = point.frames.iter().find(|frame| !frame.path.is_file()) {
+                let name = missing.name_below(folder);
+                let error = FileError::at_line(point.line, "", format!("the frame {name} is not there"));
+                return Err(wrong(
+                    error.hint("copy the frame into the folder, or take the point off the list"),
+                ));
+            }
+            let mut frames = Vec::with_capacity(point.frames.len());
+            for FrameFile { path, .. } in std::mem::take(&mut point.frames) {
+                match page_count(&path)? {
+                    1 => frames.push(path.into()),
+                    pages => {
+                        frames.extend((0..pages).map(|k| FrameFile { path: path.clone(), page: Some(k) }))
+                    }
+                }
+            }
+            point.frames = frames;
+        }
+        captures.check().map_err(wrong)?;
+        Ok(captures)
+    }
+
+    /// What both kinds of list must hold: frames enough at every point, no point and no frame twice, and photons at all flat
+    /// points of a gain or at none.
+    fn check(&self) -> Result<(), FileError> {
+        if self.points.is_empty() {
+            return Err(FileError::at_line(0, "", "the list has no captures").hint("add points with frames"));
+        }
+        let mut listed: HashMap<&FrameFile, &Point> = HashMap::new();
+        for (i, point) in self.points.iter().enumerate() {
+            let at = |message: String| FileError::at_line(point.line, "", message);
+            if point.frames.len() < 2 {
+                let frames = match point.frames.len() {
+                    0 => "no frame",
+                    _ => "one frame",
+                };
+                return Err(at(format!("{} has {frames} where two are needed", point.label()))
+                    .hint("noise is measured from the difference of two frames of one setting"));
+            }
+            if point.frames.len() > MAX_FRAMES {
+                return Err(
+                    at(format!("{} is more than {MAX_FRAMES}", point.label())).hint("use fewer frames")
+                );
+            }
+            for frame in &point.frames {
+                if let Some(first) = listed.insert(frame, point) {
+                    let name = frame.name_below(&self.folder);
+                    return Err(at(format!(
+                        "the frame {name} is listed twice, first in line {}",
+                        first.line
+                    ))
+                    .hint("every frame is an exposure of its own, listed once"));
+                }
+            }
+            let other_light = |other: &&Point| {
+                (other.kind, point.kind) == (Kind::Flat, Kind::Flat)
+                    && other.linear_gain == point.linear_gain
+                    && other.photons.is_some() != point.photons.is_some()
+            };
+            if let Some(first) = self.points[..i].iter().find(other_light) {
+                let (here, there) = match point.photons {
+                    Some(_) => ("states photons", "does not"),
+                    None => ("states no photons", "does"),
+                };
+                return Err(at(format!(
+                    "{} {here}, the flat point of this gain in line {} {there}",
+                    point.label(),
+                    first.line
+                ))
+                .hint("state `photons` at every flat point of a gain, or at none"));
+            }
+            let same = |other: &&Point| {
+                other.kind == point.kind
+                    && other.linear_gain == point.linear_gain
+                    && other.exposure_s == point.exposure_s
+                    && other.photons == point.photons
+                    && other.is_stack() == point.is_stack()
+                    && !self.is_illumination_series(point)
+            };
+            if let Some(first) = self.points[..i].iter().find(same) {
+                return Err(at(format!("{} is listed already in line {}", point.label(), first.line))
+                    .hint("list all frames of one setting as one point"));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Captures {
+    /// Whether the light, not the exposure time, changes over the flat points of this point's gain without being stated: all
+    /// of them have one exposure time and no photons. Their own signal puts them in order.
+    fn is_illumination_series(&self, point: &Point) -> bool {
+        let flats =
+            || self.points.iter().filter(|p| p.kind == Kind::Flat && p.linear_gain == point.linear_gain);
+        point.kind == Kind::Flat
+            && flats().filter(|p| !p.is_stack()).count() > 2
+            && flats().all(|p| p.photons.is_none() && p.exposure_s == point.exposure_s)
+    }
+}
+
+/// More frames than a point can have: sums stay within whole numbers of 64 bits.
+const MAX_FRAMES: usize = 4096;

@@ -1,0 +1,95 @@
+//! What the characterisation of a series gives: the numbers of each gain and colour, and of all gains together.
+
+use serde::Serialize;
+
+use super::captures::SensorFacts;
+use super::counts::PointHistogram;
+use super::dark::DarkSeries;
+use super::figures::Figure;
+use super::high_pass::HighPass;
+use super::histogram_fit::HistogramFit;
+use super::hot_pixels::PixelDarkCurrents;
+use super::joint::JointFit;
+use super::spatial::Spatial;
+use super::transfer::PhotonTransfer;
+use super::transfer_point::TransferPoint;
+use super::warnings::Warning;
+use petzval_camera::sensor::Colour;
+
+/// How a series is evaluated.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Options {
+    /// The filter before non-uniformity (of the corrected values).
+    pub high_pass: HighPass,
+    /// Take the variance of the frames' means from the temporal variance (release 4); without it, Eq. 6 of Tseng et al.
+    pub mean_difference: bool,
+    /// Fit the remaining parameters of the model to the histograms.
+    pub fit_histograms: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { high_pass: HighPass::R4, mean_difference: true, fit_histograms: false }
+    }
+}
+
+/// The characterisation of a series of captures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Characterization {
+    /// Facts of the sensor that the list states.
+    pub sensor: SensorFacts,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// How it was evaluated.
+    pub options: Options,
+    /// What a reader should know about the captures.
+    pub warnings: Vec<Warning>,
+    /// Each linear gain, ascending.
+    pub gains: Vec<GainResult>,
+    /// All gains together.
+    pub joint: JointFit,
+    /// The fit to the histograms, if it was requested and possible.
+    pub histogram_fit: Option<HistogramFit>,
+    /// Captured histograms of the points of two frames; too long for the results file.
+    #[serde(skip)]
+    pub histograms: Vec<PointHistogram>,
+}
+
+/// One linear gain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GainResult {
+    /// Linear gain g.
+    pub linear_gain: f64,
+    /// Dark series over all pixels.
+    pub dark: DarkSeries,
+    /// Dark currents pixel by pixel, if there are two different dark exposure times.
+    pub pixel_dark_currents: Option<PixelDarkCurrents>,
+    /// Each colour; mono sensors have the one colour `clear`. Empty if the gain has no flat points.
+    pub channels: Vec<ChannelResult>,
+}
+
+/// One colour at one gain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelResult {
+    /// Colour.
+    pub colour: Colour,
+    /// Points with flat and dark frames, light ascending.
+    pub points: Vec<TransferPoint>,
+    /// Photon transfer by our rules.
+    pub transfer: PhotonTransfer,
+    /// Photon transfer by the rules of the EMVA 1288 Python library.
+    pub library_transfer: PhotonTransfer,
+    /// Non-uniformity, if there are stacks.
+    pub spatial: Option<Spatial>,
+    /// Figures under the names of the library.
+    pub figures: Vec<Figure>,
+}
+
+impl ChannelResult {
+    /// A figure by its name.
+    pub fn figure(&self, name: &str) -> Option<&Figure> {
+        self.figures.iter().find(|f| f.name == name)
+    }
+}

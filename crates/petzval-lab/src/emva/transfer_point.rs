@@ -1,0 +1,126 @@
+//! One setting of a photon transfer: mean and temporal variance of its flat frames and of its dark ones.
+
+use serde::Serialize;
+
+use super::point::{CLIPPED_SHARE, Moments};
+
+/// One setting with its flat and its dark frames.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TransferPoint {
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Photons per pixel, if they are known.
+    pub photons: Option<f64>,
+    /// Mean of the flat frames, DN.
+    pub mean_dn: f64,
+    /// Its standard error, DN.
+    pub mean_se_dn: f64,
+    /// Temporal variance of the flat frames, DN^2.
+    pub variance_dn2: f64,
+    /// Its standard error, DN^2.
+    pub variance_se_dn2: f64,
+    /// Mean of the dark frames, DN.
+    pub dark_mean_dn: f64,
+    /// Its standard error, DN.
+    pub dark_mean_se_dn: f64,
+    /// Temporal variance of the dark frames, DN^2.
+    pub dark_variance_dn2: f64,
+    /// Its standard error, DN^2.
+    pub dark_variance_se_dn2: f64,
+    /// Variance of the flat samples over pixels and frames, DN^2.
+    pub total_variance_dn2: f64,
+    /// Share of the flat samples at the digital number where the converter clips.
+    pub share_at_max: f64,
+}
+
+impl TransferPoint {
+    /// Pairs flat and dark moments; `mean_difference` subtracts the variance of the frames' means (release 4), `clip_dn` is
+    /// where the converter clips ([`super::samples::clip_dn`]).
+    pub fn new(
+        exposure_s: f64,
+        photons: Option<f64>,
+        flat: &Moments,
+        dark: &Moments,
+        mean_difference: bool,
+        clip_dn: u32,
+    ) -> Self {
+        let variance =
+            |m: &Moments| if mean_difference { m.variance_dn2 } else { m.variance_uncorrected_dn2 };
+        Self {
+            exposure_s,
+            photons,
+            mean_dn: flat.mean_dn,
+            mean_se_dn: flat.mean_se_dn,
+            variance_dn2: variance(flat),
+            variance_se_dn2: flat.variance_se_dn2,
+            dark_mean_dn: dark.mean_dn,
+            dark_mean_se_dn: dark.mean_se_dn,
+            dark_variance_dn2: variance(dark),
+            dark_variance_se_dn2: dark.variance_se_dn2,
+            total_variance_dn2: flat.total_variance_dn2(),
+            share_at_max: share_at(flat, clip_dn),
+        }
+    }
+
+    /// Whether samples are clipped: such a point has neither the mean nor the noise of its light.
+    pub fn is_clipped(&self) -> bool {
+        self.share_at_max > CLIPPED_SHARE
+    }
+
+    /// Whether most of the samples are clipped: the signal ends at the converter.
+    pub fn is_full(&self) -> bool {
+        self.share_at_max > FULL_SHARE
+    }
+
+    /// Signal above dark, DN.
+    pub fn signal_dn(&self) -> f64 {
+        self.mean_dn - self.dark_mean_dn
+    }
+
+    /// Standard error of the signal, DN.
+    pub fn signal_se_dn(&self) -> f64 {
+        self.mean_se_dn.hypot(self.dark_mean_se_dn)
+    }
+
+    /// Variance above dark, DN^2.
+    pub fn shot_variance_dn2(&self) -> f64 {
+        self.variance_dn2 - self.dark_variance_dn2
+    }
+
+    /// Standard error of the variance above dark, DN^2.
+    pub fn shot_variance_se_dn2(&self) -> f64 {
+        self.variance_se_dn2.hypot(self.dark_variance_se_dn2)
+    }
+}
+
+/// Share of the samples at the digital number where they are clipped; none of a point whose mean is so far below that they are
+/// stuck pixels and not its light.
+fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
+    match flat.reaches(clip_dn) {
+        true => flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
+        false => 0.0,
+    }
+}
+
+/// Which rules choose the points of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rules {
+    /// Those of the EMVA 1288 Python library: the brightest point counts as saturated if no peak of the noise is seen.
+    Library,
+    /// Ours: a peak of the noise from which it falls by more than chance, or a signal that no longer grows, is saturation;
+    /// without either, all points count that are not clipped and have the noise of the light.
+    Ours,
+}
+
+/// Share of samples at the largest digital number above which a point counts as full.
+const FULL_SHARE: f64 = 0.5;
+
+/// Share of the way to saturation that the fits of R and K take (EMVA 1288).
+pub(super) const FIT_SHARE: f64 = 0.7;
+
+/// Light of each point: photons if all are known, else exposure times.
+pub fn light(points: &[TransferPoint]) -> Vec<f64> {
+    let photons: Option<Vec<f64>> = points.iter().map(|p| p.photons).collect();
+    photons.unwrap_or_else(|| points.iter().map(|p| p.exposure_s).collect())
+}

@@ -1,0 +1,100 @@
+//! Warnings for a reader: one line for each kind, however many points have it.
+
+use super::kind::Warning;
+
+/// One line per kind of warning, in the order in which they first occur. Repeats give the count, the first and the worst.
+pub fn warning_lines(warnings: &[Warning]) -> Vec<String> {
+    let mut kinds: Vec<&'static str> = Vec::new();
+    for warning in warnings {
+        if !kinds.contains(&warning.name()) {
+            kinds.push(warning.name());
+        }
+    }
+    kinds.into_iter().map(|kind| line(kind, warnings.iter().filter(|w| w.name() == kind).collect())).collect()
+}
+
+fn line(kind: &str, all: Vec<&Warning>) -> String {
+    let text = |w: &Warning| w.to_string().trim_start_matches(&format!("{kind}: ")).to_owned();
+    let Some(first) = all.first() else { return String::new() };
+    if all.len() == 1 {
+        return first.to_string();
+    }
+    // Of equals the first is the worst.
+    let worst = all.iter().skip(1).fold(first, |a, b| if severity(b) > severity(a) { b } else { a });
+    let count = all.len();
+    match (std::ptr::eq(*first, *worst), place(first)) {
+        (false, Some(place)) => format!("{kind}: {count} times (first: {place}), worst: {}", text(worst)),
+        (false, None) => format!("{kind}: {count} times, worst: {}", text(worst)),
+        (true, _) if severity(first) > 0.0 => {
+            format!("{kind}: {count} times, first and worst: {}", text(first))
+        }
+        (true, _) => format!("{kind}: {count} times, first: {}", text(first)),
+    }
+}
+
+/// The point that a warning is about, if it is about one.
+fn place(warning: &Warning) -> Option<&str> {
+    match warning {
+        Warning::ClippedAtZero { point, .. }
+        | Warning::Flicker { point, .. }
+        | Warning::Moved { point, .. }
+        | Warning::LightLeak { point, .. }
+        | Warning::NotUniform { point, .. }
+        | Warning::NoDark { point }
+        | Warning::NoSignal { point, .. }
+        | Warning::NotMonotonic { point }
+        | Warning::DarkTail { point, .. }
+        | Warning::MoreStacks { point }
+        | Warning::LoneStack { point } => Some(point),
+        _ => None,
+    }
+}
+
+/// How bad a warning is beside others of its kind; zero where one is as bad as the other.
+fn severity(warning: &Warning) -> f64 {
+    match warning {
+        Warning::Saturated { points, of, .. } => *points as f64 / *of as f64,
+        Warning::ClippedAtZero { share, .. } => *share,
+        Warning::Flicker { difference_dn, .. }
+        | Warning::Moved { difference_dn, .. }
+        | Warning::LightLeak { difference_dn, .. } => difference_dn.abs(),
+        Warning::NotUniform { percent, .. } | Warning::QuantumEfficiencyAboveOne { percent, .. } => *percent,
+        Warning::NoSignal { signal_dn, .. } => -signal_dn,
+        Warning::DarkNotLinear { off_dn, .. } => off_dn.abs(),
+        Warning::GainNotProportional { gain_dn_per_e, expected_dn_per_e, .. } => {
+            (gain_dn_per_e / expected_dn_per_e - 1.0).abs()
+        }
+        Warning::DarkTail { share, mean_dn, .. } => share * mean_dn,
+        Warning::HistogramFitDiffers { fitted, joint, standard_error, .. } => {
+            ((fitted - joint) / standard_error).abs()
+        }
+        Warning::NotLinear { percent, .. } => percent.abs(),
+        _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_is_one_line() {
+        let uneven = |point: &str, percent| Warning::NotUniform { point: point.to_owned(), percent };
+        let dark = |point: &str| Warning::NoDark { point: point.to_owned() };
+        let lines = warning_lines(&[
+            uneven("flat, 1 ms", 6.0),
+            dark("flat, 2 ms"),
+            uneven("flat, 3 ms", 9.0),
+            uneven("flat, 4 ms", 7.0),
+            dark("flat, 5 ms"),
+            Warning::HistogramFitStopped { steps: 9 },
+        ]);
+        assert_eq!(lines.len(), 3, "{lines:?}");
+        assert_eq!(
+            lines[0],
+            "not-uniform: 3 times (first: flat, 1 ms), worst: flat, 3 ms: parts of the flat field differ by 9.0 %"
+        );
+        assert!(lines[1].starts_with("no-dark: 2 times, first: flat, 2 ms: no usable dark"), "{}", lines[1]);
+        assert!(lines[2].starts_with("histogram-fit-stopped: the fit"), "{}", lines[2]);
+    }
+}

@@ -1,0 +1,24 @@
+//! Warnings: what a reader should know about captures that can be used all the same.
+//!
+//! Warnings report, they decide nothing: they are made from `flags` and from the results, and no code that
+//! evaluates captures reads them.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `kind` | each warning with its name and its text |
+//! | `of_gain` | warnings about the points of one gain |
+//! | `of_series` | warnings about all gains together |
+//! | `of_fit` | warnings about the fit to the histograms |
+//! | `lines` | one line for each kind of warning |
+
+mod kind;
+mod lines;
+mod of_fit;
+mod of_gain;
+mod of_series;
+
+pub use kind::Warning;
+pub use lines::warning_lines;
+pub(super) use of_fit::fit_warnings;
+pub(super) use of_gain::gain_warnings;
+pub(super) use of_series::series_warnings;

@@ -1,0 +1,90 @@
+//! Warnings about the points of one gain.
+
+use super::kind::Warning;
+use crate::emva::captures::milliseconds;
+use crate::emva::dark::{DarkPoint, DarkSeries};
+use crate::emva::flags::{FlatFlags, FrameFlags, GainFlags, Signal, StackFlags, StackUse};
+use crate::emva::result::GainResult;
+
+/// Points that a straight line needs.
+const LEAST_POINTS: usize = 3;
+
+/// Drift of a dark mean that is not worth a warning, DN per unit of linear gain.
+const DARK_DRIFT_DN: f64 = 0.05;
+
+/// The warnings that the flags of one gain stand for, and that of its dark series.
+pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
+    let linear_gain = gain.linear_gain;
+    let mut warnings: Vec<Warning> = flags.frames.iter().flat_map(of_frames).collect();
+    warnings.extend(dark_not_linear(linear_gain, &gain.dark));
+    warnings.extend(flags.flats.iter().filter_map(of_signal));
+    let points = flags.with_signal().count();
+    if (1..LEAST_POINTS).contains(&points) {
+        warnings.push(Warning::TooFewPoints { linear_gain, points });
+    }
+    warnings.extend(flags.stacks.iter().filter_map(of_stack));
+    let full = flags.flats.iter().filter(|flat| flat.is_saturated).count();
+    if full > 0 {
+        warnings.push(Warning::Saturated { linear_gain, points: full, of: points });
+    }
+    let darker = flags.flats.iter().filter(|flat| flat.is_darker);
+    warnings.extend(darker.map(|flat| Warning::NotMonotonic { point: flat.label.clone() }));
+    warnings
+}
+
+/// What the frames of one point show by themselves.
+fn of_frames(flags: &FrameFlags) -> Vec<Warning> {
+    let point = || flags.label.clone();
+    let clipped = flags.clipped_at_zero.map(|share| Warning::ClippedAtZero { point: point(), share });
+    let flicker = flags.flicker.map(|f| Warning::Flicker {
+        point: point(),
+        difference_dn: f.difference_dn,
+        standard_error_dn: f.standard_error_dn,
+    });
+    let moved = flags.moved.map(|m| Warning::Moved {
+        point: point(),
+        frame: m.frame,
+        difference_dn: m.difference_dn,
+        standard_error_dn: m.standard_error_dn,
+    });
+    let leak = flags.light_leak_dn.map(|difference_dn| Warning::LightLeak { point: point(), difference_dn });
+    let uneven = flags.uneven_percent.map(|percent| Warning::NotUniform { point: point(), percent });
+    [clipped, flicker, moved, leak, uneven].into_iter().flatten().collect()
+}
+
+/// A flat point that is not used because of its dark frames.
+fn of_signal(flat: &FlatFlags) -> Option<Warning> {
+    let point = flat.label.clone();
+    match flat.signal {
+        Signal::Above => None,
+        Signal::NoDark => Some(Warning::NoDark { point }),
+        Signal::None { signal_dn, standard_error_dn } => {
+            Some(Warning::NoSignal { point, signal_dn, standard_error_dn })
+        }
+    }
+}
+
+/// A flat stack that is not evaluated.
+fn of_stack(flags: &StackFlags) -> Option<Warning> {
+    let point = flags.label.clone();
+    match flags.stack_use {
+        StackUse::Evaluated => None,
+        StackUse::NoDarkStack => Some(Warning::LoneStack { point }),
+        StackUse::Surplus => Some(Warning::MoreStacks { point }),
+    }
+}
+
+/// The dark mean that is furthest off the straight line over exposure time, if by more than six standard errors and drift.
+fn dark_not_linear(linear_gain: f64, dark: &DarkSeries) -> Option<Warning> {
+    let (slope, intercept) = (dark.mean.slope.value()?, dark.mean.intercept.value()?);
+    let off = |p: &DarkPoint| p.mean_dn - (slope * p.exposure_s + intercept);
+    let worst = dark.points.iter().max_by(|a, b| off(a).abs().total_cmp(&off(b).abs()))?;
+    let chi2: f64 = dark.points.iter().map(|p| (off(p) / p.mean_se_dn).powi(2)).sum();
+    let allowed_dn = 6.0 * worst.mean_se_dn + DARK_DRIFT_DN * linear_gain.max(1.0);
+    (off(worst).abs() > allowed_dn).then(|| Warning::DarkNotLinear {
+        linear_gain,
+        exposure_ms: milliseconds(worst.exposure_s),
+        off_dn: off(worst),
+        reduced_chi2: chi2 / (dark.points.len() as f64 - 2.0),
+    })
+}

@@ -1,0 +1,168 @@
+//! Warnings about all gains of a series together.
+
+use super::kind::Warning;
+use crate::emva::captures::SensorFacts;
+use crate::emva::joint::{GainRow, JointFit};
+use crate::emva::result::{ChannelResult, GainResult};
+use crate::emva::rounding::LEAST_DARK_VARIANCE_DN2;
+use crate::emva::samples::ConverterFlags;
+use crate::emva::transfer_point::TransferPoint;
+use petzval_base::statistics::median;
+
+/// The warnings about the converter, the gains and the joint fit.
+pub fn series_warnings(
+    sensor: &SensorFacts,
+    converter: &ConverterFlags,
+    gains: &[GainResult],
+    joint: &JointFit,
+) -> Vec<Warning> {
+    let mut warnings = of_converter(converter);
+    warnings.extend(not_proportional(joint));
+    warnings.extend(dark_current_disagrees(joint));
+    warnings.extend(gains.iter().flat_map(more_electrons_than_photons));
+    warnings.extend(joint.gain_dn_per_e.reason().map(|why| Warning::NoSensorFile { why }));
+    warnings.extend(joint.rows.iter().filter_map(ruled_by_rounding));
+    warnings.extend(joint.rows.iter().filter_map(below_the_converter));
+    warnings.extend(gains.iter().flat_map(not_linear));
+    warnings.extend(full_well_differs(sensor, gains));
+    warnings.extend(hot_pixels(joint));
+    warnings
+}
+
+/// What the samples show about the bits of the converter.
+fn of_converter(flags: &ConverterFlags) -> Vec<Warning> {
+    let max_dn = flags.max_dn;
+    let factor = flags.common_factor.map(|factor| Warning::CommonFactor { factor, max_dn });
+    let top = flags.top_not_reached.map(|top| Warning::TopNotReached {
+        largest_dn: top.largest_dn,
+        max_dn,
+        piled: top.piled,
+    });
+    factor.into_iter().chain(top).collect()
+}
+
+/// Gains whose `K_g / g` is off the median of all by more than five standard errors and 2 %. A gain that is off moves the
+/// median little, so that the others are not blamed.
+fn not_proportional(joint: &JointFit) -> Vec<Warning> {
+    let all: Vec<(f64, f64, f64)> = joint
+        .rows
+        .iter()
+        .filter_map(|r| {
+            let at_unit = r.gain_at_unit_dn_per_e;
+            Some((r.linear_gain, at_unit.value()?, at_unit.standard_error()?))
+        })
+        .collect();
+    let n = all.len();
+    if n < 2 {
+        return Vec::new();
+    }
+    let median = median(all.iter().map(|(_, k, _)| *k));
+    // Of a normal distribution the median is pi/2 times as uncertain as the mean, in variance.
+    let mean_square = all.iter().map(|(.., se)| se * se).sum::<f64>() / n as f64;
+    let median_se = (0.5 * std::f64::consts::PI * mean_square / n as f64).sqrt();
+    all.iter()
+        .filter(|(_, k, se)| {
+            (k - median).abs() > 5.0 * se.hypot(median_se) && (k - median).abs() > 0.02 * median
+        })
+        .map(|(linear_gain, k, _)| Warning::GainNotProportional {
+            linear_gain: *linear_gain,
+            gain_dn_per_e: *k,
+            expected_dn_per_e: median,
+        })
+        .collect()
+}
+
+/// A gain at which rounding contributes more to the error of the dark variance than noise does.
+fn ruled_by_rounding(row: &GainRow) -> Option<Warning> {
+    let (variance, se) = (row.dark_variance_dn2.value()?, row.dark_variance_dn2.standard_error()?);
+    (2.0 * row.rounding_error_dn2.powi(2) > se * se).then(|| Warning::Rounding {
+        linear_gain: row.linear_gain,
+        noise_dn: variance.max(0.0).sqrt(),
+        error_dn2: row.rounding_error_dn2,
+    })
+}
+
+/// A gain at which the dark noise is only an upper limit.
+fn below_the_converter(row: &GainRow) -> Option<Warning> {
+    let variance = row.dark_variance_dn2.value()?;
+    (variance <= LEAST_DARK_VARIANCE_DN2).then_some(Warning::DarkNoiseLimit { linear_gain: row.linear_gain })
+}
+
+/// Deviation from a straight line above which the captures are likely wrong, not the sensor, percent.
+const NOT_LINEAR_PERCENT: f64 = 5.0;
+
+/// Colours whose response is off the straight line by more than 5 % and six standard errors.
+fn not_linear(gain: &GainResult) -> Vec<Warning> {
+    let of = |c: &ChannelResult| {
+        let linearity = c.transfer.linearity.as_ref()?;
+        let (first, last) = linearity.range;
+        let off = |i: &usize| linearity.deviation_percent[*i].abs();
+        let worst = (first..=last).max_by(|a, b| off(a).total_cmp(&off(b)))?;
+        let (low, high) = linearity.se_percent;
+        (off(&worst) > NOT_LINEAR_PERCENT && off(&worst) > 6.0 * low.max(high)).then(|| Warning::NotLinear {
+            linear_gain: gain.linear_gain,
+            colour: c.colour,
+            percent: linearity.deviation_percent[worst],
+            mean_dn: c.points[worst].mean_dn,
+        })
+    };
+    gain.channels.iter().filter_map(of).collect()
+}
+
+/// A stated full well beside a measured one that differs by more than five standard errors and 2 %. Where the converter clips
+/// first, the well is larger than what is measured.
+fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warning> {
+    let stated_e = sensor.full_well_e?;
+    let channel = gains.first()?.channels.first()?;
+    let measured = channel.figure("u_e_sat")?.best();
+    let (measured_e, standard_error_e) = (measured.value()?, measured.standard_error()?);
+    let is_clipped = channel.points.last().is_some_and(TransferPoint::is_full);
+    let off_e = measured_e - stated_e;
+    let matters = off_e.abs() > (5.0 * standard_error_e).max(0.02 * stated_e);
+    (matters && (off_e > 0.0 || !is_clipped)).then_some(Warning::FullWellDiffers {
+        stated_e,
+        measured_e,
+        standard_error_e,
+    })
+}
+
+/// Dark current from the mean and from its shot noise, if they differ by more than five standard errors, 10 %, and the part
+/// of the hot pixels in the mean. That part is allowed because the noise of few pixels is uncertain, and full pixels have
+/// none.
+fn dark_current_disagrees(joint: &JointFit) -> Option<Warning> {
+    let difference = joint.dark_current_difference_e_per_s;
+    let (off, se) = (difference.value()?, difference.standard_error()?);
+    let mean = joint.dark_current_e_per_s.value().unwrap_or(0.0);
+    let hot = joint.hot_pixel_share.value().and(joint.dark_current_ordinary_e_per_s.value());
+    let of_hot = hot.map_or(0.0, |ordinary| (mean - ordinary).max(0.0));
+    (off.abs() > 5.0 * se + of_hot && off.abs() > 0.1 * mean.abs()).then_some(Warning::DarkCurrentDisagrees {
+        mean_e_per_s: mean,
+        difference_e_per_s: off,
+        standard_error_e_per_s: se,
+    })
+}
+
+/// Quantum efficiencies above one by more than five standard errors.
+fn more_electrons_than_photons(gain: &GainResult) -> Vec<Warning> {
+    let of = |c: &ChannelResult| {
+        let efficiency = c.figure("QE")?.best();
+        let (percent, standard_error) = (efficiency.value()?, efficiency.standard_error()?);
+        (percent - 100.0 > 5.0 * standard_error).then_some(Warning::QuantumEfficiencyAboveOne {
+            linear_gain: gain.linear_gain,
+            colour: c.colour,
+            percent,
+            standard_error,
+        })
+    };
+    gain.channels.iter().filter_map(of).collect()
+}
+
+/// Hot pixels, and how far they raise the mean dark current.
+fn hot_pixels(joint: &JointFit) -> Option<Warning> {
+    Some(Warning::HotPixels {
+        share: joint.hot_pixel_share.value()?,
+        excess_e_per_s: joint.hot_pixel_e_per_s.value()?,
+        ordinary_e_per_s: joint.dark_current_ordinary_e_per_s.value()?,
+        mean_e_per_s: joint.dark_current_e_per_s.value()?,
+    })
+}

@@ -1,0 +1,34 @@
+//! What a camera is optimised for: a named loss of what it took, against labels.
+//!
+//! A new objective is one file here and one line in [`petzval_design`'s experiment](self), because the design loop knows
+//! an objective only by the trait [`Objective`].
+
+mod image_quality;
+
+pub use image_quality::ImageQuality;
+
+use burn::prelude::*;
+use petzval_camera::tape::Frames;
+
+use crate::loss::LossError;
+
+/// What is known of the scenes of a batch: the truth that an objective compares with.
+#[derive(Clone)]
+pub struct Labels {
+    /// The scenes as a perfect camera would show them, `[batch, 3, height, width]`, sRGB-encoded, 0..1.
+    pub picture: Tensor<4>,
+}
+
+/// A loss with its graph, and its parts by name.
+pub struct NamedLoss {
+    /// The loss, one value, with its graph.
+    pub total: Tensor<1>,
+    /// The loss as `total`, and its unweighted parts, by name.
+    pub parts: Vec<(&'static str, f64)>,
+}
+
+/// A loss of what a camera took.
+pub trait Objective {
+    /// The loss of a batch of frames, the mean over its pictures. Its graph leads to whatever the frames' graph leads to.
+    fn loss(&self, frames: &Frames, labels: &Labels) -> Result<NamedLoss, LossError>;
+}

@@ -1,0 +1,122 @@
+//! Bar charts: rows of paired bars from a common zero.
+
+use maud::html;
+
+use super::chart::{BELOW_PX, RIGHT_PX, WIDTH_PX};
+use super::{Axis, Frame, Key, KeyLine, Names, Sheet, plain, px, span, width_of, without_data};
+use crate::palette;
+use crate::palette::INK;
+
+/// Height of a row, of a bar, and of the space above the first row, px.
+const ROW_PX: f64 = 20.0;
+const BAR_PX: f64 = 6.5;
+const ABOVE_PX: f64 = 10.0;
+
+/// Size of the names of the rows, px, and the largest share of the width that they take.
+const NAME_PX: f64 = 11.5;
+const WIDEST_NAMES: f64 = 0.55;
+
+/// One row with a pair of bars.
+#[derive(Clone, Debug)]
+pub struct Bar {
+    /// What it is about.
+    pub name: String,
+    /// Lengths of the bars, in the unit of the axis; negative ones go to the left, and what is not finite fills the row.
+    pub values: [f64; 2],
+}
+
+/// Rows of bars over one axis.
+#[derive(Clone, Debug)]
+pub struct BarChart {
+    /// What the picture shows, for those who cannot see it.
+    pub alt: String,
+    /// Name of the axis, with its unit.
+    pub axis: String,
+    /// What the two bars of a row are.
+    pub names: [String; 2],
+    /// Rows from top to bottom.
+    pub bars: Vec<Bar>,
+}
+
+/// The chart as a stand-alone SVG picture; a chart without rows says so.
+pub fn bars_svg(chart: &BarChart) -> String {
+    if chart.bars.is_empty() {
+        return without_data(&chart.alt, WIDTH_PX).svg();
+    }
+    let x = axis(&chart.bars);
+    let longest = chart.bars.iter().map(|b| width_of(&b.name, NAME_PX)).fold(0.0, f64::max);
+    let left = (longest + 18.0).min(WIDEST_NAMES * WIDTH_PX);
+    let height = ROW_PX * chart.bars.len() as f64;
+    let mut y = Axis::between(0.0, 1.0, 1);
+    y.ticks.clear();
+    let frame = Frame { left, top: ABOVE_PX, width: WIDTH_PX - left - RIGHT_PX, height, x, y };
+    let zero = frame.at([0.0, 0.0])[0];
+    let bars = html! {
+        @for (row, bar) in chart.bars.iter().enumerate() {
+            @for (k, value) in bar.values.into_iter().enumerate() {
+                // A bar that is not finite ends at the edge of the frame.
+                @let end = frame.at([if value.is_finite() { value } else { frame.x.high }, 0.0])[0];
+                @let top = ROW_PX * (row as f64 + 0.5) + BAR_PX * (k as f64 - 1.0);
+                rect class="bar" x=(px(end.min(zero))) width=(px((end - zero).abs())) y=(px(top)) height=(px(BAR_PX))
+                    fill=(colour(k)) {}
+            }
+        }
+    };
+    let names = html! {
+        g font-size=(NAME_PX) fill=(INK) {
+            @for (row, bar) in chart.bars.iter().enumerate() {
+                text x="8" y=(px(ABOVE_PX + ROW_PX * (row as f64 + 0.5) + 0.35 * NAME_PX)) { (plain(&bar.name)) }
+            }
+        }
+    };
+    let key = |(k, name): (usize, &String)| Key { line: KeyLine::Fill(colour(k).into()), name: name.clone() };
+    Sheet {
+        class: "chart",
+        title: String::new(),
+        remark: String::new(),
+        keys: chart.names.iter().enumerate().map(key).collect(),
+        alt: chart.alt.clone(),
+        width: WIDTH_PX,
+        height: ABOVE_PX + height + BELOW_PX,
+        body: html! { (frame.draw_around(Names { head: "", x: &chart.axis, y: "" }, bars)) (names) },
+        foot: Vec::new(),
+    }
+    .svg()
+}
+
+/// Colour of the first or second bar of a row.
+fn colour(k: usize) -> &'static str {
+    palette::camera(k + 1)
+}
+
+/// An axis that holds zero and every finite bar, with a little air at their ends.
+fn axis(bars: &[Bar]) -> Axis {
+    let (low, high) = span(bars.iter().flat_map(|b| b.values).chain([0.0])).unwrap_or((0.0, 1.0));
+    let high = if high > low { high } else { low + 1.0 };
+    let air = 0.04 * (high - low);
+    Axis::between(if low < 0.0 { low - air } else { 0.0 }, high + air, 5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_names_and_bars() {
+        let bar = |name: &str, values| Bar { name: name.into(), values };
+        let chart = BarChart {
+            alt: "a <test>".into(),
+            axis: "change, um".into(),
+            names: ["at minus".into(), "at plus".into()],
+            bars: vec![bar("tilt & shift", [1.0, -0.5]), bar("lost", [f64::INFINITY, 0.0])],
+        };
+        let svg = bars_svg(&chart);
+        assert!(svg.contains("aria-label=\"a &lt;test&gt;\"") && svg.contains("tilt &amp; shift"));
+        assert!(svg.contains("change, um") && svg.contains("at minus"));
+        assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("NaN") && !svg.contains("inf"));
+        // Two bars a row and two in the key.
+        assert_eq!(svg.matches(colour(0)).count() + svg.matches(colour(1)).count(), 6);
+        assert_eq!(svg.matches("class=\"bar\"").count(), 4);
+        assert!(bars_svg(&BarChart { bars: Vec::new(), ..chart }).contains("no data"));
+    }
+}

@@ -1,0 +1,180 @@
+//! Charts: a few named curves over one pair of axes, with a key above them.
+
+use super::smooth::{smoothed, thinned};
+use super::{Axis, Curve, Frame, Key, Names, Pen, Sheet, without_data};
+
+/// Width of a chart and height of the field between its axes, px.
+pub(super) const WIDTH_PX: f64 = 520.0;
+const FIELD_PX: f64 = 214.0;
+
+/// Space above that field, below it (for the numbers and the name of the axis), and at its right, px.
+const ABOVE_PX: f64 = 10.0;
+pub(super) const BELOW_PX: f64 = 38.0;
+pub(super) const RIGHT_PX: f64 = 18.0;
+
+/// Width of a curve, and of the data behind a smoothed curve, px.
+const LINE_PX: f64 = 2.2;
+const DATA_PX: f64 = 1.0;
+
+/// How strongly the data behind a smoothed curve show.
+const FAINT: f64 = 0.28;
+
+/// A curve with fewer points than this is shown as it is, without smoothing.
+const FEWEST_TO_SMOOTH: usize = 24;
+
+/// A named curve.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Name in the key.
+    pub name: String,
+    /// Colour, `#rrggbb`.
+    pub colour: String,
+    /// Points in ascending x.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Curves over one pair of axes.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// What the picture shows, for those who cannot see it.
+    pub alt: String,
+    /// Name of the horizontal axis, with its unit.
+    pub x_axis: String,
+    /// Name of the vertical axis, with its unit.
+    pub y_axis: String,
+    /// The curves.
+    pub series: Vec<Series>,
+    /// Noisy data: a thick smoothed line over the faint data.
+    pub smooth: bool,
+    /// Whether the vertical axis begins at zero. Otherwise it spans the data, and is logarithmic where they span more than a
+    /// decade.
+    pub from_zero: bool,
+}
+
+/// The chart as a stand-alone SVG picture; a chart without finite data says so.
+pub fn chart_svg(chart: &Chart) -> String {
+    let series: Vec<Series> = chart.series.iter().map(finite).collect();
+    let points = || series.iter().flat_map(|s| s.points.iter());
+    let Some((x, y)) = super::span(points().map(|p| p.0)).zip(super::span(points().map(|p| p.1))) else {
+        return without_data(&chart.alt, WIDTH_PX).svg();
+    };
+    let y = vertical_axis(chart.from_zero, y);
+    let left = Frame::names_width(&y);
+    let frame = Frame {
+        left,
+        top: ABOVE_PX,
+        width: WIDTH_PX - left - RIGHT_PX,
+        height: FIELD_PX,
+        x: Axis::between(x.0, if x.1 > x.0 { x.1 } else { x.0 + 1.0 }, 6),
+        y,
+    };
+    // Logarithms are smoothed where the axis is logarithmic, so that the line runs through the middle of what is seen.
+    let is_logarithmic = frame.y.is_logarithmic();
+    let mut curves: Vec<Curve> =
+        series.iter().flat_map(|s| curves(s, chart.smooth, is_logarithmic)).collect();
+    // Faint data lie behind every line.
+    curves.sort_by(|a, b| a.pen.opacity.total_cmp(&b.pen.opacity));
+    Sheet {
+        class: "chart",
+        title: String::new(),
+        remark: String::new(),
+        keys: series.iter().map(|s| Key::pen(line(s), s.name.clone())).collect(),
+        alt: chart.alt.clone(),
+        width: WIDTH_PX,
+        height: ABOVE_PX + FIELD_PX + BELOW_PX,
+        body: frame.draw(Names { head: "", x: &chart.x_axis, y: &chart.y_axis }, &curves),
+        foot: Vec::new(),
+    }
+    .svg()
+}
+
+/// The pen of a series.
+fn line(series: &Series) -> Pen {
+    Pen { width: LINE_PX, ..Pen::thin(&series.colour) }
+}
+
+/// The line of a series; noisy data lie faintly behind their smoothed line.
+fn curves(series: &Series, smooth: bool, is_logarithmic: bool) -> Vec<Curve> {
+    let curve = |pen: Pen, points: &[(f64, f64)]| Curve {
+        pen,
+        index: 0,
+        points: thinned(points).into_iter().map(|(x, y)| Some([x, y])).collect(),
+    };
+    if !smooth || series.points.len() < FEWEST_TO_SMOOTH {
+        return vec![curve(line(series), &series.points)];
+    }
+    let through = match is_logarithmic {
+        true => {
+            let logarithms: Vec<_> = series.points.iter().map(|(x, y)| (*x, y.ln())).collect();
+            smoothed(&logarithms).into_iter().map(|(x, y)| (x, y.exp())).collect()
+        }
+        false => smoothed(&series.points),
+    };
+    let faint = Pen { width: DATA_PX, opacity: FAINT, ..line(series) };
+    vec![curve(faint, &series.points), curve(line(series), &through)]
+}
+
+/// A series without the points that have no place on an axis.
+fn finite(series: &Series) -> Series {
+    let is_finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
+    Series { points: series.points.iter().filter(is_finite).copied().collect(), ..series.clone() }
+}
+
+/// The vertical axis over values from the lowest to the highest, with a little air around them.
+fn vertical_axis(from_zero: bool, (low, high): (f64, f64)) -> Axis {
+    if from_zero {
+        return Axis::between(low.min(0.0), if high > 0.0 { 1.08 * high } else { 1.0 }, 5);
+    }
+    if low > 0.0 && high > 10.0 * low {
+        let air = (high / low).powf(0.06);
+        return Axis::ratios(low / air, high * air);
+    }
+    let air = if high > low { 0.06 * (high - low) } else { 0.5 * high.abs().max(1e-3) };
+    Axis::between(low - air, high + air, 5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: Vec<(f64, f64)>) -> Chart {
+        Chart {
+            alt: "a <test>".into(),
+            x_axis: "step".into(),
+            y_axis: "loss & co".into(),
+            series: vec![Series { name: "nominal <b>".into(), colour: "#0072b2".into(), points }],
+            smooth: true,
+            from_zero: false,
+        }
+    }
+
+    #[test]
+    fn names_are_escaped_and_axes_named() {
+        let svg = chart_svg(&chart((0..100).map(|i| (f64::from(i), 1.0 + f64::from(i))).collect()));
+        assert!(svg.contains("aria-label=\"a &lt;test&gt;\""));
+        assert!(svg.contains("nominal &lt;b&gt;") && svg.contains("loss &amp; co") && svg.contains("step"));
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        // The key, the data and the smoothed line.
+        assert_eq!(svg.matches("#0072b2").count(), 3);
+        assert_eq!(svg.matches("class=\"curve\"").count(), 2);
+    }
+
+    #[test]
+    fn a_decade_makes_the_axis_logarithmic() {
+        let is_logarithmic = |values| vertical_axis(false, values).is_logarithmic();
+        assert!(!is_logarithmic((1.0, 9.0)) && is_logarithmic((1.0, 11.0)));
+        assert!(!is_logarithmic((0.0, 11.0)) && !vertical_axis(true, (1.0, 11.0)).is_logarithmic());
+    }
+
+    #[test]
+    fn few_points_are_not_smoothed() {
+        let svg = chart_svg(&chart(vec![(0.0, 1.0), (1.0, 2.0)]));
+        assert_eq!(svg.matches("class=\"curve\"").count(), 1);
+    }
+
+    #[test]
+    fn a_chart_without_data_says_so() {
+        let svg = chart_svg(&chart(vec![(0.0, f64::NAN)]));
+        assert!(svg.contains("no data") && svg.contains("a &lt;test&gt;"));
+    }
+}

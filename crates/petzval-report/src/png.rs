@@ -1,0 +1,20 @@
+//! PNG: pictures as bytes, and as addresses that a page can hold.
+
+use std::io::Cursor;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::{ImageFormat, RgbImage};
+
+/// A picture as the bytes of a PNG file.
+pub(crate) fn encode(picture: &RgbImage) -> Vec<u8> {
+    let mut png = Cursor::new(Vec::new());
+    // Writing to memory fails only for a picture without pixels, which shows as its alt text.
+    let _ = picture.write_to(&mut png, ImageFormat::Png);
+    png.into_inner()
+}
+
+/// A PNG as an address that holds the picture itself, so that a page fetches nothing.
+pub(crate) fn address(png: &[u8]) -> String {
+    format!("data:image/png;base64,{}", STANDARD.encode(png))
+}

@@ -1,0 +1,75 @@
+//! `petzval experiment` and `petzval schema`: what there is to design, and what may stand in a file.
+
+use std::process::ExitCode;
+
+use clap::{Subcommand, ValueEnum};
+use petzval::jobs::experiment::{self, FileKind};
+
+use super::{Failure, context, print_json};
+
+/// Verbs about experiments.
+#[derive(Debug, Subcommand)]
+pub enum ExperimentVerb {
+    /// The built-in experiments, with their variants
+    List {
+        /// Machine-readable output
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print an experiment, to read or to start from
+    ///
+    /// `petzval design --print-config` prints it with every default filled in.
+    Show {
+        /// Experiment file, or the name of a built-in one
+        name: String,
+    },
+}
+
+/// Runs a verb.
+pub fn run(verb: ExperimentVerb) -> Result<ExitCode, Failure> {
+    match verb {
+        ExperimentVerb::List { json } => {
+            let entries = experiment::list(&context())?;
+            if json {
+                return print_json(&entries);
+            }
+            for entry in entries {
+                println!("{}\n    {}\n    variants: {}", entry.name, entry.title, entry.variants.join(", "));
+            }
+        }
+        ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &context())?),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Files that a user writes.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// An experiment of `petzval design`
+    Experiment,
+    /// A lens
+    Lens,
+    /// A sensor
+    Sensor,
+}
+
+/// Print the JSON Schema of a kind of file, from which editors complete and check it.
+///
+/// In VS Code with the extension Even Better TOML, write the schema into a file and name it in the first line of your own:
+/// `#:schema ./experiment.schema.json`.
+#[derive(Debug, clap::Args)]
+pub struct SchemaArgs {
+    /// Kind of file
+    #[arg(value_enum)]
+    kind: Kind,
+}
+
+/// Runs the verb.
+pub fn schema(args: SchemaArgs) -> Result<ExitCode, Failure> {
+    let kind = match args.kind {
+        Kind::Experiment => FileKind::Experiment,
+        Kind::Lens => FileKind::Lens,
+        Kind::Sensor => FileKind::Sensor,
+    };
+    print_json(&experiment::schema(kind))
+}

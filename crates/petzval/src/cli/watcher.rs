@@ -1,0 +1,78 @@
+//! What a command shows while its job works: warnings, notes, and a bar with the time left.
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use petzval::jobs::{Progress, Watcher};
+
+/// Units of work between two plain lines where stderr is not a terminal.
+const PLAIN_EVERY: u64 = 50;
+
+/// Shows what a job reports on stderr: a bar on a terminal, plain lines elsewhere.
+pub struct Stderr {
+    bar: ProgressBar,
+    is_plain: bool,
+    /// The phase of the job: when it began, with how many units done, and its total.
+    phase: Mutex<Option<(Instant, u64, u64)>>,
+}
+
+impl Stderr {
+    /// Shows nothing until the job reports something.
+    pub fn new() -> Self {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let style = "{msg}\n[{elapsed_precise}] {bar:40} {pos}/{len}, {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(style) {
+            bar.set_style(style);
+        }
+        Self { is_plain: bar.is_hidden(), bar, phase: Mutex::new(None) }
+    }
+
+    fn line(&self, text: &str) {
+        match self.is_plain {
+            true => eprintln!("{text}"),
+            false => self.bar.suspend(|| eprintln!("{text}")),
+        }
+    }
+}
+
+impl Watcher for Stderr {
+    fn warning(&self, text: &str) {
+        self.line(&format!("warning: {text}"));
+    }
+
+    fn note(&self, text: &str) {
+        self.line(text);
+    }
+
+    fn progress(&self, progress: &Progress) {
+        let Progress { done, total, text } = progress;
+        // A thread that panicked while it held the lock leaves the numbers whole.
+        let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let (start, first) = match *phase {
+            Some((start, first, same)) if same == *total => (start, first),
+            _ => {
+                *phase = Some((Instant::now(), *done, *total));
+                self.bar.set_length(*total);
+                self.bar.set_position(*done);
+                self.bar.set_message(text.clone());
+                self.bar.reset_eta();
+                return;
+            }
+        };
+        if !self.is_plain {
+            self.bar.set_message(text.clone());
+            self.bar.set_position(*done);
+        } else if done.is_multiple_of(PLAIN_EVERY) && done > &first {
+            let taken = (done - first) as f64;
+            let left = start.elapsed().as_secs_f64() * total.saturating_sub(*done) as f64 / taken;
+            eprintln!("{done}/{total}, about {left:.0} s left: {text}");
+        }
+    }
+}
+
+impl Drop for Stderr {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
