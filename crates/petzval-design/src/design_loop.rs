@@ -20,14 +20,13 @@ use serde::{Deserialize, Serialize};
 use crate::block::{Batch, Block, BlockName, NetworkBlock, OpticsBlock};
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
-use crate::experiment::Goal;
 use crate::run::{
     CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, load_blocks, save_blocks,
     save_checkpoint, write_atomically,
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
-use crate::variant::{Stage, Variant};
+use crate::variant::{Goal, Stage, Variant};
 
 /// Someone who watches a run.
 pub trait Observer {

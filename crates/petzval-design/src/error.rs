@@ -196,6 +196,18 @@ impl DesignError {
         serde_json::to_string_pretty(value).map_err(|e| Self::Unwritable { what, problem: e.to_string() })
     }
 
+    /// Input that is well-formed and does not fit the rest.
+    pub(crate) fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> Self {
+        Self::input(path)(FileError {
+            line: None,
+            column: None,
+            key: String::new(),
+            value: String::new(),
+            message: message.to_string(),
+            hint: Some(hint.to_owned()),
+        })
+    }
+
     /// An error in a file.
     pub fn input(path: &Path) -> impl FnOnce(FileError) -> Self {
         let path = path.to_path_buf();

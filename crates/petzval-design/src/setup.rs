@@ -23,10 +23,10 @@ use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Body, Camera, PsfSource};
 use crate::error::DesignError;
-use crate::experiment::{Experiment, NetworkConfig, TaskKind};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
 use crate::optics::PsfPlan;
 use crate::start::Start;
-use crate::variant::{Variant, variants};
+use crate::variant::Variant;
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {
@@ -51,9 +51,6 @@ pub struct Setup {
     /// Weights of the perceptual loss.
     pub lpips_weights: Vec<u8>,
 }
-
-/// The name under which the built-in photographs go.
-pub const BUILT_IN_PHOTOS: &str = "built-in";
 
 impl Setup {
     /// Resolves an experiment against the built-in library and the file system.
@@ -89,7 +86,7 @@ impl Setup {
         };
         let moving_plan = plan(experiment.psf.pupil_cells)?;
         let fixed_plan = plan(experiment.psf.scoring_pupil_cells)?;
-        let variants = variants(&experiment);
+        let variants = experiment.variants();
         let mut starts = BTreeMap::new();
         for name in [&experiment.lens].into_iter().chain(variants.iter().map(|v| &v.lens)) {
             if !starts.contains_key(name) {
@@ -105,7 +102,7 @@ impl Setup {
         let margin = kernel_radius(&geometry, &layout).map_err(|e| {
             let hint =
                 "the experiment's psf.grid and psf.pitch_um make the PSF, pixel_um the pixels it covers";
-            misfit(Path::new(&experiment.sensor), &e, hint)
+            DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
         let crops =
             |crop| CropPlan { crop, margin, sensor_rows: sensor.height, sensor_columns: sensor.width };
@@ -212,7 +209,7 @@ fn folder_photos(folder: &Path, window: usize) -> Result<PhotoSet, DesignError> 
     let mut photos = load_folder(folder)?;
     if photos.len() < 2 {
         let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
-        return Err(misfit(folder, &"only one picture", hint));
+        return Err(DesignError::misfit(folder, &"only one picture", hint));
     }
     for photo in &mut photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
@@ -228,16 +225,4 @@ fn folder_photos(folder: &Path, window: usize) -> Result<PhotoSet, DesignError> 
         list.push(photo.name.clone());
     }
     Ok(PhotoSet::new(photos, &split)?)
-}
-
-/// Input that is well-formed, and does not fit the rest.
-pub(crate) fn misfit(path: &Path, message: &dyn std::fmt::Display, hint: &str) -> DesignError {
-    DesignError::input(path)(FileError {
-        line: None,
-        column: None,
-        key: String::new(),
-        value: String::new(),
-        message: message.to_string(),
-        hint: Some(hint.to_owned()),
-    })
 }

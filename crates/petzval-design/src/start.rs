@@ -12,7 +12,6 @@ use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::optics::PsfPlan;
 use crate::requirements::Requirements;
-use crate::setup::misfit;
 
 /// Penalty of a violated requirement in a merit of squared spots, um^2 per mm^2.
 const PENALTY_UM2_PER_MM2: f64 = 1e6;
@@ -56,7 +55,7 @@ impl Start {
         .and_then(SmoothSpace::new)
         .map_err(|e| {
             let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
-            misfit(Path::new(name), &e, hint)
+            DesignError::misfit(Path::new(name), &e, hint)
         })?;
         let lens = &lens_file.lens;
         let corner_mm = plan.field_radius_mm.last().copied().unwrap_or(0.0);
@@ -74,7 +73,7 @@ impl Start {
         plan.bank(lens).map_err(|e| {
             let hint =
                 "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
-            misfit(Path::new(name), &e, hint)
+            DesignError::misfit(Path::new(name), &e, hint)
         })?;
         Ok(Self { lens_file, space, requirements, spot_fields_rad })
     }

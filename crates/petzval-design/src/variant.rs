@@ -1,13 +1,14 @@
 //! The variants of an experiment: what each camera starts from, which blocks move, and in what stages.
 //!
-//! [`Experiment::variant`](crate::experiment::Experiment) holds them as the file says them; here they are resolved against the
-//! experiment's defaults and checked.
+//! [`Experiment::variants`](crate::experiment::Experiment::variants) makes them from the experiment file.
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepRule};
-use crate::experiment::{Experiment, Goal, ScheduleConfig, StageConfig, VariantConfig};
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,17 @@ pub struct Variant {
     pub from: Option<String>,
     /// What is done with it, in this order.
     pub stages: Vec<Stage>,
+}
+
+/// What a stage improves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// The objective of the experiment.
+    #[default]
+    Task,
+    /// The RMS spot of the lens, whatever the rest of the camera is.
+    Spot,
 }
 
 /// Blocks that move for one goal.
@@ -101,60 +113,6 @@ impl Variant {
     pub fn moves_lens(&self) -> bool {
         self.steps_of(BlockName::Optics) > 0 || self.from.is_some()
     }
-}
-
-/// The variants of an experiment, in the order of its file.
-pub fn variants(experiment: &Experiment) -> Vec<Variant> {
-    let resolve = |v: &VariantConfig| Variant {
-        name: v.name.clone(),
-        lens: v.lens.clone().unwrap_or_else(|| experiment.lens.clone()),
-        from: v.from.clone(),
-        stages: v.stage.iter().map(|s| stage(experiment, s)).collect(),
-    };
-    experiment.variant.iter().map(resolve).collect()
-}
-
-fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
-    let (t, o, s) = (&experiment.training, &experiment.optics, &experiment.spot);
-    let default = |block: BlockName| match (config.goal, block) {
-        (Goal::Spot, _) => Schedule {
-            steps: s.steps,
-            learning_rate: s.learning_rate,
-            final_learning_rate: s.final_learning_rate,
-            share: 1.0,
-            proximal: 0.0,
-        },
-        (Goal::Task, BlockName::Optics) => Schedule {
-            steps: o.steps,
-            learning_rate: o.learning_rate,
-            final_learning_rate: o.final_learning_rate,
-            share: o.moving_share,
-            proximal: o.proximal,
-        },
-        (Goal::Task, BlockName::Network) => Schedule {
-            steps: t.steps,
-            learning_rate: t.learning_rate,
-            final_learning_rate: t.final_learning_rate,
-            share: 1.0,
-            proximal: t.proximal,
-        },
-    };
-    let own = |block: BlockName| match block {
-        BlockName::Optics => config.optics,
-        BlockName::Network => config.network,
-    };
-    let moves = config.moves.iter().map(|block| {
-        let (all, own): (Schedule, ScheduleConfig) = (default(*block), own(*block).unwrap_or_default());
-        let schedule = Schedule {
-            steps: own.steps.unwrap_or(all.steps),
-            learning_rate: own.learning_rate.unwrap_or(all.learning_rate),
-            final_learning_rate: own.final_learning_rate.unwrap_or(all.final_learning_rate),
-            share: own.share.unwrap_or(all.share),
-            proximal: own.proximal.unwrap_or(all.proximal),
-        };
-        (*block, schedule)
-    });
-    Stage { goal: config.goal, moves: moves.collect() }
 }
 
 #[cfg(test)]

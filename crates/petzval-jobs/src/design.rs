@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
 use petzval_design::inputs::{check_inputs, keep_inputs};
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, write_atomically};
-use petzval_design::setup::{BUILT_IN_PHOTOS, Setup};
+use petzval_design::setup::Setup;
 use petzval_learn::score::{Column, columns, standard_scores};
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,7 @@
 //! An experiment: everything that a run depends on, as one TOML file. Every key has a default.
 
 mod commented;
+mod resolve;
 mod tables;
 mod variants;
 
@@ -9,7 +10,7 @@ pub use tables::{
     CheckpointConfig, ConstraintConfig, ExposureConfig, NetworkConfig, OpticsConfig, PsfConfig,
     ScoringConfig, SpotConfig, TrainingConfig,
 };
-pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
+pub use variants::{ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
@@ -20,8 +21,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::setup::BUILT_IN_PHOTOS;
-use crate::variant::{Variant, variants};
+use crate::variant::{Goal, Variant};
+
+/// The name of the built-in photographs in [`Experiment::photos`].
+pub const BUILT_IN_PHOTOS: &str = "built-in";
 
 /// A joint design of lens and network, and the two controls it is compared with.
 ///
@@ -153,12 +156,12 @@ impl Experiment {
         }
         let moves_lens_for_task =
             |v: &Variant| v.stages.iter().any(|s| s.goal == Goal::Task && s.steps_of(BlockName::Optics) > 0);
-        if self.training.noise == NoiseMode::Exact && variants(self).iter().any(moves_lens_for_task) {
+        if self.training.noise == NoiseMode::Exact && self.variants().iter().any(moves_lens_for_task) {
             let error =
                 FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
-        self.check_variants(text)?;
+        variants::check_variants(&self.variant, text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));

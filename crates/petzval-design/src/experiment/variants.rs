@@ -4,8 +4,8 @@ use petzval_base::FileError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Experiment;
 use crate::block::BlockName;
+use crate::variant::Goal;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -38,17 +38,6 @@ pub struct StageConfig {
     /// How the network steps in this stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub network: Option<ScheduleConfig>,
-}
-
-/// What a stage improves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Goal {
-    /// The objective of the experiment.
-    #[default]
-    Task,
-    /// The RMS spot of the lens, whatever the rest of the camera is.
-    Spot,
 }
 
 /// How a block steps in one stage, where that differs from the experiment's tables.
@@ -86,56 +75,54 @@ pub fn standard_variants() -> Vec<VariantConfig> {
     ]
 }
 
-impl Experiment {
-    /// Refuses variants that cannot be made or told apart.
-    pub(super) fn check_variants(&self, text: &str) -> Result<(), FileError> {
-        let error = |key: &str, message: String| FileError::at_key(text, &["variant", key], message);
-        if self.variant.is_empty() {
-            let none = FileError::at_key(text, &["variant"], "there are no variants");
-            return Err(none.hint("add a [[variant]] with a name and a [[variant.stage]]"));
-        }
-        let mut known: Vec<&str> = Vec::new();
-        for variant in &self.variant {
-            let name = variant.name.as_str();
-            let is_folder_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-            if name.is_empty() || !name.chars().all(is_folder_name) {
-                let message = format!("`{name}` cannot be the name of a folder");
-                return Err(error("name", message).hint("use letters, digits, `-` and `_`"));
-            }
-            if known.contains(&name) {
-                return Err(error("name", format!("two variants are called `{name}`"))
-                    .hint("give each a name of its own"));
-            }
-            if let Some(from) = &variant.from {
-                if !known.contains(&from.as_str()) {
-                    let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
-                    let hint = match known.is_empty() {
-                        true => "the first variant starts from a lens".to_owned(),
-                        false => format!("earlier variants: {}", known.join(", ")),
-                    };
-                    return Err(error("from", message).hint(hint));
-                }
-                if variant.lens.is_some() {
-                    let message = format!("`{name}` starts from a lens and from a variant");
-                    return Err(error("from", message).hint("leave out `lens` or `from`"));
-                }
-            }
-            if variant.stage.is_empty() {
-                return Err(error("stage", format!("`{name}` has no stages"))
-                    .hint("add a [[variant.stage]] with `moves = [\"network\"]`"));
-            }
-            for stage in &variant.stage {
-                if stage.moves.is_empty() {
-                    return Err(error("stage", format!("a stage of `{name}` moves no block"))
-                        .hint("write `moves = [\"network\"]`, or leave the stage out"));
-                }
-                if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
-                    return Err(error("stage", format!("the spot goal of `{name}` moves the lens alone"))
-                        .hint("write `moves = [\"optics\"]`"));
-                }
-            }
-            known.push(name);
-        }
-        Ok(())
+/// Refuses variants that cannot be made or told apart; `text` is their file, for messages.
+pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(), FileError> {
+    let error = |key: &str, message: String| FileError::at_key(text, &["variant", key], message);
+    if variants.is_empty() {
+        let none = FileError::at_key(text, &["variant"], "there are no variants");
+        return Err(none.hint("add a [[variant]] with a name and a [[variant.stage]]"));
     }
+    let mut known: Vec<&str> = Vec::new();
+    for variant in variants {
+        let name = variant.name.as_str();
+        let is_folder_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if name.is_empty() || !name.chars().all(is_folder_name) {
+            let message = format!("`{name}` cannot be the name of a folder");
+            return Err(error("name", message).hint("use letters, digits, `-` and `_`"));
+        }
+        if known.contains(&name) {
+            return Err(error("name", format!("two variants are called `{name}`"))
+                .hint("give each a name of its own"));
+        }
+        if let Some(from) = &variant.from {
+            if !known.contains(&from.as_str()) {
+                let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
+                let hint = match known.is_empty() {
+                    true => "the first variant starts from a lens".to_owned(),
+                    false => format!("earlier variants: {}", known.join(", ")),
+                };
+                return Err(error("from", message).hint(hint));
+            }
+            if variant.lens.is_some() {
+                let message = format!("`{name}` starts from a lens and from a variant");
+                return Err(error("from", message).hint("leave out `lens` or `from`"));
+            }
+        }
+        if variant.stage.is_empty() {
+            return Err(error("stage", format!("`{name}` has no stages"))
+                .hint("add a [[variant.stage]] with `moves = [\"network\"]`"));
+        }
+        for stage in &variant.stage {
+            if stage.moves.is_empty() {
+                return Err(error("stage", format!("a stage of `{name}` moves no block"))
+                    .hint("write `moves = [\"network\"]`, or leave the stage out"));
+            }
+            if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
+                return Err(error("stage", format!("the spot goal of `{name}` moves the lens alone"))
+                    .hint("write `moves = [\"optics\"]`"));
+            }
+        }
+        known.push(name);
+    }
+    Ok(())
 }

@@ -20,8 +20,8 @@ use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
 
-use super::Request;
 use super::highlights::capacity_e;
+use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
 

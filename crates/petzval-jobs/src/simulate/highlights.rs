@@ -4,7 +4,7 @@ use petzval_camera::develop::white_capacity_e;
 use petzval_camera::sensor::SensorModel;
 use petzval_design::error::DesignError;
 
-use super::{Request, is_over_spectrum};
+use super::request::{Request, is_over_spectrum};
 use crate::error::JobError;
 
 /// Share of what the sensor holds of white that white is by default: half a stop below its end.

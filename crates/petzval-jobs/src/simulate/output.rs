@@ -7,50 +7,21 @@ use petzval_camera::sensor::{Raw, SensorModel};
 use petzval_design::error::DesignError;
 use petzval_files::raw_file::{Packing, RawFileError, RawFormat, RawFrame, save_raw, sidecar_path};
 use petzval_files::{ImageError, save_exr, save_npy, save_png, save_png16};
-use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::Facts;
+use super::request::{PictureAs, RawAs};
 use crate::error::JobError;
 
-/// How the raw frame is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RawAs {
-    /// 16-bit gray TIFF.
-    #[default]
-    Tiff,
-    /// 16-bit gray PNG.
-    Png,
-    /// `.raw`, packed as MIPI CSI-2 does where the sensor has 8, 10, 12 or 14 bits, else contiguous bits.
-    Packed,
-    /// NumPy array, uint16.
-    Npy,
-}
+/// Facts about what was written of one image, by name; see the command's manual.
+pub type Facts = serde_json::Map<String, Value>;
 
-/// How the developed picture is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PictureAs {
-    /// 8-bit sRGB PNG.
-    #[default]
-    Png,
-    /// 16-bit sRGB PNG.
-    Png16,
-    /// OpenEXR, 32-bit floats, linear light.
-    Exr,
-    /// NumPy array, float32 [plane, row, column], linear light.
-    Npy,
-}
-
-impl RawAs {
-    fn format(self, bits: u32) -> RawFormat {
-        match self {
-            Self::Tiff => RawFormat::Tiff,
-            Self::Png => RawFormat::Png,
-            Self::Packed => RawFormat::Packed(Packing::for_bits(bits)),
-            Self::Npy => RawFormat::Npy,
-        }
+/// The file format of a raw frame of so many bits.
+fn file_format(raw: RawAs, bits: u32) -> RawFormat {
+    match raw {
+        RawAs::Tiff => RawFormat::Tiff,
+        RawAs::Png => RawFormat::Png,
+        RawAs::Packed => RawFormat::Packed(Packing::for_bits(bits)),
+        RawAs::Npy => RawFormat::Npy,
     }
 }
 
@@ -67,7 +38,7 @@ pub fn write(
     sensor: &SensorModel,
     (developed, display_white): (&LinearImage, f32),
 ) -> Result<Facts, JobError> {
-    let format = raw_format.format(sensor.bits);
+    let format = file_format(raw_format, sensor.bits);
     let (extension, save, white): (_, SavePicture, _) = match picture_format {
         PictureAs::Png => ("png", save_png, display_white),
         PictureAs::Png16 => ("png", save_png16, display_white),

@@ -3,7 +3,7 @@
 mod conditions;
 mod light;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::LinearIsp;
@@ -11,64 +11,16 @@ use petzval_camera::spectral::{ColourElectrons, SceneKind, SpectralScene};
 use petzval_design::error::DesignError;
 use petzval_design::spectral_light::{Bands, render_spectral};
 use petzval_files::load_image;
-use petzval_files::spectral_file::{is_spectral, load_spectral};
-use serde::{Deserialize, Serialize};
+use petzval_files::spectral_file::load_spectral;
 
 use self::conditions::Conditions;
 use self::light::Light;
-use super::{Bench, Facts, Request, Taken, placed, result_name, write_shot};
+use super::bench::Bench;
+use super::output::Facts;
+use super::request::{Kind, Request, kind, result_name, scene_name};
+use super::shot::{Taken, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
-
-/// What the name of a built-in scene begins with.
-const SCENE: &str = "scene:";
-
-/// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Spectral {
-    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
-    /// relative power; D65 if none is named.
-    pub illuminant: Option<String>,
-    /// Illuminance of the scene, lux; 500, or as `white_e` needs.
-    pub illuminance_lux: Option<f64>,
-    /// Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart.
-    pub bands: Option<usize>,
-    /// Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file.
-    pub qe: Option<String>,
-    /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission.
-    pub transmission: Option<String>,
-    /// Photographs through three PSFs, then electrons by a 3x3 matrix.
-    pub three_band: bool,
-    /// The camera's own colours, without the matrix fitted to the ColorChecker.
-    pub no_colour_matrix: bool,
-}
-
-/// Whether a request is one over the spectrum.
-pub fn is_over_spectrum(request: &Request) -> bool {
-    request.spectral != Spectral::default() || request.images.iter().any(|path| kind(path) != Kind::Photo)
-}
-
-/// The scene in `scene:NAME`.
-pub fn scene_name(path: &Path) -> Option<&str> {
-    path.to_str()?.strip_prefix(SCENE)
-}
-
-/// What a name on the command line stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Scene,
-    Spectral,
-    Photo,
-}
-
-fn kind(path: &Path) -> Kind {
-    match path {
-        path if scene_name(path).is_some() => Kind::Scene,
-        path if is_spectral(path) => Kind::Spectral,
-        _ => Kind::Photo,
-    }
-}
 
 /// Takes all images.
 pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
@@ -254,12 +206,4 @@ fn named(path: &Path, error: DesignError) -> JobError {
     }
     let hint = "the lens is traced at the wavelength of each band to which the sensor answers: check the focus, and the bands of the scene";
     JobError::input(format!("{}: {error}", path.display()), hint)
-}
-
-/// A file that is named on the command line, as text.
-fn read(path: &str) -> Result<(PathBuf, String), JobError> {
-    let path = PathBuf::from(path);
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "give a CSV file that exists"))?;
-    Ok((path, text))
 }

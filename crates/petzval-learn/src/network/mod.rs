@@ -18,9 +18,3 @@ pub trait PictureNetwork {
     /// Finishes developed pictures `[batch, 3, height, width]`, sRGB-encoded.
     fn finish(&self, developed: Tensor<4>) -> Tensor<4>;
 }
-
-impl PictureNetwork for UNet {
-    fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
-        self.forward(developed)
-    }
-}

@@ -13,7 +13,7 @@ use burn::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    NetworkError,
+    NetworkError, PictureNetwork,
     leaky_conv::{Initializer, LeakyConv},
 };
 
@@ -172,5 +172,11 @@ impl UNet {
         let refuse = |error: burn::store::RecordError| NetworkError::BadWeights(error.to_string());
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes)).map_err(refuse)?;
         self.try_load_record(record).map_err(refuse)
+    }
+}
+
+impl PictureNetwork for UNet {
+    fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
+        self.forward(developed)
     }
 }

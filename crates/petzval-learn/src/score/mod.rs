@@ -1,18 +1,21 @@
 //! How good a picture is, in the numbers that results are published in.
 //!
-//! A new score touches two files: its own, and the list in [`standard_scores`]. Runs, tables and reports show whatever
+//! A new score touches two files: its own, and the list in `standard.rs`. Runs, tables and reports show whatever
 //! scores an experiment names in `scoring.scores`.
 
 mod lpips;
 mod psnr;
 mod ssim;
+mod standard;
+
+pub use standard::standard_scores;
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::quality::QualityError;
 use serde::{Deserialize, Serialize};
 
-use crate::loss::{LossError, Lpips};
+use crate::loss::LossError;
 
 /// A finished picture beside its truth: both sRGB-encoded, 0..1.
 pub struct ScoredPair {
@@ -55,11 +58,6 @@ pub enum ScoreError {
     /// By a formula over pixels.
     #[error(transparent)]
     Quality(#[from] QualityError),
-}
-
-/// The scores that Petzval knows by name.
-pub fn standard_scores(lpips: &Lpips) -> Vec<Box<dyn Score>> {
-    vec![Box::new(lpips::OneMinusLpips(lpips.clone())), Box::new(psnr::Psnr), Box::new(ssim::Ssim)]
 }
 
 /// How a table shows a score.

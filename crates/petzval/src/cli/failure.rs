@@ -40,15 +40,6 @@ impl Failure {
         Self { report: Report::new(diagnostic), code: EXIT_INPUT }
     }
 
-    /// Makes the folder for results. A name where none can be is a mistake of the request.
-    pub fn folder(path: &Path) -> Result<(), Self> {
-        let hint = "--out takes a folder, which is made if need be";
-        if path.exists() && !path.is_dir() {
-            return Err(Self::input(format!("{}: this is a file", path.display()), hint));
-        }
-        std::fs::create_dir_all(path).map_err(|e| Self::input(format!("{}: {e}", path.display()), hint))
-    }
-
     /// Prints the failure on stderr; returns its exit code.
     pub fn report(self) -> ExitCode {
         eprintln!("{:?}", self.report);

@@ -8,7 +8,8 @@ use petzval_optics::merit::Better;
 use petzval_optics::tolerance::MonteCarlo;
 use petzval_report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 
-use super::{Findings, Report};
+use super::findings::Findings;
+use super::report::Report;
 use crate::error::{JobError, json};
 use crate::lens::write;
 

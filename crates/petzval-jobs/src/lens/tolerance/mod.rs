@@ -1,6 +1,7 @@
 //! `lens tolerance`: how sensitive a lens is to errors in its making, and how good lenses made at random are.
 
 mod files;
+mod findings;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -12,12 +13,10 @@ use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{self, Mtf, RmsSpot};
 use petzval_optics::psf::PsfKind;
-use petzval_optics::tolerance::{
-    self, Freedom, MonteCarlo, Sensitivities, Shared, Study, ToleranceError, inverse, monte_carlo,
-    sensitivities,
-};
+use petzval_optics::tolerance::{self, Study, ToleranceError, inverse, monte_carlo, sensitivities};
 use serde::{Deserialize, Serialize};
 
+use self::findings::Findings;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 
@@ -114,37 +113,6 @@ pub struct Response {
     pub compensators: Vec<String>,
     /// The files that were written.
     pub files: Vec<PathBuf>,
-}
-
-/// What was found, with the lens and the study that it was found by.
-struct Findings<'a> {
-    /// The lens as drawn.
-    lens: &'a Lens,
-    /// The lens with its tolerances and its merit.
-    study: &'a Study<'a>,
-    /// What each tolerance does.
-    table: Sensitivities,
-    /// Lenses made at random.
-    random: Option<MonteCarlo>,
-    /// Tolerances that share a loss.
-    shared: Option<Vec<Shared>>,
-    /// A merit that lenses have to reach.
-    limit: Option<f64>,
-}
-
-impl Findings<'_> {
-    /// Rows of the table, the greatest effect first.
-    fn by_effect(&self) -> Vec<usize> {
-        let mut rows: Vec<usize> = (0..self.table.rows.len()).collect();
-        let loss = |i: &usize| self.table.rows[*i].worst_loss(self.study.better(), self.table.nominal);
-        rows.sort_by(|a, b| loss(b).total_cmp(&loss(a)));
-        rows
-    }
-
-    /// Name of a compensator: the thickness behind the last surface is the image distance.
-    fn compensator_name(&self, freedom: &Freedom) -> String {
-        if *freedom == Freedom::focus(self.lens) { "image distance".to_owned() } else { freedom.name() }
-    }
 }
 
 impl Request {

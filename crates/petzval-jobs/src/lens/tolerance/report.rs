@@ -4,7 +4,7 @@ use petzval_optics::merit;
 use petzval_optics::tolerance::{Distribution, Freedom, MonteCarlo, PERCENTILES};
 use serde::{Deserialize, Serialize};
 
-use super::Findings;
+use super::findings::Findings;
 use crate::finite::finite;
 
 /// All figures of a tolerance analysis.

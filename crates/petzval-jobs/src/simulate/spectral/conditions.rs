@@ -1,6 +1,6 @@
 //! The conditions of a simulation over the spectrum: lens, light, transmission, efficiency.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use petzval_camera::sensor::{Colour, QuantumEfficiency, SensorModel};
 use petzval_camera::spectral::{
@@ -14,8 +14,8 @@ use petzval_optics::analysis::image_f_number;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 
-use super::super::{Bench, Request};
-use super::read;
+use super::super::bench::Bench;
+use super::super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -164,4 +164,12 @@ fn curve(option: &str, path: &str) -> Result<Spectrum, JobError> {
             format!("{option} takes a file of two columns: wavelengths and one curve"),
         )),
     }
+}
+
+/// A file that is named on the command line, as text.
+fn read(path: &str) -> Result<(PathBuf, String), JobError> {
+    let path = PathBuf::from(path);
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "give a CSV file that exists"))?;
+    Ok((path, text))
 }

@@ -11,7 +11,8 @@ use petzval_design::error::DesignError;
 use petzval_files::raw_file::shortest;
 use serde_json::{Map, Value, json};
 
-use super::super::{Bench, Request};
+use super::super::bench::Bench;
+use super::super::request::Request;
 use super::conditions::Conditions;
 use crate::context::Context;
 use crate::error::JobError;

@@ -1,0 +1,42 @@
+//! `simulate` for photographs in three colours.
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::LinearIsp;
+use petzval_design::error::DesignError;
+use petzval_files::load_image;
+
+use super::bench::Bench;
+use super::highlights::default_white_e;
+use super::output::Facts;
+use super::request::{Request, result_name};
+use super::shot::{Taken, noise, placed, write_shot};
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+/// Takes all images.
+pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
+    // Every image is read before anything is written.
+    let photos: Vec<(String, LinearImage)> = (request.images.iter())
+        .map(|path| Ok((result_name(path), load_image(path).map_err(DesignError::from)?)))
+        .collect::<Result<_, JobError>>()?;
+    let bench = Bench::new(request, context)?;
+    let white_e = match request.white_e {
+        Some(white_e) => white_e,
+        None => default_white_e(request, &bench.sensor)?,
+    };
+    let camera = bench.camera(request, bench.sensor.clone(), white_e, LinearIsp::default())?;
+    make_folder(&request.out)?;
+    let mut written = Vec::new();
+    for (frame, (name, photo)) in photos.iter().enumerate() {
+        context.progress(frame as u64, photos.len() as u64, name);
+        let shot = bench.shot(&placed(request, photo, &bench.sensor), frame as u64);
+        let frames = camera.take(&[shot.clone()], &noise(request))?;
+        let capture = camera.capture(&shot);
+        let taken = Taken::new(&frames, capture)?;
+        let (facts, warning) = write_shot(request, &camera, name, &taken)?;
+        warning.into_iter().for_each(|warning| context.warning(warning));
+        written.push(facts);
+    }
+    context.progress(photos.len() as u64, photos.len() as u64, "");
+    Ok(written)
+}

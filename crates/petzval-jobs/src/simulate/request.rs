@@ -1,0 +1,168 @@
+//! What `simulate` is asked to take, and what the names of its images stand for.
+
+use std::path::{Path, PathBuf};
+
+use petzval_files::spectral_file::is_spectral;
+use serde::{Deserialize, Serialize};
+
+/// What the name of a built-in scene begins with.
+const SCENE: &str = "scene:";
+
+/// How a photograph lands on the sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Place {
+    /// Scaled to cover the sensor, the rest cut off.
+    #[default]
+    Fill,
+    /// One photograph pixel per sensor pixel, around the axis.
+    Centre,
+}
+
+/// Photographs and scenes to take. What is left out has the default of the command.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Photographs (PNG, JPEG, TIFF), spectral images, or `scene:NAME`.
+    pub images: Vec<PathBuf>,
+    /// Lens file, or a built-in name.
+    pub lens: String,
+    /// Measured PSFs in place of the lens: the results of `psf-calibrate`.
+    pub psfs: Option<PathBuf>,
+    /// Sensor file, or a built-in name.
+    pub sensor: String,
+    /// How a photograph lands on the sensor.
+    pub place: Place,
+    /// Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the first colour
+    /// if none are given, or what the light gives over the spectrum.
+    pub white_e: Option<f32>,
+    /// Rows and columns in the middle of the sensor that are read; all of them if none are given.
+    pub size: Option<(usize, usize)>,
+    /// Exposure time, s.
+    pub time_s: f32,
+    /// Linear analogue gain.
+    pub gain: f32,
+    /// Leave out all noise.
+    pub no_noise: bool,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// The light, for a simulation over the spectrum.
+    pub spectral: Spectral,
+    /// Format of the raw frame.
+    pub raw_format: RawAs,
+    /// Format of the developed picture.
+    pub picture_format: PictureAs,
+    /// Folder for the results.
+    pub out: PathBuf,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            images: Vec::new(),
+            lens: "cooke-triplet-nominal".to_owned(),
+            psfs: None,
+            sensor: "imx249-fitted".to_owned(),
+            place: Place::Fill,
+            white_e: None,
+            size: None,
+            time_s: 0.005,
+            gain: 1.0,
+            no_noise: false,
+            seed: 1,
+            spectral: Spectral::default(),
+            raw_format: RawAs::Tiff,
+            picture_format: PictureAs::Png,
+            out: PathBuf::from("."),
+        }
+    }
+}
+
+/// How the raw frame is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RawAs {
+    /// 16-bit gray TIFF.
+    #[default]
+    Tiff,
+    /// 16-bit gray PNG.
+    Png,
+    /// `.raw`, packed as MIPI CSI-2 does where the sensor has 8, 10, 12 or 14 bits, else contiguous bits.
+    Packed,
+    /// NumPy array, uint16.
+    Npy,
+}
+
+/// How the developed picture is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PictureAs {
+    /// 8-bit sRGB PNG.
+    #[default]
+    Png,
+    /// 16-bit sRGB PNG.
+    Png16,
+    /// OpenEXR, 32-bit floats, linear light.
+    Exr,
+    /// NumPy array, float32 [plane, row, column], linear light.
+    Npy,
+}
+
+/// The light, and how finely its spectrum is sampled. Any of these makes a simulation one over the spectrum.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Spectral {
+    /// Light on the scene: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file of wavelengths in nm and
+    /// relative power; D65 if none is named.
+    pub illuminant: Option<String>,
+    /// Illuminance of the scene, lux; 500, or as `white_e` needs.
+    pub illuminance_lux: Option<f64>,
+    /// Bands for scenes and photographs, 2 to 401; 16, or more where these would be over 20 nm apart.
+    pub bands: Option<usize>,
+    /// Quantum efficiency in place of the sensor's: a built-in name, `flat:VALUE`, or a CSV or TOML file.
+    pub qe: Option<String>,
+    /// Transmission of the lens: a number in 0..1, or a CSV file of wavelengths in nm and transmission.
+    pub transmission: Option<String>,
+    /// Photographs through three PSFs, then electrons by a 3x3 matrix.
+    pub three_band: bool,
+    /// The camera's own colours, without the matrix fitted to the ColorChecker.
+    pub no_colour_matrix: bool,
+}
+
+/// Whether a request is one over the spectrum.
+pub fn is_over_spectrum(request: &Request) -> bool {
+    request.spectral != Spectral::default() || request.images.iter().any(|path| kind(path) != Kind::Photo)
+}
+
+/// The scene in `scene:NAME`.
+pub fn scene_name(path: &Path) -> Option<&str> {
+    path.to_str()?.strip_prefix(SCENE)
+}
+
+/// What an image of a request is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// `scene:NAME`.
+    Scene,
+    /// A spectral image.
+    Spectral,
+    /// A photograph in three colours.
+    Photo,
+}
+
+/// What an image of a request is, by its name.
+pub fn kind(path: &Path) -> Kind {
+    match path {
+        path if scene_name(path).is_some() => Kind::Scene,
+        path if is_spectral(path) => Kind::Spectral,
+        _ => Kind::Photo,
+    }
+}
+
+/// Name of the results: that of the file or of the scene.
+pub fn result_name(path: &Path) -> String {
+    if let Some(scene) = scene_name(path) {
+        return scene.to_owned();
+    }
+    path.file_stem().map_or_else(|| "image".to_owned(), |s| s.to_string_lossy().into_owned())
+}

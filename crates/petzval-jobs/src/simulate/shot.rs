@@ -1,0 +1,86 @@
+//! One shot: the frame that the camera takes, what is developed from it, and the files of both.
+
+use petzval_camera::develop::saturated_share;
+use petzval_camera::image::LinearImage;
+use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel};
+use petzval_camera::tape::Frames;
+use petzval_design::camera::{Camera, to_host};
+use petzval_design::error::DesignError;
+use serde_json::json;
+
+use super::bench::Bench;
+use super::highlights::Saturation;
+use super::output::{self, Facts};
+use super::request::{Place, Request};
+use crate::error::JobError;
+
+/// The noise of a request.
+pub fn noise(request: &Request) -> Noise {
+    let mode = if request.no_noise { NoiseMode::Off } else { NoiseMode::Exact };
+    Noise { mode, seed: request.seed }
+}
+
+/// A picture laid on the pixels of the sensor.
+pub fn placed(request: &Request, picture: &LinearImage, sensor: &SensorModel) -> LinearImage {
+    let (height, width) = (sensor.height, sensor.width);
+    if (picture.height, picture.width) == (height, width) {
+        return picture.clone();
+    }
+    match request.place {
+        Place::Fill => picture.cover(height, width),
+        Place::Centre => picture.centred(height, width),
+    }
+}
+
+/// One frame and what was developed from it, on the host.
+pub struct Taken {
+    raw: Raw,
+    developed: LinearImage,
+}
+
+impl Taken {
+    /// The first frame of a camera's shots, copied from the device.
+    pub fn new(frames: &Frames, capture: Capture) -> Result<Self, DesignError> {
+        let [_, channels, height, width] = frames.developed.dims();
+        let raw = Raw { height, width, dn: to_host(frames.raw.clone())?, capture };
+        let data = to_host(frames.developed.clone())?;
+        Ok(Self { raw, developed: LinearImage { channels, height, width, data } })
+    }
+
+    /// A frame of light that lies on the pixels already.
+    pub fn of_light(
+        request: &Request,
+        bench: &Bench,
+        camera: &Camera,
+        light: &LinearImage,
+        frame: u64,
+    ) -> Result<Self, DesignError> {
+        let exposure = camera.body().exposure;
+        let capture = Capture { exposure, placement: bench.window.placement, frame };
+        Self::new(&camera.take_light(light, capture, &noise(request))?, capture)
+    }
+}
+
+/// Writes the results of a shot; returns facts about them, and a warning if many pixels are saturated.
+pub fn write_shot(
+    request: &Request,
+    camera: &Camera,
+    name: &str,
+    taken: &Taken,
+) -> Result<(Facts, Option<String>), JobError> {
+    let (sensor, white_e) = (&camera.body().sensor, camera.body().exposure.white_e);
+    let share = saturated_share(&taken.raw, sensor);
+    let saturation = Saturation::of(request, sensor, white_e, share)?;
+    let display_white = saturation.display_white();
+    let formats = (request.raw_format, request.picture_format);
+    let picture = (&taken.developed, display_white);
+    let mut facts = output::write(formats, &request.out, name, &taken.raw, sensor, picture)?;
+    for (key, value) in [
+        ("white_e", json!(white_e)),
+        ("saturated_share", json!(saturation.share)),
+        ("display_white", json!(display_white)),
+    ] {
+        facts.insert(key.to_owned(), value);
+    }
+    Ok((facts, saturation.warning(request, sensor, name, white_e)))
+}
