@@ -35,8 +35,7 @@ const RESERVED: [(&str, &[&str], &str); 7] = [
 ];
 
 /// Crates whose circles of modules are still to be cut, with what stands in the way. Each entry goes when its crate has none.
-const TO_BE_CUT: [(&str, &str); 3] = [
-    ("petzval-optics", "to be cut: one vocabulary for the numbers of a lens takes the largest circle away"),
+const TO_BE_CUT: [(&str, &str); 2] = [
     ("petzval-report", "to be cut: the input structs of a page move out of the file that assembles it"),
     ("petzval", "to be cut: what all verbs print with moves out of the file that lists them"),
 ];

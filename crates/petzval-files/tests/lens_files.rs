@@ -271,7 +271,9 @@ fn numbers_of_special_surfaces_have_names() {
         let found = file.variables.iter().any(|v| v.surface == 2 && v.number == number);
         assert!(found, "{name}: {:?}", file.variables);
         let error = with("", name, -2.0, 2.0).unwrap_err();
-        assert!(error.message.contains("no parameter") && error.hint.is_some(), "{error}");
+        assert!(error.message.contains("no parameter"), "{error}");
+        let of_placement = surface.starts_with("placement");
+        assert_eq!(error.hint.unwrap().contains("placement = {"), of_placement, "{name}");
     }
 }
 
@@ -291,6 +293,7 @@ fn tilts_are_variables_in_degrees() {
     assert!((file.lens.surfaces[2].placement.unwrap().tilt_rad[1] - 1.5_f64.to_radians()).abs() < 1e-15);
     let again = parse_lens(&write_lens(&file), &catalog()).unwrap();
     assert_eq!(again.variables, file.variables);
+    assert_eq!(again.lens, file.lens);
     assert!(with(-1.0, 1.0).unwrap_err().message.contains("outside its bounds"));
 }
 

@@ -40,4 +40,5 @@ pub mod solve;
 pub mod spot;
 pub mod tolerance;
 pub mod trace;
+mod vector;
 pub mod wave;

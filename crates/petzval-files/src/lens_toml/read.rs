@@ -230,6 +230,11 @@ impl Reader<'_> {
             let distance = |known: &str| strsim::damerau_levenshtein(key, known);
             let nearest = known.iter().map(|(k, _)| k.as_str()).min_by_key(|known| distance(known));
             let error = self.error("parameter", name.span(), format!("the surface has no parameter `{key}`"));
+            let of_placement = ["tilt", "decenter"].iter().any(|word| key.starts_with(word));
+            if of_placement && surface.placement.is_none() {
+                return error
+                    .hint("only a placement is tilted or shifted: give the surface `placement = { tilt_deg = [0.0, 0.0, 0.0] }`");
+            }
             match nearest.filter(|nearest| distance(nearest) <= 2) {
                 Some(nearest) => error.hint(format!("did you mean `{nearest}`?")),
                 None => {

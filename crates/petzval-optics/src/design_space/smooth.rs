@@ -1,7 +1,5 @@
 //! Coordinates without bounds over a design space, for gradient steps.
 
-use std::f64::consts::FRAC_PI_2;
-
 use super::space::defocus_mm;
 use super::{DesignSpace, DesignSpaceError, Focus, Variable};
 use crate::gradient::LensGradient;
@@ -56,8 +54,7 @@ impl SmoothMap {
         0.5 * (self.max - self.min) * x.cos() * by_value
     }
 
-    /// The x of a coordinate of the design space. A value on a bound is moved inside by a thousandth of the range, because the
-    /// map has no slope on the bound itself.
+    /// The x of a coordinate of the design space.
     fn free(&self, at: f64) -> f64 {
         let Self { min, max, .. } = *self;
         if !(max - min).is_finite() {
@@ -65,7 +62,16 @@ impl SmoothMap {
         }
         let value = if self.is_reciprocal { 1.0 / at } else { at };
         let s = (2.0 * value - min - max) / (max - min);
-        s.clamp(-0.998, 0.998).asin().clamp(-FRAC_PI_2, FRAC_PI_2)
+        s.clamp(-1.0, 1.0).asin()
+    }
+
+    /// An x on a bound, or near it, moved inside by a thousandth of the range: the map has no slope on the bound itself.
+    fn off_bounds(&self, x: f64) -> f64 {
+        if !(self.max - self.min).is_finite() {
+            return x;
+        }
+        let limit = 0.998_f64.asin();
+        x.clamp(-limit, limit)
     }
 }
 
@@ -100,8 +106,8 @@ impl SmoothSpace {
                 return Err(DesignSpaceError::DefocusOutsideRange { value_mm, range_mm });
             }
         }
-        let start = space.start().iter().zip(&maps).map(|(at, map)| map.free(*at)).collect();
-        let smooth = Self { space, maps, start };
+        let mut smooth = Self { space, maps, start: Vec::new() };
+        smooth.start = smooth.off_bounds(&smooth.free(&smooth.space.start()));
         smooth.lens_at(&smooth.start)?;
         Ok(smooth)
     }
@@ -119,6 +125,17 @@ impl SmoothSpace {
     /// The coordinates of the lens that the space was made around.
     pub fn start(&self) -> &[f64] {
         &self.start
+    }
+
+    /// The free coordinates of coordinates of the space under it, which lie within their bounds.
+    pub fn free(&self, at: &[f64]) -> Vec<f64> {
+        self.maps.iter().zip(at).map(|(map, at)| map.free(*at)).collect()
+    }
+
+    /// Free coordinates from which a gradient step can start: those on a bound, where the map has no slope, are moved inside by a
+    /// thousandth of their range.
+    pub fn off_bounds(&self, x: &[f64]) -> Vec<f64> {
+        self.maps.iter().zip(x).map(|(map, x)| map.off_bounds(*x)).collect()
     }
 
     /// The lens at free coordinates.

@@ -2,10 +2,7 @@
 
 use super::departure::{self, Departure};
 use crate::jet::{Dual, Jet, Real};
-use crate::number::Number;
-
-/// Number of even polynomial terms: a_2, a_4, ... a_16.
-pub const ASPHERE_TERMS: usize = 8;
+use crate::number::{ASPHERE_TERMS, Number};
 
 /// A shape: a conic plus an even polynomial,
 ///

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::action::{Action, Phase};
 use super::departure::Departure;
 use super::placement::Placement;
-use super::shape::{ASPHERE_TERMS, SurfaceShape};
+use super::shape::SurfaceShape;
 use crate::glass::Glass;
-use crate::number::Number;
+use crate::number::{ASPHERE_TERMS, Number};
 
 /// A surface in its place.
 #[derive(Clone, Debug, PartialEq)]

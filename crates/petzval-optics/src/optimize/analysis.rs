@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::problem::Problem;
-use crate::constraint::{Constraint, direction_of_light};
+use super::problem::{Apertures, Problem};
+use crate::constraint::{ClearRadii, Constraint, SemiDiameters, direction_of_light};
 use crate::design_space::{DesignSpace, Mapped};
 use crate::lens::Lens;
 use crate::merit::{Beams, Landings, MOUNT_MM, Reach};
@@ -65,7 +65,7 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
     if (0..lens.surfaces.len()).any(|i| direction_of_light(&lens, i) * lens.surfaces[i].thickness_mm < 0.0) {
         return None;
     }
-    // Where a limit depends on clear radii, rays on the rim of the stop measure them.
+    // Where a limit depends on the radii that beams need, rays on the rim of the stop measure them.
     let limits = &problem.limits;
     let by_rim = limits.element_edge_mm.is_some()
         || limits.air_gap_mm.is_some()
@@ -73,18 +73,27 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
         || limits.slope_rad.is_some();
     let near = near.map(|n| &n.landings);
     let landings = problem.merit.landings(&lens, problem.sides(), near, by_rim)?;
-    let beams = Beams { merit: &problem.merit, lens: &lens, reach: &landings.reach };
     let mut violations = Vec::new();
+    let clear = clear_radii(problem, &lens, &landings);
     for constraint in problem.constraints() {
-        let excess = constraint.excess_mm(&lens, &beams)?;
+        let excess = constraint.excess_mm(&lens, &*clear)?;
         if excess > 0.0 {
             violations.push((constraint, excess));
         }
     }
+    drop(clear);
     let stiff = |v: f64| (problem.stiffness_um_per_mm * v).powi(2);
     let merit = problem.merit.square_um2(&landings) + violations.iter().map(|(_, v)| stiff(*v)).sum::<f64>();
     let rms_um = landings.rms_um.clone();
     merit.is_finite().then_some(Analysis { lens, merit, rms_um, violations, landings })
+}
+
+/// The radii at which the constraints of a problem are measured.
+fn clear_radii<'a>(problem: &'a Problem, lens: &'a Lens, landings: &'a Landings) -> Box<dyn ClearRadii + 'a> {
+    match problem.apertures {
+        Apertures::Fitted => Box::new(Beams { merit: &problem.merit, lens, reach: &landings.reach }),
+        Apertures::Drawn => Box::new(SemiDiameters(lens)),
+    }
 }
 
 /// The linearised problem at a lens of the space.
@@ -100,9 +109,9 @@ pub(super) fn linearise(
     let inner = gram.view((0, 0), (residual, residual));
     let mut hessian = slopes.transpose() * inner * slopes;
     let mut gradient = slopes.transpose() * gram.view((0, residual), (residual, 1)).column(0);
-    let beams = Beams { merit: &problem.merit, lens: &analysis.lens, reach: &analysis.landings.reach };
+    let clear = clear_radii(problem, &analysis.lens, &analysis.landings);
     for (constraint, excess) in &analysis.violations {
-        let g = constraint.gradient(&analysis.lens, &beams, 1.0)?;
+        let g = constraint.gradient(&analysis.lens, &*clear, 1.0)?;
         let row = DVector::from_fn(space.numbers().len() + 1, |n, _| {
             space.numbers().get(n).map_or(0.0, |number| g[*number])
         });

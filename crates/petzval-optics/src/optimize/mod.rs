@@ -14,5 +14,5 @@ mod tests;
 
 pub use analysis::Analysis;
 pub use levenberg::{Descent, LevenbergOptions, Stop, descend};
-pub use problem::{GlassChoice, Limits, Problem};
+pub use problem::{Apertures, GlassChoice, Limits, Problem};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

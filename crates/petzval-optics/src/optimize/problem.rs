@@ -42,6 +42,16 @@ pub struct Limits {
     pub chief_ray_angle_rad: Option<f64>,
 }
 
+/// The clear radii at which constraints are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Apertures {
+    /// As the beams need them, with a margin for the mount.
+    #[default]
+    Fitted,
+    /// As the lens has them; they do not move.
+    Drawn,
+}
+
 /// An optimisation problem.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -61,6 +71,10 @@ pub struct Problem {
     pub merit: SpotResiduals,
     /// Limits of the lens.
     pub limits: Limits,
+    /// Constraints beside those that the limits make.
+    pub further: Vec<Constraint>,
+    /// Where constraints are measured.
+    pub apertures: Apertures,
     /// Residual of a violation, um per mm.
     pub stiffness_um_per_mm: f64,
 }
@@ -76,6 +90,8 @@ impl Problem {
             focus: Focus::Free,
             merit: SpotResiduals::new(&base),
             limits: Limits::default(),
+            further: Vec::new(),
+            apertures: Apertures::Fitted,
             stiffness_um_per_mm: 1e4,
             base,
         }
@@ -102,10 +118,10 @@ impl Problem {
         DesignSpace::new(self.base.clone(), variables, self.pickups.clone(), self.solves, self.focus)
     }
 
-    /// The constraints that its limits and the bounds of its solves make.
+    /// The constraints that its limits and the bounds of its solves make, and the further ones.
     pub fn constraints(&self) -> Vec<Constraint> {
         let limits = &self.limits;
-        let mut all = Vec::new();
+        let mut all = self.further.clone();
         let last = self.base.surfaces.len() - 1;
         for surface in 0..last {
             if self.base.surfaces[surface].glass.is_air() {

@@ -2,8 +2,9 @@
 
 use super::analysis::{analyse, linearise};
 use super::*;
+use crate::constraint::Constraint;
 use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable};
-use crate::lens::{Departure, Lens};
+use crate::lens::{Departure, Lens, Placement};
 use crate::merit::SpotResiduals;
 use crate::number::Number;
 use crate::paraxial::first_order;
@@ -394,15 +395,20 @@ fn a_search_exchanges_glasses() {
     assert_eq!(Search::new(&none, options).err(), Some(DesignSpaceError::NoGlass { surface: 3 }));
 }
 
-/// A decentred element is set straight again.
+/// A decentred and tilted surface is set straight again.
 #[test]
-fn a_decentre_comes_back() {
+fn decentres_and_tilts_come_back() {
     let mut lens = nominal_triplet();
-    lens.surfaces[5].placement =
-        Some(crate::lens::Placement { decenter_mm: [0.08, -0.05], ..Default::default() });
+    lens.surfaces[5].placement = Some(Placement {
+        decenter_mm: [0.08, -0.05],
+        tilt_rad: [0.3_f64.to_radians(), -0.2_f64.to_radians(), 0.0],
+        ..Placement::default()
+    });
+    // A tilt about the vertex is not a decentre: that of a sphere is one about its centre, which the asphere tells apart.
     let decenter = |axis: usize| variable(5, Number::Decenter(axis), -0.5, 0.5);
+    let tilt = |axis: usize| variable(5, Number::Tilt(axis), -1.0, 1.0);
     let problem = Problem {
-        variables: vec![decenter(0), decenter(1)],
+        variables: vec![decenter(0), decenter(1), tilt(0), tilt(1)],
         focus: Focus::Fixed,
         // Fields on both sides of the axis, so that symmetry is best.
         merit: SpotResiduals {
@@ -417,8 +423,32 @@ fn a_decentre_comes_back() {
     let options = LevenbergOptions { iterations: 60, tolerance: 1e-14 };
     let descent = descend(&problem, &options, &mut |_, _, _| true).unwrap();
     let placement = descent.best.lens.surfaces[5].placement.unwrap();
-    assert!(placement.decenter_mm.iter().all(|d| d.abs() < 1e-5), "{placement:?} {:?}", descent.stop);
+    let off = placement.decenter_mm.iter().chain(&placement.tilt_rad);
+    assert!(off.clone().all(|v| v.abs() < 1e-5), "{placement:?} {:?}", descent.stop);
     let straight = Problem { base: nominal_triplet(), variables: Vec::new(), ..problem };
     let best = analyse(&straight, nominal_triplet(), None).unwrap().merit;
     assert!((descent.best.merit / best - 1.0).abs() < 1e-9, "{} {best}", descent.best.merit);
+}
+
+/// Further constraints are kept at the clear radii that the lens has.
+#[test]
+fn further_constraints_are_kept_at_drawn_apertures() {
+    let drawn = Problem {
+        further: vec![
+            Constraint::Edge { surface: 0, least_mm: 2.4 },
+            Constraint::AirEdge { surface: 1, least_mm: 5.0 },
+            Constraint::ImageDistance { least_mm: 25.5 },
+        ],
+        apertures: Apertures::Drawn,
+        focus: Focus::Paraxial { range_mm: 0.5 },
+        solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },
+        ..problem()
+    };
+    let loose = Problem { stiffness_um_per_mm: 30.0, ..drawn.clone() };
+    assert!(check_gradient(&loose) >= 2, "{}", check_gradient(&loose));
+    let descent = descend(&drawn, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap();
+    for (what, amount) in &descent.best.violations {
+        assert!(*amount < 2e-3, "{what} {amount}");
+    }
+    assert!(descent.best.lens.image_distance_mm() > 25.498);
 }

@@ -6,7 +6,7 @@
 //! from traced rays is measured at points that they were not fitted to.
 
 use super::basis::PupilBasis;
-use super::beam::{launch_area, projections};
+use super::launch::{launch_area, projections};
 use super::polynomial::{PupilPolynomial, Symmetry};
 use super::samples::{PupilSamples, SamplesCotangent};
 use crate::gradient::LensGradient;

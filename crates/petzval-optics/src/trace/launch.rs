@@ -1,8 +1,9 @@
 //! Where rays start: on the plane of the first vertex, towards the lens.
 
-use super::ray::{Ray, Vec3};
+use super::ray::Ray;
 use super::sequence::Sequence;
 use crate::lens::ObjectDistance;
+use crate::vector::Vec3;
 
 /// A ray on the plane of the first vertex, and how its direction depends on where it crosses it.
 #[derive(Clone, Copy, Debug)]

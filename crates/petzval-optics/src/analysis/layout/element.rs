@@ -2,11 +2,54 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::place::Place;
-use super::{LayoutElement, LayoutLine, LineKind};
 use crate::glass::Glass;
-use crate::lens::placement::apply;
 use crate::lens::{Action, Lens, Surface};
+use crate::vector::apply;
+
+/// One piece of glass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutElement {
+    /// What it is made of.
+    pub glass: String,
+    /// Its index at the d line.
+    pub nd: f64,
+    /// Its Abbe number.
+    pub vd: f64,
+    /// Half its outer diameter, mm.
+    pub height_mm: f64,
+    /// Middle of its upper and of its lower rim.
+    pub rims: [[f64; 2]; 2],
+    /// Closed outline.
+    pub outline: Vec<[f64; 2]>,
+}
+
+/// What a bare surface is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LineKind {
+    /// A mirror.
+    Mirror,
+    /// A thin lens of positive power.
+    ConvergingLens,
+    /// A thin lens of negative power.
+    DivergingLens,
+    /// A surface between equal media that bends light: a diffractive structure.
+    Structure,
+}
+
+/// A surface that belongs to no piece of glass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutLine {
+    /// What it is.
+    pub kind: LineKind,
+    /// Its profile from the lower to the upper edge.
+    pub points: Vec<[f64; 2]>,
+    /// Direction (z, y) of unit length along its axis, as light meets it: the side of a mirror that is in the dark.
+    pub back: [f64; 2],
+}
 
 /// Steps in which the profile of a surface is drawn, from edge to edge.
 const STEPS: usize = 60;

@@ -8,7 +8,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::surface::{Meeting, Rays, Tangent};
+use super::rays::{Meeting, Rays, Tangent};
 use crate::jet::{Dual, Jet};
 use crate::lanes::{Lanes, MAX_LANES, Mask, V3, along, dot, scaled};
 use crate::lens::PHASE_TERMS;

@@ -5,9 +5,10 @@ use pulp::{Simd, WithSimd};
 
 use super::aim::AimedRays;
 use super::backward::{From, Reaim, ReaimLanes, Sums, from_image, sweep};
-use super::forward::{fate, load, trace_rays};
+use super::forward::{load, trace_rays};
 use crate::lanes::{Lanes, width};
 use crate::number::Number;
+use crate::trace::fate::Fate;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 use petzval_base::simd::dispatch;
@@ -84,7 +85,7 @@ impl WithSimd for Jacobian<'_> {
                 }
             }
         }
-        out.complete = fates[..launched.len()].iter().all(|code| fate(*code).reaches_image());
+        out.complete = fates[..launched.len()].iter().all(|code| Fate::of_code(*code).reaches_image());
     }
 }
 
