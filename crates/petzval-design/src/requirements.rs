@@ -40,6 +40,11 @@ impl Requirements {
         Ok(Self { constraints, corner_field_rad })
     }
 
+    /// The same as constraints, at the clear semi-diameters of the lens.
+    pub fn constraints(&self) -> &[Constraint] {
+        &self.constraints
+    }
+
     /// The sum of squared violations, mm^2, and its gradient.
     pub fn penalty(&self, lens: &Lens) -> Result<(f64, LensGradient), DesignError> {
         penalty(&self.constraints, lens)

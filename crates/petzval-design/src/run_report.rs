@@ -19,7 +19,7 @@ use crate::optics::PsfPlan;
 use crate::pictures::file_name;
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
-use crate::variant::Variant;
+use crate::variant::{Stage, Variant};
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
 };
@@ -101,12 +101,12 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
 /// `3 cameras: nominal (800 network steps), ...`.
 fn cameras_in_words(variants: &[Variant]) -> String {
     let one = |v: &Variant| {
-        let steps = |block: BlockName| match v.steps_of(block) {
+        let steps = |block: BlockName| match v.task_steps_of(block) {
             0 => None,
             n => Some(format!("{n} {} steps", block.name())),
         };
-        let all: Vec<String> =
-            [BlockName::Optics, BlockName::Network].into_iter().filter_map(steps).collect();
+        let spot = v.stages.iter().any(|s| matches!(s, Stage::Spot { .. })).then(|| "least spots".to_owned());
+        let all: Vec<String> = spot.into_iter().chain(BlockName::ALL.into_iter().filter_map(steps)).collect();
         format!("{} ({})", v.name, all.join(", "))
     };
     let list: Vec<String> = variants.iter().map(one).collect();

@@ -4,17 +4,17 @@ use std::path::Path;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
-use petzval_optics::design_space::{DesignSpace, Focus, SmoothSpace, Solves};
-use petzval_optics::spot::mean_square_spot;
+use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, SmoothSpace, Solves};
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::optimize::{Apertures, Problem};
+use petzval_optics::pupil::PupilSampling;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 use crate::optics::PsfPlan;
 use crate::requirements::Requirements;
-
-/// Penalty of a violated requirement in a merit of squared spots, um^2 per mm^2.
-const PENALTY_UM2_PER_MM2: f64 = 1e6;
 
 /// A lens from which variants start.
 pub struct Start {
@@ -78,19 +78,28 @@ impl Start {
         Ok(Self { lens_file, space, requirements, spot_fields_rad })
     }
 
-    /// RMS spot radius at a point of the space, um, and the derivatives of the logarithm of the spot merit: the mean over
-    /// fields and wavelengths of the squared spot radius plus penalties. The logarithm keeps the gradient's scale on the way down.
-    pub fn spot_gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), DesignError> {
-        let lens = self.space.lens_at(x)?;
-        let (square_um2, mut gradient) =
-            mean_square_spot(&lens, &self.spot_fields_rad).ok_or(DesignError::NoLight {
-                field_deg: self.spot_fields_rad.last().copied().unwrap_or(0.0).to_degrees(),
-            })?;
-        let (penalty_mm2, by_penalty) = self.requirements.penalty(&lens)?;
-        gradient += &by_penalty.scaled(PENALTY_UM2_PER_MM2);
-        let value = square_um2 + PENALTY_UM2_PER_MM2 * penalty_mm2;
-        let by_x = self.space.pull_back(x, &lens, &gradient);
-        Ok((value.sqrt(), by_x.iter().map(|g| g / value).collect()))
+    /// The problem of making the spots of a lens small, within the bounds of the space, with the requirements as limits.
+    pub fn spot_problem(&self, lens: Lens) -> Problem {
+        let file = &self.lens_file;
+        // The requirements hold the bounds of the radius that is solved for.
+        let efl = file.efl_solve.map(|solve| EflSolve { radius_mm: None, ..solve });
+        let merit = SpotResiduals {
+            fields_rad: self.spot_fields_rad.clone(),
+            field_weights: vec![1.0; self.spot_fields_rad.len()],
+            sampling: PupilSampling::Degree(8),
+            power: 2.0,
+            ..SpotResiduals::new(&lens)
+        };
+        Problem {
+            variables: file.variables.clone(),
+            pickups: file.pickups.clone(),
+            solves: Solves { efl, length: file.length_solve },
+            focus: self.space.space().focus(),
+            merit,
+            further: self.requirements.constraints().to_vec(),
+            apertures: Apertures::Drawn,
+            ..Problem::new(lens)
+        }
     }
 }
 

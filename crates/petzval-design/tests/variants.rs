@@ -57,8 +57,6 @@ batch = 1
 crop = 64
 [optics]
 steps = 3
-[spot]
-steps = 3
 [scoring]
 places_per_side = 1
 crop = 64
@@ -138,6 +136,7 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", &format!("from = \"b\"\n{NETWORK}")), "no earlier variant"),
         (variant("a", "[[variant.stage]]\nmoves = []\n"), "moves no block"),
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
+        (variant("a", &format!("{SPOT}optics = {{ steps = 3 }}\n{NETWORK}")), "no schedule"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
     ] {
         let said = refused(&variants);

@@ -5,7 +5,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::block::BlockName;
-use crate::variant::Goal;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +20,17 @@ pub struct VariantConfig {
     pub from: Option<String>,
     /// What is done with it, in this order.
     pub stage: Vec<StageConfig>,
+}
+
+/// What a stage improves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// The objective of the experiment.
+    #[default]
+    Task,
+    /// The RMS spot of the lens, whatever the rest of the camera is.
+    Spot,
 }
 
 /// Blocks that move for one goal. What a stage leaves out comes from the experiment's tables.
@@ -120,6 +130,10 @@ pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(
             if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
                 return Err(error("stage", format!("the spot goal of `{name}` moves the lens alone"))
                     .hint("write `moves = [\"optics\"]`"));
+            }
+            if stage.goal == Goal::Spot && stage.optics.is_some() {
+                return Err(error("stage", format!("the spot goal of `{name}` has no schedule"))
+                    .hint("leave `optics` out; `iterations` in [spot] ends it at the latest"));
             }
         }
         known.push(name);
