@@ -67,7 +67,8 @@ impl FileError {
         }
     }
 
-    /// An error about the value at a path of keys, e.g. `["psf", "grid"]`, of a text that is valid TOML.
+    /// An error about the value at a path of keys, e.g. `["psf", "grid"]`, of a text that is valid TOML. A number is the place of
+    /// an element in an array, from 0: `["variant", "2", "name"]`.
     pub fn at_key(text: &str, path: &[&str], message: impl Into<String>) -> Self {
         let key = path.last().copied().unwrap_or("");
         match toml::de::DeTable::parse(text).ok().and_then(|table| value_span(table.get_ref(), path)) {
@@ -133,9 +134,18 @@ impl FileError {
 fn value_span(table: &toml::de::DeTable<'_>, path: &[&str]) -> Option<Range<usize>> {
     let (first, rest) = path.split_first()?;
     let (_, value) = table.iter().find(|(key, _)| key.get_ref().as_ref() == *first)?;
-    match (rest.is_empty(), value.get_ref()) {
-        (true, _) => Some(value.span()),
-        (false, toml::de::DeValue::Table(inner)) => value_span(inner, rest),
+    inner_span(value, rest)
+}
+
+/// The bytes that the value at a path of keys and places below a value occupies.
+fn inner_span(value: &toml::Spanned<toml::de::DeValue<'_>>, path: &[&str]) -> Option<Range<usize>> {
+    use toml::de::DeValue;
+    match (path.split_first(), value.get_ref()) {
+        (None, _) => Some(value.span()),
+        (Some(_), DeValue::Table(inner)) => value_span(inner, path),
+        (Some((place, rest)), DeValue::Array(elements)) => {
+            inner_span(elements.get(place.parse::<usize>().ok()?)?, rest)
+        }
         _ => None,
     }
 }

@@ -46,6 +46,28 @@ pub fn level() -> &'static str {
     level_as(asked())
 }
 
+/// The widest vector unit that the CPU reports.
+pub fn widest() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            return "avx512";
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return "avx2";
+        }
+        "sse2"
+    }
+    #[cfg(target_arch = "aarch64")]
+    {
+        "neon"
+    }
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    {
+        "scalar"
+    }
+}
+
 fn dispatch_as<Op: WithSimd>(asked: Asked, operation: Op) -> Op::Output {
     match asked {
         #[cfg(target_arch = "x86_64")]

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Writes a file under a temporary name in the same folder, then renames it. No reader sees an incomplete file, and after a
-/// failure the old file is unchanged.
+/// failure, also of the power, the old file is unchanged.
 ///
 /// Fails with `InvalidInput` if `path` names no file, with `IsADirectory` if it is a folder, and with the system's errors.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -23,7 +23,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     hidden.push(format!(".{}-{number}.part", std::process::id()));
     let beside = path.with_file_name(hidden);
     let written = std::fs::File::create(&beside)
-        .and_then(|mut file| file.write_all(bytes))
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&beside, path));
     if written.is_err() {
         // Return the first error. Removal may fail too, because the temporary file may not exist.

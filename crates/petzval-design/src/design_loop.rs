@@ -13,7 +13,6 @@ use petzval_camera::sensor::Noise;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::dataset::training_crop;
 use petzval_learn::objective::Objective;
-use petzval_learn::score::Score;
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +21,7 @@ use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::run::{
     CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, load_blocks, save_blocks,
-    save_checkpoint, write_atomically,
+    save_checkpoint, write_file,
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
@@ -148,14 +147,8 @@ struct Step {
 }
 
 impl<'a> DesignLoop<'a> {
-    /// Starts a run in an empty folder, or goes on from the latest checkpoint of one. `scores` are those that
-    /// `scoring.scores` of the experiment may name.
-    pub fn new(
-        setup: &'a Setup,
-        run: &'a RunFolder,
-        scores: Vec<Box<dyn Score>>,
-    ) -> Result<Self, DesignError> {
-        let scorer = Scorer::new(setup, scores)?;
+    /// Starts a run in an empty folder, or goes on from the latest checkpoint of one.
+    pub fn new(setup: &'a Setup, run: &'a RunFolder, scorer: Scorer<'a>) -> Result<Self, DesignError> {
         let checkpoint = latest_checkpoint(run)?;
         let first = setup.variants.first().map(|v| v.name.clone());
         let mut position = Position { variant: first, ..Position::default() };
@@ -230,9 +223,9 @@ impl<'a> DesignLoop<'a> {
                 self.checkpoint()?;
             }
         }
-        let metrics = collect_metrics(self.setup, self.run)?;
+        let metrics = collect_metrics(self.setup, self.run, self.scorer.scores())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
-        write_atomically(&self.run.metrics(), text.as_bytes())?;
+        write_file(&self.run.metrics(), text.as_bytes())?;
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
@@ -344,10 +337,7 @@ impl<'a> DesignLoop<'a> {
             .map(|item| {
                 let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
                 let window = crops.window();
-                let mut scene = photos[c.photo]
-                    .image
-                    .crop(c.row, c.column, window, window)
-                    .map_err(|e| DesignError::Device(e.to_string()))?;
+                let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
                 if c.flip {
                     mirror(&mut scene.data, window);
                 }
@@ -399,7 +389,7 @@ impl<'a> DesignLoop<'a> {
         let p = &self.position;
         if let (Some(variant), true) = (self.variant(), p.stage > 0 || !p.taken.is_empty()) {
             let path = self.run.lens_at_step(p.step);
-            write_atomically(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
+            write_file(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
         }
         Ok(())
     }
@@ -423,11 +413,11 @@ impl<'a> DesignLoop<'a> {
         let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {
-            write_atomically(&path, self.lens_text(variant, &lens).as_bytes())?;
+            write_file(&path, self.lens_text(variant, &lens).as_bytes())?;
         }
         save_blocks(&folder, self.blocks.all())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
-        write_atomically(&folder.join("metrics.json"), text.as_bytes())?;
+        write_file(&folder.join("metrics.json"), text.as_bytes())?;
         crate::pictures::save(self.run, &variant.name, &pictures)?;
         observer.camera(&metrics);
         self.begin_next(variant)?;

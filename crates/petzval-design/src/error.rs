@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
+use petzval_camera::image::ShapeError;
 use petzval_camera::sensor::SensorError;
 
 /// Why a design, a score or a report could not be made.
@@ -111,6 +112,15 @@ pub enum DesignError {
     /// A tensor could not be brought back from the device.
     #[error("reading a result back from the device failed: {0}")]
     Device(String),
+    /// A window that does not lie within its picture.
+    #[error(transparent)]
+    Window(#[from] ShapeError),
+    /// A camera whose lens is not known cannot be scored or moved.
+    #[error("the camera's PSFs were measured: no lens is known; hint: name a lens in place of measured PSFs")]
+    NoLens,
+    /// The tape has no gradient where a block needs one.
+    #[error("{0} have no gradient; this is a defect of the program or of the device")]
+    NoGradient(&'static str),
     /// A loss that is no number.
     #[error("{camera}, {block} step {step}: the loss is {value}; hint: lower the learning rate")]
     Diverged {

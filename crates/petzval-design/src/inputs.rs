@@ -7,14 +7,13 @@ use sha2::{Digest, Sha256};
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-use crate::run::{RunFolder, write_atomically};
+use crate::run::{RunFolder, write_file};
 use crate::setup::Setup;
 
 /// SHA-256 of the lens with its glasses, the sensor, and every photograph by name and content.
 fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
-    hash.update(write_lens(&setup.nominal().lens_file));
-    for variant in setup.variants.iter().filter(|v| v.lens != setup.experiment.lens) {
+    for variant in &setup.variants {
         hash.update(write_lens(&setup.start(variant).lens_file));
     }
     hash.update(DesignError::json("the sensor", &setup.body.sensor)?);
@@ -34,10 +33,10 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     let experiment = &setup.experiment;
     // The setup has read the lens already, and reported its warnings.
     let lens = assets.import(&experiment.lens)?.file;
-    write_atomically(&run.nominal_lens(), write_lens(&lens).as_bytes())?;
+    write_file(&run.nominal_lens(), write_lens(&lens).as_bytes())?;
     let sensor = assets.text("sensor", "sensors", &experiment.sensor)?;
-    write_atomically(&run.sensor(), sensor.text.as_bytes())?;
-    write_atomically(&run.fingerprint(), format!("{}\n", fingerprint(setup)?).as_bytes())?;
+    write_file(&run.sensor(), sensor.text.as_bytes())?;
+    write_file(&run.fingerprint(), format!("{}\n", fingerprint(setup)?).as_bytes())?;
     // Names in an experiment are looked for beside it.
     let mut kept = Experiment {
         lens: "inputs/lens.toml".to_owned(),
@@ -48,11 +47,11 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         if let Some(name) = &mut variant.lens {
             let file = format!("{}-lens.toml", variant.name);
             let lens = assets.import(name)?.file;
-            write_atomically(&run.input(&file), write_lens(&lens).as_bytes())?;
+            write_file(&run.input(&file), write_lens(&lens).as_bytes())?;
             *name = format!("inputs/{file}");
         }
     }
-    write_atomically(&run.config(), kept.to_toml()?.as_bytes())
+    write_file(&run.config(), kept.to_toml()?.as_bytes())
 }
 
 /// Refuses to go on with a run, or to score it again, from other inputs than it was made from.

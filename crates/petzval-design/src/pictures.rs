@@ -1,10 +1,9 @@
 //! Held-out pictures of a run, kept as PNG files for the report.
 
-use petzval_camera::image::{LinearImage, srgb_decode};
-use petzval_files::png_bytes;
+use petzval_files::encoded_png_bytes;
 
 use crate::error::DesignError;
-use crate::run::{RunFolder, write_atomically};
+use crate::run::{RunFolder, write_file};
 use crate::scoring::ScoredPicture;
 
 /// File name of a state of picture `index`: `truth`, or `developed` and `output` of a camera.
@@ -23,15 +22,8 @@ pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result
             (&picture.developed, file_name(index, "developed", Some(camera))),
             (&picture.output, file_name(index, "output", Some(camera))),
         ] {
-            write_atomically(&run.picture(&file), &encoded_png(image)?)?;
+            write_file(&run.picture(&file), &encoded_png_bytes(image)?)?;
         }
     }
     Ok(())
-}
-
-/// PNG of a picture that is sRGB-encoded already.
-fn encoded_png(encoded: &LinearImage) -> Result<Vec<u8>, DesignError> {
-    let mut linear = encoded.clone();
-    linear.data.iter_mut().for_each(|v| *v = srgb_decode(v.clamp(0.0, 1.0)));
-    Ok(png_bytes(&linear)?)
 }

@@ -15,13 +15,14 @@ use petzval_optics::psf::FieldPsf;
 use crate::block::BlockName;
 use crate::error::DesignError;
 use crate::lens_view;
-use crate::optics::PsfPlan;
 use crate::pictures::file_name;
+use crate::psf_plan::PsfPlan;
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
 use crate::variant::{Stage, Variant};
+use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
-    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, TableRow,
+    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, Score, TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
@@ -84,7 +85,8 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
             metrics.held_out_places
         ),
         command_line: command_line.to_owned(),
-        table: metrics.rows.iter().map(row).collect(),
+        scores: metrics.scores.iter().map(score).collect(),
+        table: metrics.rows.iter().map(|m| row(&metrics.scores, m)).collect(),
         cameras,
         layout_fields_deg: layout_fields_deg.to_vec(),
         reference_um: setup.nominal().lens_file.lens.reference_um,
@@ -129,8 +131,10 @@ fn notes(metrics: &Metrics) -> Vec<String> {
     let by_camera = |f: &dyn Fn(&CameraMetrics) -> String| {
         metrics.rows.iter().map(|m| format!("{} {}", m.camera, f(m))).collect::<Vec<_>>().join(", ")
     };
+    let definitions: Vec<String> =
+        metrics.scores.iter().map(|s| format!("{}, {}", s.title, s.definition)).collect();
     vec![
-        format!("Image scores: {}; SSIM: {}.", metrics.lpips_variant, metrics.ssim_variant),
+        format!("Scores: {}.", definitions.join("; ")),
         "RMS spot: mean over the fields, all wavelengths together about their common centroid, through the real stop, \
          each ray weighed by its light."
             .to_owned(),
@@ -148,12 +152,10 @@ fn notes(metrics: &Metrics) -> Vec<String> {
     ]
 }
 
-fn row(m: &CameraMetrics) -> TableRow {
+fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
     TableRow {
         camera: m.camera.clone(),
-        one_minus_lpips: score(&m.scores, "one_minus_lpips"),
-        psnr_db: score(&m.scores, "psnr_db"),
-        ssim: score(&m.scores, "ssim"),
+        scores: in_order(scores, &m.scores),
         rms_spot_um: m.rms_spot_um,
         efl_mm: m.efl_mm,
         f_number: m.f_number,
@@ -161,8 +163,18 @@ fn row(m: &CameraMetrics) -> TableRow {
     }
 }
 
-fn score(scores: &BTreeMap<String, f64>, name: &str) -> f64 {
-    scores.get(name).copied().unwrap_or(f64::NAN)
+fn score(of: &ScoreDescription) -> Score {
+    Score {
+        title: of.title.clone(),
+        unit: of.unit.clone(),
+        decimals: of.decimals,
+        higher_is_better: of.higher_is_better,
+    }
+}
+
+/// The values of the scores, in their order; NaN for one that is missing.
+fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f64>) -> Vec<f64> {
+    scores.iter().map(|score| values.get(&score.name).copied().unwrap_or(f64::NAN)).collect()
 }
 
 /// The variables, before and after, and the radius that keeps the focal length.
@@ -252,9 +264,7 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
                 camera: m.camera.clone(),
                 developed_png: read(file_name(index, "developed", Some(&m.camera)))?,
                 output_png: read(file_name(index, "output", Some(&m.camera)))?,
-                psnr_db: score(&picture.scores, "psnr_db"),
-                ssim: score(&picture.scores, "ssim"),
-                one_minus_lpips: score(&picture.scores, "one_minus_lpips"),
+                scores: in_order(&metrics.scores, &picture.scores),
             });
         }
         let title = picture.photo.split('.').next().unwrap_or(&picture.photo).to_owned();

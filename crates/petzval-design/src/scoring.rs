@@ -6,15 +6,16 @@ use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::tape::srgb_encode_op;
 use petzval_learn::dataset::held_out_placements;
-use petzval_learn::score::{Score, ScoredPair};
+use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::{chief_ray, field_imaged_at};
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Shot, srgb_encode, to_host};
+use crate::camera::{Camera, Shot, to_host};
 use crate::error::DesignError;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
 use crate::setup::Setup;
@@ -58,12 +59,20 @@ impl<'a> Scorer<'a> {
         Ok(Self { setup, scores })
     }
 
+    /// The scores that are computed.
+    pub fn scores(&self) -> Vec<ScoreDescription> {
+        self.scores.iter().map(|score| ScoreDescription::of(score.as_ref())).collect()
+    }
+
     /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs.
     pub fn score(
         &self,
         name: &str,
         camera: &Camera,
     ) -> Result<(CameraMetrics, Vec<ScoredPicture>), DesignError> {
+        let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
+            return Err(DesignError::NoLens);
+        };
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
         for (photo, relative_field, shot) in held_out_shots(self.setup, camera)? {
@@ -84,14 +93,13 @@ impl<'a> Scorer<'a> {
             }
             pictures.push(ScoredPicture {
                 score: PictureScore { photo, relative_field, scores },
-                developed: host_image(srgb_encode(frames.developed))?,
+                developed: host_image(srgb_encode_op(frames.developed))?,
                 truth: pair.truth,
                 output: pair.finished,
             });
         }
-        let lens = camera.psfs().lens().ok_or_else(|| DesignError::Device("no lens".to_owned()))?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        Ok((camera_metrics(self.setup, name, lens, scored)?, pictures))
+        Ok((camera_metrics(self.setup, name, lens, captured, scored)?, pictures))
     }
 }
 
@@ -110,10 +118,7 @@ fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Sh
             // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
             let row = (photo.image.height - window) / 2;
             let column = (photo.image.width - window) / 2;
-            let scene = photo
-                .image
-                .crop(row, column, window, window)
-                .map_err(|e| DesignError::Device(e.to_string()))?;
+            let scene = photo.image.crop(row, column, window, window)?;
             let placement = Placement { row: place.sensor_row, col: place.sensor_column };
             let frame = shots.len() as u64;
             let middle = camera.body().geometry.radius_mm(
@@ -130,6 +135,7 @@ fn camera_metrics(
     setup: &Setup,
     name: &str,
     lens: &Lens,
+    psf_captured: f64,
     pictures: Vec<PictureScore>,
 ) -> Result<CameraMetrics, DesignError> {
     let reference = lens.at_wavelength(lens.reference_um);
@@ -140,8 +146,6 @@ fn camera_metrics(
     let dark = || DesignError::NoLight { field_deg: ideal.to_degrees() };
     let corner_chief = chief_ray(&reference, ideal).ok_or_else(dark)?;
     let corner_field = field_imaged_at(&reference, corner_mm, ideal).ok_or_else(dark)?;
-    let psfs = setup.fixed_plan.psfs(lens)?;
-    let psf_captured = psfs.iter().flat_map(|p| &p.captured).fold(1.0_f64, |least, c| least.min(*c));
     let rms_spot_by_field_um: Vec<f64> = angles
         .par_iter()
         .map(|field| {
@@ -169,7 +173,11 @@ fn camera_metrics(
 }
 
 /// Gathers the figures of the finished cameras of a run.
-pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, DesignError> {
+pub fn collect_metrics(
+    setup: &Setup,
+    run: &RunFolder,
+    scores: Vec<ScoreDescription>,
+) -> Result<Metrics, DesignError> {
     let rows: Vec<CameraMetrics> = (setup.variants.iter())
         .map(|variant| {
             let path = run.camera(&variant.name).join("metrics.json");
@@ -182,7 +190,6 @@ pub fn collect_metrics(setup: &Setup, run: &RunFolder) -> Result<Metrics, Design
         held_out_places: setup.experiment.scoring.places_per_side.pow(2),
         rows,
         seeds: vec![setup.experiment.seed],
-        ssim_variant: "Gaussian 11x11, sigma 1.5, population covariance, mean over channels".to_owned(),
-        lpips_variant: "LPIPS v0.1, AlexNet".to_owned(),
+        scores,
     })
 }

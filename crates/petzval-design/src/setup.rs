@@ -8,15 +8,13 @@ use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfLayout;
-use petzval_camera::render::{RenderGeometry, kernel_radius};
+use petzval_camera::render::kernel_radius;
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::UNetConfig;
 use petzval_learn::objective::{ImageQuality, Objective};
 use petzval_optics::lens::Lens;
-use petzval_optics::psf::PsfOptions;
-use petzval_optics::pupil::Quadrature;
 use serde::Deserialize;
 
 use crate::assets::Assets;
@@ -24,7 +22,7 @@ use crate::block::NetworkBlock;
 use crate::camera::{Body, Camera, PsfSource};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
-use crate::optics::PsfPlan;
+use crate::psf_plan::PsfPlan;
 use crate::start::Start;
 use crate::variant::Variant;
 
@@ -70,22 +68,10 @@ impl Setup {
         device: Device,
     ) -> Result<Self, DesignError> {
         let sensor = assets.sensor(&experiment.sensor)?;
-        let [rows, columns] = experiment.psf.patches;
-        let geometry = RenderGeometry {
-            sensor_height: sensor.height,
-            sensor_width: sensor.width,
-            pixel_um: sensor.pixel_um,
-            patches: (rows, columns),
-        };
-        let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
-        let plan = |cells: usize| -> Result<PsfPlan, DesignError> {
-            let psf = &experiment.psf;
-            let options = PsfOptions { grid: psf.grid, pitch_um: psf.pitch_um, kind: psf.kind };
-            let quadrature = Quadrature::grid(cells)?;
-            Ok(PsfPlan::new(psf.fields, corner_mm, psf.wavelengths_um, options, quadrature))
-        };
-        let moving_plan = plan(experiment.psf.pupil_cells)?;
-        let fixed_plan = plan(experiment.psf.scoring_pupil_cells)?;
+        let psf = &experiment.psf;
+        let geometry = psf.geometry(&sensor);
+        let moving_plan = psf.plan(&sensor, psf.pupil_cells)?;
+        let fixed_plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
         let variants = experiment.variants();
         let mut starts = BTreeMap::new();
         for name in [&experiment.lens].into_iter().chain(variants.iter().map(|v| &v.lens)) {

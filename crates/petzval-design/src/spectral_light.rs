@@ -7,7 +7,7 @@ use petzval_camera::spectral::{ColourElectrons, ElectronsError};
 use petzval_optics::lens::Lens;
 
 use crate::error::DesignError;
-use crate::optics::PsfPlan;
+use crate::psf_plan::PsfPlan;
 
 /// The bands of a scene, made when they are asked for.
 pub struct Bands<'a> {

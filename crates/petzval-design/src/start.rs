@@ -13,7 +13,7 @@ use petzval_optics::pupil::PupilSampling;
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-use crate::optics::PsfPlan;
+use crate::psf_plan::PsfPlan;
 use crate::requirements::Requirements;
 
 /// A lens from which variants start.

@@ -1,4 +1,4 @@
-//! The six-week job: a search from random starts inside the bounds of a lens file, for two seconds a seed.
+//! Global search: starts from random lenses inside the bounds of a lens file, for two seconds per seed.
 //!
 //! `cargo run --release -p petzval-files --example global_search -- data/lenses/cooke-triplet-nominal.toml [bfl-held|efl-free]`
 
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let (rounds, descents) = search.progress();
         if let Some(best) = search.best() {
-            // The same lens with ten times the rays, refocused.
+            // Evaluate the same lens with ten times as many rays, refocused.
             let fine = Problem {
                 base: best.analysis.lens.clone(),
                 variables: Vec::new(),

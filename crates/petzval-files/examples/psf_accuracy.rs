@@ -1,4 +1,4 @@
-//! How far a PSF from pupil polynomials is from one of ten million traced rays, for several pupil densities.
+//! Error of a PSF from pupil polynomials against one of ten million traced rays, for several pupil densities.
 //!
 //! `cargo run --release -p petzval-files --example psf_accuracy -- data/lenses/cooke-triplet-nominal.toml 15`
 

@@ -1,5 +1,5 @@
 //! Rewrites the built-in glass catalogues from the database of refractiveindex.info (CC0 1.0):
-//! `cargo run --release -p petzval-files --example refresh_glasses FOLDER`, with the folder that holds `specs`.
+//! `cargo run --release -p petzval-files --example refresh_glasses FOLDER`, where FOLDER holds `specs`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,14 +15,14 @@ struct Maker {
     /// Folder below `specs`.
     folder: &'static str,
     name: &'static str,
-    /// What the file begins with.
+    /// Title in the first line of the file.
     title: &'static str,
-    /// Whether the extinction comes along. It is half of what is known of a glass, and all of it would double the
-    /// program's catalogue.
+    /// Whether extinction data are included. They are half of the data of a glass: with all of them the built-in catalogue
+    /// would double in size.
     extinction: bool,
-    /// Glasses that come along; `None` is a glass of whose status nothing is said.
+    /// Statuses of the glasses that are included; `None` stands for glasses without a stated status.
     built_in: &'static [Option<Status>],
-    /// Glasses that are made no more, but stand in many published lenses.
+    /// Discontinued glasses that are included because many published lenses use them.
     classics: &'static [&'static str],
 }
 
@@ -35,7 +35,7 @@ const MAKERS: [Maker; 6] = [
         name: "Schott",
         title: "Optical glasses of Schott, Mainz: Schott catalogue of 2017-01-20",
         extinction: true,
-        // Among its specials are the glasses that withstand radiation.
+        // The special glasses include the radiation-resistant ones.
         built_in: &[Some(Status::Preferred), Some(Status::Standard), Some(Status::Special)],
         classics: &["SF14", "SF15", "LASFN9"],
     },
@@ -72,7 +72,7 @@ const MAKERS: [Maker; 6] = [
         name: "Sumita",
         title: "Optical glasses of Sumita, Saitama: Sumita catalogue of 2017-02-02",
         extinction: false,
-        // Its pages say nothing of any glass.
+        // Its pages state no status.
         built_in: &[None],
         classics: &[],
     },
@@ -87,7 +87,7 @@ const MAKERS: [Maker; 6] = [
     },
 ];
 
-/// Writes `data/glasses/*.toml` from the database in a folder (the one that holds `specs`); returns what was written.
+/// Writes `data/glasses/*.toml` from the database in a folder (the one that holds `specs`); returns a report.
 fn refresh(database: &Path) -> Result<String, String> {
     let out = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
     let mut report = Vec::new();
@@ -107,7 +107,7 @@ fn refresh(database: &Path) -> Result<String, String> {
     Ok(report.join("\n"))
 }
 
-/// The glasses of a maker that come along, in the order of their names.
+/// The included glasses of a maker, in the order of their names.
 fn read(maker: &Maker, folder: &Path) -> Result<Vec<Glass>, String> {
     let said = |e: std::io::Error| format!("{}: {e}", folder.display());
     let mut pages: Vec<PathBuf> = Vec::new();
@@ -122,7 +122,7 @@ fn read(maker: &Maker, folder: &Path) -> Result<Vec<Glass>, String> {
     for path in pages {
         let page = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // No file may be called `H-K9L*`.
+        // File names cannot contain `*`, so `H-K9L*` is stored as `H-K9Lstar`.
         let name = stem.strip_suffix("star").map_or(stem.to_string(), |name| format!("{name}*"));
         let file = parse_rii(&page, &name, maker.name).map_err(|e| format!("{}: {e}", path.display()))?;
         for warning in &file.warnings {
@@ -133,7 +133,7 @@ fn read(maker: &Maker, folder: &Path) -> Result<Vec<Glass>, String> {
             if !maker.built_in.contains(&glass.status) && !maker.classics.contains(&name.as_str()) {
                 continue;
             }
-            // The head of the file says it for all.
+            // The head of the file states the source for all glasses.
             glass.source.clear();
             if !maker.extinction {
                 glass.absorption = None;
@@ -144,11 +144,12 @@ fn read(maker: &Maker, folder: &Path) -> Result<Vec<Glass>, String> {
     Ok(glasses)
 }
 
-/// The status that a maker's own file gives to the glass of a page.
+/// The status of a page's glass in the maker's own file.
 ///
-/// The database took the numbers of the makers' AGF files for a list that begins with 1, where it begins with 0: pages
-/// say nothing for 0 (standard), `standard` for 1 (preferred) and `preferred` for 2 (obsolete). Schott's LASFN9 and SF14
-/// are `preferred` there, Hoya's files of the same years have 1 where the page says `standard`.
+/// The status numbers of the makers' AGF files count from 0; the database read them as if they counted from 1. Its pages
+/// therefore have no status for 0 (standard), `standard` for 1 (preferred) and `preferred` for 2 (obsolete). Evidence:
+/// Schott's obsolete LASFN9 and SF14 are `preferred` there, and Hoya's files of the same years have 1 where the page has
+/// `standard`.
 fn status(page: &str) -> Status {
     match page.lines().find_map(|line| line.trim().strip_prefix("glass_status:")).map(str::trim) {
         Some("standard") => Status::Preferred,

@@ -1,4 +1,4 @@
-//! How far an RMS spot by quadrature is from one of a fine grid of traced rays, and what it costs, by degree.
+//! Error of an RMS spot by quadrature against a fine grid of traced rays, and its cost, by degree.
 //!
 //! `cargo run --release -p petzval-files --example spot_accuracy -- data/lenses/cooke-triplet-nominal.toml`
 

@@ -1,4 +1,4 @@
-//! How far RMS spots of lenses made at random are from those of many more rays, and what they cost, by degree.
+//! Error of the RMS spots of randomly perturbed lenses against many more rays, and their cost, by degree.
 //!
 //! `cargo run --release -p petzval-files --example tolerance_accuracy -- data/lenses/cooke-triplet-nominal.toml [TRIALS]`
 

@@ -1,6 +1,6 @@
-//! AGF, the glass catalogues of lens design programs: what makers offer for download.
+//! AGF, the glass catalogue format of lens design programs, in which makers publish their glasses.
 //!
-//! A text of records, one a line, the first two letters say which:
+//! A file is a text of records, one per line. The first two letters name the record:
 //!
 //! | record | numbers |
 //! |---|---|
@@ -30,9 +30,9 @@
 //! | 12 Extended 2 | 1 Schott with `+ a6 w^4 + a7 w^6` |
 //! | 13 Extended 3 | `n^2 = a0 + a1 w^2 + a2 w^4 + a3 w^-2 + a4 w^-4 + a5 w^-6 + a6 w^-8 + a7 w^-10 + a8 w^-12` |
 //!
-//! A glass without a usable formula is left out with a warning, and is an error where the file has no other. A line that
-//! can be left out without a change of any index, such as a row of transmittance with a blank in it, is left out with a
-//! warning; the resistances are left out always.
+//! A glass without a usable formula is left out with a warning. If the file has no other glass, it is an error. A malformed
+//! line that does not affect an index, such as a row of transmittance with a blank in it, is left out with a warning.
+//! Resistances are always left out.
 
 use std::collections::HashMap;
 
@@ -40,7 +40,8 @@ use super::glass_file::{GlassFile, shifted};
 use petzval_base::{FileError, quote};
 use petzval_optics::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Status, Thermal};
 
-/// The glasses of an AGF file, all of one maker. Warnings of glasses that are lost come first.
+/// The glasses of an AGF file, all of one maker. Warnings about glasses that are left out come first. Fails if no glass
+/// remains.
 ///
 /// ```
 /// # use petzval_files::parse_agf;
@@ -56,7 +57,7 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
     let mut file = GlassFile::default();
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut entry: Option<Entry> = None;
-    // Why glasses are lost, and whether the records at hand are those of a lost one.
+    // Errors of the glasses that are left out, and whether the current records belong to such a glass.
     let (mut lost, mut in_lost) = (Vec::new(), false);
     for (i, line) in text.lines().enumerate() {
         let line = Line { number: i + 1, text: line.trim() };
@@ -80,7 +81,7 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
             }
             ("GC" | "ED" | "CD" | "TD" | "OD" | "LD" | "IT", None) if in_lost => {}
             ("CD", None) => {
-                let error = line.error("these are the coefficients of no glass");
+                let error = line.error("these coefficients belong to no glass");
                 lost.push(error.hint("a glass begins with `NM`"));
             }
             ("GC" | "ED" | "TD" | "OD" | "LD" | "IT", None) => {
@@ -89,6 +90,7 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
             _ => file.warnings.push(line.error("no such record in AGF files: left out")),
         }
     }
+    // Complete the last glass, then decide between an error and warnings.
     if let Some(done) = entry {
         lost.extend(close(done, &mut file, &mut places).err());
     }
@@ -106,12 +108,13 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
     Ok(file)
 }
 
-/// Puts a glass that is complete among the others.
+/// Completes a glass and adds it to the file. A later glass of the same name replaces an earlier one, unless only the later
+/// one is obsolete.
 fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, usize>) -> Result<(), FileError> {
     let (number, glass) = (entry.line, entry.finish(&mut file.warnings)?);
     let line = Line { number, text: &glass.name };
     if glass.name.to_uppercase() == "AIR" {
-        file.warnings.push(line.error("air is always there: left out"));
+        file.warnings.push(line.error("air is built in: left out"));
         return Ok(());
     }
     match places.get(&glass.name.to_uppercase()) {
@@ -122,8 +125,9 @@ fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, usize>
                 return Ok(());
             }
             if file.glasses[*place] != glass {
-                file.warnings
-                    .push(line.error("this glass is there already, with other figures: the later counts"));
+                file.warnings.push(
+                    line.error("the file has this glass twice, with different figures: the later is used"),
+                );
             }
             file.glasses[*place] = glass;
         }
@@ -153,12 +157,12 @@ impl Line<'_> {
         }
     }
 
-    /// What follows the record's name.
+    /// The words after the record's name.
     fn words(&self) -> impl Iterator<Item = &str> {
         self.text.split_whitespace().skip(1)
     }
 
-    /// The numbers behind the record's name; `None` if one is none.
+    /// The numbers after the record's name; `None` if a word is not a finite number.
     fn numbers(&self) -> Option<Vec<f64>> {
         self.words().map(finite).collect()
     }
@@ -180,10 +184,10 @@ struct Entry {
     transmittance: Vec<[f64; 3]>,
 }
 
-/// Coefficients of each formula.
+/// Number of coefficients of each formula.
 const COUNTS: [usize; 13] = [6, 6, 6, 5, 3, 8, 4, 4, 5, 8, 10, 8, 9];
 
-/// Between these temperatures the two expansions of `ED` are, degrees Celsius.
+/// Temperature ranges of the two expansions of `ED`, degrees Celsius.
 const EXPANSION_C: [[f64; 2]; 2] = [[-30.0, 70.0], [100.0, 300.0]];
 
 impl Entry {
@@ -199,7 +203,7 @@ impl Entry {
                 .error(message)
                 .hint(format!("formulas are numbered from 1 to {}", COUNTS.len())));
         }
-        // A formula is put in when the coefficients are known.
+        // The formula is set when `CD` is read.
         let mut glass = Glass::new(*name, Dispersion::Constant(1.0));
         glass.maker = maker.to_owned();
         let mut printed = |place: usize, what: &str| {
@@ -207,7 +211,7 @@ impl Entry {
             if number.is_none() {
                 warnings.push(line.error(format!("there is no {what}")));
             }
-            // Media that have none, as those for infrared, say 0.
+            // Media without n_d or V_d, such as infrared materials, have 0.
             number.filter(|number| number.value > 0.0)
         };
         glass.printed_nd = printed(3, "n_d").filter(|nd| nd.value > 1.0);
@@ -220,7 +224,7 @@ impl Entry {
             Some("3") => Some(Status::Special),
             Some("4") => Some(Status::Melt),
             Some(_) => {
-                warnings.push(line.error("the status is none of 0 to 4"));
+                warnings.push(line.error("the status is not one of 0 to 4"));
                 None
             }
         };
@@ -256,10 +260,10 @@ impl Entry {
                 }
             }
             ("CD", _) => {
-                let message = format!("these are no coefficients of `{}`", self.glass.name);
+                let message = format!("these are not coefficients of `{}`", self.glass.name);
                 return Err(line.error(message).hint("write numbers such as 1.03961212E+00"));
             }
-            // A blank record says that nothing is known.
+            // A blank record means unknown values.
             ("ED" | "TD" | "OD" | "LD" | "IT", Some([])) => {}
             ("ED", Some(rest)) => {
                 self.glass.expansion = (EXPANSION_C.iter().zip(rest))
@@ -270,7 +274,7 @@ impl Entry {
             }
             ("TD", Some([d0, d1, d2, e0, e1, lambda_tk_um, reference_c, ..])) => {
                 let (d, e) = ([*d0, *d1, *d2], [*e0, *e1]);
-                // Zeros say that nothing is known: no glass keeps its index.
+                // Zeros mean unknown values: the index of every glass changes with temperature.
                 if d != [0.0; 3] || e != [0.0; 2] {
                     let (lambda_tk_um, reference_c) = (*lambda_tk_um, *reference_c);
                     self.glass.thermal = Some(Thermal { d, e, lambda_tk_um, reference_c });
@@ -284,7 +288,7 @@ impl Entry {
                 self.transmittance.push([*um, *t, *mm]);
             }
             ("OD", None) => {
-                // Resistances may be words; the cost comes first.
+                // Resistances may be words; only the first value, the cost, is read.
                 self.glass.relative_cost = line.words().next().and_then(finite).filter(|cost| *cost > 0.0);
             }
             _ => warnings.push(line.error("the numbers do not fit the record: left out")),
@@ -292,7 +296,7 @@ impl Entry {
         Ok(())
     }
 
-    /// The glass, when its last record is read.
+    /// The complete glass, after its last record.
     fn finish(mut self, warnings: &mut Vec<FileError>) -> Result<Glass, FileError> {
         let name = self.glass.name.clone();
         let at = |number: usize| Line { number, text: &name };
@@ -306,8 +310,9 @@ impl Entry {
         let rows = self.transmittance.len();
         self.transmittance.dedup_by(|later, earlier| later[0] == earlier[0]);
         if self.transmittance.len() < rows {
-            warnings
-                .push(at(self.line).error("two rows of transmittance have one wavelength: the first counts"));
+            warnings.push(
+                at(self.line).error("two rows of transmittance have the same wavelength: the first is used"),
+            );
         }
         if !self.transmittance.is_empty() {
             self.glass.absorption = Some(Absorption::Transmittance(self.transmittance));
@@ -318,7 +323,7 @@ impl Entry {
     }
 }
 
-/// A formula by its number; `a` has as many coefficients as that formula. `None` if all that matter are 0.
+/// A formula by its number; `a` has as many coefficients as that formula. `None` if the formula would have no term.
 fn dispersion(formula: usize, a: &[f64]) -> Option<Dispersion> {
     let schott_powers = [0.0, 2.0, -2.0, -4.0, -6.0, -8.0];
     let series = |powers: &[f64]| {
@@ -366,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn every_formula_is_the_published_one() {
+    fn every_formula_matches_the_published_one() {
         // By hand at 0.5 um: w^2 = 1/4, w^-2 = 4.
         let cases: [(usize, &str, f64); 13] = [
             (1, "2 -0.01 0.02 1e-3 -1e-4 1e-5", (2.0 - 0.0025 + 0.08 + 0.016 - 0.0064 + 0.00256_f64).sqrt()),
@@ -432,23 +437,23 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_matter_to_an_index_is_a_warning_with_its_line() {
+    fn lines_that_do_not_affect_an_index_give_warnings_with_their_line() {
         let text = format!("Reproduced by permission\n{GLASS}XY 1 2\nIT 0.36  25\nLD 2.5 0.3\n")
             .replace("OD 1.2419", "OD _");
         let file = parse_agf(&text, "").unwrap();
         let lines: Vec<_> = file.warnings.iter().map(|w| w.line.unwrap()).collect();
         assert_eq!(lines, [1, 14, 15, 16]);
         assert_eq!(file.glasses[0].range_um, Some([0.32, 2.5]));
-        // The same glass again says nothing new; another of that name does.
+        // An equal glass gives no warning; a different glass of that name does.
         let twice = GLASS.to_owned() + GLASS;
         assert_eq!(parse_agf(&twice, "").map(|f| (f.glasses.len(), f.warnings.len())), Ok((1, 0)));
-        // What is not made any more does not take the place of what is.
+        // An obsolete glass does not replace a current one.
         let obsolete = GLASS.to_owned() + &GLASS.replace("36.37 0 1", "36.37 0 2");
         let file = parse_agf(&obsolete, "").unwrap();
         assert_eq!((file.glasses[0].status, file.warnings.len()), (Some(Status::Preferred), 1));
         let other = GLASS.to_owned() + &GLASS.replace("9.37357162", "9.4").replace("36.37", "36.38");
         assert_eq!(parse_agf(&other, "").map(|f| (f.glasses.len(), f.warnings.len())), Ok((1, 1)));
-        // What is printed and cannot be is left out, so that our own files hold nothing that they refuse.
+        // Printed values that contradict the formula are left out, because our own reader would refuse them.
         let misprinted = parse_agf(&GLASS.replace("1.62004 36.37", "1.63004 63.37"), "").unwrap();
         let says: Vec<_> = misprinted.warnings.iter().map(|w| (w.line, w.message.as_str())).collect();
         assert!(
@@ -463,14 +468,14 @@ mod tests {
     }
 
     #[test]
-    fn a_glass_that_is_lost_is_a_warning_among_others_and_an_error_alone() {
+    fn an_unusable_glass_is_a_warning_among_others_and_an_error_alone() {
         for (from, to, line, says) in [
             ("F2 2 620364.360", "F2 14", Some(3), "there is no formula 14"),
             ("F2 2 620364.360 1.62004 36.37 0 1", "F2", Some(3), "needs a name and the number"),
-            ("CD 1.34533359", "CD 1.345e3x", Some(6), "no coefficients of `F2`"),
+            ("CD 1.34533359", "CD 1.345e3x", Some(6), "not coefficients of `F2`"),
             ("CD", "CC", Some(3), "`F2` has no coefficients"),
-            ("NM F2", "CC F2", Some(6), "of no glass"),
-            ("CD 1.34533359", "CD 1e999", Some(6), "no coefficients of `F2`"),
+            ("NM F2", "CC F2", Some(6), "belong to no glass"),
+            ("CD 1.34533359", "CD 1e999", Some(6), "not coefficients of `F2`"),
             (
                 "CD 1.34533359 0.00997743871 0.209073176 0.0470450767 0.937357162",
                 "CD 0 1 0 1 0",

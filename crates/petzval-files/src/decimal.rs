@@ -1,9 +1,9 @@
-//! Powers of ten that are exact in decimal: nanometres to micrometres moves the point of the printed number, so that no digit
-//! is lost to a multiplication.
+//! Exact multiplication by powers of ten: converting nanometres to micrometres moves the decimal point of the printed number,
+//! so that no digit is lost to rounding.
 
 use super::toml_number::number;
 
-/// The number that a text prints, times ten to a power; `None` if the text is no finite number.
+/// The number that a text prints, times ten to a power; `None` if the text is not a finite number.
 pub(super) fn shifted(text: &str, power: i32) -> Option<f64> {
     let plain: f64 = text.parse().ok().filter(|v: &f64| v.is_finite())?;
     let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
@@ -13,12 +13,12 @@ pub(super) fn shifted(text: &str, power: i32) -> Option<f64> {
     format!("{mantissa}e{exponent}").parse().ok().filter(|v: &f64| v.is_finite())
 }
 
-/// A decimal from which [`shifted`] by minus that power gives back the same bits.
+/// The decimal text of `value` times ten to a power. [`shifted`] by minus that power gives back the same bits.
 pub(super) fn shifted_text(value: f64, power: i32) -> String {
     let printed = format!("{value:e}");
     let (mantissa, exponent) = printed.split_once('e').unwrap_or((&printed, "0"));
     let exact = format!("{mantissa}e{}", exponent.parse::<i32>().unwrap_or(0) + power);
-    // Without an exponent where that loses nothing.
+    // Write it without an exponent if that loses no bit.
     let plain = exact.parse().map(number).unwrap_or_default();
     match shifted(&plain, -power) {
         Some(back) if back.to_bits() == value.to_bits() => plain,
@@ -26,7 +26,7 @@ pub(super) fn shifted_text(value: f64, power: i32) -> String {
     }
 }
 
-/// A number for messages: one that decimals would make long has an exponent.
+/// A number for messages. Very large and very small numbers have an exponent.
 pub(super) fn shown(value: f64) -> String {
     let plain = value == 0.0 || !value.is_finite() || (1e-4..1e7).contains(&value.abs());
     if plain { format!("{value}") } else { format!("{value:e}") }
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_point_moves_and_no_digit_is_lost() {
+    fn shifting_the_decimal_point_loses_no_digit() {
         assert_eq!(shifted("587.6", -3), Some(0.5876));
         assert_eq!([0.0, -2.5, 1e300, 1e-9].map(shown), ["0", "-2.5", "1e300", "1e-9"]);
         assert_eq!(shifted("-5.5e+2", -3), Some(-0.55));

@@ -1,16 +1,16 @@
-//! Text of files that do not say how they are encoded, as lens and glass files do not.
+//! Decodes the text of lens and glass files, which do not state their encoding.
 
 use std::borrow::Cow;
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
-/// How much of a file without a mark is looked at, bytes.
+/// Bytes that are examined in a file without a byte order mark.
 const SAMPLE: usize = 512;
 
-/// The text of a file in UTF-8, UTF-16 (with a byte order mark, or with every other byte zero) or, failing these, Windows-1252,
-/// of which Latin-1 is a part.
+/// The text of a file in UTF-8, in UTF-16 (with a byte order mark, or if most bytes at odd or at even places are zero), or
+/// else in Windows-1252, which includes Latin-1.
 ///
-/// Bytes that are not text become U+FFFD: the reader of the format complains where one matters.
+/// Bytes that are not text become U+FFFD; the reader of the format reports them where they matter.
 pub fn decode(bytes: &[u8]) -> Cow<'_, str> {
     let (encoding, mark) = Encoding::for_bom(bytes).unwrap_or_else(|| (guess(bytes), 0));
     encoding.decode_without_bom_handling(&bytes[mark..]).0

@@ -1,4 +1,4 @@
-//! What the writers of other programs' formats share.
+//! Shared functions of the writers of other programs' formats.
 
 use super::loss::{Effect, Loss, Losses};
 use super::toml_number::exact_degrees;
@@ -7,16 +7,16 @@ use petzval_base::FileError;
 use super::LensFile;
 use petzval_optics::lens::Lens;
 
-/// A lens as another program's text, with all that the text does not say.
+/// A lens in another program's format, and the losses of the conversion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Export {
     /// The text.
     pub text: String,
-    /// What the lens has and the text has not.
+    /// Everything in the lens that the text does not represent.
     pub losses: Vec<Loss>,
 }
 
-/// What files of other programs have no place for.
+/// Reports the parts of a lens file that other programs' formats do not have.
 pub(super) fn lose_the_rest(file: &LensFile, losses: &mut Losses) {
     let mut lose = |what: &str| losses.add(0, what, Effect::NoRay, "the format has no place for this");
     if !file.variables.is_empty() {
@@ -49,13 +49,12 @@ pub(super) fn one_word(text: &str) -> String {
     visible.split_whitespace().collect::<Vec<_>>().join("_")
 }
 
-/// Degrees that read as the same angle in rad, or the nearest; whether they are exact.
+/// Degrees that convert back to exactly this angle in rad, else the nearest degrees; and whether they are exact.
 pub(super) fn degrees(rad: f64) -> (f64, bool) {
     exact_degrees(rad).map_or((rad.to_degrees(), false), |deg| (deg, true))
 }
 
-/// Heights of a near object that are seen under the fields of the lens, as a reader computes them from the heights; whether
-/// all are exact.
+/// Object heights, mm, from which a reader computes the field angles of the lens; and whether all angles are exact.
 pub(super) fn object_heights(lens: &Lens, distance: f64) -> (Vec<f64>, bool) {
     const NEIGHBOURS: usize = 8;
     let sign = if lens.is_rotationally_symmetric() { 1.0 } else { -1.0 };
@@ -79,7 +78,8 @@ pub(super) fn object_heights(lens: &Lens, distance: f64) -> (Vec<f64>, bool) {
     (heights, all_exact)
 }
 
-/// Wavelengths with weights, and the index of the reference among them: one that is not judged has weight 0.
+/// Wavelengths, um, with weights, and the index of the reference among them. A reference outside the lens's list is added
+/// with weight 0.
 pub(super) fn weighted_wavelengths(lens: &Lens) -> (Vec<(f64, u32)>, usize) {
     let mut list: Vec<(f64, u32)> = lens.wavelengths_um.iter().map(|um| (*um, 1)).collect();
     let reference = list.iter().position(|(um, _)| *um == lens.reference_um).unwrap_or_else(|| {

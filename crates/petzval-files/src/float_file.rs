@@ -1,4 +1,4 @@
-//! Linear light as OpenEXR and NumPy files, without any curve or rounding.
+//! Linear light as OpenEXR and NumPy files, without a transfer curve or rounding.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,8 +13,8 @@ use petzval_camera::image::{CHANNELS, LinearImage};
 use super::ImageError;
 use petzval_base::write_whole;
 
-/// The bytes of an OpenEXR file with the named channels, 32-bit floats, row by row; a reason if there are none, or one
-/// of another size.
+/// The bytes of an OpenEXR file with the named channels, 32-bit floats, row by row. Fails with a message if there is no
+/// channel, or if a channel does not have `height x width` values.
 pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Result<Vec<u8>, String> {
     let pixels = height.checked_mul(width).filter(|n| *n > 0 && height.max(width) < (1 << 30));
     let Some(pixels) = pixels.filter(|_| !channels.is_empty()) else {
@@ -44,7 +44,7 @@ pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Re
     Ok(out.into_inner())
 }
 
-/// The bytes of a NumPy array of this shape, the last axis fastest; of `f32` it is `<f4`, of `f64` `<f8`.
+/// The bytes of a NumPy array of this shape, last axis fastest: `<f4` for `f32`, `<f8` for `f64`.
 pub fn npy_bytes<T: npyz::AutoSerialize + Copy>(shape: &[u64], data: &[T]) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd()?;
@@ -53,8 +53,8 @@ pub fn npy_bytes<T: npyz::AutoSerialize + Copy>(shape: &[u64], data: &[T]) -> st
     Ok(bytes)
 }
 
-/// Writes linear light as an OpenEXR file of 32-bit floats: channels `R`, `G`, `B` of three planes, `Y` of one, and
-/// `P0`, `P1`, ... of any other number.
+/// Writes linear light as an OpenEXR file of 32-bit floats. Three planes become the channels `R`, `G`, `B`, one plane `Y`,
+/// and any other number `P0`, `P1`, ...
 pub fn save_exr(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
     let names: Vec<String> = match image.channels {
         1 => vec!["Y".to_owned()],

@@ -1,16 +1,16 @@
-//! What a glass file of somebody else's format says.
+//! The content of a glass file in a foreign format.
 
 use std::sync::Arc;
 
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Glass};
 
-/// The glasses of a file, and what in it was not understood but does not change them as optics.
+/// The glasses of a file, and warnings about lines that were left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GlassFile {
     /// The glasses, in the order of the file.
     pub glasses: Vec<Glass>,
-    /// Lines that were left out, or look wrong.
+    /// Lines that were left out or look wrong.
     pub warnings: Vec<FileError>,
 }
 
@@ -26,7 +26,7 @@ impl GlassFile {
     }
 }
 
-/// A number times a power of ten without a change of its digits, so that 8.2 in 1e-6/K is 8.2e-6 to the last bit.
+/// A number times a power of ten with the same decimal digits: 8.2 in units of 1e-6/K is 8.2e-6 to the last bit.
 pub(super) fn shifted(value: f64, exponent: i32) -> f64 {
     let digits = format!("{value:e}");
     let (mantissa, own) = digits.split_once('e').unwrap_or((&digits, "0"));

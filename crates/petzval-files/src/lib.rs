@@ -1,4 +1,4 @@
-//! File formats: text in, values out, and every error with its line.
+//! File formats: bytes in, values out, and every error with its place in the file.
 
 pub mod agf;
 mod decimal;
@@ -31,7 +31,9 @@ pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
 pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, write_lens};
 pub use loss::{Effect, Loss};
 pub(crate) use picture_file::undecoded;
-pub use picture_file::{ImageError, load_image, load_image_bytes, png_bytes, save_png, save_png16};
+pub use picture_file::{
+    ImageError, encoded_png_bytes, load_image, load_image_bytes, png_bytes, save_png, save_png16,
+};
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;
 pub use sensor::parse_sensor;

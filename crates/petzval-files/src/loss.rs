@@ -1,4 +1,4 @@
-//! What a lens loses on its way from one format to another: nothing is dropped in silence.
+//! Losses of a conversion from one lens format to another: nothing is dropped silently.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -6,22 +6,22 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-/// How a record that is not kept matters.
+/// The effect of a record that is not kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {
-    /// It changes no ray: coatings, tolerances, merit functions, solves whose value is kept.
+    /// No ray changes: coatings, tolerances, merit functions, solves whose value is kept.
     NoRay,
-    /// The file does not say it; what its program takes by default is taken.
+    /// The file does not state a value; the default of its program is used.
     Assumed,
-    /// The lens here is nearly, but not exactly, what it says.
+    /// The lens represents the record approximately.
     Approximated,
-    /// It is not understood.
+    /// The record is not understood.
     NotUnderstood,
 }
 
 impl Effect {
-    /// A word for machines.
+    /// The name in machine-readable output.
     pub fn name(self) -> &'static str {
         match self {
             Self::NoRay => "no-ray",
@@ -32,23 +32,23 @@ impl Effect {
     }
 }
 
-/// One thing that is not, or not exactly, in the lens that was read or in the text that was written.
+/// A record or a part of a lens that the conversion did not keep exactly.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Loss {
-    /// Line in the file that was read, from 1; `None` for what the file does not say, and for losses of writing.
+    /// Line in the file that was read, from 1; `None` for a missing record, and for losses of writing.
     pub line: Option<u32>,
-    /// The record as the file spells it, cut to a length that fits in a message; or the part of the lens.
+    /// The record as the file spells it, shortened for a message; or the part of the lens.
     pub record: String,
-    /// How it matters.
+    /// Effect of the loss on rays.
     pub effect: Effect,
-    /// What happened to it.
+    /// Description of the loss.
     pub message: String,
-    /// How many further records of the same kind were treated alike.
+    /// Number of further records of the same kind that were lost in the same way.
     pub more: usize,
 }
 
 impl Loss {
-    /// The loss with the file it is from, as `FILE:LINE: ...`.
+    /// The loss with its file and line, as `FILE:LINE: ...`.
     pub fn in_file(&self, path: &Path) -> String {
         let placeless = Self { line: None, ..self.clone() };
         match self.line {
@@ -69,38 +69,38 @@ impl fmt::Display for Loss {
         write!(f, "{}", self.message)?;
         match self.more {
             0 => Ok(()),
-            more => write!(f, " (and {more} more such)"),
+            more => write!(f, " (and {more} more like it)"),
         }
     }
 }
 
-/// Kinds of losses that are listed one by one; beyond them they are only counted.
+/// Largest number of kinds of losses that are listed. Further kinds are only counted.
 const MOST_KINDS: usize = 200;
 
-/// Characters of a record that are quoted.
+/// Longest quotation of a record, characters.
 const LONGEST: usize = 60;
 
-/// The losses of one file. Records that begin with the same word and are treated alike are one loss.
+/// The losses of one file. Records with the same first word and the same message are one loss.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Losses {
     list: Vec<Loss>,
-    /// Where each kind stands in the list: first word, effect, message, whether it has a line.
+    /// Index of each kind in the list. A kind is first word, effect, message, and whether it has a line.
     kinds: HashMap<(String, Effect, String, bool), usize>,
-    /// Where the parts of a file stand.
+    /// Index of each part of a file in the list, by message.
     parts: HashMap<String, usize>,
 }
 
 impl Losses {
-    /// Adds a loss; line 0 stands for none.
+    /// Adds a loss. Line 0 means no line.
     pub fn add(&mut self, line: u32, record: &str, effect: Effect, message: impl Into<String>) {
         self.place(line, record, effect, message.into());
     }
 
-    /// Adds a loss, and says where in the list it is.
+    /// Adds a loss and returns its index in the list.
     fn place(&mut self, line: u32, record: &str, effect: Effect, message: String) -> usize {
         let word = cut(record.split_whitespace().next().unwrap_or(""));
         let kind = (word, effect, message.clone(), line > 0);
-        // Beyond the cap all kinds are one, the last.
+        // Count all kinds beyond the limit in the last entry.
         let full = (self.list.len() > MOST_KINDS).then_some(MOST_KINDS);
         if let Some(known) = self.kinds.get(&kind).copied().or(full) {
             self.list[known].more += 1;
@@ -115,7 +115,7 @@ impl Losses {
         self.list.len() - 1
     }
 
-    /// Adds a loss of a part of the file; its records are one loss, whatever they begin with.
+    /// Adds a loss of a part of the file. All its records are one loss, even with different first words.
     pub fn add_part(&mut self, line: u32, record: &str, message: &str) {
         match self.parts.get(message) {
             Some(known) => self.list[*known].more += 1,
@@ -147,13 +147,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn alike_records_are_one_loss_and_no_file_makes_a_long_list() {
+    fn records_of_one_kind_are_one_loss_and_the_list_is_limited() {
         let mut losses = Losses::default();
         losses.add(3, "COAT AR", Effect::NoRay, "coatings are not read");
         losses.add(9, "COAT HEAR1", Effect::NoRay, "coatings are not read");
         losses.add(0, "", Effect::Assumed, "surface 1 is the stop");
         let list = losses.clone().into_list();
-        assert_eq!(list[0].to_string(), "line 3: `COAT AR`: coatings are not read (and 1 more such)");
+        assert_eq!(list[0].to_string(), "line 3: `COAT AR`: coatings are not read (and 1 more like it)");
         assert_eq!(list[1].to_string(), "surface 1 is the stop");
         for i in 0..1000 {
             losses.add(10, &format!("R{i}"), Effect::NotUnderstood, "no such record");
@@ -162,12 +162,12 @@ mod tests {
         losses.add_part(13, "TOL", "tolerances are not read");
         let list = losses.into_list();
         assert_eq!(list.len(), MOST_KINDS + 1);
-        // Every record is counted: 3 that are told above, 1002 here.
+        // Every record is counted: 3 from above, 1002 here.
         let all: usize = list.iter().map(|loss| 1 + loss.more).sum();
         assert_eq!(all, 3 + 1002);
     }
 
-    /// As many kinds as a file of the largest size has take no longer each than the first ones.
+    /// As many kinds as the largest permitted file can have.
     #[test]
     fn many_distinct_records_take_linear_time() {
         let mut losses = Losses::default();

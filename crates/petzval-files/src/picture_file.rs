@@ -1,4 +1,4 @@
-//! Pictures from and to files: PNG, JPEG, TIFF.
+//! Reads pictures from PNG, JPEG and TIFF files, and writes PNG.
 
 use std::error::Error;
 use std::io::Cursor;
@@ -18,7 +18,7 @@ pub enum ImageError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The content is not a PNG, JPEG or TIFF picture that we can decode.
@@ -26,7 +26,7 @@ pub enum ImageError {
     Decode {
         /// The file or the name of the buffer.
         name: String,
-        /// What the decoder said.
+        /// The error of the decoder.
         reason: String,
     },
     /// The picture cannot be encoded.
@@ -34,7 +34,7 @@ pub enum ImageError {
     Encode {
         /// The file.
         name: String,
-        /// What the encoder said.
+        /// The error of the encoder.
         reason: String,
     },
     /// The picture has no pixels.
@@ -93,14 +93,14 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<LinearImage, ImageEr
     Ok(out)
 }
 
-/// Why a decoder gave up, in words of pictures where it speaks of buffers.
+/// The reason of a decoder's error, in terms of the picture.
 pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     if let ::image::ImageError::Unsupported(unsupported) = error
         && let UnsupportedErrorKind::Color(ExtendedColorType::Unknown(bits)) = unsupported.kind()
     {
         return format!("it has pixels of {bits} bits of a kind that is not read, such as gray floats");
     }
-    // What the system says comes as such, or as the cause of what the decoder says.
+    // An I/O error is the decoder's error itself or one of its causes.
     let is_end = |io: &std::io::Error| io.kind() == std::io::ErrorKind::UnexpectedEof;
     let mut is_cut_off = matches!(error, ::image::ImageError::IoError(io) if is_end(io));
     let mut cause = error.source();
@@ -114,15 +114,24 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     error.to_string()
 }
 
-/// Encodes a linear image as an 8-bit sRGB PNG; one plane gives a gray picture, otherwise the first three planes are
-/// red, green, blue.
+/// Encodes a linear image as an 8-bit sRGB PNG. Three or more planes give a colour picture of the first three; fewer give a
+/// gray picture of the first.
 pub fn png_bytes(image: &LinearImage) -> Result<Vec<u8>, ImageError> {
     let bytes: Vec<u8> = display_samples(image).map(|v| (v * 255.0).round() as u8).collect();
     let color = if planes(image) == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
     encode(&bytes, image.height, image.width, color, ImageFormat::Png, "PNG buffer")
 }
 
-/// Planes of a picture file: gray, or red, green and blue.
+/// [`png_bytes`] of a picture whose values are sRGB-encoded already.
+pub fn encoded_png_bytes(encoded: &LinearImage) -> Result<Vec<u8>, ImageError> {
+    let (planes, n) = (planes(encoded), encoded.height * encoded.width);
+    let sample = |k: usize| (encoded.data[k % planes * n + k / planes].clamp(0.0, 1.0) * 255.0).round() as u8;
+    let bytes: Vec<u8> = (0..n * planes).map(sample).collect();
+    let color = if planes == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    encode(&bytes, encoded.height, encoded.width, color, ImageFormat::Png, "PNG buffer")
+}
+
+/// Planes of a picture file: 1 for gray, 3 for red, green and blue.
 fn planes(image: &LinearImage) -> usize {
     if image.channels >= CHANNELS { CHANNELS } else { 1 }
 }
@@ -135,7 +144,7 @@ fn display_samples(image: &LinearImage) -> impl Iterator<Item = f32> {
 
 /// Writes a linear image as a 16-bit sRGB PNG file, planes as in [`png_bytes`].
 pub fn save_png16(image: &LinearImage, path: &Path) -> Result<(), ImageError> {
-    // The encoder takes 16-bit samples in the machine's order of bytes, and writes them in that of the format.
+    // The encoder takes 16-bit samples in the machine's byte order and writes them in that of PNG.
     let sample = |v: f32| ((v * 65535.0).round() as u16).to_ne_bytes();
     let bytes: Vec<u8> = display_samples(image).flat_map(sample).collect();
     let color = if planes(image) == 1 { ExtendedColorType::L16 } else { ExtendedColorType::Rgb16 };
@@ -182,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn sixteen_bits_keep_what_eight_lose() {
+    fn a_sixteen_bit_png_keeps_differences_below_one_of_256_levels() {
         let folder = tempfile::tempdir().unwrap();
         let data: Vec<f32> = (0..3 * 8 * 8).map(|i| srgb_decode(0.2 + i as f32 / 2000.0)).collect();
         let image = LinearImage::from_data(3, 8, 8, data).unwrap();
@@ -197,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_is_cut_off_is_called_so() {
+    fn the_error_of_a_truncated_picture_says_that_it_is_cut_off() {
         let noise = (0..3 * 64 * 64).map(|i| (i * 7919 % 1000) as f32 / 1000.0).collect();
         let bytes = png_bytes(&LinearImage::from_data(3, 64, 64, noise).unwrap()).unwrap();
         let error = load_image_bytes(&bytes[..bytes.len() / 2], "half.png").unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! Files of quantum efficiency curves: TOML, or comma-separated values.
+//! Files of quantum efficiency curves: TOML or comma-separated values.
 
 use petzval_base::FileError;
 use petzval_camera::sensor::QuantumEfficiency;
@@ -14,8 +14,8 @@ pub fn parse_quantum_efficiency_toml(text: &str) -> Result<QuantumEfficiency, Fi
     Ok(curves)
 }
 
-/// Reads and checks a file of curves of either kind: TOML ([`parse_quantum_efficiency_toml`]) or a table
-/// (`wavelength_nm,red,green,blue`), told by the `=` or `[` of the first line that is no comment.
+/// Reads and checks a file of curves of either kind. If the first line that is not a comment has an `=` or starts with `[`,
+/// the file is TOML ([`parse_quantum_efficiency_toml`]); else it is a table (`wavelength_nm,red,green,blue`).
 pub fn parse_quantum_efficiency(text: &str) -> Result<QuantumEfficiency, FileError> {
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     match lines.next() {
@@ -36,6 +36,7 @@ fn from_csv(text: &str) -> Result<QuantumEfficiency, FileError> {
     let (head_line, head) = lines.next().unwrap_or((0, ""));
     let wrong =
         |(line, text): (u32, &str), message: String| Err(FileError::at_line(line, text, message).hint(HINT));
+    // Assign every column to its colour.
     let mut curves = QuantumEfficiency::default();
     for (name, curve) in &table.curves {
         let samples = match name.to_ascii_lowercase().as_str() {
@@ -49,10 +50,11 @@ fn from_csv(text: &str) -> Result<QuantumEfficiency, FileError> {
             }
         };
         if !samples.is_empty() {
-            return wrong((head_line, head), format!("column `{name}` is there twice"));
+            return wrong((head_line, head), format!("column `{name}` appears twice"));
         }
         *samples = curve.value().to_vec();
     }
+    // Check every cell, so that errors name the line.
     for (number, line) in lines {
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         if let Some(empty) = cells.iter().position(|cell| cell.is_empty()) {
@@ -62,7 +64,7 @@ fn from_csv(text: &str) -> Result<QuantumEfficiency, FileError> {
         let mut efficiencies = cells.iter().skip(1).filter_map(|cell| cell.parse::<f64>().ok());
         if let Some(value) = efficiencies.find(|v| !(0.0..=1.0).contains(v)) {
             let message =
-                format!("{value} is no efficiency of 0 to 1 electrons per photon; is it in percent?");
+                format!("{value} is not an efficiency of 0 to 1 electrons per photon; is it in percent?");
             return wrong((number, line), message);
         }
     }
@@ -83,7 +85,7 @@ mod tests {
     const CURVES: &str = include_str!("../../../data/quantum-efficiency/imx219.toml");
 
     #[test]
-    fn a_table_reads_as_the_file_of_the_same_curves() {
+    fn a_table_and_a_toml_file_of_the_same_curves_are_equal() {
         let table = "# mine\nwavelength_nm, Red, green\n400, 0.1, 0\n550, 0.2, 0.6\n700, 0.5, 0.1\n";
         let toml = "wavelength_um = [0.4, 0.55, 0.7]\nred = [0.1, 0.2, 0.5]\ngreen = [0, 0.6, 0.1]\n";
         let read = parse_quantum_efficiency(table).unwrap();
@@ -97,7 +99,7 @@ mod tests {
     fn errors_in_a_table_name_the_line() {
         for (text, line, needle) in [
             ("wavelength_nm,qe\n400,0.3\n700,0.2\n", 1, "`qe`: not one of red"),
-            ("wavelength_nm,red,red\n400,0,0\n700,0,0\n", 1, "`red` is there twice"),
+            ("wavelength_nm,red,red\n400,0,0\n700,0,0\n", 1, "`red` appears twice"),
             ("wavelength_nm,clear\n400,0.3\n550,70\n700,20\n", 3, "percent"),
             ("wavelength_nm,red,green\n400,0.3,0\n\n550,,0.1\n700,0.2,0\n", 4, "`red` has no value"),
             ("wavelength_nm,clear\n400,0.3\n350,0.2\n", 3, "ascend"),
@@ -177,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shipped_monochrome_sensors_give_the_figures_that_they_cite() {
+    fn the_shipped_monochrome_sensors_have_the_snr_and_range_of_their_source() {
         for (text, snr_db, range_db) in [
             (include_str!("../../../data/sensors/imx250-mono.toml"), 40.3, 71.2),
             (include_str!("../../../data/sensors/imx273-mono.toml"), 40.2, 71.4),
@@ -199,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sensor_with_a_whole_sheet_gives_the_figures_that_it_cites() {
+    fn the_imx900_has_the_efficiency_snr_range_and_threshold_of_its_source() {
         for (text, qe, snr_db, range_db, least_e) in [
             (include_str!("../../../data/sensors/imx900-mono.toml"), 0.9125, 39.76, 63.8, 6.106),
             (include_str!("../../../data/sensors/imx900-mono-high-gain.toml"), 0.8847, 33.39, 59.0, 2.461),

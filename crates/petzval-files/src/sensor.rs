@@ -14,7 +14,7 @@ pub fn parse_sensor(text: &str) -> Result<SensorModel, FileError> {
     Ok(sensor)
 }
 
-/// Says of a key that stands where it is not known that it is one of `[nonuniformity]`.
+/// Adds a hint to the error of a misplaced key that belongs to `[nonuniformity]`.
 fn in_its_table(error: FileError) -> FileError {
     let known = toml::Table::try_from(NonUniformity::default()).unwrap_or_default();
     match known.contains_key(&error.key) && error.message.starts_with("no such key") {
@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_survives_a_round_trip() {
+    fn writing_and_reading_a_sensor_gives_an_equal_sensor() {
         let sensor = parse_sensor(FITTED).unwrap();
         assert_eq!(parse_sensor(&toml::to_string(&sensor).unwrap()).unwrap(), sensor);
     }

@@ -1,4 +1,4 @@
-//! The tolerance file: how far the numbers of a lens may be off, in TOML.
+//! The tolerance file in TOML: the tolerances of a lens's numbers, and its compensators.
 //!
 //! ```
 //! # use petzval_base::FileError; use petzval_files::{parse_lens, parse_tolerances};
@@ -9,14 +9,14 @@
 //! #     { radius_mm = -50.0, thickness_mm = 48.0, semi_diameter_mm = 4.0 }]", &Catalog::default())?.lens;
 //! let file = parse_tolerances(
 //!     r#"
-//! grade = "precision"      # what is not named below; without it nothing else is off
+//! grade = "precision"      # for numbers without a [[tolerance]]; without a grade these are exact
 //! distribution = "normal"  # cut at two sigma; or "uniform", "parabolic"
 //!
 //! [[tolerance]]
 //! surface = 1
 //! radius_mm = 0.02
 //! thickness_mm = 0.03
-//! index = 0                # none
+//! index = 0                # exact
 //!
 //! [[tolerance]]
 //! element = [1, 2]         # surfaces 1 to 2, as one body
@@ -50,22 +50,22 @@ use petzval_optics::tolerance::{
     Distribution, Freedom, Grade, Perturbation, Quantity, Tolerances, default_tolerances,
 };
 
-/// What a tolerance file says.
+/// The content of a tolerance file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ToleranceFile {
-    /// The grade of everything that is not named.
+    /// The grade of all numbers without a tolerance of their own.
     pub grade: Option<Grade>,
-    /// The distribution of everything that names none.
+    /// The default distribution.
     pub distribution: Distribution,
-    /// What is named, in the unit of its quantity; a tolerance of zero says that it is exact.
+    /// The tolerances of the file, in the units of their quantities. A tolerance of 0 means that the number is exact.
     pub entries: Vec<Perturbation>,
-    /// What is set anew on every lens, with its travel to either side.
+    /// The compensators, which are adjusted on every lens, with their travel to either side.
     pub compensators: Vec<(Freedom, Option<f64>)>,
 }
 
 impl ToleranceFile {
-    /// The tolerances of a lens: what the file names, and what its grade asks of all else. With `focus`, the image plane is set
-    /// on every lens.
+    /// The tolerances of a lens: those of the file, and those of its grade for all other numbers. With `focus`, the image plane
+    /// is a compensator.
     pub fn tolerances(&self, lens: &Lens, focus: bool) -> Tolerances {
         let mut perturbations = match self.grade {
             Some(grade) => default_tolerances(lens, grade, self.distribution, !focus),
@@ -82,7 +82,7 @@ impl ToleranceFile {
     }
 }
 
-/// Whether two freedoms are the same error, in whatever unit: a radius in mm, in percent and a power in fringes are one.
+/// Whether two freedoms are the same error in different units: a radius in mm, a radius in percent and a power in fringes.
 fn is_same(a: &Freedom, b: &Freedom) -> bool {
     let kind = |quantity: Quantity| match quantity {
         Quantity::RadiusPercent | Quantity::Power => Quantity::Radius,
@@ -137,7 +137,7 @@ struct CompensatorText {
     travel: Option<Placed>,
 }
 
-/// What may be a compensator: something that can be set, not something that is made.
+/// Quantities that can be compensators: those that can be adjusted after manufacture.
 const SETTINGS: [(&str, Quantity); 6] = [
     ("thickness_mm", Quantity::Thickness),
     ("decenter_x_mm", Quantity::DecenterX),
@@ -147,7 +147,7 @@ const SETTINGS: [(&str, Quantity); 6] = [
     ("shift_mm", Quantity::Shift),
 ];
 
-/// Tolerances of a lens from their file.
+/// Reads the tolerances of a lens.
 pub fn parse_tolerances(text: &str, lens: &Lens) -> Result<ToleranceFile, FileError> {
     let file: FileText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     let reader = Reader { text, lens };
@@ -194,7 +194,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The surfaces that a table is about, from 0.
+    /// First and last surface of a table, from 0.
     fn place(
         &self,
         surface: Option<&Spanned<usize>>,
@@ -216,7 +216,11 @@ impl Reader<'_> {
             (None, Some(list)) => {
                 let [first, last] = list.get_ref()[..] else {
                     return Err(self
-                        .error("element", list.span(), "an element is its first and its last surface")
+                        .error(
+                            "element",
+                            list.span(),
+                            "an element is given by its first and its last surface",
+                        )
                         .hint("for example `element = [1, 2]`"));
                 };
                 let (a, b) = (check("element", list.span(), first)?, check("element", list.span(), last)?);
@@ -228,7 +232,7 @@ impl Reader<'_> {
                 }
             }
             (Some(_), Some(list)) => Err(self
-                .error("element", list.span(), "the table is about a surface already")
+                .error("element", list.span(), "the table already names a surface")
                 .hint("keep one of `surface` and `element`")),
             (None, None) => Err(self
                 .error("surface", table, "no surface is named")
@@ -280,7 +284,7 @@ impl Reader<'_> {
         }
         if named.is_empty() {
             return Err(self
-                .error("tolerance", table.span(), "nothing is off in this table")
+                .error("tolerance", table.span(), "this table gives no tolerance")
                 .without_value()
                 .hint("add, for example, `thickness_mm = 0.05`"));
         }
@@ -289,7 +293,7 @@ impl Reader<'_> {
             if !(tolerance >= 0.0 && tolerance.is_finite()) {
                 return Err(self
                     .error(&key, value.span(), "a tolerance is a finite number from 0")
-                    .hint("it counts to either side"));
+                    .hint("it holds to either side"));
             }
             let freedom = Freedom { quantity, first, last };
             self.check(&key, value.span(), &freedom)?;
@@ -309,11 +313,7 @@ impl Reader<'_> {
         let Some((_, quantity)) = SETTINGS.iter().find(|(key, _)| key == name) else {
             let known: Vec<&str> = SETTINGS.iter().map(|(key, _)| *key).collect();
             return Err(self
-                .error(
-                    "parameter",
-                    t.parameter.span(),
-                    format!("`{name}` is nothing that can be set on a lens"),
-                )
+                .error("parameter", t.parameter.span(), format!("`{name}` cannot be adjusted on a lens"))
                 .hint(format!("one of {}", known.join(", "))));
         };
         let freedom = Freedom { quantity: *quantity, first, last };
@@ -328,13 +328,13 @@ impl Reader<'_> {
         Ok((freedom, travel))
     }
 
-    /// Checks that the lens has it.
+    /// Checks that the lens has the freedom.
     fn check(&self, key: &str, span: Range<usize>, freedom: &Freedom) -> Result<(), FileError> {
         freedom.check(self.lens).map_err(|e| self.error(key, span, e.to_string()))
     }
 }
 
-/// Tolerances as a file, one table for each, such that reading it gives the same ones.
+/// The text of a tolerance file with one table per tolerance. Reading it gives the same tolerances.
 pub fn write_tolerances(tolerances: &Tolerances) -> String {
     let place = |freedom: &Freedom| match freedom.first == freedom.last {
         true => format!("surface = {}", freedom.first + 1),
@@ -365,7 +365,7 @@ pub fn write_tolerances(tolerances: &Tolerances) -> String {
     out
 }
 
-/// The key under which a file holds a quantity.
+/// The key of a quantity in a file.
 fn key_of(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Radius => "radius_mm",

@@ -1,4 +1,5 @@
-//! Numbers and strings of TOML files: read from either kind of number, written so that they read back as the same bits.
+//! Numbers and strings of TOML files. Numbers are read from integers and floats, and written so that they read back as the
+//! same bits.
 
 use std::fmt;
 
@@ -39,17 +40,17 @@ impl<'de> Deserialize<'de> for Number {
     }
 }
 
-/// A number whose reciprocal is the given one to the last bit, the shortest to print; most but not all numbers have one.
+/// The shortest number whose reciprocal is the given number to the last bit; most but not all numbers have one.
 pub(crate) fn exact_reciprocal(value: f64) -> Option<f64> {
     shortest(1.0 / value, |candidate| (1.0 / candidate).to_bits() == value.to_bits())
 }
 
-/// An angle in degrees that is the given one in rad to the last bit.
+/// The shortest angle in degrees that converts to the given one in rad to the last bit.
 pub(crate) fn exact_degrees(rad: f64) -> Option<f64> {
     shortest(rad.to_degrees(), |candidate| candidate.to_radians().to_bits() == rad.to_bits())
 }
 
-/// Of a number and its neighbours, the shortest to print that will do.
+/// The shortest decimal among a number and its neighbours that passes the test.
 fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
     let candidates = [near, near.next_down(), near.next_up()];
     candidates.into_iter().filter(|c| will_do(*c)).min_by_key(|c| number(*c).len())

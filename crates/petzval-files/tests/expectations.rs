@@ -1,4 +1,4 @@
-//! Every lens of the library measures what its file expects of it.
+//! Every built-in lens has the published properties that its file lists.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ fn first_order_and_spots_are_as_published() {
 }
 
 #[test]
-fn solves_hit_what_they_solve_for() {
+fn solves_reach_their_targets() {
     let mut catalog = Catalog::default();
     for path in files("glasses") {
         catalog.merge(petzval_files::parse_catalog(&fs::read_to_string(path).unwrap()).unwrap());
@@ -91,7 +91,7 @@ fn solves_hit_what_they_solve_for() {
     assert!((chief_ray(&sequence, field).unwrap().y_mm - 6.0).abs() < 1e-9);
     assert!(field > 1.02 * ideal && field < 1.1 * ideal, "{field} for {ideal}");
 
-    // Best focus: from any start the same, and worse on either side.
+    // Best focus does not depend on the start, and the spot is larger on either side.
     let quadrature = Quadrature::grid(24).unwrap();
     let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
     let best = with_best_focus(&lens, &fields, &quadrature).unwrap();

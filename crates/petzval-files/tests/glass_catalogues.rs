@@ -1,4 +1,4 @@
-//! The built-in glasses against what their makers print.
+//! Compares the built-in glasses with the printed values of their makers.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use petzval_files::write_catalog;
 use petzval_optics::glass::{Catalog, Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM};
 
-/// The catalogue files with their names, in the order of these.
+/// The catalogue files with their names, sorted by name.
 fn files() -> Vec<(String, Catalog)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/glasses");
     let mut files: Vec<(String, Catalog)> = fs::read_dir(folder)
@@ -27,8 +27,8 @@ fn glass(file: &str, name: &str) -> std::sync::Arc<Glass> {
     catalog.get(name).unwrap()
 }
 
-/// Glasses whose formula does not give what is printed, by file, with the reason. Their figures are the maker's all the
-/// same; the manual says so.
+/// Glasses whose formula contradicts the printed values, by file, with the reason. Formula and printed values are both the
+/// maker's; the manual lists them.
 const OFF_PRINT: [(&str, &str, &str); 6] = [
     (
         "hoya",
@@ -57,7 +57,7 @@ const OFF_PRINT: [(&str, &str, &str); 6] = [
     ),
 ];
 
-/// Whether a glass is among those that disagree with their print, for a reason that is known.
+/// Whether a glass is in [`OFF_PRINT`].
 fn is_known_off(file: &str, name: &str) -> bool {
     OFF_PRINT.iter().any(|(known, _, names)| *known == file && names.split_whitespace().any(|n| n == name))
 }
@@ -69,7 +69,7 @@ fn the_index_at_f_d_and_c_gives_the_printed_nd_and_vd_to_the_last_digit() {
         for glass in catalog.glasses() {
             let (Some(nd), Some(vd)) = (glass.printed_nd, glass.printed_vd) else { continue };
             let agrees = nd.agrees(glass.nd()) && vd.agrees(glass.abbe_vd());
-            // Both ways: what is excused must need the excuse.
+            // A listed glass must disagree, any other must agree.
             assert_eq!(
                 agrees,
                 !is_known_off(&file, &glass.name),
@@ -89,10 +89,10 @@ fn the_index_at_f_d_and_c_gives_the_printed_nd_and_vd_to_the_last_digit() {
 }
 
 #[test]
-fn glasses_that_are_excused_round_or_fit() {
+fn listed_exceptions_differ_by_no_more_than_rounding_or_a_fit() {
     for (file, catalog) in files() {
         for glass in catalog.glasses().filter(|glass| is_known_off(&file, &glass.name)) {
-            // A fit of this quality, or a rounding; no wrong coefficient hides among them.
+            // A wrong coefficient would cause a larger difference.
             let (nd, vd) = (glass.printed_nd.unwrap(), glass.printed_vd.unwrap());
             assert!((glass.nd() - nd.value).abs() < 4.3e-5, "{}", glass.name);
             assert!((glass.abbe_vd() / vd.value - 1.0).abs() < 4e-3, "{}", glass.name);
@@ -101,7 +101,7 @@ fn glasses_that_are_excused_round_or_fit() {
 }
 
 #[test]
-fn catalogues_survive_a_round_trip_to_the_last_bit() {
+fn writing_and_reading_catalogues_keeps_every_bit() {
     for (file, catalog) in files() {
         let glasses: Vec<&Glass> = catalog.glasses().map(AsRef::as_ref).collect();
         let again = petzval_files::parse_catalog(&write_catalog(glasses.iter().copied())).unwrap();
@@ -111,7 +111,7 @@ fn catalogues_survive_a_round_trip_to_the_last_bit() {
 }
 
 #[test]
-fn every_glass_of_a_maker_says_what_is_needed_for_a_lens() {
+fn every_glass_of_a_maker_covers_the_visible_and_most_have_thermal_data() {
     let makers = ["cdgm", "hikari", "hoya", "ohara", "schott", "sumita"];
     for (file, catalog) in files().into_iter().filter(|(file, _)| makers.contains(&file.as_str())) {
         let (mut all, mut thermal) = (0, 0);
@@ -130,7 +130,7 @@ fn every_glass_of_a_maker_says_what_is_needed_for_a_lens() {
 }
 
 #[test]
-fn transmission_and_dispersion_are_those_of_data_sheets() {
+fn transmission_and_dispersion_match_data_sheets() {
     // Schott's data sheet of N-BK7: internal transmittance of 10 mm.
     let bk7 = glass("schott", "N-BK7");
     for (um, printed) in
@@ -140,7 +140,7 @@ fn transmission_and_dispersion_are_those_of_data_sheets() {
         assert!((found - printed).abs() < 6e-4, "{um}: {found}, not {printed}");
     }
     assert_eq!(bk7.internal_transmission(3.0, 10.0), None);
-    // And P_gF of crown and flint.
+    // P_gF of crown and flint.
     for (name, printed) in [("N-BK7", 0.5349), ("F2", 0.5828), ("N-SF6", 0.6158), ("N-SF11", 0.6156)] {
         let found = glass("schott", name).partial_dispersion_gf();
         assert!((found - printed).abs() < 5.1e-5, "{name}: {found}, not {printed}");

@@ -1,5 +1,5 @@
-//! Files of Zemax and CODE V: every kind of record, encodings, what is refused and where, first-order properties against
-//! catalogues, and the way back to the last bit.
+//! Files of Zemax and CODE V: every kind of record, encodings, errors with their line, first-order properties of catalogue
+//! lenses, and round trips to the last bit.
 
 #[path = "../../petzval-optics/tests/built_in/mod.rs"]
 mod built_in;
@@ -108,7 +108,7 @@ fn both_formats_read_the_same_singlet() {
     assert_eq!((a.stop, a.entrance_pupil_mm, a.object), (0, 10.0, ObjectDistance::Infinity));
     assert_eq!((&a.fields_deg[..], &a.wavelengths_um[..]), (&[0.0, 2.0][..], &[0.5876][..]));
     assert_eq!(a.surfaces[0].semi_diameter_mm, 6.0);
-    // The other surface has no edge: it lets every beam through, and little more.
+    // The other surface has no edge: it is slightly larger than the beams.
     let open = a.surfaces[1].semi_diameter_mm;
     assert!(open > 4.85 && open < 5.1, "{open}");
     assert!((efl_mm(&a) - 50.0 / (a.surfaces[0].glass.index(0.5876) - 1.0)).abs() < 1e-9);
@@ -127,7 +127,7 @@ fn every_encoding_is_read() {
 
 /// Catalogue parts: an achromat of 100 mm, one of 1.5 mm, and a telescope of f/4 with a 20 mm pupil.
 #[test]
-fn focal_lengths_are_those_of_the_catalogue() {
+fn focal_lengths_match_the_catalogue() {
     let achromat = |name: &str, epd: f64, surfaces: &str| {
         seq(&format!(
             "RDM;LEN\nTITLE '{name}'\nEPD {epd}\nDIM M\nWL 587.6\nYAN 0\nSO 0 1e14\n{surfaces}SI 0 0\n"
@@ -179,7 +179,7 @@ fn apertures_of_every_kind() {
     assert!((pupil("FNUM 8 0") - efl / 8.0).abs() < 1e-12);
     assert!((pupil("FNUM 8 1") - efl / 8.0).abs() < 1e-12);
     assert!((pupil("FLOA") - 12.0).abs() < 1e-12);
-    // A near object, whose light the first surface, the stop, takes in.
+    // A near object; the first surface is the stop.
     let near = changed(ZMX, "DISZ INFINITY", "DISZ 200");
     let pupil = |line: &str| zmx(&changed(&near, "ENPD 10", line)).file.lens;
     assert!((pupil("OBNA 0.02 0").entrance_pupil_mm - 400.0 * 0.02_f64.asin().tan()).abs() < 1e-12);
@@ -226,7 +226,7 @@ fn fields_of_every_kind_become_angles() {
     }
     // The stop is the first surface: an angle at the entrance pupil is one at the first vertex.
     close(fields(0, "YFLN 0 2", &near).fields_deg[1], 2.0);
-    // Off the y axis, and below it, a round lens has the same fields as on it.
+    // Fields off the y axis and below it are turned onto it in a rotationally symmetric lens.
     let lens = changed(ZMX, "YFLN 0 2", "XFLN 3 0\nYFLN 4 -2");
     let import = zmx(&lens);
     let [x, y] = [3_f64, 4.0].map(|v| v.to_radians().tan());
@@ -239,7 +239,7 @@ fn fields_of_every_kind_become_angles() {
 }
 
 #[test]
-fn wavelengths_with_weight_zero_are_not_judged() {
+fn wavelengths_with_weight_zero_are_left_out() {
     let text = changed(ZMX, "FTYP 0 0 2 1", "FTYP 0 0 2 3");
     let text = changed(
         &text,
@@ -269,7 +269,7 @@ fn shapes_of_every_type() {
     assert_eq!((s.asphere[0], s.asphere[3]), (1e-5, 1e-12));
     assert!(matches!(s.departure, Departure::Odd(b) if b[1] == 2e-6));
     let s = shape("  TYPE XASPHERE\n  XDAT 1 3 0 0\n  XDAT 2 2 0 0\n  XDAT 4 1.6e-4\n  XDAT 6 1").shape;
-    // Beyond the stated number of terms nothing counts.
+    // Terms beyond the stated number are ignored.
     assert_eq!((s.asphere[1], s.asphere[3]), (1e-5, 0.0));
     let s = shape("  TYPE XOSPHERE\n  XDAT 1 9\n  XDAT 2 1\n  XDAT 11 1e-13").shape;
     assert!(matches!(s.departure, Departure::Odd(b) if b[4] == 1e-13));
@@ -334,7 +334,7 @@ fn glasses_by_name_code_formula_and_table() {
     let table = Dispersion::Table { wavelength_um: vec![0.4861, 0.6563], index: vec![1.51, 1.5] };
     assert_eq!(glass("tab").unwrap().dispersion, table);
     assert_eq!(glass("FLAT").unwrap().dispersion, Dispersion::Constant(1.5));
-    // A formula that is not known matters only where it is used.
+    // An unknown formula is an error only if its glass is used.
     let error = glass("ODD").unwrap_err().to_string();
     assert!(error.contains("line 12: `'ODD' HAR 1 2 3`: private glasses by the formula HAR"), "{error}");
 
@@ -350,7 +350,7 @@ fn glasses_by_name_code_formula_and_table() {
     assert!(zmx(&changed(ZMX, "ENPD", "GCAT OHARA SCHOTT\nENPD")).losses.is_empty());
 }
 
-/// A coordinate break with all that belongs to it, in the middle of a lens of three planes.
+/// A lens of planes with these surfaces and coordinate breaks after the first.
 fn with_breaks(breaks: &str) -> Lens {
     let text = format!(
         "MODE SEQ\nUNIT MM\nENPD 2\nYFLN 0\nWAVM 1 0.5876 1\nPWAV 1\nSURF 0\n  DISZ INFINITY\nSURF 1\n  STOP\n  DISZ 10\n{breaks}"
@@ -367,7 +367,7 @@ fn coordinate_breaks_become_placements() {
     );
     let placed = Placement { decenter_mm: [0.1, 0.2], tilt_rad: tilt, axis: Axis::Returns };
     assert_eq!((lens.surfaces[1].placement, lens.surfaces[1].thickness_mm), (Some(placed), 30.0));
-    // A fold mirror: the second break turns the axis as far again.
+    // A fold mirror: the second break rotates the axis by the same angle again.
     let lens = with_breaks(
         "SURF 2\n TYPE COORDBRK\n PARM 3 40\n DISZ 0\nSURF 3\n GLAS MIRROR\n DISZ 0\nSURF 4\n TYPE COORDBRK\n PARM 3 40\n DISZ -30\n\
          SURF 5\n",
@@ -377,7 +377,7 @@ fn coordinate_breaks_become_placements() {
     let path =
         trace_ray(&lens.at_wavelength(0.5876), launch(&lens.at_wavelength(0.5876), 0.0, [0.0, 0.5]).ray);
     assert!((path.image.unwrap().position[1].abs() - 0.5).abs() < 1e-12, "{:?}", path.image);
-    // What belongs to no surface becomes planes that do nothing.
+    // A break that belongs to no surface becomes planes that only move the axis.
     let lens = with_breaks("SURF 2\n TYPE COORDBRK\n PARM 2 3\n PARM 3 10\n PARM 6 1\n DISZ 7\nSURF 3\n");
     let kinds: Vec<_> = lens.surfaces.iter().map(|s| (s.placement, s.thickness_mm)).collect();
     let turned =
@@ -396,7 +396,7 @@ fn a_break_within_glass_stays_in_it() {
     assert_eq!(media, ["AIR", "N-BK7", "N-BK7", "N-BK7", "N-BK7", "AIR"]);
 }
 
-/// A break in reverse order takes the axis back, whether it belongs to a surface or stands apart from it.
+/// A break in reverse order returns the axis, next to a surface or apart from it.
 #[test]
 fn reverse_breaks_undo_plain_ones() {
     let plain = "SURF 2\n TYPE COORDBRK\n PARM 1 0.3\n PARM 2 -0.2\n PARM 3 12\n PARM 4 -7\n PARM 5 33\n DISZ 0\nSURF 3\n DISZ 0\n";
@@ -438,7 +438,7 @@ fn decentred_surfaces_of_code_v() {
     let sequence = undone.at_wavelength(0.5876);
     let straight = trace_ray(&sequence, launch(&sequence, 0.0, [0.0; 2]).ray).image.unwrap();
     assert!((straight.direction[2] - 1.0).abs() < 1e-15, "{straight:?}");
-    // The image may be turned, too.
+    // The image may be rotated.
     let turned = seq(&changed(SEQ, "SI 0 0\n", "SI 0 0\n ADE 5\n")).file.lens;
     assert_eq!(placed(&turned, 2).tilt_rad[0], -(5_f64.to_radians()));
 }
@@ -458,7 +458,7 @@ fn solves_defocus_qualifiers_and_defaults() {
     let focused = seq(&changed(&changed(SEQ, "S 0 94", "S 0 0"), "SI 0 0", "PIM\nSI 0 0")).file.lens;
     let order = first_order(&focused.at_wavelength(focused.reference_um));
     assert!((focused.image_distance_mm() - order.bfl_mm).abs() < 1e-12);
-    // Without RDM numbers are curvatures; numbers that can hardly be are not guessed.
+    // Without RDM numbers are curvatures; numbers that are implausible as curvatures are refused.
     let bare = changed(&changed(SEQ, "RDM;LEN", "LEN"), "S 50 4", "S 0.02 4");
     let import = seq(&changed(&changed(&bare, "  STO\n", ""), "YAN 0 2\n", ""));
     assert_eq!(import.file.lens.surfaces[0].shape.curvature, 0.02);
@@ -470,7 +470,7 @@ fn solves_defocus_qualifiers_and_defaults() {
     );
     let refused = parse_seq(&changed(SEQ, "RDM;LEN", "LEN"), &catalog()).unwrap_err();
     assert!(
-        refused.to_string().contains("line 8: `S 50 4 NBK7_SCHOTT`: the file does not say whether"),
+        refused.to_string().contains("line 8: `S 50 4 NBK7_SCHOTT`: the file does not state whether"),
         "{refused}"
     );
 }
@@ -486,7 +486,7 @@ fn apertures_that_are_not_round_or_off_the_vertex() {
     assert_eq!(clear("  CLAP 2 6"), (6.0, 1));
     assert_eq!(clear("  CLAP 0 6\n  OBDC 0 2"), (8.0, 1));
     assert_eq!(clear("  CLAP 0 6\n  OBSC 0 1"), (6.0, 1));
-    // Without an aperture a semi-diameter loses no light; at the stop the pupil says how large it is.
+    // Without an aperture a semi-diameter blocks no light; the pupil determines that of the stop.
     assert_eq!(clear(""), (5.0, 0));
     let clear = |commands: &str| {
         let import = seq(&changed(SEQ, "  CIR 6", commands));
@@ -497,7 +497,7 @@ fn apertures_that_are_not_round_or_off_the_vertex() {
     assert_eq!(clear("  CIR EDG 7; CIR 6; CIR OBS 1"), (6.0, 1));
 }
 
-/// A stop so large that no lens of these radii could fill it: what there is room for is let through, and that is said.
+/// A stop that is too large for the surfaces: the beams are narrowed, with a message.
 #[test]
 fn beams_wider_than_the_lens_can_be_are_narrowed() {
     let text = "MODE SEQ\nUNIT MM\nFLOA\nYFLN 0\nWAVM 1 0.5876 1\nPWAV 1\nSURF 0\n DISZ INFINITY\nSURF 1\n CURV 0.05\n DISZ 5\n \
@@ -511,9 +511,9 @@ fn beams_wider_than_the_lens_can_be_are_narrowed() {
     assert!((first_order(&sequence).stop_radius_mm - 8.5).abs() < 1e-12);
 }
 
-/// What is refused says where and why.
+/// Errors name the line and the reason.
 #[test]
-fn what_cannot_be_traced_is_refused_with_its_line() {
+fn records_that_cannot_be_traced_are_refused_with_their_line() {
     let refused = |error: Result<Import, FileError>, needles: &[&str]| {
         let said = error.expect_err("a refusal").to_string();
         for needle in needles {
@@ -537,7 +537,7 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         ("CLAP 0 6 0", "SCBD 1 0 0 0 0 10 0 0", &["line 19: `SCBD", "COORDBRK"]),
         ("MODE SEQ", "MODE NSC", &["line 2: `MODE NSC`", "sequential"]),
         ("UNIT MM", "UNIT FT", &["line 4", "no such lens unit"]),
-        ("ENPD 10", "ENPD 10\nFNUM 4", &["line 6: `FNUM 4`", "line 5 has said"]),
+        ("ENPD 10", "ENPD 10\nFNUM 4", &["line 6: `FNUM 4`", "line 5 already gives"]),
         ("ENPD 10\n", "", &["no aperture", "ENPD"]),
         ("FTYP 0 0", "FTYP 0 1", &["line 6", "telecentric"]),
         ("FTYP 0 0", "FTYP 4 0", &["line 6", "type 4"]),
@@ -553,26 +553,26 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         (
             "  DISZ INFINITY",
             "  TYPE EVENASPH\n  PARM 2 1e-3\n  DISZ 90",
-            &["line 11", "object that is no plane"],
+            &["line 11", "object that is not a plane"],
         ),
         (
             "SURF 3\n  TYPE STANDARD",
             "SURF 3\n  TYPE EVENASPH\n  PARM 2 1e-3",
-            &["line 25", "image that is no plane"],
+            &["line 25", "image that is not a plane"],
         ),
         ("SURF 3\n", "SURF 3\n  STOP\n", &["line 25: `STOP`", "neither object nor image"]),
-        ("SURF 2\n", "TOL TOFF 0\nSURF 2\n", &["line 21: `SURF 2`", "behind merit function"]),
+        ("SURF 2\n", "TOL TOFF 0\nSURF 2\n", &["line 21: `SURF 2`", "after merit function"]),
         ("SURF 2\n", "surf 2\n", &["line 20: `surf 2`", "capitals"]),
         ("  CURV 0.02", "  curv 0.02", &["line 15: `curv 0.02", "capitals"]),
         ("GLAS N-BK7 0", "GLAS N-BK7 4", &["line 17", "offsets"]),
         ("GLAS N-BK7 0", "GLAS N-BK7 9", &["line 17", "state 9"]),
-        ("UNIT MM", "UNIT MM\nUNIT IN", &["line 5: `UNIT IN ", "line 4 has said"]),
-        ("YFLN 0 2", "YFLN 0 2\nYFLD 0 9", &["line 8: `YFLD 0 9`", "line 7 has said"]),
+        ("UNIT MM", "UNIT MM\nUNIT IN", &["line 5: `UNIT IN ", "line 4 already gives"]),
+        ("YFLN 0 2", "YFLN 0 2\nYFLD 0 9", &["line 8: `YFLD 0 9`", "line 7 already gives"]),
         ("PWAV 1", "WAVM 1 0.6 1\nPWAV 1", &["line 9: `WAVM 1 0.6 1`", "already"]),
         ("  DISZ 4", "  DISZ 4\n  DISZ 5", &["line 17: `DISZ 5`", "already"]),
         ("  DISZ 4", "  DISZ 4\n  CURV 0.03", &["line 17: `CURV 0.03`", "already"]),
-        ("  DISZ 4", "  DISZ 4\n  PARM 1 0\n  PARM 1 0", &["line 18: `PARM 1 0`", "line 17 has said"]),
-        ("ENPD 10", "ENPD 1e300", &["line 5: `ENPD 1e300`", "1e300 mm, and 1e-6 to 1000000 mm"]),
+        ("  DISZ 4", "  DISZ 4\n  PARM 1 0\n  PARM 1 0", &["line 18: `PARM 1 0`", "line 17 already gives"]),
+        ("ENPD 10", "ENPD 1e300", &["line 5: `ENPD 1e300`", "1e300 mm; 1e-6 to 1000000 mm"]),
         ("ENPD 10", "ENPD 1e-300", &["line 5", "1e-300 mm"]),
     ] {
         refused(parse_zmx(&changed(ZMX, from, to), &catalog()), needles);
@@ -595,7 +595,7 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         ("  STO\n", "  STO\n  RET S1\n", &["line 10: `RET S1`"]),
         ("  STO\n", "  STO\n  K S9 1\n", &["line 10: `K S9 1`", "no surface S9"]),
         ("  STO\n", "  STO\n  K x\n", &["line 10: `K x`", "number is missing"]),
-        ("  STO\n", "  STO\n  ADE 10 20\n", &["line 10: `ADE 10 20`", "one value is read, and there are 2"]),
+        ("  STO\n", "  STO\n  ADE 10 20\n", &["line 10: `ADE 10 20`", "one value is read, but there are 2"]),
         ("  STO\n", "  STO\n  THI S1 4 5\n", &["line 10: `THI S1 4 5`", "one value"]),
         ("  STO\n", "  STO\n  THI INF\n", &["line 10: `THI INF`", "only the object"]),
         ("  STO\n", "  STO\n  CUY SA 0.01\n", &["line 10", "no surface SA"]),
@@ -606,14 +606,14 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
         ("GO\n", "DEL S1\n", &["line 13: `DEL S1`", "change the lens"]),
         ("EPD 10", "EPD 10; RED 0.5", &["line 3: `RED 0.5`", "magnification"]),
         ("EPD 10", "EPD 10 20", &["line 3: `EPD 10 20`", "one value"]),
-        ("EPD 10", "EPD 1e300", &["line 3: `EPD 1e300`", "1e300 mm, and 1e-6 to 1000000 mm"]),
+        ("EPD 10", "EPD 1e300", &["line 3: `EPD 1e300`", "1e300 mm; 1e-6 to 1000000 mm"]),
         ("YAN 0 2", "YOB 0 2", &["line 6: `YOB 0 2`", "object at a finite distance", "angles"]),
-        ("SO 0.0 0.1e14\n", "SO 0.0 100\n ASP; A 1e-3\n", &["line 8: `ASP`", "object that is no plane"]),
+        ("SO 0.0 0.1e14\n", "SO 0.0 100\n ASP; A 1e-3\n", &["line 8: `ASP`", "object that is not a plane"]),
         ("SO 0.0 0.1e14\n", "SO 0.0 100\n ADE 5\n", &["line 8: `ADE 5`", "turned object"]),
         (
             "SI 0 0\n",
             "SI 0 0\n SPS ODD 0; SCO AR3 1e-3\n",
-            &["line 13: `SPS ODD 0`", "image that is no plane"],
+            &["line 13: `SPS ODD 0`", "image that is not a plane"],
         ),
         ("NBK7_SCHOTT", "1.5:inf", &["line 8", "nd = 1.5 and Vd = inf"]),
         ("NBK7_SCHOTT", "NBK8_SCHOTT", &["line 8", "no glass of SCHOTT is called `NBK8`", "N-BK7"]),
@@ -635,7 +635,7 @@ fn what_cannot_be_traced_is_refused_with_its_line() {
 }
 
 #[test]
-fn records_that_are_lost_are_named() {
+fn lost_records_are_reported_with_line_and_effect() {
     let text = changed(ZMX, "  CLAP", "  COAT AR\n  NEWREC 1\n  PZUP 1 1 0\n  CLAP");
     let text = changed(&text, "ENPD 10", "ENPD 10\nENVD 35 1 1\nVCYN 0 0.1\nQQQQ 1");
     let import = zmx(&(text + "TOL TOFF 0\nMNUM 3 1\nEFFL 0 1\nTRCX 0 1\nZZZZZ\n"));
@@ -666,7 +666,7 @@ fn records_that_are_lost_are_named() {
     assert_eq!(found, expected);
 }
 
-/// Between surfaces an unknown record is reported, and every surface stays.
+/// An unknown record between surfaces is reported, and every surface is kept.
 #[test]
 fn unknown_records_among_surfaces_end_nothing() {
     let import = zmx(&changed(ZMX, "SURF 2\n", "NEWREC 1 2\nQQQQ 3\nSURF 2\n"));
@@ -682,14 +682,14 @@ fn older_records_missing_ones_and_filling() {
     assert_eq!((&import.file.lens.fields_deg[..], import.losses.len()), (&[0.0, 2.0][..], 0));
     let import = zmx(&changed(ZMX, "YFLN 0 2\n", ""));
     assert_eq!((&import.file.lens.fields_deg[..], import.losses[0].effect), (&[0.0][..], Effect::Assumed));
-    // Without a count the wavelengths that fill the table are not wavelengths of the lens.
+    // Without a count, equal wavelengths that fill the table are left out.
     let waves = "WAVM 1 0.48 1\nWAVM 2 0.65 1\nWAVM 3 0.55 1\nWAVM 4 0.55 1\nWAVM 5 0.55 1";
     let uncounted = changed(&changed(ZMX, "FTYP 0 0 2 1 0 0 0", "FTYP 0 0"), "WAVM 1 0.5876 1", waves);
     let import = zmx(&uncounted);
     assert_eq!(import.file.lens.wavelengths_um, [0.48, 0.65]);
     assert!(losses(&import)[0].contains("taken for filling"), "{:?}", losses(&import));
     assert_eq!(import.losses[0].effect, Effect::Assumed);
-    // The primary wavelength is none of them.
+    // The primary wavelength is kept even if it is one of them.
     let lens = zmx(&changed(&uncounted, "PWAV 1", "PWAV 3")).file.lens;
     assert_eq!((&lens.wavelengths_um[..], lens.reference_um), (&[0.48, 0.55, 0.65][..], 0.55));
     // Lines may end in carriage returns alone.
@@ -699,15 +699,15 @@ fn older_records_missing_ones_and_filling() {
 }
 
 #[test]
-fn what_becomes_of_a_shifted_aperture_is_said_as_it_is() {
+fn the_loss_of_a_shifted_aperture_describes_its_treatment() {
     let said = |records: &str| {
         let import = zmx(&changed(ZMX, "  CLAP 0 6 0", records));
         (import.file.lens.surfaces[0].semi_diameter_mm, losses(&import).join("\n"))
     };
     let (semi, told) = said("  CLAP 0 6\n  OBDC 0 2");
-    assert!(semi == 8.0 && told.contains("circle around it"), "{told}");
+    assert!(semi == 8.0 && told.contains("encloses it"), "{told}");
     let (semi, told) = said("  FLAP 0 6\n  OBDC 0 2");
-    assert!(semi == 6.0 && told.contains("stays about the vertex"), "{told}");
+    assert!(semi == 6.0 && told.contains("stays at the vertex"), "{told}");
     assert!(said("  OBDC 0 2").1.contains("no aperture that is kept"));
 }
 
@@ -724,9 +724,9 @@ fn answers_infinities_and_quotes_of_code_v() {
     same("SI 0 0", "SI INF 0");
     same("S 50 4 NBK7_SCHOTT", "S 50 4\n GLA NBK7_SCHOTT");
     let glass = |text: &str| seq(text).file.lens.surfaces[0].glass.name.clone();
-    // A glass whose name begins as that of a surface does.
+    // A glass whose name begins like that of a surface.
     assert_eq!(glass(&changed(SEQ, "S 50 4 NBK7_SCHOTT", "S 50 4\n GLA SF5")), "SF5");
-    // Private glasses have whole names, with or without quotes, and one called END ends nothing.
+    // Private glasses have whole names, with or without quotes; a glass called END does not end the catalogue.
     let private = "PRV\n PWL 550\n glueball 1.5\n 'END' 1.6\n 'REFL' 1.7\nEND\nSO";
     let text = changed(SEQ, "SO", private);
     for name in ["GLUEBALL", "'END'", "'REFL'"] {
@@ -736,12 +736,12 @@ fn answers_infinities_and_quotes_of_code_v() {
             (name.trim_matches('\''), Action::Refract)
         );
     }
-    // A quoted word is no command.
+    // A quoted word is not a command.
     let import = seq(&changed(SEQ, "  CIR 6", "  CIR 6\n'K' 5"));
     assert_eq!((import.losses.len(), import.losses[0].effect), (1, Effect::NotUnderstood));
 }
 
-/// A mirror that turns light by 90 degrees: the image that faces this light is edge-on to the mirror's axis.
+/// A mirror turns light by 90 degrees. An image plane that faces this light is edge-on to the mirror's axis.
 #[test]
 fn an_image_edge_on_to_the_axis_is_refused() {
     let text = |turn: &str| {
@@ -757,9 +757,9 @@ fn an_image_edge_on_to_the_axis_is_refused() {
     );
 }
 
-/// Names that mean something else in a file, or would break its lines, are changed, and that is said.
+/// Names with another meaning in a file, or that would break its lines, are changed with a message.
 #[test]
-fn glasses_with_impossible_names_come_back_under_others() {
+fn glasses_with_impossible_names_are_renamed_and_read_again() {
     let catalog = catalog();
     for name in ["MIRROR", "AIR", "REFL", "END", "PWL", "___BLANK", "a\nSURF 9", "a\u{1}b", "it's", "x y"] {
         let mut lens = nominal_triplet();
@@ -796,7 +796,7 @@ fn file(lens: Lens) -> LensFile {
     LensFile { lens, expect: None, variables: vec![], pickups: vec![], efl_solve: None, length_solve: None }
 }
 
-/// Names and texts have places of their own, and a title has one line; the numbers are what must not change.
+/// Compares the numbers of two lenses to the bit. Names of glasses and notes may differ.
 fn same_numbers(a: &Lens, b: &Lens) {
     assert_eq!(a.surfaces.len(), b.surfaces.len());
     for (i, (x, y)) in a.surfaces.iter().zip(&b.surfaces).enumerate() {
@@ -814,7 +814,7 @@ fn same_numbers(a: &Lens, b: &Lens) {
 }
 
 #[test]
-fn every_built_in_lens_comes_back_to_the_bit() {
+fn writing_and_reading_every_built_in_lens_keeps_its_bits() {
     let catalog = catalog();
     let lenses = all_lenses();
     assert!(lenses.len() >= 8);
@@ -827,10 +827,10 @@ fn every_built_in_lens_comes_back_to_the_bit() {
 }
 
 #[test]
-fn lenses_of_every_special_surface_come_back_to_the_bit_or_are_refused() {
+fn every_special_surface_is_kept_to_the_bit_or_refused() {
     let catalog = catalog();
     let (mut zmx_refused, mut seq_refused) = (Vec::new(), Vec::new());
-    // Neither format has a polynomial in x and y together with an even one.
+    // Neither format supports a polynomial in x and y together with an even asphere.
     let plain = |mut lens: Lens| {
         lens.name += ", no even terms";
         for s in &mut lens.surfaces {
@@ -852,7 +852,7 @@ fn lenses_of_every_special_surface_come_back_to_the_bit_or_are_refused() {
             Ok(export) => {
                 let read =
                     parse_seq(&export.text, &catalog).unwrap_or_else(|e| panic!("{e}\n{}", export.text));
-                // The dummy that turns the axis behind a mirror about two axes is a surface of its own here.
+                // The dummy that rotates the axis behind a mirror is an additional surface here.
                 if file.lens.name != "folded" {
                     same_numbers(&file.lens, &read.file.lens);
                 }
@@ -886,7 +886,7 @@ fn same_rays(a: &Lens, b: &Lens) {
 }
 
 #[test]
-fn glasses_and_near_objects_come_back() {
+fn writing_and_reading_keeps_glasses_and_near_objects() {
     let catalog = catalog();
     let mut lens = nominal_triplet();
     lens.object = ObjectDistance::Finite(500.0);
@@ -904,7 +904,7 @@ fn glasses_and_near_objects_come_back() {
         }
         same_numbers(&Lens { fields_deg: vec![], ..lens.clone() }, &Lens { fields_deg: vec![], ..read });
     }
-    // A formula of the lens's own: one format holds Schott's, none Sellmeier's, and a table loses nothing at its wavelengths.
+    // A glass outside the catalogue: .seq supports Schott's formula and tables, neither format supports Sellmeier's.
     let schott = Dispersion::Schott([2.2, -0.01, 0.01, 1e-4, 1e-5, 1e-6]);
     lens.surfaces[0].glass = glass("OWN", schott.clone());
     let error = write_zmx(&file(lens.clone()), &catalog).unwrap_err().to_string();
@@ -921,7 +921,7 @@ fn glasses_and_near_objects_come_back() {
 }
 
 #[test]
-fn what_the_formats_have_no_place_for_is_reported() {
+fn parts_that_the_formats_do_not_support_are_reported() {
     let catalog = catalog();
     let file = all_lenses().into_iter().find(|f| f.expect.is_some() && !f.variables.is_empty()).unwrap();
     for export in [write_zmx(&file, &catalog).unwrap(), write_seq(&file, &catalog).unwrap()] {

@@ -1,4 +1,4 @@
-//! The data files read, are possible lenses and survive a round trip; bad files say where and why.
+//! The built-in lens files are possible lenses and keep their bits in a round trip; errors of bad files name place and reason.
 
 #[path = "../../petzval-optics/tests/common/mod.rs"]
 mod common;
@@ -52,7 +52,7 @@ fn catalogue_holds_the_materials_of_the_triplet() {
 }
 
 #[test]
-fn data_lenses_read_and_survive_a_round_trip() {
+fn built_in_lenses_are_equal_after_writing_and_reading() {
     let catalog = catalog();
     let paths = data("lenses");
     assert!(paths.len() >= 8);
@@ -60,14 +60,14 @@ fn data_lenses_read_and_survive_a_round_trip() {
         let file = parse_lens(&read(&path), &catalog).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         validate(&file.lens).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         assert!(!file.lens.source.is_empty() && file.expect.is_some(), "{}", path.display());
-        // The written file knows its glasses, so an empty catalogue is enough.
+        // The written file contains its glasses, so an empty catalogue is enough.
         let again = parse_lens(&write_lens(&file), &Catalog::default()).unwrap();
         assert_eq!(again, file, "{}", path.display());
     }
 }
 
 #[test]
-fn a_written_lens_carries_all_that_is_known_of_its_glasses() {
+fn a_written_lens_contains_all_data_of_its_glasses() {
     let file = parse_lens(&nominal().replace("\"N-SF11\"", "\"SCHOTT:N-SF11\""), &catalog()).unwrap();
     let flint = &file.lens.surfaces[2].glass;
     assert!(flint.thermal.is_some() && flint.absorption.is_some() && flint.range_um.is_some());
@@ -77,7 +77,7 @@ fn a_written_lens_carries_all_that_is_known_of_its_glasses() {
 }
 
 #[test]
-fn the_nominal_triplet_says_what_may_move() {
+fn the_nominal_triplet_has_its_variables_and_its_solve() {
     let file = parse_lens(&nominal(), &catalog()).unwrap();
     assert_eq!(file.lens.stop, 4);
     assert_eq!(file.variables.len(), 18);
@@ -88,7 +88,7 @@ fn the_nominal_triplet_says_what_may_move() {
     assert!(file.expect.unwrap().efl_mm.unwrap().agrees(25.04));
 }
 
-/// Doubles from their bits by xorshift: every exponent, no NaN, no infinity.
+/// Finite doubles of every exponent, from bits by xorshift.
 fn odd_number(state: &mut u64) -> f64 {
     loop {
         *state ^= *state << 13;
@@ -181,7 +181,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
         };
         let text = write_lens(&file);
         let again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
-        // Glasses of one name get names of their own; all else is as it was, to the bit.
+        // Glasses of equal names are renamed; everything else is unchanged to the bit.
         assert_eq!(write_lens(&again), text);
         let bits = |file: &LensFile| {
             let mut bits = Vec::new();
@@ -202,9 +202,9 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
     }
 }
 
-/// Special surfaces, pickups and a length solve come back as they went, to the bit.
+/// Writing and reading keeps special surfaces, pickups and a length solve to the bit.
 #[test]
-fn special_surfaces_are_written_and_read_alike() {
+fn writing_and_reading_keeps_special_surfaces() {
     for mut lens in special_lenses() {
         for (i, s) in lens.surfaces.iter_mut().enumerate() {
             // Awkward bits.
@@ -234,7 +234,7 @@ fn special_surfaces_are_written_and_read_alike() {
         let text = write_lens(&file);
         let mut again = parse_lens(&text, &Catalog::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
         for (a, b) in again.lens.surfaces.iter_mut().zip(&file.lens.surfaces) {
-            // The file holds the formula of a glass, whatever it is called.
+            // The file contains the formula of a glass; its name may differ.
             assert_eq!(a.glass.index(0.55), b.glass.index(0.55));
             a.glass = b.glass.clone();
         }
@@ -297,7 +297,7 @@ fn tilts_are_variables_in_degrees() {
     assert!(with(-1.0, 1.0).unwrap_err().message.contains("outside its bounds"));
 }
 
-/// What is wrong with a special surface is said with its line.
+/// Errors of special surfaces name their line.
 #[test]
 fn bad_special_surfaces_are_refused() {
     let text = nominal();
@@ -342,17 +342,17 @@ fn bad_special_surfaces_are_refused() {
         parse_lens(&format!("{}[[pickup]]\n{lines}\n\n{}", &text[..at], &text[at..]), &catalog).unwrap_err()
     };
     let error = pickup("surface = 4\nfollows = 3\nparameter = \"radius_mm\"");
-    assert!(error.message.contains("no variable"), "{error}");
+    assert!(error.message.contains("not a variable"), "{error}");
     let error = pickup("surface = 2\nfollows = 1\nparameter = \"radius_mm\"");
     assert!(error.message.contains("already"), "{error}");
-    // The radius that is solved for, and the distance to the image, follow nothing.
+    // A radius with a solve, and the distance to the image, cannot be pickups.
     for (surface, follows, parameter) in [(7, 1, "radius_mm"), (7, 2, "thickness_mm")] {
         let error = pickup(&format!("surface = {surface}\nfollows = {follows}\nparameter = \"{parameter}\""));
         assert!(error.message.contains("cannot follow"), "{error}");
     }
 }
 
-/// A bad file: what is replaced in the nominal triplet by what, and what the error must say.
+/// A bad file: a replacement in the nominal triplet, and the expected error.
 struct Bad {
     from: &'static str,
     to: &'static str,
@@ -381,7 +381,7 @@ const BAD: &[Bad] = &[
     Bad { from: "thickness_mm = 8.11", to: "thickness_mm = \"thick\"", line_with: "\"thick\"", key: "thickness_mm", value: "\"thick\"",
           message: "expected a number", hint: "" },
     Bad { from: "thickness_mm = 4.014", to: "thickness_mm = -4.014", line_with: "-4.014", key: "thickness_mm", value: "-4.014",
-          message: "surface 1: the thickness of -4.014 mm of PMMA goes against the light", hint: "it is 0 at least" },
+          message: "surface 1: the thickness of -4.014 mm of PMMA goes against the light", hint: "it is at least 0" },
     Bad { from: "thickness_mm = 2.698", to: "thickness_mm = 0.3", line_with: "thickness_mm = 0.3", key: "thickness_mm", value: "0.3",
           message: "surface 6: the edge thickness of PMMA is -0.", hint: "semi-diameters" },
     Bad { from: "semi_diameter_mm = 4.56", to: "semi_diameter_mm = -4.56", line_with: "= -4.56", key: "semi_diameter_mm", value: "-4.56",
@@ -433,7 +433,7 @@ const BAD: &[Bad] = &[
     Bad { from: "[fields]", to: "[glass.MINE]\nnd = 1.5\nn = 1.6\n[fields]", line_with: "nd = 1.5", key: "nd", value: "1.5",
           message: "gives nd = 1.60000", hint: "mistyped" },
     Bad { from: "[fields]", to: "[glass.air]\nn = 1.6\n[fields]", line_with: "[glass.air]", key: "glass", value: "air",
-          message: "already there", hint: "AIR" },
+          message: "already defined", hint: "AIR" },
 ];
 
 #[test]
@@ -455,7 +455,7 @@ fn a_bad_file_names_line_key_value_and_hint() {
 }
 
 #[test]
-fn an_error_reads_as_one_sentence_with_its_place() {
+fn an_error_prints_place_value_message_and_hint() {
     let text = nominal().replacen("radius_mm = 11.45", "radius_mm = 0", 1);
     let error: FileError = parse_lens(&text, &catalog()).unwrap_err();
     let (line, column) = (error.line.unwrap(), error.column.unwrap());
@@ -470,7 +470,7 @@ fn an_error_reads_as_one_sentence_with_its_place() {
 }
 
 #[test]
-fn infinity_may_be_quoted_and_a_file_may_bring_its_own_glass() {
+fn infinity_may_be_quoted_and_a_file_may_define_its_own_glass() {
     let text = nominal().replacen("radius_mm = inf", "radius_mm = \"inf\"", 1).replacen(
         "[fields]",
         "[glass.N-SF11]\nnd = 1.7\nvd = 30\n[fields]",

@@ -1,6 +1,6 @@
-//! Glass files that were damaged on purpose: no reader panics or hangs, and none gives more than it was given.
+//! Damaged glass files: no reader panics or hangs, and the result is not larger than the file explains.
 //!
-//! Every run reads 20 000 damaged texts with each reader; `PETZVAL_MUTATIONS=1000000` reads as many as that.
+//! Every run reads 20 000 damaged texts with each reader; `PETZVAL_MUTATIONS=1000000` makes it a million.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// No text here takes a reader longer, by a wide margin: they are a few kilobytes.
+/// Time limit for reading one text. The texts are a few kilobytes and take far less.
 const LONGEST: Duration = Duration::from_secs(2);
 
 const AGF: &str = "CC a catalogue
@@ -91,7 +91,7 @@ vd = 60.0
 table = { wavelength_um = [0.4, 0.5], index = [1.5, 1.4] }
 ";
 
-/// How many damaged texts each reader gets.
+/// Number of damaged texts for each reader.
 fn count() -> u64 {
     const USUAL: u64 = 20_000;
     match std::env::var("PETZVAL_MUTATIONS") {
@@ -100,7 +100,7 @@ fn count() -> u64 {
     }
 }
 
-/// Words that readers are likely to stumble over.
+/// Words that are likely to cause errors in readers.
 const WORDS: [&str; 40] = [
     "1e308",
     "-1e308",
@@ -144,7 +144,7 @@ const WORDS: [&str; 40] = [
     "formula 4",
 ];
 
-/// A text with one to six wounds.
+/// A text with one to six damages.
 fn damaged(text: &[u8], random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = text.to_vec();
     for _ in 0..random.random_range(1..=6) {
@@ -158,12 +158,12 @@ fn damaged(text: &[u8], random: &mut ChaCha8Rng) -> Vec<u8> {
             1 => bytes[at] ^= 1 << random.random_range(0..8),
             2 => drop(bytes.drain(span.start..(span.start + random.random_range(1..40)).min(bytes.len()))),
             3 => bytes.truncate(at),
-            // A piece once more, somewhere else.
+            // Copy a piece to another place.
             4 => {
                 let piece = bytes[span.start..span.end.min(span.start + 400)].to_vec();
                 drop(bytes.splice(other..other, piece));
             }
-            // A piece many times: long lines, deep nests, thousands of rows.
+            // Repeat a piece many times: long lines, deep nesting, thousands of rows.
             5 => {
                 let piece = bytes[span.start..span.end.min(span.start + random.random_range(1..8))].to_vec();
                 drop(bytes.splice(at..at, piece.repeat(random.random_range(1..300))));
@@ -172,7 +172,7 @@ fn damaged(text: &[u8], random: &mut ChaCha8Rng) -> Vec<u8> {
                 let word = WORDS.choose(random).expect("there are words");
                 drop(bytes.splice(at..at, word.bytes()));
             }
-            // A word in the place of another.
+            // Replace a word.
             8 => {
                 let is_gap = |b: &u8| b.is_ascii_whitespace() || b",[]{}=:".contains(b);
                 let end = bytes[at..].iter().position(is_gap).map_or(bytes.len(), |n| at + n);
@@ -180,7 +180,7 @@ fn damaged(text: &[u8], random: &mut ChaCha8Rng) -> Vec<u8> {
                 let word = WORDS.choose(random).expect("there are words");
                 drop(bytes.splice(start..end, word.bytes()));
             }
-            // Two lines in the other order.
+            // Swap two lines.
             _ => {
                 let mut lines: Vec<&[u8]> = bytes.split(|b| *b == b'\n').collect();
                 let (a, b) = (random.random_range(0..lines.len()), random.random_range(0..lines.len()));
@@ -192,7 +192,7 @@ fn damaged(text: &[u8], random: &mut ChaCha8Rng) -> Vec<u8> {
     bytes
 }
 
-/// Numbers that a glass holds: a measure of its memory.
+/// Count of the numbers and characters of a glass: a measure of its memory.
 fn numbers(glass: &Glass) -> usize {
     let dispersion = match &glass.dispersion {
         Dispersion::Sellmeier { b, c_um2 } => b.len() + c_um2.len(),
@@ -215,7 +215,7 @@ fn numbers(glass: &Glass) -> usize {
         + glass.maker.len()
 }
 
-/// Asks a glass for everything; none of it may panic, whatever it gives.
+/// Evaluates every property of a glass; none may panic.
 fn use_it(glass: &Glass) {
     for um in [0.0, 0.3, 0.31, 0.5875618, 2.0, 1e300, f64::NAN] {
         let _ = (glass.index(um), glass.index_at(um, 40.0, 1.0), glass.internal_transmission(um, 10.0));
@@ -223,14 +223,14 @@ fn use_it(glass: &Glass) {
     }
 }
 
-/// Lets a reader read damaged texts: `read` gives the glasses, and how many messages there were.
+/// Reads damaged texts. `read` returns the glasses and the number of messages.
 fn survive(name: &str, sample: &str, read: impl Fn(&str) -> Option<(Vec<Glass>, usize)>) {
     let (mut random, mut longest, mut accepted) = (ChaCha8Rng::seed_from_u64(1840), Duration::ZERO, 0_u64);
     let mut sixteen = Vec::new();
     sixteen.extend(sample.encode_utf16().flat_map(u16::to_le_bytes));
     let start = Instant::now();
     for round in 0..count() {
-        // Now and then in UTF-16, where half a character is soon lost.
+        // Damage UTF-16 texts too, in which half a character is easily lost.
         let original = if round % 16 == 0 { &sixteen } else { sample.as_bytes() };
         let bytes = damaged(original, &mut random);
         let began = Instant::now();
@@ -238,7 +238,7 @@ fn survive(name: &str, sample: &str, read: impl Fn(&str) -> Option<(Vec<Glass>, 
         if let Some((glasses, messages)) = read(&text) {
             accepted += 1;
             let held: usize = glasses.iter().map(numbers).sum();
-            // Each number takes a digit and a gap; a formula with fewer numbers than it has places is filled up.
+            // Each number takes at least a digit and a space. A formula with too few numbers is filled with zeros.
             assert!(
                 held <= 2 * text.len() + 64 * glasses.len(),
                 "{name}: {held} numbers from {} bytes",
@@ -246,7 +246,7 @@ fn survive(name: &str, sample: &str, read: impl Fn(&str) -> Option<(Vec<Glass>, 
             );
             assert!(glasses.len() + messages <= text.len() + 1, "{name}: {} glasses", glasses.len());
             glasses.iter().for_each(use_it);
-            // What was read can be written, and is the same again.
+            // Writing and reading the glasses must give the same glasses.
             if random.random_range(0..8) == 0 {
                 let written = write_catalog(&glasses);
                 let again = petzval_files::parse_catalog(&written)
@@ -263,7 +263,7 @@ fn survive(name: &str, sample: &str, read: impl Fn(&str) -> Option<(Vec<Glass>, 
     }
     let (took, all) = (start.elapsed(), count());
     println!("{name}: {all} texts in {took:.1?}, {accepted} accepted, the longest took {longest:.1?}");
-    // Damage that nothing survives, or that does none, tests nothing.
+    // Some damaged texts must be accepted and some refused, or the test shows nothing.
     assert!(accepted > all / 100 && accepted < all - all / 100, "{name}: {accepted} of {all} accepted");
 }
 
@@ -290,7 +290,7 @@ fn toml_survives() {
 }
 
 #[test]
-fn the_samples_are_sound() {
+fn the_undamaged_samples_are_read() {
     let agf = parse_agf(AGF, "").unwrap();
     assert_eq!((agf.glasses.len(), agf.warnings.len()), (6, 0), "{:?}", agf.warnings);
     let page = parse_rii(PAGE, "X", "").unwrap();

@@ -1,6 +1,6 @@
-//! Whatever bytes a lens file has, reading it ends soon, without a panic, in a lens or in an error.
+//! Reading any bytes as a lens file ends soon and without a panic, with a lens or with an error.
 //!
-//! 20 000 mutations of valid files for each reader; `PETZVAL_MUTATIONS=1000000` makes it a million.
+//! Each reader reads 20 000 mutations of valid files; `PETZVAL_MUTATIONS=1000000` makes it a million.
 
 #[path = "../../petzval-optics/tests/common/mod.rs"]
 mod common;
@@ -18,10 +18,10 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// No file may take longer to read than this.
+/// Time limit for reading one file.
 const LONGEST: Duration = Duration::from_secs(5);
 
-/// The most memory that a test of this program may ever hold, kB.
+/// Limit of the peak memory of this test program, kB.
 const MOST_MEMORY_KB: u64 = 1 << 20;
 
 const CATALOG: &str = "
@@ -37,7 +37,7 @@ maker = \"Schott\"
 sellmeier = { b = [1.73759695, 0.313747346, 1.89878101], c_um2 = [0.013188707, 0.0623068142, 155.23629] }
 ";
 
-/// Words that mutations put in, so that they get far into a file.
+/// Words that mutations insert, so that many mutated files are still readable.
 const WORDS: &[&str] = &[
     "0",
     "-0.0",
@@ -113,7 +113,7 @@ fn seeds() -> (Vec<String>, Vec<String>) {
         };
         for (to, export) in [(&mut zmx, write_zmx(&file, &catalog)), (&mut seq, write_seq(&file, &catalog))] {
             let Ok(export) = export else { continue };
-            // Half of them without edges, so that beams are looked for.
+            // Half of them have no edges, so that semi-diameters are computed from beams.
             let without: String = export
                 .text
                 .lines()
@@ -129,7 +129,7 @@ fn seeds() -> (Vec<String>, Vec<String>) {
     (zmx, seq)
 }
 
-/// A text with some things wrong with it.
+/// A text with one to five mutations.
 fn mutated(seeds: &[String], random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut text = seeds[random.random_range(0..seeds.len())].clone().into_bytes();
     for _ in 0..random.random_range(1..6) {
@@ -163,7 +163,7 @@ fn mutated(seeds: &[String], random: &mut ChaCha8Rng) -> Vec<u8> {
                 lines.swap(line, other);
                 text = lines.join(&b'\n');
             }
-            // Another value in a line, or another line.
+            // Replace a word of a line.
             7 | 8 => {
                 let word = WORDS[random.random_range(0..WORDS.len())].as_bytes();
                 let mut words: Vec<Vec<u8>> = lines[line].split(|b| *b == b' ').map(<[u8]>::to_vec).collect();
@@ -186,7 +186,7 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
     let mutations: u64 =
         std::env::var("PETZVAL_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
     let catalog = petzval_files::parse_catalog(CATALOG).unwrap();
-    // The seeds themselves are read.
+    // Check that the seeds themselves can be read.
     for text in seeds {
         parse(text, &catalog).unwrap_or_else(|e| panic!("{e}\n{text}"));
     }
@@ -206,7 +206,7 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
                     assert!(import.losses.len() <= 201 && import.file.lens.surfaces.len() <= 2000);
                     validate(&import.file.lens)
                         .unwrap_or_else(|e| panic!("{what} {number}: {e}\n{}", text()));
-                    // What is accepted can be written and is the same lens when read again.
+                    // An accepted lens can be written and read again.
                     let written = write_lens(&import.file);
                     let again = parse_lens(&written, &catalog)
                         .unwrap_or_else(|e| panic!("{what} {number}: {e}\n{written}\n{}", text()));
@@ -220,7 +220,7 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
             }
         })
         .reduce(|| (Duration::ZERO, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
-    // Mutations must not all fail at the first line, nor all be harmless.
+    // Some mutations must be accepted and some refused, or the test shows nothing.
     assert!(
         read > mutations / 50 && read < mutations - mutations / 50,
         "{what}: {read} of {mutations} are read"
@@ -234,7 +234,7 @@ fn survives(seeds: &[String], parse: fn(&str, &Catalog) -> Result<Import, FileEr
     }
 }
 
-/// The most memory that this process has held, where the system says so.
+/// Peak memory of this process, kB (Linux only).
 fn peak_memory_kb() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok())
@@ -257,7 +257,7 @@ fn huge_files_are_refused() {
     for parse in [parse_zmx, parse_seq] {
         let start = Instant::now();
         assert!(parse(&much, &catalog).unwrap_err().to_string().contains("MB is not read"));
-        // Below the limit: long lines, many commands on a line, many records that mean nothing.
+        // Files below the limit: long lines, many commands on a line, many unknown records.
         for text in
             ["a;".repeat(7 << 20), "x ".repeat(7 << 20), "&\n".repeat(7 << 20), "Q1\n".repeat(5 << 20)]
         {

@@ -1,5 +1,5 @@
-//! What the manual's page of comparison claims: agreement with Optiland and ray-optics to the tolerance of each quantity, and the
-//! reasons of what differs.
+//! Checks the manual's comparison page: agreement with Optiland and ray-optics within the tolerance of each quantity, and the
+//! reasons for differences.
 
 #[path = "../examples/program_comparison/checks.rs"]
 mod checks;
@@ -55,14 +55,14 @@ fn values_agree_to_the_tolerances_of_the_page() {
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
-    // A note whose reason went away would hide agreement.
+    // A noted difference must still exist: otherwise its note would hide agreement.
     for because in [Because::SquareTerm, Because::Aspheres, Because::ExitPupil, Because::Sphere] {
         assert!(noted[because.mark()] > 10.0, "{because:?}: {}", noted[because.mark()]);
     }
 }
 
 #[test]
-fn the_reasons_hold() {
+fn the_reasons_for_differences_hold() {
     for c in checks::checks(&listed::listed()) {
         let apart = (c.value - c.other).abs();
         assert!(
@@ -79,7 +79,7 @@ fn the_reasons_hold() {
 }
 
 #[test]
-fn diffraction_curves_near_ours_as_their_grid_gets_finer() {
+fn optilands_diffraction_mtf_converges_to_ours_with_a_finer_grid() {
     for lens in checks::settling(&listed::listed()) {
         let (first, last) = (lens.by_rays.first().unwrap(), lens.by_rays.last().unwrap());
         assert!(first.0 < last.0 && last.1 < first.1 && last.1 < 5e-4, "{}: {:?}", lens.lens, lens.by_rays);
@@ -87,7 +87,7 @@ fn diffraction_curves_near_ours_as_their_grid_gets_finer() {
 }
 
 #[test]
-fn built_in_lenses_are_those_that_the_others_had() {
+fn listed_lenses_equal_the_built_in_ones() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
     let mut catalog = Catalog::default();
     for entry in std::fs::read_dir(folder.join("glasses")).unwrap() {

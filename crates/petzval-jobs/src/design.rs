@@ -5,14 +5,17 @@ use std::path::{Path, PathBuf};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
 use petzval_design::inputs::{check_inputs, keep_inputs};
-use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, write_atomically};
+use petzval_design::run::{CameraMetrics, Event, RunFolder, write_file};
+use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_learn::score::{Column, columns, standard_scores};
+use petzval_learn::score::{ScoreDescription, standard_scores};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json};
 use crate::machine::environment;
+
+pub use petzval_design::run::Metrics;
 
 /// The experiment that runs when none is named.
 pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
@@ -82,8 +85,6 @@ pub enum RunEnding {
     Finished {
         /// The figures.
         metrics: Box<Metrics>,
-        /// How to head the scores.
-        columns: Vec<Column>,
         /// The report.
         report: PathBuf,
     },
@@ -109,9 +110,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let experiment = resolved(new, context)?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
             let setup = Setup::new(experiment, &context.assets, device)?;
+            scorer(&setup)?;
             let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
             let folder = RunFolder::create(&root)?;
-            write_atomically(&folder.environment(), json(&environment(context))?.as_bytes())?;
+            write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
             keep_inputs(&setup, &context.assets, &folder)?;
             (setup, folder)
         }
@@ -119,17 +121,21 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let _only_one = folder.lock()?;
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
-    let scores = standard_scores(&setup.lpips()?);
-    let columns = columns(&scores, &setup.experiment.scoring.scores);
-    let mut watch = Watch { context, columns: &columns, total: 0 };
-    let ending = DesignLoop::new(&setup, &folder, scores)?.run(&mut watch, context.cancellation())?;
+    let scorer = scorer(&setup)?;
+    let mut watch = Watch { context, scores: scorer.scores(), total: 0 };
+    let ending = DesignLoop::new(&setup, &folder, scorer)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
-            RunEnding::Finished { report: crate::report::write(&setup, &folder)?, metrics, columns }
+            RunEnding::Finished { report: crate::report::write(&setup, &folder)?, metrics }
         }
     };
     Ok(Response { run: folder.root().to_path_buf(), ending })
+}
+
+/// What scores the cameras of an experiment.
+pub(crate) fn scorer(setup: &Setup) -> Result<Scorer<'_>, JobError> {
+    Ok(Scorer::new(setup, standard_scores(&setup.lpips()?))?)
 }
 
 /// The experiment of a new run, complete: every default and every change is in it.
@@ -185,7 +191,7 @@ fn default_root(name: &str, experiment: &Experiment) -> PathBuf {
 /// Reports a run's steps and finished cameras to the watcher of the job.
 struct Watch<'a> {
     context: &'a Context,
-    columns: &'a [Column],
+    scores: Vec<ScoreDescription>,
     total: u64,
 }
 
@@ -206,8 +212,12 @@ impl Observer for Watch<'_> {
     }
 
     fn camera(&mut self, m: &CameraMetrics) {
-        let scores: Vec<String> = (self.columns.iter())
-            .filter_map(|c| m.scores.get(&c.name).map(|v| format!("{} {v:.*}", c.title, c.decimals)))
+        let scores: Vec<String> = (self.scores.iter())
+            .filter_map(|c| {
+                m.scores
+                    .get(&c.name)
+                    .map(|v| format!("{} {v:.*} {}", c.title, c.decimals, c.unit).trim_end().to_owned())
+            })
             .collect();
         self.context.note(format!("{}: {}, RMS spot {:.2} um", m.camera, scores.join(", "), m.rms_spot_um));
     }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use petzval_design::error::DesignError;
-use petzval_files::ImageError;
 use petzval_files::raw_file::RawFileError;
+use petzval_files::{ImageError, decode};
 
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +107,11 @@ impl From<RawFileError> for JobError {
             }
         }
     }
+}
+
+/// The text of a file that an error names, to show the line; `None` if it cannot be read.
+pub fn text_of_file(path: &Path) -> Option<String> {
+    std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned())
 }
 
 /// Makes the folder for results, with its parents. A name at which none can be made is a mistake of the request.

@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use petzval_design::inputs::check_inputs;
 use petzval_design::run::{CameraMetrics, Metrics, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, read_metrics};
-use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_learn::score::{Column, columns, standard_scores};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
+use crate::design::scorer;
 use crate::error::JobError;
 
 /// A finished run.
@@ -30,8 +29,6 @@ pub struct Response {
     pub metrics: Metrics,
     /// Largest absolute difference between a score or a spot radius and that of the run.
     pub largest_difference_from_run: f64,
-    /// How to head the scores.
-    pub columns: Vec<Column>,
 }
 
 /// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is.
@@ -41,9 +38,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;
-    let scores = standard_scores(&setup.lpips()?);
-    let columns = columns(&scores, &setup.experiment.scoring.scores);
-    let scorer = Scorer::new(&setup, scores)?;
+    let scorer = scorer(&setup)?;
+    if scorer.scores() != kept.scores {
+        return Err(JobError::input(
+            format!("{}: the run has other scores than its config.toml names", request.run.display()),
+            "put scoring.scores back as it was",
+        ));
+    }
     let mut rows: Vec<CameraMetrics> = Vec::new();
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
@@ -57,7 +58,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let largest = rows.iter().zip(&kept.rows).fold(0.0_f64, |worst, (a, b)| {
         let scores = a.scores.iter().map(|(name, value)| value - b.scores.get(name).unwrap_or(&f64::NAN));
         let off = scores.chain([a.rms_spot_um - b.rms_spot_um]).map(f64::abs);
-        off.fold(worst, |worst, off| if off.is_nan() { f64::NAN } else { worst.max(off) })
+        // `max` alone would drop a NaN.
+        off.fold(worst, |worst, off| if worst.is_nan() || off.is_nan() { f64::NAN } else { worst.max(off) })
     });
-    Ok(Response { metrics: Metrics { rows, ..kept }, largest_difference_from_run: largest, columns })
+    Ok(Response { metrics: Metrics { rows, ..kept }, largest_difference_from_run: largest })
 }

@@ -1,7 +1,7 @@
 //! `experiment` and `schema`: the built-in experiments, and what may stand in a file.
 
 use petzval_camera::sensor::SensorModel;
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{Experiment, commented_toml};
 use schemars::schema_for;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,11 @@ pub fn list(context: &Context) -> Result<Vec<Entry>, JobError> {
 /// The text of an experiment, by built-in name or path.
 pub fn show(name: &str, context: &Context) -> Result<String, JobError> {
     Ok(context.assets.text("experiment", "experiments", name)?.text)
+}
+
+/// An experiment as a file with every key, its unit and range in a comment, and its default where it differs.
+pub fn with_every_key(experiment: &Experiment) -> Result<String, JobError> {
+    Ok(commented_toml(experiment)?)
 }
 
 /// A kind of file that a user writes.

@@ -1,6 +1,6 @@
 //! What the machine and the build offer; a run keeps it beside its results.
 
-use petzval_base::simd::level;
+use petzval_base::simd::{level, widest};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -26,28 +26,6 @@ pub struct Environment {
     pub version: String,
 }
 
-/// The widest vector unit that the CPU reports.
-pub fn simd_level() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if std::arch::is_x86_feature_detected!("avx512f") {
-            return "avx512";
-        }
-        if std::arch::is_x86_feature_detected!("avx2") {
-            return "avx2";
-        }
-        "sse2"
-    }
-    #[cfg(target_arch = "aarch64")]
-    {
-        "neon"
-    }
-    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-    {
-        "scalar"
-    }
-}
-
 /// The environment of the jobs of a context.
 pub fn environment(context: &Context) -> Environment {
     Environment {
@@ -55,7 +33,7 @@ pub fn environment(context: &Context) -> Environment {
         command: context.command().to_owned(),
         cores: std::thread::available_parallelism().map_or(1, usize::from),
         os: std::env::consts::OS.to_owned(),
-        simd: simd_level().to_owned(),
+        simd: widest().to_owned(),
         simd_used: level().to_owned(),
         threads: rayon::current_num_threads(),
         version: env!("CARGO_PKG_VERSION").to_owned(),

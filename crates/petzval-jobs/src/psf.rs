@@ -4,16 +4,18 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
-use petzval_design::optics::PsfPlan;
+use petzval_design::psf_plan::PsfPlan;
 use petzval_files::npy_bytes;
 use petzval_optics::paraxial::first_order;
-use petzval_optics::psf::{FieldPsf, PsfKind, PsfMethod, PsfOptions};
+use petzval_optics::psf::{FieldPsf, PsfMethod, PsfOptions};
 use petzval_optics::pupil::Quadrature;
 use petzval_report::psf_sheet::psf_sheet;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, json, make_folder};
+
+pub use petzval_optics::psf::PsfKind;
 
 /// The PSFs of a lens, per field and wavelength, written to a folder.
 ///

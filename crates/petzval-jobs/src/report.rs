@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_design::run::{RunFolder, write_atomically};
+use petzval_design::run::{RunFolder, write_file};
 use petzval_design::run_report::{read_metrics, report_of_run};
 use petzval_design::setup::Setup;
 use petzval_report::design_report::html;
@@ -39,6 +39,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<PathBuf, JobError> {
     let command = format!("petzval design {}", folder.config().display());
     let report = report_of_run(setup, folder, &command)?;
-    write_atomically(&folder.report(), html(&report).as_bytes())?;
+    write_file(&folder.report(), html(&report).as_bytes())?;
     Ok(folder.report())
 }

@@ -49,7 +49,6 @@ fn simulate_and_training_develop_a_raw_frame_to_the_same_bits() {
         // The camera that a network would be trained behind, of the same lens, sensor and exposure.
         let mut experiment = Experiment::default();
         experiment.exposure.white_e = white_e;
-        experiment.psf.scoring_pupil_cells = 128;
         let setup = Setup::without_photos(experiment, &context.assets, Device::flex().autodiff()).unwrap();
         let lens = context.assets.lens("cooke-triplet-nominal").unwrap().lens;
         let camera = setup.camera(lens, false).unwrap();

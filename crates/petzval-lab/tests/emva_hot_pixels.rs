@@ -50,7 +50,7 @@ fn dark_second(found: &Characterization) -> &Counts {
 }
 
 #[test]
-fn hot_pixels_are_told_apart_from_the_dark_current_of_the_others() {
+fn hot_pixels_are_separated_from_the_dark_current_of_the_others() {
     let sensor = hot();
     let found = captured(&sensor, &plan());
     let joint = &found.joint;
@@ -103,7 +103,7 @@ fn hot_pixels_that_are_full_count_as_full() {
 }
 
 #[test]
-fn the_dsnu_of_the_file_is_that_without_hot_pixels() {
+fn the_dsnu_of_the_file_excludes_hot_pixels() {
     // Stacks of 100 ms: hot pixels add 2 0.002 200^2 = 160 e-^2 to 4.
     let plan = Plan { flat_ms: vec![50.0, 100.0, 150.0], dark_ms: vec![1000.0], gains: vec![1.0], ..plan() };
     let found = captured(&hot(), &plan);

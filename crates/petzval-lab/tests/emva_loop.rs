@@ -80,7 +80,7 @@ fn the_papers_series_recovers_the_papers_sensor() {
 }
 
 #[test]
-fn histograms_find_parameters_that_were_moved() {
+fn the_histogram_fit_recovers_changed_parameters() {
     let found = loop_closed(&imx249(), &small(), &Options::default());
     let truth = ModelParameters {
         gain_dn_per_e: 0.14,
@@ -213,7 +213,7 @@ fn saturation_linearity_and_non_uniformity_are_found_in_a_mono_sensor() {
 }
 
 #[test]
-fn a_series_is_the_same_on_any_number_of_threads_and_in_any_number_of_goes() {
+fn a_series_is_the_same_on_any_number_of_threads_and_after_interruptions() {
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let plan = Plan { height: 40, width: 60, gains: vec![1.0, 10.0], stack: 4, ..Plan::default() };
     let sensor = imx249();
@@ -244,7 +244,7 @@ fn a_series_is_the_same_on_any_number_of_threads_and_in_any_number_of_goes() {
 }
 
 #[test]
-fn odd_captures_are_named() {
+fn odd_captures_give_warnings() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = SensorModel { cfa: "mono".parse().unwrap(), ..imx249() };
     let plan = Plan { height: 80, width: 80, gains: vec![1.0], format: "png".into(), ..Plan::default() };
@@ -276,7 +276,7 @@ fn odd_captures_are_named() {
 }
 
 #[test]
-fn hot_pixels_are_reported_and_not_made_into_noise() {
+fn hot_pixels_are_reported_and_do_not_count_as_noise() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = imx249();
     let plan = Plan { format: "png".into(), ..small() };
@@ -303,7 +303,7 @@ fn hot_pixels_are_reported_and_not_made_into_noise() {
 }
 
 #[test]
-fn the_sensor_file_takes_what_the_histograms_tell() {
+fn the_sensor_file_takes_the_numbers_of_the_histogram_fit() {
     let mut sensor = imx249();
     sensor.nonuniformity =
         NonUniformity { specimen: 3, dsnu_pixel_e: 3.0, prnu_pixel_percent: 0.8, ..NonUniformity::default() };

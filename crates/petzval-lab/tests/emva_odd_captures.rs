@@ -45,8 +45,8 @@ fn edit(folder: &Path, name: &str, change: &dyn Fn(u32, u32, u16) -> u16) {
     picture.save(&path).unwrap();
 }
 
-/// The warnings of one name, as they are told.
-fn told(found: &Characterization, name: &str) -> Vec<String> {
+/// The texts of the warnings of one name.
+fn messages(found: &Characterization, name: &str) -> Vec<String> {
     found.warnings.iter().filter(|w| w.name() == name).map(ToString::to_string).collect()
 }
 
@@ -66,7 +66,7 @@ fn full_pixels_do_not_count_in_the_ratios_of_the_colours() {
     within("alpha", found.joint.red_over_green, 0.82, 3.5);
     within("beta", found.joint.blue_over_green, 1.25, 3.5);
     // At gain 1 no sample is at the end of the converter, and saturation is reported all the same.
-    assert!(told(&found, "saturated").iter().any(|w| w.contains("at gain 1 ")), "{:?}", found.warnings);
+    assert!(messages(&found, "saturated").iter().any(|w| w.contains("at gain 1 ")), "{:?}", found.warnings);
 }
 
 #[test]
@@ -75,37 +75,37 @@ fn a_sound_series_into_saturation_is_monotonic() {
     let sensor = SensorModel { full_well_e: 15_000.0, dark_current_e_per_s: 2500.0, ..mono() };
     let plan = Plan { flat_ms: (1..=12).map(f64::from).collect(), level: 1.4, ..one_gain() };
     let found = measured(series(&sensor, &plan).path()).unwrap();
-    assert!(told(&found, "not-monotonic").is_empty(), "{:?}", found.warnings);
-    assert_eq!(told(&found, "saturated").len(), 1, "{:?}", found.warnings);
+    assert!(messages(&found, "not-monotonic").is_empty(), "{:?}", found.warnings);
+    assert_eq!(messages(&found, "saturated").len(), 1, "{:?}", found.warnings);
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
 }
 
 #[test]
-fn a_series_that_falls_is_not_monotonic() {
+fn a_falling_series_is_not_monotonic() {
     let folder = series(&mono(), &one_gain());
     for i in 0..2 {
         edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, dn| dn / 2);
     }
     let found = measured(folder.path()).unwrap();
-    let told = told(&found, "not-monotonic");
+    let told = messages(&found, "not-monotonic");
     assert!(told.len() == 1 && told[0].contains("10 ms"), "{:?}", found.warnings);
 }
 
 #[test]
-fn points_without_signal_and_without_evenness_are_named() {
+fn points_without_signal_and_uneven_points_are_named() {
     let folder = series(&mono(), &one_gain());
     for i in 0..2 {
         edit(folder.path(), &format!("flat-2.5ms-{i}.png"), &|_, _, dn| 116 + dn % 4);
         edit(folder.path(), &format!("flat-5ms-{i}.png"), &|x, _, dn| dn + 4 * x as u16);
     }
     let found = measured(folder.path()).unwrap();
-    let (dark, uneven) = (told(&found, "no-signal"), told(&found, "not-uniform"));
+    let (dark, uneven) = (messages(&found, "no-signal"), messages(&found, "not-uniform"));
     assert!(dark.len() == 1 && dark[0].contains("2.5 ms"), "{:?}", found.warnings);
     assert!(uneven.len() == 1 && uneven[0].contains("5 ms"), "{:?}", found.warnings);
 }
 
 #[test]
-fn light_that_leaks_in_evenly_is_seen_by_the_dark_mean() {
+fn the_dark_mean_reveals_an_even_light_leak() {
     let folder = series(&mono(), &one_gain());
     for i in 0..2 {
         edit(folder.path(), &format!("dark-30ms-{i}.png"), &|_, _, dn| dn + 40);
@@ -117,7 +117,7 @@ fn light_that_leaks_in_evenly_is_seen_by_the_dark_mean() {
     });
     let (exposure_ms, reduced_chi2) = leak.unwrap_or_else(|| panic!("{:?}", found.warnings));
     assert!(exposure_ms == 30.0 && reduced_chi2 > 100.0, "{exposure_ms} ms {reduced_chi2}");
-    assert_eq!(told(&found, "dark-current-disagrees").len(), 1, "{:?}", found.warnings);
+    assert_eq!(messages(&found, "dark-current-disagrees").len(), 1, "{:?}", found.warnings);
 }
 
 #[test]
@@ -127,7 +127,9 @@ fn gains_that_are_clipped_at_zero_do_not_count() {
     let plan = Plan { height: 160, width: 240, seed: 7, ..Plan::default() };
     let found = measured(series(&sensor, &plan).path()).unwrap();
     assert!(
-        told(&found, "clipped-at-zero").iter().any(|w| w.contains("31.62") && w.contains("does not count"))
+        messages(&found, "clipped-at-zero")
+            .iter()
+            .any(|w| w.contains("31.62") && w.contains("does not count"))
     );
     let last = found.gains.last().unwrap();
     assert!(last.dark.points.is_empty() && last.channels.is_empty(), "{last:?}");
@@ -138,7 +140,7 @@ fn gains_that_are_clipped_at_zero_do_not_count() {
 }
 
 #[test]
-fn a_gain_that_is_off_is_blamed_alone() {
+fn only_the_wrong_gain_is_named() {
     let plan = Plan { height: 160, width: 240, gains: vec![1.0, 2.0, 4.0], ..one_gain() };
     let folder = series(&mono(), &plan);
     set_list(folder.path(), &list(folder.path()).replace("linear_gain = 4.0", "linear_gain = 5.0"));
@@ -155,7 +157,7 @@ fn a_gain_that_is_off_is_blamed_alone() {
 }
 
 #[test]
-fn what_moves_in_a_late_frame_is_no_flicker() {
+fn movement_in_a_late_frame_is_not_flicker() {
     let plan = Plan { stack: 5, ..one_gain() };
     let folder = series(&mono(), &plan);
     edit(folder.path(), "flat-7.5ms-stack-3.png", &|x, y, dn| if x < 20 && y < 20 { dn + 400 } else { dn });
@@ -167,7 +169,7 @@ fn what_moves_in_a_late_frame_is_no_flicker() {
     let (point, frame, difference_dn) = moved.unwrap_or_else(|| panic!("{:?}", found.warnings));
     assert!(point.contains("flat, gain 1, 7.5 ms, 5 frames") && frame == 4, "{point} {frame}");
     assert!((difference_dn - 400.0).abs() < 20.0, "{difference_dn}");
-    assert!(told(&found, "flicker").is_empty(), "{:?}", found.warnings);
+    assert!(messages(&found, "flicker").is_empty(), "{:?}", found.warnings);
 }
 
 #[test]
@@ -184,22 +186,25 @@ fn a_second_stack_and_a_lone_one_are_named() {
     let head = "[sensor]\nname = \"two\"\nbits = 12\n\n";
     set_list(folder.path(), &format!("{head}{}", points.concat()));
     let found = measured(folder.path()).unwrap();
-    let more = told(&found, "more-stacks");
-    assert!(more.len() == 1 && more[0].contains("5 ms") && told(&found, "lone-stack").is_empty(), "{more:?}");
+    let more = messages(&found, "more-stacks");
+    assert!(
+        more.len() == 1 && more[0].contains("5 ms") && messages(&found, "lone-stack").is_empty(),
+        "{more:?}"
+    );
 
     points.retain(|p| !(p.contains("b/gain-1") && p.contains("dark") && p.contains("stack")));
     set_list(folder.path(), &format!("{head}{}", points.concat()));
     let found = measured(folder.path()).unwrap();
-    let lone = told(&found, "lone-stack");
+    let lone = messages(&found, "lone-stack");
     assert!(
-        lone.len() == 1 && lone[0].contains("5 ms") && told(&found, "more-stacks").is_empty(),
+        lone.len() == 1 && lone[0].contains("5 ms") && messages(&found, "more-stacks").is_empty(),
         "{lone:?}"
     );
     assert_eq!(found.gains[0].channels[0].spatial.as_ref().unwrap().exposure_s, 0.004);
 }
 
 #[test]
-fn a_frame_is_an_exposure_of_its_own() {
+fn repeated_and_copied_frames_are_errors() {
     let folder = series(&mono(), &one_gain());
     let whole = list(folder.path());
     let frame = |name: &str| folder.path().join("gain-1").join(name);
@@ -223,7 +228,7 @@ fn a_frame_is_an_exposure_of_its_own() {
     for i in 0..2 {
         edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, _| 4095);
     }
-    assert_eq!(told(&measured(folder.path()).unwrap(), "saturated").len(), 1);
+    assert_eq!(messages(&measured(folder.path()).unwrap(), "saturated").len(), 1);
 }
 
 #[test]
@@ -246,7 +251,7 @@ fn photons_are_stated_at_all_flat_points_of_a_gain_or_at_none() {
 }
 
 #[test]
-fn light_that_is_not_known_still_tells_the_system_gain() {
+fn the_system_gain_needs_no_known_light() {
     let folder = series(&mono(), &one_gain());
     let mut text = list(folder.path());
     let points: Vec<String> = text.split("[[point]]").map(str::to_owned).collect();
@@ -264,7 +269,7 @@ fn light_that_is_not_known_still_tells_the_system_gain() {
 }
 
 #[test]
-fn exposure_times_are_told_as_they_were_written() {
+fn exposure_times_are_printed_as_they_were_written() {
     let point = Point {
         kind: Kind::Dark,
         linear_gain: 1.0,
@@ -286,33 +291,33 @@ fn restate(folder: &Path, shift: u32, bits: u32) {
 }
 
 #[test]
-fn bits_that_are_not_those_of_the_frames_are_named() {
+fn wrong_bits_are_reported() {
     // The converter ends below the full well: what is clipped at 4095 piles up there, and does not count.
     let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
     let plan = Plan { level: 1.02, flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
     let folder = series(&sensor, &plan);
-    assert!(told(&measured(folder.path()).unwrap(), "top-not-reached").is_empty());
+    assert!(messages(&measured(folder.path()).unwrap(), "top-not-reached").is_empty());
     restate(folder.path(), 0, 14);
     let found = measured(folder.path()).unwrap();
-    let said = told(&found, "top-not-reached");
+    let said = messages(&found, "top-not-reached");
     assert_eq!(said.len(), 1, "{:?}", found.warnings);
     assert!(said[0].contains("above 4095 of 16383, where samples pile up"), "{}", said[0]);
     assert!(said[0].contains("12 bits hold all samples"), "{}", said[0]);
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
-    assert!(told(&found, "saturated")[0].contains("1 of 5"), "{:?}", found.warnings);
+    assert!(messages(&found, "saturated")[0].contains("1 of 5"), "{:?}", found.warnings);
 
     let folder = series(&sensor, &plan);
     restate(folder.path(), 4, 16);
     let found = measured(folder.path()).unwrap();
-    let said = told(&found, "common-factor");
+    let said = messages(&found, "common-factor");
     assert!(said.len() == 1 && said[0].contains("multiple of 16"), "{:?}", found.warnings);
     assert!(said[0].contains("12 bits in 16") && said[0].contains("down by 4 bits"), "{}", said[0]);
-    assert!(told(&found, "top-not-reached").is_empty(), "{:?}", found.warnings);
+    assert!(messages(&found, "top-not-reached").is_empty(), "{:?}", found.warnings);
     within("K", found.joint.gain_dn_per_e, 16.0 * 0.14, 3.5);
 }
 
 #[test]
-fn a_pile_at_the_top_keeps_slightly_clipped_points_out() {
+fn slightly_clipped_points_are_left_out() {
     // One sample in a hundred is clipped: too little for the fall of the noise, and enough to be seen.
     let sensor = SensorModel { full_well_e: 60_000.0, ..mono() };
     let folder = series(&sensor, &Plan { level: 0.985, ..one_gain() });
@@ -325,7 +330,7 @@ fn a_pile_at_the_top_keeps_slightly_clipped_points_out() {
 }
 
 #[test]
-fn captures_that_show_no_sensor_are_refused() {
+fn useless_captures_are_refused() {
     let folder = series(&mono(), &one_gain());
     let whole = list(folder.path());
     let refused = |text: &str| {
@@ -359,17 +364,17 @@ fn captures_that_show_no_sensor_are_refused() {
 }
 
 #[test]
-fn a_quantum_efficiency_above_one_is_doubted() {
+fn a_quantum_efficiency_above_one_gives_a_warning() {
     let plan = Plan { quantum_efficiency: Some(0.6), ..one_gain() };
     let folder = series(&mono(), &plan);
-    assert!(told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one").is_empty());
+    assert!(messages(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one").is_empty());
     let half = |line: &str| match line.strip_prefix("photons = ") {
         Some(photons) => format!("photons = {}", 0.5 * photons.parse::<f64>().unwrap()),
         None => line.to_owned(),
     };
     let text: Vec<String> = list(folder.path()).lines().map(half).collect();
     set_list(folder.path(), &text.join("\n"));
-    let said = told(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one");
+    let said = messages(&measured(folder.path()).unwrap(), "quantum-efficiency-above-one");
     assert!(said.len() == 1 && said[0].contains("more electrons than photons"), "{said:?}");
 }
 
@@ -470,7 +475,7 @@ fn a_sidecar_that_contradicts_the_list_is_an_error() {
 }
 
 #[test]
-fn stuck_pixels_are_no_clipping() {
+fn stuck_pixels_do_not_count_as_clipping() {
     let plan = Plan { flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
     let folder = series(&mono(), &plan);
     for entry in std::fs::read_dir(folder.path().join("gain-1")).unwrap() {
@@ -481,17 +486,17 @@ fn stuck_pixels_are_no_clipping() {
     }
     let found = measured(folder.path()).unwrap();
     assert_eq!(found.gains[0].channels[0].transfer.used, 5);
-    assert!(told(&found, "saturated").is_empty(), "{:?}", found.warnings);
+    assert!(messages(&found, "saturated").is_empty(), "{:?}", found.warnings);
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
 }
 
 #[test]
-fn what_moves_counts_neither_for_the_gain_nor_as_saturation() {
+fn points_with_movement_count_neither_for_the_gain_nor_as_saturation() {
     let plan = Plan { flat_ms: vec![2.0, 4.0, 6.0, 8.0, 10.0], ..one_gain() };
     let folder = series(&mono(), &plan);
     edit(folder.path(), "flat-4ms-1.png", &|x, y, dn| if x < 20 && y < 20 { dn + 400 } else { dn });
     let found = measured(folder.path()).unwrap();
-    assert_eq!(told(&found, "moved").len(), 1, "{:?}", found.warnings);
+    assert_eq!(messages(&found, "moved").len(), 1, "{:?}", found.warnings);
     let channel = &found.gains[0].channels[0];
     assert!(!channel.transfer.saturated && channel.points.len() == 4, "{:?}", channel.transfer);
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
@@ -509,7 +514,7 @@ fn what_moves_counts_neither_for_the_gain_nor_as_saturation() {
     let points: Vec<String> = text.split("[[point]]").map(at_4_ms).collect();
     set_list(folder.path(), &points.join("[[point]]"));
     let found = measured(folder.path()).unwrap();
-    assert_eq!(told(&found, "moved").len(), 1, "{:?}", found.warnings);
+    assert_eq!(messages(&found, "moved").len(), 1, "{:?}", found.warnings);
     assert_eq!(found.gains[0].channels[0].points.len(), 4, "{:?}", found.warnings);
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
 }
@@ -530,7 +535,7 @@ fn one_point_with_swapped_frames_is_refused_and_one_with_wrong_photons_is_named(
     let wrong: Vec<String> = text.lines().map(ten_times).collect();
     set_list(folder.path(), &wrong.join("\n"));
     let found = measured(folder.path()).unwrap();
-    assert_eq!(told(&found, "not-linear").len(), 1, "{:?}", found.warnings);
+    assert_eq!(messages(&found, "not-linear").len(), 1, "{:?}", found.warnings);
 
     set_list(folder.path(), &text);
     let name = |kind: &str, i: u32| folder.path().join(format!("gain-1/{kind}-4ms-{i}.png"));
@@ -544,7 +549,7 @@ fn one_point_with_swapped_frames_is_refused_and_one_with_wrong_photons_is_named(
 }
 
 #[test]
-fn a_converter_of_coarse_steps_widens_every_error() {
+fn coarse_steps_of_the_converter_widen_every_error() {
     // Dark noise of an eighth of a digital number, whose mean lies anywhere between two of them.
     let (mut of_gain, mut of_dark) = (Vec::new(), Vec::new());
     for (seed, black_level_dn) in [(1, 6.0), (2, 6.25), (3, 6.5), (4, 6.75)] {
@@ -566,9 +571,9 @@ fn a_converter_of_coarse_steps_widens_every_error() {
         of_dark.extend(
             found.joint.dark_current_e_per_s.value().map(|_| z(found.joint.dark_current_e_per_s, 25.0)),
         );
-        assert_eq!(told(&found, "dark-noise-limit").len(), 1, "{:?}", found.warnings);
-        assert!(told(&found, "dark-current-disagrees").is_empty(), "{:?}", found.warnings);
-        assert!(told(&found, "dark-not-linear").is_empty(), "{:?}", found.warnings);
+        assert_eq!(messages(&found, "dark-noise-limit").len(), 1, "{:?}", found.warnings);
+        assert!(messages(&found, "dark-current-disagrees").is_empty(), "{:?}", found.warnings);
+        assert!(messages(&found, "dark-not-linear").is_empty(), "{:?}", found.warnings);
         let figure = found.gains[0].channels[0].figure("sigma_d").unwrap().best();
         assert!(figure.value().is_some() && figure.standard_error().is_none(), "{figure:?}");
     }

@@ -140,7 +140,7 @@ fn the_series_of_the_papers_sensor_gives_the_numbers_of_the_library() {
 
 /// The two longer series are not part of the project: `PETZVAL_EMVA` names the folder of `emva_reference.json`.
 #[test]
-fn longer_series_give_the_numbers_of_the_library_where_they_are() {
+fn longer_series_give_the_numbers_of_the_library_if_available() {
     let Some(folder) = std::env::var_os("PETZVAL_EMVA").map(PathBuf::from) else { return };
     for name in ["exposure_series", "illumination_series", "seed_parameters_exposure_series"] {
         let compared = check(&folder, name);
@@ -170,7 +170,7 @@ fn filters_spectra_and_histograms_give_the_numbers_of_the_library() {
 }
 
 #[test]
-fn what_the_library_gets_wrong_is_corrected_beside_it() {
+fn wrong_numbers_of_the_library_have_a_corrected_value() {
     // This simulator has no non-uniformity at all: what is found must be within noise of zero.
     let ours = channel(&fixtures(), "seed_parameters_exposure_series", &Options::default());
     for name in ["DSNU1288_row", "DSNU1288_col", "PRNU1288_row", "PRNU1288_col", "PRNU1288_pixel"] {

@@ -1,8 +1,8 @@
-//! Numbers that carry derivatives along: a formula written once gives its value, its slopes and its curvature.
+//! Numbers that carry derivatives: a formula written once gives its value, its slopes and its curvature.
 //!
-//! [`Real`] is what formulas are written over: an `f64`, the [`Lanes`] of several rays, or a number that carries
-//! derivatives. [`Dual`] carries one first derivative; [`Jet`] those by x and y up to the second. A `Jet` of `Dual`s carries
-//! how slopes and curvature change with one more number.
+//! Formulas are generic over [`Real`]: an `f64`, the [`Lanes`] of several rays, or a number that carries derivatives.
+//! [`Dual`] carries one first derivative, [`Jet`] the derivatives by x and y up to the second. A `Jet` of `Dual`s
+//! carries the derivatives of slopes and curvature by one more number.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -10,7 +10,7 @@ use pulp::Simd;
 
 use crate::lanes::Lanes;
 
-/// What formulas of surfaces need of a number.
+/// The operations that formulas of surfaces need.
 pub(crate) trait Real:
     Copy
     + Add<Output = Self>
@@ -60,13 +60,13 @@ pub(crate) struct Dual<R> {
 }
 
 impl<R: Real> Dual<R> {
-    /// A number that moves as the one it is differentiated by.
+    /// The number by which the derivative is taken.
     #[inline(always)]
     pub fn variable(value: R) -> Self {
         Self { value, by: value.constant(1.0) }
     }
 
-    /// A number that does not move.
+    /// A constant.
     #[inline(always)]
     pub fn fixed(value: R) -> Self {
         Self { value, by: value.constant(0.0) }
@@ -172,7 +172,7 @@ impl<R: Real> Jet<R> {
         ]
     }
 
-    /// f of this, from f, f' and f'' at the value.
+    /// A function f of the jet, from f, f' and f'' at its value.
     #[inline(always)]
     fn chain(self, f: R, first: R, second: R) -> Self {
         let [x, y] = self.slope;
@@ -186,7 +186,7 @@ impl<R: Real> Jet<R> {
 }
 
 impl<R: Real> Jet<Dual<R>> {
-    /// How the jet moves with the number that its parts are differentiated by.
+    /// The derivative of the jet by the number of its dual parts.
     #[inline(always)]
     pub fn moved(self) -> Jet<R> {
         let [x, y] = self.slope;

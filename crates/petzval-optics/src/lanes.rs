@@ -1,7 +1,7 @@
-//! Several rays' numbers at once: two vector registers, written like one number.
+//! One number of several rays at once, in two vector registers, with the operators of a number.
 //!
-//! Two registers, because a square root or a division takes tens of cycles and a second one can start in its
-//! shadow. The width (1, 2, 4 or 8 numbers a register) is that of the [`Simd`] token, chosen at run time.
+//! There are two registers because a square root or a division takes tens of cycles, and a second one can run at the
+//! same time. The width (1, 2, 4 or 8 numbers a register) is that of the [`Simd`] token, chosen at run time.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -119,21 +119,21 @@ impl<S: Simd> Lanes<S> {
 }
 
 impl<S: Simd> Mask<S> {
-    /// Both.
+    /// Where both hold.
     #[inline(always)]
     pub fn and(self, b: Self) -> Self {
         let s = self.simd;
         Self { simd: s, v: [s.and_m64s(self.v[0], b.v[0]), s.and_m64s(self.v[1], b.v[1])] }
     }
 
-    /// Either.
+    /// Where at least one holds.
     #[inline(always)]
     pub fn or(self, b: Self) -> Self {
         let s = self.simd;
         Self { simd: s, v: [s.or_m64s(self.v[0], b.v[0]), s.or_m64s(self.v[1], b.v[1])] }
     }
 
-    /// The opposite.
+    /// Where it does not hold.
     #[inline(always)]
     pub fn not(self) -> Self {
         let s = self.simd;

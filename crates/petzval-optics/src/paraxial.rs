@@ -1,11 +1,11 @@
-//! First-order optics: what the lens is near its axis, and the gradient of that.
+//! First-order optics: the properties of a lens near its axis, and their gradient.
 //!
 //! A paraxial ray is a height y and an optical slope `w = n u`. Refraction `w' = w - y phi`, with
 //! `phi = (n' - n) (c + 2 a_2)`; transfer `y_next = y + t w' / n'`.
 //!
-//! Behind an odd number of mirrors indices and distances are negative, which leaves the formulas as they are. A thin lens has
-//! its own power, and a diffractive structure with the optical path `a r^2` the power `-2 a`. Shifts and turns of surfaces, and
-//! straight gratings, are left out: these are the properties of the lens with every surface on its axis.
+//! Behind an odd number of mirrors indices and distances are negative, and the formulas stay the same. A thin lens has
+//! its own power, and a diffractive structure with the optical path `a r^2` the power `-2 a`. Shifts and turns of
+//! surfaces and straight gratings are ignored: the properties are those of the lens with every surface on its axis.
 
 use std::ops::Range;
 
@@ -32,7 +32,7 @@ pub struct FirstOrder {
     pub bfl_mm: f64,
     /// From the last vertex to the paraxial image of the object, mm.
     pub image_distance_mm: f64,
-    /// EFL over entrance pupil diameter.
+    /// EFL divided by the entrance pupil diameter.
     pub f_number: f64,
     /// Entrance pupil, from the first vertex, mm.
     pub entrance_pupil_at_mm: f64,
@@ -40,7 +40,7 @@ pub struct FirstOrder {
     pub exit_pupil_at_mm: f64,
     /// Exit pupil diameter, mm.
     pub exit_pupil_mm: f64,
-    /// Radius that the stop needs for the wanted entrance pupil, mm.
+    /// Radius of the stop that gives the specified entrance pupil, mm.
     pub stop_radius_mm: f64,
 }
 
@@ -65,7 +65,7 @@ fn power(sequence: &Sequence, i: usize) -> f64 {
     }
 }
 
-/// Adds the derivatives by the numbers that make the power of surface `i`, except for the indices.
+/// Adds the cotangent of the power of a surface to its numbers, except the indices.
 fn pull_back_power(s: &SurfaceAtWavelength, power_bar: f64, i: usize, gradient: &mut LensGradient) {
     let by_curvature = power_bar * (s.n_after - s.n_before);
     gradient[(i, Number::Curvature)] += by_curvature;
@@ -107,19 +107,19 @@ pub fn first_order(sequence: &Sequence) -> FirstOrder {
     let last = sequence.surfaces.len() - 1;
     let n_image = sequence.surfaces[last].n_after;
 
-    // A ray parallel to the axis gives the focal lengths and the stop's share of the pupil.
+    // Trace a ray parallel to the axis: it gives the focal lengths and the ratio of stop to pupil.
     let parallel = paraxial_ray(sequence, 1.0, 0.0);
     let w_end = parallel.w[last + 1];
     let efl_mm = -1.0 / w_end;
     let bfl_mm = -parallel.y[last] * n_image / w_end;
     let stop_per_pupil = parallel.y[sequence.stop];
 
-    // A ray through the first vertex gives, with it, every other: the entrance pupil is where rays
-    // aimed at the centre of the stop seem to go.
+    // Trace a ray through the first vertex: every other ray is a combination of the two. The entrance pupil is the apparent
+    // position of the stop's centre.
     let oblique = paraxial_ray(sequence, 0.0, 1.0);
     let entrance_pupil_at_mm = oblique.y[sequence.stop] / stop_per_pupil;
 
-    // The exit pupil, from the stop's centre and its rim onwards.
+    // Trace rays from the centre and from the rim of the stop to the exit pupil.
     let s = &sequence.surfaces[sequence.stop];
     let first = sequence.stop + 1;
     let (exit_pupil_at_mm, exit_magnification) = if first > last {
@@ -177,8 +177,8 @@ pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut Le
     pull_back_ray(sequence, &ray, RayCotangent { crossing: bar, ..Default::default() }, gradient);
 }
 
-/// Height of the paraxial image of a field over the tangent of its angle, mm: the focal length or, for a near object at D,
-/// `-D / w'` with w' the final optical slope of its ray of slope 1 (Lagrange's invariant).
+/// Height of the paraxial image of a field divided by the tangent of its angle, mm: the focal length or, for a near
+/// object at D, `-D / w'` with w' the final optical slope of its ray of slope 1 (Lagrange's invariant).
 pub fn image_height_per_tangent(sequence: &Sequence) -> f64 {
     match sequence.object {
         ObjectDistance::Infinity => first_order(sequence).efl_mm,
@@ -204,7 +204,7 @@ pub fn pull_back_image_height(sequence: &Sequence, bar: f64, gradient: &mut Lens
     }
 }
 
-/// Adds the gradient of a loss that depends on where the entrance pupil is, `bar` per mm.
+/// Adds the gradient of a loss that depends on the position of the entrance pupil, `bar` per mm.
 ///
 /// The pupil is at `b / a`, with a and b the heights at the stop of a ray parallel to the axis and of one through the
 /// first vertex.
@@ -221,7 +221,7 @@ pub fn pull_back_entrance_pupil(sequence: &Sequence, bar: f64, gradient: &mut Le
 /// Cotangents of a paraxial ray.
 #[derive(Clone, Copy, Default)]
 struct RayCotangent {
-    /// By where it crosses the axis behind the lens.
+    /// By its crossing of the axis behind the lens.
     crossing: f64,
     /// By its final optical slope.
     end_slope: f64,
@@ -236,7 +236,7 @@ fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, bars: RayCotangent, gra
     let last = sequence.surfaces.len() - 1;
     let n_image = sequence.surfaces[last].n_after;
     let w_end = ray.w[last + 1];
-    // Cotangents of the signed index behind each surface. The crossing is -y n' / w'.
+    // Differentiate the crossing -y n' / w'; `index_bar` holds the cotangents of the signed index behind each surface.
     let mut index_bar = vec![0.0; last + 1];
     index_bar[last] -= bars.crossing * ray.y[last] / w_end;
     let mut y_bar = -bars.crossing * n_image / w_end;
@@ -245,7 +245,7 @@ fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, bars: RayCotangent, gra
         if i == sequence.stop {
             y_bar += bars.stop;
         }
-        // Refraction at surface i.
+        // Refraction at surface i: w' = w - y phi.
         let s = &sequence.surfaces[i];
         let power_bar = -w_bar * ray.y[i];
         y_bar -= w_bar * power(sequence, i);
@@ -256,7 +256,7 @@ fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, bars: RayCotangent, gra
             break;
         }
         index_bar[i - 1] -= by_index;
-        // Transfer from surface i - 1.
+        // Transfer from surface i - 1: y_next = y + t w' / n'.
         let before = &sequence.surfaces[i - 1];
         let (t, n) = (before.thickness_mm, before.n_after);
         gradient[(i - 1, Number::Thickness)] += y_bar * ray.w[i] / n;

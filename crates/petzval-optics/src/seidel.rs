@@ -30,8 +30,8 @@ fn is_covered(bending: &Bending) -> bool {
 /// The sums of a lens: one entry per surface; add them for the whole. `None` if one of the surfaces is a thin lens, or a
 /// diffractive structure with power.
 ///
-/// Surfaces count as if they sat on the axis, and by their y-z section; odd powers of r, odd powers of y of an XY polynomial and
-/// straight gratings do not count.
+/// Surfaces are taken in their y-z section, without shifts and turns. Odd powers of r, odd powers of y of an XY
+/// polynomial and straight gratings are ignored.
 pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
     if !sequence.surfaces.iter().all(|s| is_covered(&s.bending)) {
         return None;
@@ -60,7 +60,7 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
                 -a_chief
                     * (a_chief * a_chief * d_index2 * y - (a_chief * y - invariant) * y_chief * c * d_index),
             ];
-            // The r^4 part that the sphere of the paraxial curvature does not have.
+            // The r^4 term of the surface minus that of the sphere with the paraxial curvature.
             let quartic = s.shape.quartic() - c.powi(3) / 8.0;
             let structure = match &s.bending {
                 Bending::Path { radial, .. } => radial[1],
@@ -123,7 +123,7 @@ pub fn chromatic(
         .collect()
 }
 
-/// The sums over all surfaces; `None` where [`seidel`] has none.
+/// The sums over all surfaces; `None` if [`seidel`] returns none.
 pub fn seidel_total(sequence: &Sequence, field_rad: f64) -> Option<Seidel> {
     let mut total = Seidel::default();
     for surface in seidel(sequence, field_rad)? {

@@ -6,7 +6,7 @@ use crate::pupil::Quadrature;
 use crate::spot::mean_square_spot_traced;
 
 /// The lens with surface `surface`'s curvature solved so that the effective focal length at the reference
-/// wavelength is `efl_mm`; `None` if that surface has no say in it.
+/// wavelength is `efl_mm`; `None` if that surface does not change it.
 ///
 /// The final slope of a parallel ray is linear in any one curvature, so two traces give the solution.
 pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
@@ -15,7 +15,7 @@ pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
         solved.surfaces[surface].shape.curvature = curvature;
         -1.0 / first_order(&solved.at_wavelength(solved.reference_um)).efl_mm
     };
-    // Two trial curvatures on either side of a lens's usual scale keep the subtraction accurate.
+    // Trial curvatures of the usual size keep the subtraction accurate.
     let (a, b) = (-0.1, 0.1);
     let (at_a, at_b) = (slope_with(a), slope_with(b));
     let curvature = a + (b - a) * (-1.0 / efl_mm - at_a) / (at_b - at_a);
@@ -23,7 +23,7 @@ pub fn with_efl(lens: &Lens, surface: usize, efl_mm: f64) -> Option<Lens> {
     curvature.is_finite().then_some(solved)
 }
 
-/// The lens with a thickness that keeps the distance from the first vertex to the last, mm.
+/// The lens with a thickness solved for the distance from the first vertex to the last, mm.
 pub fn with_length(lens: &Lens, surface: usize, length_mm: f64) -> Lens {
     let mut solved = lens.clone();
     let vertices = lens.total_track_mm() - lens.image_distance_mm();
@@ -40,8 +40,8 @@ pub fn with_paraxial_focus(lens: &Lens, defocus_mm: f64) -> Lens {
 /// The lens with its image plane where the mean squared RMS spot over `fields_rad` and all wavelengths is
 /// least; `None` if some field brings no light.
 ///
-/// Rays are straight behind the lens, so that mean is exactly quadratic in the image distance: three values
-/// give its least.
+/// Rays are straight behind the lens, so the mean is exactly quadratic in the image distance, and three values give its
+/// minimum.
 pub fn with_best_focus(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature) -> Option<Lens> {
     let step = 0.1;
     let at = lens.image_distance_mm();

@@ -39,7 +39,7 @@ fn options() -> AnalysisOptions {
 }
 
 #[test]
-fn the_mtf_of_a_perfect_lens_is_that_of_a_disk() {
+fn the_mtf_of_a_perfect_lens_equals_that_of_a_disk() {
     // Slow enough for the light to be even over the direction cosines, as the formula has it.
     for f_number in [8.0, 16.0] {
         let lens = perfect(f_number);
@@ -77,7 +77,7 @@ fn modulation(values: &[f64], grid: usize, pitch_mm: f64, frequency: f64) -> [f6
 }
 
 #[test]
-fn the_mtf_is_that_of_huygens_wavelets() {
+fn the_mtf_equals_that_of_huygens_wavelets() {
     // Grids that hold nearly all light: of a diffracted beam some is always outside.
     let slow = Lens { entrance_pupil_mm: 2.0, ..nominal_triplet() };
     let mut lenses = vec![(nominal_triplet(), 0.0, 1.25), (nominal_triplet(), 14.0, 1.25), (slow, 10.0, 3.5)];
@@ -117,7 +117,7 @@ fn the_geometric_mtf_of_a_defocused_thin_lens_is_that_of_a_disk() {
 }
 
 #[test]
-fn rays_and_waves_meet_where_aberrations_are_many_waves() {
+fn rays_and_waves_agree_for_aberrations_of_many_waves() {
     // Diffraction takes off no more than it does of a perfect lens.
     let mut lens = nominal_triplet();
     lens.surfaces[6].thickness_mm += 0.3;
@@ -200,7 +200,7 @@ fn mtf_by_field_is_that_of_each_field() {
 }
 
 #[test]
-fn strehl_and_zernikes_of_defocus_are_those_of_the_formula() {
+fn strehl_and_zernikes_of_defocus_equal_the_formula() {
     // Defocus of W waves at the rim, h^2 / 2 (1 / f - 1 / (f + dz)): Strehl = (sin(pi W) / (pi W))^2; fringe term 4 is W / 2.
     let (f, h) = (400.0, 10.0);
     for waves in [0.0_f64, 0.1, 0.25, 0.5] {
@@ -263,7 +263,7 @@ fn encircled_energy_of_perfect_lenses_is_known() {
 }
 
 #[test]
-fn foci_near_the_axis_are_those_of_seidel() {
+fn foci_near_the_axis_agree_with_seidel_sums() {
     // Longitudinal: T = -(3 S3 + S4) / (2 n' u'^2), S = -(S3 + S4) / (2 n' u'^2).
     let mut lens = nominal_triplet();
     lens.wavelengths_um = vec![lens.reference_um];
@@ -283,7 +283,7 @@ fn foci_near_the_axis_are_those_of_seidel() {
 }
 
 #[test]
-fn colours_near_the_axis_are_those_of_the_chromatic_sums() {
+fn colours_near_the_axis_agree_with_the_chromatic_sums() {
     // Two close colours: axial -C1 / (n' u'^2), lateral C2 / (n' u').
     let mut lens = nominal_triplet();
     lens.fields_deg = vec![0.0, 1.0];
@@ -354,7 +354,7 @@ fn spots_are_symmetric_on_the_axis_and_their_radii_those_of_the_beam() {
 }
 
 #[test]
-fn rays_of_the_axis_cross_it_where_the_paraxial_focus_says() {
+fn axial_rays_cross_at_the_paraxial_focus() {
     let lens = nominal_triplet();
     let found = longitudinal_aberration(&lens, &options());
     for (colour, w) in lens.wavelengths_um.iter().enumerate() {
@@ -364,7 +364,7 @@ fn rays_of_the_axis_cross_it_where_the_paraxial_focus_says() {
 }
 
 #[test]
-fn the_first_order_table_knows_near_objects_and_front_foci() {
+fn the_first_order_table_covers_near_objects_and_front_foci() {
     let mut lens = thin(4.0);
     let table = first_order_table(&lens);
     assert!((table.efl_mm.unwrap() - 80.0).abs() < 1e-9 && (table.ffl_mm.unwrap() + 80.0).abs() < 1e-9);
@@ -481,7 +481,7 @@ fn every_lens_is_analysed_whole() {
 }
 
 #[test]
-fn wavefronts_have_the_sign_of_seidels() {
+fn wavefronts_have_the_sign_of_seidel_theory() {
     // A slow lens at its paraxial focus: W040 = S1 / 8 at the rim.
     let mut lens = Lens { entrance_pupil_mm: 1.5, ..nominal_triplet() };
     for s in &mut lens.surfaces {
@@ -496,7 +496,7 @@ fn wavefronts_have_the_sign_of_seidels() {
 }
 
 #[test]
-fn a_shifted_image_plane_alone_is_no_distortion() {
+fn a_shifted_image_plane_alone_is_not_distortion() {
     let lens = nominal_triplet();
     let shifted = lens.with_image_distance(lens.image_distance_mm() + 0.5);
     let options = AnalysisOptions { field_points: 4, ..options() };

@@ -43,7 +43,7 @@ fn a_perfect_lens_makes_an_airy_pattern() {
 }
 
 #[test]
-fn diffraction_psfs_are_those_of_huygens() {
+fn diffraction_psfs_equal_those_of_huygens_wavelets() {
     // Stopped down to where diffraction counts.
     let slow = Lens { entrance_pupil_mm: 2.0, ..nominal_triplet() };
     let mut lenses =

@@ -224,7 +224,7 @@ fn tangent_and_adjoint_are_transposes() {
 
 /// A ray that comes from far beyond the centre of curvature meets the near side of the sphere, not the far one.
 #[test]
-fn a_far_stop_is_no_reason_to_miss_a_surface() {
+fn rays_from_beyond_a_centre_of_curvature_do_not_miss_the_surface() {
     let mut lens = all_lenses().remove(0).lens;
     let glass = lens.surfaces[0].glass.clone();
     lens.surfaces.truncate(2);

@@ -75,7 +75,7 @@ fn a_mirrors_back_lies_away_from_the_light() {
 }
 
 #[test]
-fn thin_lenses_are_told_apart_by_their_power() {
+fn thin_lenses_are_distinguished_by_their_power() {
     let mut lens = nominal_triplet();
     let thin = |power_per_mm: f64| Surface {
         action: Action::ThinLens { power_per_mm },

@@ -37,7 +37,7 @@ fn is_polynomial(method: &PsfMethod) -> bool {
 }
 
 #[test]
-fn the_nominal_triplet_at_15_degrees_is_right_to_0_3_percent() {
+fn the_nominal_triplet_at_15_degrees_is_accurate_to_0_3_percent() {
     let (fast, reference) = both(&nominal_triplet(), 15.0, [160, 1024]);
     assert!(fast.method.iter().all(is_polynomial), "{:?}", fast.method);
     assert!(reference.method.iter().all(|m| *m == PsfMethod::Traced));
@@ -48,7 +48,7 @@ fn the_nominal_triplet_at_15_degrees_is_right_to_0_3_percent() {
 }
 
 #[test]
-fn every_lens_gives_what_traced_rays_give() {
+fn every_lens_agrees_with_traced_rays() {
     let (mut polynomial, mut compared) = (0, 0);
     for file in all_lenses() {
         for field_deg in [0.0, 7.0, 14.0] {
@@ -70,7 +70,7 @@ fn every_lens_gives_what_traced_rays_give() {
 }
 
 #[test]
-fn special_surfaces_give_what_traced_rays_give() {
+fn special_surfaces_agree_with_traced_rays() {
     let mut compared = 0;
     for lens in special_lenses() {
         let far = *lens.fields_deg.last().unwrap();
@@ -101,7 +101,7 @@ fn special_surfaces_give_what_traced_rays_give() {
 
 /// A lens that is turned about its axis is the same lens, but has to be looked at on both sides of the pupil.
 #[test]
-fn both_halves_of_a_pupil_say_what_one_half_and_its_mirror_image_say() {
+fn both_halves_of_a_pupil_equal_one_half_and_its_mirror_image() {
     let lens = nominal_triplet();
     let mut turned = lens.clone();
     let tilt_rad = [0.0, 0.0, 0.4];

@@ -241,7 +241,7 @@ fn departing(base: SurfaceShape, departure: Departure) -> SurfaceShape {
 
 /// Some departures are even aspheres written otherwise.
 #[test]
-fn departures_that_are_even_aspheres_trace_alike() {
+fn departures_equal_to_even_aspheres_trace_the_same() {
     let h = 6.0_f64;
     let base = SurfaceShape { curvature: 1.0 / 40.0, ..SurfaceShape::PLANE };
     let with_even = |terms: &[(usize, f64)]| {
@@ -365,7 +365,7 @@ fn lenses_that_cross_or_end_to_the_side_are_refused() {
 }
 
 #[test]
-fn an_axicon_bends_every_ray_alike() {
+fn an_axicon_bends_every_ray_by_the_same_angle() {
     // b_1 r: a cone of slope 0.1.
     let mut b = [0.0; 8];
     b[0] = 0.1;
@@ -458,7 +458,7 @@ fn a_bent_axis_is_that_of_the_reflected_ray() {
 }
 
 #[test]
-fn a_decentred_surface_is_where_it_says() {
+fn a_decentred_surface_has_its_position() {
     // A paraboloid decentred by (1, 2) focuses parallel light at (1, 2) of the axis that returns.
     let mut mirror = one(Surface {
         shape: SurfaceShape { curvature: -1.0 / 200.0, conic: -1.0, ..SurfaceShape::PLANE },

@@ -15,7 +15,7 @@ pub(crate) use view::{View, extent_of};
 use super::number;
 use crate::plot::{plain, px};
 
-/// A lens in cross-section, with what is drawn around it.
+/// A lens in cross-section with its annotations.
 #[derive(Clone, Copy, Debug)]
 pub struct CrossSection<'a> {
     /// Name of the lens.
@@ -24,20 +24,20 @@ pub struct CrossSection<'a> {
     pub layout: &'a Layout,
     /// Fields of the fans, degrees; they are named beside the scale.
     pub fields_deg: &'a [f64],
-    /// Half the height of the image plane, mm.
+    /// Half of the height of the image plane, mm.
     pub half_diagonal_mm: f64,
-    /// Another lens whose outlines are dashed in, first vertex on first vertex.
+    /// Another lens, whose outlines are drawn dashed with the same first vertex.
     pub ghost: Option<&'a Layout>,
 }
 
 impl CrossSection<'_> {
-    /// What the drawing needs to hold.
+    /// Extent of the drawing.
     pub fn extent(&self) -> Extent {
         extent_of(&self.with_image_plane())
     }
 
-    /// The drawing as a stand-alone SVG picture, so many px per mm, that holds at least an extent: equal extents make pictures of
-    /// equal size.
+    /// The drawing as a stand-alone SVG picture with a scale in px per mm. It covers at least the given extent, so that
+    /// equal extents give pictures of equal size.
     ///
     /// Elements are filled by dispersion and marked V1, V2, ... with their glass.
     pub fn svg(&self, px_per_mm: f64, extent: Extent) -> String {
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn every_element_ray_and_bar_is_there() {
+    fn every_element_ray_and_bar_is_drawn() {
         let svg = drawn(&triplet());
         assert_eq!(svg.matches("class=\"element\"").count(), 3);
         for name in ["V1", "V2", "V3", "PMMA", "N-SF11", "stop", "total track"] {

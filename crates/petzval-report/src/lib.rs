@@ -1,6 +1,6 @@
-//! Everything that Petzval draws: plots, sheets and reports, each page in one file that needs nothing but itself.
+//! All plots, sheets and reports of Petzval, each page in one self-contained file.
 //!
-//! Plain data goes in and text or pictures come out: nothing here reads a file, a clock or the network.
+//! The input is plain data, and the output is text or pictures: nothing here reads a file, a clock or the network.
 //!
 //! | module | draws |
 //! |---|---|

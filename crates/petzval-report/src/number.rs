@@ -1,11 +1,11 @@
-//! How numbers are written for a reader: true minus signs, no negative zero, a dash for what is not known.
+//! Numbers as text for a reader: with true minus signs, without negative zero, and with a dash for unknown values.
 
-/// What stands for a value that nobody measured.
+/// Text of an unknown value.
 const UNKNOWN: &str = "–";
 
-/// A value with so many decimals; a dash if it is not finite.
+/// A value with a number of decimals; a dash if it is not finite.
 ///
-/// A typographic minus sign keeps columns aligned, and what rounds to zero has no sign.
+/// A typographic minus sign keeps columns aligned. A value that rounds to zero has no sign.
 pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return UNKNOWN.into();
@@ -15,10 +15,16 @@ pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if value < 0.0 && !is_zero { format!("\u{2212}{digits}") } else { digits }
 }
 
-/// A value with up to so many decimals.
+/// A value with at most a number of decimals.
 pub(crate) fn short(value: f64, decimals: usize) -> String {
     let text = fixed(value, decimals);
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+}
+
+/// A value with its unit, which may be empty.
+pub(crate) fn with_unit(value: f64, decimals: usize, unit: &str) -> String {
+    let value = fixed(value, decimals);
+    if unit.is_empty() { value } else { format!("{value}\u{a0}{unit}") }
 }
 
 /// A difference with its sign, `±0` if it rounds to nothing.
@@ -33,7 +39,7 @@ pub(crate) fn signed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Whether a value rounds to zero at so many decimals.
+/// Whether a value rounds to zero at a number of decimals.
 pub(crate) fn is_nothing(value: f64, decimals: usize) -> bool {
     (value * 10_f64.powi(decimals as i32)).round() == 0.0
 }

@@ -1,4 +1,4 @@
-//! The frame of every page: head, style sheet, headline and sections, in one file that needs nothing but itself.
+//! The frame of every page: head, style sheet, headline and sections, in one self-contained file.
 //!
 //! The style sheet has a light and a dark colour scheme, and one for paper.
 
@@ -21,11 +21,11 @@ pub(crate) struct Page<'a> {
     pub headline: String,
     /// One line below the headline.
     pub subtitle: Markup,
-    /// What else stands above the sections.
+    /// Further content above the sections.
     pub lead: Markup,
     /// Sections.
     pub main: Markup,
-    /// A script, and what it works on; empty without.
+    /// A script with its elements; empty if there is none.
     pub script: Option<(Markup, &'a str)>,
 }
 
@@ -63,17 +63,17 @@ pub(crate) fn section(headline: impl Render, body: Markup) -> Markup {
     html! { section { h2 { (headline) } (body) } }
 }
 
-/// A drawing on its paper.
+/// A drawing on white paper.
 pub(crate) fn figure(svg: &str) -> Markup {
     html! { figure { (PreEscaped(svg)) } }
 }
 
-/// What explains a table or a figure.
+/// The explanation of a table or a figure.
 pub(crate) fn caption(text: impl Render) -> Markup {
     html! { p.caption { (text) } }
 }
 
-/// Names and values in two columns; a value that is not known has no line.
+/// Names and values in two columns; unknown values are left out.
 pub(crate) fn facts<'a>(rows: impl IntoIterator<Item = (&'a str, Option<String>)>) -> Markup {
     html! {
         dl.facts {

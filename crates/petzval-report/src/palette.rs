@@ -1,5 +1,6 @@
-//! Colours: of drawings and of pages. Colour-blind readers can tell the colours of each set apart (Okabe and Ito, "Color Universal
-//! Design", 2008). Drawings are on white paper in the dark colour scheme too, so that their colours keep their meaning.
+//! Colours of drawings and of pages. Colour-blind readers can distinguish the colours of each set (Okabe and Ito,
+//! "Color Universal Design", 2008). Drawings are on white paper in the dark colour scheme too, so that their colours
+//! keep their meaning.
 
 use petzval_camera::sensor::Colour;
 
@@ -7,7 +8,7 @@ use petzval_camera::sensor::Colour;
 pub(crate) const PAPER: &str = "#ffffff";
 /// Text and outlines in drawings.
 pub(crate) const INK: &str = "#22272e";
-/// Explanations in drawings, and curves that stand for no colour.
+/// Explanations in drawings, and curves that belong to no colour.
 pub(crate) const MUTED: &str = "#5f6670";
 /// Axes.
 pub(crate) const AXIS: &str = "#969da6";
@@ -57,16 +58,16 @@ pub(crate) fn page_colours() -> String {
     )
 }
 
-/// Lines of cameras: the baseline is grey, the rest stand out from it.
+/// Lines of cameras: the baseline is grey, the others are coloured.
 const CAMERAS: [&str; 7] = ["#5f6670", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#b98200", "#3a9bd0"];
 
 /// Ray fans, from the axis outwards.
 const FIELDS: [&str; 5] = ["#0072b2", "#009e73", "#d55e00", "#aa4499", "#b98200"];
 
-/// Wavelengths from short to long, near their hues; a lens of few takes those that are farthest apart.
+/// Wavelengths from short to long, near their hues; a lens with few wavelengths uses colours that are far apart.
 const WAVELENGTHS: [&str; 7] = ["#8a3ea6", "#0072b2", "#3a9bd0", "#009e73", "#b98200", "#d55e00", "#8c2d04"];
 
-/// Which of them, by how many there are.
+/// Indices of these colours, by the number of wavelengths.
 const CHOICES: [&[usize]; 7] =
     [&[3], &[1, 5], &[1, 3, 5], &[1, 3, 4, 5], &[0, 1, 3, 4, 5], &[0, 1, 2, 3, 4, 5], &[0, 1, 2, 3, 4, 5, 6]];
 
@@ -86,7 +87,7 @@ pub(crate) fn field(i: usize) -> &'static str {
     FIELDS[i % FIELDS.len()]
 }
 
-/// Colour of the i-th of so many wavelengths, from the shortest.
+/// Colour of the i-th of a number of wavelengths, from the shortest.
 pub(crate) fn wavelength(i: usize, count: usize) -> &'static str {
     let choice = CHOICES[count.clamp(1, CHOICES.len()) - 1];
     // More wavelengths than colours: neighbours share one and keep their markers.

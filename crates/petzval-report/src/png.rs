@@ -1,4 +1,4 @@
-//! PNG: pictures as bytes, and as addresses that a page can hold.
+//! PNG: pictures as bytes, and as data URLs for a page.
 
 use std::io::Cursor;
 
@@ -9,12 +9,12 @@ use image::{ImageFormat, RgbImage};
 /// A picture as the bytes of a PNG file.
 pub(crate) fn encode(picture: &RgbImage) -> Vec<u8> {
     let mut png = Cursor::new(Vec::new());
-    // Writing to memory fails only for a picture without pixels, which shows as its alt text.
+    // Writing to memory fails only for a picture without pixels; the page then shows its alt text.
     let _ = picture.write_to(&mut png, ImageFormat::Png);
     png.into_inner()
 }
 
-/// A PNG as an address that holds the picture itself, so that a page fetches nothing.
+/// A PNG as a data URL, so that the page is self-contained.
 pub(crate) fn address(png: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(png))
 }

@@ -7,7 +7,7 @@ use petzval_optics::psf::FieldPsf;
 const GAP: usize = 4;
 
 /// Draws PSFs on one sheet: rows are colour, red, green, blue; brightness is the square root of the
-/// value over the largest of its field, so that cores and tails both show.
+/// value relative to the largest of its field, so that cores and tails are both visible.
 pub fn psf_sheet(psfs: &[FieldPsf], grid: usize) -> RgbImage {
     let step = grid + GAP;
     let mut sheet =
@@ -20,7 +20,7 @@ pub fn psf_sheet(psfs: &[FieldPsf], grid: usize) -> RgbImage {
         };
         for row in 0..grid {
             for x in 0..grid {
-                // The sheet shows y upwards, as lens drawings do.
+                // Draw y upwards, as in lens drawings.
                 let cell = (grid - 1 - row) * grid + x;
                 let rgb = [tone(0, cell), tone(1, cell), tone(2, cell)];
                 let left = (GAP + column * step + x) as u32;

@@ -1,4 +1,4 @@
-//! A small report to test with: a triplet in three states, two pictures, two curves.
+//! A small report for tests: a triplet in three states, two pictures, two curves.
 
 use std::io::Cursor;
 use std::sync::Arc;
@@ -11,8 +11,8 @@ use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::Quadrature;
 
 use crate::design_report::{
-    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, SurfaceView,
-    TableRow,
+    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, Score,
+    SurfaceView, TableRow,
 };
 
 const CAMERAS: [&str; 3] = ["nominal", "spot-optimised", "end-to-end"];
@@ -90,13 +90,22 @@ pub(crate) fn cemented_doublet() -> Lens {
     lens("doublet", surfaces, 0, 20.0)
 }
 
+/// The scores of [`rows`].
+pub(crate) fn scores() -> Vec<Score> {
+    let score = |title: &str, unit: &str, decimals| Score {
+        title: title.into(),
+        unit: unit.into(),
+        decimals,
+        higher_is_better: true,
+    };
+    vec![score("1 − LPIPS", "", 4), score("PSNR", "dB", 2), score("SSIM", "", 4)]
+}
+
 /// Scores in which every step is a gain.
 pub(crate) fn rows() -> Vec<TableRow> {
     let row = |i: usize, lpips, psnr, ssim, spot| TableRow {
         camera: CAMERAS[i].into(),
-        one_minus_lpips: lpips,
-        psnr_db: psnr,
-        ssim,
+        scores: vec![lpips, psnr, ssim],
         rms_spot_um: spot,
         efl_mm: 23.01,
         f_number: 4.04,
@@ -120,7 +129,7 @@ pub(crate) fn picture_png(width: u32, height: u32, softness: u32) -> Vec<u8> {
     png.into_inner()
 }
 
-/// The layout of a lens with so many rays of each field.
+/// The layout of a lens with a number of rays of each field.
 pub(crate) fn layout_of(lens: &Lens, fields_deg: &[f64], rays: usize) -> Layout {
     let lens = Lens { fields_deg: fields_deg.to_vec(), ..lens.clone() };
     layout(&lens, &AnalysisOptions { layout_rays: rays, ..AnalysisOptions::default() })
@@ -192,9 +201,7 @@ pub(crate) fn report() -> Report {
         camera: CAMERAS[i].into(),
         developed_png: picture_png(64, 64, 3),
         output_png: picture_png(64, 64, 2 - i as u32),
-        psnr_db: 30.0,
-        ssim: 0.9,
-        one_minus_lpips: 0.92,
+        scores: vec![0.92, 30.0, 0.9],
     };
     let picture = |place: &str| PictureView {
         title: "stripes".into(),
@@ -212,6 +219,7 @@ pub(crate) fn report() -> Report {
         title: "A test".into(),
         subtitle: "of a report".into(),
         command_line: "petzval design".into(),
+        scores: scores(),
         table: rows(),
         cameras: (0..3).map(camera).collect(),
         layout_fields_deg: LAYOUT_FIELDS_DEG.to_vec(),

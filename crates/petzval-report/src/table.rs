@@ -1,4 +1,4 @@
-//! Tables: columns with a name and a unit, rows with a head, the same on every page.
+//! Tables of all pages: columns with a name and a unit, rows with a head.
 
 use maud::{Markup, Render, html};
 
@@ -10,10 +10,10 @@ pub(crate) struct Column {
     kind: Kind,
 }
 
-/// What a column holds, and with it how its cells are set.
+/// Content of a column, which determines the style of its cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Numbers: to the right, so that their digits stand below each other.
+    /// Numbers: aligned right, so that their digits are below each other.
     Number,
     /// Names: to the left.
     Text,
@@ -29,22 +29,22 @@ impl Column {
         Self { name: name.render(), unit: Markup::default(), kind: Kind::Number }
     }
 
-    /// The same with a unit, or whatever else explains the numbers, below the name.
+    /// Adds a unit, or another explanation of the numbers, below the name.
     pub fn unit(self, unit: impl Render) -> Self {
         Self { unit: unit.render(), ..self }
     }
 
-    /// The same, of names.
+    /// A column of names.
     pub fn text(self) -> Self {
         Self { kind: Kind::Text, ..self }
     }
 
-    /// The same, of explanations.
+    /// A column of explanations.
     pub fn note(self) -> Self {
         Self { kind: Kind::Note, ..self }
     }
 
-    /// The same, of units.
+    /// A column of units.
     pub fn units(self) -> Self {
         Self { kind: Kind::Unit, ..self }
     }
@@ -76,12 +76,12 @@ impl Row {
         Self { head: head.render(), cells, class: None, style: None }
     }
 
-    /// The same in a class of its own.
+    /// Sets the CSS class.
     pub fn class(self, class: &'static str) -> Self {
         Self { class: Some(class), ..self }
     }
 
-    /// The same with the colour of a camera in front of its head.
+    /// Adds the colour of a camera in front of the head.
     pub fn of_camera(self, colour: &str) -> Self {
         Self { style: Some(format!("--camera:{colour}")), ..self }
     }
@@ -102,17 +102,17 @@ impl Table {
         Self { class: None, groups: Vec::new(), columns: columns.into_iter().collect(), rows: Vec::new() }
     }
 
-    /// The same in a class of its own.
+    /// Sets the CSS class.
     pub fn class(self, class: &'static str) -> Self {
         Self { class: Some(class), ..self }
     }
 
-    /// The same with names above so many columns each, from the second column on.
+    /// Adds names above groups of columns, with the number of columns of each, from the second column on.
     pub fn groups(self, groups: impl IntoIterator<Item = (&'static str, usize)>) -> Self {
         Self { groups: groups.into_iter().collect(), ..self }
     }
 
-    /// The same with rows.
+    /// Adds rows.
     pub fn rows(mut self, rows: impl IntoIterator<Item = Row>) -> Self {
         self.rows.extend(rows);
         self

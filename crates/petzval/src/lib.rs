@@ -1,8 +1,8 @@
 //! Petzval designs a camera as one thing: lens, sensor, development and network, by gradient.
 //!
-//! This crate is the facade over the light path, in the order that light takes it, and the `petzval`
-//! command. [`optics`] traces the lens, [`camera`] renders, exposes and develops the picture, [`learn`]
-//! holds networks and losses, [`design`] moves everything together.
+//! This crate is the facade over the light path, in the order of the light, and the `petzval` command. [`optics`] traces
+//! the lens, [`camera`] renders, exposes and develops the picture, [`learn`] holds networks and losses, [`design`]
+//! optimises them together.
 
 pub use petzval_base as base;
 pub use petzval_camera as camera;
@@ -14,6 +14,4 @@ pub use petzval_learn as learn;
 pub use petzval_optics as optics;
 pub use petzval_report as report;
 
-mod embedded;
-
-pub use embedded::{built_in_assets, choose_glasses};
+pub use petzval_jobs::built_in_assets;

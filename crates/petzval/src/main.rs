@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-/// Arrays of a hundred kilobytes come and go by the thousand here; the system's allocator hands each back to the kernel.
+/// This allocator reuses memory: the program allocates and frees arrays of a hundred kilobytes by the thousand, and the
+/// system's allocator returns each to the kernel.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

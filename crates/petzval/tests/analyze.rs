@@ -1,4 +1,4 @@
-//! `petzval lens analyze`: every file is there, reads as what it says it is, and shows the lens's own numbers.
+//! `petzval lens analyze`: every file exists, has its format, and shows the lens's own numbers.
 
 mod common;
 
@@ -161,7 +161,7 @@ fn the_data_hold_every_analysis_and_the_pictures_show_them() {
 }
 
 #[test]
-fn focus_and_frequencies_are_those_asked_for() {
+fn focus_and_frequencies_follow_the_options() {
     let folder = tempfile::tempdir().unwrap();
     let ask = [
         "lens",
@@ -187,7 +187,7 @@ fn focus_and_frequencies_are_those_asked_for() {
 }
 
 #[test]
-fn only_what_was_asked_for_is_written() {
+fn only_the_requested_files_are_written() {
     let folder = tempfile::tempdir().unwrap();
     run_ok(folder.path(), &["lens", "analyze", LENS, "--out", "a", "--only", "mtf,spots,html"]);
     let out = folder.path().join("a");
@@ -224,7 +224,7 @@ fn a_folded_lens_is_drawn_below_its_axis() {
 }
 
 #[test]
-fn what_cannot_be_analysed_is_refused_with_a_hint() {
+fn lenses_that_cannot_be_analysed_are_refused_with_a_hint() {
     let folder = tempfile::tempdir().unwrap();
     for (more, needles) in [
         (&["--max-frequency", "0"][..], ["--max-frequency 0", "cycles/mm"]),
@@ -239,11 +239,11 @@ fn what_cannot_be_analysed_is_refused_with_a_hint() {
     run_fails(folder.path(), &["lens", "analyze", "no-such-lens"], 2, &["no-such-lens"]);
     std::fs::write(folder.path().join("file"), "").unwrap();
     run_fails(folder.path(), &["lens", "analyze", LENS, "--out", "file"], 2, &["this is a file"]);
-    // A lens that makes no image.
+    // A lens without an image.
     let flat = NEWTONIAN.replace("radius_mm = -800.0\nconic = -1.0", "radius_mm = inf");
     std::fs::write(folder.path().join("flat.toml"), flat).unwrap();
     run_fails(folder.path(), &["lens", "analyze", "flat.toml"], 2, &["afocal"]);
-    // One whose first mirror is missed.
+    // A lens whose first mirror is missed.
     let far = NEWTONIAN.replace("angle_deg = [0.0]", "angle_deg = [0.0, 40.0]");
     std::fs::write(folder.path().join("far.toml"), far).unwrap();
     let refused = run(folder.path(), &["lens", "analyze", "far.toml"]);

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use common::*;
 
-/// A changed text with what must be said about it.
+/// A changed text with the message that it must give.
 struct Case {
     from: &'static str,
     to: &'static str,
@@ -20,7 +20,7 @@ const fn case(from: &'static str, to: &'static str, needles: &'static [&'static 
 /// Writes `text`, changed as the case says, to `file`; returns `FILE:LINE:` of the first change.
 fn write_changed(folder: &Path, file: &str, text: &str, case: &Case) -> String {
     let at = text.find(case.from).unwrap_or_else(|| panic!("{:?} is not in the file", case.from));
-    // The bad line is the first that the change touches, not a line that it keeps.
+    // Find the first line that the change touches.
     let kept = case.from.bytes().zip(case.to.bytes()).take_while(|(a, b)| a == b).count();
     let line = text[..at].matches('\n').count() + case.to[..kept].matches('\n').count() + 1;
     std::fs::write(folder.join(file), text.replacen(case.from, case.to, 1)).unwrap();
@@ -121,7 +121,7 @@ fn lenses() {
         case(
             "thickness_mm = 3.0",
             "thickness_mm = -3.0",
-            &["`thickness_mm = -3.0`", "surface 3", "help: it is 0 at least"],
+            &["`thickness_mm = -3.0`", "surface 3", "help: it is at least 0"],
         ),
         case(
             "thickness_mm = 2.698",
@@ -165,12 +165,12 @@ fn an_impossible_lens_stops_a_design_before_it_starts() {
     run_fails(folder.path(), &args, 2, &[&place, "edge thickness", "help: raise the thickness"]);
 }
 
-/// A lens that can be made, and through which no ray finds its way.
+/// A possible lens through which no ray passes.
 #[test]
 fn a_lens_without_light() {
     let folder = tempfile::tempdir().unwrap();
     let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
-    // A pinhole in front of a stop that it does not shine on.
+    // A pinhole in front of the stop, through which no light reaches the stop.
     let dark = lens.replacen("semi_diameter_mm = 6.415", "semi_diameter_mm = 0.01", 1);
     assert_ne!(dark, lens);
     std::fs::write(folder.path().join("dark.toml"), dark).unwrap();
@@ -192,7 +192,7 @@ fn a_lens_without_light() {
 }
 
 #[test]
-fn files_and_folders_that_are_not_there() {
+fn missing_files_and_folders() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
     write_tiny(here);
@@ -263,7 +263,7 @@ fn photographs() {
 fn a_folder_that_cannot_be_made() {
     let folder = tempfile::tempdir().unwrap();
     write_tiny(folder.path());
-    // A file that was named for a folder is bad usage; that the system refuses a folder is not.
+    // A file in place of a folder is bad usage; a folder that the system refuses is not.
     let design = |out, code, needle| {
         run_fails(folder.path(), &["design", "tiny.toml", "--out", out], code, &[out, needle]);
     };
@@ -271,7 +271,7 @@ fn a_folder_that_cannot_be_made() {
     design("tiny.toml/run", 1, "(os error");
 }
 
-/// A run that was cut short: its last checkpoint is that of step 18.
+/// A run that was interrupted: its last checkpoint is that of step 18.
 fn interrupted(folder: &Path) {
     let run = tiny_run(folder, "whole", &[]);
     for gone in ["metrics.json", "report.html"] {
@@ -313,7 +313,7 @@ fn a_damaged_experiment_of_a_run() {
     refuses(folder.path(), "config.toml", |text| Some(text[..text.len() / 2].to_vec()));
     refuses(folder.path(), "config.toml", edit("batch = 1", "batch = 0"));
     refuses(folder.path(), "config.toml", |_| None);
-    // A key that is missing would be its default, and the run would go on as another.
+    // A missing key would take its default, and the run would continue with another experiment.
     refuses(folder.path(), "config.toml", edit("batch = 1\n", ""));
     refuses(folder.path(), "config.toml", |_| Some(Vec::new()));
 }
@@ -336,7 +336,7 @@ fn a_damaged_checkpoint_of_a_run() {
     }
 }
 
-/// A position that is well-formed and cannot be: it must not be gone on from as if nothing were.
+/// A well-formed but impossible position: the run must not continue from it.
 #[test]
 fn an_impossible_position_of_a_run() {
     let folder = tempfile::tempdir().unwrap();

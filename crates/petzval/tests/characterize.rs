@@ -14,7 +14,7 @@ fn capture(folder: &Path, name: &str, more: &[&str]) -> String {
 }
 
 #[test]
-fn a_sensor_is_shown_with_what_follows_from_it() {
+fn a_sensor_is_shown_with_its_derived_figures() {
     let folder = tempfile::tempdir().unwrap();
     let shown =
         run_ok(folder.path(), &["sensor", "show", "imx249-fitted", "--gains", "1,10", "--json"]).json();
@@ -37,7 +37,7 @@ fn a_sensor_is_shown_with_what_follows_from_it() {
     );
 }
 
-/// A monochrome sensor with everything that a sheet asks about; its converter ends before the full well.
+/// A monochrome sensor with all figures of the standard; its converter ends before the full well.
 const UNEVEN: &str = r#"name = "uneven"
 source = "a test"
 height = 120
@@ -101,7 +101,7 @@ fn a_sensor_is_shown_and_listed_in_a_few_digits() {
 }
 
 #[test]
-fn the_series_of_the_standard_fills_the_sheet() {
+fn the_series_of_the_standard_gives_every_figure() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     std::fs::write(at("uneven.toml"), UNEVEN).unwrap();
@@ -136,13 +136,13 @@ fn the_series_of_the_standard_fills_the_sheet() {
         let specimen = if name.contains("row") || name.contains("col") { 0.3 * truth } else { 0.03 * truth };
         assert!((value - truth).abs() < 5.0 * se + specimen, "{name}: {value} +- {se}, not {truth}");
     }
-    // Every figure of the printed sheet is told.
+    // Every figure of the standard is printed.
     let text = run_ok(folder.path(), &["sensor", "characterize", "series"]).stdout;
     let sheet = text.split("gain 1, mono").nth(1).unwrap();
     assert!(!sheet.contains("not resolved"), "{text}");
     assert!(text.contains("sensor capture --gains 1,2,4") && !text.contains("over green"), "{text}");
 
-    // What stopped half-way is said to be so, and goes on.
+    // An interrupted series is reported, and is continued.
     std::fs::remove_file(at("series/captures.toml")).unwrap();
     let half = ["sensor", "characterize", "series"];
     run_fails(folder.path(), &half, 2, &["series.toml without captures.toml", "capture` again"]);
@@ -150,7 +150,7 @@ fn the_series_of_the_standard_fills_the_sheet() {
     assert_eq!(read(&at("series/captures.toml")), list);
     let frame = ["sensor", "characterize", "uneven.toml"];
     run_fails(folder.path(), &frame, 2, &["no list of captures", "captures.toml"]);
-    // Light that the sensor file does not tell about.
+    // Light for which the sensor file has no curve.
     let args = ["sensor", "capture", "imx273-mono", "--out", "no", "--emva", "--wavelength", "0.5"];
     run_fails(folder.path(), &args, 2, &["wavelength", "no quantum efficiency"]);
 }
@@ -163,7 +163,7 @@ fn captures_are_simulated_and_measured() {
     assert!(read(&at("series/captures.toml")).contains("photons"));
     assert!(!at("series/gain-1/flat-5ms-0.partial.png").exists());
 
-    // The same command again keeps what is there; another series is refused.
+    // The same command keeps existing frames; another series is refused.
     let args =
         ["sensor", "capture", "imx249-fitted", "--out", "series", "--size", "60x80", "--format", "png"];
     let more = ["--stack", "6", "--quantum-efficiency", "0.6", "--json"];
@@ -185,7 +185,7 @@ fn captures_are_simulated_and_measured() {
     assert!(first.stdout.contains("not resolved: the series does not reach saturation"), "{}", first.stdout);
     let names = ["sensor.toml", "results.json", "histograms.csv", "emva-gain-1-green.xml"];
     let results: Vec<String> = names.iter().map(|name| read(&at(&format!("found/{name}")))).collect();
-    // What cannot be written leaves nothing beside it.
+    // A result that cannot be written leaves no others.
     std::fs::create_dir_all(at("blocked/sensor.toml")).unwrap();
     let blocked = ["sensor", "characterize", "series", "--out", "blocked"];
     run_fails(folder.path(), &blocked, 1, &["sensor.toml"]);
@@ -201,7 +201,7 @@ fn captures_are_simulated_and_measured() {
     let xml = roxmltree::Document::parse(&results[3]).unwrap();
     assert!(xml.descendants().any(|node| node.has_tag_name("DSNU1288_row")));
 
-    // What was measured can be shown and simulated: here the model that the histograms give.
+    // The measured sensor can be shown and simulated: here the model of the histogram fit.
     let shown = run_ok(folder.path(), &["sensor", "show", "found/sensor.toml", "--json"]).json();
     let results: serde_json::Value = serde_json::from_str(&results[1]).unwrap();
     let fitted = &results["histogram_fit"]["gain_dn_per_e"]["value"];
@@ -209,7 +209,7 @@ fn captures_are_simulated_and_measured() {
     assert_eq!(&shown["sensor"]["gain_dn_per_e"], fitted);
     assert_eq!(shown["sensor"]["cfa"], "RGGB");
 
-    // Its captures are made at the gains that it offers.
+    // Its captures are made at its gain steps.
     let args = ["sensor", "capture", "found/sensor.toml", "--out", "next"];
     run_ok(folder.path(), &[&args[..], &["--exposures", "5", "--dark-exposures", "5"]].concat());
     assert_eq!(read(&at("next/captures.toml")).matches("linear_gain = 31.62").count(), 2);
@@ -228,7 +228,7 @@ fn the_series_of_the_library_is_read() {
     let k = figure("K")["value"]["value"].as_f64().unwrap();
     assert!((k - 0.141_097_231_5).abs() < 1e-9, "{k}");
     assert!(figure("PRNU1288_row")["value"]["not_resolved"].as_str().unwrap().contains("negative"));
-    // What is corrected has the filter that was asked for.
+    // The corrected values have the requested filter.
     assert_eq!(json["options"]["high_pass"], "r4");
     let other = run_ok(folder.path(), &[&args[..], &["--highpass", "r3.1"]].concat()).json();
     assert_eq!(other["options"]["high_pass"], "r3.1");
@@ -305,7 +305,7 @@ fn corrupt_and_incomplete_captures_are_named() {
     run_fails(folder.path(), &["sensor", "characterize", "nowhere"], 2, &["nowhere", "no such folder"]);
     run_fails(folder.path(), &["sensor", "characterize", "whole", "--pixel-um", "nan"], 2, &["--pixel-um"]);
 
-    // Series that cannot be made.
+    // Impossible series.
     for (args, needles) in [
         (&["--size", "60"][..], ["--size 60", "rows x columns"]),
         (&["--size", "5000x80"], ["--size: 5000x80 does not fit", "--help"]),
@@ -318,7 +318,7 @@ fn corrupt_and_incomplete_captures_are_named() {
         let all = [&["sensor", "capture", "imx249-fitted", "--out", "new"][..], args].concat();
         run_fails(folder.path(), &all, 2, &needles);
     }
-    // Warnings are told on stderr, and the rest is measured.
+    // Warnings go to stderr, and the rest is measured.
     std::fs::remove_file(folder.path().join("whole/captures.toml")).unwrap();
     let flat = "\n[[point]]\nkind = \"flat\"\nexposure_ms = 5\nframes = [\"gain-1/flat-5ms-0.png\", \"gain-1/flat-5ms-1.png\"]\n";
     let list = format!("[sensor]\nname = \"x\"\nbits = 12\n{flat}");
@@ -327,18 +327,18 @@ fn corrupt_and_incomplete_captures_are_named() {
     assert_eq!(lone.code, Some(0), "{}", lone.stderr);
     assert!(lone.says("warning: no-dark: flat, gain 1, 5 ms, 2 frames"), "{}", lone.stderr);
     assert!(lone.stdout.contains("not resolved"), "{}", lone.stdout);
-    // Nobody measured K: there are results, and no sensor.
+    // K is not resolved: there are results, but no sensor file.
     assert!(lone.says("warning: no-sensor-file: K is not resolved"), "{}", lone.stderr);
     let there = |name: &str| folder.path().join("lone").join(name).exists();
     assert!(there("results.json") && there("report.html") && !there("sensor.toml"));
-    // One of an earlier run does not stay beside them.
+    // A sensor file of an earlier run is removed.
     std::fs::write(folder.path().join("lone/sensor.toml"), "# of another run").unwrap();
     run_ok(folder.path(), &["sensor", "characterize", "whole", "--out", "lone"]);
     assert!(!there("sensor.toml"));
 }
 
 #[test]
-fn a_useless_series_is_an_error_and_a_flood_of_warnings_one_line() {
+fn a_useless_series_is_an_error_and_many_warnings_are_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let name = capture(folder.path(), "series", &["--gains", "1", "--dark-exposures", "18.3"]);
     let list = folder.path().join(&name).join("captures.toml");
@@ -349,7 +349,7 @@ fn a_useless_series_is_an_error_and_a_flood_of_warnings_one_line() {
     run_fails(folder.path(), &["sensor", "characterize", "series", "--out", "never"], 2, &needles);
     assert!(!folder.path().join("never").exists());
 
-    // The dark frames of two points are missing: one line tells of both, the results of each.
+    // The dark frames of two points are missing: one line reports both, the results name each.
     let points: Vec<&str> = whole.split("[[point]]").collect();
     let lacks = |p: &&&str| p.contains("\"dark\"") && (p.contains("= 5.0") || p.contains("= 7.5"));
     let kept: Vec<&str> = points.iter().filter(|p| !lacks(p)).copied().collect();
@@ -362,6 +362,6 @@ fn a_useless_series_is_an_error_and_a_flood_of_warnings_one_line() {
     let json = told.json();
     let each = json["warnings"].as_array().unwrap().iter();
     assert_eq!(each.filter(|w| w.as_str().unwrap().starts_with("no-dark")).count(), 2);
-    // Exposure times are those that were written.
+    // Exposure times are printed as in the list.
     assert!(told.stdout.contains("\"exposure_s\": 0.0183"), "{}", told.stdout);
 }

@@ -1,4 +1,4 @@
-//! `petzval lens convert`, and lens files of other programs wherever a lens is asked for.
+//! `petzval lens convert`, and lens files of other programs as input of other verbs.
 
 mod common;
 
@@ -44,7 +44,7 @@ fn folder_with(name: &str, bytes: &[u8]) -> tempfile::TempDir {
 }
 
 #[test]
-fn a_zemax_lens_becomes_each_format_and_comes_back() {
+fn a_zemax_lens_is_converted_to_each_format_and_back() {
     let utf16: Vec<u8> =
         "\u{feff}".encode_utf16().chain(ZMX.encode_utf16()).flat_map(u16::to_le_bytes).collect();
     let folder = folder_with("a.zmx", &utf16);
@@ -95,7 +95,7 @@ fn text_that_is_not_ascii_is_written_as_zemax_reads_it() {
 }
 
 #[test]
-fn other_verbs_take_the_files_and_tell_what_is_lost() {
+fn other_verbs_read_the_files_and_report_losses() {
     let folder = folder_with("a.zmx", ZMX.replace("NAME achromat", "NAME").as_bytes());
     let shown = run_ok(folder.path(), &["lens", "show", "a.zmx"]);
     assert!(shown.stdout.starts_with("a\n"), "a lens without a name has that of its file: {}", shown.stdout);
@@ -106,7 +106,7 @@ fn other_verbs_take_the_files_and_tell_what_is_lost() {
 }
 
 #[test]
-fn what_is_refused_leaves_nothing_behind() {
+fn a_refused_conversion_leaves_no_file() {
     let fails = |folder: &Path, to: &str, needles: &[&str]| {
         let args = ["lens", "convert", "a.zmx", to];
         run_fails(folder, &args, 2, needles);
@@ -133,7 +133,7 @@ fn what_is_refused_leaves_nothing_behind() {
         2,
         &["missing.zmx", "cannot be read"],
     );
-    // What the target has no words for.
+    // Properties that the target format does not support.
     let lens = read(&data("lenses/cooke-triplet-nominal.toml")).replacen(
         "radius_mm = 11.45",
         "radius_mm = 11.45\nq_con = { norm_radius_mm = 7.0, a = [1e-6] }",

@@ -20,7 +20,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Whatever a browser would fetch from elsewhere.
+/// References that a browser would fetch.
 fn assert_stands_alone(html: &str) {
     for piece in html.split("http").skip(1) {
         let namespace = piece.starts_with("://www.w3.org/2000/svg");
@@ -35,13 +35,13 @@ fn assert_stands_alone(html: &str) {
 }
 
 #[test]
-fn a_run_leaves_everything_that_was_promised() {
+fn a_run_writes_all_its_files() {
     let folder = tempfile::tempdir().unwrap();
     write_tiny(folder.path());
     let done = run_ok(folder.path(), &["design", "tiny.toml", "--out", "deep/run", "--seed", "7"]);
     let run = folder.path().join("deep/run");
     assert!(done.stdout.contains("spot-optimised") && done.stdout.contains("report: deep/run/report.html"));
-    assert!(done.says("run folder: deep/run") && done.says("nominal: 1-LPIPS"), "{}", done.stderr);
+    assert!(done.says("run folder: deep/run") && done.says("nominal: 1 − LPIPS"), "{}", done.stderr);
     let kept = names(&run);
     for name in [
         "cameras",
@@ -71,8 +71,8 @@ fn a_run_leaves_everything_that_was_promised() {
         assert!(!environment[key].is_null(), "no {key} in {environment}");
     }
 
-    // Steps in order, and each block of each camera as often as asked. One line a step, but one an iteration where spots are
-    // minimised.
+    // Steps in order, and the requested number of steps of each block of each camera. One line a step; where spots are
+    // minimised, one an iteration.
     let events = events(&run);
     let mut steps: Vec<u64> = events.iter().map(|e| e["step"].as_u64().unwrap()).collect();
     assert!(steps.is_sorted());
@@ -109,7 +109,7 @@ fn a_run_leaves_everything_that_was_promised() {
     let lenses = names(&run.join("lens"));
     assert!(!lenses.is_empty() && lenses.iter().all(|l| l.starts_with("step-") && l.ends_with(".toml")));
 
-    // Every lens that was kept is a lens file, and those that moved did move.
+    // Every saved lens is a lens file, and moving lenses have changed.
     let shown = |camera: &str| {
         let lens = run.join("cameras").join(camera).join("lens.toml").display().to_string();
         run_ok(folder.path(), &["lens", "show", &lens, "--json"]).json()
@@ -143,7 +143,7 @@ fn the_metrics_compare_three_cameras_of_the_same_kind() {
         // The tiny experiment's grid of 64 cells cuts the outer PSFs.
         assert!((0.7..=1.0).contains(&figure(row, "psf_captured")), "{}", figure(row, "psf_captured"));
         assert_eq!(row["network_steps"], NETWORK_STEPS);
-        // What is compared is the same: focal length, f-number, field of view, exposure.
+        // Focal length, f-number, field of view and exposure are the same.
         for key in ["efl_mm", "f_number", "white_e"] {
             let off = figure(row, key) - figure(&rows[0], key);
             assert!(off.abs() < 1e-6, "{}: {key} is off by {off}", row["camera"]);
@@ -219,7 +219,7 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
     run_ok(&inside, &["design", "mine.toml", "--photos", "my-photos", "--out", "named"]);
     assert_eq!(read(&inside.join("named/metrics.json")), metrics);
 
-    // Pictures have changed: the run is neither gone on with nor scored again; its report needs none.
+    // The pictures have changed: the run is neither continued nor scored again; its report needs no pictures.
     let photo = inside.join("my-photos/coffee.png");
     std::fs::copy(data("photos/china.png"), &photo).unwrap();
     for verb in [&["evaluate", "inside/run"][..], &["design", "--resume", "inside/run"]] {
@@ -227,7 +227,7 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
     }
     run_ok(folder.path(), &["report", "inside/run"]);
     std::fs::copy(data("photos/coffee.png"), &photo).unwrap();
-    // The lens file goes its own way; the run keeps the lens that it began with.
+    // The lens file has changed; the run keeps the lens that it began with.
     std::fs::remove_file(inside.join("my-lens.toml")).unwrap();
     for verb in [["report", "inside/run"], ["evaluate", "inside/run"]] {
         run_ok(folder.path(), &verb);
@@ -281,7 +281,7 @@ fn scoring_again_gives_the_same_figures_and_changes_nothing() {
     assert!(run_ok(folder.path(), &["evaluate", "run"]).stdout.contains("largest difference"));
     assert_same_files(&before, &snapshot(&run));
 
-    // A figure that was tampered with is found out.
+    // A changed figure is detected.
     let mut metrics = read_json(&run.join("metrics.json"));
     metrics["rows"][2]["psnr_db"] = serde_json::json!(99.0);
     std::fs::write(run.join("metrics.json"), metrics.to_string()).unwrap();
@@ -290,12 +290,12 @@ fn scoring_again_gives_the_same_figures_and_changes_nothing() {
 }
 
 #[test]
-fn a_run_is_never_written_over() {
+fn a_run_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     tiny_run(folder.path(), "run", &["--steps", "1"]);
     let again = ["design", "tiny.toml", "--out", "run"];
     run_fails(folder.path(), &again, 2, &["run: this folder already holds a run", "--resume run"]);
-    // Checkpoints without an experiment would be taken for those of the new run.
+    // Checkpoints without an experiment would count as those of the new run.
     std::fs::remove_file(folder.path().join("run/config.toml")).unwrap();
     run_fails(folder.path(), &again, 2, &["run: this folder holds checkpoints", "--out"]);
 }

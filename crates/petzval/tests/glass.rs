@@ -9,7 +9,7 @@ use serde_json::Value;
 
 const LENS: &str = "cooke-triplet-nominal";
 
-/// N-SF11 with an index that no glass has, so that nobody can take it for another.
+/// N-SF11 with an index that no other glass has.
 const AGF: &str = "CC test\nNM N-SF11 2 785257 1.99468 25.68 0 1\n\
     CD 2.46 1.34282066E-02 3.08177248E-01 5.95e-2 1.48746e0 1.74e2\nLD 0.37 0.6\n\
     NM ONLY-HERE 1 0 1.5168 64.2 0 0\n\
@@ -62,7 +62,7 @@ fn find_gives_the_nearest_glasses_first() {
 }
 
 #[test]
-fn show_says_what_the_data_sheet_says() {
+fn show_agrees_with_the_data_sheet() {
     let folder = tempfile::tempdir().unwrap();
     let shown = run_ok(folder.path(), &["glass", "show", "n-bk7", "--json"]).json();
     let number = |key: &str| shown[key].as_f64().unwrap();
@@ -106,9 +106,9 @@ fn show_says_what_the_data_sheet_says() {
 }
 
 #[test]
-fn names_of_several_makers_are_told_apart_and_said() {
+fn equal_names_of_several_makers_are_distinguished_and_reported() {
     let folder = tempfile::tempdir().unwrap();
-    // The user's own catalogue has an N-SF11 too: it counts, Schott's is one word away.
+    // The user's own catalogue has an N-SF11 too, which takes precedence; Schott's needs its maker.
     write(folder.path(), "mine/Own.agf", AGF);
     let warned = run_ok(folder.path(), &["--glasses", "mine", "lens", "show", LENS, "--json"]);
     let warnings = warned.json()["warnings"].to_string();
@@ -121,7 +121,7 @@ fn names_of_several_makers_are_told_apart_and_said() {
         warnings.contains("the formula of N-SF11 holds from 0.37 to 0.6 um, not at 0.62 um"),
         "{warnings}"
     );
-    // So says every verb that reads a lens, once, and not in what it prints for programs.
+    // Every verb that reads a lens reports this once, and not on stdout.
     for args in [
         &["lens", "show", LENS][..],
         &["lens", "show", LENS, "--json"],
@@ -152,7 +152,7 @@ fn names_of_several_makers_are_told_apart_and_said() {
 }
 
 #[test]
-fn chosen_catalogues_win_in_every_verb_and_later_ones_over_earlier() {
+fn chosen_catalogues_take_precedence_in_every_verb_and_later_ones_over_earlier() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "first.agf", AGF);
     write(folder.path(), "second.toml", "[glass.N-SF11]\nn = 1.9\n[glass.MINE]\nnd = 1.6\nvd = 50.0\n");
@@ -177,7 +177,7 @@ fn chosen_catalogues_win_in_every_verb_and_later_ones_over_earlier() {
     assert_eq!(environment(&list, &["--glasses", "second.toml"]), 1.9);
     assert_eq!(environment("", &[]), built_in);
 
-    // One ray meets another glass, too; and the option may stand behind the verb.
+    // A single ray is traced through the chosen glass too; the option may follow the verb.
     let ray = ["lens", "trace", LENS, "--field", "5", "--wavelength", "0.55", "--pupil", "0,0.5", "--json"];
     let y = |args: &[&str]| {
         run_ok(folder.path(), &[&ray, args].concat()).json()["image"]["y_mm"].as_f64().unwrap()
@@ -195,7 +195,7 @@ fn chosen_catalogues_win_in_every_verb_and_later_ones_over_earlier() {
 }
 
 #[test]
-fn pages_of_refractiveindex_info_are_called_by_their_place() {
+fn pages_of_refractiveindex_info_are_named_after_their_path() {
     let folder = tempfile::tempdir().unwrap();
     let page = "DATA:\n  - type: formula 1\n    wavelength_range: 0.21 6.7\n    coefficients: 0 0.6961663 0.0684043 0.4079426 0.1162414 0.8974794 9.896161\n";
     write(folder.path(), "rii/main/SiO2/nk/Malitson.yml", page);
@@ -217,7 +217,7 @@ fn pages_of_refractiveindex_info_are_called_by_their_place() {
 }
 
 #[test]
-fn a_folder_may_hold_other_files_and_glasses_that_are_none() {
+fn a_folder_may_hold_other_files_and_invalid_glasses() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "mine/Own.agf", &("NM NOTHING 2 0 1.6 50 0 0\nCD 0 0 0 0 0 0\n".to_owned() + AGF));
     write(folder.path(), "mine/lens.toml", &read(&data(&format!("lenses/{LENS}.toml"))));
@@ -253,7 +253,7 @@ fn a_lens_with_a_misprinted_glass_can_be_written_and_read_again() {
 }
 
 #[test]
-fn a_catalogue_that_cannot_be_read_is_said_with_its_line() {
+fn an_unreadable_catalogue_is_reported_with_its_line() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "bad.agf", "NM A 2 0 1.5 60 0 0\nCD 1.0 x\n");
     write(folder.path(), "bad.toml", "[glass.A]\nnd = 1.5\n");
@@ -261,9 +261,9 @@ fn a_catalogue_that_cannot_be_read_is_said_with_its_line() {
     write(folder.path(), "glass.txt", "A");
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     for (path, says) in [
-        ("bad.agf", "bad.agf:2: `CD 1.0 x`: these are no coefficients of `A`"),
+        ("bad.agf", "bad.agf:2: `CD 1.0 x`: these are not coefficients of `A`"),
         ("bad.toml", "glass `A` has no formula"),
-        ("bad.yml", "this is no YAML"),
+        ("bad.yml", "this is not YAML"),
         ("glass.txt", "this is no glass catalogue"),
         ("empty", "there is no glass in this folder"),
         ("nowhere.agf", "there is no such file or folder"),

@@ -39,7 +39,7 @@ fn show_gives_the_published_figures_by_name_and_by_path() {
 }
 
 #[test]
-fn show_has_all_that_programs_rely_on() {
+fn the_json_of_show_has_every_key() {
     let folder = tempfile::tempdir().unwrap();
     let shown = run_ok(folder.path(), &["lens", "show", LENS, "--json"]).json();
     assert_eq!(shown["name"], "Cooke triplet, nominal");
@@ -61,7 +61,7 @@ fn show_has_all_that_programs_rely_on() {
     let seidel = shown["seidel"].as_object().unwrap();
     assert_eq!(seidel.keys().collect::<Vec<_>>(), ["S1", "S2", "S3", "S4", "S5"]);
     assert!(seidel.values().all(|s| s.as_f64().is_some_and(|s| s.is_finite() && s != 0.0)));
-    // The Petzval sum does not know the aperture's place: H^2 sum(c dn / n n') of this lens.
+    // The Petzval sum does not depend on the position of the aperture: H^2 sum(c dn / n n') of this lens.
     assert!(seidel["S4"].as_f64().unwrap() > 0.0);
 }
 
@@ -78,7 +78,7 @@ fn every_built_in_lens_can_be_shown() {
 }
 
 #[test]
-fn a_ray_has_a_place_and_a_direction_at_every_surface() {
+fn a_ray_has_a_position_and_a_direction_at_every_surface() {
     let ray = trace("10", "0.3,-0.6", &[]);
     assert_eq!(ray["status"], "ok");
     let surfaces = ray["surfaces"].as_array().unwrap();
@@ -97,7 +97,7 @@ fn a_ray_has_a_place_and_a_direction_at_every_surface() {
 }
 
 #[test]
-fn real_aim_hits_the_stop_where_it_was_told() {
+fn real_aim_hits_the_given_point_of_the_stop() {
     let at_stop = |field: &str, pupil: &str, aim: &str| {
         let ray = trace(field, pupil, &["--aim", aim]);
         assert_eq!(ray["status"], "ok");
@@ -124,7 +124,7 @@ fn real_aim_hits_the_stop_where_it_was_told() {
 }
 
 #[test]
-fn a_lost_ray_says_where_and_is_no_failure() {
+fn a_lost_ray_reports_its_surface_and_is_not_a_failure() {
     let missed = trace("5", "0,5", &["--aim", "paraxial"]);
     assert_eq!(missed["status"], "missed surface 1");
     assert_eq!((&missed["image"], &missed["opl_mm"]), (&Value::Null, &Value::Null));
@@ -135,7 +135,7 @@ fn a_lost_ray_says_where_and_is_no_failure() {
         assert_eq!(lost["status"], "no ray passes this point of the stop");
         assert_eq!(lost["surfaces"].as_array().unwrap().len(), 0);
     }
-    // The table for people says it too.
+    // The printed table states it too.
     let folder = tempfile::tempdir().unwrap();
     let ray = ["lens", "trace", LENS, "--field", "80", "--wavelength", "0.55", "--pupil", "0,0"];
     let table = run(folder.path(), &ray);
@@ -144,7 +144,7 @@ fn a_lost_ray_says_where_and_is_no_failure() {
 }
 
 #[test]
-fn a_ray_asked_for_wrongly_is_refused() {
+fn wrong_requests_for_a_ray_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (field, wavelength, pupil, needles) in [
         ("5", "550", "0,0", ["--wavelength 550", "did you mean 0.55?"]),

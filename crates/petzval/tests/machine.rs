@@ -1,4 +1,4 @@
-//! `petzval doctor`, `petzval bench`, and how the command behaves in a shell.
+//! `petzval doctor`, `petzval bench`, and the behaviour of the command in a shell.
 
 mod common;
 
@@ -95,7 +95,7 @@ fn usage_errors_exit_with_2() {
 }
 
 #[test]
-fn every_verb_explains_itself() {
+fn every_verb_has_help() {
     let folder = tempfile::tempdir().unwrap();
     let help = run_ok(folder.path(), &["--help"]).stdout;
     for verb in ["design", "report", "evaluate", "lens", "psf", "simulate", "bench", "doctor"] {
@@ -107,7 +107,7 @@ fn every_verb_explains_itself() {
 
 #[cfg(unix)]
 #[test]
-fn a_reader_that_leaves_ends_the_command_quietly() {
+fn a_closed_pipe_ends_the_command_quietly() {
     let folder = tempfile::tempdir().unwrap();
     for args in [&["bench", "--list"][..], &["lens", "show", "cooke-triplet-nominal"], &["doctor", "--json"]]
     {
@@ -133,7 +133,7 @@ fn numbers(value: &serde_json::Value, found: &mut Vec<f64>) {
 }
 
 #[test]
-fn the_instruction_set_that_is_asked_for_is_named_and_gives_the_same_frame() {
+fn the_requested_instruction_set_is_named_and_gives_the_same_frame() {
     let folder = tempfile::tempdir().unwrap();
     let at = |level: &str, args: &[&str]| {
         let output = petzval(folder.path()).args(args).env("PETZVAL_SIMD", level).output().unwrap();

@@ -1,4 +1,4 @@
-//! `petzval lens optimize`: descents and searches, their folder, going on and going back.
+//! `petzval lens optimize`: descents and searches, their folder, resuming and rewinding.
 
 mod common;
 
@@ -34,7 +34,7 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
     assert_eq!(shown["warnings"].as_array().unwrap().len(), 0, "{shown}");
     run_ok(folder.path(), &["lens", "show", "run/lens/step-00002.toml"]);
 
-    // What is printed as the best is what the file holds.
+    // The printed best lens is that of the file.
     let best = spot("best");
     let again = run_ok(
         folder.path(),
@@ -46,13 +46,13 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
         "{again} {best}"
     );
 
-    // Back to step 2: what came later is gone, and going on leads down again.
+    // Rewind to step 2: later steps are discarded, and continuing descends again.
     let again = ["lens", "optimize", "--resume", "run", "--rewind", "2", "--iterations", "1"];
     run_ok(folder.path(), &again);
     let back = self::steps(&run);
     assert_eq!(back[..3], steps[..3]);
     assert!(back.len() <= 4);
-    // And to the very beginning.
+    // Rewind to the beginning.
     run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--rewind", "0", "--iterations", "0"]);
     assert_eq!(self::steps(&run), steps[..1]);
     run_ok(folder.path(), &["lens", "optimize", "--resume", "run"]);
@@ -61,7 +61,7 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
 }
 
 #[test]
-fn a_search_beats_the_nominal_lens_and_goes_on() {
+fn a_search_beats_the_nominal_lens_and_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let asked =
         ["lens", "optimize", LENS, "--global", "--wavelengths", "0.5876", "--efl", "25", "--rounds", "4"];
@@ -80,7 +80,7 @@ fn a_search_beats_the_nominal_lens_and_goes_on() {
     let merits: Vec<f64> = steps(&run).iter().map(|s| s["merit_um"].as_f64().unwrap()).collect();
     assert!(merits.windows(2).all(|w| w[1] < w[0]), "{merits:?}");
 
-    // Back to the first lens that it found, and on from there.
+    // Rewind to the first lens that was found, and continue from there.
     let back = ["lens", "optimize", "--resume", "run", "--rewind", "0", "--rounds", "1"];
     run_ok(folder.path(), &back);
     assert_eq!(steps(&run)[0]["merit_um"].as_f64().unwrap(), merits[0]);
@@ -88,7 +88,7 @@ fn a_search_beats_the_nominal_lens_and_goes_on() {
 }
 
 #[test]
-fn a_search_stopped_by_its_seconds_goes_on_as_if_it_had_not_been() {
+fn a_search_stopped_by_its_seconds_resumes_to_the_same_result() {
     let folder = tempfile::tempdir().unwrap();
     let search = ["lens", "optimize", LENS, "--global", "--wavelengths", "0.5876", "--json"];
     let whole = run_ok(folder.path(), &[&search[..], &["--rounds", "2", "--out", "whole"]].concat()).json();
@@ -106,9 +106,9 @@ fn a_search_stopped_by_its_seconds_goes_on_as_if_it_had_not_been() {
 }
 
 #[test]
-fn what_is_asked_counts_more_than_the_spots_of_the_start() {
+fn requirements_take_precedence_over_spots() {
     let folder = tempfile::tempdir().unwrap();
-    // Shorter and with thicker edges than the lens was made for: the spots grow, and the file holds what was asked.
+    // Require a shorter lens with thicker edges: the spots grow, and the lens of the file meets the requirements.
     let asked =
         ["lens", "optimize", "cooke-triplet-spot", "--efl", "20", "--edge", "1.5", "--out", "run", "--json"];
     let done = run_ok(folder.path(), &asked);
@@ -136,7 +136,7 @@ fn what_is_asked_counts_more_than_the_spots_of_the_start() {
 }
 
 #[test]
-fn bad_requests_say_what_is_wrong_and_leave_nothing() {
+fn bad_requests_are_explained_and_leave_no_files() {
     let folder = tempfile::tempdir().unwrap();
     let optimize = |more: &[&'static str], needles: &[&str]| {
         let args = [&["lens", "optimize", LENS, "--out", "run"], more].concat();

@@ -39,7 +39,7 @@ fn psfs_have_unit_sum_and_named_axes() {
     assert_eq!(axes["wavelengths_um"], serde_json::json!([0.62, 0.55, 0.486]));
     let corner = axes["field_deg"][2].as_f64().unwrap();
     assert!((corner - (6.634f64 / 25.04).atan().to_degrees()).abs() < 0.01, "{corner}");
-    // So small a grid cuts the corner's PSF off, and that is said.
+    // Such a small grid cuts off the corner's PSF, which is reported.
     assert!(shown.says("warning: at 14.84 degrees the grid of 32 um holds 34 % of the light"));
 }
 
@@ -76,7 +76,7 @@ fn wavelengths_are_three_numbers_with_commas() {
 }
 
 #[test]
-fn psfs_asked_for_wrongly_are_refused_and_nothing_is_written() {
+fn wrong_requests_for_psfs_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     for (option, value, needles) in [
         ("--wavelengths", "550,500,450", ["--wavelengths", "550 nm is 0.55"]),
@@ -94,7 +94,7 @@ fn psfs_asked_for_wrongly_are_refused_and_nothing_is_written() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_named() {
+fn a_path_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("file"), "").unwrap();
     let failed = run(folder.path(), &[&["psf", LENS, "--out", "file/psf"], &QUICK[..]].concat());

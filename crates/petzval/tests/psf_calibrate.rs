@@ -9,7 +9,7 @@ use serde_json::Value;
 
 const LENS: &str = "cooke-triplet-nominal";
 
-/// Captures of a few fields up to 3 mm: small, but whole.
+/// Captures of a few fields up to 3 mm: small, but complete.
 fn capture(folder: &Path, axes: &str, fields: &str, more: &[&str]) -> Value {
     let few = ["--fields", fields, "--radius-mm", "3", "--axes", axes, "--exposures-ms", "4,16"];
     // Halves of six frames: chance moves one by five standard errors of its own scatter once in 2,000 (t of 10 degrees).
@@ -23,7 +23,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn captures_of_a_known_lens_give_its_psfs_back() {
+fn captures_of_a_known_lens_give_its_psfs() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let taken = capture(at, "vertical,diagonal", "3", &["--dark-frames", "6"]);
@@ -37,7 +37,8 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
     for position in positions {
         let simulated = &position["simulated"];
         for c in 0..3 {
-            // On the noise floor through the same mosaic; above it by what demosaicing does for ideal pixels.
+            // The error is at the noise floor through the same mosaic, and above it by the error of demosaicing for
+            // ideal pixels.
             let floor = number(&position["noise_floor"]["l1"][c]);
             let ratio = number(&simulated["l1"][c]) / floor;
             assert!((0.5..1.6).contains(&ratio), "{}: {ratio}", position["name"]);
@@ -59,7 +60,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
     // z-test of 30 errors, false alarms once in 10,000 runs (4.65 standard deviations); 48 draws know these to 10 %.
     assert!(errors.iter().all(|e| e.abs() < 5.2), "{errors:?}");
 
-    // What demosaicing does to a centroid is not hidden: on the sharp axis it is many times the noise.
+    // The error of demosaicing is reported: on the sharp axis it is many times the noise.
     let axis = &positions[0];
     let bias = |axis: &Value| number(&axis[0]).hypot(number(&axis[1]));
     let simulated = &axis["simulated"];
@@ -67,7 +68,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
         bias(&simulated["centroid_error_ideal_pixels_px"][1])
             > 3.0 * bias(&axis["noise_floor"]["centroid_px"][1])
     );
-    // The bank says where it put each position, and how well it predicts what it has not seen.
+    // The bank has the centre of each position, and its scores on held-out pixels.
     for axis in 0..2 {
         let at = |key: &str| number(&positions[0][key][axis]);
         assert!((at("bank_middle_px") - number(&positions[0]["centroid_px"][1][axis])).abs() < 1.0);
@@ -84,7 +85,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
         }
     }
 
-    // The files are there, and whole.
+    // The files exist and are complete.
     let page = std::fs::read_to_string(at.join("psfs/psf-calibration.html")).unwrap();
     assert_eq!(page.matches("data:image/png").count(), 5 * 6);
     assert_eq!(image::open(at.join("psfs/psf-calibration.png")).unwrap().width(), 3 * 98 + 6);
@@ -104,7 +105,7 @@ fn captures_of_a_known_lens_give_its_psfs_back() {
         assert!(read("psfs") == read("again"), "{file} differs");
     }
 
-    // Pictures through the measured PSFs look like those through the lens: both are sharp and dim to the corners alike.
+    // Pictures through the measured PSFs resemble those through the lens in sharpness and vignetting.
     let photo = data("photos/coffee.png").display().to_string();
     run_ok(at, &["simulate", &photo, "--psfs", "psfs", "--no-noise", "--out", "measured"]);
     run_ok(at, &["simulate", &photo, "--lens", LENS, "--no-noise", "--out", "traced"]);
@@ -127,7 +128,7 @@ fn a_monochrome_sensor_is_measured_and_a_binned_one_refused() {
     for position in found["positions"].as_array().unwrap() {
         let l1 = &position["simulated"]["l1_ideal_pixels"];
         assert!(l1[0] == l1[1] && l1[1] == l1[2], "{position}");
-        // Without a mosaic nothing stands between the measured and the ideal PSF but noise.
+        // Without a mosaic the measured and the ideal PSF differ by noise alone.
         let ratio = number(&l1[1]) / number(&position["noise_floor"]["l1"][1]);
         assert!((0.5..1.6).contains(&ratio), "{ratio}");
     }
@@ -147,11 +148,11 @@ fn a_monochrome_sensor_is_measured_and_a_binned_one_refused() {
 }
 
 #[test]
-fn captures_with_something_wrong_are_told_of() {
+fn wrong_captures_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     capture(at, "horizontal", "2", &["--peak", "30"]);
-    // The longest exposure clips, as asked; the shortest does so too.
+    // The longest exposure clips, as requested; the shortest clips too.
     let found = run_ok(at, &["psf-calibrate", "captures", "--out", "out"]);
     assert!(found.says("saturated in every exposure"), "{}", found.stderr);
 
@@ -171,7 +172,7 @@ fn captures_with_something_wrong_are_told_of() {
     with("origin = [", "origin = [9");
     run_fails(at, &calibrate, 2, &["captures.toml:", "origin", "leave the sensor"]);
 
-    // Frames that do not belong: another size, the wrong bits, no light, no picture.
+    // Wrong frames: another size, the wrong bits, no light, not a picture.
     std::fs::write(&manifest, &good).unwrap();
     let frame = at.join("captures/axis/16ms-00.png");
     let original = std::fs::read(&frame).unwrap();
@@ -194,9 +195,9 @@ fn captures_with_something_wrong_are_told_of() {
     run_fails(at, &["psf-capture", LENS, "--out", "x", "--exposures-ms", "4,1"], 2, &["--exposures-ms"]);
     run_fails(at, &["psf-capture", LENS, "--out", "x", "--radius-mm", "nan"], 2, &["--radius-mm"]);
 
-    // Captures that are there stay: an interrupted run would leave their list beside other frames.
+    // Existing captures are not overwritten: an interrupted run would leave their list with other frames.
     run_fails(at, &["psf-capture", LENS, "--out", "captures"], 2, &["captures.toml: captures are there"]);
-    // A source wider than a pixel, a folder that cannot be.
+    // A source wider than a pixel, an impossible folder.
     let wide = ["psf-capture", LENS, "--out", "x", "--pinhole-um", "10000"];
     run_fails(at, &wide, 2, &["10000 um", "more than a pixel"]);
     std::fs::write(at.join("file"), "").unwrap();

@@ -43,7 +43,7 @@ fn a_frame_goes_through_every_format_without_loss() {
     }
     let picture = image::open(at("g.tiff")).unwrap();
     assert_eq!(picture.into_luma16().into_raw(), dn);
-    // What is known of the frame has come all the way.
+    // The metadata of the frame are kept through all formats.
     let shown = run_ok(folder.path(), &["raw", "show", "g.tiff", "--json"]).json();
     assert_eq!((&shown["height"], &shown["width"]), (&4.into(), &6.into()));
     assert_eq!(shown["info"]["bits"], 12);

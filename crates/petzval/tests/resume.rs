@@ -1,4 +1,4 @@
-//! A run that is killed or stopped and goes on is, to the bit, the run that was not.
+//! A run that is killed or stopped and then resumed gives the same bits as an uninterrupted run.
 
 #![cfg(unix)]
 
@@ -56,7 +56,7 @@ fn killed(folder: &Path, steps: usize) -> PathBuf {
 }
 
 #[test]
-fn a_killed_run_goes_on_to_the_same_metrics() {
+fn a_killed_run_resumes_to_the_same_metrics() {
     // Before the first checkpoint, in the networks, on either side of a score, in the lens steps of both
     // kinds, and while the report is being written.
     for steps in [0, 1, 3, 4, 5, 6, 8, 12, 13, 15, 17, 20, 21] {
@@ -69,7 +69,7 @@ fn a_killed_run_goes_on_to_the_same_metrics() {
 }
 
 #[test]
-fn a_killed_run_goes_on_to_the_same_events_each_once() {
+fn a_killed_run_resumes_to_the_same_events_each_once() {
     for steps in [2, 5, 7, 14, 19] {
         let folder = tempfile::tempdir().unwrap();
         let run = killed(folder.path(), steps);
@@ -82,7 +82,7 @@ fn a_killed_run_goes_on_to_the_same_events_each_once() {
 }
 
 #[test]
-fn a_run_that_is_killed_again_and_again_gets_there() {
+fn a_run_that_is_killed_repeatedly_finishes() {
     let folder = tempfile::tempdir().unwrap();
     let run = killed(folder.path(), 2);
     for wait_ms in [60, 120, 180, 240, 300, 360] {
@@ -98,7 +98,7 @@ fn a_run_that_is_killed_again_and_again_gets_there() {
 }
 
 #[test]
-fn what_a_crash_leaves_half_written_is_passed_over() {
+fn half_written_files_of_a_crash_are_ignored() {
     let folder = tempfile::tempdir().unwrap();
     let run = killed(folder.path(), 7);
     let half = run.join("checkpoints/.partial-000009");
@@ -112,7 +112,7 @@ fn what_a_crash_leaves_half_written_is_passed_over() {
 }
 
 #[test]
-fn a_signal_stops_after_a_checkpoint_and_the_run_goes_on() {
+fn a_signal_stops_after_a_checkpoint_and_the_run_resumes() {
     for (signal, steps) in [("TERM", 0), ("INT", 2), ("TERM", 7), ("INT", 13), ("TERM", 17)] {
         let folder = tempfile::tempdir().unwrap();
         let (child, run) = started(folder.path(), steps);
@@ -121,7 +121,7 @@ fn a_signal_stops_after_a_checkpoint_and_the_run_goes_on() {
         let status = { child }.wait().unwrap();
         assert_eq!(status.code(), Some(75), "SIG{signal} after {steps} steps: {status:?}");
 
-        // The last step that was taken is the one that was kept.
+        // The last step is the one of the checkpoint.
         let last = events(&run).last().map_or(0, |e| e["step"].as_u64().unwrap());
         assert!(last >= steps as u64 && last < ALL_STEPS as u64);
         let checkpoint = run.join(format!("checkpoints/step-{last:06}"));
@@ -135,7 +135,7 @@ fn a_signal_stops_after_a_checkpoint_and_the_run_goes_on() {
 }
 
 #[test]
-fn a_stopped_run_says_how_to_go_on() {
+fn a_stopped_run_prints_how_to_continue() {
     let folder = tempfile::tempdir().unwrap();
     write_tiny(folder.path());
     let mut command = petzval(folder.path());
@@ -148,9 +148,9 @@ fn a_stopped_run_says_how_to_go_on() {
     assert!(Command::new("kill").args(["-s", "TERM", &child.id().to_string()]).status().unwrap().success());
     let stopped = outcome(child.wait_with_output().unwrap());
     assert_eq!(stopped.code, Some(75), "{}", stopped.stderr);
-    assert!(stopped.says("go on with: petzval design --resume run"), "{}", stopped.stderr);
+    assert!(stopped.says("continue with: petzval design --resume run"), "{}", stopped.stderr);
     assert_eq!(stopped.stdout, "");
-    // What is not finished has no report and no scores yet, and says what to do.
+    // An unfinished run has no report and no scores yet; the message explains what to do.
     for verb in ["report", "evaluate"] {
         let needles = ["the run is not finished", "petzval design --resume run"];
         run_fails(folder.path(), &[verb, "run"], 2, &needles);
@@ -158,7 +158,7 @@ fn a_stopped_run_says_how_to_go_on() {
 }
 
 #[test]
-fn a_finished_run_that_is_resumed_stays_as_it_is() {
+fn resuming_a_finished_run_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let run = tiny_run(folder.path(), "run", &[]);
     let before = snapshot(&run);

@@ -1,4 +1,4 @@
-//! Schema, reader, defaults and book say the same about the files that a user writes.
+//! Schema, reader, defaults and book agree about the files that a user writes.
 
 mod common;
 
@@ -37,7 +37,7 @@ fn resolved<'s>(root: &'s Value, schema: &'s Value) -> &'s Value {
     schema
 }
 
-/// Fails for a key of a TOML file that its schema does not know.
+/// Fails for a key of a TOML file that is not in its schema.
 fn assert_described(root: &Value, schema: &Value, value: &toml::Value, path: &str) {
     match value {
         toml::Value::Table(table) => {
@@ -98,7 +98,7 @@ fn the_printed_configuration_is_complete_and_reads_back_to_the_same_experiment()
     let read_back = Experiment::parse_complete(&printed).unwrap();
     assert_eq!((read_back.name.as_str(), read_back.seed, read_back.training.steps), ("mine", 5, 7));
     assert_eq!(read_back.to_toml().unwrap().parse::<toml::Table>().unwrap(), printed.parse().unwrap());
-    // An empty file is the main job, but for its title and the texts of its file.
+    // An empty file is the main job, except for its title and the texts of its file.
     let built_in = read(&data("experiments/cooke-triplet-image-quality.toml"));
     let built_in = Experiment { name: "Camera design".to_owned(), ..Experiment::parse(&built_in).unwrap() };
     assert_eq!(Experiment::parse("").unwrap(), built_in);

@@ -92,7 +92,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
 }
 
 #[test]
-fn a_result_that_cannot_be_written_leaves_no_other() {
+fn a_result_that_cannot_be_written_leaves_no_others() {
     let folder = tempfile::tempdir().unwrap();
     let photo = data("photos/coffee.png").display().to_string();
     let args = ["simulate", photo.as_str(), "--out", "out", "--picture-format", "npy"];
@@ -104,7 +104,7 @@ fn a_result_that_cannot_be_written_leaves_no_other() {
         run_fails(folder.path(), &args, 2, &needles);
         std::fs::remove_dir(folder_there).unwrap();
     }
-    // With the way free all of them come, and nothing else.
+    // Without the obstacle all files are written, and nothing else.
     run_ok(folder.path(), &args);
     let mut files: Vec<String> = std::fs::read_dir(folder.path().join("out"))
         .unwrap()
@@ -122,7 +122,7 @@ fn developed16(path: &Path) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn overexposed_white_stays_white_and_is_told_of() {
+fn overexposed_white_stays_white_and_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     // Black on the left, white on the right.
     image::RgbImage::from_fn(240, 160, |x, _| image::Rgb([if x < 120 { 60 } else { 255 }; 3]))
@@ -146,7 +146,7 @@ fn overexposed_white_stays_white_and_is_told_of() {
     {
         assert!(pixel.iter().all(|v| *v > 0.99), "{pixel:?}");
     }
-    // What is offered holds white, and nothing is told.
+    // The suggested exposure does not saturate white, and gives no message.
     for more in [
         &["--white-e", "5600", "--gain", "4"][..],
         &["--white-e", "16000", "--gain", "1.4"],
@@ -188,7 +188,7 @@ fn a_full_well_below_the_end_of_the_converter_is_the_white_level() {
 }
 
 #[test]
-fn a_part_of_the_sensor_sees_what_it_sees_in_a_whole_frame() {
+fn a_window_of_the_sensor_equals_its_part_of_a_whole_frame() {
     let folder = tempfile::tempdir().unwrap();
     let photo = data("photos/coffee.png").display().to_string();
     let take = |out: &str, more: &[&str]| {

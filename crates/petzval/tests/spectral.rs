@@ -66,7 +66,7 @@ fn the_colour_checker_has_its_colours_under_any_light() {
             (Some("colorchecker"), Some(1000.0))
         );
         assert!(chart["white_e"].as_f64().unwrap() > 1000.0);
-        // The time that was asked for, not the 32-bit float next to it.
+        // The requested time, not the 32-bit float next to it.
         assert_eq!(chart["time_s"].as_f64(), Some(0.005));
         assert_eq!(chart["bands_um"].as_array().unwrap().len(), 12);
         let fitted = chart["colour_matrix"]["mean_delta_e_1976"].as_f64().unwrap();
@@ -151,7 +151,7 @@ fn patch_differences(npy: &Path, light: &str) -> Vec<f64> {
 }
 
 #[test]
-fn the_developed_patches_are_as_far_off_as_the_command_says() {
+fn the_colour_errors_of_developed_patches_equal_the_printed_ones() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "");
     std::fs::write(
@@ -236,7 +236,7 @@ fn a_spectral_file_is_exposed_as_the_scene_that_it_holds() {
 }
 
 #[test]
-fn bands_that_nothing_answers_to_are_named_or_left_out() {
+fn bands_without_response_are_named_or_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "");
     let cube = |name: &str, wavelengths: &str| {
@@ -251,7 +251,7 @@ fn bands_that_nothing_answers_to_are_named_or_left_out() {
         2,
         &["heat.npy", "5000 to 10000 nm"],
     );
-    // The last band lies where no pixel answers and no ray comes through.
+    // In the last band no pixel responds and no ray passes.
     cube("far", "[0.5, 0.7, 20.0]");
     run_ok(folder.path(), &["simulate", "far.npy", "--sensor", &sensor, "--no-noise"]);
     let args = ["simulate", "far.npy", "--sensor", &sensor, "--bands", "8"];
@@ -319,14 +319,14 @@ fn a_near_object_gives_the_light_of_the_working_f_number() {
 }
 
 #[test]
-fn infrared_counts_where_the_pixels_see_it() {
+fn infrared_counts_where_the_pixels_respond() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "").replace("small.toml", "mono.toml");
     let text = std::fs::read_to_string(folder.path().join("small.toml")).unwrap();
     let text = &text[..text.find("[quantum_efficiency]").unwrap()];
     std::fs::write(folder.path().join("mono.toml"), text.replace("\"RGGB\"", "\"mono\"")).unwrap();
     let args = ["simulate", "scene:flat", "--sensor", &sensor, "--no-noise"];
-    // No built-in curve is that of clear pixels, and the hint does not say so.
+    // There is no built-in curve for clear pixels, and the hint does not suggest one.
     let outcome = run_fails(folder.path(), &args, 2, &["no quantum efficiency curves", "flat:0.6"]);
     assert!(!outcome.says("imx219"), "{}", outcome.stderr);
     let take = |more: &[&str]| {
@@ -343,7 +343,7 @@ fn infrared_counts_where_the_pixels_see_it() {
     let efficiency = Spectrum::new(vec![0.3, 1.1], vec![0.6, 0.6]).unwrap();
     let exact = optics.electrons(&radiance, &efficiency);
     assert!((bulb["white_e"].as_f64().unwrap() / exact - 1.0).abs() < 3e-3, "{exact} {bulb}");
-    // The table of D65 ends at 780 nm, where the pixels still see.
+    // The table of D65 ends at 780 nm, where the pixels still respond.
     let day = run_ok(folder.path(), &[&args[..], &["--qe", "flat:0.6"]].concat());
     assert!(day.says("nothing is known of D65 beyond 780 nm"), "{}", day.stderr);
     // So does that of a filter, unless it ends at nothing.
@@ -450,7 +450,7 @@ fn built_in_names_come_before_files() {
 }
 
 #[test]
-fn pixels_that_tell_no_colours_apart_give_a_picture_without_a_matrix() {
+fn pixels_that_do_not_distinguish_colours_give_a_picture_without_a_matrix() {
     let folder = tempfile::tempdir().unwrap();
     let sensor = small_sensor(folder.path(), "");
     let args = ["simulate", "scene:flat", "--sensor", &sensor, "--qe", "flat:0.5", "--no-noise"];

@@ -1,4 +1,4 @@
-//! `petzval lens tolerance`: sensitivities and random lenses of the nominal triplet, files, and input that is wrong.
+//! `petzval lens tolerance`: sensitivities and random lenses of the nominal triplet, files, and wrong input.
 
 mod common;
 
@@ -12,7 +12,7 @@ fn number(v: &Value) -> f64 {
 }
 
 #[test]
-fn the_table_says_what_matters_and_random_lenses_agree() {
+fn the_table_lists_the_greatest_effects_and_random_lenses_agree() {
     let folder = tempfile::tempdir().unwrap();
     let all = ["lens", "tolerance", LENS, "--trials", "300", "--limit", "13.4", "--json"];
     let found = run_ok(folder.path(), &all).json();
@@ -77,7 +77,7 @@ fn the_folder_holds_figures_pictures_and_the_worst_lenses() {
     let worst = figures["monte_carlo"]["worst"].as_array().unwrap();
     assert_eq!(worst.len(), 2);
     for w in worst {
-        // The lens itself, read again, has that merit: its spots are those of a lens that is made so.
+        // Read again, the written lens has about this merit, which here counts one side of the field only.
         let name = format!("made/lens-{:05}.toml", w["trial"].as_u64().unwrap());
         let lens = run_ok(folder.path(), &["lens", "show", &name, "--json"]).json();
         let one_side: Vec<f64> =
@@ -135,7 +135,7 @@ fn contrast_inverse_tolerances_and_other_compensators() {
     let set = found["monte_carlo"]["compensators"].as_array().unwrap();
     assert_eq!(set.len(), 2);
     assert!(number(&set[1]["least"]) >= -0.2 && number(&set[1]["greatest"]) <= 0.2);
-    // Nothing set at all, and no random lenses.
+    // No compensators and no random lenses.
     let still = ["lens", "tolerance", LENS, "--compensate", "none", "--trials", "0", "--json"];
     let found = run_ok(folder.path(), &still).json();
     assert_eq!(found["monte_carlo"], Value::Null);
@@ -225,7 +225,7 @@ fn wrong_input_is_refused_with_its_place() {
         std::fs::write(folder.path().join("t.toml"), &text).unwrap();
         run_fails(folder.path(), &["lens", "tolerance", LENS, "--tolerances", "t.toml"], 2, needles);
     }
-    // A lens that brings no light to its outermost field.
+    // A lens without light in its outermost field.
     let lens = read(&common::data("lenses/cooke-triplet-nominal.toml"));
     let wide = lens.replace("angle_deg = [0.0, 5.0, 10.0, 15.0]", "angle_deg = [0.0, 5.0, 10.0, 60.0]");
     std::fs::write(folder.path().join("wide.toml"), wide).unwrap();

@@ -6,6 +6,7 @@
 mod place;
 mod srgb;
 
+pub(crate) use srgb::SRGB_TOE;
 pub use srgb::{srgb_decode, srgb_encode};
 
 /// Colour planes of a camera image, in the order red, green, blue.

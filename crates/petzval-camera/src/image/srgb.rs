@@ -1,24 +1,21 @@
 //! The sRGB transfer curve between linear light and display values.
 
+/// Linear light up to which the curve is a line.
+pub(crate) const SRGB_TOE: f32 = 0.003_130_8;
+
 /// Encodes linear light for a display (opto-electronic transfer function).
 ///
-/// `s = 12.92 l` for `l <= 0.0031308`, else `s = 1.055 l^(1/2.4) - 0.055`; `l` in [0, 1], relative light; odd-symmetric
-/// below zero, no clipping above one. Source: IEC 61966-2-1:1999.
+/// `s = 12.92 l` for `l <= 0.0031308`, else `s = 1.055 l^(1/2.4) - 0.055`; `l` in [0, 1], relative light. Nothing is clipped: the
+/// line through zero goes on below it, so that noise around black keeps its sign. Source: IEC 61966-2-1:1999.
 pub fn srgb_encode(linear: f32) -> f32 {
-    let magnitude = linear.abs();
-    let encoded =
-        if magnitude <= 0.0031308 { 12.92 * magnitude } else { 1.055 * magnitude.powf(1.0 / 2.4) - 0.055 };
-    encoded.copysign(linear)
+    if linear <= SRGB_TOE { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Decodes a display value to linear light (electro-optical transfer function), the inverse of [`srgb_encode`].
 ///
 /// `l = s / 12.92` for `s <= 0.04045`, else `l = ((s + 0.055) / 1.055)^2.4`. Source: IEC 61966-2-1:1999.
 pub fn srgb_decode(encoded: f32) -> f32 {
-    let magnitude = encoded.abs();
-    let linear =
-        if magnitude <= 0.04045 { magnitude / 12.92 } else { ((magnitude + 0.055) / 1.055).powf(2.4) };
-    linear.copysign(encoded)
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]

@@ -103,11 +103,7 @@ impl RenderGeometry {
         self.position_um(row, col)
     }
 
-    /// Marks the patches that have a weight somewhere in the window of `height` x `width` pixels at `placement`.
-    pub fn active_patches_at(&self, placement: Placement, height: usize, width: usize) -> Vec<bool> {
-        self.active_patches(&Window { placement, height, width })
-    }
-
+    /// Marks the patches that have a weight somewhere in a window.
     pub(super) fn active_patches(&self, window: &Window) -> Vec<bool> {
         let (rows, cols) = (self.row_tiles(window), self.col_tiles(window));
         let mut active = vec![false; self.patch_count()];

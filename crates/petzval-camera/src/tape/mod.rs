@@ -18,6 +18,7 @@ mod frames;
 mod host_kernel;
 mod linear_isp_op;
 mod render_op;
+mod srgb_op;
 
 pub use develop_op::{develop_op, develop_with_stops_op};
 pub use expose_op::{expose_op, expose_with_stops_op};
@@ -25,6 +26,7 @@ pub use frames::Frames;
 pub use host_kernel::{HostKernel, apply, apply_two};
 pub use linear_isp_op::linear_isp_op;
 pub use render_op::{PlacedScene, illumination_op, render_op};
+pub use srgb_op::srgb_encode_op;
 
 use crate::image::LinearImage;
 

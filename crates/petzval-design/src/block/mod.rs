@@ -108,11 +108,6 @@ fn part<'a>(state: &'a BlockState, name: &str) -> Result<&'a [u8], String> {
     state.get(name).map(Vec::as_slice).ok_or_else(|| format!("`{name}` is missing"))
 }
 
-/// A gradient that the tape must have; its absence is a defect of the program or the device.
-fn missing(what: &str) -> DesignError {
-    DesignError::Device(format!("{what} have no gradient"))
-}
-
 /// The gradients of a loss.
 fn backward(loss: NamedLoss) -> Gradients {
     loss.total.backward()

@@ -14,6 +14,7 @@ use crate::error::DesignError;
 
 const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
+const ANCHOR: &str = "anchor.bin";
 
 /// A U-Net with its optimiser.
 pub struct NetworkBlock {
@@ -68,13 +69,21 @@ impl Block for NetworkBlock {
     fn save(&self) -> Result<BlockState, DesignError> {
         let unwritable = |problem: String| DesignError::Unwritable { what: "the network", problem };
         let weights = self.network.to_bytes().map_err(|e| unwritable(e.to_string()))?;
+        let anchor = self.anchor.to_bytes().map_err(|e| unwritable(e.to_string()))?;
         let optimizer = self.optimizer.into_bytes().map_err(|e| unwritable(e.to_string()))?;
-        Ok(BTreeMap::from([(WEIGHTS.to_owned(), weights), (OPTIMIZER.to_owned(), optimizer.to_vec())]))
+        Ok(BTreeMap::from([
+            (WEIGHTS.to_owned(), weights),
+            (OPTIMIZER.to_owned(), optimizer.to_vec()),
+            (ANCHOR.to_owned(), anchor),
+        ]))
     }
 
     fn load(&mut self, state: &BlockState) -> Result<(), String> {
-        let weights = part(state, WEIGHTS)?.to_vec();
-        self.network = self.network.clone().load_bytes(weights).map_err(|e| format!("{WEIGHTS}: {e}"))?;
+        let load = |network: &UNet, name: &str| {
+            let bytes = part(state, name)?.to_vec();
+            network.clone().load_bytes(bytes).map_err(|e| format!("{name}: {e}"))
+        };
+        (self.network, self.anchor) = (load(&self.network, WEIGHTS)?, load(&self.anchor, ANCHOR)?);
         let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
         self.optimizer = AdamConfig::new()
             .init()
@@ -111,8 +120,10 @@ impl ModuleMapper for Pull {
         param.map(|weights| {
             let is_tracked = weights.is_require_grad();
             let anchor = Tensor::<D>::from_data(anchor, &weights.device());
-            let pulled = (weights.detach() + anchor * self.strength) / (1.0 + self.strength);
-            if is_tracked { pulled.require_grad() } else { pulled }
+            // `detach` alone would leave the tensor tracked, and the result would be no leaf.
+            let weights = weights.detach().set_require_grad(false);
+            let pulled = (weights + anchor * self.strength) / (1.0 + self.strength);
+            pulled.set_require_grad(is_tracked)
         })
     }
 }

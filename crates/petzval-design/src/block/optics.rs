@@ -7,7 +7,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, descend};
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockName, BlockState, StepRule, backward, missing, named, part};
+use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
 use crate::adam::Adam;
 use crate::camera::to_host;
 use crate::error::DesignError;
@@ -66,13 +66,12 @@ impl OpticsBlock {
 
         // The tape ends at the PSFs.
         let gradients = backward(loss);
-        let by_values = to_host(psfs.values.grad(&gradients).ok_or_else(|| missing("the PSFs"))?)?;
+        let by_values = to_host(psfs.values.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         let by_illumination =
-            to_host(psfs.illumination.grad(&gradients).ok_or_else(|| missing("the PSFs"))?)?;
+            to_host(psfs.illumination.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         // Ray tracing takes over from the PSFs to the numbers of the lens.
         let formed = batch.camera.psfs();
-        let mut gradient =
-            formed.pull_back(&by_values, &by_illumination).ok_or_else(|| missing("measured PSFs"))?;
+        let mut gradient = formed.pull_back(&by_values, &by_illumination).ok_or(DesignError::NoLens)?;
 
         let lens = self.lens()?;
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;

@@ -16,7 +16,9 @@ use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{Placement, RenderGeometry, kernel_radius};
 use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
-use petzval_camera::tape::{Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op};
+use petzval_camera::tape::{
+    Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op, srgb_encode_op,
+};
 use petzval_learn::network::PictureNetwork;
 use petzval_learn::objective::Labels;
 
@@ -213,7 +215,7 @@ impl Camera {
 
     /// What the network makes of developed pictures, sRGB-encoded; without a network, the developed pictures encoded.
     pub fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
-        let encoded = srgb_encode(developed);
+        let encoded = srgb_encode_op(developed);
         match &self.network {
             Some(network) => network.finish(encoded),
             None => encoded,
@@ -225,11 +227,7 @@ impl Camera {
         let [height, width] = self.window(shots);
         let mut data = Vec::new();
         for shot in shots {
-            let window = shot
-                .scene
-                .crop(self.border, self.border, height, width)
-                .map_err(|e| DesignError::Device(e.to_string()))?;
-            data.extend(window.to_srgb());
+            data.extend(shot.scene.crop(self.border, self.border, height, width)?.to_srgb());
         }
         let shape = [shots.len(), 3, height, width];
         Ok(Labels { picture: Tensor::from_data(TensorData::new(data, shape), &self.body.device) })
@@ -245,15 +243,6 @@ impl Camera {
     pub fn capture(&self, shot: &Shot) -> Capture {
         Capture { exposure: self.body.exposure, placement: shot.placement, frame: shot.frame }
     }
-}
-
-/// The sRGB transfer function (IEC 61966-2-1), linear below its toe so that noise around black keeps its sign.
-pub fn srgb_encode(linear: Tensor<4>) -> Tensor<4> {
-    const TOE: f32 = 0.003_130_8;
-    let toe = linear.clone() * 12.92;
-    let curve = linear.clone().clamp_min(TOE).powf_scalar(1.0 / 2.4) * 1.055 - 0.055;
-    let in_toe = linear.lower_equal_elem(TOE);
-    curve.mask_where(in_toe, toe)
 }
 
 /// The values of a tensor on the host.

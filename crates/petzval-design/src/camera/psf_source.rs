@@ -5,7 +5,7 @@ use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 
 use crate::error::DesignError;
-use crate::optics::{BankWithTape, PsfPlan};
+use crate::psf_plan::{BankWithTape, PsfPlan};
 
 /// Where the PSFs of a camera come from.
 #[derive(Clone, Debug)]
@@ -58,6 +58,14 @@ impl Psfs {
     pub fn lens(&self) -> Option<&Lens> {
         match &self.kind {
             Kind::Traced { lens, .. } => Some(lens),
+            Kind::Measured(_) => None,
+        }
+    }
+
+    /// Least share of a PSF's light that its grid holds, over fields and colours; `None` where no lens forms the PSFs.
+    pub fn captured(&self) -> Option<f64> {
+        match &self.kind {
+            Kind::Traced { traced, .. } => Some(traced.captured()),
             Kind::Measured(_) => None,
         }
     }

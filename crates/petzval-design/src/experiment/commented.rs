@@ -43,7 +43,7 @@ pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
         out += &match parameter {
             Some(p) => {
                 let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
-                format!("{line:<40} # {:?} to {:?}{unit}: {}\n", p.min, p.max, p.sentence)
+                format!("{line:<40} # {} to {}{unit}: {}\n", p.min, p.max, p.sentence)
             }
             None => format!("{line}\n"),
         };
@@ -57,14 +57,12 @@ pub fn reference_markdown() -> String {
     for (table, numbers) in tables() {
         for p in numbers.parameters {
             let default = match &p.default[..] {
-                [one] => format!("{one:?}"),
-                several => format!("{several:?}"),
+                [one] => one.to_string(),
+                several => format!("[{}]", several.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")),
             };
             let (name, unit, sentence) = (p.name, p.unit, p.sentence);
-            out += &format!(
-                "| `{table}.{name}` | {default} | {:?} to {:?} | {unit} | {sentence} |\n",
-                p.min, p.max
-            );
+            out +=
+                &format!("| `{table}.{name}` | {default} | {} to {} | {unit} | {sentence} |\n", p.min, p.max);
         }
     }
     out

@@ -115,14 +115,8 @@ impl Experiment {
         let experiment = Self::parse(text)?;
         let found: toml::Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
         let whole = toml::Table::try_from(&experiment).unwrap_or_default();
-        let missing = whole.iter().find_map(|(key, value)| match (found.get(key), value) {
-            (None, _) => Some(key.clone()),
-            (Some(toml::Value::Table(found)), toml::Value::Table(whole)) => {
-                whole.keys().find(|k| !found.contains_key(*k)).map(|k| format!("{key}.{k}"))
-            }
-            _ => None,
-        });
-        match missing {
+        let (found, whole) = (toml::Value::Table(found), toml::Value::Table(whole));
+        match missing_key(&found, &whole) {
             None => Ok(experiment),
             Some(key) => Err(FileError::at_key(text, &[&key], "is missing")
                 .hint("the config.toml of a run holds every key; put it back as it was")),
@@ -165,6 +159,16 @@ impl Experiment {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
         }
+        let scores = &self.scoring.scores;
+        let twice = scores.iter().enumerate().find(|(i, name)| scores[..*i].contains(name));
+        let wrong = match twice {
+            Some((_, name)) => Some((format!("`{name}` is named twice"), "name each score once")),
+            None if scores.is_empty() => Some(("names no score".to_owned(), "for example [\"psnr_db\"]")),
+            None => None,
+        };
+        if let Some((message, hint)) = wrong {
+            return Err(FileError::at_key(text, &["scoring", "scores"], message).hint(hint));
+        }
         for (table, key, value) in [
             ("psf", "pupil_cells", self.psf.pupil_cells),
             ("psf", "scoring_pupil_cells", self.psf.scoring_pupil_cells),
@@ -200,4 +204,22 @@ impl Experiment {
         let is_wanted = |v: &&VariantConfig| wanted.iter().any(|w| w.name == v.name);
         Some(Self { variant: self.variant.iter().filter(is_wanted).cloned().collect(), ..self.clone() })
     }
+}
+
+/// The path of the first key of `whole` that `found` does not have: `psf.grid`, `variant.0.name`.
+fn missing_key(found: &toml::Value, whole: &toml::Value) -> Option<String> {
+    use toml::Value;
+    let pairs: Vec<(String, Option<&Value>, &Value)> = match (found, whole) {
+        (Value::Table(found), Value::Table(whole)) => {
+            whole.iter().map(|(key, value)| (key.clone(), found.get(key), value)).collect()
+        }
+        (Value::Array(found), Value::Array(whole)) => {
+            whole.iter().enumerate().map(|(i, value)| (i.to_string(), found.get(i), value)).collect()
+        }
+        _ => return None,
+    };
+    pairs.into_iter().find_map(|(key, found, whole)| match found {
+        None => Some(key),
+        Some(found) => missing_key(found, whole).map(|below| format!("{key}.{below}")),
+    })
 }

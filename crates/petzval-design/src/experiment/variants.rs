@@ -1,9 +1,11 @@
 //! The variants of an experiment, as its file says them.
 
 use petzval_base::FileError;
+use petzval_base::parameter::Parameters;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::OpticsConfig;
 use crate::block::BlockName;
 
 /// A camera of the comparison.
@@ -87,56 +89,123 @@ pub fn standard_variants() -> Vec<VariantConfig> {
 
 /// Refuses variants that cannot be made or told apart; `text` is their file, for messages.
 pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(), FileError> {
-    let error = |key: &str, message: String| FileError::at_key(text, &["variant", key], message);
     if variants.is_empty() {
         let none = FileError::at_key(text, &["variant"], "there are no variants");
         return Err(none.hint("add a [[variant]] with a name and a [[variant.stage]]"));
     }
-    let mut known: Vec<&str> = Vec::new();
-    for variant in variants {
-        let name = variant.name.as_str();
-        let is_folder_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if name.is_empty() || !name.chars().all(is_folder_name) {
-            let message = format!("`{name}` cannot be the name of a folder");
-            return Err(error("name", message).hint("use letters, digits, `-` and `_`"));
+    for (i, variant) in variants.iter().enumerate() {
+        let place = i.to_string();
+        check_origin(variant, &variants[..i])
+            .map_err(|(key, message, hint)| at(text, &["variant", &place, key], message).hint(hint))?;
+        for (k, stage) in variant.stage.iter().enumerate() {
+            let stage_place = k.to_string();
+            check_stage(stage).map_err(|(keys, message, hint)| {
+                let path = [&["variant", &place, "stage", &stage_place], &keys[..]].concat();
+                at(text, &path, format!("variant `{}`: {message}", variant.name)).hint(hint)
+            })?;
         }
-        if known.contains(&name) {
-            return Err(error("name", format!("two variants are called `{name}`"))
-                .hint("give each a name of its own"));
-        }
-        if let Some(from) = &variant.from {
-            if !known.contains(&from.as_str()) {
-                let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
-                let hint = match known.is_empty() {
-                    true => "the first variant starts from a lens".to_owned(),
-                    false => format!("earlier variants: {}", known.join(", ")),
-                };
-                return Err(error("from", message).hint(hint));
-            }
-            if variant.lens.is_some() {
-                let message = format!("`{name}` starts from a lens and from a variant");
-                return Err(error("from", message).hint("leave out `lens` or `from`"));
-            }
-        }
-        if variant.stage.is_empty() {
-            return Err(error("stage", format!("`{name}` has no stages"))
-                .hint("add a [[variant.stage]] with `moves = [\"network\"]`"));
-        }
-        for stage in &variant.stage {
-            if stage.moves.is_empty() {
-                return Err(error("stage", format!("a stage of `{name}` moves no block"))
-                    .hint("write `moves = [\"network\"]`, or leave the stage out"));
-            }
-            if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
-                return Err(error("stage", format!("the spot goal of `{name}` moves the lens alone"))
-                    .hint("write `moves = [\"optics\"]`"));
-            }
-            if stage.goal == Goal::Spot && stage.optics.is_some() {
-                return Err(error("stage", format!("the spot goal of `{name}` has no schedule"))
-                    .hint("leave `optics` out; `iterations` in [spot] ends it at the latest"));
-            }
-        }
-        known.push(name);
     }
     Ok(())
+}
+
+/// An error at a path of keys, or at the nearest place above it that the file has.
+fn at(text: &str, path: &[&str], message: String) -> FileError {
+    let found = (1..=path.len()).rev().map(|end| FileError::at_key(text, &path[..end], message.clone()));
+    let error = found.into_iter().find(|error| error.line.is_some());
+    error.unwrap_or_else(|| FileError::at_key(text, path, message))
+}
+
+/// Name and origin of a variant behind others: key, message and hint of what is wrong.
+fn check_origin(
+    variant: &VariantConfig,
+    earlier: &[VariantConfig],
+) -> Result<(), (&'static str, String, String)> {
+    let name = variant.name.as_str();
+    let is_folder_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if name.is_empty() || !name.chars().all(is_folder_name) {
+        let message = format!("`{name}` cannot be the name of a folder");
+        return Err(("name", message, "use letters, digits, `-` and `_`".to_owned()));
+    }
+    if earlier.iter().any(|v| v.name == name) {
+        let message = format!("two variants are called `{name}`");
+        return Err(("name", message, "give each a name of its own".to_owned()));
+    }
+    if let Some(from) = &variant.from {
+        if !earlier.iter().any(|v| v.name == *from) {
+            let message = format!("`{name}` starts from `{from}`, which is no earlier variant");
+            let names: Vec<&str> = earlier.iter().map(|v| v.name.as_str()).collect();
+            let hint = match names.is_empty() {
+                true => "the first variant starts from a lens".to_owned(),
+                false => format!("earlier variants: {}", names.join(", ")),
+            };
+            return Err(("from", message, hint));
+        }
+        if variant.lens.is_some() {
+            let message = format!("`{name}` starts from a lens and from a variant");
+            return Err(("from", message, "leave out `lens` or `from`".to_owned()));
+        }
+    }
+    if variant.stage.is_empty() {
+        let hint = "add a [[variant.stage]] with `moves = [\"network\"]`".to_owned();
+        return Err(("stage", format!("`{name}` has no stages"), hint));
+    }
+    Ok(())
+}
+
+/// A stage by itself: keys, message and hint of what is wrong.
+fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, String)> {
+    if stage.moves.is_empty() {
+        let hint = "write `moves = [\"network\"]`, or leave the stage out".to_owned();
+        return Err((vec!["moves"], "the stage moves no block".to_owned(), hint));
+    }
+    if let Some(twice) = stage.moves.iter().enumerate().find(|(i, block)| stage.moves[..*i].contains(block)) {
+        let message = format!("`{}` moves twice", twice.1.name());
+        return Err((vec!["moves"], message, "name each block once".to_owned()));
+    }
+    if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
+        let message = "the spot goal moves the lens alone".to_owned();
+        return Err((vec!["moves"], message, "write `moves = [\"optics\"]`".to_owned()));
+    }
+    if stage.goal == Goal::Spot && stage.optics.is_some() {
+        let hint = "leave it out; the stage ends where it converges, or after `spot.iterations`".to_owned();
+        return Err((vec!["optics"], "the spot goal takes no schedule".to_owned(), hint));
+    }
+    for (block, schedule) in [(BlockName::Optics, &stage.optics), (BlockName::Network, &stage.network)] {
+        let Some(schedule) = schedule else { continue };
+        if !stage.moves.contains(&block) {
+            let message = format!("`{}` has a schedule and does not move", block.name());
+            return Err((
+                vec![block.name()],
+                message,
+                "add it to `moves`, or leave its schedule out".to_owned(),
+            ));
+        }
+        if let Some((key, message)) = schedule.out_of_range() {
+            return Err((
+                vec![block.name(), key],
+                message,
+                "leave it out for the experiment's own value".to_owned(),
+            ));
+        }
+    }
+    Ok(())
+}
+
+impl ScheduleConfig {
+    /// The first key out of range, with a message. The ranges are those of the tables whose values it replaces.
+    fn out_of_range(&self) -> Option<(&'static str, String)> {
+        let numbers = [
+            ("steps", self.steps.map(|v| v as f64), "steps"),
+            ("learning_rate", self.learning_rate, "learning_rate"),
+            ("final_learning_rate", self.final_learning_rate, "final_learning_rate"),
+            ("share", self.share, "moving_share"),
+            ("proximal", self.proximal, "proximal"),
+        ];
+        let ranges = OpticsConfig::table();
+        numbers.into_iter().find_map(|(key, value, of_table)| {
+            let range = ranges.parameters.iter().find(|p| p.name == of_table)?;
+            let value = value.filter(|v| !(*v >= range.min && *v <= range.max))?;
+            Some((key, format!("{value}: must lie between {} and {}", range.min, range.max)))
+        })
+    }
 }

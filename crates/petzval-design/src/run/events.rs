@@ -43,7 +43,7 @@ impl EventLog {
                 text.push_str(&line_of(event)?);
                 text.push('\n');
             }
-            super::write_atomically(path, text.as_bytes())?;
+            super::write_file(path, text.as_bytes())?;
         }
         let file = fs::OpenOptions::new().create(true).append(true).open(path);
         Ok(Self { file: file.map_err(DesignError::io(path))?, path: path.to_path_buf() })

@@ -1,8 +1,9 @@
 //! Paths of a run folder, and writing that is never seen half done.
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
+
+use petzval_base::write_whole;
 
 use crate::error::DesignError;
 
@@ -136,16 +137,7 @@ impl RunFolder {
     }
 }
 
-/// Writes a file beside its place and moves it there, so that no reader and no crash sees half of it.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), DesignError> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".partial");
-    let beside = PathBuf::from(beside);
-    let write = || -> std::io::Result<()> {
-        let mut file = fs::File::create(&beside)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&beside, path)
-    };
-    write().map_err(DesignError::io(path))
+/// Writes a file of a run whole or not at all.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), DesignError> {
+    write_whole(path, bytes).map_err(DesignError::io(path))
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 /// Scores of every camera on held-out pictures.
@@ -15,10 +16,8 @@ pub struct Metrics {
     pub held_out_images: usize,
     /// Number of places on the sensor at which each of them is scored.
     pub held_out_places: usize,
-    /// Which SSIM this is.
-    pub ssim_variant: String,
-    /// Which LPIPS this is.
-    pub lpips_variant: String,
+    /// The scores of the pictures, in the order of the experiment file.
+    pub scores: Vec<ScoreDescription>,
 }
 
 /// One camera.

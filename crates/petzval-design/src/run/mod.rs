@@ -11,5 +11,5 @@ mod metrics;
 
 pub use checkpoint::{latest_checkpoint, load_blocks, save_blocks, save_checkpoint};
 pub use events::{Event, EventLog, read_events};
-pub use folder::{RunFolder, write_atomically};
+pub use folder::{RunFolder, write_file};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};

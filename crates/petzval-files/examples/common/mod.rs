@@ -1,4 +1,4 @@
-//! Reading a lens file with the glass catalogue beside it.
+//! Reads a lens file with the glass catalogues of the neighbouring folder.
 
 use std::error::Error;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::glass::Catalog;
 
-/// The lens file at `path`, its glasses from `../glasses` beside its folder.
+/// The lens file at `path`, with glasses from the folder `../glasses` relative to the file's folder.
 pub fn read_lens(path: &str) -> Result<LensFile, Box<dyn Error>> {
     let mut catalog = Catalog::default();
     for entry in std::fs::read_dir(Path::new(path).with_file_name("../glasses"))? {

@@ -1,11 +1,11 @@
-//! How the page knows why numbers differ: each claim as two values that are the same if it is true.
+//! Checks of the page's explanations: each claim is a pair of values that are equal if the claim is true.
 
 use super::listed::{Listed, ListedLens};
 use super::ours::{Aim, Studied};
 
-/// Two values that ought to be the same.
+/// Two values that should be equal.
 pub struct Check {
-    /// The note of the page that it belongs to.
+    /// The note of the page that the check supports.
     pub note: &'static str,
     pub lens: String,
     pub this: String,
@@ -15,14 +15,14 @@ pub struct Check {
     pub tolerance: f64,
 }
 
-/// What else the page shows: how one value settles.
+/// Convergence of one value of Optiland with its number of rays.
 pub struct Settling {
     pub lens: String,
-    /// Rays a side of the pupil, and the greatest difference of the modulation on the axis from ours.
+    /// Rays along a side of the pupil, and the largest difference of the modulation on the axis from ours.
     pub by_rays: Vec<(usize, f64)>,
 }
 
-/// Every claim of the page.
+/// The checks of every claim of the page.
 pub fn checks(listed: &Listed) -> Vec<Check> {
     listed.lenses.iter().flat_map(|lens| of_lens(lens, listed.near_axis_height)).collect()
 }
@@ -109,7 +109,7 @@ fn of_lens(listed: &ListedLens, close: f64) -> Vec<Check> {
     found
 }
 
-/// How Optiland's diffraction curve on the axis settles.
+/// Convergence of Optiland's diffraction MTF on the axis.
 pub fn settling(listed: &Listed) -> Vec<Settling> {
     let of = |lens: &ListedLens| {
         let studied = Studied::new(lens, listed.near_axis_height);

@@ -1,4 +1,4 @@
-//! What other programs say, as `tests/fixtures/program_comparison.json` lists it, and the lenses it is said of.
+//! Values of other programs, as listed in `tests/fixtures/program_comparison.json`, and the lenses to which they belong.
 
 use std::sync::Arc;
 
@@ -10,29 +10,29 @@ use serde::Deserialize;
 #[derive(Deserialize)]
 pub struct Listed {
     pub frequencies_per_mm: Vec<f64>,
-    /// Height of a ray close to another, pupil radii.
+    /// Height difference of two close rays, in pupil radii.
     pub near_axis_height: f64,
     pub lenses: Vec<ListedLens>,
 }
 
-/// A lens and what is said of it.
+/// A lens and the values that the other programs give for it.
 #[derive(Deserialize)]
 pub struct ListedLens {
     pub name: String,
-    /// The built-in lens that it is.
+    /// Name of the built-in lens, if it is one.
     pub file: Option<String>,
     pub entrance_pupil_mm: f64,
     pub fields_deg: Vec<f64>,
     pub wavelengths_um: Vec<f64>,
     pub reference_um: f64,
-    /// Wavelengths of the indices.
+    /// Wavelengths of the indices, um.
     pub index_um: Vec<f64>,
     pub surfaces: Vec<ListedSurface>,
     pub optiland: Optiland,
     pub rayoptics: RayOptics,
 }
 
-/// A surface; no radius is a plane, no index is air.
+/// A surface. Without a radius it is a plane; without an index it is followed by air.
 #[derive(Deserialize)]
 pub struct ListedSurface {
     pub radius_mm: Option<f64>,
@@ -43,7 +43,7 @@ pub struct ListedSurface {
     pub index: Option<Vec<f64>>,
 }
 
-/// First-order properties by paraxial formulas, from the first and the last vertex.
+/// First-order properties by paraxial formulas. Distances count from the first and the last vertex.
 #[derive(Clone, Deserialize)]
 pub struct Paraxial {
     pub efl_mm: f64,
@@ -53,7 +53,7 @@ pub struct Paraxial {
     pub exit_pupil_mm: f64,
 }
 
-/// The same by a traced ray close to the axis; foci of the wavelengths from the image plane.
+/// First-order properties by a traced ray close to the axis. Foci of the wavelengths count from the image plane.
 #[derive(Clone, Deserialize)]
 pub struct NearAxis {
     pub efl_mm: f64,
@@ -64,23 +64,23 @@ pub struct NearAxis {
 /// Rays of a field under one way of aiming.
 #[derive(Clone, Deserialize)]
 pub struct AtField {
-    /// By wavelength.
+    /// Height of the chief ray, by wavelength.
     pub chief_mm: Vec<f64>,
     pub reference_chief_mm: f64,
     pub sagittal_focus_mm: f64,
     pub tangential_focus_mm: f64,
     pub opd_rms_waves: f64,
-    /// Of ray-optics: the same with the other sign in its formula for the sphere.
+    /// ray-optics only: the same with the other sign in its formula for the reference sphere.
     pub opd_rms_by_the_sphere_waves: Option<f64>,
     pub rms_um: f64,
     pub rms_poly_um: f64,
-    /// Of ray-optics: sagittal and tangential focus by its Coddington trace, mm.
+    /// ray-optics only: sagittal and tangential focus by its Coddington trace, mm.
     pub coddington_mm: Option<[f64; 2]>,
-    /// Radius of the sphere that path differences count from, where it is not the one through the paraxial exit pupil.
+    /// Radius of the reference sphere, if it is not the sphere through the paraxial exit pupil.
     pub reference_sphere_mm: Option<f64>,
 }
 
-/// Modulation at the frequencies of the list.
+/// Modulation at the listed frequencies.
 #[derive(Clone, Deserialize)]
 pub struct Modulation {
     pub geometric_tangential: Vec<f64>,
@@ -89,7 +89,7 @@ pub struct Modulation {
     pub fft_sagittal: Vec<f64>,
 }
 
-/// What Optiland says.
+/// Values of Optiland.
 #[derive(Deserialize)]
 pub struct Optiland {
     pub paraxial: Paraxial,
@@ -97,33 +97,33 @@ pub struct Optiland {
     pub seidel_mm: [f64; 5],
     pub paraxial_aim: Vec<AtField>,
     pub stop_aim: Vec<AtField>,
-    /// By field, with the tolerance that its aspheres have by default.
+    /// RMS wavefront by field, with Optiland's default tolerance for aspheres.
     pub opd_rms_waves_as_it_comes: Vec<f64>,
     pub mtf: Vec<Modulation>,
-    /// Rays a side of the pupil, then the modulation at each frequency.
+    /// Rays along a side of the pupil, then the modulation at each frequency.
     pub fft_on_axis_by_rays: Vec<Vec<f64>>,
 }
 
-/// What ray-optics says.
+/// Values of ray-optics.
 #[derive(Deserialize)]
 pub struct RayOptics {
     pub paraxial: Paraxial,
     pub near_axis: NearAxis,
-    /// Where a ray through the middle of the stop at 0.01 degrees crosses the axis, from the last vertex.
+    /// Axis crossing, from the last vertex, of the ray through the middle of the stop at 0.01 degrees.
     pub narrow_chief_crosses_mm: f64,
     pub seidel_mm: [f64; 5],
     pub seidel_by_surface_mm: Vec<[f64; 5]>,
     pub shifted_aim: Vec<AtField>,
 }
 
-/// The file.
+/// Reads the list.
 pub fn listed() -> Listed {
     let text = include_str!("../../tests/fixtures/program_comparison.json");
     serde_json::from_str(text).expect("the listed values")
 }
 
 impl ListedLens {
-    /// The lens as the other programs had it: without clear apertures.
+    /// The lens as given to the other programs: without clear apertures.
     pub fn lens(&self) -> Lens {
         let surface = |s: &ListedSurface| {
             let mut asphere = [0.0; ASPHERE_TERMS];

@@ -1,4 +1,4 @@
-//! Prints the page of the manual that sets Petzval's numbers beside those of Optiland and ray-optics.
+//! Prints the page of the manual that compares Petzval with Optiland and ray-optics.
 //!
 //! `cargo run --release -p petzval-files --example program_comparison > book/src/comparison.md`
 
@@ -12,7 +12,7 @@ use std::fmt::Write;
 use checks::{Check, Settling};
 use rows::{Compared, Pair, Row};
 
-/// The page with the places of its tables.
+/// The page with placeholders for its tables.
 const PAGE: &str = include_str!("page.md");
 
 fn main() {
@@ -33,12 +33,12 @@ fn main() {
     print!("{page}");
 }
 
-/// The greatest difference of pairs that ought to agree.
+/// The largest difference among pairs that should agree.
 fn difference<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Option<f64> {
     pairs.filter(|p| p.because.is_none()).map(|p| (p.ours - p.theirs).abs()).reduce(f64::max)
 }
 
-/// A difference to one digit; rounding alone is not told apart.
+/// A difference to one digit. Differences at the level of rounding are not resolved.
 fn apart(difference: Option<f64>) -> String {
     match difference {
         None => "-".into(),
@@ -132,12 +132,12 @@ fn lens_text(lens: &Compared) -> String {
     )
 }
 
-/// A quantity of the summary.
+/// A row of the summary: one quantity.
 #[derive(Default)]
 struct Summed {
     quantity: String,
     unit: &'static str,
-    /// From Optiland and from ray-optics: the largest difference, and the largest that a test allows.
+    /// For Optiland and ray-optics: the largest difference, and the largest tolerance of a test.
     from: [(Option<f64>, f64); 2],
 }
 
@@ -200,7 +200,7 @@ fn checks_text<'a>(checks: impl Iterator<Item = &'a Check>) -> String {
     text
 }
 
-/// Eight digits, or an exponent where these would be zeros.
+/// A number with eight decimals, or with an exponent if it is below 1e-3.
 fn number(value: f64) -> String {
     if value.abs() < 1e-3 { format!("{value:.3e}") } else { format!("{value:.8}") }
 }

@@ -1,4 +1,4 @@
-//! Petzval's values, each under the convention of the value that it is compared with.
+//! Petzval's values, each computed by the convention of the program with which it is compared.
 
 use std::f64::consts::TAU;
 
@@ -12,31 +12,31 @@ use petzval_optics::wave::{PupilPlane, opd};
 
 use super::listed::{AtField, ListedLens, Modulation, NearAxis, Paraxial};
 
-/// What the points of the pupil are points of.
+/// The surface on which points of the pupil are defined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aim {
     /// The paraxial entrance pupil of the reference wavelength.
     Paraxial,
-    /// The same, moved until the ray through its middle passes the middle of the stop at the reference wavelength.
+    /// The same, shifted so that the ray through its middle passes the middle of the stop at the reference wavelength.
     Shifted,
-    /// The stop, of the radius that first-order optics gives it: Petzval's own way.
+    /// The stop with the radius of first-order optics: Petzval's own convention.
     Stop,
-    /// The stop, of the radius at which the traced marginal ray of the axis passes it.
+    /// The stop with the radius at which the traced axial marginal ray passes it.
     TracedStop,
 }
 
-/// A lens with what its rays are launched by.
+/// A lens, and the quantities from which its rays are launched.
 pub struct Studied {
     pub lens: Lens,
     reference: Sequence,
     order: FirstOrder,
     /// Height at which the traced marginal ray of the axis passes the stop, mm.
     traced_stop_radius_mm: f64,
-    /// Height of a ray close to another, pupil radii.
+    /// Height difference of two close rays, in pupil radii.
     close: f64,
 }
 
-/// Points of spots and wavefronts, all of the same share of the pupil.
+/// Points for spots and wavefronts. Each stands for the same area of the pupil.
 pub fn points() -> Vec<[f64; 2]> {
     let ring = |i: usize| {
         (0..18).map(move |j| {
@@ -62,7 +62,7 @@ impl Studied {
         Self { lens, reference, order, traced_stop_radius_mm, close }
     }
 
-    /// The same lens without some of the terms of its aspheres: the first so many, or all.
+    /// The same lens without the first `count` terms of its aspheres.
     pub fn without_terms(&self, count: usize) -> Self {
         let mut lens = self.lens.clone();
         for s in &mut lens.surfaces {
@@ -71,7 +71,7 @@ impl Studied {
         Self::of(lens, self.close)
     }
 
-    /// From the last vertex to the paraxial image less that to the image plane, mm.
+    /// Distance of the paraxial image behind the image plane, mm.
     pub fn focus_beyond_mm(&self) -> f64 {
         self.order.bfl_mm - self.lens.image_distance_mm()
     }
@@ -99,7 +99,7 @@ impl Studied {
         self.lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(*b)).to_radians()
     }
 
-    /// One traced ray.
+    /// Traces one ray; also returns the optical path from the plane wave through the first vertex to its start, mm.
     fn ray(&self, sequence: &Sequence, field_rad: f64, aim: Aim, p: [f64; 2]) -> (f64, Path) {
         let paraxial = |p| paraxial_launch(&self.order, &self.reference, field_rad, p);
         let at = match aim {
@@ -116,7 +116,7 @@ impl Studied {
             }
         };
         let start = launch(sequence, field_rad, at).ray;
-        // How far behind the plane wave through the first vertex the ray starts.
+        // Path from the plane wave through the first vertex to the start of the ray.
         let behind = start.position[1] * start.direction[1];
         (behind, trace_ray(sequence, start))
     }
@@ -151,8 +151,8 @@ impl Studied {
         }
     }
 
-    /// A field under one way of aiming. Path differences count from the sphere through the paraxial exit pupil, or from one of a
-    /// given radius.
+    /// Values of a field with one way of aiming. The reference sphere goes through the paraxial exit pupil, or has the radius
+    /// `sphere_mm`.
     pub fn at_field(&self, field_deg: f64, aim: Aim, sphere_mm: Option<f64>) -> AtField {
         let field_rad = field_deg.to_radians();
         let colours: Vec<Sequence> =
@@ -170,6 +170,7 @@ impl Studied {
             let ((a, u), (b, v)) = (end(-self.close), end(self.close));
             -(b - a) / (v - u)
         };
+        // Collect heights, foci, wavefront and spots.
         let all: Vec<[f64; 2]> = colours.iter().flat_map(&landings).collect();
         let chief = |colour: &Sequence| self.landing(colour, field_rad, aim, [0.0; 2])[1];
         AtField {
@@ -199,8 +200,8 @@ impl Studied {
         deviation(&found.waves.iter().map(|w| w.expect("a ray")).collect::<Vec<_>>())
     }
 
-    /// The same by the formulas themselves: light runs from the plane wave to the first vertex plane, through the lens to the image
-    /// plane, and back to the sphere about the chief ray's image.
+    /// RMS wavefront directly from the path lengths: from the plane wave to the first vertex plane, through the lens to the image
+    /// plane, and back to the sphere about the image point of the chief ray.
     fn opd_rms_about(&self, field_rad: f64, aim: Aim, points: &[[f64; 2]], radius_mm: f64) -> f64 {
         let centre = self.landing(&self.reference, field_rad, aim, [0.0; 2]);
         let path = |p: &[f64; 2]| {
@@ -214,9 +215,9 @@ impl Studied {
         deviation(&points.iter().map(path).collect::<Vec<_>>())
     }
 
-    /// Modulation as Optiland has it: rays through a square grid of the paraxial entrance pupil; and, by waves, the overlap of the
-    /// pupil's wave with itself, moved by the share of the pupil that the frequency is of what the directions of the rays
-    /// at its rim span.
+    /// Modulation by Optiland's conventions. Geometric: rays through a square grid of the paraxial entrance pupil. Diffraction:
+    /// the autocorrelation of the wave in the pupil. Its shift relative to the pupil is the frequency relative to the cutoff,
+    /// which follows from the directions of the rays at the rim.
     pub fn modulation_paraxial(&self, field_deg: f64, frequencies: &[f64]) -> Modulation {
         const SIDE: usize = 128;
         let field = field_deg.to_radians();
@@ -243,7 +244,7 @@ impl Studied {
         }
     }
 
-    /// Overlap of the pupil's wave with itself for a frequency along an axis.
+    /// Autocorrelation of the wave in the pupil for a frequency along an axis.
     fn overlap(&self, field_rad: f64, axis: usize, frequency_per_mm: f64) -> f64 {
         const STRIPS: usize = 240;
         let rim = |side: f64| {
@@ -251,7 +252,8 @@ impl Studied {
             self.ray(&self.reference, field_rad, Aim::Paraxial, p).1.image.expect("a ray").direction[axis]
         };
         let half = frequency_per_mm * 1e-3 * self.lens.reference_um / (rim(-1.0) - rim(1.0)).abs();
-        // Strips across the overlap of the two disks, by the sine of an angle so that their lengths end smoothly.
+        // Integrate in strips across the overlap of the two disks. Spacing them by the sine of an angle makes the integrand
+        // smooth at the ends.
         let widest = (1.0 - half * half).sqrt();
         let (mut pairs, mut areas) = (Vec::new(), Vec::new());
         for i in 0..STRIPS {
@@ -267,6 +269,7 @@ impl Studied {
                 areas.push(width * 2.0 * reach / STRIPS as f64);
             }
         }
+        // Sum the phase differences of the two shifted waves over the overlap.
         let stop = self.order.stop_radius_mm;
         let found = opd(&self.reference, field_rad, stop, &pairs, PupilPlane::Paraxial).expect("a chief ray");
         let phases = found.waves.chunks(2).map(|w| TAU * (w[1].expect("a ray") - w[0].expect("a ray")));
@@ -277,7 +280,7 @@ impl Studied {
         f64::hypot(sin, cos) / std::f64::consts::PI
     }
 
-    /// Modulation as Petzval itself has it: of the beam that the stop lets through.
+    /// Modulation by Petzval's own convention: of the beam that passes the stop.
     pub fn modulation(&self, field_deg: f64) -> Modulation {
         let mut lens = self.lens.clone();
         lens.wavelengths_um = vec![lens.reference_um];
@@ -288,7 +291,7 @@ impl Studied {
             ..AnalysisOptions::default()
         };
         let mtf = field_mtf(&lens, field_deg, &options).expect("an MTF");
-        // 10, 20, 30 and 50 of 0, 10, ... 50.
+        // Select 10, 20, 30 and 50 cycles/mm among 0, 10, ... 50.
         let pick = |curve: &[f64]| [1, 2, 3, 5].map(|k| curve[k]).to_vec();
         let waves = mtf.diffraction.expect("a wave");
         Modulation {
@@ -299,8 +302,8 @@ impl Studied {
         }
     }
 
-    /// S_I by traced rays of the axis, mm. Longitudinal aberration, of a height h in units of the pupil's radius, begins as
-    /// `S_I h^2 / (2 u'^2)`, u' the slope of the marginal ray behind the lens; of three heights, the two next powers fall out.
+    /// S_I from traced axial rays, mm. For a height h in pupil radii, longitudinal aberration begins as `S_I h^2 / (2 u'^2)`,
+    /// where u' is the slope of the marginal ray behind the lens. Extrapolation from three heights removes the next two powers.
     pub fn spherical_by_rays_mm(&self) -> f64 {
         let crossing = |h: f64| {
             let image = self.ray(&self.reference, 0.0, Aim::Paraxial, [0.0, h]).1.image.expect("a ray");

@@ -1,20 +1,20 @@
-//! The comparison itself: pairs of values that ought to be the same, and how nearly.
+//! The comparison: pairs of values that should be equal, each with a tolerance.
 
 use rayon::prelude::*;
 
 use super::listed::{AtField, Listed, ListedLens, Modulation};
 use super::ours::{Aim, Studied};
 
-/// Why two values are not the same, as the notes of the page are called.
+/// Why two values differ; each reason is a note of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Because {
-    /// First-order formulas without the r^2 term.
+    /// The other program's first-order formulas ignore the r^2 term.
     SquareTerm,
-    /// Third-order sums without aspheric terms.
+    /// The other program's third-order sums ignore aspheric terms.
     Aspheres,
-    /// The exit pupil follows the image plane.
+    /// The other program's exit pupil moves with the image plane.
     ExitPupil,
-    /// A sign in the formula for the reference sphere.
+    /// The other program has another sign in its formula for the reference sphere.
     Sphere,
 }
 
@@ -30,14 +30,14 @@ impl Because {
     }
 }
 
-/// A value of ours beside one that another program found by the same convention.
+/// Our value and another program's value by the same convention.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
     pub ours: f64,
     pub theirs: f64,
-    /// Greatest difference that counts as agreement.
+    /// Largest difference that counts as agreement.
     pub tolerance: f64,
-    /// Why there is none.
+    /// Why the values disagree, if they do.
     pub because: Option<Because>,
 }
 
@@ -46,23 +46,23 @@ pub struct Row {
     pub quantity: String,
     pub unit: &'static str,
     pub digits: usize,
-    /// Petzval's, in its own way.
+    /// Petzval's value by its own convention.
     pub own: f64,
-    /// Of each program, or of each way of aiming.
+    /// One pair per program, or per way of aiming.
     pub pairs: Vec<Option<Pair>>,
 }
 
-/// Modulation in a section of a field.
+/// Modulation of a field in one section.
 pub struct ModulationRow {
     pub field_deg: f64,
     pub section: &'static str,
     pub by: &'static str,
-    /// Through the real stop, by frequency.
+    /// Petzval's modulation through the real stop, by frequency.
     pub own: Vec<f64>,
     pub pairs: Vec<Pair>,
 }
 
-/// All of a lens.
+/// All compared values of a lens.
 pub struct Compared {
     pub name: String,
     /// The built-in lens that it is.
@@ -73,14 +73,14 @@ pub struct Compared {
     pub modulation: Vec<ModulationRow>,
 }
 
-/// Rounding of formulas, mm.
+/// Tolerance for values of formulas, mm: rounding.
 const FORMULA_MM: f64 = 1e-9;
-/// Rounding of traced rays, mm and um.
+/// Tolerance for values of traced rays, mm and um: rounding.
 const RAY: f64 = 1e-8;
-/// ray-optics puts an object at infinity at 1e10 mm, which moves foci by `f^2 / 1e10` and pupils alike, and aims chief rays to about 1e-6
-/// mm.
+/// Tolerance for ray-optics, mm. It places an object at infinity at 1e10 mm, which moves foci and pupils by about
+/// `f^2 / 1e10`, and it aims chief rays to about 1e-6 mm.
 const FAR_MM: f64 = 3e-6;
-/// Modulation from histograms of 252 bins, and from 512 points across the pupil.
+/// Tolerances of Optiland's modulation: from histograms of 252 bins, and from 512 points across the pupil.
 const HISTOGRAM: f64 = 2e-3;
 const PUPIL_POINTS: f64 = 5e-4;
 

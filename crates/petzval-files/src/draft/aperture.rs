@@ -1,4 +1,4 @@
-//! Apertures of every kind, as the diameter of the entrance pupil.
+//! Converts every kind of aperture to the diameter of the entrance pupil.
 
 use super::item::Clear;
 use super::record::Record;
@@ -7,7 +7,7 @@ use petzval_base::FileError;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, paraxial_ray};
 
-/// How a file says how much light the lens takes. All are first-order quantities at the reference wavelength.
+/// The aperture as a file specifies it. All kinds are first-order quantities at the reference wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Aperture {
     /// Diameter of the entrance pupil, mm.
@@ -18,24 +18,25 @@ pub(crate) enum Aperture {
     WorkingFNumber(f64),
     /// `1 / (2 NA)` at the conjugates of the file (CODE V: FNO), with NA as in [`Aperture::ImageNa`].
     ImageFNumber(f64),
-    /// Numerical aperture at the image, that at the object over the magnification (CODE V: NA).
+    /// Numerical aperture at the image: the one at the object over the magnification (CODE V: NA).
     ImageNa(f64),
     /// Sine of the marginal ray's angle at the object.
     ObjectNa(f64),
     /// Angle of the marginal ray at the object, degrees.
     ObjectCone(f64),
-    /// The clear semi-diameter of the stop says it.
+    /// Given by the clear semi-diameter of the stop.
     StopSize,
 }
 
-/// Diameters of entrance pupils that lenses have, mm: beyond them the squares of a ray's coordinates are no numbers any more.
+/// Diameters of the entrance pupil that can be traced, mm. Outside this range squares of ray coordinates lose their meaning
+/// in floating point.
 const PUPILS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
 /// The diameter of the entrance pupil, mm.
 ///
-/// With D the distance of a near object, e that of the entrance pupil from the first vertex, and W the final optical slope of
-/// the ray that leaves the object's axial point with slope 1 (so that 1 / W is the magnification), a marginal ray of slope u at
-/// the object fills a pupil of `2 u (D + e)` and ends with the optical slope `u W`.
+/// For a near object, let D be its distance and e the distance of the entrance pupil from the first vertex. W is the final
+/// optical slope of the ray that leaves the axial object point with slope 1, so 1 / W is the magnification. A marginal ray of
+/// slope u at the object then fills a pupil of diameter `2 u (D + e)` and ends with the optical slope `u W`.
 pub(super) fn entrance_pupil_mm(
     lens: &Lens,
     (aperture, record): &(Aperture, Record),
@@ -80,7 +81,7 @@ pub(super) fn entrance_pupil_mm(
         true => Ok(diameter),
         false => {
             let message = format!(
-                "this aperture makes an entrance pupil of {} mm, and {} to {} mm are traced",
+                "this aperture gives an entrance pupil of {} mm; {} to {} mm can be traced",
                 shown(diameter),
                 shown(*PUPILS_MM.start()),
                 shown(*PUPILS_MM.end())

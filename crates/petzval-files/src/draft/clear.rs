@@ -1,4 +1,4 @@
-//! Clear semi-diameters of surfaces that lose no light: where the beams of the lens's own fields pass.
+//! Clear semi-diameters for surfaces without an edge: large enough for the beams of the lens's fields.
 
 use super::item::{Clear, Drafted};
 use crate::loss::{Effect, Losses};
@@ -7,25 +7,25 @@ use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::paraxial_launch;
 use petzval_optics::trace::{SOFT_EDGE_MM, aim_at_stop, launch, trace_ray};
 
-/// Room around the beams, as a share of their height; the soft edge of apertures comes on top.
+/// Margin around the beams, as a share of their height. The soft edge of apertures is added to it.
 const ROOM: f64 = 0.01;
 
-/// Fields that are looked at: the outermost and some between.
+/// Largest number of traced fields: the innermost, the outermost and some between.
 const FIELDS: usize = 8;
 
-/// Directions of the pupil that are looked at.
+/// Number of traced azimuths in the pupil.
 const AZIMUTHS: usize = 12;
 
-/// Radii of the pupil that are looked at: the rim, and within it for lenses through which the rim does not pass.
+/// Traced pupil radii: the rim, then smaller radii if the ray at the rim does not reach the image.
 const RADII: [f64; 3] = [1.0, 0.7, 0.3];
 
-/// Steps of 3 % by which beams are narrowed for surfaces that cannot be so large.
+/// Largest number of steps of 3 % by which beams are narrowed if the surfaces cannot be as large as the beams.
 const NARROWER: i32 = 60;
 
 /// The lens with clear semi-diameters everywhere.
 ///
-/// Surfaces without an edge get room for their beams, and at least what the file prints if the lens can exist like that;
-/// beams that no such surfaces could let through are narrowed. A lens that cannot exist even so is an error.
+/// Surfaces without an edge are made large enough for their beams, and as large as the file prints if that lens is possible.
+/// If the surfaces cannot be as large as the beams, the beams are narrowed. Fails if the lens is impossible even then.
 pub(super) fn with_semi_diameters(
     lens: Lens,
     drafted: &[Drafted],
@@ -35,6 +35,7 @@ pub(super) fn with_semi_diameters(
         let lens = filled(&lens, drafted, |_, _| 0.0);
         return validate(&lens).map(|()| lens);
     }
+    // Try the printed size with room for the beams, then room for the beams, then the beams alone.
     let heights = beam_heights(&lens, drafted);
     let roomy = |i: usize| heights[i] * (1.0 + ROOM) + SOFT_EDGE_MM;
     let open: [&dyn Fn(usize, f64) -> f64; 3] =
@@ -55,7 +56,7 @@ pub(super) fn with_semi_diameters(
     if outcome.is_ok() {
         return outcome;
     }
-    // Beams wider than the surfaces can be: take as much of them as there is room for.
+    // Narrow the beams until the surfaces are possible.
     for k in 1..=NARROWER {
         let share = 0.97_f64.powi(k);
         let lens = filled(&lens, drafted, |i, _| heights[i] * share);
@@ -71,12 +72,12 @@ pub(super) fn with_semi_diameters(
     outcome
 }
 
-/// Whether a surface without an edge is smaller than the file prints.
+/// Whether a surface without an edge becomes smaller than the file prints.
 fn is_cut(drafted: &Drafted, semi: f64) -> bool {
     matches!(drafted.clear, Clear::Open(printed) if printed > semi)
 }
 
-/// The lens with the edges of the file, and `open(surface, printed)` where it has none.
+/// The lens with the edges of the file, and with `open(surface, printed)` for surfaces without an edge.
 fn filled(lens: &Lens, drafted: &[Drafted], open: impl Fn(usize, f64) -> f64) -> Lens {
     let mut lens = lens.clone();
     let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
@@ -86,7 +87,7 @@ fn filled(lens: &Lens, drafted: &[Drafted], open: impl Fn(usize, f64) -> f64) ->
             Clear::Open(_) if i == lens.stop && stop_radius > 0.0 && stop_radius.is_finite() => stop_radius,
             Clear::Open(printed) => {
                 let semi = open(i, printed);
-                // A beam may pass through the axis alone.
+                // A beam that only meets the axis has height 0.
                 if semi > 0.0 { semi } else { SOFT_EDGE_MM }
             }
         };
@@ -94,7 +95,7 @@ fn filled(lens: &Lens, drafted: &[Drafted], open: impl Fn(usize, f64) -> f64) ->
     lens
 }
 
-/// How far from its vertex light meets each surface, mm.
+/// Largest distance from the vertex at which traced rays meet each surface, mm.
 fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
     let mut lens = lens.clone();
     for (surface, d) in lens.surfaces.iter_mut().zip(drafted) {
@@ -103,6 +104,7 @@ fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
         }
     }
     let all = &lens.fields_deg;
+    // Select fields and wavelengths to trace.
     let looked_at: Vec<f64> = match all.len() {
         few if few <= FIELDS => all.clone(),
         many => (0..FIELDS).map(|i| all[i * (many - 1) / (FIELDS - 1)]).collect(),
@@ -110,6 +112,7 @@ fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
     let ends = [lens.wavelengths_um.first(), lens.wavelengths_um.last(), Some(&lens.reference_um)];
     let mut colours: Vec<f64> = ends.into_iter().flatten().copied().collect();
     colours.dedup();
+    // Trace rays through the rim of the stop, and record the largest height on every surface.
     let mut heights = vec![0.0_f64; lens.surfaces.len()];
     let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
     for um in colours {

@@ -1,4 +1,4 @@
-//! Fields of every kind, as angles in the y-z plane.
+//! Converts every kind of field to angles in the y-z plane.
 
 use super::record::Record;
 use crate::decimal::shown;
@@ -8,10 +8,11 @@ use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::pupil::field_imaged_at;
 
-/// What the numbers of a field are.
+/// Meaning of the numbers of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum FieldKind {
-    /// Degrees: the chief ray's angle to the axis in front of the lens. Its tangent in x and in y is that of each number.
+    /// Angles of the chief ray to the axis in front of the lens, degrees. Its slopes in x and y are the tangents of the two
+    /// numbers.
     #[default]
     Angle,
     /// Height of the object point, mm.
@@ -26,15 +27,15 @@ pub(crate) enum FieldKind {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Fields {
     pub kind: FieldKind,
-    /// x and y of each.
+    /// x and y of each field.
     pub points: Vec<[f64; 2]>,
     pub record: Record,
 }
 
 /// Field angles of the lens, degrees, ascending, each once.
 ///
-/// In a rotationally symmetric lens a field is as good as any other at its distance from the axis; in others only fields in
-/// the y-z plane can be looked at.
+/// In a rotationally symmetric lens every field is turned into the y-z plane. Other lenses allow only fields in that plane:
+/// another field is an error.
 pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> Result<Vec<f64>, FileError> {
     let record = &fields.record;
     let round = lens.is_rotationally_symmetric();
@@ -57,7 +58,7 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
             );
             return Err(record
                 .error(message)
-                .hint("fields are looked at in the y-z plane; take this one out"));
+                .hint("only fields in the y-z plane are traced; remove this one"));
         }
         turned |= x != 0.0;
         mirrored |= x == 0.0 && y < 0.0 && round;
@@ -72,10 +73,10 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
         };
         let angle = angle_deg(lens, fields.kind, value);
         match angle.filter(|angle| angle.abs() < 90.0) {
-            // No sign on the axis.
+            // Turn -0 into 0 on the axis.
             Some(angle) => angles.push(angle + 0.0),
             None => {
-                let message = format!("no ray from below 90 degrees belongs to the field {}", point(x, y));
+                let message = format!("no ray below 90 degrees belongs to the field {}", point(x, y));
                 return Err(record.error(message));
             }
         }
@@ -94,13 +95,13 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
     Ok(angles)
 }
 
-/// One field as the angle under which it is seen from the first vertex.
+/// The angle of one field as seen from the first vertex, degrees; `None` if no ray belongs to it.
 fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
     if value == 0.0 {
         return Some(0.0);
     }
     let sequence = lens.at_wavelength(lens.reference_um);
-    // Seen from the first vertex, an object point at the height h has the field -atan(h / D): its light goes down.
+    // Seen from the first vertex, an object point at the height h has the field -atan(h / D): its light travels downwards.
     let seen = |height: f64, distance: f64| {
         let turned = if lens.is_rotationally_symmetric() { height } else { -height };
         (turned / distance).atan().to_degrees()
@@ -108,7 +109,7 @@ fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
     let angle = match (kind, lens.object) {
         (FieldKind::Angle, ObjectDistance::Infinity) => value,
         (FieldKind::Angle, ObjectDistance::Finite(distance)) => {
-            // The angle is that at the entrance pupil.
+            // The file's angle is measured at the entrance pupil.
             let to_pupil = distance + first_order(&sequence).entrance_pupil_at_mm;
             (value.to_radians().tan() * to_pupil / distance).atan().to_degrees()
         }

@@ -1,27 +1,27 @@
-//! What a file lists between object and image: surfaces and coordinate breaks.
+//! The items that a file lists between object and image: surfaces and coordinate breaks.
 
 use super::record::Record;
 use petzval_optics::lens::Surface;
 
-/// How far out a surface works.
+/// The clear semi-diameter that the file gives for a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Clear {
-    /// Light beyond this is lost, mm.
+    /// The surface clips light beyond this height, mm.
     Edge(f64),
-    /// No light is lost; the file prints this, mm, or 0.
+    /// The surface does not clip; the file prints this height for information, mm, or 0.
     Open(f64),
 }
 
 /// A surface of the file.
 #[derive(Clone, Debug)]
 pub(crate) struct Drafted {
-    /// Its clear semi-diameter is not filled in yet; nor is the medium behind a mirror.
+    /// The surface, still without its clear semi-diameter and, for a mirror, the medium behind it.
     pub surface: Surface,
     pub clear: Clear,
     pub record: Record,
 }
 
-/// What stands between object and image.
+/// An item between object and image.
 #[derive(Clone, Debug)]
 pub(crate) enum Item {
     Surface(Box<Drafted>),
@@ -31,13 +31,13 @@ pub(crate) enum Item {
 /// A move of the axis.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Break {
-    /// Along x and y, mm.
+    /// Shift along x and y, mm.
     pub decenter_mm: [f64; 2],
-    /// About x, y and z, rad.
+    /// Rotation about x, y and z, rad.
     pub tilt_rad: [f64; 3],
     /// Whether the rotations come first, in reverse order.
     pub tilt_first: bool,
-    /// Along the new axis to what comes next, mm.
+    /// Distance along the new axis to the next item, mm.
     pub thickness_mm: f64,
     pub record: Record,
 }

@@ -1,7 +1,7 @@
-//! A lens as other programs' files describe it, on its way to a [`Lens`]: coordinate breaks among the surfaces, an aperture
-//! of any kind, fields of any kind, surfaces without clear semi-diameters.
+//! The lens of another program's file before its conversion to a [`Lens`]: coordinate breaks among the surfaces, any kind of
+//! aperture and fields, surfaces without clear semi-diameters.
 //!
-//! Readers of a format fill a [`Draft`]; [`Draft::finish`] turns it into a lens, and says where in the file it cannot.
+//! The reader of a format fills a [`Draft`]. [`Draft::finish`] converts it to a lens, or names the line that prevents it.
 
 mod aperture;
 mod clear;
@@ -25,31 +25,31 @@ use petzval_base::FileError;
 use super::LensFile;
 use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, validate};
 
-/// Surfaces that a file may have. A ray takes a microsecond for so many, and no lens has a tenth of them.
+/// Largest number of surfaces in a file. Real lenses have less than a tenth of it.
 pub(super) const MOST_SURFACES: usize = 500;
 
-/// Wavelengths and fields that a file may have each.
+/// Largest number of wavelengths, and of fields, in a file.
 pub(super) const MOST_VALUES: usize = 100;
 
-/// Bytes that a file may have.
+/// Largest size of a file, bytes.
 pub(super) const MOST_BYTES: usize = 16 << 20;
 
-/// An object further away than this is at infinity, mm: the distance that CODE V writes for it.
+/// Distance from which an object counts as infinitely far, mm: CODE V writes this number for infinity.
 pub(super) const FAR_MM: f64 = 1e10;
 
-/// A lens that was read from a file of another program, with all that it lost.
+/// A lens that was read from another program's file, and the losses of the conversion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Import {
-    /// The lens. Without variables: other programs' have no bounds.
+    /// The lens. It has no variables, because variables of other programs have no bounds.
     pub file: LensFile,
-    /// What the file says and the lens does not.
+    /// Everything in the file that the lens does not represent.
     pub losses: Vec<Loss>,
 }
 
 /// Wavelengths, um, with their weights, in the order of the file.
 pub(super) type Wavelengths = (Vec<(f64, f64)>, Record);
 
-/// See the module.
+/// The content of a file, in the terms of the file (see the module).
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
     pub name: String,
@@ -64,13 +64,14 @@ pub(super) struct Draft {
     /// Index of the reference wavelength.
     pub reference: usize,
     pub fields: Fields,
-    /// Whether the image plane goes to the paraxial image, as a solve without a stored value asks.
+    /// Whether to place the image plane at the paraxial image: the file has a solve without a stored value.
     pub at_paraxial_focus: bool,
 }
 
 impl Draft {
-    /// The lens; errors name the record at fault.
+    /// Converts the draft to a lens. Errors name the record at fault.
     pub fn finish(self, mut losses: Losses) -> Result<Import, FileError> {
+        // Turn coordinate breaks into placements, and collect surfaces, wavelengths and object.
         let (drafted, stop) = place::lower(self.items, self.stop)?;
         if drafted.is_empty() {
             return Err(Record::default().error("there is no surface between object and image"));
@@ -95,7 +96,7 @@ impl Draft {
             reference_um,
             fields_deg: vec![0.0],
         };
-        // What first-order optics needs must hold before anything is computed from it.
+        // Check the lens before first-order optics computes aperture, fields and semi-diameters from it.
         validate(&opened(&lens)).map_err(|defect| at_fault(&defect, &drafted))?;
         if self.at_paraxial_focus {
             lens = petzval_optics::solve::with_paraxial_focus(&lens, 0.0);
@@ -108,7 +109,7 @@ impl Draft {
     }
 }
 
-/// The lens with surfaces so small that they neither end nor cross.
+/// The lens with semi-diameters so small that surfaces neither end nor cross.
 fn opened(lens: &Lens) -> Lens {
     let mut open = lens.clone();
     for surface in &mut open.surfaces {
@@ -117,15 +118,15 @@ fn opened(lens: &Lens) -> Lens {
     open
 }
 
-/// A defect of the lens, at the record of its surface.
+/// The error for a defect of the lens, at the record of its surface.
 fn at_fault(defect: &LensDefect, drafted: &[Drafted]) -> FileError {
     let surface = defect.surface().and_then(|number| drafted.get(number - 1));
     let record = surface.map_or_else(Record::default, |d| d.record.clone());
     record.error(format!("this lens is impossible: {defect}"))
 }
 
-/// The wavelengths in which the lens is judged, ascending, and the reference. A wavelength of weight 0 is only looked at if it
-/// is the reference.
+/// The wavelengths of the lens, um, ascending, and the reference wavelength. Wavelengths of weight 0 are left out, except as
+/// the reference.
 fn wavelengths(
     (list, record): &Wavelengths,
     reference: usize,

@@ -1,7 +1,8 @@
-//! Coordinate breaks become placements of surfaces where they belong to one, and planes that do nothing where they do not.
+//! Converts coordinate breaks: a break that belongs to a surface becomes its placement, any other becomes a plane without
+//! effect on light.
 //!
-//! A break moves the axis: a shift and rotations about x, y and z as in [`Placement`], or in the reverse order (rotations about
-//! z, y and x, then the shift), which undoes a break of the first kind with all numbers negated.
+//! A break moves the axis by a shift and rotations about x, y and z as in [`Placement`], or in the reverse order: rotations
+//! about z, y and x, then the shift. The reverse order with all numbers negated undoes a break of the first kind.
 
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ impl Break {
         self.decenter_mm == [0.0; 2] && self.tilt_rad == [0.0; 3]
     }
 
-    /// Whether the order of its parts is the one of a placement, or makes no difference.
+    /// Whether shift and rotations have the order of a placement, or their order makes no difference.
     fn is_placement(&self) -> bool {
         let shifts = self.decenter_mm != [0.0; 2];
         let turns = self.tilt_rad.iter().filter(|t| **t != 0.0).count();
@@ -28,34 +29,34 @@ impl Break {
     }
 }
 
-/// Whether a break takes the axis back to where it was before a placement.
+/// Whether a break returns the axis to its position before a placement.
 fn undoes(b: &Break, placed: &Placement) -> bool {
     b.tilt_first
         && b.decenter_mm == placed.decenter_mm.map(|v| -v)
         && b.tilt_rad == placed.tilt_rad.map(|v| -v)
 }
 
-/// The break, in reverse order, that takes the axis back to where it was before a placement: shift and rotations.
+/// Shift and rotations of the break, in reverse order, that returns the axis to its position before a placement.
 pub(crate) fn undone(placed: &Placement) -> ([f64; 2], [f64; 3]) {
     (placed.decenter_mm.map(|v| 0.0 - v), placed.tilt_rad.map(|v| 0.0 - v))
 }
 
-/// Whether a break turns the axis behind a mirror as the mirror turns light along it: rotations `(x, y, -z)` in reverse order.
+/// Whether a break rotates the axis behind a mirror as the mirror reflects light: rotations `(x, y, -z)` in reverse order.
 ///
-/// With R the mirror's rotation and D = diag(-1, -1, 1) the axis behind is turned by `D R^T D` against the mirror.
+/// With the mirror's rotation R and D = diag(-1, -1, 1), the axis behind the mirror is rotated by `D R^T D` relative to it.
 fn bends(b: &Break, placed: &Placement) -> bool {
     let [x, y, z] = placed.tilt_rad;
     let turns = [x, y, z].iter().filter(|t| **t != 0.0).count();
     b.decenter_mm == [0.0; 2] && b.tilt_rad == [x, y, -z] && (b.tilt_first || turns == 1)
 }
 
-/// Whether an axis that bends at a mirror can be said with its angles given once: one rotation, about x or y.
+/// Whether a bend of the axis at a mirror can be written with one angle: a single rotation about x or y.
 pub(crate) fn is_bend(placed: &Placement) -> bool {
     let [x, y, z] = placed.tilt_rad;
     placed.axis == Axis::Bends && z == 0.0 && (x == 0.0 || y == 0.0)
 }
 
-/// Surfaces with their placements and media, and the index of the stop among them.
+/// Converts items to surfaces with placements and media; also returns the index of the stop among them.
 pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>, usize), FileError> {
     let mut surfaces: Vec<Drafted> = Vec::with_capacity(items.len());
     let mut stop = None;
@@ -64,6 +65,7 @@ pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>,
         let mut drafted = match item {
             Item::Surface(drafted) => *drafted,
             Item::Break(b) => {
+                // Give the break to the next surface if it can be its placement, else make planes of it.
                 check_angles(&b.tilt_rad, &b.record)?;
                 if index == stop_item {
                     return Err(b.record.error("a coordinate break cannot be the aperture stop"));
@@ -96,7 +98,7 @@ pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>,
         if let Some(placed) = &drafted.surface.placement {
             check_angles(&placed.tilt_rad, &drafted.record)?;
         }
-        // A second break at the same vertex may belong to the surface, too.
+        // A second break at the same vertex belongs to the surface if it returns the axis, or bends it at a mirror.
         let placement = drafted.surface.placement;
         if let Some(mut placed) = placement.filter(|p| p.axis == Axis::Follows)
             && drafted.surface.thickness_mm == 0.0
@@ -121,7 +123,7 @@ pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>,
     Ok((surfaces, stop))
 }
 
-/// Adds a surface; behind a mirror is the medium that is in front.
+/// Adds a surface. The medium behind a mirror is the one in front of it.
 fn push(surfaces: &mut Vec<Drafted>, mut drafted: Drafted) {
     if drafted.surface.action == Action::Reflect {
         drafted.surface.glass = surfaces.last().map_or_else(Glass::air, |d| d.surface.glass.clone());
@@ -129,7 +131,7 @@ fn push(surfaces: &mut Vec<Drafted>, mut drafted: Drafted) {
     surfaces.push(drafted);
 }
 
-/// Planes that do nothing but move the axis, in the medium that is in front.
+/// Planes in the medium in front that only move the axis.
 fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
     let mut moves: Vec<Placement> = Vec::new();
     if b.moves_nothing() {
@@ -161,15 +163,15 @@ fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
     moves.into_iter().enumerate().map(dummy).collect()
 }
 
-/// Light along the axis must meet what is turned from in front.
+/// Checks that light along the axis meets a rotated surface from the front.
 pub(crate) fn check_angles([x, y, _]: &[f64; 3], record: &Record) -> Result<(), FileError> {
     match x.cos() > 1e-6 && y.cos() > 1e-6 {
         true => Ok(()),
         false => {
-            let message = "what is turned by 90 degrees or more is edge-on to light along the axis in front of it, \
-                           and only what such light meets is traced";
+            let message = "a surface turned by 90 degrees or more is edge-on to light along the axis in front of it, \
+                        and cannot be traced";
             Err(record.error(message).hint(
-                "it cannot be left out: a plane square to that axis in its place would be another image",
+                "it cannot be left out: a plane perpendicular to that axis in its place would give another image",
             ))
         }
     }

@@ -1,14 +1,14 @@
-//! Coefficients of powers of r as other programs have them: in lens units, and divided by a normalisation radius.
+//! Coefficients of powers of r in other programs' files: in lens units, for r divided by a normalisation radius.
 
 use petzval_optics::lens::{Departure, ODD_TERMS, SurfaceShape};
 
-/// A coefficient of r^power, from lens units to mm.
+/// Converts a coefficient of r^power from lens units of `mm` mm to mm.
 pub(crate) fn in_mm(value: f64, power: usize, mm: f64) -> f64 {
     if mm == 1.0 { value } else { value * mm.powi(1 - power as i32) }
 }
 
-/// Gives a shape the terms (power, coefficient) of a polynomial in r over the normalisation radius, both in lens units of `mm` mm. A
-/// power that is not traced is an error, in words.
+/// Sets the terms (power, coefficient) of a polynomial in r over the normalisation radius, both in lens units of `mm` mm.
+/// `power` is at least 1. Fails with a message on a nonzero term whose power cannot be traced.
 pub(crate) fn set_powers(
     shape: &mut SurfaceShape,
     terms: impl Iterator<Item = (usize, f64)>,

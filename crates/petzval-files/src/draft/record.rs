@@ -2,7 +2,7 @@
 
 use petzval_base::FileError;
 
-/// What ends a line: in files of old Macintoshes a carriage return alone.
+/// The character that ends a line: files of old Macintoshes have carriage returns alone.
 pub(crate) fn line_end(text: &str) -> char {
     if text.contains('\n') { '\n' } else { '\r' }
 }
@@ -10,9 +10,9 @@ pub(crate) fn line_end(text: &str) -> char {
 /// A line of a file, for messages.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Record {
-    /// From 1; 0 for what no line says.
+    /// Line number from 1; 0 if the error belongs to no line.
     pub line: u32,
-    /// As it stands there.
+    /// Text of the line.
     pub text: String,
 }
 

@@ -19,8 +19,8 @@
 //! ```
 //!
 //! A formula is one of `n`, `sellmeier`, `schott`, `square`, `powers`, `herzberger`, `gas`, `lorentz_lorenz`, `exotic`,
-//! `table`; without one, `nd` and `vd` are the glass. Beside a formula they are what its source prints, and a formula
-//! that disagrees is a misprint. Everything else may be left out.
+//! `table`. Without a formula, `nd` and `vd` define the glass. Beside a formula they are the values that the source prints;
+//! a formula that contradicts them is refused as a misprint. All other keys are optional.
 
 mod read;
 mod text;

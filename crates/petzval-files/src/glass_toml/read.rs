@@ -1,4 +1,4 @@
-//! Reading glass tables: every number is checked where it stands.
+//! Reads glass tables and checks every number, so that errors name its place.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ struct CatalogText {
     glass: GlassTables,
 }
 
-/// A catalogue from its text.
+/// Reads a glass catalogue from its text.
 pub fn parse_catalog(text: &str) -> Result<Catalog, FileError> {
     let file: CatalogText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     read_glasses(text, &file.glass)
@@ -36,9 +36,9 @@ pub(crate) fn read_glasses(text: &str, tables: &GlassTables) -> Result<Catalog, 
         let glass = Arc::new(read_glass(text, name, table)?);
         for called in std::iter::once(name).chain(&table.aliases) {
             if !catalog.all(called.get_ref()).is_empty() {
-                let message = format!("the glass `{}` is already there", called.get_ref());
+                let message = format!("the glass `{}` is already defined", called.get_ref());
                 return Err(FileError::at(text, called.span(), "glass", message)
-                    .hint("upper and lower case are the same; AIR is always there"));
+                    .hint("upper and lower case are the same; AIR is built in"));
             }
             catalog.insert(called.get_ref(), glass.clone());
         }
@@ -51,7 +51,7 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
     glass.maker.clone_from(&table.maker);
     glass.source.clone_from(&table.source);
     glass.status = table.status.as_ref().map(|word| read_status(text, word)).transpose()?;
-    // Without a formula they are the formula, and there is nothing to compare them with.
+    // Beside a formula, nd and vd are printed values. Without one they are the formula.
     if !matches!(glass.dispersion, Dispersion::NdVd { .. }) {
         let printed = |number: &Placed| {
             text.get(number.span()).and_then(|digits| Printed::parse(&digits.replace('_', "")))
@@ -68,7 +68,7 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
     if let Some(range) = &table.range_um {
         let [min, max] = range.get_ref().map(|n| n.0);
         if !(min > 0.0 && max >= min && max.is_finite()) {
-            let error = FileError::at(text, range.span(), "range_um", "this is no range of wavelengths");
+            let error = FileError::at(text, range.span(), "range_um", "this is not a range of wavelengths");
             return Err(error.hint("write the shortest and the longest wavelength in um"));
         }
         glass.range_um = Some([min, max]);
@@ -104,7 +104,7 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
     }
 }
 
-/// A digit lost in a coefficient shows in the printed n_d and V_d.
+/// The error for a formula that contradicts a printed value: a mistyped coefficient changes n_d or V_d.
 fn misprint(text: &str, number: &Placed, key: &str, gives: String) -> FileError {
     FileError::at(text, number.span(), key, format!("the formula of {gives}")).hint("one of them is mistyped")
 }
@@ -188,7 +188,7 @@ fn read_dispersion(text: &str, name: &Spanned<String>, table: &GlassText) -> Res
     }
 }
 
-/// What the glass swallows, by transmittance or by extinction.
+/// The absorption of the glass, from its transmittance or its extinction coefficients.
 fn read_absorption(text: &str, table: &GlassText) -> Result<Option<Absorption>, FileError> {
     if let (Some(_), Some(extinction)) = (&table.transmission, &table.extinction) {
         let message = "the glass has `transmission` already";
@@ -221,7 +221,7 @@ fn read_absorption(text: &str, table: &GlassText) -> Result<Option<Absorption>, 
             text,
             placed.span(),
             "extinction",
-            "an extinction coefficient is 0 at least",
+            "an extinction coefficient is at least 0",
         ));
     }
     Ok(Some(Absorption::Extinction(um.into_iter().zip(k).map(|(um, k)| [um, k]).collect())))
@@ -243,10 +243,10 @@ fn rows<const N: usize>(numbers: &[[Number; N]]) -> Vec<[f64; N]> {
     numbers.iter().map(|row| row.map(|n| n.0)).collect()
 }
 
-/// Numbers with their place in the file.
+/// Numbers, and their place in the file.
 type PlacedNumbers<const N: usize> = (Range<usize>, [f64; N]);
 
-/// The coefficients of a formula that always has as many.
+/// The coefficients of a formula with a fixed number of them.
 fn coefficients<const N: usize>(
     text: &str,
     key: &str,
@@ -258,7 +258,7 @@ fn coefficients<const N: usize>(
     Ok(Some((numbers.span(), a)))
 }
 
-/// Two lists that belong together: as long as each other, not empty, all finite.
+/// Checks that two lists have the same length, are not empty, and are finite.
 fn check_pair(
     text: &str,
     span: Range<usize>,
@@ -312,6 +312,6 @@ fn not_negative(text: &str, key: &str, number: &Option<Placed>) -> Result<Option
     let Some(number) = number else { return Ok(None) };
     match number.get_ref().0 {
         value if value >= 0.0 && value.is_finite() => Ok(Some(value)),
-        _ => Err(FileError::at(text, number.span(), key, "this is a finite number, 0 at least")),
+        _ => Err(FileError::at(text, number.span(), key, "this must be a finite number, at least 0")),
     }
 }

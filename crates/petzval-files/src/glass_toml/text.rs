@@ -1,4 +1,4 @@
-//! The shape of a glass table as serde reads it, before anything is checked.
+//! The structure of a glass table for serde, before its values are checked.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use crate::toml_number::Number;
 
-/// A number that knows its place in the file.
+/// A number with its place in the file.
 pub(super) type Placed = Spanned<Number>;
 
 /// A table `[glass.NAME]`.
@@ -106,7 +106,7 @@ pub(super) struct TransmissionText {
     pub transmittance: Vec<Number>,
 }
 
-/// One thickness for all rows, or one for each.
+/// One thickness for all rows, or one per row.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "a thickness in mm, or one for each wavelength")]
 pub(super) enum Thickness {
@@ -140,5 +140,5 @@ pub(super) struct ExpansionText {
     pub per_k: Number,
 }
 
-/// Glass tables by name; the names know their place in the file.
+/// Glass tables by name; the names have their place in the file.
 pub(crate) type GlassTables = BTreeMap<Spanned<String>, GlassText>;

@@ -1,4 +1,4 @@
-//! Writing glass tables, such that reading them gives the same bits.
+//! Writes glass tables; reading them gives the same bits.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use toml_writer::ToTomlKey;
 use crate::toml_number::{number, numbers, quoted};
 use petzval_optics::glass::{Absorption, Dispersion, Glass};
 
-/// A catalogue file of these glasses, in their order, under their own names.
+/// The text of a catalogue of these glasses, in their order, under their own names.
 pub fn write_catalog<'a>(glasses: impl IntoIterator<Item = &'a Glass>) -> String {
     let mut out = String::new();
     for glass in glasses {
@@ -16,7 +16,7 @@ pub fn write_catalog<'a>(glasses: impl IntoIterator<Item = &'a Glass>) -> String
     out
 }
 
-/// A table `[glass.NAME]`, with an empty line before it.
+/// Writes a table `[glass.NAME]`, after an empty line.
 pub(crate) fn write_glass(name: &str, glass: &Glass, out: &mut String) -> std::fmt::Result {
     writeln!(out, "\n[glass.{}]", name.to_toml_key())?;
     for (key, text) in [("maker", &glass.maker), ("source", &glass.source)] {
@@ -42,7 +42,7 @@ pub(crate) fn write_glass(name: &str, glass: &Glass, out: &mut String) -> std::f
         None => {}
         Some(Absorption::Transmittance(rows)) => {
             let column = |i: usize| numbers(&rows.iter().map(|row| row[i]).collect::<Vec<_>>());
-            // Nearly always all rows have one thickness.
+            // Write a common thickness once.
             let thickness_mm = match rows.first() {
                 Some(first) if rows.iter().all(|row| row[2].to_bits() == first[2].to_bits()) => {
                     number(first[2])
@@ -124,7 +124,7 @@ mod tests {
     use petzval_optics::glass::{Expansion, Printed, Status, Thermal};
 
     #[test]
-    fn every_formula_and_every_key_comes_back_to_the_last_bit() {
+    fn writing_and_reading_keeps_every_formula_and_key_to_the_last_bit() {
         // Numbers without a short decimal.
         let odd = |i: i32| (f64::from(i) + 1.0 / 3.0) * 10_f64.powi(-3 * i);
         let six = [1, 2, 3, 4, 5, 6].map(odd);
@@ -152,7 +152,7 @@ mod tests {
                 glass.maker = "A \"maker\"".to_owned();
                 glass.source = "line\nline".to_owned();
                 glass.status = Some(Status::ALL[i as usize % Status::ALL.len()]);
-                // Beyond the visible there is no n_d that a misprint could be seen in.
+                // Outside the visible range n_d is not compared with the formula.
                 glass.range_um = Some([1.0 + odd(1), 2.0]);
                 if !matches!(glass.dispersion, Dispersion::NdVd { .. }) {
                     (glass.printed_nd, glass.printed_vd) =
@@ -174,7 +174,7 @@ mod tests {
         let again = crate::parse_catalog(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
         let again: Vec<Glass> = again.glasses().map(|glass| glass.as_ref().clone()).collect();
         assert_eq!(again, glasses);
-        // Zeros of either sign are equal, but not the same bits.
+        // Compare texts too: 0 and -0 are equal numbers with different bits.
         assert_eq!(write_catalog(&again), text);
     }
 }

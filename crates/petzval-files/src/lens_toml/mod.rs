@@ -1,4 +1,4 @@
-//! The lens file: a lens, what it should measure, and which of its numbers may move, in TOML.
+//! The lens file in TOML: a lens, its published properties, and its variables.
 //!
 //! ```
 //! # use petzval_base::FileError;
@@ -62,25 +62,26 @@ pub use write::{special_lines, write_lens};
 use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::lens::Lens;
 
-/// What a lens file says.
+/// The content of a lens file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensFile {
     /// The lens.
     pub lens: Lens,
-    /// What its source says that it measures.
+    /// The properties that its source publishes.
     pub expect: Option<Expect>,
-    /// The numbers that may move, with their bounds.
+    /// The variables, with their bounds.
     pub variables: Vec<Variable>,
-    /// The numbers that follow variables. Radii follow as curvatures.
+    /// The pickups: numbers that follow variables. Radii follow as curvatures.
     pub pickups: Vec<Pickup>,
-    /// The radius that is not free but keeps the focal length.
+    /// The solve for the focal length: the radius that it determines.
     pub efl_solve: Option<EflSolve>,
-    /// The surface whose thickness keeps the distance from the first vertex to the last, and that distance, mm.
+    /// The solve for the length: the surface whose thickness it determines, and the distance from the first vertex to the
+    /// last, mm.
     pub length_solve: Option<(usize, f64)>,
 }
 
 impl LensFile {
-    /// A lens of which nothing is free, solved for or expected.
+    /// A lens without variables, solves and published properties.
     pub fn of(lens: Lens) -> Self {
         Self {
             lens,
@@ -104,13 +105,12 @@ pub struct Expect {
     pub f_number: Option<Expected>,
     /// First vertex to the paraxial focus, mm.
     pub total_track_mm: Option<Expected>,
-    /// RMS spot radius at each field, um: all wavelengths with equal weight, in the file's image
-    /// plane, from rays spread evenly over the paraxial entrance pupil, as design programs do it
-    /// unless told to aim at the stop.
+    /// RMS spot radius at each field, um, with all wavelengths equally weighted, in the file's image plane. Rays are spread
+    /// evenly over the paraxial entrance pupil, as design programs do by default.
     pub rms_spot_um: Option<ExpectedSpots>,
 }
 
-/// A number and how far from it the lens may be, both in the unit of the key.
+/// A published number and its tolerance, both in the unit of the key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
     /// The published value.
@@ -126,7 +126,7 @@ impl Expected {
     }
 }
 
-/// One number per field, with a relative tolerance.
+/// Published spots, one per field, with a relative tolerance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpectedSpots {
     /// The published values, one per field, um.

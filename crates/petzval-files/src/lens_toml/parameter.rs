@@ -1,9 +1,9 @@
-//! How files name the numbers of a surface that may move.
+//! Names of a surface's variable numbers in files.
 
 use petzval_optics::lens::{ASPHERE_TERMS, Action, Departure, PHASE_TERMS, Pattern, Surface, xy_powers};
 use petzval_optics::number::Number;
 
-/// The numbers of a surface that may move, with the names that files use.
+/// The numbers of a surface that can be variables, with their names in files.
 pub(super) fn parameters(surface: &Surface) -> Vec<(String, Number)> {
     let mut all = vec![("thickness_mm".to_owned(), Number::Thickness)];
     if surface.has_number(Number::Curvature) {
@@ -53,7 +53,7 @@ pub(super) fn parameters(surface: &Surface) -> Vec<(String, Number)> {
     all
 }
 
-/// The name of a number of a surface; empty if the surface has none such.
+/// The name of a number of a surface; empty if the surface does not have this number.
 pub fn parameter_name(surface: &Surface, number: Number) -> String {
     parameters(surface).into_iter().find(|(_, n)| *n == number).map(|(name, _)| name).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! Reading a lens file: every number is checked where it stands, so that errors know their line.
+//! Reads a lens file and checks every number, so that errors name its line.
 
 use std::ops::{Range, RangeInclusive};
 
@@ -17,13 +17,13 @@ use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
 use petzval_optics::number::Number;
 use petzval_optics::solve::with_length;
 
-/// Reference wavelength of a file that names none: the helium d line, um.
+/// Default reference wavelength, the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
 
-/// Wavelengths for which lenses are made, um.
+/// Permitted wavelengths of a lens, um.
 pub(crate) const OPTICAL_UM: RangeInclusive<f64> = 0.2..=20.0;
 
-/// A lens from its file. Glasses are looked up in the file's own tables first, then in `catalog`.
+/// Reads a lens file. Glasses are looked up first in the file's own tables, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
     let file: LensText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     let reader = Reader { text };
@@ -42,6 +42,7 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
         let front = surfaces.last().map(|s: &Surface| s.glass.clone());
         surfaces.push(reader.surface(i + 1, surface, &glasses, front)?);
     }
+    // Assemble and check the lens, then read the tables that refer to its surfaces.
     let (wavelengths_um, reference_um) = reader.wavelengths(&file.wavelengths)?;
     let mut lens = Lens {
         name: file.name.clone(),
@@ -78,7 +79,7 @@ impl Reader<'_> {
         FileError::at(self.text, span, key, message)
     }
 
-    /// An error about something that is not there; `span` is where it belongs.
+    /// An error about a missing value; `span` is the place where it belongs.
     pub(super) fn missing(&self, key: &str, span: Range<usize>, message: impl Into<String>) -> FileError {
         self.error(key, span, message).without_value()
     }
@@ -99,7 +100,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The one surface that says `stop = true`, from 0.
+    /// Index of the one surface with `stop = true`.
     fn stop(&self, surfaces: &[Spanned<SurfaceText>]) -> Result<usize, FileError> {
         let mut stops = surfaces.iter().enumerate().filter_map(|(i, surface)| {
             surface.get_ref().stop.as_ref().filter(|stop| *stop.get_ref()).map(|stop| (i, stop.span()))
@@ -156,7 +157,7 @@ impl Reader<'_> {
         Ok((list, reference.unwrap_or(DEFAULT_REFERENCE_UM)))
     }
 
-    /// Field angles; only a lens that is not rotationally symmetric has negative ones.
+    /// Field angles, degrees. Negative angles are allowed only if the lens is not rotationally symmetric.
     fn fields(&self, angles: &Spanned<Vec<Placed>>, lens_is_symmetric: bool) -> Result<Vec<f64>, FileError> {
         let mut list = Vec::new();
         for number in angles.get_ref() {
@@ -222,7 +223,7 @@ impl Reader<'_> {
         Ok(variables)
     }
 
-    /// The number of a surface that a file names.
+    /// The number of a surface with the name that the file gives.
     fn parameter(&self, name: &Spanned<String>, surface: &Surface) -> Result<Number, FileError> {
         let key = name.get_ref();
         let known = parameters(surface);
@@ -259,19 +260,19 @@ impl Reader<'_> {
             let is_named = |v: &Variable| (v.surface, v.number) == (followed, number);
             let name = text.parameter.get_ref();
             let Some(variable) = variables.iter().position(is_named) else {
-                let message = format!("{name} of surface {} is no variable", followed + 1);
+                let message = format!("{name} of surface {} is not a variable", followed + 1);
                 return Err(self
                     .error("follows", text.follows.span(), message)
                     .hint("a pickup follows a number that a [[variable]] names"));
             };
-            // The same number by name: the first of one departure is not the first of another.
+            // The following surface must have a number of the same name: indices of different shapes do not correspond.
             if !parameters(&lens.surfaces[surface]).iter().any(|(known, _)| known == name) {
                 let message = format!("surface {} has no {name}", surface + 1);
                 return Err(self.error("surface", text.surface.span(), message));
             }
             let is_last = number == Number::Thickness && surface + 1 == lens.surfaces.len();
             let settled = match (file.solve.as_ref(), number) {
-                _ if is_last => Some("the image plane goes where the image is"),
+                _ if is_last => Some("the image plane is placed at the image"),
                 (Some(SolveText { efl: Some(efl), .. }), Number::Curvature)
                     if *efl.surface.get_ref() == surface + 1 =>
                 {
@@ -333,7 +334,7 @@ impl Reader<'_> {
         Ok(Some((surface, length_mm)))
     }
 
-    /// Bounds enclose the lens's own value, and every value between them is a possible one.
+    /// Checks that bounds enclose the lens's own value, and that every value between them is possible.
     fn check_bounds(&self, text: &VariableText, variable: &Variable, lens: &Lens) -> Result<(), FileError> {
         let Variable { surface, number, min, max } = *variable;
         let name = format!("{} of surface {}", text.parameter.get_ref(), surface + 1);
@@ -356,7 +357,7 @@ impl Reader<'_> {
             let message = format!("the bounds of {name} include a positive thickness behind a mirror");
             return Err(self.error("max", text.max.span(), message).hint("the greatest is 0"));
         }
-        // A radius comes back from its curvature with a rounding error, hence the slack.
+        // Allow for rounding: a radius is computed back from its curvature.
         let (value, slack) = (number.read_stated(lens, surface), 1e-9 * (max - min));
         let (key, place) = if value < min - slack {
             ("min", &text.min)
@@ -396,7 +397,7 @@ impl Reader<'_> {
             Some(bounds) => {
                 let [min, max] = *bounds.get_ref();
                 let radius = Number::Curvature.read_stated(lens, surface);
-                // A radius comes back from its curvature with a rounding error, hence the slack.
+                // Allow for rounding: a radius is computed back from its curvature.
                 if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
                     let message = format!("radius {radius} of this lens is not between {min} and {max}");
                     return Err(self
@@ -441,7 +442,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Say where in the file an impossible lens went wrong.
+    /// The error for a defect of the lens, at the number in the file that causes it.
     fn defect(&self, defect: &LensDefect, file: &LensText) -> FileError {
         let message = defect.to_string();
         let surface = defect.surface().and_then(|n| file.surface.get(n - 1)).map(Spanned::get_ref);
@@ -453,7 +454,7 @@ impl Reader<'_> {
         let ((key, span), hint) = match defect {
             LensDefect::CentreThickness { .. } => (
                 thickness,
-                "it is 0 at least; behind an odd number of mirrors 0 at most, since light goes back",
+                "it is at least 0; behind an odd number of mirrors it is at most 0, because light travels back",
             ),
             LensDefect::BendsWithoutMirror { .. } => {
                 let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());

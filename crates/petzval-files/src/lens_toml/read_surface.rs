@@ -1,4 +1,4 @@
-//! Reading a surface: its shape, what it does to light, and its place.
+//! Reads a surface: its shape, its action on light, and its placement.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use petzval_optics::lens::{
 };
 
 impl Reader<'_> {
-    /// A surface; `front` is the medium in front of it, if it is not the first.
+    /// Reads a surface. `front` is the medium in front of it, or `None` for the first surface.
     pub(super) fn surface(
         &self,
         number: usize,
@@ -34,7 +34,8 @@ impl Reader<'_> {
         let action = self.action(number, surface)?;
         let glass = match &surface.glass {
             Some(name) if action == Action::Reflect => {
-                let message = format!("surface {number} is a mirror: the medium behind it is that in front");
+                let message =
+                    format!("surface {number} is a mirror: the medium behind it is the one in front");
                 return Err(self.error("glass", name.span(), message).hint("leave `glass` out"));
             }
             None if action == Action::Reflect => front.unwrap_or_else(Glass::air),
@@ -59,7 +60,7 @@ impl Reader<'_> {
         })
     }
 
-    /// The vertex curvature, from a radius or as it stands.
+    /// The vertex curvature, from its radius or from the curvature itself.
     fn curvature(&self, number: usize, placed: &Spanned<SurfaceText>) -> Result<f64, FileError> {
         let surface = placed.get_ref();
         let keys = ["radius_mm", "curvature_per_mm"];
@@ -72,7 +73,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A curvature or power, as its reciprocal or as it stands; `None` if neither is there.
+    /// A curvature or power, from its reciprocal or from the value itself; `None` if the file gives neither.
     fn reciprocal(
         &self,
         number: usize,
@@ -108,7 +109,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A normalisation radius: powers of it up to the twentieth must be numbers.
+    /// A normalisation radius, mm, in the range in which its powers up to the twentieth are finite.
     fn norm_radius(&self, number: &Placed) -> Result<f64, FileError> {
         let value = self.positive("norm_radius_mm", number)?;
         if (1e-6..=1e6).contains(&value) {
@@ -118,7 +119,7 @@ impl Reader<'_> {
         Err(self.error("norm_radius_mm", number.span(), message))
     }
 
-    /// The one departure that a surface may name.
+    /// The departure of a surface from its conic, of which it may have one.
     fn departure(&self, number: usize, surface: &SurfaceText) -> Result<Departure, FileError> {
         let mut named = Vec::new();
         if let Some(terms) = &surface.odd {
@@ -280,7 +281,7 @@ impl Reader<'_> {
             (None, None) => [0.0; 3],
             (Some(_), Some(list)) => {
                 return Err(self
-                    .error("tilt_rad", list.span(), "the tilt is there in degrees already")
+                    .error("tilt_rad", list.span(), "the tilt is already given in degrees")
                     .hint("keep one of the two"));
             }
         };
@@ -297,7 +298,7 @@ impl Reader<'_> {
         Ok(Placement { decenter_mm, tilt_rad, axis })
     }
 
-    /// Up to N numbers; what is not there is zero.
+    /// Up to N numbers; missing ones are zero.
     fn list<const N: usize>(&self, key: &str, list: &Spanned<Vec<Placed>>) -> Result<[f64; N], FileError> {
         let mut out = [0.0; N];
         if list.get_ref().len() > N {

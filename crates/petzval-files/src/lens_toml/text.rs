@@ -1,4 +1,4 @@
-//! The shape of a lens file as serde reads it, before anything is checked.
+//! The structure of a lens file for serde, before its values are checked.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use toml::Spanned;
 use crate::glass_toml::GlassTables;
 use crate::toml_number::Number;
 
-/// A number that knows its place in the file.
+/// A number with its place in the file.
 pub(super) type Placed = Spanned<Number>;
 
 #[derive(Deserialize, JsonSchema)]

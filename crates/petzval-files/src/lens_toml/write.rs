@@ -1,4 +1,4 @@
-//! Writing a lens file, such that reading it gives the same bits.
+//! Writes a lens file; reading it gives the same bits.
 
 use std::fmt::Write;
 
@@ -11,8 +11,7 @@ use petzval_optics::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
 };
 
-/// A lens file as text. It carries the formula of each of its glasses, so that it means the same
-/// lens with any catalogue.
+/// A lens file as text. It contains the formulas of its glasses, so that it is the same lens with any catalogue.
 pub fn write_lens(file: &LensFile) -> String {
     let mut out = String::new();
     write(file, &mut out).expect("a string takes whatever is written to it");
@@ -92,7 +91,7 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-/// The lens's materials with names that differ from each other, whatever the glasses are called.
+/// The materials of the lens with unique names, even if different glasses have the same name.
 fn named_glasses(lens: &Lens) -> Vec<(String, &Glass)> {
     let mut named: Vec<(String, &Glass)> = Vec::new();
     for surface in &lens.surfaces {
@@ -153,8 +152,8 @@ fn write_surface(
     writeln!(out, "semi_diameter_mm = {}", number(surface.semi_diameter_mm))
 }
 
-/// What a surface has beyond a conic with an even polynomial, a glass and a place on the axis, as lines of its file; empty for
-/// an ordinary surface.
+/// Everything of a surface except its conic, its even polynomial, its glass and its thickness, as lines of a lens file. Empty
+/// for an ordinary surface.
 pub fn special_lines(surface: &Surface) -> String {
     let mut out = departure_line(&surface.shape.departure) + &action_lines(surface);
     if let Some(placement) = &surface.placement {
@@ -164,7 +163,7 @@ pub fn special_lines(surface: &Surface) -> String {
     out
 }
 
-/// A departure as the line that says it; empty for none.
+/// The line of a departure; empty for none.
 fn departure_line(departure: &Departure) -> String {
     let values = departure.numbers();
     match departure {
@@ -193,7 +192,7 @@ fn departure_line(departure: &Departure) -> String {
     }
 }
 
-/// What a surface does to light, as lines.
+/// The lines of a surface's action on light.
 fn action_lines(surface: &Surface) -> String {
     let mut out = match surface.action {
         Action::Refract => String::new(),
@@ -230,19 +229,19 @@ fn placement_line(placement: &Placement) -> String {
     format!("placement = {{ decenter_mm = {decenter}, {tilt}, axis = \"{axis}\" }}")
 }
 
-/// Terms that are not zero, as `name = value`. Zero is the default, but not negative zero: its bits are another number's.
+/// Terms that are not zero, as `name = value`. Negative zero is written, because its bits differ from the default 0.
 fn named(terms: impl Iterator<Item = (String, f64)>) -> Vec<String> {
     let said = terms.filter(|(_, v)| v.to_bits() != 0);
     said.map(|(name, v)| format!("{name} = {}", number(v))).collect()
 }
 
-/// Without the zeros at the end.
+/// The values without the zeros at the end.
 fn trimmed(values: &[f64]) -> &[f64] {
     let count = values.iter().rposition(|v| v.to_bits() != 0).map_or(0, |last| last + 1);
     &values[..count]
 }
 
-/// A number by its reciprocal where that is exact, else as it is.
+/// A number as its reciprocal if that is exact, else the number itself.
 fn reciprocal([reciprocal_key, key]: [&str; 2], value: f64) -> String {
     match exact_reciprocal(value) {
         Some(reciprocal) => format!("{reciprocal_key} = {}", number(reciprocal)),

@@ -17,16 +17,16 @@ use petzval_camera::sensor::CfaPattern;
 
 const HINT: &str = "give a DNG with one mosaicked or monochrome frame of digital numbers";
 
-/// Reads the active area of the frame: where light falls, without masked borders.
+/// Reads the active area of the frame, without masked borders.
 pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     let unreadable = |reason: String| Unreadable { reason, hint: HINT };
     let chain = directories::check(bytes).map_err(unreadable)?;
-    // The reader ends some damaged files with a panic.
+    // The reader panics on some damaged files.
     let read = catch_unwind(AssertUnwindSafe(|| read(bytes, chain)));
     let (image, exposure_s) =
-        read.unwrap_or_else(|_| Err("the reader of DNG files broke off".to_owned())).map_err(unreadable)?;
+        read.unwrap_or_else(|_| Err("the reader of DNG files failed".to_owned())).map_err(unreadable)?;
     if image.cpp != 1 {
-        return Err(unreadable(format!("{} numbers per pixel: the frame is no mosaic any more", image.cpp)));
+        return Err(unreadable(format!("{} numbers per pixel: the frame is no longer a mosaic", image.cpp)));
     }
     let RawImageData::Integer(dn) = &image.data else {
         return Err(unreadable("the frame has floating-point values, not digital numbers".to_owned()));
@@ -35,7 +35,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         return Err(unreadable(format!("{} numbers in {}x{} pixels", dn.len(), image.height, image.width)));
     }
 
-    // Cut to the active area, where the mosaic of the file begins.
+    // Crop to the active area, where the file's mosaic begins.
     let (top, left, height, width) = match image.active_area {
         Some(area) => (area.p.y, area.p.x, area.d.h, area.d.w),
         None => (0, 0, image.height, image.width),
@@ -66,7 +66,7 @@ fn read(bytes: &[u8], chain: usize) -> Result<(RawImage, Option<f64>), String> {
     Ok((image, seconds))
 }
 
-/// What the tags say of sensor and levels; nothing, where they contradict each other.
+/// Sensor and levels from the tags. If a number is out of range, only the mosaic is kept.
 fn info(image: &RawImage, top: usize, left: usize) -> RawInfo {
     let cfa = match &image.photometric {
         RawPhotometricInterpretation::Cfa(config) => mosaic(&config.cfa, top, left),
@@ -81,7 +81,7 @@ fn info(image: &RawImage, top: usize, left: usize) -> RawInfo {
         sensor: Some(name.trim().to_owned()).filter(|name| !name.is_empty()),
         bits: (1..=16).contains(&image.bps).then_some(image.bps as u32),
         cfa,
-        // One number for the frame: the mean over the places of the mosaic.
+        // Average the black levels of the mosaic to one number.
         black_level_dn: (!levels.is_empty()).then(|| black / levels.len() as f64),
         white_level_dn: white,
         ..RawInfo::default()
@@ -89,8 +89,8 @@ fn info(image: &RawImage, top: usize, left: usize) -> RawInfo {
     if info.validate().is_ok() { info } else { RawInfo { cfa: info.cfa, ..RawInfo::default() } }
 }
 
-/// The mosaic from the first pixel of the active area. The reader has moved the file's mosaic by the place of that area, so
-/// it is moved on to a whole tile.
+/// The mosaic from the first pixel of the active area. The reader has shifted the file's mosaic by the position of that
+/// area; shifting it on to a whole tile undoes this.
 fn mosaic(cfa: &CFA, top: usize, left: usize) -> Option<CfaPattern> {
     let (rows, cols) = (cfa.height, cfa.width);
     if rows == 0 || cols == 0 {
@@ -98,7 +98,7 @@ fn mosaic(cfa: &CFA, top: usize, left: usize) -> Option<CfaPattern> {
     }
     let whole = |offset: usize, side: usize| (side - offset % side) % side;
     let moved = cfa.shift(whole(left, cols), whole(top, rows));
-    // Colours are numbers 0, 1, 2 for red, green, blue; other filters have no place in our mosaics.
+    // Colours are the numbers 0, 1, 2 for red, green, blue; other filters are not supported.
     let letter = |row, col| ['R', 'G', 'B'].get(moved.color_at(row, col)).copied();
     let row = |row| (0..cols).map(|col| letter(row, col)).collect::<Option<String>>();
     (0..rows).map(row).collect::<Option<Vec<_>>>()?.join("/").parse().ok()

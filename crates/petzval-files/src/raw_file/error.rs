@@ -1,4 +1,4 @@
-//! What is wrong with the file of a raw frame.
+//! Errors of raw files.
 
 use std::path::{Path, PathBuf};
 
@@ -12,20 +12,20 @@ pub enum RawFileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The content is not what its name or its sidecar says.
+    /// The content contradicts the file's name or its sidecar.
     #[error("{}: {reason}; hint: {hint}", path.display())]
     Content {
         /// The file.
         path: PathBuf,
         /// What is wrong.
         reason: String,
-        /// What would be right.
+        /// What to do.
         hint: &'static str,
     },
-    /// The sidecar says something that cannot be used.
+    /// The sidecar has an error.
     #[error("{}: {error}", path.display())]
     Sidecar {
         /// The sidecar.

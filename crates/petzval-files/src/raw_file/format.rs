@@ -1,4 +1,4 @@
-//! Which format a raw frame has.
+//! The file format of a raw frame.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub enum RawFormat {
 }
 
 impl RawFormat {
-    /// The format that a file's name asks for; `packing` is how a `.raw` is packed.
+    /// The format of a file's extension; `packing` is the packing of `.raw` and `.bin`.
     pub fn of_name(path: &Path, packing: Packing) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
@@ -36,7 +36,7 @@ impl RawFormat {
         })
     }
 
-    /// The extension that a file of this format gets.
+    /// The extension of new files of this format.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Tiff => "tiff",
@@ -48,8 +48,8 @@ impl RawFormat {
         }
     }
 
-    /// The format of a file that is there: by its first bytes, except that a DNG, which starts as any TIFF does, and a
-    /// packed frame, which may start with anything, are told by their names.
+    /// The format of an existing file, by its first bytes. Two formats are recognised by name: a DNG, which starts like any
+    /// TIFF, and a packed frame, which may start with any bytes.
     pub(super) fn of(path: &Path, bytes: &[u8]) -> Option<Self> {
         let named = Self::of_name(path, Packing::U16le);
         match named {

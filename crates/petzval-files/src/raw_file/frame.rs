@@ -1,18 +1,18 @@
-//! A frame of digital numbers, how large it may be, and why bytes are none.
+//! A frame of digital numbers, and the limits of its size.
 
 use super::info::{RawInfo, largest_dn};
 use petzval_camera::sensor::{Raw, SensorModel};
 
-/// Most pixels of a frame, 2^28: 512 MiB of digital numbers.
+/// Largest number of pixels of a frame, 2^28: 512 MiB of digital numbers.
 pub(crate) const MOST_PIXELS: u64 = 1 << 28;
 
-/// Most bytes that a byte of a file can become: LZW with codes of 12 bits stays below, deflate far below.
+/// Largest number of bytes to which a byte of a file can expand: LZW with codes of 12 bits stays below, deflate far below.
 pub(super) const MOST_EXPANSION: u64 = 4096;
 
-/// What a decoder may use beside the picture, bytes.
+/// Memory that a decoder may use in addition to the picture, bytes.
 pub(super) const WORK_SPACE: u64 = 1 << 20;
 
-/// A frame of digital numbers, and what is known of it.
+/// A frame of digital numbers with its metadata.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawFrame {
     /// Rows.
@@ -21,13 +21,13 @@ pub struct RawFrame {
     pub width: usize,
     /// Digital numbers, row by row.
     pub dn: Vec<u16>,
-    /// What the file and its sidecar say of the camera and the exposure.
+    /// Camera and exposure, from the file and its sidecar.
     pub info: RawInfo,
 }
 
 impl RawFrame {
-    /// An exposed frame with all that its sensor and its exposure are. Digital numbers are rounded (those of a simulation
-    /// without noise are fractions) and clipped to 0..65535.
+    /// A simulated frame with the metadata of its sensor and exposure. Digital numbers are rounded, because a simulation
+    /// without noise gives fractions, and clipped to 0..65535.
     pub fn from_raw(raw: &Raw, sensor: &SensorModel) -> Self {
         let (exposure, placement) = (&raw.capture.exposure, &raw.capture.placement);
         Self {
@@ -37,10 +37,10 @@ impl RawFrame {
             info: RawInfo {
                 sensor: Some(sensor.name.clone()),
                 bits: Some(sensor.bits),
-                // A window of the sensor begins anywhere in its mosaic.
+                // A window of the sensor may begin anywhere in its mosaic.
                 cfa: Some(sensor.cfa.starting_at(placement.row, placement.col)),
                 black_level_dn: Some(sensor.black_level_dn),
-                // Whole numbers from here on are saturated.
+                // The lowest saturated whole number.
                 white_level_dn: Some(sensor.white_level_dn(shortest(exposure.linear_gain)).floor()),
                 exposure_s: Some(shortest(exposure.time_s)),
                 linear_gain: Some(shortest(exposure.linear_gain)),
@@ -58,12 +58,12 @@ impl RawFrame {
     }
 }
 
-/// The number that was meant: 0.005 rather than the 32-bit float next to it.
+/// The shortest decimal of a 32-bit float: 0.005 and not 0.004999999888.
 pub fn shortest(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 
-/// Why bytes are no raw frame, or a frame no bytes; the caller adds the file.
+/// Why bytes cannot be decoded to a frame, or a frame cannot be encoded; the caller adds the file.
 pub(super) struct Unreadable {
     pub reason: String,
     pub hint: &'static str,

@@ -1,10 +1,10 @@
-//! What is known of a raw frame beside its digital numbers.
+//! Metadata of a raw frame.
 
 use serde::{Deserialize, Serialize};
 
 use petzval_camera::sensor::{CfaPattern, OutOfRange};
 
-/// Camera and exposure of a frame, as far as the file and its sidecar say.
+/// Camera and exposure of a frame, as far as the file and its sidecar give them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RawInfo {
     /// Name of the sensor or camera.
@@ -16,7 +16,7 @@ pub struct RawInfo {
     /// Colour filter array, from the frame's first pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cfa: Option<CfaPattern>,
-    /// Digital number of no light, as the camera is set, DN.
+    /// Digital number without light at the camera's settings, DN.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub black_level_dn: Option<f64>,
     /// Digital number of saturation, DN.
@@ -37,7 +37,7 @@ pub struct RawInfo {
 }
 
 impl RawInfo {
-    /// Checks that every number that is given is finite and in its physical range.
+    /// Checks that every given number is finite and in its physical range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         let checks = [
             ("bits", self.bits.map(f64::from), 1.0, 16.0, "the bits of the converter, 1 to 16"),
@@ -56,7 +56,7 @@ impl RawInfo {
         Ok(())
     }
 
-    /// This, and what it does not say as `other` says it.
+    /// This metadata, with missing values taken from `other`.
     pub fn or(self, other: Self) -> Self {
         Self {
             sensor: self.sensor.or(other.sensor),

@@ -1,17 +1,17 @@
-//! Raw frames from and to files: digital numbers, never a display curve.
+//! Reads and writes raw frames: digital numbers, without a display curve.
 //!
-//! | file | read | written | what the file itself says |
+//! | file | read | written | metadata in the file |
 //! |---|---|---|---|
 //! | `.tif`, `.tiff`, `.png` | gray, 8 or 16 bits | 16 bits | size |
-//! | `.raw`, `.bin` | any [`Packing`], by its sidecar | any [`Packing`] | nothing |
+//! | `.raw`, `.bin` | any [`Packing`], with a sidecar | any [`Packing`] | none |
 //! | `.npy` | two axes of whole numbers | `<u2` | size |
 //! | `.exr` | no | one channel `Y` of 32-bit floats | size |
 //! | `.dng` | with the cargo feature `dng` | no | size, mosaic, black and white level |
 //!
-//! A TIFF file of several pages is a frame a page ([`page_count`], [`load_raw_page`]).
+//! Each page of a TIFF file is a frame ([`page_count`], [`load_raw_page`]).
 //!
-//! Everything else that is known of a frame ([`RawInfo`]) stands in a [`Sidecar`]: a TOML file of the same name with
-//! `.toml` behind it. What a sidecar says wins over what the file says.
+//! All other metadata of a frame ([`RawInfo`]) are in a [`Sidecar`]: a TOML file whose name is that of the frame with `.toml`
+//! appended. The sidecar overrides the file.
 
 #[cfg(feature = "dng")]
 mod dng;
@@ -41,7 +41,7 @@ pub use statistics::{ColourStatistics, colour_statistics};
 
 use petzval_base::write_whole;
 
-/// Reads a frame of digital numbers of any known format, told by the file's first bytes and, for packed frames, by its
+/// Reads a frame of digital numbers. The file's first bytes or its extension determine the format; a packed frame needs a
 /// sidecar.
 pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
     let bytes = std::fs::read(path).map_err(RawFileError::io(path))?;
@@ -56,7 +56,7 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
             Some(sidecar) => sidecar.unpack(path, &bytes),
             None => Err(RawFileError::content(
                 path,
-                format!("no sidecar {} says how its numbers are packed", sidecar_path(path).display()),
+                format!("no sidecar {} describes how its numbers are packed", sidecar_path(path).display()),
                 sidecar::EXAMPLE,
             )),
         },
@@ -71,11 +71,11 @@ pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
     }
 }
 
-/// Frames of a file: the pages of a TIFF without its thumbnails and masks, one of every other file.
+/// Number of frames in a file: for a TIFF its pages without thumbnails and masks, for every other file 1.
 pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
     let mut file = BufReader::new(File::open(path).map_err(RawFileError::io(path))?);
     let head = file.fill_buf().map_err(RawFileError::io(path))?;
-    // A DNG is a TIFF in its bytes, with a reader of its own.
+    // A DNG looks like a TIFF, but has its own reader.
     if !pages::is_tiff(head) || RawFormat::of(path, head) == Some(RawFormat::Dng) {
         return Ok(1);
     }
@@ -83,13 +83,13 @@ pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
     Ok(pages::pages(file).map_err(content)?.len())
 }
 
-/// Reads one page, counted from 0, of a TIFF file of several; the sidecar of the file is that of every page.
+/// Reads one page, counted from 0, of a TIFF file. The sidecar of the file applies to every page.
 pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError> {
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
     let open = || Ok(BufReader::new(File::open(path).map_err(RawFileError::io(path))?));
     let places = pages::pages(open()?).map_err(content)?;
     let Some(place) = places.get(page) else {
-        let reason = format!("the file has {} pages, page {} is asked for", places.len(), page + 1);
+        let reason = format!("the file has {} pages, and page {} was requested", places.len(), page + 1);
         return Err(RawFileError::content(
             path,
             reason,
@@ -103,9 +103,9 @@ pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError>
     }
 }
 
-/// Writes a frame and its sidecar. The file's name does not matter: `format` decides.
+/// Writes a frame and its sidecar. `format` decides the format, not the file's name.
 ///
-/// The sidecar always comes with it, so that what another frame of the same name left there is not read with this one.
+/// The sidecar is always written, so that an old sidecar of another frame of the same name is replaced.
 pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
     let (bytes, sidecar) = encode(frame, path, format)?;
     let beside = sidecar_path(path);
@@ -113,8 +113,8 @@ pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), 
     write_whole(&beside, sidecar.to_toml().as_bytes()).map_err(RawFileError::io(&beside))
 }
 
-/// Writes a frame without a sidecar, for frames that are listed elsewhere with all that is known of them. A packed frame
-/// cannot be read again so.
+/// Writes a frame without a sidecar, for frames whose metadata are listed elsewhere. A packed frame cannot be read without
+/// its sidecar.
 pub fn save_raw_alone(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
     let (bytes, _) = encode(frame, path, format)?;
     write_whole(path, &bytes).map_err(RawFileError::io(path))

@@ -11,7 +11,7 @@ const HINT: &str =
 /// Longest header that is read, bytes; NumPy writes 128 for two axes.
 const MOST_HEADER: usize = 1024;
 
-/// Deepest brackets in a header, and most digits of its shape: beyond, it is not of a frame.
+/// Largest number of brackets in a header, and of digits in its shape. The header of a frame has fewer.
 const MOST_BRACKETS: usize = 4;
 const MOST_DIGITS: usize = 18;
 
@@ -27,7 +27,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     if pixels == 0 || pixels > MOST_PIXELS {
         return Err(unreadable(format!("{height}x{width} pixels: none, or more than 2^28")));
     }
-    // The data must be there before room is made for it.
+    // Check that the file holds the data before memory is allocated for them.
     let each = kind.num_bytes().unwrap_or(0);
     let held = array.into_inner();
     if held.len() as u64 != pixels * each as u64 {
@@ -49,7 +49,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
             };
             if !(0.0..=65535.0).contains(&value) || value.fract() != 0.0 {
                 return Err(unreadable(format!(
-                    "the value {value} at row {row}, column {col} is no whole number from 0 to 65535"
+                    "the value {value} at row {row}, column {col} is not a whole number from 0 to 65535"
                 )));
             }
             dn.push(value as u16);
@@ -66,7 +66,7 @@ fn numbers(bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
         let data = array.data::<T>().map_err(|e| e.to_string())?;
         data.map(|value| value.map(wide)).collect::<Result<_, _>>().map_err(|e| e.to_string())
     }
-    // The type as NumPy writes it, without quotes and byte order: 'u2', 'f4'.
+    // Compare NumPy's name of the type without quotes and byte order: 'u2', 'f4'.
     match kind.trim_matches('\'').trim_start_matches(['<', '>', '|', '=']) {
         "u1" => of::<u8>(bytes, f64::from),
         "u2" => of::<u16>(bytes, f64::from),
@@ -81,8 +81,8 @@ fn numbers(bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
     }
 }
 
-/// Refuses what the reader of headers would stumble over: headers that go on without end or into ever deeper brackets, and
-/// shapes whose product does not fit in 64 bits.
+/// Refuses headers on which the crate's reader would fail: very long ones, deeply nested brackets, and shapes whose product
+/// does not fit in 64 bits.
 fn check_header(bytes: &[u8]) -> Result<(), String> {
     let cut = || "the file ends in its header".to_owned();
     let (start, length) = match bytes.get(6).ok_or_else(cut)? {

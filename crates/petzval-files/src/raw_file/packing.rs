@@ -1,4 +1,4 @@
-//! Digital numbers of fewer bits than bytes hold, packed without gaps.
+//! Packed digital numbers: pixels of 1 to 16 bits in consecutive bytes.
 //!
 //! ```text
 //! mipi   8 bits: a byte. 10, 12, 14 bits: a group of 4, 2, 4 pixels; first the upper 8 bits of each pixel, a byte each,
@@ -9,14 +9,14 @@
 //! u16be  two bytes a pixel, the upper one first
 //! ```
 //!
-//! Every row starts with a byte of its own.
+//! Every row starts at a new byte.
 
 use serde::{Deserialize, Serialize};
 
 use super::frame::MOST_PIXELS;
 use super::info::largest_dn;
 
-/// How digital numbers lie in bytes.
+/// Arrangement of digital numbers in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Packing {
@@ -31,7 +31,7 @@ pub enum Packing {
 }
 
 impl Packing {
-    /// The usual packing of so many bits: that of MIPI where it has them, else contiguous bits, two whole bytes for 16.
+    /// The usual packing for a number of bits: MIPI for 8, 10, 12 and 14, two bytes from 16 on, else contiguous bits.
     pub fn for_bits(bits: u32) -> Self {
         match bits {
             8 | 10 | 12 | 14 => Self::Mipi,
@@ -51,7 +51,7 @@ impl Packing {
     }
 }
 
-/// Where the digital numbers of a packed file lie.
+/// Layout of the digital numbers in a packed file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PackedLayout {
     /// Rows.
@@ -60,7 +60,7 @@ pub struct PackedLayout {
     pub width: usize,
     /// Bits per pixel.
     pub bits: u32,
-    /// How they lie in bytes.
+    /// Arrangement in bytes.
     pub packing: Packing,
     /// Bytes from the start of a row to the start of the next.
     pub row_stride_bytes: usize,
@@ -73,16 +73,16 @@ pub struct PackedLayout {
 /// Why a layout or a frame cannot be packed or unpacked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PackingError {
-    /// A packing that has no such number of bits.
+    /// The packing does not support this number of bits.
     #[error("the packing {} has no {bits} bits per pixel, only {}", packing.name(), allowed(*packing))]
     Bits {
         /// The packing.
         packing: Packing,
-        /// The bits asked for.
+        /// The requested bits.
         bits: u32,
     },
-    /// Rows that run into each other.
-    #[error("a row of {width} pixels takes {needed} bytes, and the next begins after {stride}")]
+    /// Rows overlap.
+    #[error("a row of {width} pixels takes {needed} bytes, but the next row begins after {stride}")]
     Stride {
         /// Columns.
         width: usize,
@@ -91,7 +91,7 @@ pub enum PackingError {
         /// Bytes between rows.
         stride: usize,
     },
-    /// A frame without pixels, or larger than any sensor.
+    /// The frame has no pixels, or too many.
     #[error("{height}x{width} pixels: a frame has at least one pixel and at most 2^28")]
     Size {
         /// Rows.
@@ -99,8 +99,8 @@ pub enum PackingError {
         /// Columns.
         width: usize,
     },
-    /// A file of another length than its layout says.
-    #[error("the file has {got} bytes, and {height}x{width} pixels of {bits} bits as {} take {needed}", packing.name())]
+    /// The length of the file contradicts its layout.
+    #[error("the file has {got} bytes, but {height}x{width} pixels of {bits} bits as {} take {needed}", packing.name())]
     Length {
         /// Bytes of the file.
         got: usize,
@@ -115,7 +115,7 @@ pub enum PackingError {
         /// The packing.
         packing: Packing,
     },
-    /// A number that the bits cannot hold.
+    /// A number does not fit in the bits.
     #[error("the value {dn} at row {row}, column {col} does not fit in {bits} bits")]
     Value {
         /// Row.
@@ -129,7 +129,7 @@ pub enum PackingError {
     },
 }
 
-/// The numbers of bits that a packing has, in words.
+/// The numbers of bits that a packing supports, in words.
 fn allowed(packing: Packing) -> &'static str {
     match packing {
         Packing::Mipi => "8, 10, 12 and 14",
@@ -137,7 +137,7 @@ fn allowed(packing: Packing) -> &'static str {
     }
 }
 
-/// Pixels and bytes of a group that stands on its own.
+/// Pixels and bytes of an independent group.
 fn group(bits: u32, packing: Packing) -> (usize, usize) {
     match (packing, bits) {
         (Packing::Mipi, 10) => (4, 5),
@@ -149,7 +149,8 @@ fn group(bits: u32, packing: Packing) -> (usize, usize) {
     }
 }
 
-/// Bytes of a row; a last group that is not full counts whole in `mipi`, to the last byte that holds a bit in `lsb`.
+/// Bytes of a row. An incomplete last group takes a whole group in `mipi`; in `lsb` it ends with the last byte that holds a
+/// bit.
 fn row_bytes(width: usize, bits: u32, packing: Packing) -> usize {
     let (pixels, bytes) = group(bits, packing);
     match packing {
@@ -165,7 +166,7 @@ impl PackedLayout {
         Self { height, width, bits, packing, row_stride_bytes, header_bytes: 0, footer_bytes: 0 }
     }
 
-    /// Checks that the layout can be; returns the bytes that it takes.
+    /// Checks that the layout is possible, and returns the size of the file in bytes.
     pub fn file_bytes(&self) -> Result<usize, PackingError> {
         let &Self { height, width, bits, packing, row_stride_bytes: stride, .. } = self;
         let fits = match packing {
@@ -192,7 +193,7 @@ impl PackedLayout {
 
 /// The digital numbers of a packed file.
 ///
-/// The file must have just the bytes of its layout; the padding behind the last row may be missing.
+/// The file must have exactly the bytes of its layout, except that the padding after the last row may be missing.
 pub(super) fn unpack(layout: &PackedLayout, bytes: &[u8]) -> Result<Vec<u16>, PackingError> {
     let &PackedLayout { height, width, bits, packing, row_stride_bytes: stride, .. } = layout;
     let needed = layout.file_bytes()?;
@@ -206,7 +207,7 @@ pub(super) fn unpack(layout: &PackedLayout, bytes: &[u8]) -> Result<Vec<u16>, Pa
     for r in 0..height {
         let start = layout.header_bytes + r * stride;
         unpack_row(&bytes[start..start + row], width, bits, packing, &mut dn);
-        // Two bytes can hold what the converter cannot give: the layout is wrong then.
+        // A number in two bytes may exceed the bits of the converter: the layout is wrong then.
         let line = &dn[r * width..];
         if let Some(col) = line.iter().position(|v| *v > max) {
             return Err(PackingError::Value { row: r, col, dn: line[col], bits });
@@ -246,7 +247,7 @@ fn unpack_row(row: &[u8], width: usize, bits: u32, packing: Packing, dn: &mut Ve
     }
 }
 
-/// The bytes of a frame in a layout; padding, header and footer are zero.
+/// The bytes of a frame in a layout. Padding, header and footer are zero.
 pub(super) fn pack(layout: &PackedLayout, dn: &[u16]) -> Result<Vec<u8>, PackingError> {
     let &PackedLayout { height, width, bits, packing, row_stride_bytes: stride, .. } = layout;
     let length = layout.file_bytes()?;
@@ -303,12 +304,12 @@ fn pack_row(line: &[u16], bits: u32, packing: Packing, row: &mut [u8]) {
 mod tests {
     use super::*;
 
-    /// The byte layouts of MIPI CSI-2 (RAW10, RAW12, RAW14) and PFNC (Mono12p), written out.
+    /// Expected bytes by the layouts of MIPI CSI-2 (RAW10, RAW12, RAW14) and PFNC (Mono12p).
     #[test]
-    fn groups_lie_as_the_standards_say() {
+    fn packed_bytes_match_the_standards() {
         let pack_row_of =
             |bits, packing, dn: &[u16]| pack(&PackedLayout::tight(1, dn.len(), bits, packing), dn).unwrap();
-        // 10 bits: 0b11_0000_0001, 0b00_1111_1110, ...: upper bytes, then 2 bits of each from the lowest on.
+        // 10 bits: the upper bytes, then the 2 low bits of each, the first pixel in the lowest bits.
         let ten = [0b11_0000_0001, 0b00_1111_1110, 0b10_1010_1011, 0b01_0101_0100];
         assert_eq!(
             pack_row_of(10, Packing::Mipi, &ten),
@@ -323,14 +324,14 @@ mod tests {
     }
 
     #[test]
-    fn a_row_of_odd_length_ends_with_its_byte() {
+    fn bytes_of_rows_with_an_incomplete_last_group() {
         assert_eq!(row_bytes(3, 12, Packing::Mipi), 6);
         assert_eq!(row_bytes(3, 12, Packing::Lsb), 5);
         assert_eq!(row_bytes(5, 10, Packing::Mipi), 10);
     }
 
     #[test]
-    fn layouts_that_cannot_be_are_refused_before_anything_is_allocated() {
+    fn impossible_layouts_are_refused_before_memory_is_allocated() {
         let tight = PackedLayout::tight(4, 6, 12, Packing::Mipi);
         assert!(matches!(
             PackedLayout { bits: 16, ..tight }.file_bytes(),

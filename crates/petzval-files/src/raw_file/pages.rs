@@ -1,4 +1,4 @@
-//! Gray TIFF files: the pages of a file, each a frame.
+//! Gray TIFF files, in which each page is a frame.
 
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
@@ -11,15 +11,15 @@ use super::info::RawInfo;
 
 const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8 or 16 bits a sample";
 
-/// `NewSubfileType` of pictures that repeat another at less resolution, or mask it.
+/// Bits of `NewSubfileType` that mark a picture as a reduced copy or a mask of another.
 const THUMBNAIL_OR_MASK: u32 = 0b101;
 
-/// First bytes of a TIFF and of a BigTIFF, of either order of bytes.
+/// Whether bytes start a TIFF or a BigTIFF, in either byte order.
 pub(super) fn is_tiff(bytes: &[u8]) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| bytes.starts_with(*magic))
 }
 
-/// Places of the full pictures among all of a file; thumbnails and masks are none, unless there is nothing else.
+/// Indices of the full pictures in a file, without thumbnails and masks. If there are only those, the first.
 pub(super) fn pages(file: impl Read + Seek) -> Result<Vec<usize>, Unreadable> {
     let mut tiff = open(file)?;
     let mut pages = Vec::new();
@@ -48,7 +48,7 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFra
     tiff.check_kept()?;
     let (width, height) = tiff.decoder.dimensions().map_err(|error| tiff.unreadable(error))?;
     let pixels = u64::from(width) * u64::from(height);
-    // A damaged header can claim any size; a file cannot hold more than its bytes can become.
+    // A damaged header can claim any size: limit the picture to what the file's bytes can expand to.
     let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(2 * MOST_PIXELS) + WORK_SPACE;
     if 2 * pixels > most {
         return Err(refused(format!("{height}x{width} pixels do not fit in a file of {} bytes", tiff.bytes)));
@@ -61,7 +61,7 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFra
     let (dn, bits): (Vec<u16>, _) = match tiff.decoder.read_image() {
         Ok(DecodingResult::U16(dn)) => (dn, None),
         Ok(DecodingResult::U8(dn)) => (dn.into_iter().map(u16::from).collect(), Some(8)),
-        Ok(_) => return Err(refused("samples that are no whole numbers of 8 or 16 bits".to_owned())),
+        Ok(_) => return Err(refused("samples that are not whole numbers of 8 or 16 bits".to_owned())),
         Err(error) => return Err(tiff.unreadable(error)),
     };
     let (height, width) = (height as usize, width as usize);
@@ -71,7 +71,7 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<RawFra
     Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
 }
 
-/// A file with its length.
+/// A decoder, and the length of its file.
 struct Tiff<R: Read + Seek> {
     decoder: Decoder<R>,
     bytes: u64,
@@ -89,14 +89,14 @@ impl<R: Read + Seek> Tiff<R> {
         reason_of(error, self.bytes)
     }
 
-    /// Refuses pictures whose samples the decoder would hand over as other numbers: those of fewer than 8 bits, which it packs,
-    /// and those that grow darker, which it inverts; and those that are no digital numbers.
+    /// Refuses pictures whose samples the decoder would change: it packs samples of fewer than 8 bits, and inverts those in which
+    /// white is zero. Also refuses samples that are not digital numbers.
     fn check_kept(&mut self) -> Result<(), Unreadable> {
         let mut tag = |tag| self.decoder.find_tag_unsigned_vec::<u16>(tag).ok().flatten();
         let meaning = tag(Tag::PhotometricInterpretation).and_then(|all| all.first().copied());
         let format = tag(Tag::SampleFormat).and_then(|all| all.first().copied());
         if meaning == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
-            return Err(refused("in its numbers white is zero (PhotometricInterpretation 0)".to_owned()));
+            return Err(refused("white is zero in its numbers (PhotometricInterpretation 0)".to_owned()));
         }
         let colour = self.decoder.colortype().map_err(|error| self.unreadable(error))?;
         let ColorType::Gray(bits) = colour else {
@@ -130,7 +130,7 @@ impl<R: Read + Seek> Tiff<R> {
 fn reason_of(error: TiffError, bytes: u64) -> Unreadable {
     match error {
         TiffError::IoError(io) if io.kind() == ErrorKind::UnexpectedEof => {
-            cut_off(&format!("the file ends after {bytes} bytes, before what its header lists"))
+            cut_off(&format!("the file ends after {bytes} bytes, before the data that its header lists"))
         }
         other => refused(other.to_string()),
     }
@@ -141,5 +141,5 @@ fn refused(reason: String) -> Unreadable {
 }
 
 fn cut_off(what: &str) -> Unreadable {
-    Unreadable { reason: format!("cut off: {what}"), hint: "copy the file again; it is not whole" }
+    Unreadable { reason: format!("cut off: {what}"), hint: "copy the file again; it is incomplete" }
 }

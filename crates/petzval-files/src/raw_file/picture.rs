@@ -8,14 +8,14 @@ use super::pages::{decode_page, is_tiff, pages};
 use crate::undecoded;
 use ::image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
 
-/// Reads a gray picture of 8 or 16 bits, the only one of its file.
+/// Reads the only picture of a file, gray with 8 or 16 bits.
 pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     if is_tiff(bytes) {
         return match pages(Cursor::new(bytes))?[..] {
             [place] => decode_page(Cursor::new(bytes), place),
             ref all => Err(Unreadable {
-                reason: format!("a TIFF file of {} pages, and a raw frame is one", all.len()),
-                hint: "split it; in the captures of a characterisation the pages of a file are frames of a point",
+                reason: format!("a TIFF file of {} pages, but a raw frame is one page", all.len()),
+                hint: "split it; only in the captures of a characterisation are the pages of a file frames of a point",
             }),
         };
     }
@@ -24,7 +24,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     let mut reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(e.to_string()))?;
     check_kept(bytes, reader.format()).map_err(unreadable)?;
-    // A damaged header can claim any size; a file cannot hold more than its bytes can become.
+    // A damaged header can claim any size: limit the picture to what the file's bytes can expand to.
     let mut limits = Limits::default();
     let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * MOST_PIXELS);
     limits.max_alloc = Some(most + WORK_SPACE);
@@ -44,10 +44,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
     Ok(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } })
 }
 
-/// Refuses PNG pictures whose samples the decoder would spread over 8 bits, and formats that are no array of samples (JPEG).
+/// Refuses PNG pictures of fewer than 8 bits, which the decoder would spread to 8 bits, and all other formats, such as JPEG.
 fn check_kept(bytes: &[u8], format: Option<ImageFormat>) -> Result<(), String> {
     match format {
-        // Behind the signature, the header's length and name, width and height: bits of a sample.
+        // Byte 24 holds the bits per sample, after signature, length and name of the header, width and height.
         Some(ImageFormat::Png) => match *bytes.get(24).ok_or("the file ends in its header")? {
             8 | 16 => Ok(()),
             bits => Err(format!("samples of {bits} bits")),

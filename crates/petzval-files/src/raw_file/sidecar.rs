@@ -1,4 +1,4 @@
-//! The sidecar of a raw file: a TOML file that says what the raw file cannot.
+//! The sidecar of a raw file: a TOML file with metadata that the raw file does not contain.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,11 @@ use super::packing::unpack;
 use super::{PackedLayout, Packing, RawFileError, RawFrame, RawInfo};
 use petzval_camera::sensor::CfaPattern;
 
-/// What to write where a sidecar is missing.
+/// Hint for a missing sidecar.
 pub(super) const EXAMPLE: &str = "write one beside it, with lines such as: height = 1200, width = 1920, bits = 12, \
                                   packing = \"mipi\" (or \"lsb\", \"u16le\", \"u16be\")";
 
-/// What a sidecar says: how a packed file lies in its bytes, and camera and exposure of any raw file.
+/// The content of a sidecar: the layout of a packed file, and camera and exposure of any raw file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sidecar {
     /// Rows, if given.
@@ -26,7 +26,7 @@ pub struct Sidecar {
     pub info: RawInfo,
     /// The file's text, for errors that quote it.
     text: String,
-    /// Where it was read.
+    /// The file from which it was read.
     path: PathBuf,
 }
 
@@ -66,7 +66,7 @@ struct Keys {
     temperature_c: Option<f64>,
 }
 
-/// Where the sidecar of a raw file is: the same name with `.toml` behind it.
+/// Path of the sidecar of a raw file: the same name with `.toml` appended.
 pub fn sidecar_path(raw: &Path) -> PathBuf {
     let mut name = raw.as_os_str().to_owned();
     name.push(".toml");
@@ -132,9 +132,9 @@ impl Sidecar {
                     ("footer_bytes", keys.footer_bytes),
                 ];
                 if let Some((key, _)) = lost.iter().find(|(_, value)| value.is_some()) {
-                    let message = "this key is about packed files, and `packing` is missing";
+                    let message = "this key belongs to packed files, but `packing` is missing";
                     return Err(FileError::at_key(text, &[key], message).hint(
-                        "add packing = \"mipi\", \"lsb\", \"u16le\" or \"u16be\", or take the line out",
+                        "add packing = \"mipi\", \"lsb\", \"u16le\" or \"u16be\", or remove the line",
                     ));
                 }
                 None
@@ -144,7 +144,7 @@ impl Sidecar {
         Ok(Self { height, width, layout, info, text: text.to_owned(), path })
     }
 
-    /// The sidecar of a frame that says its own layout.
+    /// The sidecar of a frame in a format that defines its own layout.
     pub fn of(frame: &RawFrame) -> Self {
         Self {
             height: Some(frame.height),
@@ -181,7 +181,7 @@ impl Sidecar {
         toml::to_string(&keys).unwrap_or_default()
     }
 
-    /// A packed file as the sidecar says.
+    /// Unpacks a file according to the sidecar.
     pub(super) fn unpack(&self, raw: &Path, bytes: &[u8]) -> Result<RawFrame, RawFileError> {
         let Some(layout) = &self.layout else {
             let error = FileError::at_key(&self.text, &["packing"], "a packed file needs the key `packing`");
@@ -193,7 +193,8 @@ impl Sidecar {
         Ok(RawFrame { height: layout.height, width: layout.width, dn, info: self.info.clone() })
     }
 
-    /// What the sidecar says of a frame that has a format of its own; it wins over what that says.
+    /// Adds the metadata of the sidecar to a frame in a format that defines its own layout. The sidecar overrides the file. Fails
+    /// if the two contradict each other in size, layout or bits.
     pub(super) fn apply(&self, raw: &Path, frame: RawFrame) -> Result<RawFrame, RawFileError> {
         let at = |key: &str, message: String, hint: &str| {
             let error = FileError::at_key(&self.text, &[key], message).hint(hint);
@@ -201,8 +202,8 @@ impl Sidecar {
         };
         let name = raw.display();
         if self.layout.is_some() {
-            let message = format!("{name} is no packed file: it says itself how its numbers lie");
-            return at("packing", message, "take out `packing`, and what belongs to it");
+            let message = format!("{name} is not a packed file: its format defines the layout");
+            return at("packing", message, "remove `packing` and the keys of the layout");
         }
         for (key, said, is) in [("height", self.height, frame.height), ("width", self.width, frame.width)] {
             if said.is_some_and(|said| said != is) {
@@ -216,17 +217,13 @@ impl Sidecar {
         let frame = RawFrame { info: self.info.clone().or(frame.info), ..frame };
         if let Some((row, col, dn)) = frame.info.bits.and_then(|bits| frame.beyond(bits)) {
             let message = format!("{name} has the value {dn} at row {row}, column {col}");
-            return at(
-                "bits",
-                message,
-                "give the bits that the numbers have in the file; are they shifted up?",
-            );
+            return at("bits", message, "give the bits of the numbers in the file; are they shifted up?");
         }
         Ok(frame)
     }
 }
 
-/// A layout that cannot be, at the key that says so.
+/// The error for an impossible layout, at the key that causes it.
 fn layout_error(text: &str, error: &super::PackingError) -> FileError {
     use super::PackingError as E;
     let (key, hint) = match error {

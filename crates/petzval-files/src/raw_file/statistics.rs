@@ -1,4 +1,4 @@
-//! What the digital numbers of a frame are like, colour by colour.
+//! Statistics of the digital numbers of a frame, for each colour.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use petzval_camera::sensor::{CfaPattern, Colour};
 pub struct ColourStatistics {
     /// The colour; all pixels are `Clear` if the frame's mosaic is not known.
     pub colour: Colour,
-    /// How many pixels.
+    /// Number of pixels.
     pub pixels: u64,
     /// Least digital number, DN.
     pub min_dn: u16,
@@ -21,7 +21,7 @@ pub struct ColourStatistics {
     pub mean_dn: f64,
     /// Standard deviation over the pixels, DN.
     pub sd_dn: f64,
-    /// Pixels at 0, where a converter clips.
+    /// Pixels at 0, the lower limit of the converter.
     pub at_zero: u64,
     /// Pixels at or above the white level or the largest number of the converter; `None` if neither is known.
     pub saturated: Option<u64>,

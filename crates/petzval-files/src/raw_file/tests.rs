@@ -1,4 +1,4 @@
-//! Round trips to the bit, files that say the wrong thing, and damaged files.
+//! Round trips to the bit, contradictory files, and damaged files.
 
 use std::path::Path;
 
@@ -84,7 +84,7 @@ proptest! {
 }
 
 #[test]
-fn a_simulated_frame_carries_its_camera() {
+fn a_simulated_frame_has_the_metadata_of_its_camera() {
     let sensor = crate::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
     let exposure = Exposure { white_e: 1e4, time_s: 0.005, linear_gain: 2.0 };
     let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 };
@@ -96,14 +96,14 @@ fn a_simulated_frame_carries_its_camera() {
     assert_eq!(frame.info.exposure_s, Some(0.005));
     assert_eq!((frame.info.linear_gain, frame.info.pixel_um), (Some(2.0), Some(5.86)));
 
-    // A window that begins in an odd row sees the mosaic from there.
+    // The mosaic of a window starts at the window's first pixel.
     let capture = Capture { placement: Placement { row: 7, col: 4 }, ..capture };
     let window = RawFrame::from_raw(&Raw { capture, ..raw }, &sensor);
     assert_eq!(window.info.cfa, Some(CfaPattern::GBRG));
 }
 
 #[test]
-fn bytes_are_read_as_they_are_and_eight_bits_are_known() {
+fn an_eight_bit_picture_keeps_its_numbers_and_has_eight_bits() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("gray.png");
     ::image::GrayImage::from_raw(2, 1, vec![0, 200]).unwrap().save(&path).unwrap();
@@ -111,11 +111,11 @@ fn bytes_are_read_as_they_are_and_eight_bits_are_known() {
     assert_eq!((frame.dn, frame.info.bits), (vec![0, 200], Some(8)));
 }
 
-/// Samples that a decoder of pictures would spread, invert or round are refused: they are not the file's numbers.
+/// Samples that a picture decoder would spread, invert or round are refused, because the result is not the file's numbers.
 #[test]
 fn pictures_that_would_be_converted_are_refused() {
     let says = |bytes: &[u8]| picture::decode(bytes).map_err(|e| e.reason);
-    // Two gray pixels in one row: bits of a sample with the header's checksum, and the compressed row with its own.
+    // Two gray pixels in one row: bits per sample with the header's checksum, and the compressed row with its checksum.
     let png_of = |bits: u8, check: [u8; 4], row: &[u8]| {
         let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x01".to_vec();
         bytes.extend([bits, 0, 0, 0, 0].into_iter().chain(check).chain([0, 0, 0, row.len() as u8 - 4]));
@@ -168,7 +168,7 @@ fn pictures_that_would_be_converted_are_refused() {
         assert!(says(&tiff_of(1, bits)).unwrap_err().contains(&format!("{bits} bits")));
     }
 
-    // JPEG rounds and bends.
+    // JPEG is lossy and has a display curve.
     let mut jpeg = std::io::Cursor::new(Vec::new());
     ::image::GrayImage::new(8, 8).write_to(&mut jpeg, ::image::ImageFormat::Jpeg).unwrap();
     assert!(says(&jpeg.into_inner()).unwrap_err().contains("neither a TIFF nor a PNG"));
@@ -196,7 +196,7 @@ fn numpy_arrays_of_other_types_and_orders_are_read() {
     }
 }
 
-/// What is wrong is said with the file, the line, the key and a hint.
+/// Errors name the file, the line, the key and a hint.
 #[test]
 fn sidecars_that_do_not_fit_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -248,8 +248,8 @@ fn a_sidecar_beside_a_picture_adds_to_it_and_must_fit_it() {
     assert_eq!(says("cfa = \"GRBG\"").unwrap().info.cfa, Some(CfaPattern::GRBG));
     for (sidecar, needle) in [
         ("height = 3", "`height = 3`: "),
-        ("bits = 4", "take out"),
-        ("height = 2\nwidth = 4\nbits = 12\npacking = \"lsb\"", "is no packed file"),
+        ("bits = 4", "shifted up"),
+        ("height = 2\nwidth = 4\nbits = 12\npacking = \"lsb\"", "is not a packed file"),
     ] {
         let error = says(sidecar).unwrap_err();
         assert!(error.contains("frame.tiff.toml: line"), "{error}");
@@ -277,7 +277,7 @@ fn frames_that_cannot_be_written_leave_nothing() {
 }
 
 #[test]
-fn what_cannot_be_read_is_said() {
+fn formats_that_are_not_read_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.exr");
     save_raw(&frame(2, 4, 12), &path, RawFormat::Exr).unwrap();
@@ -288,9 +288,9 @@ fn what_cannot_be_read_is_said() {
     assert!(load_raw(&colour).unwrap_err().to_string().contains("Rgb8, not of digital numbers"));
 }
 
-/// What is wrong with a TIFF is said in the terms of the file.
+/// Errors about a TIFF use the terms of the file.
 #[test]
-fn tiff_files_that_are_no_frame_say_why() {
+fn errors_say_why_a_tiff_file_is_not_a_frame() {
     use tiff::encoder::{TiffEncoder, colortype};
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.tiff");
@@ -321,7 +321,7 @@ fn tiff_files_that_are_no_frame_say_why() {
     write(&|tiff| tiff.write_image::<colortype::RGB8>(1, 1, &[1, 2, 3]).unwrap());
     assert!(says().contains("RGB(8), not of digital numbers"), "{}", says());
 
-    // Pages are frames of their own; a thumbnail is none.
+    // Each page is a frame; a thumbnail is not.
     write(&|tiff| {
         tiff.write_image::<colortype::Gray16>(2, 1, &[1, 2]).unwrap();
         let mut thumbnail = tiff.new_image::<colortype::Gray8>(1, 1).unwrap();
@@ -337,10 +337,10 @@ fn tiff_files_that_are_no_frame_say_why() {
     assert_eq!(page_count(&path).unwrap(), 2);
     let second = load_raw_page(&path, 1).unwrap();
     assert_eq!((second.height, second.width, second.dn), (2, 1, vec![3, 4]));
-    assert!(load_raw_page(&path, 2).unwrap_err().to_string().contains("page 3 is asked for"));
+    assert!(load_raw_page(&path, 2).unwrap_err().to_string().contains("page 3 was requested"));
 }
 
-/// Damaged files: no panic, no absurd allocation, no hang. `PETZVAL_MUTATIONS` asks for more of them.
+/// Damaged files cause no panic, no huge allocation and no endless loop. `PETZVAL_MUTATIONS` sets their number.
 #[test]
 fn damaged_files_are_errors_or_frames() {
     use rand::{RngExt, SeedableRng};
@@ -385,6 +385,6 @@ fn damaged_files_are_errors_or_frames() {
             }
         }
     }
-    // Damage in the numbers makes another frame, damage in the header an error; both must have occurred.
+    // Damage to the numbers gives another frame, damage to the header an error; both must occur.
     assert!(frames > 0 && errors > 0, "{frames} frames, {errors} errors");
 }

@@ -1,7 +1,7 @@
 //! Pages of refractiveindex.info: one material each, in YAML.
 //!
 //! `DATA` lists an index (`formula 1` to `9`, `tabulated n`, `tabulated nk`) and often an extinction coefficient
-//! (`tabulated k`); `CONDITIONS` and `PROPERTIES` say the rest. The formulas, with `c1, c2, ...` in the order of
+//! (`tabulated k`). `CONDITIONS` and `PROPERTIES` hold the other values. The formulas, with `c1, c2, ...` in the order of
 //! `coefficients` and w in um:
 //!
 //! | number | formula |
@@ -16,9 +16,9 @@
 //! | 8 retro | `(n^2 - 1) / (n^2 + 2) = c1 + c2 w^2 / (w^2 - c3) + c4 w^2` |
 //! | 9 exotic | `n^2 = c1 + c2 / (w^2 - c3) + c4 (w - c5) / ((w - c5)^2 + c6)` |
 //!
-//! Glasses of makers are relative to air, as they print them. What a page takes from a paper is what that paper
-//! measured: gases, and some crystals, are against vacuum, and no page says so in a way that a program could read.
-//! It is taken as it stands. `glass_status` is left out: its words are not those of the makers' own files.
+//! Indices of makers' glasses are relative to air, as printed. Indices from papers may be relative to vacuum, as for gases
+//! and some crystals; no page states this in a machine-readable way, so they are read unchanged. `glass_status` is left out,
+//! because it differs from the status in the makers' own files.
 
 mod yaml;
 
@@ -27,7 +27,8 @@ use petzval_base::FileError;
 use petzval_optics::glass::{Absorption, Dispersion, Expansion, Glass, Printed, Thermal};
 use yaml::Node;
 
-/// The one material of a page, under a name and a maker (or empty), which pages do not say themselves.
+/// Reads the one material of a page. Pages state neither its name nor its maker, so the caller gives them; `maker` may be
+/// empty.
 ///
 /// ```
 /// # use petzval_files::parse_rii;
@@ -43,12 +44,13 @@ use yaml::Node;
 pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileError> {
     let page = yaml::parse(text)?;
     if name.to_uppercase() == "AIR" {
-        return Err(yaml::error(1, "", name, "air is always there").hint("give the file another name"));
+        return Err(yaml::error(1, "", name, "air is built in").hint("give the file another name"));
     }
     let data = page.get("DATA").ok_or_else(|| {
         yaml::error(1, "DATA", "", "the page has no data")
             .hint("a page of refractiveindex.info has a list `DATA:`")
     })?;
+    // Take the first index and the first extinction of the page.
     let mut warnings = Vec::new();
     let mut glass: Option<Glass> = None;
     let mut extinction: Option<Vec<[f64; 2]>> = None;
@@ -87,9 +89,9 @@ pub fn parse_rii(text: &str, name: &str, maker: &str) -> Result<GlassFile, FileE
     Ok(GlassFile { glasses: vec![glass], warnings })
 }
 
-/// The temperature of the measurement in degrees Celsius; 20 where the page has none.
+/// The temperature of the measurement, degrees Celsius; 20 if the page has none.
 ///
-/// Pages round to whole kelvin what was a whole degree: 293 is 20 C and 298 is 25 C.
+/// Pages round whole degrees Celsius to whole kelvin: 293 means 20 C, and 298 means 25 C.
 fn reference_c(page: &Node) -> f64 {
     const USUAL_C: f64 = 20.0;
     let kelvin = page.get("CONDITIONS").and_then(|c| c.get("temperature")).and_then(Node::text);
@@ -100,7 +102,7 @@ fn reference_c(page: &Node) -> f64 {
     }
 }
 
-/// A formula with the wavelengths at which it holds, um.
+/// A formula, and the range of wavelengths in which it holds, um.
 type Index = (Dispersion, Option<[f64; 2]>);
 
 /// Rows `[wavelength um, extinction coefficient]`.
@@ -139,14 +141,14 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Extinct
     }
 }
 
-/// Rows that absorb. Some tables have a few that amplify, from a transmittance misprinted above 1.
+/// Removes rows with a negative extinction coefficient. Some tables have a few, from a transmittance misprinted above 1.
 fn without_gain(entry: &Node, rows: Vec<[f64; 2]>, warnings: &mut Vec<FileError>) -> Vec<[f64; 2]> {
     let (kept, gain): (Vec<_>, Vec<_>) = rows.into_iter().partition(|[_, k]| *k >= 0.0);
     for [um, k] in gain {
         warnings.push(
             entry.error(
                 "data",
-                format!("an extinction coefficient is 0 at least, not {k} at {um} um: left out"),
+                format!("an extinction coefficient is at least 0, not {k} at {um} um: left out"),
             ),
         );
     }
@@ -159,7 +161,7 @@ fn wavelength_range(entry: &Node) -> Result<Option<[f64; 2]>, FileError> {
         range.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
     match numbers.as_deref() {
         Some(&[min, max]) if min > 0.0 && max >= min => Ok(Some([min, max])),
-        _ => Err(range.error("wavelength_range", "this is no shortest and longest wavelength in um")),
+        _ => Err(range.error("wavelength_range", "this is not a shortest and a longest wavelength in um")),
     }
 }
 
@@ -171,13 +173,13 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
     for (i, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let numbers = line.split_whitespace().map(finite).collect::<Option<Vec<f64>>>();
         let row = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()).filter(|row| row[0] > 0.0);
-        // The place of a block is that of its text, not that of its key.
+        // The line of a block is that of its text, not that of its key.
         let row =
             row.ok_or_else(|| yaml::error(data.line + i, "data", line, format!("this is not {N} numbers")))?;
         rows.push(row);
     }
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    // Several samples of one wavelength are one row, or the slope there would be infinite.
+    // Keep one row per wavelength, because the slope between two would be infinite.
     rows.dedup_by(|later, earlier| later[0] == earlier[0]);
     match rows.is_empty() {
         true => Err(data.error("data", "the table has no rows")),
@@ -185,7 +187,7 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
     }
 }
 
-/// A formula by its number, or what is wrong with its coefficients.
+/// A formula by its number. The error describes what is wrong with its coefficients.
 fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
     let pairs = || c[1..].chunks(2);
     if matches!(number, "1" | "2" | "3" | "5" | "6") && c.len().is_multiple_of(2) {
@@ -241,7 +243,7 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             let (resonant, powers) = c[1..].split_at(c.len().min(RESONANT) - 1);
             let powers = std::iter::once([c[0], 0.0]).chain(powers.chunks(2).map(|p| [p[0], p[1]]));
             let powers: Vec<[f64; 2]> = powers.filter(|[a, _]| *a != 0.0).collect();
-            // Unused terms are filled with zeros, which may stand for a pole without strength.
+            // Unused terms are filled with zeros; drop resonances of zero strength.
             let resonances = resonant.chunks(4).filter(|b| b[0] != 0.0).map(|b| [b[0], b[1], b[2], b[3]]);
             let resonances: Vec<[f64; 4]> = resonances.collect();
             match powers.is_empty() && resonances.is_empty() {
@@ -274,7 +276,7 @@ fn read_properties(
         let node = properties.get(key)?;
         let number = node.text().and_then(Printed::parse).filter(|number| number.value > least);
         if number.is_none() {
-            warnings.push(node.error(key, "this is none: left out"));
+            warnings.push(node.error(key, "this is not a possible value: left out"));
         }
         number
     };
@@ -289,7 +291,7 @@ fn read_properties(
                 glass.thermal = Some(Thermal { d: [d0, d1, d2], e: [e0, e1], lambda_tk_um, reference_c });
             }
             _ => warnings
-                .push(entry.error("thermal_dispersion", "this is no formula A of six numbers: left out")),
+                .push(entry.error("thermal_dispersion", "this is not a formula A of six numbers: left out")),
         }
     }
     let number = |entry: &Node, key: &str| entry.get(key).and_then(Node::text).and_then(finite);
@@ -330,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn every_formula_is_the_published_one() {
+    fn every_formula_matches_the_published_one() {
         // By hand at 0.5 um: w^2 = 1/4, w^-2 = 4.
         let x: f64 = 0.2 + 0.1 * 0.25 / 0.24 + 0.005;
         let cases = [
@@ -388,7 +390,7 @@ PROPERTIES:
 ";
 
     #[test]
-    fn a_page_is_read_with_all_that_it_says() {
+    fn every_value_of_a_page_is_read() {
         let file = parse_rii(PAGE, "N-BK7", "Schott").unwrap();
         assert_eq!(file.warnings, []);
         let glass = &file.glasses[0];
@@ -411,15 +413,15 @@ PROPERTIES:
     }
 
     #[test]
-    fn a_row_that_would_amplify_is_left_out() {
+    fn a_row_of_negative_extinction_is_left_out() {
         let file = parse_rii(&PAGE.replace("1.0227E-08", "-1.0227E-08"), "X", "").unwrap();
         assert_eq!(file.glasses[0].absorption, Some(Absorption::Extinction(vec![[0.39, 1.3731e-8]])));
         assert_eq!(file.warnings[0].line, Some(8));
-        assert!(file.warnings[0].message.contains("0 at least"), "{}", file.warnings[0]);
+        assert!(file.warnings[0].message.contains("at least 0"), "{}", file.warnings[0]);
     }
 
     #[test]
-    fn what_is_printed_and_cannot_be_is_left_out() {
+    fn printed_values_that_contradict_the_formula_are_left_out() {
         let file = parse_rii(&PAGE.replace("Vd: 64.17", "Vd: 46.17"), "X", "").unwrap();
         let glass = &file.glasses[0];
         assert_eq!((glass.printed_nd.is_some(), glass.printed_vd), (true, None));
@@ -427,17 +429,17 @@ PROPERTIES:
     }
 
     #[test]
-    fn what_cannot_be_read_is_said_with_its_line() {
+    fn errors_of_a_page_name_the_line() {
         for (from, to, line, says) in [
             ("formula 2", "formula 12", 7, "there is no formula 12"),
             ("formula 2", "recipe", 5, "there is no `recipe`"),
             ("0 1.03961212", "0 0 1.03961212", 7, "an odd number of coefficients"),
             ("0 1.03961212", "0 1.0396x", 7, "not numbers"),
-            ("0.3 2.5", "2.5 0.3", 6, "no shortest and longest"),
+            ("0.3 2.5", "2.5 0.3", 6, "not a shortest and a longest"),
             ("0.400 1.0227E-08", "0.400", 11, "not 2 numbers"),
             ("DATA:", "DAT:", 1, "no data"),
             ("  - type: formula 2", "  - &x y\n  - *x", 6, "alias"),
-            ("REFERENCES: |", "REFERENCES: [", 4, "no YAML"),
+            ("REFERENCES: |", "REFERENCES: [", 4, "not YAML"),
         ] {
             let error = parse_rii(&PAGE.replace(from, to), "X", "").unwrap_err();
             assert!(error.to_string().contains(says), "{error}");

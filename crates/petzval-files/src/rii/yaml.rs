@@ -1,5 +1,5 @@
-//! As much YAML as the pages of refractiveindex.info have: a tree whose nodes know their line. Aliases, by which a short
-//! text means an exponentially long one, are refused, and so is deep nesting.
+//! The part of YAML that pages of refractiveindex.info use, as a tree whose nodes have their line. Aliases are refused,
+//! because a short text with aliases can expand exponentially; so is deep nesting.
 
 use saphyr_parser::{Event, Parser};
 
@@ -8,7 +8,7 @@ use petzval_base::quote;
 
 /// A node of the tree.
 pub(super) struct Node {
-    /// Its line, from 1.
+    /// Line of the node, from 1.
     pub line: usize,
     pub value: Value,
 }
@@ -16,12 +16,12 @@ pub(super) struct Node {
 pub(super) enum Value {
     Text(String),
     List(Vec<Node>),
-    /// In the order of the file.
+    /// Keys and values in the order of the file.
     Map(Vec<(String, Node)>),
 }
 
 impl Node {
-    /// The value of a key; `None` also if this is no map.
+    /// The value of a key; `None` if it is missing or this is not a map.
     pub fn get(&self, key: &str) -> Option<&Node> {
         match &self.value {
             Value::Map(entries) => entries.iter().find(|(known, _)| known == key).map(|(_, node)| node),
@@ -64,19 +64,19 @@ pub(super) fn error(line: usize, key: &str, value: &str, message: impl Into<Stri
 /// A list or map that is being read.
 enum Open {
     List(Vec<Node>),
-    /// With the key whose value comes next.
+    /// The entries so far, and the key whose value comes next.
     Map(Vec<(String, Node)>, Option<String>),
 }
 
-/// The first document of a text.
+/// Parses the first document of a text.
 pub(super) fn parse(text: &str) -> Result<Node, FileError> {
-    // Pages have 6 levels; a few more are harmless.
+    // Pages have 6 levels.
     const DEEPEST: usize = 32;
     let mut open: Vec<(usize, Open)> = Vec::new();
     for event in Parser::new_from_str(text) {
         let (event, span) = event.map_err(|e| {
             let mark = e.marker();
-            let mut found = error(mark.line(), "", "", format!("this is no YAML: {}", e.info()));
+            let mut found = error(mark.line(), "", "", format!("this is not YAML: {}", e.info()));
             found.column = u32::try_from(mark.col() + 1).ok();
             found
         })?;
@@ -100,7 +100,7 @@ pub(super) fn parse(text: &str) -> Result<Node, FileError> {
                 None => break,
             },
             Event::Alias(_) => {
-                return Err(error(line, "", "", "an alias is no data").hint("write the values out"));
+                return Err(error(line, "", "", "aliases are not read").hint("write the values out"));
             }
             Event::DocumentEnd | Event::StreamEnd => break,
             Event::Nothing | Event::StreamStart | Event::DocumentStart(_) => continue,

@@ -1,31 +1,31 @@
-//! Commands: words on lines, with quotes, comments and continuations.
+//! Splits the text of a file into commands: words on lines, with quotes, comments and continuations.
 
 use std::collections::VecDeque;
 
 use crate::draft::{Record, line_end};
 use petzval_base::FileError;
 
-/// Characters that a command with its continuations may have.
+/// Longest command with its continuations, characters.
 const LONGEST: usize = 64 << 10;
 
 /// A word of a command.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Word {
     pub text: String,
-    /// Whether it stood in quotes.
+    /// Whether it was in quotes.
     pub quoted: bool,
 }
 
 /// A command with its values.
 #[derive(Clone, Debug)]
 pub(super) struct Command {
-    /// Where it stands.
+    /// Its line.
     pub record: Record,
-    /// Its name in upper case; names are told apart by three letters, and longer forms are cut to them.
+    /// Its name in upper case. Names are distinguished by three letters; longer forms are cut to three.
     pub name: String,
-    /// The whole name in upper case, as private glasses have it.
+    /// The whole name in upper case, for private glasses.
     pub full: String,
-    /// Whether the name stood in quotes, as that of a glass does.
+    /// Whether the name was in quotes, like the name of a glass.
     pub quoted: bool,
     /// The values.
     pub words: Vec<Word>,
@@ -50,12 +50,12 @@ impl Command {
         self.record.error(message)
     }
 
-    /// Value `index` as it stands there.
+    /// The text of value `index`.
     pub fn word(&self, index: usize) -> Option<&str> {
         self.words.get(index).map(|word| word.text.as_str())
     }
 
-    /// Value `index` as a finite number, which must be there.
+    /// Value `index` as a finite number. Fails if it is missing.
     pub fn number(&self, index: usize) -> Result<f64, FileError> {
         match self.words.get(index) {
             Some(word) => self.parse(word),
@@ -67,16 +67,16 @@ impl Command {
     pub fn only_number(&self) -> Result<f64, FileError> {
         match self.words.len() {
             0 | 1 => self.number(0),
-            count => Err(self.error(format!("one value is read, and there are {count}"))),
+            count => Err(self.error(format!("one value is read, but there are {count}"))),
         }
     }
 
-    /// Whether the only value is a no.
+    /// Whether the only value is `N` or `NO`.
     pub fn says_no(&self) -> bool {
         matches!(&self.words[..], [no] if no.text.eq_ignore_ascii_case("N") || no.text.eq_ignore_ascii_case("NO"))
     }
 
-    /// All values as finite numbers, `most` at most.
+    /// All values as finite numbers. Fails if there are more than `most`.
     pub fn numbers(&self, most: usize) -> Result<Vec<f64>, FileError> {
         if self.words.len() > most {
             return Err(self.error(format!("more than {most} values are not read")));
@@ -92,7 +92,7 @@ impl Command {
     }
 }
 
-/// The commands of a text, one after the other.
+/// Iterator over the commands of a text.
 pub(super) struct Commands<'a> {
     lines: std::iter::Zip<std::str::Split<'a, char>, std::ops::RangeFrom<u32>>,
     waiting: VecDeque<Command>,
@@ -109,6 +109,7 @@ impl Iterator for Commands<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.waiting.is_empty() {
+            // Join a line with its continuations, then split it at semicolons.
             let (line, number) = self.lines.next()?;
             let mut whole = without_comment(line).trim_end().to_owned();
             while let Some(kept) = whole.strip_suffix('&') {
@@ -130,7 +131,7 @@ impl Iterator for Commands<'_> {
     }
 }
 
-/// The parts of a text outside quotes: `at` is called with each byte outside them and says where to end.
+/// Calls `at` with the position and value of each byte outside quotes, until `at` returns `true`.
 fn scan(text: &str, mut at: impl FnMut(usize, u8) -> bool) {
     let mut quote = None;
     for (i, byte) in text.bytes().enumerate() {
@@ -147,7 +148,7 @@ fn scan(text: &str, mut at: impl FnMut(usize, u8) -> bool) {
     }
 }
 
-/// A line up to its comment.
+/// The part of a line before its comment.
 fn without_comment(line: &str) -> &str {
     let mut end = line.len();
     scan(line, |i, byte| {
@@ -172,7 +173,7 @@ fn parts(line: &str) -> Vec<&str> {
     cuts.windows(2).map(|w| &line[w[0]..w[1] - 1]).collect()
 }
 
-/// The words of a command. A quote begins a word only where one may begin, so that a label may follow its qualifier: `L'a b'`.
+/// The words of a command. A quote within a word does not begin a new word.
 fn split_words(text: &str) -> Vec<Word> {
     let mut words = Vec::new();
     let mut rest = text.trim_start();

@@ -1,4 +1,4 @@
-//! Glasses: private catalogues, names without hyphens and with their maker, codes and fictitious glasses.
+//! Glasses of a CODE V file: private catalogues, names without hyphens and with their maker, codes, fictitious glasses.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,10 +9,10 @@ use crate::draft::{MOST_VALUES, Record};
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 
-/// Glasses of a file's own.
+/// Largest number of private glasses in a file.
 const MOST_GLASSES: usize = 1000;
 
-/// What the program calls the maker of materials that have none.
+/// The program's maker name for materials without a maker.
 pub(super) const NO_MAKER: &str = "SPECIAL";
 
 /// A private catalogue, `PRV` to `END`.
@@ -20,7 +20,7 @@ pub(super) const NO_MAKER: &str = "SPECIAL";
 pub(super) struct PrivateGlasses {
     /// Wavelengths of the indices that follow, um.
     wavelengths_um: Vec<f64>,
-    /// By upper-case name; a glass whose formula is not known is an error where it is used.
+    /// Glasses by upper-case name. An unknown formula is an error only if its glass is used.
     glasses: BTreeMap<String, Result<Arc<Glass>, FileError>>,
 }
 
@@ -44,7 +44,7 @@ impl PrivateGlasses {
         Ok(())
     }
 
-    /// Laurent's series (that of Schott), or an index at each of the catalogue's wavelengths.
+    /// The dispersion of a private glass: Laurent's series (Schott's formula), or an index at each wavelength of the catalogue.
     fn dispersion(&self, command: &Command) -> Result<Dispersion, FileError> {
         let kind = command.word(0).unwrap_or("").to_uppercase();
         if kind == "LAU" {
@@ -97,7 +97,7 @@ impl PrivateGlasses {
             return match nd > 1.0 && nd < 10.0 && vd > 0.0 && vd.is_finite() {
                 true => Ok(Arc::new(Glass::new(&word.text, Dispersion::NdVd { nd, vd }))),
                 false => Err(record.error(format!(
-                    "a glass with nd = {} and Vd = {} is none",
+                    "nd = {} and Vd = {} are not those of a glass",
                     shown(nd),
                     shown(vd)
                 ))),
@@ -130,7 +130,7 @@ fn fictitious(text: &str) -> Option<(f64, f64)> {
     }
 }
 
-/// Letters and digits alone, in upper case: as the program spells names of glasses.
+/// The letters and digits of a name in upper case: the program's spelling of glass names.
 pub(super) fn bare(name: &str) -> String {
     name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_uppercase()).collect()
 }
@@ -141,7 +141,7 @@ pub(super) fn maker_suffix(maker: &str) -> String {
     if maker == "GENERIC" { NO_MAKER.to_owned() } else { maker }
 }
 
-/// A catalogue glass by its very name, or by its name without punctuation behind which its maker stands.
+/// A catalogue glass by its exact name, or by its name without punctuation, followed by `_` and its maker.
 fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>, FileError> {
     if let Ok(glass) = catalog.get(name) {
         return Ok(glass);
@@ -167,13 +167,13 @@ fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>,
                 "" => format!("no glass is called `{name}`"),
                 maker => format!("no glass of {maker} is called `{asked}`"),
             };
-            // Where the name is another maker's, the whole may be near to a third one's.
+            // If another maker has the name, look for names near the whole text.
             let nearest = catalog.get(asked).err().or_else(|| catalog.get(&name.replace('_', "-")).err());
             let nearest = nearest.map(|unknown| unknown.nearest.join(", ")).unwrap_or_default();
             Err(record.error(message).hint(format!("the nearest names are {nearest}")))
         }
         _ => {
-            let message = format!("several glasses are called `{name}` but for punctuation");
+            let message = format!("several glasses are called `{name}` without punctuation");
             Err(record.error(message).hint("add the maker, as in NBK7_SCHOTT"))
         }
     }

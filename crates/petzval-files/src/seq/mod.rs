@@ -1,13 +1,13 @@
-//! Lens files of CODE V: the commands that make a lens, as the program writes them.
+//! Lens files of CODE V: the commands that define a lens, as the program writes them.
 //!
-//! A command is a word and its values; upper and lower case are the same. Semicolons part commands on a line, `&` at the end of
-//! a line goes on on the next, `!` begins a comment. `SO`, `S` and `SI` add the object, a surface and the image with radius (or
-//! curvature, where the file does not say `RDM`), thickness and glass; the commands behind a surface are about it. Wavelengths
-//! are in nm, angles in degrees.
+//! A command is a word and its values; upper and lower case are the same. Semicolons separate commands on a line, `&` at the
+//! end of a line continues it on the next, `!` begins a comment. `SO`, `S` and `SI` add the object, a surface and the image,
+//! with radius (or curvature, if the file has no `RDM`), thickness and glass. Commands after a surface refer to it.
+//! Wavelengths are in nm, angles in degrees.
 //!
-//! What the commands mean follows files that the program wrote and public descriptions of it. Rotations `ADE` and `BDE` are
-//! left-handed, `CDE` is right-handed. Where neither says what a command does to light, it is refused: Forbes surfaces,
-//! diffractive structures, mirrors that bend the axis about two axes at once.
+//! The meaning of commands follows files that the program wrote and public descriptions. Rotations `ADE` and `BDE` are
+//! left-handed, `CDE` is right-handed. A command whose effect on light is not known from these sources is refused: Forbes
+//! surfaces, diffractive structures, mirrors that bend the axis about two axes at once.
 //!
 //! ```
 //! # use petzval_base::FileError;
@@ -29,7 +29,7 @@
 //! ";
 //! let read = parse_seq(text, &catalog)?;
 //! assert_eq!(read.file.lens.total_track_mm(), 101.3);
-//! assert_eq!(read.losses[0].to_string(), "line 10: `PIM`: the solve is not kept; the value that it found is");
+//! assert_eq!(read.losses[0].to_string(), "line 10: `PIM`: the solve is not kept, but its value is");
 //! # Ok::<(), FileError>(())
 //! ```
 

@@ -1,4 +1,4 @@
-//! A file as far as it is written: its lines, its glasses, and what is lost.
+//! The lines, glasses and losses of a CODE V file while it is written.
 
 use std::fmt::Write;
 
@@ -10,16 +10,16 @@ use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::Lens;
 
-/// Words that mean something else where a glass may stand.
+/// Words with another meaning in the place of a glass name.
 const TAKEN: &[&str] = &["AIR", "REFL", "REFR", "PWL", "END"];
 
-/// What is written so far.
+/// The file as written so far.
 pub(super) struct Out<'a> {
     pub text: String,
     pub losses: Losses,
     pub catalog: &'a Catalog,
     pub radii: bool,
-    /// Names of the private glasses, as they are called in the file, with their glasses.
+    /// The private glasses with their names in the file.
     pub private: Vec<(String, &'a Glass)>,
 }
 
@@ -32,7 +32,7 @@ impl<'a> Out<'a> {
             .expect("a string takes whatever is written");
     }
 
-    /// A radius or a curvature, as the mode of the file asks.
+    /// A radius or a curvature, by the mode of the file.
     pub fn curved(&self, curvature: f64) -> String {
         match self.radii {
             false => number(curvature),
@@ -41,7 +41,7 @@ impl<'a> Out<'a> {
         }
     }
 
-    /// Text in quotes, which cannot hold its own quotes.
+    /// Text in quotes. Quotes cannot be escaped, so text with both kinds of quotes loses the double ones.
     pub fn quoted(&mut self, what: &str, text: &str) -> String {
         let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
         match (line.contains('\''), line.contains('"')) {
@@ -61,14 +61,14 @@ impl<'a> Out<'a> {
         self.line(format_args!("{name} {}", lines.join(" &\n ")));
     }
 
-    /// What a glass is called, if no private catalogue is needed.
+    /// Name of a glass that needs no private catalogue.
     fn known_name(&self, glass: &Glass) -> Option<String> {
         if let Dispersion::NdVd { nd, vd } = &glass.dispersion {
             return Some(format!("{}:{}", number(*nd), number(*vd)));
         }
         let same = |known: &&std::sync::Arc<Glass>| known.dispersion == glass.dispersion;
         let known = self.catalog.all(&glass.name).iter().rfind(same)?;
-        // The reader must find the same glass. What has no maker has its very name, in quotes.
+        // Keep a name only if the reader finds the same glass by it. A glass without a maker has its plain name in quotes.
         let found = |text: &str, quoted: bool| {
             let word = super::command::Word { text: text.to_owned(), quoted };
             let found =
@@ -84,7 +84,7 @@ impl<'a> Out<'a> {
         found(&name, false).then_some(name)
     }
 
-    /// What the glass behind a surface is called; empty for air.
+    /// Name of the glass behind a surface; empty for air.
     pub fn glass_name(&mut self, surface: usize, glass: &Glass) -> String {
         if glass.is_air() {
             return String::new();
@@ -99,7 +99,7 @@ impl<'a> Out<'a> {
         self.known_name(glass).unwrap_or_default()
     }
 
-    /// Glasses that no catalogue has.
+    /// Writes the private catalogue: every glass that no catalogue has.
     pub fn private_catalog(&mut self, lens: &'a Lens) -> Result<(), FileError> {
         let mut lines = Vec::new();
         for (i, surface) in lens.surfaces.iter().enumerate() {

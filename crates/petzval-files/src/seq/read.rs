@@ -1,4 +1,4 @@
-//! Reading a file: commands one after the other, then the lens that they make.
+//! Reads a file: first all commands, then the lens that they define.
 
 use super::command::{Command, Commands, Word};
 use super::glass::PrivateGlasses;
@@ -9,21 +9,21 @@ use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::glass::Catalog;
 
-/// Commands that say nothing about the lens: how the program starts, shows and ends, what may vary (codes of variables end in
-/// C: `CCY`, `THC`, `GLC`, `KC`, `AC`, ...), which apertures count in drawings.
+/// Commands without effect on the lens: start and end of the program, display, codes of variables (which end in C: `CCY`,
+/// `THC`, `GLC`, `KC`, `AC`, ...), apertures in drawings.
 const BOOKKEEPING: &[&str] = &[
     "LEN", "GO", "INI", "CWL", "CA", "CCY", "CCX", "THC", "GLC", "KC", "AC", "BC", "CC", "DC", "EC", "FC",
     "GC", "HC", "JC", "CUC", "SCC", "XDC", "YDC", "ZDC", "ADC", "BDC", "CDC",
 ];
 
-/// Commands that bend light in ways that are not traced.
+/// Commands whose effect on light is not traced.
 const REFUSED: &[(&str, &str)] = &[
-    ("DIF", "diffractive structures are not read: which way their orders go is not known"),
-    ("GRT", "gratings are not read: which way their orders go is not known"),
+    ("DIF", "diffractive structures are not read: the sign of their orders is not known"),
+    ("GRT", "gratings are not read: the sign of their orders is not known"),
     ("HOE", "holograms are not traced"),
     ("XTO", "toroids whose section in x is turned are not traced"),
     ("SPL", "splines are not traced"),
-    ("UDS", "surfaces of the user's own code are not traced"),
+    ("UDS", "user-defined surfaces are not traced"),
     ("UDG", "gradient-index media are not traced"),
     ("GRI", "gradient-index media are not traced"),
     ("ARR", "arrays of surfaces are not traced"),
@@ -61,11 +61,10 @@ const REFUSED: &[(&str, &str)] = &[
 
 const HOLOGRAM: &str = "holograms are not traced";
 
-const EDIT: &str =
-    "commands that change the lens once it is there are not read; write the lens that they make";
+const EDIT: &str = "commands that change the lens afterwards are not read; write the resulting lens";
 
-/// A lens from its file; glasses are looked up in the file's private catalogue, then in `catalog`, by their exact name or by
-/// the program's spelling of it, as `NBK7_SCHOTT`.
+/// Reads a lens file. Glasses are looked up in the file's private catalogue, then in `catalog`, by their exact name or by
+/// the program's spelling, such as `NBK7_SCHOTT`.
 ///
 /// Errors name the first command that cannot be traced as it stands, with its line.
 pub fn parse_seq(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
@@ -80,19 +79,19 @@ pub fn parse_seq(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     reader.finish(catalog)
 }
 
-/// What has been read so far.
+/// The commands that have been read so far.
 #[derive(Default)]
 struct Reader {
     system: System,
     losses: Losses,
     private: PrivateGlasses,
     in_private: bool,
-    /// Whether surfaces have radii; the program's default is curvatures.
+    /// Whether surfaces have radii, if `RDM` was read; the program's default is curvatures.
     radius_mode: Option<bool>,
-    /// From the object to the image.
+    /// Surfaces from the object to the image.
     surfaces: Vec<RawSurface>,
     has_image: bool,
-    /// The surface that commands without one are about.
+    /// The surface to which commands without a surface refer.
     current: usize,
     stop: Option<(usize, Record)>,
     paraxial_image: Option<Record>,
@@ -108,7 +107,7 @@ impl Reader {
             return self.private.read(command);
         }
         if command.quoted {
-            let message = "this is no command: it stands in quotes";
+            let message = "this is not a command: it is in quotes";
             self.lose(&command.record, Effect::NotUnderstood, message);
             return Ok(());
         }
@@ -127,25 +126,17 @@ impl Reader {
                 if let Some((earlier, record)) = &self.stop
                     && *earlier != surface
                 {
-                    let message = format!("line {} has made another surface the stop", record.line);
+                    let message = format!("line {} already makes another surface the stop", record.line);
                     return Err(command.error(message));
                 }
                 self.stop = Some((surface, command.record.clone()));
             }
             "PIM" => {
                 self.paraxial_image = Some(command.record.clone());
-                self.lose(
-                    &command.record,
-                    Effect::NoRay,
-                    "the solve is not kept; the value that it found is",
-                );
+                self.lose(&command.record, Effect::NoRay, "the solve is not kept, but its value is");
             }
             "ZOO" => self.lose(&command.record, Effect::NoRay, "only the first zoom position is read"),
-            "PIK" => self.lose(
-                &command.record,
-                Effect::NoRay,
-                "the pickup is not kept; the value that it found is",
-            ),
+            "PIK" => self.lose(&command.record, Effect::NoRay, "the pickup is not kept, but its value is"),
             name if BOOKKEEPING.contains(&name) => {}
             name if is_surface_command(name) => {
                 let (surface, words) = self.target(command)?;
@@ -172,11 +163,11 @@ impl Reader {
         let is_object = command.name == "SO" || command.name == "S0";
         if is_object != self.surfaces.is_empty() {
             let message =
-                if is_object { "the object is there already" } else { "the object, SO, comes first" };
+                if is_object { "the object is already defined" } else { "the object, SO, comes first" };
             return Err(command.error(message));
         }
         if self.has_image {
-            return Err(command.error("no surface comes behind the image"));
+            return Err(command.error("no surface can follow the image"));
         }
         if self.surfaces.len() > MOST_SURFACES {
             return Err(command.error(format!("a lens with more than {MOST_SURFACES} surfaces is not read")));
@@ -191,10 +182,11 @@ impl Reader {
         Ok(())
     }
 
-    /// The surface that a command is about, and its values: a word `S3`, `SO`, `SI` or `SS` names another than the current.
+    /// The surface to which a command refers, and the command's values. A first word `S3`, `SO`, `SI` or `SS` names a surface;
+    /// without it the current surface is meant.
     fn target<'c>(&self, command: &'c Command) -> Result<(usize, &'c [Word]), FileError> {
         if self.surfaces.is_empty() {
-            return Err(command.error("this is about a surface, and there is none yet"));
+            return Err(command.error("this refers to a surface, and there is none yet"));
         }
         let named = command.words.first().filter(|word| !word.quoted).map(|word| word.text.to_uppercase());
         let Some(of) = named.as_deref().and_then(surface_name) else {
@@ -215,32 +207,29 @@ impl Reader {
     }
 
     fn finish(mut self, catalog: &Catalog) -> Result<Import, FileError> {
+        // Settle whether numbers are radii or curvatures, and the unit.
         let radii = self.radius_mode.unwrap_or(false);
         if self.radius_mode.is_none() {
-            // Radii of lenses are above a lens unit and curvatures below: what contradicts the default is not guessed.
+            // Radii are usually above a lens unit and curvatures below. Refuse numbers that contradict the default.
             if let Some(raw) = self.surfaces.iter().find(|raw| raw.is_hardly_a_curvature()) {
-                let message = "the file does not say whether its surfaces have radii or curvatures";
+                let message = "the file does not state whether its surfaces have radii or curvatures";
                 let hint =
                     "write a line `RDM` for radii, or `RDM N` for curvatures, before the first surface";
                 return Err(raw.record.error(message).hint(hint));
             }
-            self.losses.add(
-                0,
-                "",
-                Effect::Assumed,
-                "the file does not say RDM; its surfaces have curvatures",
-            );
+            self.losses.add(0, "", Effect::Assumed, "the file has no RDM; its surfaces have curvatures");
         }
         if self.system.mm == 0.0 {
-            self.losses.add(0, "", Effect::Assumed, "the file says no unit; lengths are taken as mm");
+            self.losses.add(0, "", Effect::Assumed, "the file gives no unit; lengths are taken as mm");
             self.system.mm = 1.0;
         }
         let mm = self.system.mm;
         let count = self.surfaces.len();
         if count < 3 || !self.has_image {
-            let message = "this is no lens: it has no object, surface and image";
+            let message = "this is not a lens: it has no object, surface and image";
             return Err(FileError::at_line(0, "", message).hint("they are SO, S and SI"));
         }
+        // Check object, image and stop.
         let (object, image) = (&self.surfaces[0], &self.surfaces[count - 1]);
         object.check_plane(mm, radii, "object")?;
         image.check_plane(mm, radii, "image")?;
@@ -251,11 +240,12 @@ impl Reader {
             Some((surface, _)) if (1..count - 1).contains(surface) => *surface,
             Some((_, record)) => return Err(record.error("neither object nor image can be the stop")),
             None => {
-                self.losses.add(0, "", Effect::Assumed, "the file says no stop; surface 1 is taken");
+                self.losses.add(0, "", Effect::Assumed, "the file gives no stop; surface 1 is taken");
                 1
             }
         };
 
+        // Make the surfaces with their breaks, and move them along the axis.
         let mut object_mm = object.thickness * mm;
         let object_record = object.record.clone();
         let mut items: Vec<Item> = Vec::with_capacity(count);
@@ -275,7 +265,7 @@ impl Reader {
             }
             items.extend(made.behind.map(Item::Break));
         }
-        // The image's own thickness is a defocus.
+        // Place the image; its own thickness is a defocus.
         let image = &self.surfaces[count - 1];
         let turned = image.decenter(mm)?;
         add_to_last(&mut items, &mut object_mm, turned.along_mm);
@@ -296,10 +286,11 @@ impl Reader {
         }
         add_to_last(&mut items, &mut object_mm, image.thickness * mm);
 
+        // Collect wavelengths, fields and aperture.
         let (wavelengths, reference) = self.system.wavelengths(&mut self.losses)?;
         let fields = self.system.fields(mm, &mut self.losses);
         let Some((aperture, record)) = self.system.aperture else {
-            let message = "the file says no aperture";
+            let message = "the file gives no aperture";
             return Err(FileError::at_line(0, "", message).hint("EPD, FNO, NA and NAO are read"));
         };
         let aperture = match aperture {
@@ -322,8 +313,8 @@ impl Reader {
     }
 }
 
-/// What a word that names surfaces says behind its `S`: object, image, stop, all, a number, a label, or a range of these. Other
-/// words, as the glass SF5, name none.
+/// The text after the `S` of a word that names surfaces: object, image, stop, all, a number, a label, or a range of these.
+/// `None` for other words, such as the glass SF5.
 fn surface_name(word: &str) -> Option<&str> {
     let of = word.strip_prefix('S')?;
     let one = |name: &str| {
@@ -335,7 +326,7 @@ fn surface_name(word: &str) -> Option<&str> {
     .then_some(of)
 }
 
-/// Thickness behind what stands last, mm.
+/// Thickness after the last item, mm.
 fn last_thickness(items: &[Item]) -> Option<f64> {
     match items.last()? {
         Item::Surface(drafted) => Some(drafted.surface.thickness_mm),
@@ -343,7 +334,7 @@ fn last_thickness(items: &[Item]) -> Option<f64> {
     }
 }
 
-/// Moves what comes next along the axis.
+/// Moves the next item along the axis.
 fn add_to_last(items: &mut [Item], object_mm: &mut f64, along_mm: f64) {
     if along_mm == 0.0 {
         return;

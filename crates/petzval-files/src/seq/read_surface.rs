@@ -1,4 +1,4 @@
-//! A surface: its line, the commands about it, and what they make.
+//! Reads a surface: its line and the commands that refer to it, then the surface that they define.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use petzval_optics::lens::{Action, Axis, Departure, Placement, Surface, SurfaceS
 /// Coefficients of r^4, r^6, ..., r^20.
 const LETTERS: [&str; 9] = ["A", "B", "C", "D", "E", "F", "G", "H", "J"];
 
-/// Coefficients of an anamorphic asphere: those that are round, and how far they are not.
+/// Coefficients of an anamorphic asphere: its rotationally symmetric terms, and their asymmetries in [`UNROUND`].
 const ROUND: [&str; 4] = ["AR", "BR", "CR", "DR"];
 const UNROUND: [&str; 4] = ["AP", "BP", "CP", "DP"];
 
@@ -23,7 +23,7 @@ const DECENTERS: [&str; 6] = ["XDE", "YDE", "ZDE", "ADE", "BDE", "CDE"];
 /// The highest number of a coefficient of a special surface.
 const MOST_COEFFICIENTS: usize = 200;
 
-/// Whether a command is about a surface.
+/// Whether a command refers to a surface.
 pub(super) fn is_surface_command(name: &str) -> bool {
     const OTHERS: &[&str] = &[
         "CON", "ASP", "SPH", "CYL", "YTO", "AAS", "SPS", "SCO", "K", "KX", "KY", "CUF", "RDY", "RDX", "CUY",
@@ -47,7 +47,7 @@ enum Formula {
     Polynomial,
 }
 
-/// Where the axis goes.
+/// The axis behind the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Turn {
     Follow,
@@ -56,12 +56,12 @@ enum Turn {
     Reverse,
 }
 
-/// What the commands about one surface say, in the units of the file.
+/// The commands of one surface, in the units of the file.
 #[derive(Debug)]
 pub(super) struct RawSurface {
     pub record: Record,
     is_object: bool,
-    /// Radius or curvature, as the mode of the file says, unless a command has said which.
+    /// Radius or curvature, by the mode of the file.
     radius_or_curvature: f64,
     curvature: Option<f64>,
     curvature_x: Option<f64>,
@@ -77,7 +77,7 @@ pub(super) struct RawSurface {
     norm_radius: f64,
     decenter: [f64; 6],
     turn: (Turn, Record),
-    /// The last command that turns the surface.
+    /// The last command that rotates the surface.
     pub turned: Record,
     is_placed: bool,
     edge: Option<f64>,
@@ -86,29 +86,29 @@ pub(super) struct RawSurface {
     label: String,
 }
 
-/// A surface as it goes into the lens.
+/// A surface in mm.
 pub(super) struct Made {
     pub drafted: Drafted,
-    /// How far the surface is moved along the axis in front, mm.
+    /// Shift of the surface along the axis in front, mm.
     pub along_mm: f64,
-    /// The move of the axis behind it.
+    /// The break of the axis behind it.
     pub behind: Option<Break>,
-    /// Whether it is a plane without a change of medium or an edge, so that only its move matters.
+    /// Whether it is a plane without edge, placement and change of medium, so that only its break matters.
     pub does_nothing: bool,
 }
 
-/// A surface's place.
+/// The placement of a surface.
 #[derive(Default)]
 pub(super) struct Decenter {
     pub placement: Option<Placement>,
     pub along_mm: f64,
     pub behind: Option<Break>,
-    /// What the thickness behind loses because the axis goes back, mm.
+    /// Reduction of the thickness behind, because the axis returns, mm.
     back_mm: f64,
 }
 
 impl RawSurface {
-    /// `S radius thickness [glass] [REFL]`.
+    /// Reads the line of a surface, `S radius thickness [glass] [REFL]`.
     pub fn new(command: &Command) -> Result<Self, FileError> {
         let infinite = |index: usize| {
             is_infinite(command.words.get(index..=index).unwrap_or(&[])).then_some(f64::INFINITY)
@@ -155,7 +155,7 @@ impl RawSurface {
                 "REFR" => {}
                 _ if i == 2 => raw.glass = Some((word.clone(), command.record.clone())),
                 other => {
-                    let message = format!("`{other}` behind radius, thickness and glass is not read");
+                    let message = format!("`{other}` after radius, thickness and glass is not read");
                     return Err(command
                         .error(message)
                         .hint("a glass of nd and Vd is one word, as 1.5168:64.17"));
@@ -165,7 +165,7 @@ impl RawSurface {
         Ok(raw)
     }
 
-    /// Reads a command about the surface.
+    /// Reads a command that refers to the surface.
     pub fn read(&mut self, command: &Command, words: &[Word], losses: &mut Losses) -> Result<(), FileError> {
         let name = command.name.as_str();
         let value = || only_number(command, words);
@@ -222,7 +222,7 @@ impl RawSurface {
             "CUF" if value()? != 0.0 => return Err(command.error("Fresnel surfaces are not traced")),
             "CUF" => {}
             "RDY" | "CUY" | "RDX" | "CUX" | "THI" if !is_number => {
-                lose(Effect::NoRay, "the solve is not kept; the value that it found is");
+                lose(Effect::NoRay, "the solve is not kept, but its value is");
             }
             "RDY" | "RDX" => {
                 let curvature = curvature_of(if is_infinite(words) { f64::INFINITY } else { value()? });
@@ -246,7 +246,7 @@ impl RawSurface {
                 self.mirror = match words.first().map(|w| w.text.to_uppercase()).as_deref() {
                     Some("REFL") => true,
                     Some("REFR") => false,
-                    _ => return Err(command.error("of the ways of a ray only REFR and REFL are traced")),
+                    _ => return Err(command.error("only the ray modes REFR and REFL are traced")),
                 }
             }
             "SLB" => self.label = words.first().map(|w| w.text.clone()).unwrap_or_default(),
@@ -267,7 +267,7 @@ impl RawSurface {
             "CIR" | "REX" | "REY" | "ELX" | "ELY" => self.read_aperture(command, words, losses)?,
             "ADX" | "ADY" => {
                 let value = qualified_number(command, words)?;
-                // Where an edge or an obscuration sits is as little kept as they are.
+                // Offsets of edges and obscurations are not kept, like these themselves.
                 if !["EDG", "OBS", "HOL"].iter().any(|what| says(words, what)) {
                     self.offset[usize::from(name == "ADY")] = value;
                 }
@@ -276,13 +276,13 @@ impl RawSurface {
             _ => lose(Effect::NoRay, "coatings are not read"),
         }
         if matches!(name, "ADX" | "ADY") && self.offset != [0.0; 2] {
-            let message = "the aperture is off the vertex; a circle around it about the vertex is taken";
+            let message = "the aperture is off the vertex; a circle about the vertex encloses it";
             losses.add(command.record.line, &command.record.text, Effect::Approximated, message);
         }
         Ok(())
     }
 
-    /// `SCO name value`: `K`, `AR3` (of r^3), `C4` or `NRADIUS`.
+    /// Reads `SCO name value`; the name is `K`, `AR3` (of r^3), `C4` or `NRADIUS`.
     fn read_coefficient(&mut self, command: &Command, words: &[Word]) -> Result<(), FileError> {
         let name = words.first().map(|w| w.text.to_uppercase()).unwrap_or_default();
         let value = only_number(command, words.get(1..).unwrap_or(&[]))?;
@@ -307,7 +307,7 @@ impl RawSurface {
         Ok(())
     }
 
-    /// `CIR [EDG|OBS|HOL|CLR] [L'label'] radius` and the like.
+    /// Reads `CIR [EDG|OBS|HOL|CLR] [L'label'] radius` and the other apertures.
     fn read_aperture(
         &mut self,
         command: &Command,
@@ -316,7 +316,7 @@ impl RawSurface {
     ) -> Result<(), FileError> {
         let says = |what: &str| says(words, what);
         let value = qualified_number(command, words)?;
-        // Edges are where a piece of glass ends, not where light is lost.
+        // An edge is the rim of the glass and does not block light.
         if says("EDG") {
             return Ok(());
         }
@@ -324,7 +324,7 @@ impl RawSurface {
             losses.add(command.record.line, &command.record.text, Effect::Approximated, message);
         };
         if says("OBS") || says("HOL") {
-            lose("obscurations and holes are not kept: light passes there as anywhere");
+            lose("obscurations and holes are not kept: light passes there");
             return Ok(());
         }
         if value <= 0.0 {
@@ -345,14 +345,14 @@ impl RawSurface {
         Ok(())
     }
 
-    /// Whether the number of the surface's line would be the radius of a ball smaller than a lens unit, as a curvature.
+    /// Whether the number of the surface's line is implausible as a curvature: its radius would be below a lens unit.
     pub fn is_hardly_a_curvature(&self) -> bool {
         self.curvature.is_none() && self.radius_or_curvature.abs() > 1.0
     }
 
     /// Curvature in the y-z section, in units of the file.
     fn curvature(&self, radii: bool) -> f64 {
-        // `INF` says a plane whatever the mode.
+        // `INF` means a plane in either mode.
         self.curvature.unwrap_or(if radii || self.radius_or_curvature.is_infinite() {
             curvature_of(self.radius_or_curvature)
         } else {
@@ -360,15 +360,15 @@ impl RawSurface {
         })
     }
 
-    /// Object and image are planes in air.
+    /// Checks that object or image is a plane, and that the object is in air.
     pub fn check_plane(&self, mm: f64, radii: bool, what: &str) -> Result<(), FileError> {
         if self.curvature(radii) != 0.0 {
             return Err(self.record.error(format!("a curved {what} is not traced")).hint("make it a plane"));
         }
-        // A plane has any conic constant.
+        // The conic constant has no effect on a plane.
         let shape = SurfaceShape { conic: 0.0, ..self.shape(mm, radii)? };
         if shape != SurfaceShape::PLANE {
-            let message = format!("an {what} that is no plane is not traced");
+            let message = format!("an {what} that is not a plane is not traced");
             return Err(self.formula.1.error(message).hint("make it a plane"));
         }
         match &self.glass {
@@ -377,7 +377,7 @@ impl RawSurface {
         }
     }
 
-    /// Whether the surface is shifted or turned.
+    /// Whether the surface is shifted or rotated.
     pub fn is_moved(&self) -> bool {
         self.decenter != [0.0; 6]
     }
@@ -426,7 +426,7 @@ impl RawSurface {
         })
     }
 
-    /// Where the surface sits. Rotations about x and y are left-handed.
+    /// The placement of the surface. Rotations about x and y are left-handed.
     pub fn decenter(&self, mm: f64) -> Result<Decenter, FileError> {
         if !self.is_placed || self.decenter == [0.0; 6] {
             return Ok(Decenter::default());
@@ -448,13 +448,13 @@ impl RawSurface {
             }
             _ if along_mm != 0.0 => {
                 Err(record
-                    .error("a shift along the axis that is bent or turned back at the surface is not read"))
+                    .error("a shift along an axis that is bent or reversed at the surface is not read"))
             }
             Turn::Bend => match with(Axis::Bends) {
                 Some(bend) if is_bend(&bend) => Ok(Decenter { placement: Some(bend), ..Decenter::default() }),
                 _ => {
                     Err(record.error("a mirror that bends the axis about two axes at once is not read").hint(
-                        "which of them comes first behind the mirror is not known; use two dummy surfaces",
+                        "the order of the two rotations behind the mirror is not known; use two dummy surfaces",
                     ))
                 }
             },
@@ -490,10 +490,11 @@ impl RawSurface {
                 }
             }
         }
+        // Check that the coefficients belong to the formula, then fill in its departure from a conic.
         let has_even = self.even.iter().any(|a| *a != 0.0);
         let special = matches!(formula, Formula::Odd | Formula::Polynomial);
         if !special && self.coefficients.values().any(|v| *v != 0.0) {
-            return Err(record.error("coefficients SCO belong to a special surface, SPS, and this is none"));
+            return Err(record.error("coefficients SCO need a special surface, SPS"));
         }
         let unround = self.round.iter().any(|v| *v != 0.0) || self.conic_x != 0.0;
         if unround && *formula != Formula::Anamorphic {
@@ -503,7 +504,7 @@ impl RawSurface {
             |what: &str| Err(record.error(format!("{what} of this kind of surface are not read")));
         match formula {
             Formula::Asphere if self.curvature_x.is_some_and(|c| c != self.curvature(radii)) => {
-                return Err(record.error("a surface with another curvature in x must say which kind it is"));
+                return Err(record.error("a surface with another curvature in x must name its kind"));
             }
             Formula::Asphere => {}
             Formula::Cylinder | Formula::ToroidY => {
@@ -560,12 +561,12 @@ impl RawSurface {
         Ok(shape)
     }
 
-    /// 0 stands for coordinates that are not divided by anything.
+    /// The normalisation radius in units of the file; 0 stands for 1.
     fn norm_radius_or_one(&self) -> f64 {
         if self.norm_radius == 0.0 { 1.0 } else { self.norm_radius }
     }
 
-    /// Coefficient i + 1 is that of r^i.
+    /// Sets all powers of r: coefficient i + 1 is that of r^i.
     fn powers(&self, shape: &mut SurfaceShape, mm: f64) -> Result<(), FileError> {
         let terms = self.coefficients.iter().map(|(index, value)| (index - 1, *value));
         set_powers(shape, terms, self.norm_radius_or_one(), mm)
@@ -581,15 +582,15 @@ fn only_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
     }
     .ok_or_else(|| match words.len() {
         0 | 1 => command.error("a finite number is missing"),
-        count => command.error(format!("one value is read, and there are {count}")),
+        count => command.error(format!("one value is read, but there are {count}")),
     })
 }
 
-/// The only number of a command, behind words that say what it is about.
+/// The only number of a command, after its qualifiers.
 fn qualified_number(command: &Command, words: &[Word]) -> Result<f64, FileError> {
     let (last, before) = words.split_last().ok_or_else(|| command.error("a finite number is missing"))?;
     match before.iter().any(|word| finite(word).is_some()) {
-        true => Err(command.error("one number is read, and there are more")),
+        true => Err(command.error("one number is read, but there are more")),
         false => only_number(command, std::slice::from_ref(last)),
     }
 }

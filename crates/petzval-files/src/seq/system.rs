@@ -1,4 +1,4 @@
-//! Commands about the lens as a whole: title, units, aperture, fields, wavelengths.
+//! Reads the commands of the whole lens: title, units, aperture, fields, wavelengths.
 
 use super::command::Command;
 use crate::decimal::shifted;
@@ -6,14 +6,14 @@ use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 
-/// The wavelength of a file that names none, um.
+/// Default wavelength, um.
 const DEFAULT_UM: f64 = 0.5876;
 
-/// What the commands about the whole say.
+/// The values of the commands of the whole lens.
 #[derive(Debug, Default)]
 pub(super) struct System {
     pub title: String,
-    /// Millimetres in a lens unit; 0 where the file does not say.
+    /// Millimetres in a lens unit; 0 if the file gives no unit.
     pub mm: f64,
     pub aperture: Option<(Aperture, Record)>,
     wavelengths: Option<(Vec<f64>, Record)>,
@@ -48,7 +48,7 @@ impl System {
             "NA" => self.set_aperture(Aperture::ImageNa(command.only_number()?), command)?,
             "NAO" => self.set_aperture(Aperture::ObjectNa(command.only_number()?), command)?,
             "WL" => {
-                // From nm, in decimals.
+                // Convert from nm by moving the decimal point.
                 command.numbers(MOST_VALUES)?;
                 let um = command.words.iter().filter_map(|word| shifted(&word.text, -3));
                 self.wavelengths = Some((um.collect(), command.record.clone()));
@@ -72,7 +72,7 @@ impl System {
             }
             "VUX" | "VLX" | "VUY" | "VLY" => {
                 if command.numbers(MOST_VALUES)?.iter().any(|v| *v != 0.0) {
-                    let message = "vignetting factors are not read: clear semi-diameters are what vignettes";
+                    let message = "vignetting factors are not read: clear semi-diameters vignette the beam";
                     lose(Effect::Approximated, message);
                 }
             }
@@ -89,7 +89,7 @@ impl System {
                     "chief rays parallel to the axis in front of the lens (telecentric) are not traced";
                 return Err(command.error(message));
             }
-            "AFO" => lose(Effect::Approximated, "afocal: the image plane is where the file puts it"),
+            "AFO" => lose(Effect::Approximated, "afocal: the image plane stays where the file places it"),
             _ => return Ok(false),
         }
         Ok(true)
@@ -97,7 +97,7 @@ impl System {
 
     fn set_aperture(&mut self, aperture: Aperture, command: &Command) -> Result<(), FileError> {
         if let Some((_, earlier)) = &self.aperture {
-            let message = format!("line {} has said the aperture already", earlier.line);
+            let message = format!("line {} already gives the aperture", earlier.line);
             return Err(command.error(message).hint("keep one of the two"));
         }
         self.aperture = Some((aperture, command.record.clone()));
@@ -108,7 +108,7 @@ impl System {
         if let Some((earlier, record)) = &self.field_kind
             && *earlier != kind
         {
-            let message = format!("line {} has said fields of another kind", record.line);
+            let message = format!("line {} already gives fields of another kind", record.line);
             return Err(command.error(message).hint("keep one of the two"));
         }
         let values = command.numbers(MOST_VALUES)?;
@@ -120,10 +120,10 @@ impl System {
         Ok(())
     }
 
-    /// The fields, heights in mm; the axis if the file names none.
+    /// The fields, with heights in mm; only the axis if the file gives none.
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
         let Some((kind, record)) = self.field_kind.clone() else {
-            losses.add(0, "", Effect::Assumed, "the file says no fields; the axis is the only one");
+            losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
             return Fields { points: vec![[0.0; 2]], ..Fields::default() };
         };
         let scale = if kind == FieldKind::Angle { 1.0 } else { mm };
@@ -137,7 +137,7 @@ impl System {
         let (um, record) = match &self.wavelengths {
             Some((um, record)) if !um.is_empty() => (um.clone(), record.clone()),
             _ => {
-                losses.add(0, "", Effect::Assumed, "the file says no wavelength; 587.6 nm is taken");
+                losses.add(0, "", Effect::Assumed, "the file gives no wavelength; 587.6 nm is taken");
                 (vec![DEFAULT_UM], Record::default())
             }
         };
@@ -151,7 +151,7 @@ impl System {
                 let middle = um.len() / 2;
                 if um.len() > 1 {
                     let message = format!(
-                        "the file says no reference wavelength; the middle one, {}, is taken",
+                        "the file gives no reference wavelength; the middle one, {}, is taken",
                         middle + 1
                     );
                     losses.add(0, "", Effect::Assumed, message);

@@ -1,4 +1,4 @@
-//! Writing a file, such that reading it gives the same bits.
+//! Writes a file; reading it gives the same bits.
 
 use super::out::Out;
 use super::write_surface::write_surface;
@@ -14,12 +14,12 @@ use petzval_optics::lens::{Departure, Lens, ObjectDistance};
 /// The distance of an object at infinity, as the program writes it.
 const INFINITY: &str = "0.1e14";
 
-/// A lens as a file in mm, with radii where all of them are exact, else with curvatures. Glasses of `catalog` are named as the
-/// program names them; those by Schott's formula, a constant index or a table go into a private catalogue.
+/// A lens as a file in mm: with radii if all of them are exact, else with curvatures. Glasses of `catalog` have the program's
+/// names. Other glasses with Schott's formula, a constant index or a table go into a private catalogue.
 ///
 /// # Errors
 ///
-/// What the format cannot hold and a ray would miss: the message names the surface.
+/// Fails if the format cannot represent a part of the lens that affects rays. The message names the surface.
 pub fn write_seq(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError> {
     let lens = &file.lens;
     let mut out = Out {

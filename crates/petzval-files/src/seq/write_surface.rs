@@ -1,4 +1,4 @@
-//! A surface: its line, its shape, its place.
+//! Writes a surface: its line, its shape, its placement.
 
 use super::out::Out;
 use crate::draft::is_bend;
@@ -28,7 +28,7 @@ pub(super) fn write_surface(
         }
     };
     if s.phase.is_some() {
-        let message = "diffractive structures are not written: which way their orders go is not known";
+        let message = "diffractive structures are not written: the sign of their orders is not known";
         return Err(surface_error(index + 1, message));
     }
     let thickness_mm = if compound.is_some() { 0.0 } else { s.thickness_mm };
@@ -47,7 +47,7 @@ pub(super) fn write_surface(
         write_place(out, index, placed, compound.is_some());
     }
     if let Some(placed) = compound {
-        // Behind the mirror the axis turns by the mirror's rotations about x and y, and back about z, in reverse order.
+        // Rotate the axis behind the mirror by the mirror's rotations about x and y, and back about z, in reverse order.
         let [x, y, z] = placed.tilt_rad;
         let behind = Placement { tilt_rad: [0.0 - x, 0.0 - y, z], ..Placement::default() };
         out.line(format_args!("S 0.0 {} {glass}", number(s.thickness_mm)));
@@ -68,7 +68,7 @@ fn write_place(out: &mut Out<'_>, index: usize, placed: &Placement, compound: bo
     }
 }
 
-/// Rotations about x and y are left-handed.
+/// Writes the rotations of a placement; those about x and y are left-handed in the file.
 fn write_angles(out: &mut Out<'_>, index: usize, placed: &Placement) {
     let mut angle = |rad: f64| {
         let (deg, exact) = degrees(rad);
@@ -88,7 +88,7 @@ fn write_shape(out: &mut Out<'_>, index: usize, s: &Surface) -> Result<(), FileE
     let has = |values: &[f64]| values.iter().any(|v| v.to_bits() != 0);
     let refused = |message: &str| Err(surface_error(index + 1, message));
     match &shape.departure {
-        // Even powers from r^4 have a form of their own, r^2 only the one of all powers.
+        // Even powers from r^4 on are written as an asphere; r^2 exists only in the form with all powers.
         Departure::None if !has(&shape.asphere[..1]) => {
             if has(&shape.asphere) {
                 out.line(format_args!("  ASP\n  K {}", number(shape.conic)));
@@ -103,7 +103,7 @@ fn write_shape(out: &mut Out<'_>, index: usize, s: &Surface) -> Result<(), FileE
         Departure::Odd(b) => write_powers(out, shape.conic, b, &shape.asphere),
         Departure::Xy { norm_radius_mm, coefficients } => {
             if has(&shape.asphere) {
-                return refused("a polynomial in x and y has no even asphere terms there");
+                return refused("a polynomial in x and y has no even asphere terms in this format");
             }
             let norm = number(*norm_radius_mm);
             out.line(format_args!("  SPS XYP {norm}\n    SCO NRADIUS {norm}; SCO K {}", number(shape.conic)));
@@ -125,7 +125,7 @@ fn write_shape(out: &mut Out<'_>, index: usize, s: &Surface) -> Result<(), FileE
         }
         Departure::Toroid { curvature_x } => {
             if has(&shape.asphere[..1]) {
-                return refused("a toroid has no term of y^2 there");
+                return refused("a toroid has no term of y^2 in this format");
             }
             out.line(format_args!(
                 "  YTO\n  {} {}",
@@ -150,7 +150,7 @@ fn write_letters(out: &mut Out<'_>, letters: &[&str], values: &[f64]) {
     }
 }
 
-/// All powers of r.
+/// Writes all powers of r.
 fn write_powers(out: &mut Out<'_>, conic: f64, odd: &[f64], even: &[f64]) {
     out.line(format_args!("  SPS ODD 0.0\n    SCO K {}", number(conic)));
     let powers = odd.iter().zip(even).flat_map(|(o, e)| [*o, *e]);

@@ -1,4 +1,4 @@
-//! OpenEXR with a channel per band.
+//! Spectral images as OpenEXR files with a channel per band.
 
 use std::io::Cursor;
 
@@ -13,18 +13,18 @@ type Wrong = (String, &'static str);
 
 const HINT: &str = "name the channels by their wavelength: `S0.450,5nm`, `450.5nm` or `w450`";
 
-/// No compression of OpenEXR makes an image this many times smaller; a header that claims it is damaged.
+/// Largest compression of an OpenEXR image. A header that claims more is damaged.
 const MOST_COMPRESSED: usize = 2000;
 
 /// Attribute that holds the unit of radiance.
 const UNIT_ATTRIBUTE: &str = "emissiveUnits";
 
-/// Reads all channels that are named by a wavelength, of the first layer that has any; other channels are left. Values are
-/// multiplied by `scale`; without one the unit of the file, if it says one, must be that of all spectral images.
+/// Reads the channels that are named by a wavelength, from the first layer that has any. Values are multiplied by `scale`.
+/// Without a scale the file's unit, if it states one, must be that of all spectral images.
 pub fn read(bytes: &[u8], scale: Option<f64>) -> std::result::Result<SpectralImage, Wrong> {
     let damaged =
         |e: Error| (format!("not a readable OpenEXR file: {e}"), "give an OpenEXR file of plain pixels");
-    // Look at the header first: what it claims must be possible before anything is made room for.
+    // Check that the size in the header is possible before memory is allocated for it.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(damaged)?;
     let claimed = meta.headers.iter().try_fold(0usize, |sum, header| {
         let pixels = header.layer_size.0.checked_mul(header.layer_size.1)?;
@@ -35,6 +35,7 @@ pub fn read(bytes: &[u8], scale: Option<f64>) -> std::result::Result<SpectralIma
         let reason = format!("{} bytes cannot hold what the header claims, or it is too large", bytes.len());
         return Err((reason, "give an OpenEXR file of at most 2 GiB of pixels"));
     }
+    // Read the pixels, and find the first layer with channels named by wavelengths.
     let picture = read_layers(bytes).map_err(damaged)?;
     let names: Vec<String> = picture
         .layer_data
@@ -88,8 +89,8 @@ fn unit(attributes: &std::collections::HashMap<Text, AttributeValue>) -> Option<
     })
 }
 
-/// Whether a unit is that of radiance per nm, with whatever dots, spaces and carets. The programs that write the layout
-/// of Fichet et al. leave the nm away and mean it.
+/// Whether a unit is that of radiance per nm; dots, spaces and carets do not matter. Programs that write the layout of
+/// Fichet et al. omit the nm but mean it.
 fn is_radiance_per_nm(unit: &str) -> bool {
     let plain: String =
         unit.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').collect::<String>().to_lowercase();
@@ -107,7 +108,7 @@ fn read_layers(bytes: &[u8]) -> Result<Image<Layers<AnyChannels<FlatSamples>>>> 
         .from_buffered(Cursor::new(bytes))
 }
 
-/// Wavelength, um, in the name of a channel; of the Stokes components only the intensity S0 counts.
+/// Wavelength, um, in the name of a channel; `None` for other names. Of the Stokes components only the intensity S0 is read.
 pub fn wavelength_um(name: &str) -> Option<f64> {
     let text = name.strip_prefix("S0.").unwrap_or(name).replace(',', ".");
     let nm = match text.strip_suffix("nm") {
@@ -117,7 +118,7 @@ pub fn wavelength_um(name: &str) -> Option<f64> {
     (10.0..=100_000.0).contains(&nm).then_some(nm / 1000.0)
 }
 
-/// The image as float channels `S0.<nm>nm`, decimal comma, as the layout of Fichet et al. has it.
+/// The image as float channels `S0.<nm>nm` with a decimal comma, the layout of Fichet et al.
 pub fn bytes(image: &SpectralImage) -> std::result::Result<Vec<u8>, String> {
     let names: Vec<String> = (image.wavelength_um.iter())
         .map(|um| format!("S0.{}nm", format!("{:.6}", um * 1000.0).replace('.', ",")))

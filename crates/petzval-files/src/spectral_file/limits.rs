@@ -1,4 +1,4 @@
-//! How large a spectral image may be.
+//! Limit of the size of a spectral image.
 
 /// Largest number of values of an image that is read: 2 GiB.
 pub const MAX_VALUES: usize = 1 << 29;

@@ -1,4 +1,4 @@
-//! Spectral images from and to files.
+//! Reads and writes spectral images.
 //!
 //! | file | bands | wavelengths |
 //! |---|---|---|
@@ -6,8 +6,8 @@
 //! | `NAME.tif`, `.tiff` | a page, or a sample of the only page, per band | sidecar `NAME.toml` |
 //! | `NAME.exr` | a channel per band | channel names: `S0.450,5nm` (A. Fichet, R. Pacanowski and A. Wilkie, "An OpenEXR layout for spectral images", JCGT 10(3), 2021), `450.5nm`, `w450` |
 //!
-//! Values are radiance in W m-2 sr-1 nm-1; a sidecar may give a factor to that unit, also one beside an OpenEXR file, whose
-//! channels hold the wavelengths. An OpenEXR file that names another unit is refused without one.
+//! Values are radiance in W m-2 sr-1 nm-1. A sidecar may give a factor to that unit, also for an OpenEXR file, whose channel
+//! names hold the wavelengths. An OpenEXR file that states another unit is refused without a factor.
 
 mod exr_file;
 mod limits;
@@ -33,7 +33,7 @@ pub enum SpectralFileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The sidecar is missing.
@@ -55,14 +55,14 @@ pub enum SpectralFileError {
         /// What is wrong, and where.
         error: Box<FileError>,
     },
-    /// The content is not what its name says.
+    /// The content contradicts the file's name.
     #[error("{}: {reason}; hint: {hint}", path.display())]
     Content {
         /// The file.
         path: PathBuf,
         /// What is wrong.
         reason: String,
-        /// What would be right.
+        /// What to do.
         hint: &'static str,
     },
     /// The planes do not make an image.
@@ -73,7 +73,7 @@ pub enum SpectralFileError {
         /// What is wrong.
         error: SpectralImageError,
     },
-    /// The ending of the name is none of those that are written.
+    /// The extension of the name is not one of those that are written.
     #[error("{}: spectral images are written as .npy or .exr", path.display())]
     Ending {
         /// The file.
@@ -98,7 +98,7 @@ fn kind(path: &Path) -> Option<Kind> {
     }
 }
 
-/// Whether a file is a spectral image by its name: `.npy`, `.exr`, or a TIFF with a sidecar.
+/// Whether a file is a spectral image, by its name: `.npy`, `.exr`, or a TIFF with a sidecar.
 pub fn is_spectral(path: &Path) -> bool {
     match kind(path) {
         Some(Kind::Npy | Kind::Exr) => true,
@@ -120,7 +120,7 @@ pub fn load_spectral(path: &Path) -> Result<SpectralImage, SpectralFileError> {
         Some(Kind::Npy) => npy_file::read(&bytes, &read_sidecar(path)?).map_err(content)?,
         Some(Kind::Tiff) => tiff_file::read(&bytes, &read_sidecar(path)?).map_err(content)?,
         None => {
-            let reason = "the name has no ending of a spectral image".to_owned();
+            let reason = "the name does not have the extension of a spectral image".to_owned();
             return Err(content((reason, "give a .npy, .exr or .tif file")));
         }
     };
@@ -164,7 +164,7 @@ fn exr_scale(image: &Path) -> Result<Option<f64>, SpectralFileError> {
     sidecar_as(image, sidecar::parse_scale)
 }
 
-/// What `parse` reads in the sidecar of an image, if it has one.
+/// The sidecar of an image, read by `parse`; `None` if there is no sidecar.
 fn sidecar_as<T>(
     image: &Path,
     parse: impl FnOnce(&str) -> Result<T, FileError>,

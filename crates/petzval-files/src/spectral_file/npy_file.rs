@@ -1,4 +1,4 @@
-//! Arrays of NumPy: `[bands, rows, columns]` or `[rows, columns, bands]`.
+//! Spectral images as NumPy arrays: `[bands, rows, columns]` or `[rows, columns, bands]`.
 
 use npyz::NpyFile;
 

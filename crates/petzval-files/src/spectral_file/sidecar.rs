@@ -1,4 +1,4 @@
-//! What an array file does not say about itself: wavelengths, order of the axes, unit.
+//! The sidecar of an array file: wavelengths, order of the axes, unit.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub enum Axes {
 pub struct Sidecar {
     /// Wavelength of each band, um, ascending.
     pub wavelength_um: Vec<f64>,
-    /// Order of the axes; of no meaning for TIFF.
+    /// Order of the axes; not used for TIFF.
     #[serde(default)]
     pub axes: Axes,
     /// Factor from the file's values to radiance in W m-2 sr-1 nm-1.
@@ -44,8 +44,8 @@ fn unit() -> String {
     UNIT.to_owned()
 }
 
-/// What counts in a sidecar of an OpenEXR file. Its channels are named by their wavelengths; those in the sidecar are of an
-/// array of the same name.
+/// The keys that are used in the sidecar of an OpenEXR file. Its channel names hold the wavelengths; wavelengths in the
+/// sidecar belong to an array of the same name.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Scale {

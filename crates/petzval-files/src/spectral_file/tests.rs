@@ -1,4 +1,4 @@
-//! Spectral images survive their files; damaged files are refused.
+//! Round trips of spectral images, and damaged files.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ fn sidecar(folder: &Path, name: &str, text: &str) {
 const WAVELENGTHS: &str = "wavelength_um = [0.4, 0.4505, 0.55, 0.7]\n";
 
 #[test]
-fn an_image_survives_npy_and_exr() {
+fn writing_and_reading_npy_and_exr_keeps_an_image() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["a.npy", "a.exr"] {
         let path = folder.path().join(name);
@@ -179,7 +179,7 @@ fn wrong_sidecars_name_key_and_line() {
     }
 }
 
-/// Changes bytes, cuts, or repeats a part.
+/// Changes one to five bytes, or truncates the file.
 fn damage(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let mut out = bytes.to_vec();
     for _ in 0..rng.random_range(1..6) {
@@ -190,7 +190,7 @@ fn damage(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
             2 => out[at] = rng.random(),
             3 => out[at] ^= 1 << rng.random_range(0..8),
             _ => {
-                // Headers are where the damage is most interesting.
+                // Damage the header more often.
                 let near = at % 400.min(out.len());
                 out[near] = rng.random();
             }

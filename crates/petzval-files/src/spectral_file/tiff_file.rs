@@ -1,4 +1,4 @@
-//! TIFF with a page per band, or with one page that has a sample per band.
+//! Spectral images as TIFF files: a page per band, or one page with a sample per band.
 
 use std::io::Cursor;
 
@@ -13,7 +13,7 @@ type Wrong = (String, &'static str);
 const HINT: &str =
     "a spectral TIFF has one gray page per band, or one page with one sample per band, all of one size";
 
-/// Reads all pages; a page with several samples is taken apart into bands.
+/// Reads all pages. Each sample of a page is a band.
 pub fn read(bytes: &[u8], sidecar: &Sidecar) -> Result<SpectralImage, Wrong> {
     let damaged = |e: tiff::TiffError| (format!("not a readable TIFF file: {e}"), HINT);
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?;

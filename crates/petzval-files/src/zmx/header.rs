@@ -1,4 +1,4 @@
-//! The header of a file: title, units, aperture, fields, wavelengths.
+//! Reads the header of a file: title, units, aperture, fields, wavelengths.
 
 use super::record::{HEADER_BOOKKEEPING, Line};
 use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
@@ -8,15 +8,15 @@ use petzval_base::FileError;
 /// Temperature and pressure at which catalogues print indices: degrees Celsius and atmospheres.
 const STANDARD_AIR: [f64; 2] = [20.0, 1.0];
 
-/// What a header says.
+/// The values of a header.
 #[derive(Debug, Default)]
 pub(super) struct Header {
     pub name: String,
     pub notes: Vec<String>,
-    /// Millimetres in a lens unit; 0 where the file does not say.
+    /// Millimetres in a lens unit; 0 if the file gives no unit.
     pub mm: f64,
     pub aperture: Option<(Aperture, Record)>,
-    /// Catalogues that the file takes its glasses from, in upper case.
+    /// Glass catalogues of the file, in upper case.
     pub catalogs: Vec<String>,
     pub primary: Option<(usize, Record)>,
     field_kind: FieldKind,
@@ -27,14 +27,14 @@ pub(super) struct Header {
     field_weights: Option<(Vec<f64>, Record)>,
     vignetting: Vec<(Vec<f64>, Record)>,
     fields_at: Record,
-    /// um and weight; a place that the file left out has no wavelength.
+    /// Wavelength, um, and weight; `None` for a number that the file left out.
     waves: Vec<Option<(f64, f64)>>,
     waves_at: Record,
-    /// Records of [`ONCE`] that were there, and their lines.
+    /// Records of [`ONCE`] that were read, and their lines.
     said: Vec<(&'static str, u32)>,
 }
 
-/// Records that a header has once, with the older names of some.
+/// Records that a header has at most once, with the older names of some.
 const ONCE: &[(&str, &str)] = &[
     ("UNIT", ""),
     ("FTYP", ""),
@@ -56,7 +56,7 @@ impl Header {
             }
             "MODE" => {}
             "NAME" => self.name = line.rest().to_owned(),
-            // The first value is a number without meaning for the text.
+            // The first value is a number that is not part of the text.
             "NOTE" => {
                 let rest = line.rest();
                 let text = rest.split_once(char::is_whitespace).map_or("", |(_, text)| text);
@@ -127,7 +127,7 @@ impl Header {
         let Some((name, _)) = known else { return Ok(()) };
         match self.said.iter().find(|(said, _)| said == name) {
             Some((_, earlier)) => {
-                let message = format!("line {earlier} has said this already");
+                let message = format!("line {earlier} already gives this");
                 Err(line.error(message).hint("keep one of the two"))
             }
             None => {
@@ -139,7 +139,7 @@ impl Header {
 
     fn set_aperture(&mut self, aperture: Aperture, line: &Line<'_>) -> Result<(), FileError> {
         if let Some((_, earlier)) = &self.aperture {
-            let message = format!("line {} has said the aperture already", earlier.line);
+            let message = format!("line {} already gives the aperture", earlier.line);
             return Err(line.error(message).hint("keep one of the two"));
         }
         self.aperture = Some((aperture, line.record()));
@@ -157,14 +157,14 @@ impl Header {
             self.waves_at = line.record();
         }
         if line.keyword == "WAVM" && self.waves[number - 1].is_some() {
-            let message = format!("wavelength {number} is there already");
+            let message = format!("wavelength {number} is already given");
             return Err(line.error(message).hint("keep one of the two"));
         }
         self.waves[number - 1] = Some((um, weight));
         Ok(())
     }
 
-    /// `FTYP type telecentric fields wavelengths ...`.
+    /// Reads `FTYP type telecentric fields wavelengths ...`.
     fn read_field_type(&mut self, line: &Line<'_>, losses: &mut Losses) -> Result<(), FileError> {
         self.field_kind = match line.count(0)? {
             0 => FieldKind::Angle,
@@ -189,7 +189,7 @@ impl Header {
             return Err(line.error(format!("a lens with more than {MOST_VALUES} fields is not read")));
         }
         if line.number(6)?.unwrap_or(0.0) != 0.0 {
-            let message = "afocal image space: the image plane is where the file puts it";
+            let message = "afocal image space: the image plane stays where the file places it";
             losses.add(line.number, line.text, Effect::Approximated, message);
         }
         if self.fields_at.line == 0 {
@@ -198,18 +198,18 @@ impl Header {
         Ok(())
     }
 
-    /// The fields, heights in mm; what is not kept of them is lost.
+    /// The fields, with heights in mm. Vignetting factors and unequal weights are reported as losses.
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
         let given = self.x.len().max(self.y.len());
         if given == 0 {
-            losses.add(0, "", Effect::Assumed, "the file says no fields; the axis is the only one");
+            losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
         }
         let count = self.field_count.unwrap_or(given).min(given).max(1);
         let scale = if self.field_kind == FieldKind::Angle { 1.0 } else { mm };
         let at = |list: &[f64], i: usize| list.get(i).map_or(0.0, |v| v * scale);
         for (factors, record) in &self.vignetting {
             if factors.iter().take(count).any(|f| *f != 0.0) {
-                let message = "vignetting factors are not read: clear semi-diameters are what vignettes";
+                let message = "vignetting factors are not read: clear semi-diameters vignette the beam";
                 losses.add(record.line, &record.text, Effect::Approximated, message);
             }
         }
@@ -225,7 +225,7 @@ impl Header {
         }
     }
 
-    /// How many wavelengths stand before a run of equal ones at the end, up to the primary one at least.
+    /// Number of wavelengths before a run of equal ones at the end, but at least up to the primary wavelength.
     fn without_filling(&self) -> usize {
         let all = self.waves.len();
         let equal = self.waves.iter().rev().take_while(|wave| Some(*wave) == self.waves.last()).count();
@@ -233,7 +233,8 @@ impl Header {
         if equal < 2 { all } else { (all - equal).max(primary.max(1)).min(all) }
     }
 
-    /// The wavelengths with their weights; the program fills its table beyond the count with wavelengths that mean nothing.
+    /// The wavelengths with their weights. The program fills its table beyond the count with wavelengths without meaning; these
+    /// are left out.
     pub fn wavelengths(&self, losses: &mut Losses) -> Result<Wavelengths, FileError> {
         let all = self.waves.len();
         let count = match self.wavelength_count {
@@ -242,7 +243,7 @@ impl Header {
         };
         if self.wavelength_count.is_none() && count < all {
             let message = format!(
-                "the file does not count its wavelengths; equal ones at the end are taken for filling, {count} for meant"
+                "the file does not count its wavelengths; equal ones at the end are taken for filling, and {count} are used"
             );
             losses.add(self.waves_at.line, &self.waves_at.text, Effect::Assumed, message);
         }

@@ -4,9 +4,9 @@
 //! image as the last, then merit function, tolerances and configurations. Lengths are in the lens unit, angles in degrees,
 //! wavelengths in um. A surface's formula is named by `TYPE`; its numbers are `CURV`, `CONI`, `PARM i` and `XDAT i`.
 //!
-//! What the records mean follows the program's manual as far as it is public (surface formulas, the order of extended
-//! polynomials, the matrix of coordinate breaks) and files that it wrote. Where neither says what a record does to light, the
-//! record is refused: Forbes surfaces, diffractive structures on mirrors, tilts kept as surface properties.
+//! The meaning of records follows the public parts of the program's manual (surface formulas, the order of extended
+//! polynomials, the matrix of coordinate breaks) and files that the program wrote. A record whose effect on light is not
+//! known from these sources is refused: Forbes surfaces, diffractive structures on mirrors, tilts kept as surface properties.
 //!
 //! ```
 //! # use petzval_base::FileError;

@@ -1,11 +1,11 @@
-//! A file as far as it is written: its lines, and what is lost.
+//! The lines and losses of a Zemax file while it is written.
 
 use std::fmt::Write;
 
 use crate::loss::Losses;
 use petzval_optics::glass::Catalog;
 
-/// What is written so far.
+/// The file as written so far.
 pub(super) struct Out<'a> {
     pub text: String,
     pub losses: Losses,

@@ -1,4 +1,4 @@
-//! Reading a file: header, surfaces, and what comes behind them.
+//! Reads a file: header, surfaces, and the records after them.
 
 use super::header::Header;
 use super::read_surface::{RawSurface, Shapes};
@@ -8,16 +8,16 @@ use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::glass::Catalog;
 
-/// Records that make a line behind the surfaces a line of the last surface, where a file is not set in.
+/// Records of a surface. In a file without indentation they belong to the last surface.
 const SURFACE_RECORDS: &[&str] = &[
     "TYPE", "CURV", "CONI", "PARM", "XDAT", "DISZ", "GLAS", "DIAM", "STOP", "COMM", "CLAP", "FLAP", "SQAP",
     "ELAP", "OBSC", "SQOB", "ELOB", "OBDC", "SCBD", "UDAD", "SPID",
 ];
 
-/// Records that begin what comes behind the surfaces.
+/// Records that begin the part after the surfaces.
 const REST: &[&str] = &["TOL", "MNUM", "MOFF", "BLNK", "DMFS"];
 
-/// A lens from its file; glasses are looked up in `catalog` by their exact name.
+/// Reads a lens file. Glasses are looked up in `catalog` by their exact name.
 ///
 /// Errors name the first record that cannot be traced as it stands, with its line.
 pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
@@ -34,7 +34,7 @@ pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
         check_capitals(&line)?;
         if line.keyword == "SURF" {
             if behind {
-                let message = "a surface behind merit function, tolerances or configurations is not read";
+                let message = "a surface after merit function, tolerances or configurations is not read";
                 return Err(line.error(message).hint("surfaces come first"));
             }
             if line.count(0)? != surfaces.len() {
@@ -56,7 +56,7 @@ pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
                 behind = true;
                 read_behind(&line, &mut losses);
             }
-            // A record among the surfaces that nobody knows does not end them.
+            // An unknown record among the surfaces does not end them.
             Some(_) => {
                 let message = "this record is not understood";
                 losses.add(line.number, line.text, Effect::NotUnderstood, message);
@@ -66,7 +66,7 @@ pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
     finish(header, surfaces, catalog, losses)
 }
 
-/// Keywords are capitals: a file without them would lose its surfaces.
+/// Refuses known keywords in lower case: the surfaces of the file would be lost.
 fn check_capitals(line: &Line<'_>) -> Result<(), FileError> {
     let upper = line.keyword.to_ascii_uppercase();
     match upper != line.keyword && (upper == "SURF" || is_of_surface(&upper)) {
@@ -82,7 +82,7 @@ fn is_of_surface(keyword: &str) -> bool {
         || SURFACE_LOST.iter().any(|(lost, _)| *lost == keyword)
 }
 
-/// Merit function, tolerances and configurations.
+/// Reports the records of merit function, tolerances and configurations as losses.
 fn read_behind(line: &Line<'_>, losses: &mut Losses) {
     let message = match line.keyword {
         "TOL" => "tolerances are not read",
@@ -112,11 +112,11 @@ fn finish(
     mut losses: Losses,
 ) -> Result<Import, FileError> {
     let [object, between @ .., image] = &surfaces[..] else {
-        let message = "this is no lens: it has no object, surface and image";
+        let message = "this is not a lens: it has no object, surface and image";
         return Err(FileError::at_line(0, "", message).hint("each is a block `SURF number`"));
     };
     if header.mm == 0.0 {
-        losses.add(0, "", Effect::Assumed, "the file says no unit; lengths are taken as mm");
+        losses.add(0, "", Effect::Assumed, "the file gives no unit; lengths are taken as mm");
     }
     let mm = if header.mm == 0.0 { 1.0 } else { header.mm };
     let shapes = Shapes { mm, catalog, catalogs: &header.catalogs };
@@ -125,13 +125,14 @@ fn finish(
     if let Some(line) = object.stop.as_ref().or(image.stop.as_ref()) {
         return Err(line.error("neither object nor image can be the aperture stop"));
     }
+    // Convert the surfaces between object and image, and find the stop.
     let mut items = Vec::with_capacity(between.len());
     let mut stop = None;
     for (index, raw) in between.iter().enumerate() {
         if let Some(line) = &raw.stop
             && stop.replace(index).is_some()
         {
-            return Err(line.error("another surface is the stop already"));
+            return Err(line.error("another surface is already the stop"));
         }
         items.push(match raw.coordinate_break(&shapes)? {
             Some(b) => Item::Break(b),
@@ -142,10 +143,11 @@ fn finish(
         let message = "no surface between object and image is the aperture stop";
         return Err(FileError::at_line(0, "", message).hint("a line `STOP` makes its surface the stop"));
     };
+    // Collect wavelengths, fields and aperture.
     let wavelengths = header.wavelengths(&mut losses)?;
     let primary = match &header.primary {
         None => {
-            losses.add(0, "", Effect::Assumed, "the file says no primary wavelength; the first is taken");
+            losses.add(0, "", Effect::Assumed, "the file gives no primary wavelength; the first is taken");
             0
         }
         Some((number, record)) => match number.checked_sub(1).filter(|i| *i < wavelengths.0.len()) {
@@ -155,7 +157,7 @@ fn finish(
     };
     let fields = header.fields(mm, &mut losses);
     let Some(aperture) = header.aperture else {
-        let message = "the file says no aperture that is read";
+        let message = "the file gives no aperture of a known kind";
         let hint = "ENPD, FNUM, OBNA and FLOA are read";
         return Err(FileError::at_line(0, "", message).hint(hint));
     };

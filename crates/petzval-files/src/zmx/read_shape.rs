@@ -1,11 +1,11 @@
-//! Formulas of surfaces, by the name of their type.
+//! Reads the shape of a surface by the formula of its type.
 
 use super::read_surface::{RawSurface, Said, Shapes};
 use crate::draft::{in_mm, set_powers};
 use petzval_base::FileError;
 use petzval_optics::lens::{ASPHERE_TERMS, Departure, PHASE_TERMS, Pattern, Phase, SurfaceShape, XY_TERMS};
 
-/// The first extra value that is a coefficient: before it stand their number and a normalisation radius.
+/// Index of the first extra value that is a coefficient. The values before it are their number and a normalisation radius.
 const FIRST_COEFFICIENT: usize = 3;
 
 /// Types that are read, for messages.
@@ -25,7 +25,7 @@ impl RawSurface<'_> {
             "STANDARD" => self.allow(&[])?,
             "PARAXIAL" => {
                 self.allow(&[1, 2])?;
-                // The curvature of a thin lens means nothing.
+                // The curvature of a thin lens has no effect.
                 shape = SurfaceShape::PLANE;
             }
             "EVENASPH" => {
@@ -57,7 +57,7 @@ impl RawSurface<'_> {
             }
             "DGRATING" => {
                 self.allow(&[1, 2])?;
-                // Lines per um, in decimals: the point moves by three digits.
+                // Convert lines per um to lines per mm by moving the decimal point.
                 let lines = self.parameters.get(&1).and_then(|(_, line)| line.word(1));
                 let lines_per_mm = lines.and_then(|text| crate::decimal::shifted(text, 3)).unwrap_or(0.0);
                 let pattern = Pattern::Grating { lines_per_mm };
@@ -84,15 +84,17 @@ impl RawSurface<'_> {
         }
     }
 
-    /// Parameters beyond those of the formula, which are not 0, do something that is not known.
+    /// Refuses nonzero parameters other than those of the formula, because their effect is not known.
     fn allow(&self, known: &[usize]) -> Result<(), FileError> {
-        // Parameter 0 says whether the surface goes on beyond its edge.
+        // Parameter 0 extends the surface beyond its edge.
         let odd = self.parameters.iter().find(|(i, said)| **i != 0 && said.0 != 0.0 && !known.contains(i));
         match odd {
             None => Ok(()),
             Some((index, (_, line))) => {
-                let message =
-                    format!("surfaces of type {} have no parameter {index} that is known", self.kind_name());
+                let message = format!(
+                    "surfaces of type {} have no parameter {index} with a known meaning",
+                    self.kind_name()
+                );
                 Err(line.error(message))
             }
         }
@@ -108,7 +110,7 @@ impl RawSurface<'_> {
         }
     }
 
-    /// `PARM first ...` as coefficients of r^2, r^4, ...
+    /// Sets the parameters from `PARM first` on as coefficients of r^2, r^4, ...
     fn even_parameters(&self, shape: &mut SurfaceShape, first: usize, terms: usize, shapes: &Shapes<'_>) {
         for (i, a) in shape.asphere.iter_mut().take(terms).enumerate() {
             *a = in_mm(self.parameter(first + i), 2 * i + 2, shapes.mm);
@@ -126,8 +128,8 @@ impl RawSurface<'_> {
         set_powers(shape, terms, norm_radius, shapes.mm).map_err(|message| self.kind_error(message))
     }
 
-    /// The normalisation radius and the coefficients among the extra values, counted from 0; terms beyond the stated
-    /// number do not count.
+    /// The normalisation radius and the coefficients among the extra values, counted from 0. Terms beyond the stated number are
+    /// ignored.
     fn extra_terms(&self) -> Result<(f64, Vec<(usize, f64)>), FileError> {
         self.allow(&[])?;
         let value = |index: usize| self.extra.get(&index).map_or(0.0, |said: &Said<'_>| said.0);
@@ -192,7 +194,7 @@ impl RawSurface<'_> {
         }
     }
 
-    /// A parameter that is the reciprocal of a curvature, with 0 for a plane.
+    /// The curvature of a parameter that is a radius; radius 0 means a plane.
     fn reciprocal(&self, index: usize) -> f64 {
         match self.parameter(index) {
             0.0 => 0.0,
@@ -200,7 +202,7 @@ impl RawSurface<'_> {
         }
     }
 
-    /// A parameter that is an order of diffraction.
+    /// An order of diffraction from a parameter.
     fn order(&self, index: usize, default: i32) -> Result<i32, FileError> {
         let Some((value, line)) = self.parameters.get(&index) else { return Ok(default) };
         match value.fract() == 0.0 && value.abs() <= 1e6 {

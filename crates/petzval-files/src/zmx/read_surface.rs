@@ -1,4 +1,4 @@
-//! A surface block: its records, and the surface that they make.
+//! Reads a surface block: its records, then the surface that they define.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,22 +11,22 @@ use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{Action, Surface, SurfaceShape};
 
-/// The highest number of a parameter or an extra value.
+/// Highest index of a parameter or an extra value.
 const MOST_PARAMETERS: usize = 300;
 
-/// The codes of a value's state that leave it as it is: fixed and variable.
+/// Codes of a value's state without a solve: fixed and variable.
 const FREE_STATES: [f64; 2] = [0.0, 1.0];
 
-/// What surfaces are made with.
+/// Unit and glass catalogues for the conversion of surfaces.
 pub(super) struct Shapes<'a> {
     /// Millimetres in a lens unit.
     pub mm: f64,
     pub catalog: &'a Catalog,
-    /// Catalogues that the file names, in upper case.
+    /// Catalogues of the file, in upper case.
     pub catalogs: &'a [String],
 }
 
-/// A value with the line that says it.
+/// A value and its line.
 pub(super) type Said<'a> = (f64, Line<'a>);
 
 /// The records of one surface.
@@ -43,16 +43,16 @@ pub(super) struct RawSurface<'a> {
     semi_diameter: Option<Line<'a>>,
     pub stop: Option<Line<'a>>,
     comment: String,
-    /// The edge that light meets: half-widths or radius, and how far it is off the vertex.
+    /// Radius of the aperture, or of the circle that encloses it, in units of the file.
     aperture: Option<(f64, Line<'a>)>,
     offset: Option<Said<'a>>,
     floats: bool,
     turned: Option<Line<'a>>,
-    /// Records of [`ONCE`] that were there.
+    /// Records of [`ONCE`] that were read.
     said: Vec<&'a str>,
 }
 
-/// Records that a surface has once.
+/// Records that a surface has at most once.
 const ONCE: &[&str] = &["TYPE", "CURV", "CONI", "DISZ", "GLAS", "DIAM", "STOP", "OBDC"];
 
 impl<'a> RawSurface<'a> {
@@ -81,7 +81,7 @@ impl<'a> RawSurface<'a> {
     pub fn read(&mut self, line: Line<'a>, losses: &mut Losses) -> Result<(), FileError> {
         if ONCE.contains(&line.keyword) {
             if self.said.contains(&line.keyword) {
-                let message = format!("the surface has another line {} already", line.keyword);
+                let message = format!("the surface already has a line {}", line.keyword);
                 return Err(line.error(message).hint("keep one of the two"));
             }
             self.said.push(line.keyword);
@@ -104,7 +104,7 @@ impl<'a> RawSurface<'a> {
                 let value = line.needed(1)?;
                 let to = if line.keyword == "PARM" { &mut self.parameters } else { &mut self.extra };
                 if let Some((_, earlier)) = to.insert(index, (value, line.clone())) {
-                    let message = format!("line {} has said this number already", earlier.number);
+                    let message = format!("line {} already gives this number", earlier.number);
                     return Err(line.error(message).hint("keep one of the two"));
                 }
             }
@@ -138,7 +138,7 @@ impl<'a> RawSurface<'a> {
                 let message = "obscurations and apertures of free shape are not kept: light passes there";
                 losses.add(line.number, line.text, Effect::Approximated, message);
             }
-            // Tilts as properties of a surface: two flags and an order, then shifts and angles.
+            // `SCBD` holds tilts as surface properties: two flags and an order, then shifts and angles.
             "SCBD" => {
                 if line.has_values(3) {
                     self.turned = Some(line);
@@ -165,7 +165,7 @@ impl<'a> RawSurface<'a> {
         self.kind.as_ref().and_then(|line| line.word(0)).unwrap_or("STANDARD")
     }
 
-    /// An error about the kind of the surface.
+    /// An error about the type of the surface.
     pub fn kind_error(&self, message: impl Into<String>) -> FileError {
         self.kind.as_ref().unwrap_or(&self.line).error(message)
     }
@@ -185,7 +185,7 @@ impl<'a> RawSurface<'a> {
         }
     }
 
-    /// Distance to the next surface where it must be finite, mm.
+    /// Distance to the next surface, mm. Fails if it is infinite.
     fn finite_thickness_mm(&self, shapes: &Shapes<'_>) -> Result<f64, FileError> {
         let mm = self.thickness_mm(shapes)?;
         match (&self.thickness, mm.is_finite()) {
@@ -194,7 +194,7 @@ impl<'a> RawSurface<'a> {
         }
     }
 
-    /// Object and image are planes, the object in air.
+    /// Checks that object or image is a plane, and that the object is in air.
     pub fn check_end(&self, shapes: &Shapes<'_>, what: &str) -> Result<(), FileError> {
         self.check_not_turned()?;
         if matches!(self.kind_name(), "COORDBRK" | "PARAXIAL") {
@@ -205,9 +205,9 @@ impl<'a> RawSurface<'a> {
             return Err(line.error(format!("a curved {what} is not traced")).hint("make it a plane"));
         }
         let (shape, phase) = self.shape(shapes)?;
-        // A plane has any conic constant.
+        // The conic constant has no effect on a plane.
         if phase.is_some() || (SurfaceShape { conic: 0.0, ..shape }) != SurfaceShape::PLANE {
-            let message = format!("an {what} that is no plane is not traced");
+            let message = format!("an {what} that is not a plane is not traced");
             return Err(self.kind_error(message).hint("make it a plane"));
         }
         match &self.glass {
@@ -251,7 +251,7 @@ impl<'a> RawSurface<'a> {
             ("PARAXIAL", Some(line)) => return Err(line.error("a thin lens that reflects is not traced")),
             (_, Some(line)) if phase.is_some() => {
                 let message =
-                    "a diffractive structure on a mirror is not read: which way its orders go is not known";
+                    "a diffractive structure on a mirror is not read: the sign of its orders is not known";
                 return Err(line.error(message));
             }
             (_, Some(_)) => Action::Reflect,
@@ -274,12 +274,12 @@ impl<'a> RawSurface<'a> {
         Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record })
     }
 
-    /// Where light is lost: at an aperture. A semi-diameter without one loses none.
+    /// The clear semi-diameter. Only an aperture blocks light; a semi-diameter without one does not.
     fn clear(&self, shapes: &Shapes<'_>, losses: &mut Losses) -> Result<Clear, FileError> {
         if let Some((_, line)) = &self.offset {
             let message = match self.aperture {
-                Some(_) => "the aperture is off the vertex; a circle around it about the vertex is taken",
-                None if self.floats => "a floating aperture stays about the vertex; its shift is not kept",
+                Some(_) => "the aperture is off the vertex; a circle about the vertex encloses it",
+                None if self.floats => "a floating aperture stays at the vertex; its shift is not kept",
                 None => "this shifts no aperture that is kept",
             };
             losses.add(line.number, line.text, Effect::Approximated, message);
@@ -315,7 +315,7 @@ impl<'a> RawSurface<'a> {
                     return Err(line.error("a model glass has an index from 1 and an Abbe number from 0"));
                 }
                 let dispersion = match vd {
-                    // What bends no colour has no Abbe number either.
+                    // A glass without dispersion has no Abbe number.
                     vd if vd == 0.0 || nd == 1.0 => Dispersion::Constant(nd),
                     vd => {
                         let message =
@@ -332,11 +332,11 @@ impl<'a> RawSurface<'a> {
             2.0 => report_solve(line, losses),
             4.0 => return Err(line.error("a glass with offsets of its index and Abbe number is not read")),
             other => {
-                let message = format!("what state {} of a glass does is not known", shown(other));
+                let message = format!("the effect of state {} of a glass is not known", shown(other));
                 return Err(line.error(message).hint("0 is a fixed glass, 1 a model glass"));
             }
         }
-        // Of makers that share the name, the one that the file's catalogues are of.
+        // If several makers share the name, take the one of the file's catalogues.
         let of_file = |glass: &&Arc<Glass>| shapes.catalogs.iter().any(|c| is_of(c, &glass.maker));
         if let Some(glass) = shapes.catalog.all(name).iter().rfind(of_file) {
             return Ok(glass.clone());
@@ -347,19 +347,19 @@ impl<'a> RawSurface<'a> {
         })?;
         let maker = &glass.maker;
         if !maker.is_empty() && !shapes.catalogs.is_empty() {
-            let message = format!("the glass taken is that of {maker}, which the file's GCAT does not name");
+            let message = format!("the glass is that of {maker}, which the file's GCAT does not name");
             losses.add(line.number, line.text, Effect::Approximated, message);
         }
         Ok(glass)
     }
 }
 
-/// Whether a catalogue of the program holds glasses of a maker. What has no maker of its own is in several.
+/// Whether a catalogue of the program holds glasses of a maker. Generic materials are in several catalogues.
 fn is_of(catalog: &str, maker: &str) -> bool {
     let maker = maker.to_uppercase();
     maker == "GENERIC" || catalog.contains(&maker)
 }
 
 fn report_solve(line: &Line<'_>, losses: &mut Losses) {
-    losses.add(line.number, line.text, Effect::NoRay, "the solve is not kept; the value that it found is");
+    losses.add(line.number, line.text, Effect::NoRay, "the solve is not kept, but its value is");
 }

@@ -1,4 +1,4 @@
-//! Lines of a file, and the records that are known to change no ray.
+//! Lines of a file, and the records that do not affect rays.
 
 use crate::draft::{Record, line_end};
 use petzval_base::FileError;
@@ -6,18 +6,18 @@ use petzval_base::FileError;
 /// A line: a keyword and its values.
 #[derive(Clone, Debug)]
 pub(super) struct Line<'a> {
-    /// From 1.
+    /// Line number, from 1.
     pub number: u32,
-    /// Whether it is set in, as records of a surface are.
+    /// Whether it is indented, as records of a surface are.
     pub indented: bool,
-    /// Without the space around it.
+    /// The text without surrounding spaces.
     pub text: &'a str,
     /// Its first word.
     pub keyword: &'a str,
 }
 
 impl<'a> Line<'a> {
-    /// The lines that say something.
+    /// The lines that are not empty.
     pub fn all(text: &'a str) -> impl Iterator<Item = Self> {
         text.split(line_end(text)).zip(1..).filter_map(|(whole, number)| {
             let text = whole.trim();
@@ -26,12 +26,12 @@ impl<'a> Line<'a> {
         })
     }
 
-    /// Everything behind the keyword.
+    /// The text after the keyword.
     pub fn rest(&self) -> &'a str {
         self.text[self.keyword.len()..].trim()
     }
 
-    /// Value `index` as it stands there, from 0.
+    /// The text of value `index`, from 0.
     pub fn word(&self, index: usize) -> Option<&'a str> {
         self.text.split_whitespace().nth(index + 1)
     }
@@ -41,7 +41,7 @@ impl<'a> Line<'a> {
         self.word(index).map(|word| self.parse(word)).transpose()
     }
 
-    /// Value `index` as a finite number, which must be there.
+    /// Value `index` as a finite number. Fails if it is missing.
     pub fn needed(&self, index: usize) -> Result<f64, FileError> {
         match self.number(index)? {
             Some(value) => Ok(value),
@@ -49,7 +49,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Value `index` as a count from 0, which must be there.
+    /// Value `index` as a count from 0 to 1e6. Fails if it is missing.
     pub fn count(&self, index: usize) -> Result<usize, FileError> {
         let value = self.needed(index)?;
         match (0.0..=1e6).contains(&value) && value.fract() == 0.0 {
@@ -58,7 +58,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// All values as finite numbers, `most` at most.
+    /// The first `most` values as finite numbers. Further values are ignored.
     pub fn numbers(&self, most: usize) -> Result<Vec<f64>, FileError> {
         self.text.split_whitespace().skip(1).take(most).map(|word| self.parse(word)).collect()
     }
@@ -85,19 +85,19 @@ impl<'a> Line<'a> {
     }
 }
 
-/// Records of the header that say how the program shows and computes things, and nothing about the lens.
+/// Records of the header about the program's display and computation, without effect on the lens.
 pub(super) const HEADER_BOOKKEEPING: &[&str] = &[
     "VERS", "AUTH", "IWDP", "STUD", "PFIL", "LANG", "GFAC", "RAIM", "PUSH", "SDMA", "OMMA", "ROPD", "HYPR",
     "PICB", "FCOM", "POLS", "GLRS", "GSTD", "NSCD", "COFN", "LUID", "EERA",
 ];
 
-/// Records of a surface that say how it is drawn, mounted, numbered or sampled, and nothing that a ray meets.
+/// Records of a surface about its drawing, mount, numbering or sampling, without effect on rays.
 ///
-/// `MEMA` is the semi-diameter of the mount, `VDSZ` and `VPAR` mark what may vary.
+/// `MEMA` is the semi-diameter of the mount, `VDSZ` and `VPAR` mark variables.
 pub(super) const SURFACE_BOOKKEEPING: &[&str] =
     &["FIMP", "HIDE", "MIRR", "SLAB", "SSID", "POPS", "MEMA", "SCOL", "VDSZ", "VPAR"];
 
-/// Records of a surface that change no ray, with what is said of them.
+/// Records of a surface that do not affect rays, with the message of their loss.
 pub(super) const SURFACE_LOST: &[(&str, &str)] = &[
     ("COAT", "coatings are not read"),
     ("SCAT", "scattering is not read"),
@@ -105,7 +105,7 @@ pub(super) const SURFACE_LOST: &[(&str, &str)] = &[
     ("TCEX", "thermal expansion is not read"),
 ];
 
-/// Solves: the file prints the value that they found.
+/// Solves. The file also contains their values.
 pub(super) const SOLVES: &[&str] = &[
     "MAZH", "CHZH", "PZUP", "EDGE", "OPDZ", "POSZ", "COMP", "CCUR", "CNUP", "PICK", "COPK", "TOLE", "GPIK",
     "PPUP", "PRPK", "XPUP", "MAZA",

@@ -1,4 +1,4 @@
-//! Writing a file, such that reading it gives the same bits.
+//! Writes a file; reading it gives the same bits.
 
 use super::out::Out;
 use super::write_shape::write_shape;
@@ -13,15 +13,15 @@ use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface};
 
-/// Words that mean something else where a glass may stand.
+/// Words with another meaning in the place of a glass.
 const TAKEN: &[&str] = &["MIRROR", "AIR", "___BLANK"];
 
-/// A lens as a file in mm. Glasses are named, and must be in `catalog` as they are in the lens; an index with an Abbe number
-/// becomes a model glass.
+/// A lens as a file in mm. Glasses are written by name and must be in `catalog` with the same dispersion. A constant index,
+/// or an index with an Abbe number, becomes a model glass.
 ///
 /// # Errors
 ///
-/// What the format cannot hold and a ray would miss: the message names the surface.
+/// Fails if the format cannot represent a part of the lens that affects rays. The message names the surface.
 pub fn write_zmx(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError> {
     let mut out = Out { text: String::new(), losses: Losses::default(), catalog };
     out.lens(&file.lens)?;
@@ -60,7 +60,7 @@ impl Out<'_> {
         Ok(())
     }
 
-    /// The catalogues that the glasses are in.
+    /// Writes the names of the catalogues that contain the glasses.
     fn catalogs(&mut self, lens: &Lens) {
         let mut makers: Vec<String> = Vec::new();
         for surface in &lens.surfaces {
@@ -95,7 +95,7 @@ impl Out<'_> {
         self.line(format_args!("FWGN {}", list(&|_| "1".into())));
     }
 
-    /// A surface with the coordinate breaks that place it.
+    /// Writes a surface with the coordinate breaks of its placement.
     fn surface(&mut self, index: usize, s: &Surface, stop: bool, next: &mut usize) -> Result<(), FileError> {
         let behind = match s.placement {
             None => None,
@@ -128,7 +128,7 @@ impl Out<'_> {
         Ok(())
     }
 
-    /// The break behind a surface, in reverse order: shift and rotations; `None` where the axis follows the surface.
+    /// Shift and rotations of the break behind a surface, in reverse order; `None` if the axis follows the surface.
     fn break_behind(&self, placed: &Placement) -> Option<([f64; 2], [f64; 3])> {
         let [x, y, z] = placed.tilt_rad;
         match placed.axis {
@@ -189,9 +189,8 @@ impl Out<'_> {
             _ => [glass.nd(), glass.abbe_vd()],
         };
         if state == 1 && matches!(glass.dispersion, Dispersion::NdVd { .. }) {
-            let message = format!(
-                "{name} becomes a model glass, whose dispersion programs compute in ways of their own"
-            );
+            let message =
+                format!("{name} becomes a model glass, whose dispersion programs compute in different ways");
             self.losses.add(0, &format!("surface {surface}"), Effect::Approximated, message);
         }
         let name = if name.is_empty() { "___BLANK" } else { name.as_str() };

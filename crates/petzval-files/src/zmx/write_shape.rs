@@ -1,4 +1,4 @@
-//! Shapes and structures of surfaces, by the name of a type that holds them.
+//! Writes the shape and the diffractive structure of a surface as a surface type of the format.
 
 use super::out::Out;
 use crate::decimal::shifted_text;
@@ -8,7 +8,7 @@ use crate::toml_number::{exact_reciprocal, number};
 use petzval_base::FileError;
 use petzval_optics::lens::{Action, Departure, Pattern, Phase, Surface, SurfaceShape};
 
-/// Powers that an odd asphere without extra values has.
+/// Number of powers of an odd asphere without extra values.
 const ODDASPHE_POWERS: usize = 8;
 
 /// Writes type, curvature, conic and coefficients.
@@ -58,7 +58,7 @@ pub(super) fn write_shape(out: &mut Out<'_>, number_of: usize, s: &Surface) -> R
         }
         "DGRATING" => {
             if let Some(Phase { order, pattern: Pattern::Grating { lines_per_mm } }) = s.phase {
-                // Lines per um, in decimals: no digit is lost.
+                // Convert to lines per um by moving the decimal point.
                 out.line(format_args!("  PARM 1 {}", shifted_text(lines_per_mm, -3)));
                 parm.set(2, f64::from(order));
             }
@@ -83,13 +83,13 @@ impl Values {
         self.0.push((index, value));
     }
 
-    /// Values from an index on, without zeros: they are the default, but not negative zero.
+    /// Adds values from an index on. Zeros are omitted, because they are the default; negative zeros are kept.
     fn from(&mut self, first: usize, values: &[f64]) {
         let said = values.iter().enumerate().filter(|(_, v)| v.to_bits() != 0);
         self.0.extend(said.map(|(i, v)| (first + i, *v)));
     }
 
-    /// Their number, a normalisation radius, and values.
+    /// Adds the number of values, a normalisation radius, and the values.
     fn counted(&mut self, norm_radius: f64, values: &[f64]) {
         let count = values.iter().rposition(|v| v.to_bits() != 0).map_or(0, |last| last + 1);
         self.set(1, count as f64);
@@ -107,7 +107,7 @@ fn powers(shape: &SurfaceShape) -> Vec<f64> {
     odd.iter().zip(&shape.asphere).flat_map(|(odd, even)| [*odd, *even]).collect()
 }
 
-/// The reciprocal of a curvature or power, with 0 for none.
+/// The reciprocal of a curvature or power; 0 for 0.
 fn radius(out: &mut Out<'_>, surface: usize, value: f64, what: &str) -> f64 {
     if value == 0.0 {
         return 0.0;
@@ -119,7 +119,7 @@ fn radius(out: &mut Out<'_>, surface: usize, value: f64, what: &str) -> f64 {
     })
 }
 
-/// The name of the type that holds a surface.
+/// The name of the surface type that can represent a surface.
 fn kind(number_of: usize, s: &Surface) -> Result<&'static str, FileError> {
     let shape = &s.shape;
     let is_even = shape.asphere.iter().any(|a| a.to_bits() != 0);
@@ -132,7 +132,7 @@ fn kind(number_of: usize, s: &Surface) -> Result<&'static str, FileError> {
     }
     if s.phase.is_some() && s.action == Action::Reflect {
         return refused(
-            "a diffractive structure on a mirror is not written: which way its orders go is not known",
+            "a diffractive structure on a mirror is not written: the sign of its orders is not known",
         );
     }
     match (&s.phase, &shape.departure) {
@@ -147,9 +147,9 @@ fn kind(number_of: usize, s: &Surface) -> Result<&'static str, FileError> {
         (None, Departure::Xy { .. }) if !is_even => Ok("XPOLYNOM"),
         (None, Departure::Biconic { .. }) if !is_even => Ok("BICONICX"),
         (None, Departure::Toroid { .. }) if shape.asphere[7].to_bits() == 0 => Ok("TOROIDAL"),
-        (None, Departure::Toroid { .. }) => refused("a toroid has no term of y^16 there"),
+        (None, Departure::Toroid { .. }) => refused("a toroid has no term of y^16 in this format"),
         (None, Departure::Xy { .. } | Departure::Biconic { .. }) => {
-            refused("a polynomial in x and y or a biconic has no even asphere terms there")
+            refused("a polynomial in x and y or a biconic has no even asphere terms in this format")
         }
         (None, Departure::Qbfs { .. } | Departure::Qcon { .. }) => {
             refused("Forbes surfaces are not written: how files name and order their numbers is not known")

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_optics::analysis::{Analysis, AnalysisOptions, analyze, first_order_table};
+use petzval_optics::analysis::{AnalysisOptions, analyze, first_order_table};
 use petzval_optics::lens::Lens;
 use petzval_report::lens_sheet::{PictureKind, page, picture};
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,8 @@ use super::focus::{FocusAt, focused};
 use super::write;
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+
+pub use petzval_optics::analysis::Analysis;
 
 /// Names of the page and of the data among [`names`].
 const PAGE: &str = "html";

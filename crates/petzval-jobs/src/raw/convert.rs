@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 
-use petzval_camera::sensor::{CfaPattern, OutOfRange};
-use petzval_files::raw_file::{Packing, RawFormat, RawFrame, RawInfo, load_raw, save_raw, sidecar_path};
+use petzval_camera::sensor::OutOfRange;
+use petzval_files::raw_file::{RawFormat, RawFrame, RawInfo, load_raw, save_raw, sidecar_path};
 use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
 use crate::context::Context;
 use crate::error::JobError;
+
+pub use petzval_camera::sensor::CfaPattern;
+pub use petzval_files::raw_file::Packing;
 
 /// A raw frame to write in the format that the name of the output ends with. Its digital numbers do not change.
 ///

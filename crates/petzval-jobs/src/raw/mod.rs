@@ -5,8 +5,10 @@ pub mod show;
 
 use std::path::Path;
 
-use petzval_files::raw_file::{ColourStatistics, RawFrame, RawInfo, colour_statistics};
+use petzval_files::raw_file::{ColourStatistics, RawFrame, colour_statistics};
 use serde::{Deserialize, Serialize};
+
+pub use petzval_files::raw_file::RawInfo;
 
 /// Everything that is known of a raw frame but its pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

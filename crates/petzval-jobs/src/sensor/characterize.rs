@@ -6,17 +6,19 @@ use std::path::{Path, PathBuf};
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
-use petzval_lab::emva::colour_name;
-use petzval_lab::emva::{
-    Captures, Characterization, HighPass, Options, Values, characterize, result_xml, sensor_toml,
-    warning_lines,
-};
+use petzval_lab::emva::{Captures, Options, characterize, result_xml, sensor_toml, warning_lines};
 use petzval_report::sensor_sheet;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 use crate::frames::Frames;
+
+pub use petzval_camera::sensor::Colour;
+pub use petzval_lab::emva::joint::GAINS;
+pub use petzval_lab::emva::{
+    Characterization, HighPass, HistogramComparison, Measured, Unresolved, Values, colour_name,
+};
 
 /// Captures from which to measure a sensor: EMVA 1288, and the paper's calibration over all gains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,11 +1,12 @@
 //! `sensor show`: a sensor, and the EMVA 1288 figures that follow from its numbers.
 
-use petzval_camera::sensor::SensorModel;
 use petzval_lab::emva::{Derived, derived};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::JobError;
+
+pub use petzval_camera::sensor::{Colour, Electronics, SensorModel};
 
 /// A sensor to look at.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,10 @@
 //! `simulate`: photographs and scenes through a lens onto a sensor.
 
-mod bench;
 mod highlights;
 mod output;
 mod photographs;
 mod request;
+mod rig;
 mod shot;
 mod spectral;
 

@@ -5,10 +5,10 @@ use petzval_camera::isp::LinearIsp;
 use petzval_design::error::DesignError;
 use petzval_files::load_image;
 
-use super::bench::Bench;
 use super::highlights::default_white_e;
 use super::output::Facts;
 use super::request::{Request, result_name};
+use super::rig::Rig;
 use super::shot::{Taken, noise, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
@@ -19,17 +19,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     let photos: Vec<(String, LinearImage)> = (request.images.iter())
         .map(|path| Ok((result_name(path), load_image(path).map_err(DesignError::from)?)))
         .collect::<Result<_, JobError>>()?;
-    let bench = Bench::new(request, context)?;
+    let rig = Rig::new(request, context)?;
     let white_e = match request.white_e {
         Some(white_e) => white_e,
-        None => default_white_e(request, &bench.sensor)?,
+        None => default_white_e(request, &rig.sensor)?,
     };
-    let camera = bench.camera(request, bench.sensor.clone(), white_e, LinearIsp::default())?;
+    let camera = rig.camera(request, rig.sensor.clone(), white_e, LinearIsp::default())?;
     make_folder(&request.out)?;
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
         context.progress(frame as u64, photos.len() as u64, name);
-        let shot = bench.shot(&placed(request, photo, &bench.sensor), frame as u64);
+        let shot = rig.shot(&placed(request, photo, &rig.sensor), frame as u64);
         let frames = camera.take(&[shot.clone()], &noise(request))?;
         let capture = camera.capture(&shot);
         let taken = Taken::new(&frames, capture)?;

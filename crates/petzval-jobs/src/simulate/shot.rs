@@ -8,10 +8,10 @@ use petzval_design::camera::{Camera, to_host};
 use petzval_design::error::DesignError;
 use serde_json::json;
 
-use super::bench::Bench;
 use super::highlights::Saturation;
 use super::output::{self, Facts};
 use super::request::{Place, Request};
+use super::rig::Rig;
 use crate::error::JobError;
 
 /// The noise of a request.
@@ -50,13 +50,13 @@ impl Taken {
     /// A frame of light that lies on the pixels already.
     pub fn of_light(
         request: &Request,
-        bench: &Bench,
+        rig: &Rig,
         camera: &Camera,
         light: &LinearImage,
         frame: u64,
     ) -> Result<Self, DesignError> {
         let exposure = camera.body().exposure;
-        let capture = Capture { exposure, placement: bench.window.placement, frame };
+        let capture = Capture { exposure, placement: rig.window.placement, frame };
         Self::new(&camera.take_light(light, capture, &noise(request))?, capture)
     }
 }

@@ -15,9 +15,9 @@ use petzval_files::spectral_file::load_spectral;
 
 use self::conditions::Conditions;
 use self::light::Light;
-use super::bench::Bench;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
+use super::rig::Rig;
 use super::shot::{Taken, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
@@ -25,22 +25,22 @@ use crate::error::{JobError, make_folder};
 /// Takes all images.
 pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
     check(request)?;
-    let mut bench = Bench::new(request, context)?;
-    let mut conditions = Conditions::new(request, &mut bench, context)?;
-    let mut shared = Light::over_all(request, &conditions, &bench)?;
+    let mut rig = Rig::new(request, context)?;
+    let mut conditions = Conditions::new(request, &mut rig, context)?;
+    let mut shared = Light::over_all(request, &conditions, &rig)?;
     if let Some(white_e) = request.white_e {
         // Electrons are proportional to the illuminance.
         conditions.lux *= f64::from(white_e) / shared.white.white_e();
-        shared = Light::over_all(request, &conditions, &bench)?;
+        shared = Light::over_all(request, &conditions, &rig)?;
     }
     // Every image is read before anything is written; only one of them at a time is in memory.
     let mut first = None;
     for path in &request.images {
-        first = Some(open(request, path, &conditions, &bench, &shared)?);
+        first = Some(open(request, path, &conditions, &rig, &shared)?);
     }
     first = first.filter(|_| request.images.len() == 1);
     if request.images.iter().any(|path| kind(path) != Kind::Spectral) {
-        shared.warn(&conditions, &bench, None, context);
+        shared.warn(&conditions, &rig, None, context);
     }
     make_folder(&request.out)?;
     let mut written = Vec::new();
@@ -48,25 +48,25 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     for (frame, path) in request.images.iter().enumerate() {
         let (opened, own) = match first.take() {
             Some(opened) => opened,
-            None => open(request, path, &conditions, &bench, &shared)?,
+            None => open(request, path, &conditions, &rig, &shared)?,
         };
         let light = own.as_ref().unwrap_or(&shared);
         if let Some(own) = &own {
-            own.warn(&conditions, &bench, Some(path), context);
+            own.warn(&conditions, &rig, Some(path), context);
         }
         let name = result_name(path);
         let electrons = match &opened {
-            Opened::Bands(scene) => over_bands(request, &bench, &conditions, light, scene, &name, context),
-            Opened::ThreeBands(photo) => in_three_bands(request, &bench, light, photo),
+            Opened::Bands(scene) => over_bands(request, &rig, &conditions, light, scene, &name, context),
+            Opened::ThreeBands(photo) => in_three_bands(request, &rig, light, photo),
         }
         .map_err(|error| named(path, error))?;
         let white_e = light.white.white_e();
         let matrix = light.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
         // The sensor balanced for this light, and the matrix fitted to it.
         let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..LinearIsp::default() };
-        let camera = bench.camera(request, light.sensor.clone(), white_e as f32, isp)?;
-        let on_pixels = electrons.as_light(&light.sensor, white_e, bench.window.placement);
-        let taken = Taken::of_light(request, &bench, &camera, &on_pixels, frame as u64)?;
+        let camera = rig.camera(request, light.sensor.clone(), white_e as f32, isp)?;
+        let on_pixels = electrons.as_light(&light.sensor, white_e, rig.window.placement);
+        let taken = Taken::of_light(request, &rig, &camera, &on_pixels, frame as u64)?;
         let (mut facts, warning) = write_shot(request, &camera, &name, &taken)?;
         warning.into_iter().for_each(|warning| context.warning(warning));
         facts.extend(light.facts(request, &conditions));
@@ -141,20 +141,20 @@ fn open(
     request: &Request,
     path: &Path,
     conditions: &Conditions,
-    bench: &Bench,
+    rig: &Rig,
     shared: &Light,
 ) -> Result<(Opened, Option<Light>), JobError> {
     let (illuminant, lux, band_um) = (&conditions.illuminant, conditions.lux, &shared.band_um);
     if let Some(name) = scene_name(path) {
-        let drawn = scene(name)?.draw(bench.sensor.height, bench.sensor.width);
+        let drawn = scene(name)?.draw(rig.sensor.height, rig.sensor.width);
         return Ok((Opened::Bands(SpectralScene::surfaces(drawn, illuminant, lux, band_um)), None));
     }
     if kind(path) == Kind::Spectral {
         let image = load_spectral(path).map_err(DesignError::from)?;
-        let light = Light::in_file(request, conditions, bench, path, &image.wavelength_um)?;
+        let light = Light::in_file(request, conditions, rig, path, &image.wavelength_um)?;
         return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
     }
-    let photo = placed(request, &load_image(path).map_err(DesignError::from)?, &bench.sensor);
+    let photo = placed(request, &load_image(path).map_err(DesignError::from)?, &rig.sensor);
     let opened = match request.spectral.three_band {
         true => Opened::ThreeBands(photo),
         false => Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um)),
@@ -165,7 +165,7 @@ fn open(
 /// Electrons of a scene whose bands go through the lens one by one.
 fn over_bands(
     request: &Request,
-    bench: &Bench,
+    rig: &Rig,
     conditions: &Conditions,
     light: &Light,
     scene: &SpectralScene,
@@ -175,7 +175,7 @@ fn over_bands(
     let bands = Bands {
         um: &scene.band_um,
         weights: &light.weights,
-        planes: &|three| placed(request, &scene.planes(three), &bench.sensor),
+        planes: &|three| placed(request, &scene.planes(three), &rig.sensor),
     };
     let total = bands.seen().len() as u64;
     let count = std::cell::Cell::new(0);
@@ -184,19 +184,19 @@ fn over_bands(
         count.set(count.get() + 1);
         context.progress(count.get(), total, name);
     };
-    render_spectral(&conditions.lens, &conditions.plan, &bench.geometry, &bands, bench.window, &done)
+    render_spectral(&conditions.lens, &conditions.plan, &rig.geometry, &bands, rig.window, &done)
 }
 
 /// Electrons of a photograph whose three planes go through the lens: the matrix is the integral over the spectrum, only the
 /// PSFs are those of three wavelengths.
 fn in_three_bands(
     request: &Request,
-    bench: &Bench,
+    rig: &Rig,
     light: &Light,
     photo: &LinearImage,
 ) -> Result<ColourElectrons, DesignError> {
-    let camera = bench.camera(request, bench.sensor.clone(), 1.0, LinearIsp::default())?;
-    Ok(ColourElectrons::of_rgb(&camera.irradiance(&[bench.shot(photo, 0)])?, &light.white))
+    let camera = rig.camera(request, rig.sensor.clone(), 1.0, LinearIsp::default())?;
+    Ok(ColourElectrons::of_rgb(&camera.irradiance(&[rig.shot(photo, 0)])?, &light.white))
 }
 
 /// A failure with the name of the scene in which it arose.

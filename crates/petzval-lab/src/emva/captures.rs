@@ -1,4 +1,4 @@
-//! A series of captures: which frames there are, and how each was taken.
+//! A series of captures: its frames, and the setting of each.
 //!
 //! A folder of captures holds frames and one of two lists of them: `captures.toml` ([`manifest`](super::manifest)), or
 //! the `EMVA1288descriptor.txt` of the EMVA 1288 Python library ([`descriptor`](super::descriptor)).
@@ -13,7 +13,7 @@ use petzval_files::raw_file::{RawFileError, RawFrame, load_raw, load_raw_page};
 
 /// Name of our list of captures.
 pub const MANIFEST: &str = "captures.toml";
-/// Name of the file that says which series a folder holds, from the first frame on.
+/// Name of the file that identifies the series in a folder; it is written before the first frame.
 pub(super) const SERIES: &str = "series.toml";
 /// Name of the list of captures of the EMVA 1288 Python library.
 pub const DESCRIPTOR: &str = "EMVA1288descriptor.txt";
@@ -47,16 +47,16 @@ pub struct SensorFacts {
 pub enum Kind {
     /// Uniform light.
     Flat,
-    /// None.
+    /// No light.
     Dark,
 }
 
-/// A frame as the list names it: a file, or one page of a file of several.
+/// A frame of the list: a file, or one page of a file with several pages.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct FrameFile {
     /// The file.
     pub path: PathBuf,
-    /// The page, counted from 0, where the file has several.
+    /// The page, counted from 0, if the file has several.
     pub page: Option<usize>,
 }
 
@@ -103,7 +103,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// Two frames serve the photon transfer, more than two the spatial non-uniformity.
+    /// Whether the frames are a stack, for the spatial non-uniformity; two frames are for the photon transfer.
     pub fn is_stack(&self) -> bool {
         self.frames.len() > 2
     }
@@ -124,7 +124,7 @@ impl Point {
     }
 }
 
-/// An exposure time in milliseconds without the digits that binary fractions add: to a thousandth of a nanosecond.
+/// An exposure time in milliseconds, rounded to a thousandth of a nanosecond to remove the digits of binary fractions.
 pub fn milliseconds(exposure_s: f64) -> f64 {
     (1e12 * exposure_s).round() / 1e9
 }
@@ -138,7 +138,7 @@ pub struct Captures {
     pub list: PathBuf,
     /// What is known about the sensor.
     pub sensor: SensorFacts,
-    /// Rows and columns, where the list states them.
+    /// Rows and columns, if the list states them.
     pub size: Option<(usize, usize)>,
     /// The points in the order of the list.
     pub points: Vec<Point>,
@@ -153,7 +153,7 @@ pub enum CaptureError {
     /// There is no list of captures yet: the simulation of the series was interrupted.
     #[error("{}: {SERIES} without {MANIFEST}: the captures of this series are not complete", .0.display())]
     Unfinished(PathBuf),
-    /// A file is given for a folder.
+    /// The path is a file in place of a folder.
     #[error("{}: a file, but no list of captures", .0.display())]
     NoFolder(PathBuf),
     /// A file cannot be read or written.
@@ -175,7 +175,7 @@ pub enum CaptureError {
     /// A frame cannot be read.
     #[error(transparent)]
     Frame(#[from] RawFileError),
-    /// A frame has another size than the others.
+    /// The size of a frame differs from that of the others.
     #[error("{}: {height}x{width} pixels, the other frames have {expected_height}x{expected_width}", path.display())]
     Size {
         /// The frame.
@@ -237,7 +237,7 @@ pub enum CaptureError {
         /// Flat points with dark ones.
         points: usize,
     },
-    /// Every flat point is full.
+    /// Every flat point is saturated.
     #[error("{}: all {points} flat points are clipped or above 70 % of saturation", list.display())]
     AllSaturated {
         /// The list of captures.
@@ -262,7 +262,7 @@ pub enum CaptureError {
     /// The plan of a series is out of range.
     #[error("{what}: {problem}")]
     Plan {
-        /// Which number of the plan.
+        /// Name of the number in the plan.
         what: &'static str,
         /// What is wrong.
         problem: String,

@@ -1,4 +1,4 @@
-//! From captures to a sensor: reduces the frames gain by gain, then evaluates all gains together.
+//! Measures a sensor from captures: reduces the frames gain by gain, then evaluates all gains together.
 
 use std::collections::HashMap;
 
@@ -20,8 +20,8 @@ use super::usable::check_usable;
 use super::warnings::{fit_warnings, gain_warnings, series_warnings};
 use petzval_camera::sensor::Colour;
 
-/// Evaluates a series. `read` is called after every frame that was read; points are read in parallel, gain by gain, and the
-/// result does not depend on the number of threads.
+/// Evaluates a series. Calls `read` after each frame. Points are read in parallel, gain by gain; the result does not
+/// depend on the number of threads.
 pub fn characterize(
     captures: &Captures,
     options: &Options,
@@ -33,7 +33,7 @@ pub fn characterize(
     let mut known: HashMap<u64, &FrameFile> = HashMap::new();
     let mut samples = Samples::default();
 
-    // Each gain by itself: reduce the frames, flag the points, fit the lines.
+    // For each gain: reduce the frames, flag the points, fit the lines.
     for linear_gain in captures.gains() {
         let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
         let ends = dark_ends(&points);
@@ -50,7 +50,7 @@ pub fn characterize(
             no_copies(captures, p.point, &p.found, &mut known)?;
         }
 
-        // Where the converter clips at this gain.
+        // Find the digital number at which the converter clips at this gain.
         let flats = reduced.iter().filter(|p| p.point.kind == Kind::Flat);
         let clip_dn = clip_dn(flats.flat_map(|p| p.found.colours.iter().map(|(_, m)| m)), max_dn);
         reduced.iter().for_each(|p| samples.add(p.point.kind, &p.found.all));
@@ -68,12 +68,12 @@ pub fn characterize(
     }
     check_usable(captures, &gains, &flags)?;
 
-    // All gains together, and the fit to the histograms.
+    // Fit all gains together, then the histograms.
     let inputs: Vec<GainInput<'_>> = gains.iter().map(input).collect();
     let joint = joint_fit(&inputs, captures.sensor.black_level_dn);
     let histogram_fit = options.fit_histograms.then(|| fit_histograms(&captures.sensor, &joint, &histograms));
 
-    // Warnings are made from flags and results; nothing reads them but people.
+    // Make the warnings from flags and results; no code reads them.
     let of_gain = |(gain, flags): (&GainResult, &GainFlags)| gain_warnings(gain, flags);
     let mut warnings: Vec<_> = gains.iter().zip(&flags).flat_map(of_gain).collect();
     warnings.extend(series_warnings(&captures.sensor, &samples.flags(max_dn), &gains, &joint));
@@ -91,7 +91,7 @@ pub fn characterize(
     })
 }
 
-/// A frame that is the copy of another has no noise of its own: an error that names both.
+/// Returns an error that names both frames if a frame is a copy of another: it has no noise of its own.
 fn no_copies<'a>(
     captures: &Captures,
     point: &'a Point,
@@ -115,7 +115,7 @@ fn no_copies<'a>(
     Ok(())
 }
 
-/// Rows and columns: as the list says, or as the first frame has.
+/// Rows and columns of the list, or else of the first frame.
 fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
     match (captures.size, captures.points.first().and_then(|p| p.frames.first())) {
         (Some(size), _) => Ok(size),
@@ -127,7 +127,7 @@ fn frame_size(captures: &Captures) -> Result<(usize, usize), CaptureError> {
     }
 }
 
-/// The histograms of a point: of all pixels in the dark, of each colour in the light.
+/// The histograms of a point: one of all pixels for dark frames, one of each colour for flat frames.
 fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainResult) -> Vec<PointHistogram> {
     // Beyond the last point of the transfer range the sensor saturates.
     let in_range = |colour: Option<Colour>, mean_dn: f64| {
@@ -152,7 +152,7 @@ fn captured(number: usize, point: &Point, found: &PointStatistics, gain: &GainRe
     }
 }
 
-/// What one gain contributes to the joint fit.
+/// The input of one gain to the joint fit.
 fn input(gain: &GainResult) -> GainInput<'_> {
     GainInput {
         linear_gain: gain.linear_gain,

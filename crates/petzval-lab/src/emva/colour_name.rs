@@ -2,7 +2,7 @@
 
 use petzval_camera::sensor::Colour;
 
-/// The letter of the pattern; `mono` for a sensor without filters.
+/// Letter of the colour in the pattern; `mono` for a sensor without filters.
 pub fn colour_name(colour: Colour) -> &'static str {
     match colour {
         Colour::Clear => "mono",

@@ -1,11 +1,11 @@
-//! Counts of digital numbers: of all samples of a point, and with the setting under which they were captured.
+//! Counts of digital numbers, and the histogram of one colour at one point.
 
 use serde::Serialize;
 
 use super::captures::Kind;
 use petzval_camera::sensor::Colour;
 
-/// How often each digital number occurs.
+/// Number of occurrences of each digital number.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Counts {
     /// First digital number that occurs.
@@ -15,14 +15,14 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Of a table over all digital numbers from 0.
+    /// Counts from a table over all digital numbers from 0.
     pub(super) fn of(table: &[u64]) -> Self {
         let first = table.iter().position(|c| *c > 0).unwrap_or(0);
         let end = table.iter().rposition(|c| *c > 0).map_or(first, |last| last + 1);
         Self { first_dn: first as u32, counts: table[first..end].to_vec() }
     }
 
-    /// Occurrences in all.
+    /// Total number of occurrences.
     pub fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
@@ -41,7 +41,7 @@ impl Counts {
             .unwrap_or(0)
     }
 
-    /// The sum of two.
+    /// The sum of two histograms.
     pub fn merge(&self, other: &Self) -> Self {
         match (self.counts.is_empty(), other.counts.is_empty()) {
             (true, _) => return other.clone(),
@@ -57,7 +57,7 @@ impl Counts {
 /// The captured histogram of one colour at one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PointHistogram {
-    /// Which point of the list; its colours share their light.
+    /// Number of the point; its colours share their light.
     pub point: usize,
     /// Whether light fell on the sensor.
     pub kind: Kind,

@@ -1,4 +1,4 @@
-//! The dark series of one gain: how mean and variance of dark frames grow with exposure time.
+//! The dark series of one gain: the growth of mean and variance of dark frames with exposure time.
 //!
 //! ```text
 //! mean     = K (mu_I t + mu_r) + BL + mu_el                  [DN]
@@ -19,16 +19,16 @@ pub struct DarkPoint {
     pub exposure_s: f64,
     /// Mean, DN.
     pub mean_dn: f64,
-    /// Its standard error with that of rounding, DN.
+    /// Its standard error, rounding included, DN.
     pub mean_se_dn: f64,
     /// Temporal variance, DN^2.
     pub variance_dn2: f64,
-    /// Its standard error with that of rounding, DN^2.
+    /// Its standard error, rounding included, DN^2.
     pub variance_se_dn2: f64,
 }
 
 impl DarkPoint {
-    /// Of the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`].
+    /// Makes a point from the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`].
     pub fn new(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
         let rounding = RoundingError::of(dark.variance_dn2);
         Self {
@@ -41,7 +41,7 @@ impl DarkPoint {
     }
 }
 
-/// A dark series with its lines.
+/// A dark series with its fitted lines.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DarkSeries {
     /// The points, exposure times ascending.
@@ -52,7 +52,7 @@ pub struct DarkSeries {
     pub variance: Line,
 }
 
-/// Exposure times that a slope needs.
+/// Least number of exposure times for a slope.
 const EXPOSURES: usize = 3;
 
 /// Fits ordinary least-squares lines through a dark series.
@@ -70,7 +70,8 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
         let none = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
         (mean, variance) = (none, none);
     }
-    // Rounding moves the points together where their means lie alike between two whole numbers, and bends the lines where not.
+    // Rounding shifts all points alike if their means have the same fraction of a digital number; otherwise it bends
+    // the lines.
     if let Some(noise) = variance.intercept.value() {
         let rounding = RoundingError::of(noise);
         let span_s = times[times.len() - 1] - times[0];

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::rounding::QUANTISATION_DN2;
 use petzval_camera::sensor::{Electronics, SensorModel};
 
-/// What a sensor reaches at one linear gain.
+/// Figures of a sensor at one linear gain.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Derived {
     /// Linear gain g.
@@ -15,13 +15,13 @@ pub struct Derived {
     /// Temporal dark noise at an exposure time of zero, DN: `sqrt((K g sigma_r)^2 + sigma_el^2 + 1/12)`; electronics noise
     /// after the converter is rounded a second time and adds another 1/12.
     pub dark_noise_dn: f64,
-    /// The same in electrons, with all that the converter adds.
+    /// The same in electrons, with the noise of the converter.
     pub dark_noise_e: f64,
     /// Absolute sensitivity threshold, e-: a signal-to-noise ratio of one, `dark_noise_e + 1/2`.
     pub threshold_e: f64,
     /// Saturation capacity, e-: the full well or the end of the converter's range, whichever comes first.
     pub saturation_e: f64,
-    /// Whether the converter comes first.
+    /// Whether the converter reaches its end before the full well.
     pub converter_limits: bool,
     /// Largest signal-to-noise ratio, `sqrt(saturation)`.
     pub snr_max: f64,
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_sensor_is_limited_by_its_converter() {
+    fn the_converter_limits_the_papers_sensor() {
         let sensor =
             petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
         let found = derived(&sensor, 1.0);

@@ -2,7 +2,7 @@
 //!
 //! One record a line: `v` version, `n` bits, width and height, `b` exposure time (ns) and photons per pixel of a flat
 //! point, `d` exposure time (ns) of a dark one, `i` a frame of the point before. `#` begins a comment, paths may have
-//! either separator. The format knows one gain and no colour filters.
+//! either separator. The format has one gain and no colour filters.
 
 use std::path::Path;
 
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_read_and_wrong_ones_are_named() {
+    fn records_are_read_and_wrong_ones_are_reported() {
         let good = "v 4.0\nn 12 128 96\n# comment\nb 2500000.0 4062.396\ni images\\a.png\ni images\\b.png\nd 2500000.0\n";
         let captures = parse(good, Path::new("x")).unwrap();
         assert_eq!((captures.sensor.bits, captures.size), (12, Some((96, 128))));

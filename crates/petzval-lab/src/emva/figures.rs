@@ -18,19 +18,19 @@ pub struct Figure {
     pub name: &'static str,
     /// Section of the library's results.
     pub section: &'static str,
-    /// What it is.
+    /// Meaning.
     pub meaning: &'static str,
     /// Unit; empty for pure numbers.
     pub unit: &'static str,
-    /// As the library derives it (with our standard error).
+    /// Value as the library derives it, with our standard error.
     pub value: Measured,
-    /// As we derive it, where that differs.
+    /// Our value, where it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub corrected: Option<Measured>,
 }
 
 impl Figure {
-    /// The corrected value where there is one.
+    /// Our value if there is one, else that of the library.
     pub fn best(&self) -> Measured {
         self.corrected.unwrap_or(self.value)
     }
@@ -42,9 +42,10 @@ pub struct Basis<'a> {
     pub points: &'a [TransferPoint],
     /// Photon transfer by the rules of the library.
     pub library: &'a PhotonTransfer,
-    /// Photon transfer by ours.
+    /// Photon transfer by our rules.
     pub ours: &'a PhotonTransfer,
-    /// All dark frames of the gain, those without flat ones of their exposure time too; the library knows only those of points.
+    /// All dark frames of the gain, also those without flat frames of the same exposure time; the library has only dark
+    /// frames of points.
     pub dark: &'a DarkSeries,
     /// Non-uniformity, if there are stacks.
     pub spatial: Option<&'a Spatial>,
@@ -65,7 +66,7 @@ pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
         .iter()
         .zip(library.into_iter().zip(ours))
         .map(|((name, section, unit, meaning), (library, ours))| {
-            // Where both agree, ours is kept, because it has a standard error.
+            // Where both agree, keep our number, because it has a standard error.
             let (value, corrected) = if same(&library, &ours) { (ours, None) } else { (library, Some(ours)) };
             Figure { name, section, meaning, unit, value, corrected }
         })
@@ -187,7 +188,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     let (u_p_sat, u_e_sat) = match rules {
         Rules::Ours => {
             let signal = transfer.saturation_signal_dn;
-            // "Not saturated" is the more useful reason where photons are missing as well.
+            // If photons are missing as well, "not saturated" is the more useful reason.
             let no_photons = signal.value().is_some() && points.iter().any(|p| p.photons.is_none());
             let u_p_sat = if no_photons { Measured::none(Unresolved::NoPhotons) } else { signal.over(r) };
             (u_p_sat, signal.over(k))
@@ -288,8 +289,8 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Measured> {
     ]
 }
 
-/// Photons of the point of the largest noise. The noise falls somewhere in the step beyond it, and of a number that may be
-/// anywhere from 0 to a step the root of the mean square is `step / sqrt(3)`.
+/// Photons of the point of the largest noise. The true peak lies anywhere in the step beyond it; a uniform number from 0 to
+/// one step has the root mean square `step / sqrt(3)`, which is the error.
 fn library_saturation(points: &[TransferPoint], at: usize) -> Measured {
     let Some(photons) = points.iter().map(|p| p.photons).collect::<Option<Vec<f64>>>() else {
         return Measured::none(Unresolved::NoPhotons);

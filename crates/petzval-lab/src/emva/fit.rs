@@ -34,7 +34,7 @@ pub fn through_origin(x: &[f64], y: &[f64], x_se: &[f64], y_se: &[f64]) -> Measu
 
 /// Least-squares line with weights `w` and standard errors `y_se` of the points:
 /// `(slope, intercept) = (A^T W A)^-1 A^T W y`, covariance `(A^T W A)^-1 A^T W S W A (A^T W A)^-1`, `S = diag(y_se^2)`.
-/// Equal weights give ordinary least squares with honest errors; weights `1/y_se^2` the best linear fit.
+/// Equal weights give ordinary least squares, with errors from `y_se`; weights `1/y_se^2` give the best linear fit.
 pub fn line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> Line {
     let total: f64 = w.iter().sum();
     let mean_x = x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>() / total;
@@ -44,7 +44,7 @@ pub fn line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> Line {
         return Line::none(Unresolved::TooFewPoints { got: x.len().min(1), need: 2 });
     }
     let slope = (0..x.len()).map(|i| w[i] * (x[i] - mean_x) * (y[i] - mean_y)).sum::<f64>() / sxx;
-    // Both coefficients are linear in y: their errors are those of y times the coefficients.
+    // Both results are linear in y: propagate the errors of y through their coefficients.
     let (mut slope_var, mut intercept_var) = (0.0, 0.0);
     for i in 0..x.len() {
         let of_slope = w[i] * (x[i] - mean_x) / sxx;
@@ -58,8 +58,8 @@ pub fn line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> Line {
     }
 }
 
-/// Mean of independent measurements with weights `1/s^2`; those that are not resolved or have no error do not count. If none
-/// does, the reason is that of the first.
+/// Mean of independent measurements with weights `1/s^2`, without those that are not resolved or have no error. If none is
+/// left, the reason is that of the first.
 pub fn weighted_mean(values: impl IntoIterator<Item = Measured>) -> Measured {
     let (mut weight, mut sum, mut got) = (0.0, 0.0, 0);
     let mut why = None;

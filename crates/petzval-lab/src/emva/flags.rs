@@ -1,4 +1,4 @@
-//! Flags: what the captures show about the use of each point, computed once.
+//! Flags: facts that decide whether a point is used, computed once from the captures.
 //!
 //! Flags decide and warnings report. The selection of points reads the flags, and the
 //! [`warnings`](super::warnings) are made from the same flags. A flag that is set holds the numbers that show it.
@@ -7,9 +7,9 @@
 //! |---|---|---|
 //! | clipped at zero | samples pile up at digital number 0 | is not used for K and the dark series: its mean and noise are biased |
 //! | moved | a part of a frame differs from the other frames | is not used for K and the dark series |
-//! | flicker | whole frames differ from each other | is used: the differences are taken out of the noise |
+//! | flicker | whole frames differ from each other | is used: the differences are subtracted from the noise |
 //! | light leak, uneven | parts of the mean frame differ | is used |
-//! | no dark, no signal | the dark frames of its exposure time are missing, or as bright | is not used for K |
+//! | no dark, no signal | the dark frames of its exposure time are missing, or equally bright | is not used for K |
 //! | saturated | samples are clipped, or the noise has fallen | is left out by the photon transfer |
 //! | darker | the point has more light than another and is darker | is used |
 
@@ -17,18 +17,18 @@ use super::captures::{Captures, Kind, Point};
 use super::point::PointStatistics;
 use petzval_base::statistics::median;
 
-/// The frames of one point, reduced and judged.
+/// The frames of one point with their moments and flags.
 #[derive(Debug)]
 pub struct FlaggedPoint<'a> {
     /// The setting and the frames.
     pub point: &'a Point,
     /// Moments of the frames.
     pub found: PointStatistics,
-    /// What the frames show by themselves.
+    /// Flags from these frames alone.
     pub flags: FrameFlags,
 }
 
-/// What the frames of one point show, without the frames of other points.
+/// Flags of one point from its own frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameFlags {
     /// The setting in words.
@@ -65,10 +65,10 @@ pub struct Movement {
     pub standard_error_dn: f64,
 }
 
-/// What the points of one gain show together.
+/// Flags of the points of one gain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GainFlags {
-    /// Each point by itself, in the order of the list.
+    /// Flags of each point from its own frames, in the order of the list.
     pub frames: Vec<FrameFlags>,
     /// Usable flat points, light ascending.
     pub flats: Vec<FlatFlags>,
@@ -76,20 +76,20 @@ pub struct GainFlags {
     pub stacks: Vec<StackFlags>,
 }
 
-/// A flat point beside its dark frames and the other flat points.
+/// A flat point, compared with its dark frames and the other flat points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlatFlags {
     /// The setting in words.
     pub label: String,
-    /// How its light stands to the dark.
+    /// Its signal above the dark frames.
     pub signal: Signal,
-    /// In a colour samples are clipped, or the point is beyond the peak of the noise.
+    /// In at least one colour, samples are clipped or the point is beyond the peak of the noise.
     pub is_saturated: bool,
-    /// In a colour the point is darker than the one before, which has less light.
+    /// In at least one colour, the point is darker than the one before, which has less light.
     pub is_darker: bool,
 }
 
-/// How a flat point stands to the dark frames of its gain and exposure time.
+/// Signal of a flat point above the dark frames of its gain and exposure time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Signal {
     /// It is brighter: the point is used.
@@ -98,9 +98,9 @@ pub enum Signal {
     NoDark,
     /// It is no brighter.
     None {
-        /// Its mean less that of the dark frames, DN.
+        /// Its mean minus that of the dark frames, DN.
         signal_dn: f64,
-        /// The standard error of that, DN.
+        /// Standard error of the difference, DN.
         standard_error_dn: f64,
     },
 }
@@ -117,19 +117,19 @@ pub struct StackFlags {
 /// Whether a flat stack is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StackUse {
-    /// It is.
+    /// It is evaluated.
     Evaluated,
     /// It has no dark stack of its exposure time.
     NoDarkStack,
-    /// Another stack of this gain is.
+    /// Another stack of this gain is evaluated.
     Surplus,
 }
 
 impl FrameFlags {
-    /// Judges the frames of a point.
+    /// Computes the flags of a point.
     pub fn of(captures: &Captures, point: &Point, found: &PointStatistics) -> Self {
         let black_dn = captures.sensor.black_level_dn.unwrap_or(0.0);
-        // Light and offset may drift by a thousandth of the signal without harm.
+        // A drift of light and offset by a thousandth of the signal is harmless.
         let drift_dn = match point.kind {
             Kind::Flat => 1e-3 * (found.all.mean_dn - black_dn).abs(),
             Kind::Dark => 0.05,
@@ -146,7 +146,7 @@ impl FrameFlags {
         }
     }
 
-    /// Whether mean and noise of the frames are those of the sensor.
+    /// Whether mean and noise of the frames are unbiased.
     pub fn is_usable(&self) -> bool {
         self.clipped_at_zero.is_none() && self.moved.is_none()
     }
@@ -159,11 +159,11 @@ impl GainFlags {
     }
 }
 
-/// Multiple of the standard error from which a difference is no noise: 64 blocks of a hundred points exceed it by chance once
-/// in ten thousand series.
+/// Standard errors above which a difference is not noise: 64 blocks of a hundred points exceed it by chance once in ten
+/// thousand series.
 const NOT_NOISE_SIGMAS: f64 = 6.0;
 
-/// By frame, how much brighter it is than the others as a whole, DN: the median of its blocks, so that something that moves
+/// Brightness of each frame relative to the others, DN. It is the median over blocks, so that an object that moves
 /// through a few blocks does not count.
 fn whole_frame_deviations(found: &PointStatistics) -> Vec<f64> {
     let filled = |blocks: &[f64]| -> Vec<f64> {
@@ -172,7 +172,7 @@ fn whole_frame_deviations(found: &PointStatistics) -> Vec<f64> {
     found.block_deviations_dn.iter().map(|blocks| median(filled(blocks))).collect()
 }
 
-/// Frames of one setting have one mean, within noise and a small drift.
+/// Finds frames of one setting whose means differ by more than noise and a small drift.
 fn flicker(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<Flicker> {
     let frames = found.frames as f64;
     let range =
@@ -185,8 +185,8 @@ fn flicker(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<F
         .then_some(Flicker { difference_dn, standard_error_dn })
 }
 
-/// In every part of the picture a frame differs from the others by noise and by what the whole frame does. Clipped frames are
-/// not judged.
+/// Finds the block of a frame that differs most from the other frames, beyond noise and the difference of the whole frame.
+/// Clipped frames have none.
 fn movement(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<Movement> {
     if found.all.is_clipped_at_max() {
         return None;
@@ -216,7 +216,7 @@ fn movement(found: &PointStatistics, whole_dn: &[f64], drift_dn: f64) -> Option<
         .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn).then(b.frame.cmp(&a.frame)))
 }
 
-/// Largest difference of two blocks of the mean frame, and its standard error from the spread of all samples, DN.
+/// Largest difference between two blocks of the mean frame, and its standard error from the spread of all samples, DN.
 fn block_difference(found: &PointStatistics) -> (f64, f64) {
     let blocks =
         || found.block_means_dn.iter().zip(&found.block_pixels).filter(|(_, n)| **n > 0).map(|(m, _)| *m);
@@ -225,13 +225,13 @@ fn block_difference(found: &PointStatistics) -> (f64, f64) {
     (difference_dn, (found.all.total_variance_dn2() / fewest).sqrt())
 }
 
-/// Dark frames are brighter in places, by more than noise and 1 DN.
+/// Largest difference between blocks of dark frames, DN, if it exceeds noise and 1 DN.
 fn light_leak_dn(found: &PointStatistics) -> Option<f64> {
     let (difference_dn, standard_error_dn) = block_difference(found);
     (difference_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * standard_error_dn).then_some(difference_dn)
 }
 
-/// A flat field is brighter in places, by more than noise and 5 % of the signal.
+/// Largest difference between blocks of a flat field, percent of the signal, if it exceeds noise and 5 %.
 fn uneven_percent(found: &PointStatistics, black_dn: f64) -> Option<f64> {
     let (difference_dn, standard_error_dn) = block_difference(found);
     let percent = 100.0 * difference_dn / (found.all.mean_dn - black_dn).abs().max(1.0);

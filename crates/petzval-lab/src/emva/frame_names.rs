@@ -7,8 +7,8 @@ use petzval_base::FileError;
 
 use super::captures::{FrameFile, Point};
 
-/// The frames of a point as `captures.toml` names them. A name that is no file and has `*`, `?` or `[` stands for all files that
-/// match it, in the order of their names, sidecars left out; `**` matches folders of any depth.
+/// The frames of a point in `captures.toml`. A name with `*`, `?` or `[` that is not itself a file stands for all files
+/// that match it, in the order of their names and without sidecars; `**` matches folders of any depth.
 pub(super) fn expanded(folder: &Path, point: &Point) -> Result<Vec<FrameFile>, FileError> {
     let mut frames = Vec::new();
     for frame in &point.frames {
@@ -18,7 +18,7 @@ pub(super) fn expanded(folder: &Path, point: &Point) -> Result<Vec<FrameFile>, F
             continue;
         }
         let wrong = |message: String, hint: &str| Err(FileError::at_line(point.line, "", message).hint(hint));
-        // What the folder is called is no pattern.
+        // Escape the name of the folder, which is not a pattern.
         let pattern = match (frame.path.is_relative() || frame.path.starts_with(folder), folder.to_str()) {
             (true, Some(folder)) => Path::new(&Pattern::escape(folder)).join(&name),
             (true, None) => {

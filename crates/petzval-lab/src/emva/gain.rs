@@ -1,4 +1,4 @@
-//! One linear gain: its points are selected by their flags, and evaluated colour by colour.
+//! One linear gain: selects its points by their flags and evaluates them colour by colour.
 
 use super::captures::{Captures, Kind, Point};
 use super::dark::{DarkPoint, dark_series};
@@ -12,8 +12,8 @@ use super::transfer::photon_transfer;
 use super::transfer_point::{Rules, TransferPoint};
 use petzval_camera::sensor::Colour;
 
-/// Evaluates the points of one gain. `dark_ends` are those of the shortest and of the longest dark exposure, `clip_dn` is the
-/// digital number at which the converter clips.
+/// Evaluates the points of one gain. `dark_ends` are the points of the shortest and the longest dark exposure; the
+/// converter clips at `clip_dn`.
 pub fn evaluate_gain(
     captures: &Captures,
     options: &Options,
@@ -22,7 +22,7 @@ pub fn evaluate_gain(
     dark_ends: [Option<&FlaggedPoint<'_>>; 2],
     clip_dn: u32,
 ) -> (GainResult, GainFlags) {
-    // Select the points whose mean and noise are those of the sensor, flat ones by growing light.
+    // Select the points with unbiased mean and noise; sort the flat ones by ascending light.
     let mut flats = temporal(points, Kind::Flat);
     flats.sort_by(by_light);
     flats.retain(|p| p.flags.is_usable());
@@ -35,7 +35,7 @@ pub fn evaluate_gain(
         |p: &&FlaggedPoint<'_>| DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference);
     let dark = dark_series(darks.iter().map(dark_point).collect());
 
-    // Pair each flat point with the dark one of its exposure time; those without signal are left out.
+    // Pair each flat point with the dark point of its exposure time, and leave out points without signal.
     let dark_of = |flat: &FlaggedPoint<'_>| {
         let time_s = flat.point.exposure_s;
         darks.iter().find(|d| (d.point.exposure_s - time_s).abs() <= 1e-9 * time_s).copied()
@@ -76,7 +76,7 @@ pub fn evaluate_gain(
     )
 }
 
-/// Points that serve the photon transfer: pairs, and stacks where there is no pair of their setting.
+/// Points for the photon transfer: pairs, and stacks if there is no pair of their setting.
 fn temporal<'p, 'a>(points: &'p [FlaggedPoint<'a>], kind: Kind) -> Vec<&'p FlaggedPoint<'a>> {
     let setting = |p: &Point| (p.exposure_s, p.photons);
     let of_kind = || points.iter().filter(move |p| p.point.kind == kind);
@@ -84,7 +84,7 @@ fn temporal<'p, 'a>(points: &'p [FlaggedPoint<'a>], kind: Kind) -> Vec<&'p Flagg
     of_kind().filter(|p| !p.point.is_stack() || !has_pair(p.point)).collect()
 }
 
-/// Growing light: photons, else exposure time, else the mean of the frames.
+/// Orders points by light: photons, else exposure time, else the mean of the frames.
 fn by_light(a: &&FlaggedPoint<'_>, b: &&FlaggedPoint<'_>) -> std::cmp::Ordering {
     let light = |p: &Point| p.photons.unwrap_or(p.exposure_s);
     let by_time = a.point.exposure_s.total_cmp(&b.point.exposure_s);
@@ -92,7 +92,7 @@ fn by_light(a: &&FlaggedPoint<'_>, b: &&FlaggedPoint<'_>) -> std::cmp::Ordering 
     by_light.then(a.found.all.mean_dn.total_cmp(&b.found.all.mean_dn))
 }
 
-/// How a flat point stands to the dark frames of its exposure time.
+/// Signal of a flat point above the dark frames of its exposure time.
 fn signal(flat: &FlaggedPoint<'_>, dark: Option<&FlaggedPoint<'_>>) -> Signal {
     let Some(dark) = dark else { return Signal::NoDark };
     let (flat, dark) = (&flat.found.all, &dark.found.all);
@@ -110,8 +110,8 @@ fn is_saturated(channel: &ChannelResult, point: usize) -> bool {
     channel.transfer.is_beyond_saturation(point) || channel.points[point].is_clipped()
 }
 
-/// Whether a point is darker than the one before it, which has less light: by more than noise below saturation, by a twentieth
-/// on the plateau beyond, where the dark signal that is subtracted still grows.
+/// Whether a point is darker than the one before it, which has less light. Below saturation the difference must exceed
+/// noise. On the plateau beyond it must exceed a twentieth, because the subtracted dark signal still grows there.
 fn is_darker(channel: &ChannelResult, point: usize) -> bool {
     let (before, own) = (&channel.points[point - 1], &channel.points[point]);
     let (low, high) = (before.signal_dn(), own.signal_dn());
@@ -121,7 +121,7 @@ fn is_darker(channel: &ChannelResult, point: usize) -> bool {
     }
 }
 
-/// Flat frames with the dark ones of their exposure time.
+/// Flat frames with the dark frames of the same exposure time.
 struct Pair<'a> {
     point: &'a Point,
     flat: &'a PointStatistics,
@@ -135,7 +135,7 @@ struct Stacks<'a> {
     exposure_s: f64,
 }
 
-/// The first flat stack that has a dark one of its exposure time, and what becomes of each flat stack.
+/// The first flat stack with a dark stack of its exposure time, and the use of each flat stack.
 fn stacks<'p>(points: &'p [FlaggedPoint<'_>]) -> (Option<Stacks<'p>>, Vec<StackFlags>) {
     let (mut chosen, mut flags) = (None, Vec::new());
     let of_kind = |kind| points.iter().filter(move |p| p.point.kind == kind && p.point.is_stack());

@@ -1,9 +1,9 @@
-//! The high-pass that EMVA 1288 puts before non-uniformity: shading of the light is not the sensor's.
+//! The high-pass filter of EMVA 1288, which removes the shading of the light before non-uniformity is evaluated.
 //!
-//! A filter is `h = delta - l` with a separable low-pass `l`. What it takes from the variance is known exactly and given
-//! back: white noise keeps the share `sum(h^2)`, a pattern of columns `sum over x of (sum over y of h)^2`, which for
-//! a separable `l` of unit sum is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) has a 5x5 box, release 4
-//! a 7x7 box, an 11x11 box and a 3x3 binomial kernel one after the other.
+//! A filter is `h = delta - l` with a separable low-pass `l`. Its loss of variance is known exactly and corrected:
+//! white noise keeps the share `sum(h^2)`, a pattern of columns `sum over x of (sum over y of h)^2`, which for a
+//! separable `l` of unit sum is `sum((delta - l_x)^2)`, and rows likewise. Release 3.1 (Sec. C.3) uses a 5x5 box,
+//! release 4 a 7x7 box, an 11x11 box and a 3x3 binomial kernel one after the other.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,10 +18,10 @@ pub struct Plane {
     pub values: Vec<f64>,
 }
 
-/// Which high-pass goes before the evaluation of non-uniformity.
+/// The high-pass filter before the evaluation of non-uniformity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum HighPass {
-    /// None, as the EMVA 1288 Python library.
+    /// No filter, as in the EMVA 1288 Python library.
     #[serde(rename = "none")]
     None,
     /// That of release 3.1.
@@ -39,8 +39,8 @@ pub struct Passed {
     pub pixel: f64,
     /// Of a pattern of rows or of columns.
     pub line: f64,
-    /// Sum of the squared correlations of a filtered pixel with all pixels: independent values lost, as a factor of the
-    /// variance of a variance.
+    /// Sum of the squared correlations of a filtered pixel with all pixels: the factor by which the lost independence
+    /// raises the variance of a variance.
     pub pixel_correlation: f64,
     /// The same of the lines of a filtered pattern.
     pub line_correlation: f64,
@@ -57,7 +57,7 @@ impl HighPass {
         }
     }
 
-    /// Pixels that are lost at each border.
+    /// Number of pixels lost at each border.
     pub fn border(self) -> usize {
         self.kernel().len() / 2
     }
@@ -104,7 +104,7 @@ impl HighPass {
             return None;
         }
         let (height, width) = (plane.height - 2 * border, plane.width - 2 * border);
-        // Columns first, then rows; the mean goes first, so that no digits are lost.
+        // Subtract the mean, so that no digits are lost; filter columns, then rows.
         let mean = plane.values.iter().sum::<f64>() / plane.values.len() as f64;
         let mut along = vec![0.0; height * plane.width];
         for row in 0..height {
@@ -156,10 +156,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_those_of_patterns_that_are_filtered() {
+    fn shares_equal_those_of_filtered_patterns() {
         for filter in [HighPass::R31, HighPass::R4] {
             let size = 101;
-            // One pixel, one row and one column that stand out: what is left of their squares.
+            // Filter one bright pixel, one bright row and one bright column, and compare what is left of their squares.
             let left = |on: fn(usize, usize) -> bool| {
                 let values = (0..size * size).map(|i| f64::from(on(i / size, i % size))).collect();
                 let filtered = filter.apply(&Plane { height: size, width: size, values }).unwrap();
@@ -171,7 +171,7 @@ mod tests {
             assert!((row / width as f64 - passed.line).abs() < 1e-12);
             let (col, height) = left(|_, c| c == 50);
             assert!((col / height as f64 - passed.line).abs() < 1e-12);
-            // A slope is gone.
+            // The filter removes a slope.
             assert!(
                 filter
                     .apply(&Plane {

@@ -1,8 +1,8 @@
-//! Histograms of defects as EMVA 1288 draws them: whole-number bins of equal width, beside a normal distribution.
+//! Histograms of defects as in EMVA 1288: whole-number bins of equal width, compared with a normal distribution.
 
 use serde::Serialize;
 
-/// Most bins of a histogram.
+/// Largest number of bins of a histogram.
 pub const MOST_BINS: usize = 256;
 
 /// A histogram and the normal distribution of the same mean and spread.

@@ -1,10 +1,10 @@
 //! The paper's fourth step as an optimisation: the parameters with which simulated histograms match captured ones.
 //!
-//! Nothing is drawn at random: the exact distribution of digital numbers ([`pmf`](super::pmf)) is compared with the counts by
-//! maximum likelihood (Fisher scoring with a damped step). Free are K, mu_r, mu_el, sigma_el, the noise of the dark in
-//! electrons, mu_I, the ratios of the colours, the PRNU and the light of every gain. A parameter that the captures do not
-//! determine is held: the noise of the dark and mu_r with one gain, mu_I with one exposure time, the PRNU if all light is alike,
-//! K without flat frames.
+//! The fit draws no random numbers: it compares the exact distribution of digital numbers ([`pmf`](super::pmf)) with
+//! the counts by maximum likelihood (Fisher scoring with a damped step). Free parameters are K, mu_r, mu_el, sigma_el,
+//! the dark noise in electrons, mu_I, the ratios of the colours, the PRNU and the light of every gain. A parameter that
+//! the captures do not determine is held: dark noise and mu_r with one gain, mu_I with one exposure time, the PRNU with
+//! one light level, K without flat frames.
 //!
 //! A histogram contains differences between pixels and differences between frames:
 //!
@@ -16,10 +16,10 @@
 //! separate DSNU from read noise: the fit finds `sigma_r^2 + DSNU^2`, takes sigma_r from temporal noise (the [`JointFit`]) and
 //! reports the rest as DSNU.
 //!
-//! The fit uses the core of each histogram (median +- 4 standard deviations by its quantiles): a tail of hot pixels is
-//! reported ([`DarkTail`](super::warnings::Warning::DarkTail)), not taken for noise. Histograms that reach the full well or leave
-//! the range of photon transfer are saturated and left out. Standard errors are those of temporal noise, with the pixels of
-//! this sensor fixed.
+//! The fit uses the core of each histogram (median +- 4 standard deviations from its quantiles), so that a tail of hot
+//! pixels is reported ([`DarkTail`](super::warnings::Warning::DarkTail)) and not fitted as noise. Histograms that reach
+//! the full well or leave the range of photon transfer are saturated and left out. Standard errors are those of
+//! temporal noise, with the pixels of this sensor fixed.
 
 mod comparison;
 mod likelihood;
@@ -42,10 +42,11 @@ pub(super) use result::mean_core_chi2;
 pub use result::{FitFlags, HistogramFit, LightLevel};
 use sample::{arrange, free_parameters, is_plausible, is_usable};
 
-/// Steps after which the fit gives up.
+/// Largest number of steps of the fit.
 const MOST_STEPS: usize = 40;
 
-/// Fits from what the joint fit found. `None` if it did not find gain, read noise or offset, or no histogram is usable.
+/// Fits from the results of the joint fit. `None` if it did not resolve gain, read noise or offset, or if no histogram
+/// is usable.
 pub fn fit_histograms(
     sensor: &SensorFacts,
     joint: &JointFit,
@@ -63,7 +64,7 @@ pub fn fit_histograms(
         full_well_e: sensor.full_well_e.unwrap_or(f64::INFINITY),
     };
     let mut fit = fit_histograms_from(&start, sensor.bits, histograms)?;
-    // Differences between frames are read noise; the rest of the width of dark histograms is DSNU.
+    // Read noise comes from differences between frames; the remaining width of dark histograms is DSNU.
     fit.read_noise_e = joint.read_noise_e;
     fit.dsnu_e = match fit.dark_noise_e.standard_error() {
         Some(_) => fit.dark_noise_e.squared().minus(joint.read_noise_e.squared()).if_above_noise().root(),
@@ -96,7 +97,8 @@ fn fit_in_steps(
     }
     let free = free_parameters(&samples, &first_numbers);
 
-    // Climb the likelihood by Fisher scoring. A step that fails, leaves the bounds or goes down is tried again, damped more.
+    // Maximise the likelihood by Fisher scoring. Repeat a step with more damping if it fails, leaves the bounds or goes
+    // down.
     let mut numbers = first_numbers.clone();
     let mut state = Score::of(&samples, full_well_e, max_dn, &numbers);
     let (mut damping, mut steps, mut converged) = (0.0, 0, false);

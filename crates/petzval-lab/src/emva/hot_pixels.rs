@@ -1,4 +1,4 @@
-//! Dark current pixel by pixel: what most pixels have, and the hot ones that stand out of them.
+//! Dark current pixel by pixel: that of ordinary pixels, and the hot pixels above them.
 //!
 //! From the mean frames of the shortest and of the longest dark exposure of a gain each pixel has a dark current
 //!
@@ -6,20 +6,20 @@
 //! x_p = (mean_p(t_long) - mean_p(t_short)) / (t_long - t_short)        [DN/s]
 //! ```
 //!
-//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`; a share `h` of them, the
-//! hot ones, has more dark current, exponentially distributed with mean `theta`
-//! ([`NonUniformity`](petzval_camera::sensor::NonUniformity)). An exponential distribution has no memory: what exceeds a
-//! threshold `T` is distributed as before. So the `n` pixels more than `T = 6 s` above the others determine both numbers,
-//! whatever the noise looks like below (peaks over a threshold):
+//! in which its fixed offset (DSNU) cancels. The pixels scatter by noise of standard deviation `s`. A share `h` of
+//! them, the hot pixels, has an additional dark current, exponentially distributed with mean `theta`
+//! ([`NonUniformity`](petzval_camera::sensor::NonUniformity)). An exponential distribution has no memory: the excess
+//! over a threshold `T` has the same distribution. So the `n` pixels more than `T = 6 s` above the others determine
+//! both numbers, whatever the distribution of the noise below (peaks over a threshold):
 //!
 //! ```text
 //! theta = sum(x_p - T) / m                       m of the n are not full at t_long: maximum likelihood of a censored sample
-//! h     = n / N exp(T / theta - s^2 / (2 theta^2))                     N pixels; the exponent is what lies below T
+//! h     = n / N exp(T / theta - s^2 / (2 theta^2))                     N pixels; the exponent accounts for pixels below T
 //! ```
 //!
-//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen is one
-//! draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, less what hot ones below `T`
-//! add.
+//! with the relative standard errors `1/sqrt(m)` and `hypot(1/sqrt(n), (T/theta - s^2/theta^2)/sqrt(m))`: the specimen
+//! is one draw of its kind. The dark current of the ordinary pixels is the mean of those within `T`, minus the
+//! contribution of hot pixels below `T`.
 
 use serde::Serialize;
 
@@ -29,7 +29,8 @@ use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
 use super::point::Stack;
 use super::samples::greatest_common_divisor;
 
-/// Standard deviations from the median beyond which a dark current is no noise: 2e-9 of normally distributed ones.
+/// Standard deviations from the median beyond which a dark current is not noise: 2e-9 of normally distributed ones
+/// exceed it.
 const THRESHOLD_SIGMAS: f64 = 6.0;
 /// Fewest pixels from which the distribution is estimated: ten give the mean excess to a third.
 const FEWEST: usize = 10;
@@ -61,17 +62,17 @@ pub struct PixelDarkCurrents {
     pub ordinary_dn_per_s: Measured,
     /// Standard deviation of the ordinary pixels, noise and all, DN/s.
     pub spread_dn_per_s: f64,
-    /// Dark current above which a pixel stands out, DN/s.
+    /// Dark current above which a pixel is an outlier, DN/s.
     pub threshold_dn_per_s: f64,
-    /// Pixels that stand out.
+    /// Number of outliers.
     pub outliers: usize,
-    /// Of these, how many are full at the longer exposure: their dark current is known from below.
+    /// Outliers that are full at the longer exposure: only a lower bound of their dark current is known.
     pub full: usize,
     /// Share of the pixels that are hot, h.
     pub hot_share: Measured,
     /// Mean dark current of hot pixels above that of the ordinary ones, theta, DN/s.
     pub hot_excess_dn_per_s: Measured,
-    /// What the hot pixels add to the variance of the dark currents over all pixels, DN^2/s^2; 0 if there are none.
+    /// Contribution of the hot pixels to the variance of the dark currents over all pixels, DN^2/s^2; 0 if there are none.
     pub hot_variance_dn2_per_s2: f64,
 }
 
@@ -117,7 +118,7 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let (short_frames, long_frames) = (short.stack.frames as i64, long.stack.frames as i64);
     let common = i64::from(greatest_common_divisor(short.stack.frames as u32, long.stack.frames as u32));
     let (of_long, of_short) = (short_frames / common, long_frames / common);
-    // Whole numbers until the end: differences of the mean frames in units of 1 / (short_frames of_short) DN.
+    // Difference of the mean frames in units of 1 / (short_frames of_short) DN, so that the numbers stay whole.
     let differences: Vec<i64> = (long.stack.sum_dn.iter().zip(&short.stack.sum_dn))
         .map(|(l, s)| of_long * i64::from(*l) - of_short * i64::from(*s))
         .collect();
@@ -125,29 +126,29 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let per_unit = 1.0 / ((short_frames * of_short) as f64 * time_s);
     let pixels = differences.len() as f64;
 
-    // Median and standard deviation of the pixels, by quantiles, which hot pixels hardly move; above the threshold pixels
-    // stand out.
+    // Estimate median and standard deviation by quantiles, which hot pixels hardly shift. Pixels above the threshold
+    // are outliers.
     let mut sorted = differences.clone();
     let median = quantile(&mut sorted, 0.5) * per_unit;
     let below = quantile(&mut sorted, BELOW_ONE_SIGMA) * per_unit;
     let spread = (median - below).max(ROUNDING_DN2.sqrt() / time_s);
     let threshold = median + THRESHOLD_SIGMAS * spread;
 
-    // Mean of the ordinary pixels, those within the threshold.
+    // Average the ordinary pixels, those within the threshold.
     let currents = || differences.iter().map(|d| *d as f64 * per_unit);
     let within = |x: &f64| (x - median).abs() <= threshold - median;
     let (core, core_sum) = currents().filter(within).fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x));
     let core_mean = core_sum / core;
     let core_se = spread / f64::sqrt(core);
 
-    // The pixels that stand out: dark current, and digital number at the longer exposure.
+    // Collect the outliers: dark current, and digital number at the longer exposure.
     let long_dn = |sum: u32| f64::from(sum) / long_frames as f64;
     let outliers: Vec<(f64, f64)> = currents()
         .zip(&long.stack.sum_dn)
         .filter(|(x, _)| *x > threshold)
         .map(|(x, sum)| (x, long_dn(*sum)))
         .collect();
-    // Outliers that pile up at the top are full at the longer exposure: their dark current is known from below only.
+    // Outliers that pile up at the top are full at the longer exposure: only a lower bound of their dark current is known.
     let n = outliers.len() as f64;
     let excess = |x: f64| x - core_mean;
     let frame_noise_dn = (short.variance_dn2.max(0.0) / long_frames as f64).sqrt();
@@ -156,13 +157,13 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     let full = outliers.iter().filter(|(_, dn)| *dn >= end_dn).count();
     let known = (outliers.len() - full) as f64;
 
-    // Mean excess of the hot pixels by maximum likelihood, and the result if there are none.
+    // Estimate the mean excess of the hot pixels by maximum likelihood.
     let above = threshold - core_mean;
     let theta = outliers.iter().map(|(x, _)| x - threshold).sum::<f64>() / known;
     let found = PixelDarkCurrents {
         short_s: short.exposure_s,
         long_s: long.exposure_s,
-        // The median of normally distributed numbers scatters by sqrt(pi/2) as much as their mean.
+        // The standard error of a median is sqrt(pi/2) times that of the mean for normally distributed numbers.
         median_dn_per_s: Measured::new(median, (0.5 * std::f64::consts::PI / pixels).sqrt() * spread),
         ordinary_dn_per_s: Measured::new(core_mean, core_se),
         spread_dn_per_s: spread,
@@ -173,11 +174,11 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         hot_excess_dn_per_s: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
         hot_variance_dn2_per_s2: 0.0,
     };
-    // The tail of noise falls faster than its standard deviation: six of them out, a normal one by a sixth of it.
+    // Six standard deviations out, the tail of normal noise falls by 1/e within a sixth of its standard deviation.
     if outliers.len() - full < FEWEST || theta <= spread {
         return found;
     }
-    // Share of hot pixels: the outliers, and those that are hidden below the threshold.
+    // Estimate the share of hot pixels: the outliers, and those below the threshold.
     let ratio = spread / theta;
     let share = n / pixels * (above / theta - 0.5 * ratio * ratio).exp();
     let share_error = n.sqrt().recip().hypot((above / theta - ratio * ratio) / known.sqrt());
@@ -185,7 +186,8 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     if share_error * RESOLVED_SIGMAS >= 1.0 || share >= 0.5 {
         return found;
     }
-    // Take the hidden hot pixels out of the mean of the ordinary ones; variance that all hot pixels add.
+    // Subtract the hot pixels below the threshold from the mean of the ordinary pixels. Compute the variance of all hot
+    // pixels.
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
     let mean = outliers.iter().map(|(x, _)| excess(*x)).sum::<f64>() / pixels;
@@ -199,11 +201,11 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     }
 }
 
-/// Outliers that pile up at the top, within noise of the largest, before these are no chance. The largest of exponentially
+/// Number of outliers within noise of the largest from which they count as full. The largest of exponentially
 /// distributed numbers lie apart by about their mean: four of them within a tenth of it are one sample in a thousand.
 const PILE: usize = 4;
 
-/// Digital number from which pixels are full: where the outliers `(dark current, digital number)` pile up at their top.
+/// Digital number from which pixels are full: the top at which the outliers `(dark current, digital number)` pile up.
 fn full_from(outliers: &[(f64, f64)], frame_noise_dn: f64, mean_excess_dn: f64) -> f64 {
     let top = outliers.iter().map(|(_, dn)| *dn).fold(f64::NEG_INFINITY, f64::max);
     let from = top - THRESHOLD_SIGMAS * frame_noise_dn;
@@ -255,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_the_scatter_over_specimens_whether_pixels_are_full_or_not() {
+    fn errors_match_the_scatter_over_specimens_with_and_without_full_pixels() {
         const SPECIMENS: u64 = 60;
         for (share, excess, end_dn) in [(0.01, 300.0, 1e6), (0.02, 1500.0, 2000.0), (0.02, 25.0, 1e6)] {
             let mut pulls = [const { Vec::new() }; 4];

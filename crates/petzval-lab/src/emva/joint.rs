@@ -8,8 +8,8 @@
 //! M_g = mu_r K_g + (BL + mu_el)                      intercept of the dark mean     [DN]
 //! ```
 //!
-//! Each is a line with weights `1/s^2`, where `s` holds the error of the intercept, that of `K_g` and that of rounding: 1/12 is
-//! what whole digital numbers add only to noise that spreads over several of them ([`super::rounding`]). Averages over
+//! Each is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of rounding.
+//! (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over
 //! single gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el:
 //! BL is taken from the setting of the camera.
 
@@ -23,7 +23,7 @@ use super::rounding::{QUANTISATION_DN2, RoundingError};
 use super::transfer_point::TransferPoint;
 use petzval_camera::sensor::Colour;
 
-/// What one linear gain contributes.
+/// Contribution of one linear gain.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GainRow {
     /// Linear gain g.
@@ -36,11 +36,11 @@ pub struct GainRow {
     pub dark_current_mean_e_per_s: Measured,
     /// Dark current from the variance, e-/s.
     pub dark_current_variance_e_per_s: Measured,
-    /// Intercept of the dark variance, DN^2; its error holds that of rounding.
+    /// Intercept of the dark variance, DN^2; its error includes rounding.
     pub dark_variance_dn2: Measured,
-    /// Intercept of the dark mean, DN; its error holds that of rounding.
+    /// Intercept of the dark mean, DN; its error includes rounding.
     pub dark_mean_dn: Measured,
-    /// Part of the first of these errors that is of rounding, DN^2.
+    /// Error of the dark variance by rounding alone, DN^2.
     pub rounding_error_dn2: f64,
     /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
     pub naive_read_variance_e2: Measured,
@@ -57,7 +57,7 @@ pub struct JointFit {
     pub dark_current_e_per_s: Measured,
     /// mu_I from their variance, e-/s.
     pub dark_current_variance_e_per_s: Measured,
-    /// The first less the second, e-/s: zero within its error unless light leaks in or the offset drifts.
+    /// The first minus the second, e-/s: zero within its error unless light leaks in or the offset drifts.
     pub dark_current_difference_e_per_s: Measured,
     /// Median of the pixels' dark currents, e-/s: EMVA's mu_I is the mean, which hot pixels raise.
     pub dark_current_median_e_per_s: Measured,
@@ -67,7 +67,7 @@ pub struct JointFit {
     pub hot_pixel_share: Measured,
     /// Mean dark current of hot pixels above that of the others, e-/s.
     pub hot_pixel_e_per_s: Measured,
-    /// What the hot pixels add to the variance of the dark currents over all pixels, e-^2/s^2.
+    /// Contribution of the hot pixels to the variance of the dark currents over all pixels, e-^2/s^2.
     pub hot_pixel_variance_e2_per_s2: Measured,
     /// Line of dark variance over `K_g^2`: slope e-^2, intercept DN^2.
     pub variance_line: Line,
@@ -93,7 +93,7 @@ pub struct JointFit {
     pub blue_over_green: Measured,
 }
 
-/// One gain as the joint fit takes it.
+/// Input of one gain to the joint fit.
 pub struct GainInput<'a> {
     /// Linear gain.
     pub linear_gain: f64,
@@ -103,11 +103,11 @@ pub struct GainInput<'a> {
     pub dark: &'a DarkSeries,
     /// Dark currents of the pixels, or why they are not known.
     pub pixels: Result<&'a PixelDarkCurrents, Unresolved>,
-    /// Points of each colour, as far as its photon transfer goes: none of them is clipped or near saturation.
+    /// Points of each colour within its photon transfer: none of them is clipped or near saturation.
     pub points: Vec<(Colour, &'a [TransferPoint])>,
 }
 
-/// Gains that a line over the gains needs: through two points any line fits.
+/// Least number of gains for a line over the gains: two points fit any line.
 pub const GAINS: usize = 3;
 
 /// Fits all gains together.
@@ -218,7 +218,7 @@ fn row(input: &GainInput<'_>) -> GainRow {
     }
 }
 
-/// Weighted line of `y` over `x(K_g)`; the error of `K_g` counts as one of `y` with the slope of a first fit.
+/// Weighted line of `y` over `x(K_g)`. The slope of a first fit converts the error of `K_g` to an error of `y`.
 fn line_over_gains(
     rows: &[GainRow],
     x: fn(f64) -> f64,
@@ -249,7 +249,7 @@ fn line_over_gains(
     fitted
 }
 
-/// Signal of a colour over that of green, over the points within the photon transfer of both.
+/// Ratio of the signal of a colour to that of green, over the points within the photon transfer of both.
 fn ratio(inputs: &[GainInput<'_>], colour: Colour) -> Measured {
     let (mut found, mut both) = (Vec::new(), false);
     for input in inputs {

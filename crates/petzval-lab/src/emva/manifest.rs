@@ -19,7 +19,7 @@
 //!
 //! Names of frames may have the wildcards `*`, `?`, `[...]` and `**`; each page of a TIFF file of several is a frame.
 //!
-//! Two frames of a setting serve the photon transfer, a point of more than two the spatial non-uniformity.
+//! Two frames of a setting are for the photon transfer, a point of more than two for the spatial non-uniformity.
 
 use std::path::Path;
 
@@ -150,7 +150,7 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
     })
 }
 
-/// Line from 1, and the byte where it begins.
+/// Line from 1, and its first byte.
 fn line_of(text: &str, offset: usize) -> (u32, usize) {
     let before = &text.as_bytes()[..offset.min(text.len())];
     let start = before.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
@@ -192,7 +192,7 @@ struct OutEntry<'a> {
     frames: Vec<&'a str>,
 }
 
-/// One entry of a list to be written: a point whose frames are names below the folder.
+/// One entry of a list to be written: a point with the names of its frames in the folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Listed {
     /// Whether light falls on the sensor.
@@ -255,7 +255,7 @@ frames = ["c.png", "d.png"]
 "#;
 
     #[test]
-    fn a_list_reads_with_its_defaults() {
+    fn a_list_is_read_with_its_defaults() {
         let captures = parse(TEXT, Path::new("folder")).unwrap();
         assert_eq!(captures.sensor.cfa, CfaPattern::MONO);
         let [flat, dark] = &captures.points[..] else { panic!("two points") };
@@ -268,7 +268,7 @@ frames = ["c.png", "d.png"]
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_line() {
+    fn every_error_has_its_line() {
         for (from, to, line, key, says) in [
             ("bits = 12", "bits = 20", 3, "bits", "outside"),
             ("bits = 12", "bitts = 12", 3, "bitts", "did you mean `bits`"),

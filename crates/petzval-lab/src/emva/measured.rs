@@ -15,7 +15,7 @@ pub enum Measured {
     Value {
         /// The number, in the unit that its name or its figure states.
         value: f64,
-        /// Its standard error in the same unit; absent where none can be stated.
+        /// Its standard error in the same unit; absent if none can be stated.
         #[serde(skip_serializing_if = "Option::is_none")]
         standard_error: Option<f64>,
     },
@@ -47,7 +47,7 @@ pub enum Unresolved {
         /// Gains that are needed.
         need: usize,
     },
-    /// So few points lie within 5 to 95 % of saturation, where linearity is judged.
+    /// Number of points within 5 to 95 % of saturation: too few for linearity.
     FewInLinearRange(usize),
     /// All points have one exposure time, and no photons are stated: their light is not known.
     OneLight,
@@ -60,7 +60,7 @@ pub enum Unresolved {
     },
     /// The number is the root of a variance that came out negative.
     NegativeVariance(f64),
-    /// The number is below zero by more than two standard errors, which it cannot be.
+    /// The number is impossible: it is below zero by more than two standard errors.
     BelowZero {
         /// The number.
         value: f64,
@@ -69,7 +69,7 @@ pub enum Unresolved {
     },
     /// The number is within two standard errors of zero.
     WithinNoise {
-        /// What was found.
+        /// The measured value.
         value: f64,
         /// Its standard error.
         standard_error: f64,
@@ -82,16 +82,16 @@ pub enum Unresolved {
     NotSaturated,
     /// The converter clips before the pixel is full.
     ConverterSaturates,
-    /// Too few pixels stand out of the noise by their dark current, or by too little.
+    /// Too few pixels have a dark current above the noise, or it is too little above.
     NoHotPixels {
-        /// Pixels that do.
+        /// Number of such pixels.
         outliers: usize,
     },
     /// The frames are smaller than the filter.
     TooSmall,
     /// The manifest does not state a fact of the sensor that is needed.
     NotStated(&'static str),
-    /// Another number that this one follows from is not resolved.
+    /// A number from which this one is computed is not resolved.
     FollowsFrom(&'static str),
     /// The arithmetic has no finite result: a division by a signal of zero, for example.
     NotFinite,
@@ -140,7 +140,7 @@ impl fmt::Display for Unresolved {
     }
 }
 
-/// So many of something, `1 point`, `3 points`.
+/// A number with its noun: `1 point`, `3 points`.
 fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
@@ -200,7 +200,7 @@ impl Measured {
         self.standard_error().unwrap_or(0.0)
     }
 
-    /// The number with another error beside its own, if it has one.
+    /// The number with a further independent error added, if it has a standard error.
     pub fn with_error(self, error: f64) -> Self {
         match (self.value(), self.standard_error()) {
             (Some(value), Some(own)) => Self::new(value, own.hypot(error)),
@@ -208,7 +208,7 @@ impl Measured {
         }
     }
 
-    /// The number as a limit, which has no error.
+    /// The number as a limit, without an error.
     pub fn limit(self) -> Self {
         self.value().map_or(self, Self::exact)
     }
@@ -292,7 +292,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reasons_count_what_there_is() {
+    fn reasons_state_their_counts() {
         let said = |why: Unresolved| why.to_string();
         assert_eq!(
             said(Unresolved::TooFewGains { got: 1, need: 3 }),
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_propagate_and_reasons_stay() {
+    fn errors_propagate_and_reasons_are_kept() {
         let (x, y) = (Measured::new(8.0, 0.4), Measured::new(2.0, 0.1));
         let q = x.over(y);
         assert_eq!(q.value(), Some(4.0));

@@ -1,4 +1,4 @@
-//! Opens a folder of captures: reads its list, finds the frames, and checks what both kinds of list must hold.
+//! Opens a folder of captures: reads its list, finds the frames, and checks the rules for both kinds of list.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ use super::{descriptor, frame_names, manifest};
 use petzval_files::raw_file::page_count;
 
 impl Captures {
-    /// Reads the list of captures of a folder and looks that every frame is there. The path of the list itself will do.
+    /// Reads the list of captures of a folder and checks that every frame exists. The path may also be that of the list.
     pub fn open(path: &Path) -> Result<Self, CaptureError> {
         let is_list = path.file_name().is_some_and(|name| name == MANIFEST || name == DESCRIPTOR);
         let folder = match (path.is_file(), is_list, path.parent()) {
@@ -64,8 +64,8 @@ impl Captures {
         Ok(captures)
     }
 
-    /// What both kinds of list must hold: frames enough at every point, no point and no frame twice, and photons at all flat
-    /// points of a gain or at none.
+    /// Checks the rules for both kinds of list: every point has enough frames, no point and no frame is listed twice, and
+    /// either all flat points of a gain state photons or none.
     fn check(&self) -> Result<(), FileError> {
         if self.points.is_empty() {
             return Err(FileError::at_line(0, "", "the list has no captures").hint("add points with frames"));
@@ -131,8 +131,8 @@ impl Captures {
 }
 
 impl Captures {
-    /// Whether the light, not the exposure time, changes over the flat points of this point's gain without being stated: all
-    /// of them have one exposure time and no photons. Their own signal puts them in order.
+    /// Whether the flat points of this point's gain differ by an unstated light: all have one exposure time and no photons.
+    /// Then their signal orders them.
     fn is_illumination_series(&self, point: &Point) -> bool {
         let flats =
             || self.points.iter().filter(|p| p.kind == Kind::Flat && p.linear_gain == point.linear_gain);
@@ -142,5 +142,5 @@ impl Captures {
     }
 }
 
-/// More frames than a point can have: sums stay within whole numbers of 64 bits.
+/// Largest number of frames of a point, so that sums fit in 64 bits.
 const MAX_FRAMES: usize = 4096;

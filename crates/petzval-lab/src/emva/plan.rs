@@ -1,4 +1,4 @@
-//! The plan of a series of captures for a sensor: gains, exposure times, stacks and the light.
+//! The plan of a series of captures: gains, exposure times, stacks and light.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,13 +7,13 @@ use super::derived::derived;
 use petzval_camera::image::CHANNELS;
 use petzval_camera::sensor::{Colour, SensorModel};
 
-/// Exposures from dark to saturation of the series of EMVA 1288 release 4.0 Linear, at the least.
+/// Least number of exposures from dark to saturation in the series of EMVA 1288 release 4.0 Linear.
 const EMVA_EXPOSURES: f64 = 50.0;
 /// Step from one of them to the next, ms.
 const EMVA_STEP_MS: f64 = 0.5;
-/// Light of the longest exposure over that which saturates: saturation is seen where the signal no longer grows.
+/// Light of the longest exposure relative to that of saturation: a saturated signal must be seen not to grow.
 const EMVA_BEYOND: f64 = 1.2;
-/// Share of the response of the brightest colour from which on a colour is driven into saturation too.
+/// Least response of a colour, relative to the brightest, with which the series saturates it too.
 const WEAKEST_COLOUR: f64 = 0.5;
 /// Frames of a stack: they leave a tenth of the temporal noise in the mean frame.
 const EMVA_STACK: usize = 100;
@@ -199,10 +199,10 @@ impl Plan {
         Ok(())
     }
 
-    /// The points in the order of their frames. `sensor` is as the light of the plan finds it.
+    /// The points in the order of their frames. `sensor` is the sensor under the light of the plan.
     pub(super) fn points_lit(&self, sensor: &SensorModel) -> Vec<PlannedPoint> {
         let longest = self.flat_ms.iter().fold(0.0_f64, |a, b| a.max(*b));
-        // How far a stack's exposure is from half of the range; of two that are as far, but for rounding, the first.
+        // Distance of a stack's exposure from half of the range; of two equal ones the first is taken.
         let off_half = |ms: &f64| (1e9 * (self.level * ms / longest - 0.5).abs()).round();
         let half = self.flat_ms.iter().min_by(|a, b| off_half(a).total_cmp(&off_half(b)));
         let mut points = Vec::new();
@@ -246,8 +246,9 @@ impl Plan {
         Ok(self.points_lit(&self.lit(sensor)?.sensor))
     }
 
-    /// The sensor as the light finds it. White light leaves it as it is; light of a wavelength makes the colour with the highest
-    /// efficiency `Q` the one of response 1, and every other answers with its share of that: `N` photons give `Q_c N` electrons.
+    /// The sensor under the light of the plan. White light does not change it. Under light of one wavelength the colour
+    /// with the highest efficiency `Q` has response 1, and every other its share of that: `N` photons give `Q_c N`
+    /// electrons.
     pub(super) fn lit(&self, sensor: &SensorModel) -> Result<Lit, CaptureError> {
         let wrong = |problem: String| CaptureError::Plan { what: "wavelength", problem };
         let (Some(um), None) = (self.wavelength_um, self.quantum_efficiency) else {
@@ -348,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn the_dark_series_lasts_until_dark_current_is_as_noisy_as_the_dark() {
+    fn the_dark_series_ends_where_dark_current_adds_the_dark_variance() {
         let longest = |dark_current_e_per_s: f64| {
             let sensor = SensorModel { dark_current_e_per_s, ..imx249() };
             Plan::emva(&sensor, None, None).dark_ms.into_iter().fold(0.0, f64::max)
@@ -358,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_of_steps_is_captured_at_the_one_nearest_to_gain_1() {
+    fn a_sensor_with_gain_steps_is_captured_at_the_step_nearest_to_1() {
         let sensor = SensorModel { gain_steps: vec![0.5, 1.2, 4.0], ..mono() };
         let plan = Plan::emva(&sensor, None, None);
         assert_eq!(plan.gains, [1.2]);
@@ -366,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn light_of_a_wavelength_is_answered_by_the_curves() {
+    fn the_response_to_a_wavelength_follows_the_curves() {
         let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
         let curves =
             QuantumEfficiency { scale: 0.5, ..petzval_files::parse_quantum_efficiency_toml(text).unwrap() };

@@ -5,7 +5,7 @@
 //! m_n  = K g (min(n, FWC) + mu_r) + BL + mu_el,    s^2 = (K g sigma_r)^2 + sigma_el^2
 //! ```
 //!
-//! with the lowest and the highest digital number taking all that lies beyond them. The sums leave out terms below 1e-15;
+//! The lowest and the highest digital number take everything beyond them. The sums leave out terms below 1e-15;
 //! `Phi` comes from a table that is good to 1e-11.
 //!
 //! Pixels that answer light with factors `1 + d`, `d` normal of variance `p^2` (PRNU), have the cumulants `lambda`,
@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 
 use petzval_camera::sensor::{Electronics, SensorModel};
 
-/// What turns electrons of one exposure into digital numbers.
+/// The conversion of electrons of one exposure to digital numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// System gain at the linear gain, DN/e-.
@@ -95,7 +95,7 @@ fn poisson(rate: f64) -> (u64, Vec<f64>) {
     (first, p)
 }
 
-/// Mean counts above so many times the range of the converter are clipped at every pixel.
+/// Ratio of the mean count to the range of the converter above which every pixel is clipped.
 const CLIPPED_TIMES: f64 = 4.0;
 /// Least share of shot noise that a negative variance between pixels leaves.
 const LEAST_SHOT_SHARE: f64 = 0.05;
@@ -130,7 +130,7 @@ pub fn digital_numbers(rate_e: f64, response: &Response) -> Vec<f64> {
         let count = (first + i as u64) as f64;
         let electrons = (rate_e + together * (count - rate_e)).min(response.full_well_e);
         let mean = gain * (electrons + response.read_noise_mean_e) + response.offset_dn;
-        // Full pixels are alike.
+        // Full pixels have no shot noise.
         let sigma = match pattern > 0.0 && electrons < response.full_well_e {
             true => (dark_variance + gain * gain * pattern * count).sqrt().max(1e-9),
             false => dark_sigma,
@@ -155,8 +155,8 @@ fn spread(p: &mut [f64], weight: f64, mean: f64, sigma: f64) {
     p[high] += weight * (1.0 - below);
 }
 
-/// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, whichever side of the
-/// converter its electronics noise is on. Non-uniformity is left out.
+/// Probabilities of the digital numbers of a sensor at a linear gain for electrons of mean `rate_e`, with its electronics
+/// noise before or after the converter. Non-uniformity is left out.
 pub fn sensor_digital_numbers(sensor: &SensorModel, linear_gain: f64, rate_e: f64) -> Vec<f64> {
     let before = sensor.electronics == Electronics::BeforeAdc;
     let (offset, noise) =
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_the_normal_distribution() {
+    fn the_table_equals_the_normal_distribution() {
         for i in -3999..4000 {
             let z = f64::from(i) * 0.002_01;
             let exact = 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_those_of_the_formulas() {
+    fn moments_equal_the_formulas() {
         let sensor = imx249();
         for (gain, rate) in [(1.0, 0.0), (1.0, 500.0), (10.0, 20.0), (31.62, 0.75), (1.0, 20_000.0)] {
             let p = sensor_digital_numbers(&sensor, gain, rate);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_that_differ_have_the_cumulants_of_the_formulas() {
+    fn non_uniform_pixels_have_the_cumulants_of_the_formulas() {
         let (gain, rate, share) = (0.14, 9000.0, 0.01);
         let cumulants = |pattern_variance_e2: f64| {
             let response = Response {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn light_beyond_all_measure_is_clipped_at_once() {
+    fn extreme_light_is_clipped_without_a_sum() {
         let response = Response {
             gain_dn_per_e: 0.14,
             read_noise_mean_e: 3.25,

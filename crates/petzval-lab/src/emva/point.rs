@@ -8,8 +8,8 @@
 //! s2    = mean over pixels of s2_p - variance over frames of the frames' means          [DN^2]
 //! ```
 //!
-//! For two frames A and B that is `mean((A - B)^2)/2 - (mu_A - mu_B)^2/2` (EMVA 1288 release 4, Eq. 18); the second term takes
-//! away what flicker of the light adds. Without it, it is Eq. 6 of Tseng et al. 2021.
+//! For two frames A and B that is `mean((A - B)^2)/2 - (mu_A - mu_B)^2/2` (EMVA 1288 release 4, Eq. 18); the second
+//! term subtracts the flicker of the light. Without it, it is Eq. 6 of Tseng et al. 2021.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -61,8 +61,8 @@ impl Moments {
         squares.sum::<f64>() / self.histogram.total() as f64
     }
 
-    /// Whether the distribution of the samples is cut off at digital number 0: samples are there, and the mean is so near that
-    /// they are not those of dead pixels.
+    /// Whether the distribution of the samples is cut off at digital number 0: samples are at 0, and the mean is so
+    /// near that they are not dead pixels.
     pub fn is_clipped_at_zero(&self) -> bool {
         self.share_at_zero > CLIPPED_SHARE && self.mean_dn < 8.0 * self.total_variance_dn2().sqrt()
     }
@@ -272,7 +272,7 @@ pub fn reduce(
     })
 }
 
-/// Pixels of a frame that chance does not make twice.
+/// Number of pixels of a frame that are not equal by chance.
 const LEAST_FINGERPRINT: usize = 64;
 
 /// A hash of the digital numbers. Constant frames have none, because equal ones need not be copies: a frame counts as not

@@ -1,4 +1,4 @@
-//! What the characterisation of a series gives: the numbers of each gain and colour, and of all gains together.
+//! The result of a characterisation: the numbers of each gain and colour, and of all gains together.
 
 use serde::Serialize;
 
@@ -16,12 +16,13 @@ use super::transfer_point::TransferPoint;
 use super::warnings::Warning;
 use petzval_camera::sensor::Colour;
 
-/// How a series is evaluated.
+/// Options of the evaluation of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Options {
     /// The filter before non-uniformity (of the corrected values).
     pub high_pass: HighPass,
-    /// Take the variance of the frames' means from the temporal variance (release 4); without it, Eq. 6 of Tseng et al.
+    /// Subtract the variance of the frames' means from the temporal variance (release 4). Without it, Eq. 6 of Tseng et
+    /// al. holds.
     pub mean_difference: bool,
     /// Fit the remaining parameters of the model to the histograms.
     pub fit_histograms: bool,
@@ -42,9 +43,9 @@ pub struct Characterization {
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// How it was evaluated.
+    /// Options of the evaluation.
     pub options: Options,
-    /// What a reader should know about the captures.
+    /// Warnings about the captures.
     pub warnings: Vec<Warning>,
     /// Each linear gain, ascending.
     pub gains: Vec<GainResult>,

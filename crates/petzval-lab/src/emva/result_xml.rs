@@ -9,18 +9,18 @@ use super::histogram::Histogram;
 use super::measured::Measured;
 use super::result::ChannelResult;
 
-/// Which of the two values of a figure are written.
+/// Which of the two values of a figure to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Values {
-    /// As the library derives them, for comparison with it.
+    /// Values as the library derives them, for comparison with it.
     Library,
-    /// The corrected ones where there are any.
+    /// Our values where they differ.
     Corrected,
 }
 
-/// XML of one colour at one gain: `results/SECTION/NAME/{short, unit, value}`, histograms as `data/{bins, values, model}`. What
-/// is not resolved has the value `None`, as the library writes it.
+/// XML of one colour at one gain: `results/SECTION/NAME/{short, unit, value}`, histograms as `data/{bins, values, model}`.
+/// Unresolved figures have the value `None`, as in the library.
 pub fn result_xml(channel: &ChannelResult, values: Values) -> Result<String, std::io::Error> {
     let mut out = Writer::new_with_indent(Vec::new(), b' ', 2);
     out.write_event(Event::Decl(BytesDecl::new("1.0", Some("utf-8"), None)))?;
@@ -56,7 +56,7 @@ pub fn result_xml(channel: &ChannelResult, values: Values) -> Result<String, std
         out.write_event(Event::End(BytesEnd::new(section)))?;
     }
     out.write_event(Event::End(BytesEnd::new("results")))?;
-    // All that was written is text.
+    // The writer gives valid UTF-8.
     Ok(String::from_utf8_lossy(&out.into_inner()).into_owned() + "\n")
 }
 

@@ -1,4 +1,4 @@
-//! What rounding to whole digital numbers does to mean and variance beyond its `1/12`.
+//! Errors of mean and variance by rounding to whole digital numbers, beyond the `1/12` of the variance.
 //!
 //! Rounding a normal distribution of mean m and variance s^2 adds to its variance `1/12` and, by Poisson's summation formula,
 //!
@@ -7,33 +7,33 @@
 //! mean:      sum_k   (-1)^k exp(-2 pi^2 k^2 s^2) sin(2 pi k m) / (pi k)                  [DN]
 //! ```
 //!
-//! (less the square of the mean's part, which is smaller): nothing at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at
+//! (minus the square of the mean's part, which is smaller): zero at s = 1 DN, up to 0.017 DN^2 at 0.45 DN and 0.044 at
 //! 0.37. The captures do not determine well enough where m lies between two whole numbers, so these are errors of random
 //! phase.
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
-/// Temporal dark variance below which the noise of the converter rules, DN^2 (release 3.1, Sec. 6.6).
+/// Temporal dark variance below which the noise of the converter dominates, DN^2 (release 3.1, Sec. 6.6).
 pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
 
-/// Standard errors that rounding makes.
+/// Standard errors by rounding.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RoundingError {
-    /// Of a mean, DN.
+    /// Standard error of a mean, DN.
     pub mean_dn: f64,
-    /// Of `variance - 1/12` as the variance before rounding, DN^2.
+    /// Standard error of `variance - 1/12` as the variance before rounding, DN^2.
     pub variance_dn2: f64,
 }
 
 impl RoundingError {
-    /// Of frames with this temporal variance after rounding, DN^2.
+    /// Errors for frames with this temporal variance after rounding, DN^2.
     pub fn of(variance_dn2: f64) -> Self {
         let noise_dn2 = least_noise_dn2(variance_dn2);
         Self { mean_dn: of_mean_dn(noise_dn2), variance_dn2: of_variance_dn2(noise_dn2) }
     }
 }
 
-/// Harmonics of rounding that are summed: without noise the rest is 3 % of them.
+/// Number of harmonics in the sums: without noise the neglected rest is 3 %.
 const HARMONICS: i32 = 20;
 
 /// Standard error of the variance for normal noise of the variance `noise_dn2` before rounding, DN^2.
@@ -48,7 +48,7 @@ fn of_mean_dn(noise_dn2: f64) -> f64 {
     of_random_phase(|k| harmonic(k, noise_dn2) / (std::f64::consts::PI * k))
 }
 
-/// `exp(-2 pi^2 k^2 s^2)`: what noise leaves of the k-th harmonic.
+/// `exp(-2 pi^2 k^2 s^2)`: amplitude of the k-th harmonic after smoothing by noise.
 fn harmonic(k: f64, noise_dn2: f64) -> f64 {
     (-2.0 * (std::f64::consts::PI * k).powi(2) * noise_dn2).exp()
 }
@@ -58,8 +58,7 @@ fn of_random_phase(amplitude: impl Fn(f64) -> f64) -> f64 {
     (1..=HARMONICS).map(|k| 0.5 * amplitude(f64::from(k)).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The least variance before rounding with which this variance after it agrees, DN^2: rounding that hides noise and rounding
-/// that makes it look the same.
+/// The least variance before rounding that agrees with this variance after rounding, DN^2.
 fn least_noise_dn2(variance_dn2: f64) -> f64 {
     let mut least = 0.0_f64;
     for _ in 0..50 {
@@ -83,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn rounding_errors_are_those_of_all_phases() {
+    fn rounding_errors_equal_the_average_over_phases() {
         for sigma in [0.3, 0.37, 0.45, 0.6, 0.8] {
             let phases = 200;
             let (mut of_mean, mut of_variance, mut least) = (0.0, 0.0, f64::INFINITY);

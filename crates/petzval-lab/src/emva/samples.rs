@@ -1,10 +1,10 @@
-//! The converter as the digital numbers of all frames show it: where it clips, and whether `bits` is that of the frames.
+//! Properties of the converter from all digital numbers: where it clips, and whether the stated `bits` are right.
 
 use super::captures::Kind;
 use super::counts::Counts;
 use super::point::{CLIPPED_SHARE, Moments};
 
-/// Standard deviations by which the count at the end of a histogram must stand above the one before.
+/// Standard deviations by which the last count of a histogram must exceed the one before to be a pile-up.
 const PILE_SIGMAS: f64 = 5.0;
 
 /// Different digital numbers that a series must have: fewer may have a common factor by chance.
@@ -19,8 +19,8 @@ pub fn clip_dn<'a>(flats: impl Iterator<Item = &'a Moments> + Clone, max_dn: u32
     if at_end.any(|m| piles_up(&m.histogram)) { largest } else { max_dn }
 }
 
-/// Whether samples pile up at the largest number: the counts of light and its noise fall towards their end, those of a clip
-/// rise by all that would lie beyond it.
+/// Whether samples pile up at the largest number. Counts of light with noise fall towards their end; clipping adds all
+/// samples beyond the end to the last count.
 fn piles_up(histogram: &Counts) -> bool {
     let mut from_end = histogram.counts.iter().rev().filter(|c| **c > 0).map(|c| *c as f64);
     let (Some(last), Some(before)) = (from_end.next(), from_end.next()) else { return false };
@@ -49,7 +49,7 @@ impl Samples {
         self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();
     }
 
-    /// What they show about the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below,
+    /// Flags about the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below,
     /// or pile up below its end; left-aligned ones are multiples of a power of two.
     pub fn flags(&self, max_dn: u32) -> ConverterFlags {
         let numbers = self.all.counts.iter().enumerate().filter(|(_, count)| **count > 0);
@@ -70,7 +70,7 @@ impl Samples {
     }
 }
 
-/// What all samples of a series show about the converter. A flag that is set holds its evidence.
+/// Flags of the converter from all samples of a series. A flag that is set holds its evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConverterFlags {
     /// Largest digital number of the stated bits.
@@ -104,9 +104,9 @@ mod tests {
     }
 
     #[test]
-    fn a_pile_is_told_from_a_tail() {
+    fn a_pile_up_is_distinguished_from_a_tail() {
         assert!(!piles_up(&counts(100, &[10, 100, 1000, 100, 10, 2, 1])));
-        // One sample far out is no pile, and neither are two.
+        // One or two samples far out are not a pile-up.
         assert!(!piles_up(&counts(100, &[10, 100, 1000, 100, 10, 1, 0, 0, 2])));
         assert!(!piles_up(&counts(100, &[90])));
         assert!(piles_up(&counts(100, &[10, 100, 1000, 3000])));

@@ -1,16 +1,16 @@
 //! Where the signal ends: the full well of the pixel, or the end of the converter, whichever comes first.
 //!
-//! EMVA 1288 takes the largest temporal variance for the saturation point. A series shows that maximum to one step of its
-//! light, always on the dark side: the next point is full already. Beyond it the mean stays at a level, and this level is what
-//! the pixel holds, so we take the saturation signal from there:
+//! EMVA 1288 takes the largest temporal variance as the saturation point. A series locates that maximum to one step of
+//! its light, always on the dark side, because the next point is already full. Beyond it the mean stays at a constant
+//! level, which is the capacity of the pixel. So we take the saturation signal from this level:
 //!
 //! ```text
 //! y_sat    = max mu_y - mu_dark                      [DN]
 //! u_e.sat  = y_sat / K,   u_p.sat = y_sat / R
 //! ```
 //!
-//! The two agree to the width of the knee. Of a hard full well `u` with shot noise alone the variance peaks about three
-//! standard deviations before it, `u - 3 sqrt(u)`, which is 3 % of 10,000 electrons.
+//! The two definitions agree to the width of the knee. For a hard full well `u` with shot noise alone the variance
+//! peaks about three standard deviations below it, `u - 3 sqrt(u)`, which is 3 % of 10,000 electrons.
 
 use super::measured::{Measured, Unresolved};
 use super::transfer_point::{FIT_SHARE, Rules, TransferPoint, light};
@@ -19,10 +19,10 @@ use super::transfer_point::{FIT_SHARE, Rules, TransferPoint, light};
 /// once in a million points.
 const SATURATION_SIGMAS: f64 = 5.0;
 
-/// Where a series saturates.
+/// The saturation of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Saturation {
-    /// Point of the largest noise: the last before the signal ends. The brightest if it does not.
+    /// Point of the largest noise, the last before the signal ends; the brightest point if the signal does not end.
     pub point: usize,
     /// Whether the series goes beyond it.
     pub reached: bool,
@@ -30,7 +30,7 @@ pub struct Saturation {
     pub signal_dn: Measured,
 }
 
-/// Looks for saturation among points in the order of growing light; `None` without points.
+/// Finds saturation among points in ascending order of light; `None` without points.
 pub fn saturation(points: &[TransferPoint], rules: Rules) -> Option<Saturation> {
     let brightest = points.len().checked_sub(1)?;
     let clipped = points[brightest].is_full();
@@ -69,8 +69,8 @@ fn noise_peak(points: &[TransferPoint]) -> usize {
     peak
 }
 
-/// The point of the largest noise, if the noise of a brighter one is less by [`SATURATION_SIGMAS`] and the signal ends there:
-/// pixels that fill hold it near its largest, while something that moved makes noise anywhere.
+/// The point of the largest noise, if a brighter point has less noise by [`SATURATION_SIGMAS`] and the signal ends
+/// there. The second condition excludes movement, which makes noise at any signal.
 fn significant_peak(points: &[TransferPoint]) -> Option<usize> {
     let peak =
         (0..points.len()).max_by(|a, b| points[*a].variance_dn2.total_cmp(&points[*b].variance_dn2))?;
@@ -98,16 +98,16 @@ fn plateau(points: &[TransferPoint]) -> Option<usize> {
     Some(start)
 }
 
-/// Mean of samples of spread `s` that are cut off at a level lies below the level by no more than this times `s v`, where
-/// `v` is what the cut leaves of the variance: 1.2 of a normal distribution cut in its middle, 1.45 of one that keeps three
-/// quarters of its variance.
+/// The mean of samples of spread `s` that are cut off at a level lies below the level by at most this times `s v`,
+/// where `v` is the share of the variance that is left: 1.2 of a normal distribution cut in its middle, 1.45 of one
+/// that keeps three quarters of its variance.
 const SHORT_OF_LEVEL: f64 = 1.5;
 
 /// Signal at which the series ends: the largest mean from the peak of the noise on, above the dark at that peak.
 ///
-/// Its standard error has three parts: that of the means; the distance of the largest mean from the level, estimated from the
-/// shot noise that is left, since full pixels have none ([`SHORT_OF_LEVEL`]); and the growth of the dark signal over the step
-/// in which the pixels fill.
+/// Its standard error has three parts: that of the means; the distance of the largest mean from the level, estimated
+/// from the remaining shot noise, since full pixels have none ([`SHORT_OF_LEVEL`]); and the growth of the dark signal
+/// over the step in which the pixels fill.
 fn level(points: &[TransferPoint], peak: usize) -> Measured {
     let at_peak = &points[peak];
     let beyond = points[peak..].iter().max_by(|a, b| a.mean_dn.total_cmp(&b.mean_dn));

@@ -1,4 +1,4 @@
-//! The characterisation as a sensor file that the simulator loads.
+//! Writes the characterisation as a sensor file for the simulator.
 
 use std::fmt::Write;
 
@@ -12,13 +12,13 @@ struct Entry {
     key: &'static str,
     unit: &'static str,
     value: Measured,
-    /// The value that the file holds where the number is not resolved, and what that value is.
+    /// Value in the file if the number is not resolved, and its meaning.
     stand_in: f64,
     stand_in_is: &'static str,
 }
 
-/// The numbers of the model that go into the file: those of the fit to the histograms if it was made and is sound, because
-/// with them simulated histograms match captured ones best; else those of the joint fit.
+/// The numbers of the model for the file. They come from the fit to the histograms if it was made and is valid, because its
+/// simulated histograms match captured ones best; else from the joint fit.
 struct Model<'a> {
     joint: &'a JointFit,
     fit: Option<&'a HistogramFit>,
@@ -29,7 +29,7 @@ impl<'a> Model<'a> {
         Self { joint: &found.joint, fit: found.histogram_fit.as_ref().filter(|fit| fit.is_sound()) }
     }
 
-    /// A number of the fit if it has an error (what was held has none), else that of the joint fit.
+    /// A number of the fit if it has an error (held parameters have none), else that of the joint fit.
     fn best(&self, fitted: fn(&HistogramFit) -> Measured, joint: Measured) -> Measured {
         self.fit.map(fitted).filter(|m| m.standard_error().is_some()).unwrap_or(joint)
     }
@@ -38,7 +38,7 @@ impl<'a> Model<'a> {
         self.best(|f| f.gain_dn_per_e, self.joint.gain_dn_per_e)
     }
 
-    /// Hot pixels have lines of their own: the others have the sensor's dark current.
+    /// Dark current of the ordinary pixels; hot pixels have lines of their own.
     fn dark_current(&self) -> Measured {
         let joint = match self.joint.hot_pixel_share.value() {
             Some(_) => self.joint.dark_current_ordinary_e_per_s,
@@ -47,7 +47,7 @@ impl<'a> Model<'a> {
         self.best(|f| f.dark_current_e_per_s, joint)
     }
 
-    /// Noise of the dark that is no DSNU.
+    /// Dark noise without DSNU.
     fn read_noise(&self) -> Measured {
         match self.fit.and_then(|f| f.dsnu_e.value()) {
             Some(_) => self.joint.read_noise_e,
@@ -77,7 +77,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let gain = model.gain();
     let Some(k) = gain.value() else { return Err(gain.reason().unwrap_or(Unresolved::NotFinite)) };
     let max_dn = (2.0_f64).powi(found.sensor.bits as i32) - 1.0;
-    // Stand-ins. With one gain, read noise and electronics noise cannot be separated, nor can their means.
+    // Choose the stand-ins. One gain separates neither read noise from electronics noise nor their means.
     let lowest = found.gains.first();
     let channel = lowest.and_then(|g| g.channels.first());
     let figure = |name: &str| channel.and_then(|c| c.figure(name)).map(|f| f.best());
@@ -95,7 +95,7 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         Some(stated) => Measured::exact(stated),
         None => figure("u_e_sat").unwrap_or(Measured::none(Unresolved::NotSaturated)),
     };
-    // The numbers of the model, each with its stand-in.
+    // List the numbers of the model with their stand-ins.
     let entries = [
         Entry {
             key: "black_level_dn",

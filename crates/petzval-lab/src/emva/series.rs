@@ -1,8 +1,8 @@
-//! Simulated captures: the calibration series of a sensor, written as a camera would leave it.
+//! Simulated captures: the calibration series of a sensor, written as the files of a camera.
 //!
 //! The frames of a [`Plan`] come from [`expose`] with a flat field, are written one by one under a temporary name and
-//! renamed, and are listed in `captures.toml` at the end. A series that was interrupted
-//! goes on where it stopped: a frame depends on nothing but sensor, plan and its own number.
+//! renamed, and are listed in `captures.toml` at the end. An interrupted series is continued: a frame depends only on
+//! sensor, plan and its own number.
 
 use std::path::{Path, PathBuf};
 
@@ -31,19 +31,19 @@ pub struct Written {
     pub list: PathBuf,
     /// Frames in all.
     pub frames: usize,
-    /// Frames that were there already.
+    /// Frames that already existed.
     pub kept: usize,
 }
 
-/// Writes the series into a folder, which is made if need be. `written` is called after every frame. Same sensor and plan:
-/// same bits, on any number of threads, in one go or in several.
+/// Writes the series into a folder, which is created if necessary. Calls `written` after every frame. The same sensor
+/// and plan give the same bits, on any number of threads and after any interruption.
 pub fn write_series(
     sensor: &SensorModel,
     plan: &Plan,
     folder: &Path,
     written: &(dyn Fn() + Sync),
 ) -> Result<Written, CaptureError> {
-    // The folder gets a file that identifies the series, so that another series is not mixed into it.
+    // Write a file that identifies the series, so that another series is not mixed into the folder.
     plan.validate(sensor)?;
     sensor.validate().map_err(petzval_camera::sensor::SensorError::from)?;
     let io = |path: &Path| {
@@ -57,7 +57,7 @@ pub fn write_series(
     let series = folder.join(SERIES);
     write_whole(&series, identity.as_bytes()).map_err(io(&series))?;
 
-    // Expose and write the frames that are not there yet, in parallel.
+    // Expose and write the missing frames, in parallel.
     let lit = plan.lit(sensor)?;
     let points = plan.points_lit(&lit.sensor);
     for gain in &plan.gains {
@@ -79,7 +79,7 @@ pub fn write_series(
         })
         .collect::<Result<_, CaptureError>>()?;
 
-    // The list of captures comes last: a folder without it is not complete.
+    // Write the list of captures last: a folder without it is not complete.
     let list = folder.join(MANIFEST);
     let facts = SensorFacts {
         name: sensor.name.clone(),
@@ -132,7 +132,7 @@ fn write_frame(
     index: usize,
     path: &Path,
 ) -> Result<(), CaptureError> {
-    // In the dark the light is zero; the exposure still needs a white.
+    // Dark frames have no light, but the exposure still needs a white level.
     let light = if point.kind == Kind::Flat { 1.0 } else { 0.0 };
     let exposure = Exposure {
         white_e: if point.kind == Kind::Flat { point.white_e as f32 } else { 1.0 },
@@ -143,7 +143,7 @@ fn write_frame(
         Capture { exposure, placement: Placement::default(), frame: point.first_frame + index as u64 };
     let scene = LinearImage::filled(CHANNELS, plan.height, plan.width, light);
     let raw = expose(&scene, sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: plan.seed })?;
-    // The list of captures says what a sidecar would.
+    // The list of captures has the data of a sidecar.
     let format = RawFormat::of_name(path, Packing::U16le).unwrap_or(RawFormat::Tiff);
     save_raw_alone(&RawFrame::from_raw(&raw, sensor), path, format).map_err(|error| match error {
         RawFileError::Io { path, source } => CaptureError::Io { path, source },
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_list_that_cannot_be_written_leaves_nothing_beside_it() {
+    fn a_list_that_cannot_be_written_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let sensor =
             petzval_files::parse_sensor(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();

@@ -1,7 +1,8 @@
 //! Spatial non-uniformity from a stack of flat and a stack of dark frames.
 //!
-//! The mean of `L` frames still holds `1/L` of the temporal variance `s2_stack`. Its variance over the `M x N` pixels, that of
-//! its column means and that of its row means are split into what single pixels, columns and rows contribute:
+//! The mean of `L` frames still holds `1/L` of the temporal variance `s2_stack`. Its variance over the `M x N` pixels,
+//! that of its column means and that of its row means are split into the contributions of single pixels, columns and
+//! rows:
 //!
 //! ```text
 //! V  = var(mean frame)       = P + C + R       P = pixel variance + s2_stack / L
@@ -9,7 +10,7 @@
 //! Ar = var(row means)        = R + P / N
 //! ```
 //!
-//! After a high-pass the three parts count with the shares that it leaves (`g_p`, `g_l`, [`HighPass::passed`]):
+//! After a high-pass the three parts count with their remaining shares (`g_p`, `g_l`, [`HighPass::passed`]):
 //! `C = Ac/g_l - P/M`, `R = Ar/g_l - P/N`, `P = (V - Ac - Ar) / (g_p - g_l/M - g_l/N)`. With `g = 1` these are the formulas
 //! of EMVA 1288 release 4.
 
@@ -29,11 +30,11 @@ pub struct Variances {
     pub temporal: f64,
     /// Variance of the mean frame.
     pub measured: f64,
-    /// The same less the temporal variance that is left in it.
+    /// The same minus the remaining temporal variance.
     pub total: f64,
-    /// Variance of the column means, less temporal variance.
+    /// Variance of the column means minus temporal variance.
     pub column_means: f64,
-    /// Variance of the row means, less temporal variance.
+    /// Variance of the row means minus temporal variance.
     pub row_means: f64,
     /// Of columns.
     pub column: f64,
@@ -46,7 +47,7 @@ pub struct Variances {
 /// Variances of the mean of a stack without a high-pass, as release 4 and the library split them.
 ///
 /// Standard errors are the scatter over specimens of one kind: `A sqrt(2/N)` of the variance `A` of `N` column means, `A
-/// sqrt(2/M)` of that of `M` row means, from the fourth moment of what both leave for the pixels, and the three are
+/// sqrt(2/M)` of that of `M` row means, from the fourth moment of the residual for the pixels; the three are
 /// independent. They are too small for an uneven field, whose rows and columns are not random.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct StackVariances {
@@ -68,7 +69,7 @@ impl StackVariances {
     }
 }
 
-/// Variances after the high-pass, corrected for what it takes, DN^2.
+/// Variances after the high-pass, corrected for its loss, DN^2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Components {
     /// All three.
@@ -94,7 +95,7 @@ pub struct Profile {
     pub max_dn: Vec<f64>,
 }
 
-/// What the plots of one stack need.
+/// Data of the plots of one stack.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct StackPlots {
     /// Power along rows at the frequencies `k / (2 (n - 1))` periods per pixel (for even widths), DN^2.
@@ -107,7 +108,7 @@ pub struct StackPlots {
     pub vertical_profile: Profile,
     /// Histogram of the defects over their deviation, DN.
     pub histogram: Histogram,
-    /// Percent of pixels that deviate by so many DN or more.
+    /// Percent of pixels that deviate by at least a number of DN.
     pub accumulated: Histogram,
 }
 
@@ -126,7 +127,7 @@ pub struct Spatial {
     pub flat_components: Components,
     /// Dark stack after the filter.
     pub dark_components: Components,
-    /// Plots of the flat stack less the dark one (PRNU).
+    /// Plots of the flat stack minus the dark one (PRNU).
     pub prnu: StackPlots,
     /// Plots of the dark stack (DSNU).
     pub dsnu: StackPlots,
@@ -228,7 +229,7 @@ fn moments(plane: &Plane) -> PlaneMoments {
         rows.push(sum / n);
     }
     columns.iter_mut().for_each(|c| *c /= m);
-    // Rows and columns are taken away, so that their patterns are no error of the pixels.
+    // Subtract rows and columns, so that their patterns do not count as errors of the pixels.
     let (mut squares, mut fourth) = (0.0, 0.0);
     for (row, of_row) in plane.values.chunks_exact(plane.width).zip(&rows) {
         for (v, of_column) in row.iter().zip(&columns) {
@@ -256,7 +257,7 @@ fn variances(sub: &Sub) -> StackVariances {
     let column_means = found.column_means - sub.temporal / (l * m);
     let row_means = found.row_means - sub.temporal / (l * n);
     let free = m * n - m - n;
-    // Column means and row means hold a part of the pixels' variance, which the split takes out again.
+    // Column means and row means contain a part of the pixels' variance; the split subtracts it.
     let column_means_se = found.column_means * (2.0 / n).sqrt();
     let row_means_se = found.row_means * (2.0 / m).sqrt();
     let pixel_se = m * n / free * found.pixel_se;
@@ -288,7 +289,7 @@ fn variances(sub: &Sub) -> StackVariances {
     }
 }
 
-/// Mean over the places of a colour, which are pixels of their own.
+/// Mean over the places of a colour in the tile, which are independent pixels.
 fn mean_of(subs: &[Sub]) -> StackVariances {
     let parts: Vec<StackVariances> = subs.iter().map(variances).collect();
     let count = parts.len() as f64;
@@ -313,8 +314,9 @@ fn mean_of(subs: &[Sub]) -> StackVariances {
     }
 }
 
-/// The split after a high-pass, with standard errors: that of the pixels from the fourth moment of what the means of rows and
-/// columns leave, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count for less.
+/// The split after a high-pass, with standard errors: that of the pixels from the fourth moment of the residual after
+/// rows and columns, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count
+/// less.
 fn components(subs: &[Sub], high_pass: HighPass) -> Components {
     let none = Measured::none(Unresolved::TooSmall);
     let passed = high_pass.passed();
@@ -394,12 +396,12 @@ fn dsnu_plots(dark: &[Sub]) -> StackPlots {
     )
 }
 
-/// Defects in the light: flat less dark sums, after the 5x5 high-pass of release 3.1 in whole numbers.
+/// Defects in the light: flat minus dark sums, after the 5x5 high-pass of release 3.1 in whole numbers.
 fn prnu_plots(flat: &[Sub], dark: &[Sub]) -> StackPlots {
     let (mut planes, mut filtered) = (Vec::new(), Vec::new());
     let mut divisor = 25.0;
     for (f, d) in flat.iter().zip(dark) {
-        // Stacks of different lengths are brought to a common one.
+        // Scale stacks of different lengths to a common one.
         let (a, b) = if f.frames == d.frames { (1, 1) } else { (d.frames as i64, f.frames as i64) };
         let difference: Vec<i64> = f.sum_dn.iter().zip(&d.sum_dn).map(|(x, y)| a * x - b * y).collect();
         let l = (f.frames as i64 * a) as f64;
@@ -449,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn standard_errors_are_the_scatter_over_specimens() {
+    fn standard_errors_match_the_scatter_over_specimens() {
         const SPECIMENS: usize = 150;
         let mut normal = Normal(1);
         let specimens: Vec<Sub> =

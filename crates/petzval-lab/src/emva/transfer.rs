@@ -39,11 +39,11 @@ pub struct Linearity {
 /// Photon transfer of one gain and colour under one set of rules.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhotonTransfer {
-    /// Point of the largest noise: where the sensor begins to saturate. The brightest point if it does not.
+    /// Point of the largest noise, where the sensor begins to saturate; the brightest point if it does not saturate.
     pub saturation: usize,
-    /// Whether the noise falls beyond it (or the signal stays), so that it is saturation.
+    /// Whether the noise falls (or the signal stays constant) beyond it: saturation.
     pub saturated: bool,
-    /// Signal above dark at which the series ends, DN; by the rules of the library that of the point of the largest noise.
+    /// Signal above dark at saturation, DN; by the rules of the library, the signal of the point of the largest noise.
     pub saturation_signal_dn: Measured,
     /// First and last point of the fits of R and K.
     pub range: (usize, usize),
@@ -55,7 +55,7 @@ pub struct PhotonTransfer {
     pub responsivity_dn: Measured,
     /// Linearity, where enough points lie within its range.
     pub linearity: Option<Linearity>,
-    /// Why there is no linearity.
+    /// Reason if there is no linearity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_linearity: Option<Unresolved>,
 }
@@ -67,7 +67,7 @@ impl PhotonTransfer {
     }
 }
 
-/// Analyses points in the order of growing light. `None` without points.
+/// Analyses points in ascending order of light. `None` without points.
 pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonTransfer> {
     let found = saturation(points, rules)?;
     let signal: Vec<f64> = points.iter().map(TransferPoint::signal_dn).collect();
@@ -95,16 +95,17 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
     })
 }
 
-/// Standard errors by which the noise may fall short of that of the light. To leave points out costs little, so chance may
-/// do it once in a thousand points.
+/// Standard errors by which the noise may be below that of the line. Leaving a point out costs little, so chance may do
+/// it once in a thousand points.
 const KNEE_SIGMAS: f64 = 3.0;
 
-/// The last point that counts where a series ends before the noise falls: it is not clipped, and neither it nor a point below
-/// it is in the knee of the saturation.
+/// The last usable point of a series that ends before the noise falls: it is not clipped, and neither it nor a point
+/// below it is in the knee of the saturation.
 ///
-/// Where pixels begin to fill, variance is lost long before the mean bends (2.3 standard deviations below the level 2 % of it,
-/// while the mean is off by 0.4 % of one), yet it may still grow. If any point of the upper 30 % has
-/// less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the points below are used.
+/// Pixels that begin to fill lose variance long before the mean bends: 2.3 standard deviations below the level 2 % of
+/// the variance is lost, while the mean is off by 0.4 % of a standard deviation. Yet the variance may still grow. If a
+/// point of the upper 30 % has less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the
+/// points below are used.
 fn last_with_the_noise_of_light(points: &[TransferPoint]) -> Option<usize> {
     let last = points.iter().rposition(|p| !p.is_clipped())?;
     let lower_dn = FIT_SHARE * points[last].signal_dn();
@@ -140,7 +141,7 @@ fn gain(used: &[TransferPoint]) -> Measured {
     if !shared {
         return slope(of(TransferPoint::signal_se_dn), of(TransferPoint::shot_variance_se_dn2));
     }
-    // One dark point for all: its error moves all points together, `sum(x) / sum(x x)` times.
+    // One dark point for all: its error shifts all points together, and K by `sum(x) / sum(x x)` times as much.
     let own = slope(of(|p| p.mean_se_dn), of(|p| p.variance_se_dn2));
     let (x, xx) = used.iter().map(TransferPoint::signal_dn).fold((0.0, 0.0), |(s, q), x| (s + x, q + x * x));
     match (own.value(), own.standard_error()) {
@@ -152,8 +153,8 @@ fn gain(used: &[TransferPoint]) -> Measured {
     }
 }
 
-/// K with the error of rounding: that of the dark variance and of the dark mean move all points together, `sum(x) / sum(x x)`
-/// times.
+/// K with the error of rounding. Rounding of the dark variance and of the dark mean shifts all points together, and K by
+/// `sum(x) / sum(x x)` times as much.
 fn gain_with_rounding(used: &[TransferPoint]) -> Measured {
     let measured = gain(used);
     let Some(k) = measured.value() else { return measured };
@@ -165,7 +166,7 @@ fn gain_with_rounding(used: &[TransferPoint]) -> Measured {
     measured.with_error(used.iter().map(moved).sum::<f64>() / xx)
 }
 
-/// R: slope through the origin of the signal over the photons; rounding of the dark mean moves all points together.
+/// R: slope through the origin of the signal over the photons. Rounding of the dark mean shifts all points together.
 fn responsivity(used: &[TransferPoint]) -> Measured {
     let photons: Option<Vec<f64>> = used.iter().map(|p| p.photons).collect();
     match photons {
@@ -185,7 +186,7 @@ fn responsivity(used: &[TransferPoint]) -> Measured {
 
 /// The line through the points of 5 to 95 % of `end_dn`, the signal at saturation.
 fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Linearity, Unresolved> {
-    // The points between 5 and 95 % of saturation, if their light differs.
+    // Select the points between 5 and 95 % of saturation, if their light differs.
     let x = light(points);
     let (low, high) = x.iter().fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
     if points.len() > 1 && high - low <= 1e-9 * high {
@@ -198,13 +199,13 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
     let Some((first, last)) = within.filter(|(first, last)| !signal[*first..=*last].contains(&0.0)) else {
         return Err(Unresolved::FewInLinearRange(first.zip(last).map_or(0, range_of)));
     };
-    // The line with weights of one over the squared signal, so that relative errors count.
+    // Fit the line with weights of one over the squared signal, so that relative errors count.
     let weight: Vec<f64> = signal[first..=last].iter().map(|s| 1.0 / (s * s)).collect();
     let fit: Line = line(&x[first..=last], &signal[first..=last], &weight, &vec![0.0; weight.len()]);
     let (Some(slope), Some(offset_dn)) = (fit.slope.value(), fit.intercept.value()) else {
         return Err(Unresolved::OneLight);
     };
-    // Deviations of all points from the line, and the extremes within the range.
+    // Compute the deviations of all points from the line, and the extremes within the range.
     let deviation_percent: Vec<f64> = x
         .iter()
         .zip(signal)
@@ -254,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn chance_in_the_noise_is_no_saturation() {
+    fn chance_in_the_noise_is_not_saturation() {
         // The last variance is below the one before by one standard error of their difference.
         let mut series = points(&[1000.0, 2000.0, 3000.0, 3050.0], &[100.0, 200.0, 309.0, 302.0], 5.0);
         series[3].exposure_s = 3.05;
@@ -269,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plateau_of_any_noise_is_saturation() {
+    fn a_plateau_is_saturation_with_any_noise() {
         // Beyond the full well read noise alone is left; its chance must not pass for a peak.
         let signals = [500.0, 1000.0, 1500.0, 2000.0, 2100.0, 2100.2, 2099.9, 2100.0];
         let series = points(&signals, &[50.0, 100.0, 150.0, 200.0, 5.1, 5.0, 5.2, 5.0], 0.05);
@@ -285,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_that_lacks_noise_does_not_count() {
+    fn a_point_with_too_little_noise_is_left_out() {
         // The brightest has 8 % less than the line predicts: 4.8 standard errors, and more than any other point.
         let signals = [1000.0, 2000.0, 3000.0, 4000.0, 5000.0];
         let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 460.0], 5.0);
@@ -296,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lack_of_linearity_is_named_by_its_cause() {
+    fn missing_linearity_has_its_reason() {
         let mut series = points(&[1000.0, 2000.0, 3000.0], &[100.0, 200.0, 300.0], 5.0);
         series.iter_mut().for_each(|p| p.exposure_s = 1.0);
         let ours = photon_transfer(&series, Rules::Ours).unwrap();

@@ -1,4 +1,4 @@
-//! One setting of a photon transfer: mean and temporal variance of its flat frames and of its dark ones.
+//! One setting of a photon transfer: mean and temporal variance of its flat and its dark frames.
 
 use serde::Serialize;
 
@@ -62,7 +62,7 @@ impl TransferPoint {
         }
     }
 
-    /// Whether samples are clipped: such a point has neither the mean nor the noise of its light.
+    /// Whether samples are clipped: mean and noise of such a point are biased.
     pub fn is_clipped(&self) -> bool {
         self.share_at_max > CLIPPED_SHARE
     }
@@ -93,8 +93,8 @@ impl TransferPoint {
     }
 }
 
-/// Share of the samples at the digital number where they are clipped; none of a point whose mean is so far below that they are
-/// stuck pixels and not its light.
+/// Share of the samples at the digital number where they are clipped; zero if the mean is so far below that these are
+/// stuck pixels.
 fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
     match flat.reaches(clip_dn) {
         true => flat.histogram.at(clip_dn.into()) as f64 / flat.histogram.total() as f64,
@@ -102,14 +102,14 @@ fn share_at(flat: &Moments, clip_dn: u32) -> f64 {
     }
 }
 
-/// Which rules choose the points of a fit.
+/// The rules that select the points of a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rules {
-    /// Those of the EMVA 1288 Python library: the brightest point counts as saturated if no peak of the noise is seen.
+    /// Rules of the EMVA 1288 Python library: the brightest point counts as saturated if no peak of the noise is seen.
     Library,
-    /// Ours: a peak of the noise from which it falls by more than chance, or a signal that no longer grows, is saturation;
-    /// without either, all points count that are not clipped and have the noise of the light.
+    /// Our rules: saturation is a peak of the noise beyond which it falls by more than chance, or a signal that no
+    /// longer grows. Without saturation, all points count that are not clipped and lie on the line of the noise.
     Ours,
 }
 

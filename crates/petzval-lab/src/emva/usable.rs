@@ -5,10 +5,11 @@ use super::flags::{GainFlags, Signal};
 use super::measured::Unresolved;
 use super::result::GainResult;
 
-/// Standard errors above which a signal is light.
+/// Standard errors above which a signal counts as light.
 const LIGHT_SIGMAS: f64 = 5.0;
 
-/// A dark mean that exceeds the flat mean of the same exposure time by this is no drift of the black level, DN.
+/// Excess of the dark mean over the flat mean of the same exposure time that a drift of the black level does not
+/// explain, DN.
 const SWAPPED_DN: f64 = 10.0;
 
 /// Returns an error if there are flat and dark frames, but no point shows light below saturation. A series of dark frames alone

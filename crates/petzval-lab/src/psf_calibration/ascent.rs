@@ -1,4 +1,5 @@
-//! Fits cells to the pixels of the mosaic by the method of Richardson and Lucy with read noise; the cells are sums of blobs.
+//! Fits cells to the pixels of the mosaic by the method of Richardson and Lucy with read noise. The cells are sums of
+//! blobs.
 //!
 //! `u <- u B'[(y + b)/(B u + b)] / B'1` with `b = var(y) T - y` in electrons (Snyder et al., J. Opt. Soc. Am. A 10, 1014, 1993).
 //! The cells are `x = G u` with Gaussian blobs G, and `B = A G` (method of sieves, Snyder & Miller 1985). u is kept symmetric
@@ -8,7 +9,7 @@ use super::landing::{Landing, Spot};
 use super::measure::CROP;
 use super::place::{CELLS_PER_PIXEL, GRID, Place};
 
-/// A pixel of the mosaic, in electrons over the whole time that it gathered light.
+/// A pixel of the mosaic, in electrons over its whole exposure time.
 pub(super) struct Datum {
     /// Index in the window.
     pub pixel: usize,
@@ -18,7 +19,7 @@ pub(super) struct Datum {
     pub variance: f64,
     /// Part of the variance that is not shot noise of the signal.
     offset: f64,
-    /// Time over which it gathered light, s.
+    /// Exposure time of all its frames, s.
     pub time_s: f64,
 }
 
@@ -44,7 +45,7 @@ pub(super) fn landing(place: &Place, [row, col]: [f64; 2], pixel_um: f64) -> Lan
     Landing::new((GRID, pixel_um / CELLS_PER_PIXEL as f64), spot, 0.0, pixel_um, size)
 }
 
-/// A fit on its way, for one colour.
+/// State of the fit of one colour.
 pub(super) struct Ascent<'a> {
     landings: &'a [Landing],
     /// Pixels of each landing.
@@ -79,7 +80,7 @@ impl<'a> Ascent<'a> {
         mirrored(blurred(&sum, self.blob))
     }
 
-    /// One round.
+    /// One iteration.
     pub fn advance(&mut self) {
         let ratio =
             self.gather(|d, light| (d.value + d.offset).max(0.0) / (light + d.offset).max(f64::MIN_POSITIVE));
@@ -109,7 +110,7 @@ pub(super) fn even(light: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The shape of other cells, softened and `outward` cells further from the axis, with a hundredth of even light.
+/// The shape of other cells, blurred and moved by `outward` cells away from the axis, plus a hundredth of even light.
 pub(super) fn shaped(cells: &[f64], outward: isize, light: f64) -> Vec<f64> {
     let soft = blurred(cells, 1.25);
     let sum = soft.iter().sum::<f64>().max(f64::MIN_POSITIVE);
@@ -124,7 +125,8 @@ pub(super) fn shaped(cells: &[f64], outward: isize, light: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Every cell as a round blob: a Gaussian along rows and columns. Its own transpose, as long as nothing reaches the rim.
+/// Replaces every cell by a round blob: a Gaussian along rows and columns. The operation is its own transpose as long
+/// as no light reaches the rim.
 fn blurred(cells: &[f64], blob: f64) -> Vec<f64> {
     const REACH: usize = 4;
     let weights: Vec<f64> =

@@ -2,10 +2,10 @@
 
 use petzval_base::statistics::median;
 
-/// Mean, sample variance and clipping of frames that show the same thing (Welford's update: one pass, no cancellation).
+/// Mean, sample variance and clipping of repeated frames (Welford's update: one pass, no cancellation).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Average {
-    /// Frames taken in.
+    /// Number of frames.
     pub frames: usize,
     /// Mean of each pixel, DN.
     pub mean_dn: Vec<f64>,
@@ -16,8 +16,8 @@ pub struct Average {
 }
 
 impl Average {
-    /// Adds a frame. Pixels stop following the light at `saturation_dn`: at the end of the converter, or below it at the full
-    /// well. All frames have the same number of pixels.
+    /// Adds a frame. Pixels saturate at `saturation_dn`: at the end of the converter, or below it at the full well. All
+    /// frames have the same number of pixels.
     pub fn add(&mut self, dn: impl ExactSizeIterator<Item = f64>, saturation_dn: f64) {
         if self.frames == 0 {
             self.mean_dn = vec![0.0; dn.len()];
@@ -47,15 +47,16 @@ pub struct Dark {
     pub frames: usize,
     /// Mean of each pixel, DN.
     pub mean_dn: Vec<f64>,
-    /// Variance of that mean, DN^2: the frames' mean variance over their number, one figure for all pixels but hot ones.
+    /// Variance of that mean, DN^2: the mean variance of the frames divided by their number, the same for all pixels
+    /// except hot ones.
     pub variance_dn2: f64,
-    /// How far hot pixels are above the others, DN; 0 for the others. These electrons have shot noise of their own.
+    /// Excess of hot pixels over the others, DN; 0 for the others. These electrons have additional shot noise.
     pub hot_dn: Vec<f64>,
     /// Pixels that saturate without light.
     pub clipped: Vec<bool>,
 }
 
-/// Dark pixels above the median by so many standard deviations of the other pixels are hot.
+/// Standard deviations of the other pixels above the median from which a dark pixel is hot.
 const HOT_SIGMAS: f64 = 6.0;
 
 impl Dark {
@@ -72,7 +73,7 @@ impl Dark {
 
     /// From dark frames; `single_dn2` is the modelled variance of one frame, used where there is only one.
     pub fn measured(average: &Average, single_dn2: f64) -> Self {
-        // The spread of most pixels, by their median distance from the median: hot pixels do not affect it.
+        // Estimate the spread by the median distance from the median, which hot pixels do not affect.
         let mean_dn = average.mean_dn.clone();
         let middle = median(mean_dn.iter().copied());
         let spread = 1.4826 * median(mean_dn.iter().map(|v| (v - middle).abs()));
@@ -97,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mean_and_variance_are_those_of_the_textbook() {
+    fn mean_and_variance_equal_the_textbook() {
         let mut average = Average::default();
         for frame in [[1.0, 100.0], [2.0, 100.0], [6.0, 400.0]] {
             average.add(frame.into_iter(), 400.0);

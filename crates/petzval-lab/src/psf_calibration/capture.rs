@@ -18,8 +18,8 @@ pub struct WindowLight {
 }
 
 impl WindowLight {
-    /// Rate of the brightest pixel behind its own filter, electrons/s: what the other colours would collect there, no
-    /// pixel sees. Clear pixels, those of a monochrome sensor, collect what stands for green.
+    /// Rate of the brightest pixel behind its own filter, electrons/s; the other colours at its place have no pixel.
+    /// Clear pixels of a monochrome sensor use the values of green.
     pub fn brightest_e_per_s(&self, cfa: &CfaPattern) -> f64 {
         let seen = |i: usize| {
             let Placement { row, col } = self.placement;
@@ -30,8 +30,8 @@ impl WindowLight {
     }
 }
 
-/// Takes frame number `frame` of the window; frames of one seed have independent noise. A monochrome sensor sees the three
-/// channels, which are one there, as its clear pixels answer to each.
+/// Takes frame number `frame` of the window; frames of one seed have independent noise. The three
+/// channels of a monochrome sensor are equal, and its clear pixels respond to their mixture.
 pub fn take_frame(
     light: &WindowLight,
     sensor: &SensorModel,
@@ -40,7 +40,7 @@ pub fn take_frame(
     noise: &Noise,
     frame: u64,
 ) -> Result<Raw, SensorError> {
-    // The sensor takes light relative to white; let white be the brightest pixel.
+    // Set white to the brightest pixel, because the sensor takes light relative to white.
     let brightest = light.rate_e_per_s.iter().flatten().fold(0.0f64, |a, b| a.max(*b)).max(1e-6);
     let mut irradiance = LinearImage::zeros(CHANNELS, light.height, light.width);
     let answers = match sensor.cfa == CfaPattern::MONO {
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_brightest_pixel_is_one_that_sees_the_light() {
+    fn the_brightest_pixel_has_the_colour_of_the_light() {
         // From sensor row 3, column 2, an RGGB mosaic shows green, blue; a GRBG mosaic blue, green.
         let placement = Placement { row: 3, col: 2 };
         let mut light = WindowLight {

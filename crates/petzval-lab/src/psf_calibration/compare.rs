@@ -1,34 +1,33 @@
-//! A measured PSF beside a simulated one, twice: as ideal pixels would show it, and through the same mosaic.
+//! Compares a measured PSF with a simulated one, twice: on ideal pixels, and through the same mosaic.
 //!
-//! Bilinear demosaicing of a spot a few pixels wide makes a large error. Measured and simulated PSF share it if the simulated
-//! one is processed in the same way: landed at the same sub-pixel place (where it fits best), kept by the same colours,
-//! demosaiced and cropped. Compare the distance to that one with noise; the distance between the two simulated ones is the
-//! error of demosaicing.
+//! Bilinear demosaicing of a spot a few pixels wide makes a large error. Measured and simulated PSF share it if the
+//! simulated one is processed in the same way: placed at the best-fitting sub-pixel position, sampled by the same
+//! mosaic, demosaiced and cropped. The distance to that PSF is to be compared with noise. The distance between the two
+//! simulated PSFs is the error of demosaicing.
 
 use super::PsfCalibrationError;
 use super::landing::{FinePsf, Spot};
 use super::measure::{Frame, Measured, PixelPsf, centroid, extract, extract_ideal, l1};
 use petzval_camera::image::CHANNELS;
 
-/// A measured place beside its simulation.
+/// The comparison of a measured position with its simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// The simulated PSF through the same mosaic, demosaiced.
     pub fair: PixelPsf,
     /// The simulated PSF in every colour of every pixel, unit sum.
     pub ideal: [Vec<f64>; CHANNELS],
-    /// L1 distance of the measured PSF from the fair one.
+    /// L1 distance of the measured PSF from the simulated one through the same mosaic.
     pub l1: [f64; CHANNELS],
-    /// L1 distance of the measured PSF from the ideal one.
+    /// L1 distance of the measured PSF from the simulated one on ideal pixels.
     pub l1_ideal: [f64; CHANNELS],
-    /// L1 distance of the fair PSF from the ideal one: demosaicing alone, without noise.
+    /// L1 distance between the two simulated PSFs: demosaicing alone, without noise.
     pub demosaic_l1: [f64; CHANNELS],
-    /// Measured less simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts both,
-    /// so this is what noise does. Where the place of the image is not known, the simulated PSF stays where it fits best, and
-    /// only differences between channels are meaningful.
+    /// Measured minus simulated centroid of each channel through the same mosaic, (row, column), px: demosaicing shifts
+    /// both, so this is the effect of noise. If the position of the image is not known, the simulated PSF stays where
+    /// it fits best, and only differences between channels are meaningful.
     pub centroid_error_px: [[f64; 2]; CHANNELS],
-    /// Measured less ideal-pixel centroid, which is the error that a user of the measured centroid has: what demosaicing does
-    /// is in it.
+    /// Measured minus ideal-pixel centroid: the total error of the measured centroid, demosaicing included.
     pub centroid_error_ideal_px: [[f64; 2]; CHANNELS],
     /// Centroid of the simulated PSF on ideal pixels in the same round window, (row, column) in the frame, px.
     pub ideal_centroid_px: [[f64; 2]; CHANNELS],
@@ -36,7 +35,7 @@ pub struct Comparison {
     pub is_placed: bool,
 }
 
-/// How many times the simulated PSF is moved.
+/// Number of moves of the simulated PSF.
 const MOVES: usize = 4;
 
 /// Step of the differences behind a move, px.
@@ -62,18 +61,18 @@ pub fn compare(
         let fair = extract(&frame.mosaic(&light), frame, goal, corner, position)?;
         Ok::<_, PsfCalibrationError>((light, fair))
     };
-    // The PSF where the chief ray should be has its own crop and its own window of the centroid: the two may be far apart.
+    // Crop the PSF at the expected chief ray separately, with its own centroid window: it may be far from the measured PSF.
     let placed = expected_px.and_then(|at| {
         let light = simulated.land(Spot { row: at[0], col: at[1], azimuth_rad }, pixel_um, size);
         let fair = extract(&frame.mosaic(&light), frame, at, None, position).ok()?;
         Some((light, fair))
     });
 
-    // The centroid brings the two within a hundredth of a pixel; noise of the faint surround keeps it from doing better.
+    // Align the centroids, which is exact to a hundredth of a pixel because of noise in the faint surround.
     let (_, near) = land(goal)?;
     let mut at = [0, 1].map(|axis| 2.0 * goal[axis] - near.centroid_px[1][axis]);
     let (mut light, mut fair) = land(at)?;
-    // Least squares over all pixels and colours goes further: Gauss-Newton with differences for derivatives.
+    // Refine by least squares over all pixels and colours: Gauss-Newton with derivatives by differences.
     for _ in 0..MOVES {
         let along = [land([at[0] + STEP_PX, at[1]])?.1, land([at[0], at[1] + STEP_PX])?.1];
         let (mut normal, mut right) = ([0.0; 3], [0.0; 2]);
@@ -90,7 +89,7 @@ pub fn compare(
             (normal[2] * right[0] - normal[1] * right[1]) / determinant,
             (normal[0] * right[1] - normal[1] * right[0]) / determinant,
         ];
-        // A PSF that is far from the measured one gives no sensible step.
+        // Stop if the PSFs are too different for a sensible step.
         if !moved.iter().all(|m| m.abs() < 0.5) {
             break;
         }

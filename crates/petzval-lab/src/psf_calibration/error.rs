@@ -1,4 +1,4 @@
-//! Why captures give no PSF.
+//! Errors of the PSF calibration.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub enum PsfCalibrationError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         error: std::io::Error,
     },
     /// A frame could not be read.
@@ -77,7 +77,7 @@ pub enum PsfCalibrationError {
         /// The value in the sensor or the manifest.
         is: String,
     },
-    /// Exposing, or a window that leaves the sensor.
+    /// The exposure is impossible, or the window leaves the sensor.
     #[error("position `{position}`: {error}")]
     Sensor {
         /// Position.
@@ -85,13 +85,13 @@ pub enum PsfCalibrationError {
         /// What is wrong.
         error: SensorError,
     },
-    /// A mosaic through which no PSFs are measured.
+    /// The mosaic is neither Bayer's nor monochrome.
     #[error(
         "the sensor's mosaic is {0}: PSFs are measured through a Bayer mosaic (RGGB, GRBG, GBRG, BGGR), or without one (mono); hint: \
          read a binned sensor (RRGG/...) out as the Bayer mosaic of its bins, with `cfa` and twice the `pixel_um`"
     )]
     Mosaic(CfaPattern),
-    /// Frames too small to hold a PSF and what is around it.
+    /// The frames are too small for a PSF and its surround.
     #[error("position `{position}`: frames of {height}x{width} pixels; at least {least}x{least} are needed")]
     TooSmall {
         /// Position.
@@ -103,7 +103,7 @@ pub enum PsfCalibrationError {
         /// Least side.
         least: usize,
     },
-    /// No source stands out of the noise.
+    /// No source is above the noise.
     #[error(
         "position `{position}`: no source: the brightest spot is {sigmas:.1} standard deviations above the background; hint: \
          is the source on, in the window, and are these the right frames?"
@@ -111,7 +111,7 @@ pub enum PsfCalibrationError {
     NoSource {
         /// Position.
         position: String,
-        /// How far the brightest spot stands out.
+        /// Standard deviations of the brightest spot above the background.
         sigmas: f64,
     },
     /// The PSF would be cut off.
@@ -133,9 +133,9 @@ pub enum PsfCalibrationError {
         /// Frame columns.
         width: usize,
     },
-    /// No light in a colour.
+    /// A colour has no light.
     #[error(
-        "position `{position}`: the {colour} channel has no light left after the background is taken off"
+        "position `{position}`: the {colour} channel has no light left after the background is subtracted"
     )]
     NoLight {
         /// Position.

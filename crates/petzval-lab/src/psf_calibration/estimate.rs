@@ -1,32 +1,34 @@
-//! PSFs for the renderer from measured ones, on cells smaller than a pixel and with the field's axis up.
+//! Estimates PSFs for the renderer from measured ones, on cells smaller than a pixel and with the field's axis up.
 //!
-//! A pixel has integrated the light over its area already. The renderer turns its cells and integrates them over pixels
+//! A pixel has already integrated the light over its area. The renderer turns its cells and integrates them over pixels
 //! *again*; measured pixels used as cells would be blurred twice. So the bank holds light that explains the pixels:
 //! cells `x >= 0` of a third of a pixel with
 //!
 //! ```text
-//! y_j = (A_j x)_j + noise,    A_j: turn to the azimuth of position j, put at its middle, integrate over pixels
+//! y_j = (A_j x)_j + noise,    A_j: turn to the azimuth of position j, put at its centre, integrate over pixels
 //! ```
 //!
 //! `A_j` is the renderer's own operator ([`Landing`]). Each channel is fitted to the *mosaic's* own pixels of its colour:
 //! nothing is demosaiced. The fit is in `ascent`.
 //!
-//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are three
-//! sub-pixel phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise can be far
-//! off for another phase or azimuth. So the smoothness of the fit is the one that best predicts held-out pixels (`held_out`),
-//! and chi^2 and L1 distance on pixels that took no part are reported with every field. The renderer's PSF is that of a
-//! rotationally symmetric lens, so the cells are symmetric about the field's own axis and, in the middle of the image, seen
-//! at eight azimuths. Cells beyond half the crop stay dark, except for the rim of the blobs.
+//! **The pixels do not determine the cells.** Red and blue are sampled at two pixels, three azimuths of a radius are
+//! three sub-pixel phases, and spots have structure of two pixels. Cells that explain the fitted pixels down to noise
+//! can be far off for another phase or azimuth. So the smoothness of the fit is the one that best predicts held-out
+//! pixels (`held_out`), and chi^2 and L1 distance on pixels that took no part are reported with every field. The
+//! renderer's PSF is that of a rotationally symmetric lens, so the cells are symmetric about the field's own axis. A
+//! position in the middle of the image counts at eight azimuths. Cells beyond half the crop stay dark, except for the
+//! rim of the blobs.
 //!
-//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red, and
-//! of a spot as small as a pixel it catches much or little, depending on where the spot falls. Positions of one radius see
-//! one source through a rotationally symmetric lens, so they have one light, and their phases together determine it. In green
-//! they do to a tenth or better; red and blue of the sharpest spots leave it open, so the relative illumination of green
-//! stands for all colours.
+//! The cells also hold the field's *light*. The sum of a demosaiced spot does not measure it: one pixel in four is red,
+//! and it catches much or little of a spot as small as a pixel, depending on the spot's position. Positions of one
+//! radius see one source through a rotationally symmetric lens, so their light is equal, and their phases together
+//! determine it: in green to a tenth or better, but not in red and blue for the sharpest spots. So all colours use the
+//! relative illumination of green.
 //!
-//! Where each position's middle lies is fitted too, by turns with the cells: the demosaiced centroid of a sharp spot is off
-//! by parts of a pixel. The middle of the grid is the green centroid, not the chief ray, which a measured spot does not show:
-//! lateral colour between channels is kept, the distance between chief ray and centroid is lost, as distortion is.
+//! The fit alternates between the centres of the positions and the cells, because the demosaiced centroid of a sharp
+//! spot is off by a fraction of a pixel. The middle of the grid is the green centroid, because a measured spot does not
+//! show its chief ray. Lateral colour between channels is kept; the distance between chief ray and centroid is lost, as
+//! distortion is.
 
 use rayon::prelude::*;
 
@@ -39,25 +41,25 @@ use super::register::{explain, misplaced};
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::{PsfBank, PsfError};
 
-/// Mean squared residual over the variance up to which pixels count as explained.
+/// Largest chi2 (mean squared residual over the variance) of pixels that count as explained.
 const EXPLAINED: f64 = 1.2;
 
-/// L1 distance on held-out pixels, over that of noise, up to which a field counts as known.
+/// Largest L1 distance on held-out pixels, divided by that of noise, of a field that counts as known.
 const KNOWN: f64 = 1.5;
 
-/// How many times the positions are corrected between fits, ...
+/// Number of corrections of the positions, each followed by a fit, ...
 const REGISTRATIONS: usize = 4;
 
-/// ... which take so many rounds, ...
+/// ... of this number of iterations, ...
 const REGISTRATION_ROUNDS: usize = 100;
 
 /// ... with blobs of this standard deviation, cells.
 const REGISTRATION_BLOB: f64 = 0.8;
 
-/// Azimuths at which a position on the axis counts.
+/// Number of azimuths at which a position on the axis counts.
 const AXIS_AZIMUTHS: usize = 8;
 
-/// Two positions closer in radius than this are of one field, mm.
+/// Two positions whose radii differ by less than this belong to one field, mm.
 pub const SAME_FIELD_MM: f64 = 0.05;
 
 /// The estimate of one field.
@@ -65,12 +67,12 @@ pub const SAME_FIELD_MM: f64 = 0.05;
 pub struct FieldEstimate {
     /// Mean radius of its positions, mm.
     pub field_radius_mm: f64,
-    /// Positions that see it.
+    /// Number of its positions.
     pub positions: usize,
     /// Whether the sensor is monochrome: all channels are then one.
     pub is_mono: bool,
-    /// Mean squared residual of the fitted pixels over the variance, per channel. Says whether the positions agree, not how
-    /// well the PSF is known: see `held_out`.
+    /// Mean squared residual of the fitted pixels over the variance, per channel. It shows whether the positions agree, not
+    /// how well the PSF is known: see `held_out`.
     pub chi2: [f64; CHANNELS],
     /// The same and the L1 distance for pixels that took no part in a fit. Smoothness was chosen by them, so they are
     /// slightly too small.
@@ -81,7 +83,7 @@ pub struct FieldEstimate {
     pub rounds: [usize; CHANNELS],
     /// Whether the fit started from the cells of green, per channel.
     pub is_from_green: [bool; CHANNELS],
-    /// Where the middle of the PSF lies in the window of each position: its index in the list of places, and (row, column), px.
+    /// Centre of the PSF in the window of each position: index in the list of places, and (row, column), px.
     pub middle_px: Vec<(usize, [f64; 2])>,
 }
 
@@ -147,7 +149,7 @@ pub fn estimate_bank(places: &[Place], pixel_um: f64) -> Result<(PsfBank, Vec<Fi
         illumination: Vec::new(),
     };
     let fitted: Vec<Fitted> = fields.par_iter().map(|members| fit_field(places, members, pixel_um)).collect();
-    // Half of the pixels see green, a quarter red; lenses dim all colours nearly alike.
+    // Use green for all colours: half of the pixels measure it, and lenses dim all colours nearly alike.
     let axis_light = fitted[0].green_light;
     let mut estimates = Vec::new();
     for field in fitted {
@@ -186,7 +188,7 @@ fn fit_field(places: &[Place], members: &[usize], pixel_um: f64) -> Fitted {
     let field: Vec<Place> = members.iter().map(|i| places[*i]).collect();
     let count = field.len() as f64;
     let radius_mm = field.iter().map(|p| p.field_radius_mm).sum::<f64>() / count;
-    // On the axis no azimuth is special.
+    // On the axis all azimuths are equivalent: use a position at several.
     let turns = if radius_mm < SAME_FIELD_MM { AXIS_AZIMUTHS } else { 1 };
     let (middle, cells) = register(&field, turns, pixel_um);
     let (seen, landings) = sights(&field, &middle, turns, pixel_um);
@@ -260,8 +262,8 @@ fn sights<'a>(
     (seen, landings)
 }
 
-/// Fits the middles of the positions of a field, and the cells, by turns. Demosaiced centroids of sharp spots are off by
-/// parts of a pixel, each by its own.
+/// Fits the centres of the positions of a field and its cells alternately: the demosaiced centroid of each sharp spot
+/// has its own error of a fraction of a pixel.
 fn register(field: &[Place], turns: usize, pixel_um: f64) -> (Vec<[f64; 2]>, [Vec<f64>; CHANNELS]) {
     let mut middle: Vec<[f64; 2]> = field.iter().map(|p| p.measured.psf.centroid_px[1]).collect();
     let mut cells: [Vec<f64>; CHANNELS] = Default::default();

@@ -19,10 +19,10 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Exposure, SensorModel};
 use petzval_files::raw_file::{RawFrame, RawInfo, Sidecar, load_raw, sidecar_path};
 
-/// Frames larger than this are cut to a window of so many pixels a side around the brightest spot.
+/// Largest side of a frame, px; larger frames are cropped to a window of this size around the brightest spot.
 const WINDOW: usize = 96;
 
-/// The brightness of a place is that of the darkest so many of its 5x5 pixels.
+/// Number of the darkest of 5x5 pixels that give the brightness of a place, so that single bright pixels do not count.
 const KEPT: usize = 20;
 
 /// One position, measured.
@@ -77,7 +77,7 @@ pub fn calibrate_position(
     let mut reader =
         Reader { folder, position: &name, manifest, origin: *position.origin.get_ref(), sensor, size: None };
 
-    // Cut a window around the source, as the longest exposure shows it.
+    // Crop a window around the source in the longest exposure.
     let longest = position.exposure.last();
     let first = longest.and_then(|e| Some((e.frames.get_ref().first()?, *e.exposure_ms.get_ref())));
     let first = first.map(|(file, exposure_ms)| reader.load(file, exposure_ms)).transpose()?;
@@ -189,7 +189,7 @@ pub fn calibrate_position(
         ));
     }
 
-    // Without a place in the manifest, the source is where it was found.
+    // Without a position in the manifest, use the measured position.
     let on_sensor = [frame.placement.row as f64, frame.placement.col as f64];
     let centroid = [0, 1].map(|axis| on_sensor[axis] + measured.psf.centroid_px[1][axis]);
     let middle = [0.5 * (sensor.height as f64 - 1.0), 0.5 * (sensor.width as f64 - 1.0)];
@@ -282,7 +282,7 @@ impl Reader<'_> {
                 return Some(("cfa", cfa.to_string(), is));
             }
         }
-        // Cameras round what they report: one percent, and a digital number, are allowed.
+        // Cameras round the values that they report: allow one percent, and one digital number.
         let linear_gain = *self.manifest.linear_gain.get_ref();
         let numbers = [
             ("exposure_s", info.exposure_s, 1e-3 * exposure_ms, 0.01, 0.0, "the manifest"),

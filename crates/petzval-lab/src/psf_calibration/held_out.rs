@@ -1,10 +1,10 @@
-//! Chooses how smooth the cells of a field are: as smooth as best predicts pixels that took no part in the fit.
+//! Chooses the smoothness of the cells of a field: the one that best predicts pixels that took no part in the fit.
 //!
-//! The cells are not determined by the pixels. Red and blue are sampled at two pixels, spots have structure of two, and cells
-//! of a third of a pixel reach a chi^2 of 1 on the pixels they are fitted to whatever their detail. So size of the blobs,
-//! number of rounds and start are those that best predict the held-out pixels: each position of a radius in turn, its middle
-//! and light free; or, where a radius has one position only, each fifth of its 2x2 tiles. The latter does not test another
-//! sub-pixel phase.
+//! The pixels do not determine the cells. Red and blue are sampled every two pixels, spots have structure of two
+//! pixels, and cells of a third of a pixel reach a chi^2 of 1 on the fitted pixels whatever their detail. So held-out
+//! pixels choose the size of the blobs, the number of iterations and the start. Each position of a radius is held out
+//! in turn, with its centre and light free. A radius with only one position holds out each fifth of its 2x2 tiles,
+//! which does not test another sub-pixel phase.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -18,16 +18,16 @@ use petzval_camera::image::CHANNELS;
 /// Standard deviations of a blob, cells.
 const BLOBS_CELLS: [f64; 4] = [1.8, 1.25, 0.8, 0.5];
 
-/// Rounds after which the fit is scored.
+/// Numbers of iterations after which the fit is scored.
 const LOOKS: [usize; 11] = [10, 15, 25, 40, 60, 90, 140, 200, 300, 450, 700];
 
-/// A fit that got worse so many times in a row ends.
+/// Number of successive worse scores that ends a fit.
 const PATIENCE: usize = 3;
 
-/// Parts into which the tiles of a lone position fall.
+/// Number of parts into which the tiles of a single position are divided.
 const TILE_FOLDS: usize = 5;
 
-/// What was held out.
+/// The kind of held-out data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HeldOutBy {
@@ -37,7 +37,7 @@ pub enum HeldOutBy {
     Pixels,
 }
 
-/// How well the cells explain what was held out, per channel.
+/// Scores of the cells on the held-out pixels, per channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeldOut {
     /// What was held out.
@@ -46,15 +46,15 @@ pub struct HeldOut {
     pub score: [Score; CHANNELS],
 }
 
-/// One split of a field into what is fitted and what is held out.
+/// One split of a field into fitted and held-out pixels.
 pub(super) struct Fold<'a> {
     /// Fitted positions, at each azimuth.
     pub seen: Vec<Place<'a>>,
     /// Their landings.
     pub landings: Vec<Landing>,
-    /// The position that holds what is held out, ...
+    /// The position of the held-out pixels, ...
     pub held: Place<'a>,
-    /// ... where its middle lies.
+    /// ... and its centre.
     pub middle: [f64; 2],
     /// Which part of its tiles is held out; all if `None`.
     pub part: Option<usize>,
@@ -87,7 +87,7 @@ pub(super) fn tile_folds<'a>(
         .collect()
 }
 
-/// How the cells of one channel are fitted.
+/// Settings of the fit of one channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Choice {
     /// Standard deviation of a blob, cells.
@@ -98,14 +98,14 @@ pub(super) struct Choice {
     pub rounds: usize,
 }
 
-/// Where a fit starts: even light, or green's cells this many cells further out.
+/// Start of a fit: even light, or the cells of green, moved outwards by this number of cells.
 pub(super) fn start(seen: &[Place], channel: usize, green: Option<(&[f64], isize)>) -> Vec<f64> {
     let sum = seen.iter().map(|p| p.measured.psf.light_e_per_s[channel]).sum::<f64>();
     let light = sum / seen.len().max(1) as f64;
     green.map_or_else(|| even(light), |(cells, outward)| shaped(cells, outward, light))
 }
 
-/// Chooses how each channel is fitted, and returns how well the held-out pixels are explained then. The channels of a monochrome
+/// Chooses the settings of each channel and returns the scores on the held-out pixels. The channels of a monochrome
 /// sensor are one, and fitted once.
 pub(super) fn choose(
     folds: &[Fold],
@@ -142,7 +142,7 @@ pub(super) fn choose(
     (channels.map(|c| c.0), HeldOut { by, score })
 }
 
-/// The way to fit one channel that best explains the held-out pixels, and the cells of each split fitted so.
+/// The settings of one channel that best explain the held-out pixels, and the cells of each split fitted with them.
 fn best(
     folds: &[Fold],
     channel: usize,

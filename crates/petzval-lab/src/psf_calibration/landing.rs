@@ -17,7 +17,7 @@ pub struct FinePsf {
     pub disc_um: f64,
 }
 
-/// Where a PSF lands on a window of pixels.
+/// Position and direction of a PSF on a window of pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
     /// Row of the image point in the window; whole numbers are pixel centres.
@@ -45,9 +45,9 @@ pub struct Landing {
 
 /// Places and weights of a quadrature over a disc of radius 1 whose diameter is `diameter_px` pixels.
 ///
-/// Up to a pixel: the centre and six points, exact to fifth degree (Abramowitz & Stegun 25.4.61). Beyond, seven points would be
-/// seven images; rings of equal cells then, half a pixel apart, the second moment exact: ring k of n has `3 (2k - 1)` points at
-/// radius `sqrt(k^2 - k + 1/2) / n`.
+/// Up to a pixel: the centre and six points, exact to fifth degree (Abramowitz & Stegun 25.4.61). A larger disc needs
+/// more points, or seven separate images would appear: rings of equal cells, half a pixel apart, with exact second
+/// moment. Ring k of n has `3 (2k - 1)` points at radius `sqrt(k^2 - k + 1/2) / n`.
 fn disc_points(diameter_px: f64) -> Vec<(f64, f64, f64)> {
     if diameter_px <= 0.0 {
         return vec![(0.0, 0.0, 1.0)];
@@ -72,7 +72,7 @@ fn disc_points(diameter_px: f64) -> Vec<(f64, f64, f64)> {
         .collect()
 }
 
-/// Rings at most: discs of more pixels than this are wider than any window and come out coarse.
+/// Largest number of rings; a disc that would need more is wider than any window, and is sampled coarsely.
 const MOST_RINGS: f64 = 32.0;
 
 impl Landing {

@@ -1,4 +1,4 @@
-//! The white diode behind the pinhole, and its spectrum as each colour of the sensor sees it.
+//! The white diode behind the pinhole, and its spectrum weighted by the response of each colour of the sensor.
 
 use petzval_camera::image::CHANNELS;
 use petzval_camera::sensor::{CfaPattern, Colour, SensorModel};
@@ -23,10 +23,10 @@ pub fn led_wavelengths_um() -> Vec<f64> {
     (0..29).map(|i| 0.41 + 0.01 * i as f64).collect()
 }
 
-/// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1 and the
-/// others to what they see relative to it. The three channels of a monochrome sensor are one.
+/// Weight of each wavelength in each channel, `[channel][wavelength]`, diode times quantum efficiency; green sums to 1
+/// and the others to their signal relative to green. The three channels of a monochrome sensor are one.
 ///
-/// The sensor's own efficiency curves count where it has them, with their factors. Without them, stated stand-ins do:
+/// The efficiency curves are those of the sensor, with their factors, or else stated stand-ins:
 /// Gaussian colour filters around 0.600, 0.535 and 0.460 um of 80, 85 and 75 nm full width, scaled to the sensor's relative
 /// efficiencies; of clear pixels, one efficiency at all wavelengths.
 pub fn channel_weights(sensor: &SensorModel, wavelengths_um: &[f64]) -> [Vec<f64>; CHANNELS] {
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_sees_what_its_curve_with_its_factor_says() {
+    fn channel_weights_follow_curves_and_factors() {
         let text = include_str!("../../../../data/quantum-efficiency/imx219.toml");
         let plain = petzval_files::parse_quantum_efficiency_toml(text).unwrap();
         let um = led_wavelengths_um();
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn the_channels_of_a_monochrome_sensor_are_one() {
+    fn the_channels_of_a_monochrome_sensor_are_equal() {
         let mono = SensorModel { cfa: CfaPattern::MONO, ..sensor() };
         let [red, green, blue] = channel_weights(&mono, &led_wavelengths_um());
         assert!(red == green && green == blue);

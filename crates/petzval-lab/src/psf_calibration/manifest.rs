@@ -19,7 +19,7 @@
 //! [[position.exposure]]
 //! exposure_ms = 1.0
 //! frames = ["diagonal-3.2/1ms-00.png", "diagonal-3.2/1ms-01.png"]
-//! dark_frames = []                  # none: the sensor's modelled dark signal is taken off
+//! dark_frames = []                  # none: the sensor's modelled dark signal is subtracted
 //! ```
 
 use std::collections::BTreeSet;
@@ -42,7 +42,7 @@ pub struct Manifest {
     /// Linear gain of all frames, 1 = the sensor's system gain.
     #[serde(default = "unit_gain")]
     pub linear_gain: Spanned<f64>,
-    /// What is known of the source.
+    /// Properties of the source.
     #[serde(default)]
     pub source: Source,
     /// Places of the source.
@@ -77,7 +77,7 @@ pub struct Source {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Position {
-    /// What reports call it.
+    /// Name in reports.
     pub name: Spanned<String>,
     /// Ideal (undistorted) image radius, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -117,13 +117,13 @@ fn corner() -> Spanned<[usize; 2]> {
     unspanned([0, 0])
 }
 
-/// A value that comes from no text.
+/// A value without a position in a text.
 pub fn unspanned<T>(value: T) -> Spanned<T> {
     Spanned::new(0..0, value)
 }
 
 impl Manifest {
-    /// Reads and checks a manifest; files are not looked for yet.
+    /// Reads and checks a manifest, without checking that its files exist.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
         let manifest: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
         manifest.check(text)?;
@@ -218,8 +218,8 @@ impl Manifest {
     }
 }
 
-/// Where a file is named for the last time in the table that its list of frames is in; that list, if it is spelled in
-/// another way.
+/// Position of the last mention of a file in the table of its list of frames; position of that list if the file is spelled
+/// differently.
 fn last_place(text: &str, frames: &Range<usize>, file: &str) -> Range<usize> {
     let end = text.get(frames.end..).and_then(|rest| rest.find("\n[")).map_or(text.len(), |n| frames.end + n);
     let start = text.get(..frames.start).and_then(|head| head.rfind("\n[")).unwrap_or(0);
@@ -246,14 +246,14 @@ frames = ["c.png"]
 "#;
 
     #[test]
-    fn a_manifest_survives_a_round_trip() {
+    fn writing_and_reading_keeps_a_manifest() {
         let manifest = Manifest::from_toml(GOOD).unwrap();
         assert_eq!(manifest.position[0].exposure.len(), 2);
         assert_eq!(Manifest::from_toml(&manifest.to_toml().unwrap()).unwrap(), manifest);
     }
 
     #[test]
-    fn every_mistake_is_told_with_its_line() {
+    fn every_error_has_its_line() {
         for (from, to, line, key) in [
             ("exposure_ms = 4.0", "exposure_ms = 0.5", 9, "exposure_ms"),
             ("exposure_ms = 4.0", "exposure_ms = nan", 9, "exposure_ms"),

@@ -1,4 +1,4 @@
-//! From the merged mosaic to the PSF: background, demosaic, centroid, crop, and how well each is known.
+//! Computes the PSF from the merged mosaic: background, demosaic, centroid, crop, and their errors.
 //!
 //! The centroid is that of the demosaiced green plane in a round window that moves with it,
 //!
@@ -47,14 +47,14 @@ pub struct PixelPsf {
     pub corner: (usize, usize),
     /// Values of each channel, `CROP` x `CROP`, rows in sensor order, unit sum; noise may take values below 0.
     pub values: [Vec<f64>; CHANNELS],
-    /// Sum of each channel over the crop before it was normalised, electrons/s of its pixels. Of spots no wider than a few
-    /// pixels it depends on where they fall on the mosaic; the light that [`super::estimate`] fits does not.
+    /// Sum of each channel over the crop before it was normalised, electrons/s of its pixels. For spots no wider than a
+    /// few pixels it depends on their position on the mosaic; the light that [`super::estimate`] fits does not.
     pub light_e_per_s: [f64; CHANNELS],
     /// Centroid of each channel in the window, (row, column), px.
     pub centroid_px: [[f64; 2]; CHANNELS],
 }
 
-/// How far noise alone carries a measurement.
+/// Effect of noise alone on a measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseFloor {
     /// Expected L1 distance of each channel's PSF from the noiseless one, background and normalisation included: the mean over
@@ -75,9 +75,9 @@ pub struct Measured {
     pub centroid_se_px: [f64; 2],
     /// Background of each colour, electrons/s.
     pub background_e_per_s: [f64; CHANNELS],
-    /// What noise alone does.
+    /// Noise floor.
     pub floor: NoiseFloor,
-    /// The mosaic less its background, electrons/s.
+    /// The mosaic minus its background, electrons/s.
     pub mosaic_e_per_s: Vec<f64>,
     /// Other bright spots of the window, 4 px and more from the source: (row, column) and share of the main peak.
     pub other_sources: Vec<([usize; 2], f64)>,
@@ -169,7 +169,7 @@ pub fn extract(
     Ok(out)
 }
 
-/// Crops light that is known in every colour of every pixel, as no mosaic shows it.
+/// Crops light that is known in every colour of every pixel, without a mosaic.
 pub fn extract_ideal(
     light: &[Vec<f64>; CHANNELS],
     width: usize,
@@ -208,7 +208,7 @@ pub fn measure(
     let mosaic = frame.without(rate, background);
     let psf = extract(&mosaic, frame, found, None, position)?;
     let centre = psf.centroid_px[1];
-    // From the brightest spot on, since a second source draws the centroid towards itself.
+    // Start at the brightest spot, because a second source shifts the centroid of the whole frame.
     let other_sources = other_sources(&mosaic, variance, frame, source);
     Ok(Measured {
         centroid_se_px: centroid_error(&mosaic, variance, frame, centre, position)?,
@@ -250,7 +250,7 @@ fn centroid_error(
     Ok(error)
 }
 
-/// Measures the measured mosaic again under draws of its noise, and looks how far the results move.
+/// Repeats the measurement with draws of noise added to the mosaic, and computes the scatter of the results.
 fn noise_floor(
     rate: &[f64],
     variance: &[f64],

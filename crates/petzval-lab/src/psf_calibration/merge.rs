@@ -12,15 +12,15 @@
 //! standard deviation p). The same offset is in all exposures, so it is counted once:
 //!
 //! ```text
-//! w_k = 1 / (v_k(r) + s_k^2 / t_k^2),   s_k = s, or 0 where dark frames were taken off
+//! w_k = 1 / (v_k(r) + s_k^2 / t_k^2),   s_k = s, or 0 where dark frames were subtracted
 //! r = sum w_k r_k / W,   var r = sum w_k^2 v_k / W^2 + (sum w_k s_k / t_k / W)^2 + (p r)^2,   W = sum w_k
 //! ```
 //!
-//! The variance is that of the *expected* signal. With the variance of each noisy value instead, values that came out low
-//! would weigh more, and the merged rate would be biased low. The expected signal starts as the pooled estimate
-//! `sum N_k t_k r_k / sum N_k t_k` (which is the best one where shot noise rules) and is then refined twice. A pixel that
-//! met the end of the converter or 98 % of the full well, dark electrons included, in any frame of an exposure has no weight
-//! there. Noise that a row or a column shares enters pixel by pixel; that its neighbours have it too is not followed.
+//! The variance is that of the *expected* signal. With the variance of each noisy value instead, low values would get
+//! more weight, and the merged rate would be biased low. The expected signal starts as the pooled estimate
+//! `sum N_k t_k r_k / sum N_k t_k` (which is the best one where shot noise dominates) and is then refined twice. A
+//! pixel that reached the end of the converter or 98 % of the full well, dark electrons included, in any frame of an
+//! exposure has no weight there. Noise that a row or a column shares is treated as independent from pixel to pixel.
 
 use super::average::{Average, Dark};
 use super::frame::Frame;
@@ -34,7 +34,7 @@ pub struct ExposureMean {
     pub time_s: f64,
     /// Mean of the frames.
     pub light: Average,
-    /// What to take off.
+    /// Dark signal to subtract.
     pub dark: Dark,
 }
 
@@ -51,7 +51,7 @@ pub struct Merged {
     pub saturated: Vec<bool>,
 }
 
-/// What the sensor adds to the light, at one linear gain.
+/// Noise and dark signal of the sensor at one linear gain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorNoise {
     /// Digital numbers per electron.
@@ -71,7 +71,7 @@ pub struct SensorNoise {
 /// Share of the full well from which a pixel counts as saturated.
 const FULL: f64 = 0.98;
 
-/// How often the expected signal behind the variance is refined.
+/// Number of refinements of the expected signal for the variance.
 const REFINEMENTS: usize = 2;
 
 /// Digital number from which a pixel counts as saturated: the end of the converter, or 98 % of the full well with the offset
@@ -131,7 +131,7 @@ impl ExposureMean {
             / self.time_s.powi(2)
     }
 
-    /// Standard deviation of what the pixels' offsets do to the rate, electrons/s; none where dark frames were taken off.
+    /// Standard deviation of the rate by the pixels' offsets, electrons/s; zero where dark frames were subtracted.
     pub fn offset_e_per_s(&self, noise: &SensorNoise) -> f64 {
         if self.dark.frames > 0 { 0.0 } else { noise.dsnu_e / self.time_s }
     }
@@ -158,7 +158,7 @@ struct Pooled {
     rate: f64,
     /// Temporal variance of the rate.
     variance: f64,
-    /// What the pixel's offset does to it, standard deviation, electrons/s.
+    /// Standard deviation of the rate by the pixel's offset, electrons/s.
     offset: f64,
 }
 
@@ -191,7 +191,7 @@ pub fn merge(exposures: &[ExposureMean], sensor: &SensorModel, linear_gain: f64)
         if saturated {
             good = exposures[..1].iter().collect();
         }
-        // Where shot noise rules, the best estimate is all electrons over all time.
+        // Start with all electrons over all time, the best estimate where shot noise dominates.
         let time = |e: &ExposureMean| e.light.frames as f64 * e.time_s;
         let total: f64 = good.iter().map(|e| time(e)).sum();
         let all = good.iter().map(|e| time(e) * e.rate(i, noise.gain_dn_per_e)).sum::<f64>() / total;
@@ -208,7 +208,7 @@ pub fn merge(exposures: &[ExposureMean], sensor: &SensorModel, linear_gain: f64)
     merged
 }
 
-/// One exposure beside all others.
+/// Comparison of one exposure with all others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
     /// Mean squared difference of the rates over its variance: 1 where the exposures show the same light.
@@ -219,10 +219,10 @@ pub struct Agreement {
     pub pixels: usize,
 }
 
-/// A pixel is bright where its rate is so many standard deviations of the difference.
+/// Standard deviations of the difference from which the rate of a pixel counts as bright.
 const BRIGHT_SIGMAS: f64 = 5.0;
 
-/// Fewer bright pixels than this give no useful agreement.
+/// Least number of bright pixels for a comparison.
 const LEAST_PIXELS: usize = 8;
 
 /// Compares exposure number `index` with the merged rates of all others, where both are bright and none is saturated; `None`
@@ -259,13 +259,14 @@ pub fn agreement(
     })
 }
 
-/// Hot pixels stand out of the median of the 5x5 pixels around them by so many standard deviations.
+/// Standard deviations of a hot pixel above the median of the 5x5 pixels around it.
 const HOT_SIGMAS: f64 = 8.0;
 
-/// All neighbours of a hot pixel but the brightest (which may be hot as well) stand out by less than this share of what it does.
+/// Largest height of the neighbours above the median, relative to that of the hot pixel. The brightest neighbour is
+/// exempt, because it may be hot as well.
 const HOT_NEIGHBOURS: f64 = 0.25;
 
-/// This near to the source a single bright pixel may be its peak, px.
+/// Distance from the source within which a single bright pixel may be its peak, px.
 const HOT_DISTANCE_PX: f64 = 3.0;
 
 /// Finds single bright pixels away from the `source` and replaces them by the median of their colour's neighbours, whose
@@ -278,11 +279,11 @@ const HOT_DISTANCE_PX: f64 = 3.0;
 /// r - m > 8 sigma   and   r2 - m < (r - m) / 4
 /// ```
 ///
-/// Light that came through a lens falls on neighbours too: a round spot in the middle of a pixel gives four of them a quarter
-/// of its own share or more from a width of 1.2 px at half of its height on. Those nearest have other colours, but filters
-/// overlap. (In 153 simulated captures of the nominal triplet, no pixel 8 sigma above m has an r2 below m + 0.45 (r - m).)
-/// On the flank of a PSF the neighbours nearer to the source stand out as well, so there a hot pixel is found if it
-/// is four times as bright as they are. Darker pixels stay, since they cannot be distinguished from light.
+/// Light through a lens falls on neighbours too: a round spot in the middle of a pixel, at least 1.2 px wide at half
+/// height, gives four neighbours a quarter of the pixel's share or more. The nearest neighbours have other colours, but
+/// filters overlap. (In 153 simulated captures of the nominal triplet, no pixel 8 sigma above m has an r2 below m +
+/// 0.45 (r - m).) On the flank of a PSF the neighbours nearer to the source are bright as well, so a hot pixel is found
+/// there only if it is four times as bright. Weaker hot pixels stay, because they cannot be distinguished from light.
 pub fn mask_hot_pixels(merged: &mut Merged, frame: &Frame, source: [f64; 2]) -> Vec<usize> {
     let inside = |at: usize, step: isize, len: usize| at.checked_add_signed(step).filter(|v| *v < len);
     let around = |i: usize| -> Vec<usize> {

@@ -7,23 +7,23 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | which frames belong to which place of the source | [`manifest`] |
+//! | the frames of each place of the source | [`manifest`] |
 //! | mean and variance of repeated frames, dark frames | [`average`] |
 //! | exposures of several times as one rate, with its variance | [`merge`] |
 //! | the window of a source on the sensor | [`frame`] |
-//! | the source, and whether there is another | `spots` |
+//! | find the source, and other sources | `spots` |
 //! | centroid, crop, background, and their noise floor | [`measure`] |
 //! | light of a finely sampled PSF on the pixels of a window | [`landing`] |
-//! | where the source is in each frame, and whether it moved | [`track`] |
-//! | measured beside simulated | [`compare`] |
-//! | one place of the source, as the estimate needs it | [`place`] |
+//! | position of the source in each frame, and its movement | [`track`] |
+//! | comparison of measured and simulated PSFs | [`compare`] |
+//! | one measured place of the source | [`place`] |
 //! | PSFs on fine cells from several azimuths, for the renderer; how well they predict | [`estimate`], [`held_out`], [`register`] |
 //! | a bank of PSFs as files | [`psf_file`] |
 //! | frames of a simulated source, and the spectrum of its diode | [`capture`], [`led`] |
 //! | a folder of captures from its manifest to measured PSFs | [`folder`] |
 //!
 //! Method: Tseng et al. 2021, supplement section 11. Our additions are the weights of the merge, the
-//! predicted noise floor, and the bank; each is described where it is made.
+//! predicted noise floor, and the bank; the modules describe them.
 
 mod ascent;
 pub mod average;

@@ -1,16 +1,16 @@
-//! One place of the source as the estimate needs it, and the grid of cells that is estimated.
+//! One measured place of the source, and the grid of cells of the estimate.
 
 use super::frame::Frame;
 use super::measure::{CROP, Measured};
 use super::merge::Merged;
 
-/// Cells of the bank along a pixel.
+/// Number of cells of the bank along a pixel.
 pub const CELLS_PER_PIXEL: usize = 3;
 
 /// Cells along a side of the bank's grid.
 pub const GRID: usize = CROP * CELLS_PER_PIXEL;
 
-/// One measured place, as the estimate needs it.
+/// One measured place: the input of the estimate.
 #[derive(Debug, Clone, Copy)]
 pub struct Place<'a> {
     /// Radius of the field, mm.

@@ -14,17 +14,17 @@ use petzval_files::npy_bytes;
 /// Name of the file with the axes.
 pub const AXES_FILE: &str = "psfs.toml";
 
-/// Most values of a bank: 1 GiB in single precision.
+/// Largest number of values of a bank: 1 GiB in single precision.
 const MOST_VALUES: usize = 1 << 28;
 
-/// Sizes of a cell that a PSF on pixels may have, um.
+/// Permitted cell sizes, um.
 const PITCH_UM: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 /// The axes of a bank of PSFs, as in `psfs.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PsfAxes {
-    /// Where the PSFs come from.
+    /// Source of the PSFs.
     pub source: String,
     /// File of the values beside this one: float32 `[field][channel][row][col]`, unit sum each.
     pub values: String,
@@ -99,7 +99,7 @@ pub fn load_psfs(path: &Path) -> Result<PsfBank, PsfCalibrationError> {
         let message = format!("{} fields, but {fields} radii", axes.illumination.len());
         return Err(wrong("illumination", message, "three numbers for each field"));
     }
-    // The values stand beside their axes, wherever the folder is.
+    // Read the values from the folder of the axes.
     let values_path = path.parent().unwrap_or(Path::new("")).join(&axes.values);
     let values_wrong = |reason: String| PsfCalibrationError::Values { path: values_path.clone(), reason };
     let bytes = std::fs::read(&values_path).map_err(PsfCalibrationError::io(&values_path))?;
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bank_survives_its_files_and_a_failure_leaves_nothing_behind() {
+    fn writing_and_reading_keeps_a_bank_and_a_failure_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let path = save_psfs(&bank(), "test", at).unwrap();
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_of_the_right_key() {
+    fn every_error_names_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = save_psfs(&bank(), "test", folder.path()).unwrap();
         let good = std::fs::read_to_string(&path).unwrap();

@@ -1,4 +1,4 @@
-//! Where on the pixels of a position the middle of a fitted PSF lies, and how well the PSF explains what is seen there.
+//! Finds the centre of a fitted PSF on the pixels of a position, and scores how well the PSF explains them.
 
 use super::ascent::{Datum, landing, pixels};
 use super::landing::Landing;
@@ -8,13 +8,13 @@ use petzval_camera::image::CHANNELS;
 /// Step of the differences behind a registration, px.
 const STEP_PX: f64 = 0.02;
 
-/// Farthest that one registration moves a position, px.
+/// Largest move of a position in one registration, px.
 const MOST_PX: f64 = 0.3;
 
-/// How often a position that took no part is put right.
+/// Number of registrations of a held-out position.
 const MOVES: usize = 8;
 
-/// How well cells explain pixels.
+/// Residuals of pixels, given the cells.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Score {
     /// Sum of squared residuals over variances.
@@ -23,7 +23,7 @@ pub struct Score {
     pixels: f64,
     /// Sum of absolute residuals, electrons/s.
     off: f64,
-    /// What noise alone makes of that, electrons/s.
+    /// The same for noise alone, electrons/s.
     noise: f64,
     /// Light on the pixels, electrons/s.
     light: f64,
@@ -40,12 +40,12 @@ impl Score {
         self.off / self.light
     }
 
-    /// What noise alone would make of [`Score::l1`]: `sqrt(2/pi)` of the standard deviations.
+    /// [`Score::l1`] for noise alone: `sqrt(2/pi)` of the standard deviations.
     pub fn noise_l1(&self) -> f64 {
         self.noise / self.light
     }
 
-    /// Of both.
+    /// The sum of two scores.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             square: self.square + other.square,
@@ -85,8 +85,8 @@ fn light_factor(data: &[Datum], landed: &[f64]) -> f64 {
     if bottom > 0.0 { top / bottom } else { 1.0 }
 }
 
-/// How far a position's middle is from where the cells explain its pixels best, (row, column), px: one Gauss-Newton step over all
-/// colours, the light of each free.
+/// Distance of a position's centre from the best fit of the cells to its pixels, (row, column), px: one Gauss-Newton
+/// step over all colours, the light of each free.
 pub(super) fn misplaced(
     place: &Place,
     middle: [f64; 2],
@@ -103,7 +103,7 @@ pub(super) fn misplaced(
         for d in data {
             let expected = light * d.time_s * landed[0][d.pixel];
             let by = [1, 2].map(|k| light * d.time_s * (landed[k][d.pixel] - landed[0][d.pixel]) / STEP_PX);
-            // Where the fit is not there yet, its own variance is the fairer one.
+            // Before the fit has converged, use the variance of the expected light.
             let weight = 1.0 / (d.variance + 1e-4 * expected * expected);
             let residual = d.value - expected;
             normal = [
@@ -122,8 +122,8 @@ pub(super) fn misplaced(
     step.map(|s| if s.is_finite() { s.clamp(-MOST_PX, MOST_PX) } else { 0.0 })
 }
 
-/// How well cells, in any unit of light, explain a position that took no part in their fit. Free are its middle, (row,
-/// column), which is fitted from `start` on and returned, and the light of each colour.
+/// Scores a position that took no part in the fit of the cells, which may have any unit of light. The light of each
+/// colour is free, and so is the centre (row, column): it is fitted from `start` and returned.
 pub fn explain(
     place: &Place,
     start: [f64; 2],

@@ -1,48 +1,48 @@
-//! Bright spots of a mosaic: where the source is, and whether there is another one.
+//! Bright spots of a mosaic: finds the source, and other sources.
 //!
-//! Spots are looked for in the light of a Bayer tile around each pixel: 3x3 pixels with the weights of bilinear interpolation,
+//! Spots are maxima of the light of a Bayer tile around each pixel: 3x3 pixels with the weights of bilinear interpolation,
 //!
 //! ```text
 //!     | 1 2 1 |
-//! 1/4 | 2 4 2 |     red 1, green 2, blue 1, on whichever colour its middle lies
+//! 1/4 | 2 4 2 |     red 1, green 2, blue 1, whatever colour is in the middle
 //!     | 1 2 1 |
 //! ```
 //!
 //! With even weights the colours would be 4:4:1, 2:5:2 or 1:4:4 in turn, and a spot of one colour would have holes.
 //!
-//! Light that belongs to the source's own PSF, be it a tail, a ring or a caustic, is joined to its peak: some path leads there
-//! on which the light does not fall far below that of its end. A maximum is *apart* if on every path to the peak s(0) there
-//! is a gap (the key saddle of topographic prominence),
+//! Light of the source's own PSF (a tail, a ring or a caustic) is connected to its peak: on some path to the peak the
+//! light does not fall far below that of the starting point. A maximum is *apart* if every path to the peak s(0) has a
+//! gap (the key saddle of topographic prominence),
 //!
 //! ```text
 //! max over paths (min along the path s) < min(s(x) / 2, s(x) - 8 sigma(x))
 //! ```
 //!
-//! Lateral colour takes the colours of one source apart, and then blue is a maximum of its own with a gap before it. But it has
-//! one colour only. A second source has them all, taken apart as those of the first one are: with s_c the light of colour c and
-//! p_c its peak by the source,
+//! Lateral colour separates the colours of one source, so that blue may be a maximum of its own with a gap before it.
+//! But this maximum has only one colour. A second source has all colours, separated like those of the first: with s_c
+//! the light of colour c and p_c its peak at the source,
 //!
 //! ```text
 //! s_c(p_c + x) / s_c(p_c) > 1/4 s(x) / s(0)     in each colour
 //! ```
 //!
-//! where 1/4 leaves room for how differently spots as small as a pixel fall on the red and blue pixels. Beyond the distance
-//! at which a PSF is over, any maximum is another source.
+//! where 1/4 allows for the uneven sampling of spots as small as a pixel by the red and blue pixels. Beyond the extent
+//! of a PSF, any maximum is another source.
 
 use super::PsfCalibrationError;
 use super::frame::{BACKGROUND_PX, Frame};
 use petzval_camera::image::CHANNELS;
 
-/// A source stands out of the noise by so many standard deviations.
+/// Least height of a source above the noise, standard deviations.
 pub(super) const DETECTION_SIGMAS: f64 = 8.0;
 
-/// A second source is reported from this share of the first one's peak on.
+/// Least peak of a reported second source, relative to the first one's.
 pub(super) const SECOND_SOURCE: f64 = 0.1;
 
-/// Nearer than this two maxima are one PSF, and the peaks of all colours of one source are no further from its peak, px.
+/// Distance within which two maxima belong to one PSF, and within which the peaks of all colours of a source lie, px.
 const NEAR_PX: f64 = 4.0;
 
-/// Before a spot that is apart, the light falls below this share of it.
+/// Share of a spot's light below which the light must fall before a spot that is apart.
 const GAP: f64 = 0.5;
 
 /// Share of each colour in a second spot, over the share of all light: at least this.
@@ -138,7 +138,7 @@ pub(super) fn find_source(
     let tiles = Tiles::new(rate, variance, frame);
     let mut spots: Vec<usize> = tiles.inner().collect();
     spots.sort_by(|a, b| tiles.light[*a].total_cmp(&tiles.light[*b]));
-    // The median stands for the background, in light and in noise.
+    // Take the median as background, for light and for noise.
     let (median, brightest) = (spots[spots.len() / 2], spots[spots.len() - 1]);
     let sigmas = (tiles.light[brightest] - tiles.light[median]) / tiles.sigma[median];
     if sigmas < DETECTION_SIGMAS || !sigmas.is_finite() {
@@ -165,7 +165,7 @@ pub(super) fn other_sources(
     let has_all_colours = |i: usize| {
         (0..CHANNELS).all(|c| {
             let colour = &tiles.colours[c];
-            // What lies outside the frame does not speak against it.
+            // A colour whose peak would lie outside the frame does not count against the source.
             let there = tiles.shifted(peaks[c], source, i);
             there.is_none_or(|there| colour[there] > COLOUR_SHARE * share(i) * colour[peaks[c]])
         })
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_has_all_colours_wherever_it_lies() {
+    fn a_tile_has_all_colours_at_every_position() {
         let colours = [3.0, 5.0, 11.0];
         for phase in 0..4 {
             let frame = frame(phase / 2, phase % 2);
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn one_source_is_one_whatever_its_shape_and_colours() {
+    fn one_source_of_any_shape_and_colour_is_one_source() {
         for phase in 0..4 {
             let frame = frame(800 + phase / 2, 1200 + phase % 2);
             // The shadow of a pupil with a hole, brightest where the ring is cut at the middle of the window; across, it is dark.
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_source_is_told_of_with_lateral_colour_too() {
+    fn a_second_source_is_found_also_with_lateral_colour() {
         let spot = |c: usize, row: f64, col: f64| gauss(row - [0.0, 0.0, 2.5][c], col, 1.2);
         for phase in 0..4 {
             let frame = frame(800 + phase / 2, 1200 + phase % 2);

@@ -113,7 +113,7 @@ const SPOT: Spot = Spot { row: 31.3, col: 32.4, azimuth_rad: 0.6 };
 const CORNER: Placement = Placement { row: 801, col: 1200 };
 
 #[test]
-fn light_is_conserved_and_lands_where_it_is_sent() {
+fn landing_conserves_light_and_centroid() {
     let psf = fine();
     let planes = psf.land(SPOT, 5.86, (SIDE, SIDE));
     let total: f64 = planes[1].iter().sum();
@@ -150,7 +150,7 @@ fn the_image_of_a_wide_pinhole_is_a_disc() {
 }
 
 #[test]
-fn the_error_of_a_centroid_holds_what_demosaicing_does() {
+fn the_error_of_a_centroid_includes_demosaicing() {
     // A spot below a pixel, without noise: through the same mosaic nothing is left, but the centroid is off.
     let values = vec![1.0];
     let psf = FinePsf {
@@ -176,7 +176,7 @@ fn the_error_of_a_centroid_holds_what_demosaicing_does() {
 }
 
 #[test]
-fn a_place_beyond_the_frame_is_no_place() {
+fn a_position_outside_the_frame_counts_as_unknown() {
     let psf = fine();
     let taken = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
     for expected in [[-40.0, 30.0], [500.0, 500.0], [31.0, 2.0]] {
@@ -186,7 +186,7 @@ fn a_place_beyond_the_frame_is_no_place() {
         assert!(!found.is_placed, "{expected:?}");
         assert!(found.l1[1] < 2e-3, "{}", found.l1[1]);
     }
-    // Far off but within the frame: the error is told.
+    // Far off but within the frame: the error is reported.
     let expected = [SPOT.row + 12.0, SPOT.col - 9.0];
     let off = compare(&taken.measured, &taken.frame, &psf, 5.86, SPOT.azimuth_rad, Some(expected), "off");
     let off = off.unwrap().centroid_error_px[1];
@@ -206,7 +206,7 @@ fn gathering_is_the_transpose_of_landing() {
 }
 
 #[test]
-fn without_noise_the_fair_psf_is_measured_exactly_and_demosaicing_is_what_remains() {
+fn without_noise_only_the_error_of_demosaicing_remains() {
     let psf = fine();
     let taken = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
     let comparison = against(&psf, &taken, SPOT);
@@ -252,7 +252,7 @@ fn a_monochrome_sensor_measures_one_psf_without_demosaicing() {
 }
 
 #[test]
-fn a_mosaic_that_is_neither_bayer_nor_mono_is_refused_with_a_way_out() {
+fn a_mosaic_that_is_neither_bayer_nor_mono_is_refused_with_a_hint() {
     for tile in ["RRGG/RRGG/GGBB/GGBB", "WR/GB", "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG"] {
         let error = check_mosaic(tile.parse().unwrap()).unwrap_err().to_string();
         assert!(error.contains(tile) && error.contains("hint: "), "{error}");
@@ -301,7 +301,7 @@ fn a_known_psf_is_recovered_within_its_noise_floor() {
 }
 
 #[test]
-fn the_modelled_variance_is_that_of_the_merged_rates() {
+fn the_modelled_variance_equals_that_of_the_merged_rates() {
     let psf = fine();
     let sensor = sensor();
     let truth = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
@@ -362,7 +362,7 @@ fn bank_of(psf: &FinePsf) -> (PsfBank, FieldEstimate) {
 
 /// A place, an azimuth and noise that took no part: what the bank says of itself holds, on the mosaic and demosaiced.
 #[test]
-fn the_bank_predicts_a_new_position_as_well_as_it_says() {
+fn the_bank_predicts_a_new_position_within_its_stated_error() {
     let psf = fine();
     let (bank, field) = bank_of(&psf);
     let cells = bank.grid * bank.grid;
@@ -401,7 +401,7 @@ fn the_bank_predicts_a_new_position_as_well_as_it_says() {
 
 /// A field with one position can be tested on parts of its pixels only, and says so.
 #[test]
-fn a_lone_position_is_told_of() {
+fn a_single_position_gives_a_warning() {
     let psf = fine();
     let taken = take(&psf, SPOT, CORNER, NoiseMode::Exact, 0.8, 3);
     let place = Place {
@@ -424,7 +424,7 @@ fn a_lone_position_is_told_of() {
 }
 
 #[test]
-fn what_is_no_psf_is_told() {
+fn captures_without_a_psf_are_errors() {
     let sensor = sensor();
     let frame = Frame { height: SIDE, width: SIDE, placement: CORNER, cfa: sensor.cfa };
     let dark = Merged {

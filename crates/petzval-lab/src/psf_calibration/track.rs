@@ -1,19 +1,19 @@
-//! Where the source is in each frame, and whether it moved.
+//! Position of the source in each frame, and its movement.
 //!
-//! The centroid here is that of all light that the mosaic caught, each pixel as it is and nothing demosaiced,
+//! The centroid here is that of all light of the mosaic, without demosaicing,
 //!
 //! ```text
 //! c = sum w (m - b) x / sum w (m - b),     var c = sum (w (x - c) / L)^2 var m,     L = sum w (m - b)
 //! ```
 //!
-//! with the window `w` of [`super::measure`] moving along, and pixels left out (hot ones, saturated ones) on request. It is no
-//! measure of where the source is to a part of a pixel, since a mosaic's colours catch light unevenly. It is one of whether two
-//! frames show the same: both are wrong in the same way, if the same pixels are left out.
+//! with the window `w` of [`super::measure`], which moves with the centroid. Hot and saturated pixels may be left out.
+//! This centroid is not exact to a fraction of a pixel, because a mosaic's colours sample light unevenly. But it shows
+//! whether the source moved between two frames: both have the same error if the same pixels are left out.
 
 use super::measure::{Frame, window};
 use petzval_base::statistics::median;
 
-/// Light below so many standard deviations has no centroid: propagation of errors holds for small ones.
+/// Least light for a centroid, standard deviations: propagation of errors holds only for small errors.
 const LIGHT_SIGMAS: f64 = 10.0;
 
 /// A place with its standard error, (row, column), px.
@@ -27,21 +27,21 @@ pub struct Centroid {
     pub light_sigmas: f64,
 }
 
-/// Mosaics of one kind: their variance, what their rows and columns share, and what is left out.
+/// Common properties of mosaics of one kind: window, variance, shared noise of rows and columns, and excluded pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct Mosaics<'a> {
-    /// Where they lie.
+    /// Their window.
     pub frame: &'a Frame,
     /// Variance of each pixel, in the square of the mosaics' unit.
     pub variance: &'a [f64],
-    /// Variance of what each row, and each column, shares.
+    /// Variance of the noise that a row shares, and of that which a column shares.
     pub shared: [f64; 2],
     /// Pixels left out.
     pub left_out: &'a [bool],
 }
 
 impl Mosaics<'_> {
-    /// Centroid of one of them, looked for from `start`; `None` if it has too little light.
+    /// Centroid of one mosaic, iterated from `start`; `None` if it has too little light.
     pub fn centroid(&self, mosaic: &[f64], start: [f64; 2]) -> Option<Centroid> {
         const MOVES: usize = 50;
         let Frame { height, width, .. } = *self.frame;
@@ -70,7 +70,7 @@ impl Mosaics<'_> {
             }
         }
 
-        // Noise of single pixels, and what rows and columns share, through the derivative of the centroid.
+        // Propagate the noise of single pixels, rows and columns through the derivative of the centroid.
         let (mut total, mut total_variance) = (0.0, 0.0);
         let mut square = [0.0; 2];
         let mut by_line = [vec![[0.0; 2]; height], vec![[0.0; 2]; width]];
@@ -119,8 +119,8 @@ pub fn mean_centroid(track: &[Followed]) -> Option<([f64; 2], [f64; 2])> {
     Some((mean, error))
 }
 
-/// From so many frames on their own scatter estimates the error better than propagation does: with fewer, a steady drift of
-/// any speed would hide in it.
+/// Least number of frames whose own scatter estimates the error better than propagation: with fewer, a steady drift of
+/// any speed would count as scatter.
 const FRAMES_FOR_SCATTER: usize = 8;
 
 /// Scatter of successive frames without a steady drift or single jumps in it: the median step, as a standard deviation.
@@ -165,8 +165,8 @@ pub fn drift(track: &[Followed], leave_out: &[usize]) -> Option<Drift> {
     Some(Drift { px, error_px })
 }
 
-/// Frames with the source away from where the others have it, further than half a pixel, `sigmas` standard errors of one
-/// and as many of their scatter: number and distance, px.
+/// Frames whose source is away from its position in the others by more than half a pixel, `sigmas` standard errors of
+/// one frame and `sigmas` times their scatter: number and distance, px.
 pub fn strays(track: &[Followed], sigmas: f64) -> Vec<(usize, f64)> {
     let centroids: Vec<(usize, Centroid)> =
         track.iter().enumerate().filter_map(|(n, (_, c))| c.map(|c| (n, c))).collect();
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drift_of_few_frames_is_as_long_as_it_is() {
+    fn the_drift_of_a_few_frames_has_the_right_length_and_error() {
         // Three frames, a tenth of a pixel from each to the next.
         let Drift { px, error_px } = drift(&track(&[20.0, 20.1, 20.2]), &[]).unwrap();
         assert!((px[0] - 0.2).abs() < 1e-12 && px[1].abs() < 1e-12, "{px:?}");
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn scatter_of_many_frames_counts_and_a_jump_in_it_does_not() {
+    fn the_scatter_of_many_frames_counts_without_jumps() {
         let shaking: Vec<f64> = (0..20).map(|n| 20.0 + if n % 2 == 0 { 0.1 } else { -0.1 }).collect();
         let Drift { px, error_px } = drift(&track(&shaking), &[]).unwrap();
         assert!(px[0].abs() < 5.0 * error_px[0] && error_px[0] > 0.05, "{px:?} {error_px:?}");
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn one_frame_of_another_place_is_a_stray_and_a_drift_has_none() {
+    fn one_frame_at_another_position_is_an_outlier_and_a_drift_has_none() {
         assert_eq!(strays(&track(&[20.0, 20.01, 23.0, 20.0, 19.99]), 5.0)[0].0, 2);
         let drifting: Vec<f64> = (0..10).map(|n| 20.0 + 0.3 * f64::from(n)).collect();
         assert!(strays(&track(&drifting), 5.0).is_empty());

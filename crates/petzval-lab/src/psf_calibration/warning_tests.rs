@@ -159,7 +159,7 @@ fn only(position: &CalibratedPosition) -> &str {
 }
 
 #[test]
-fn nothing_is_told_of_good_captures() {
+fn good_captures_give_no_warnings() {
     for seed in 0..4 {
         for (frames, brightness) in [(1, 1.0), (3, 0.1), (10, 1.0), (20, 0.3)] {
             let bench = Bench { seed, frames, brightness, ..Bench::default() };
@@ -181,7 +181,7 @@ fn nothing_is_told_of_good_captures() {
 }
 
 #[test]
-fn a_source_that_moves_between_exposures_is_told_of_though_they_clip() {
+fn a_source_that_moves_between_clipped_exposures_gives_a_warning() {
     for frames in [1, 10] {
         let offset = |k: usize, _: usize| Some(if k == 0 { [0.0; 2] } else { [0.0, 4.0] });
         let position = Bench { frames, brightness: 12.0, offset, ..Bench::default() }.calibrate();
@@ -198,7 +198,7 @@ fn a_source_that_moves_between_exposures_is_told_of_though_they_clip() {
 }
 
 #[test]
-fn a_steady_drift_is_told_of_from_two_frames_on() {
+fn a_steady_drift_of_two_or_more_frames_gives_a_warning() {
     for frames in [2, 4, 6, 20] {
         let offset = |_: usize, n: usize| Some([0.0, 0.1 * n as f64]);
         let position = Bench { frames, offset, ..Bench::default() }.calibrate();
@@ -212,7 +212,7 @@ fn a_steady_drift_is_told_of_from_two_frames_on() {
 }
 
 #[test]
-fn a_frame_of_another_place_is_named() {
+fn a_frame_with_the_source_elsewhere_is_named() {
     let stray = |k: usize, n: usize| Some(if (k, n) == (2, 3) { [3.0, 0.0] } else { [0.0; 2] });
     let position = Bench { frames: 20, offset: stray, ..Bench::default() }.calibrate();
     let told =
@@ -227,7 +227,7 @@ fn a_frame_of_another_place_is_named() {
 }
 
 #[test]
-fn an_exposure_time_that_is_not_that_of_the_frames_is_told_of() {
+fn a_wrong_exposure_time_gives_a_warning() {
     let said_ms = vec![1.0, 4.0, 20.0];
     let position = Bench { said_ms, ..Bench::default() }.calibrate();
     let told = position.warnings.iter().find(|w| w.starts_with("the 20 ms frames disagree")).unwrap();
@@ -243,7 +243,7 @@ fn an_exposure_time_that_is_not_that_of_the_frames_is_told_of() {
 }
 
 #[test]
-fn the_sensors_non_uniformity_is_in_the_noise_floor() {
+fn the_noise_floor_includes_non_uniformity() {
     // DSNU without dark frames, PRNU, noise of rows and columns: rates are as far off as their variance says.
     for (more, dark_frames) in [
         ("dsnu_pixel_e = 8.0", 0),
@@ -317,8 +317,8 @@ fn a_hot_pixel_is_not_the_source() {
 }
 
 #[test]
-fn a_moving_source_is_not_seen_in_what_the_dark_frames_take_off() {
-    // Offsets of 300 electrons beside a faint source; the sensor model is told nothing of them.
+fn subtracting_dark_frames_is_not_taken_for_a_moving_source() {
+    // Offsets of 300 electrons beside a faint source; the sensor model does not contain them.
     let odd = sensor("[nonuniformity]\ndsnu_pixel_e = 300.0");
     let told = sensor("");
     let folder = tempfile::tempdir().unwrap();
@@ -331,7 +331,7 @@ fn a_moving_source_is_not_seen_in_what_the_dark_frames_take_off() {
 }
 
 #[test]
-fn frames_of_another_sensor_scatter_otherwise() {
+fn the_scatter_reveals_frames_of_another_sensor() {
     let folder = tempfile::tempdir().unwrap();
     Bench::default().take(folder.path());
     let quieter = SensorModel { electronics_noise_dn: 0.3, ..sensor("") };
@@ -340,7 +340,7 @@ fn frames_of_another_sensor_scatter_otherwise() {
 }
 
 #[test]
-fn a_source_elsewhere_than_expected_and_a_second_source_are_told_of() {
+fn an_unexpected_position_and_a_second_source_give_warnings() {
     let bench = Bench { position: "expected_px = [832.3, 1262.4]", ..Bench::default() };
     assert!(only(&bench.calibrate()).starts_with("the source is 30 px from where the manifest expects it"));
 
@@ -381,7 +381,7 @@ fn sidecars_that_contradict_are_refused() {
 }
 
 #[test]
-fn a_full_well_counts_with_its_dark_electrons_and_in_any_frame() {
+fn dark_electrons_count_for_the_full_well_in_any_frame() {
     // A well of 20 000 electrons, of which dark current fills 8000 in 16 ms; the light alone stays far below.
     let small = SensorModel { full_well_e: 20_000.0, dark_current_e_per_s: 5e5, ..sensor("") };
     let bench = Bench { sensor: small, brightness: 0.95, frames: 20, ..Bench::default() };
@@ -392,7 +392,7 @@ fn a_full_well_counts_with_its_dark_electrons_and_in_any_frame() {
 }
 
 #[test]
-fn a_manifest_that_is_no_text_is_bad_input() {
+fn a_manifest_that_is_not_text_is_bad_input() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(MANIFEST_FILE), b"sensor = \"a\"\n# \xff\xfe\n").unwrap();
     match read_manifest(folder.path()) {

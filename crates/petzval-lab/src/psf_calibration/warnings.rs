@@ -6,20 +6,20 @@ use super::merge::Merged;
 use super::track::{Centroid, Track, drift, scatter_px, strays};
 use petzval_camera::sensor::NonUniformity;
 
-/// A centroid that moves less than this, px, moves too little to matter for a PSF on pixels.
+/// Largest movement of a centroid that does not matter for a PSF on pixels, px.
 const STILL_PX: f64 = 0.05;
 
 /// Five standard errors: by chance once in 1.7 million.
 const MOVED_SIGMAS: f64 = 5.0;
 
-/// A frame without the source is reported if the light in the others is so many times its standard deviation.
+/// Light of the other frames, in standard deviations, from which a frame without the source is reported.
 const SEEN_SIGMAS: f64 = 20.0;
 
-/// Exposures disagree from this mean squared difference over variance on, and five of its standard deviations; models of
-/// noise are no better than this.
+/// Least mean squared difference over variance of exposures that disagree, in addition to five of its standard
+/// deviations; models of noise are not more accurate.
 const DISAGREEMENT: f64 = 1.4;
 
-/// A measured position with everything that its warnings are made from.
+/// A measured position with the inputs of its warnings.
 pub(super) struct Seen<'a> {
     /// Exposure by exposure.
     pub exposures: &'a [ExposureReport],
@@ -33,7 +33,7 @@ pub(super) struct Seen<'a> {
     pub measured: &'a Measured,
     /// Hot pixels, (row, column) on the sensor.
     pub hot: &'a [[usize; 2]],
-    /// How the sensor's pixels differ.
+    /// Non-uniformity of the sensor's pixels.
     pub nonuniformity: &'a NonUniformity,
 }
 
@@ -56,7 +56,7 @@ pub(super) fn position_warnings(seen: &Seen) -> Vec<String> {
 fn of_pixels(seen: &Seen, warnings: &mut Vec<String>) {
     let n = seen.nonuniformity;
     if seen.exposures.iter().any(|e| e.dark_frames == 0) {
-        warnings.push("no dark frames: the sensor model's dark signal was taken off".to_owned());
+        warnings.push("no dark frames: the sensor model's dark signal was subtracted".to_owned());
         let dsnu_e = n.dsnu_pixel_e.hypot(n.dsnu_row_e).hypot(n.dsnu_column_e);
         let mut fixed = Vec::new();
         if dsnu_e > 0.0 {
@@ -67,7 +67,7 @@ fn of_pixels(seen: &Seen, warnings: &mut Vec<String>) {
         }
         if !fixed.is_empty() {
             warnings.push(format!(
-                "the sensor model has {}, which only dark frames take off: take some of each exposure time",
+                "the sensor model has {}, which only dark frames correct: take some of each exposure time",
                 fixed.join(" and ")
             ));
         }
@@ -104,7 +104,7 @@ fn of_exposures(seen: &Seen, warnings: &mut Vec<String>) {
             ));
         }
     }
-    // The one exposure that is furthest from all others; with two, each is as far from the other.
+    // Report only the exposure that differs most from all others.
     let worst = seen
         .exposures
         .iter()
@@ -150,7 +150,7 @@ fn of_movement(seen: &Seen, warnings: &mut Vec<String>) {
     for (k, pair) in seen.between.iter().enumerate() {
         let Some([a, b]) = pair else { continue };
         let px = [0, 1].map(|axis| b.px[axis] - a.px[axis]);
-        // A mean is no better known than its frames scatter.
+        // Use at least the scatter of the frames as the error of a mean.
         let scatter = |k: usize, axis: usize| {
             scatter_px(&seen.tracks[k], axis) / (seen.exposures[k].frames as f64).sqrt()
         };

@@ -12,7 +12,11 @@ impl Score for OneMinusLpips {
     }
 
     fn title(&self) -> &'static str {
-        "1-LPIPS"
+        "1 − LPIPS"
+    }
+
+    fn definition(&self) -> &'static str {
+        "LPIPS 0.1 with AlexNet (Zhang et al. 2018): the distance of the features of two pictures"
     }
 
     fn decimals(&self) -> usize {

@@ -34,8 +34,16 @@ pub trait Score {
     /// Key in `metrics.json` and in `scoring.scores`, with the unit if there is one: `psnr_db`.
     fn name(&self) -> &'static str;
 
-    /// Heading of a column: `PSNR dB`.
+    /// Heading of a column: `PSNR`.
     fn title(&self) -> &'static str;
+
+    /// Unit; empty for a plain number.
+    fn unit(&self) -> &'static str {
+        ""
+    }
+
+    /// How it is computed, in one sentence, for the reader of a report.
+    fn definition(&self) -> &'static str;
 
     /// Digits after the decimal point in tables.
     fn decimals(&self) -> usize;
@@ -60,27 +68,38 @@ pub enum ScoreError {
     Quality(#[from] QualityError),
 }
 
-/// How a table shows a score.
+/// What a reader must know of a score.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Column {
-    /// Key of the score.
+pub struct ScoreDescription {
+    /// Its key.
     pub name: String,
     /// Heading.
     pub title: String,
-    /// Digits after the decimal point.
+    /// Unit; empty for a plain number.
+    pub unit: String,
+    /// How it is computed.
+    pub definition: String,
+    /// Digits after the decimal point in tables.
     pub decimals: usize,
     /// Whether a larger value is a better one.
     pub higher_is_better: bool,
 }
 
-/// The columns of the named scores, in the order of the names. Names that are no scores are left out.
-pub fn columns(scores: &[Box<dyn Score>], names: &[String]) -> Vec<Column> {
-    let column = |s: &dyn Score| Column {
-        name: s.name().to_owned(),
-        title: s.title().to_owned(),
-        decimals: s.decimals(),
-        higher_is_better: s.higher_is_better(),
-    };
-    let find = |name: &String| scores.iter().find(|s| s.name() == name).map(|s| column(s.as_ref()));
-    names.iter().filter_map(find).collect()
+impl ScoreDescription {
+    /// The description of a score.
+    pub fn of(score: &dyn Score) -> Self {
+        Self {
+            name: score.name().to_owned(),
+            title: score.title().to_owned(),
+            unit: score.unit().to_owned(),
+            definition: score.definition().to_owned(),
+            decimals: score.decimals(),
+            higher_is_better: score.higher_is_better(),
+        }
+    }
+
+    /// Title and unit: `PSNR dB`.
+    pub fn heading(&self) -> String {
+        format!("{} {}", self.title, self.unit).trim_end().to_owned()
+    }
 }

@@ -13,7 +13,15 @@ impl Score for Psnr {
     }
 
     fn title(&self) -> &'static str {
-        "PSNR dB"
+        "PSNR"
+    }
+
+    fn unit(&self) -> &'static str {
+        "dB"
+    }
+
+    fn definition(&self) -> &'static str {
+        "-10 log10 of the mean square difference of sRGB-encoded values in 0..1"
     }
 
     fn decimals(&self) -> usize {

@@ -17,6 +17,10 @@ impl Score for Ssim {
         "SSIM"
     }
 
+    fn definition(&self) -> &'static str {
+        "Gaussian window of 11x11, sigma 1.5, population covariance, mean over the channels"
+    }
+
     fn decimals(&self) -> usize {
         4
     }

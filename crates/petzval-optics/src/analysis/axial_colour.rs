@@ -1,4 +1,4 @@
-//! Along the axis: where colours focus, and where zones of the pupil do.
+//! Focus along the axis: by colour, and by zone of the pupil.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ use crate::paraxial::first_order;
 use crate::pupil::paraxial_launch;
 use crate::trace::{aim_at_stop, launch, trace_ray};
 
-/// Points over the wavelengths.
+/// Number of wavelengths of the curve.
 const POINTS: usize = 41;
 
 /// Paraxial focus over the wavelength.
@@ -17,11 +17,12 @@ const POINTS: usize = 41;
 pub struct AxialColour {
     /// From the shortest to the longest wavelength of the lens, um.
     pub wavelength_um: Vec<f64>,
-    /// Paraxial image of the axis, z from that of the reference wavelength, mm; `None` where there is none or a glass has no index.
+    /// Paraxial image of the axis, z from that of the reference wavelength, mm; `None` if there is none or a glass has
+    /// no index.
     pub shift_mm: Vec<Option<f64>>,
 }
 
-/// Where rays of the axis cross it, over their height in the pupil.
+/// Crossings of axial rays with the axis, over their height in the pupil.
 #[derive(Clone, Debug, Serialize)]
 pub struct LongitudinalAberration {
     /// Height on the stop in units of its radius, 0..1.
@@ -30,7 +31,7 @@ pub struct LongitudinalAberration {
     pub crossing_mm: Vec<Vec<Option<f64>>>,
 }
 
-/// Paraxial focus over the wavelength; at a lens of one wavelength over a tenth of it to both sides.
+/// Paraxial focus over the wavelength; for a lens with one wavelength, a tenth of it to both sides.
 pub fn axial_colour(lens: &Lens) -> AxialColour {
     let (low, high) =
         lens.wavelengths_um.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), w| (a.min(*w), b.max(*w)));
@@ -60,7 +61,7 @@ pub fn longitudinal_aberration(lens: &Lens, options: &AnalysisOptions) -> Longit
             };
             let chief = image(0.0);
             let crossing = |p: f64| {
-                // The ray at the very middle lies on the axis; its neighbours say where it crosses it.
+                // The ray at zero height lies on the axis: use a neighbouring ray for its crossing.
                 let (ray, chief) = (image(p.max(1e-4))?, chief?);
                 let slope = |r: crate::trace::Ray| r.direction[1] / r.direction[2];
                 let apart = ray.position[1] - chief.position[1];

@@ -1,4 +1,4 @@
-//! Encircled energy: how much of the light of a point falls within a circle.
+//! Encircled energy: the share of the light of a point within a circle.
 
 use serde::Serialize;
 
@@ -10,10 +10,10 @@ use crate::psf::{PsfKind, PsfOptions, psf};
 use crate::pupil::{Beam, Quadrature};
 use crate::spot::spot;
 
-/// Cells a side of the PSF by waves.
+/// Cells a side of the diffraction PSF.
 const CELLS: usize = 192;
 
-/// Parts of a cell by which a circle cuts it.
+/// Parts a side into which a cell is divided at a circle.
 const PARTS: usize = 4;
 
 /// Energy within circles about the centroid of the light of all colours, as shares of all light that reaches the image.

@@ -1,4 +1,4 @@
-//! Why a lens cannot be analysed.
+//! Errors of the analyses.
 
 /// Why a lens cannot be analysed at a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -10,10 +10,10 @@ use crate::wave::{PupilPlane, opd_about};
 
 /// Ray and wavefront aberrations of a field along the vertical (tangential) and the horizontal (sagittal) diameter of the stop.
 ///
-/// Ray aberrations are measured from the chief ray of the reference wavelength. Wavefronts are compared with the sphere about that
-/// point through the exit pupil, and with the path of their own colour's chief ray: lateral colour is a tilt. They are positive where
-/// the wavefront is ahead of the sphere, as Seidel's are. A value is `None`
-/// where the ray is lost or blocked, of wavefronts also in a system with thin lenses, which have no optical paths of their own.
+/// Ray aberrations are measured from the chief ray of the reference wavelength. Wavefronts are compared with the sphere
+/// about that point through the exit pupil, and with the path of their own colour's chief ray, so lateral colour is a
+/// tilt. They are positive where the wavefront is ahead of the sphere, as in Seidel's theory. A value is `None` if the
+/// ray is lost or blocked; a wavefront is also `None` in a system with thin lenses, which have no optical paths.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fan {
     /// The field, degrees.

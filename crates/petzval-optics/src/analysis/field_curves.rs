@@ -1,4 +1,4 @@
-//! Over the field: where lines focus, how the image is distorted and coloured, and how bright it is.
+//! Curves over the field: focus of lines, distortion, lateral colour and illumination.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -13,7 +13,7 @@ use crate::trace::{Ray, Sequence, aim_at_stop, launch, trace_ray};
 /// that aberrations (which go with its square) do not count, large enough to keep eight digits.
 const CLOSE: f64 = 1e-4;
 
-/// Field, as a share of the full one, whose chief rays are the measure of distortion.
+/// Field, as a share of the full one, whose chief rays are the reference of distortion.
 const NEAR: f64 = 1e-3;
 
 /// Curves over the field; lists by wavelength hold one value per field.
@@ -21,18 +21,19 @@ const NEAR: f64 = 1e-3;
 pub struct FieldCurves {
     /// Fields from the axis outwards, or from one side to the other, degrees.
     pub field_deg: Vec<f64>,
-    /// `[wavelength]`: where rays close to the chief ray in the plane of the fields cross it, z from the image plane, mm.
+    /// `[wavelength]`: crossing of the chief ray with nearby rays in the plane of the fields, z from the image plane, mm.
     pub tangential_focus_mm: Vec<Vec<f64>>,
-    /// `[wavelength]`: where rays close to the chief ray across that plane cross it, z from the image plane, mm.
+    /// `[wavelength]`: crossing of the chief ray with nearby rays across that plane, z from the image plane, mm.
     pub sagittal_focus_mm: Vec<Vec<f64>>,
-    /// `[wavelength]`: height of the chief ray over the tangent of the field, less one, where chief rays of the reference wavelength
-    /// near the axis are the measure, %. Those are taken on the image plane: defocus alone is no distortion.
+    /// `[wavelength]`: height of the chief ray divided by the tangent of the field, relative to the same for chief rays
+    /// of the reference wavelength near the axis, minus one, %. All heights are on the image plane, so defocus alone is
+    /// no distortion.
     pub distortion_percent: Vec<Vec<f64>>,
-    /// `[wavelength]`: the same with the field itself for its tangent.
+    /// `[wavelength]`: the same with the field itself in place of its tangent.
     pub f_theta_distortion_percent: Vec<Vec<f64>>,
-    /// `[wavelength]`: chief-ray height less that of the reference wavelength, um.
+    /// `[wavelength]`: chief-ray height minus that of the reference wavelength, um.
     pub lateral_colour_um: Vec<Vec<f64>>,
-    /// `[wavelength]`: illumination of the image over that of the axis of the same wavelength.
+    /// `[wavelength]`: illumination of the image divided by that on the axis at the same wavelength.
     pub relative_illumination: Vec<Vec<f64>>,
 }
 
@@ -103,15 +104,15 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
     })
 }
 
-/// Height of chief rays near the axis over the tangent of their field, mm; `None` if they are lost.
+/// Height of chief rays near the axis divided by the tangent of their field, mm; `None` if they are lost.
 fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
-    // Small enough that distortion, which goes with the square, is below the digits that are shown.
+    // Take a field so small that distortion, which grows with the square, is below the printed digits.
     let near = if full_field_rad > 0.0 { NEAR * full_field_rad } else { NEAR };
     let height = |field: f64| Some(chief_ray(sequence, field)?.y_mm);
     Some((height(near)? - height(-near)?) / (2.0 * near.tan()))
 }
 
-/// Where rays close to the chief ray cross it across the plane of the fields and in it: z from the image plane, mm.
+/// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.
 fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
     let order = crate::paraxial::first_order(sequence);
     let guess = paraxial_launch(&order, sequence, field_rad, [0.0; 2]);

@@ -1,4 +1,4 @@
-//! The first-order table: what the lens is near its axis, in the quantities of a data sheet.
+//! The first-order table: properties of the lens near its axis, as on a data sheet.
 
 use serde::Serialize;
 
@@ -7,8 +7,8 @@ use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray};
 use crate::seidel::marginal_and_chief;
 
-/// First-order quantities at the reference wavelength; what does not exist (the distance of an object at infinity, the focal
-/// length of an afocal lens) is `None`.
+/// First-order quantities at the reference wavelength. A quantity that does not exist (the distance of an object at
+/// infinity, the focal length of an afocal lens) is `None`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FirstOrderTable {
     /// Effective focal length, mm.
@@ -17,9 +17,9 @@ pub struct FirstOrderTable {
     pub bfl_mm: Option<f64>,
     /// From the first vertex to the front focal point, mm, negative in front of the lens.
     pub ffl_mm: Option<f64>,
-    /// Focal length over entrance pupil diameter.
+    /// Focal length divided by the entrance pupil diameter.
     pub f_number: Option<f64>,
-    /// 1 / (2 NA) of the paraxial cone at the image: that of this object distance.
+    /// 1 / (2 NA) of the paraxial cone at the image, for the actual object distance.
     pub working_f_number: f64,
     /// From the first vertex to the object, mm, negative.
     pub object_mm: Option<f64>,
@@ -47,7 +47,7 @@ pub struct FirstOrderTable {
     pub image_height_mm: Option<f64>,
     /// Lagrange's invariant `n (u ybar - ubar y)` of the full field, mm.
     pub lagrange_invariant_mm: f64,
-    /// Radius of the Petzval surface, mm, negative where its centre lies at smaller z: of most lenses it does, hollow towards them.
+    /// Radius of the Petzval surface, mm; negative if its centre is at smaller z, as for most lenses.
     pub petzval_radius_mm: Option<f64>,
     /// Radius of the first dark ring of a perfect lens, um.
     pub airy_radius_um: f64,
@@ -65,11 +65,11 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
     let per_tangent = image_height_per_tangent(&sequence);
     let (object_mm, magnification) = match lens.object {
         ObjectDistance::Infinity => (None, None),
-        // A field of tangent t is an object at -D t.
+        // The field of tangent t has its object at -D t.
         ObjectDistance::Finite(d) => (Some(-d), exists(-per_tangent / d)),
     };
     let (marginal, chief) = marginal_and_chief(&sequence, full);
-    // A ray that leaves parallel to the axis starts at the front focal point: y + u s = 0 for s there.
+    // A ray that leaves parallel to the axis comes from the front focal point: y + u s = 0 there.
     let count = sequence.surfaces.len();
     let [a, b] = [paraxial_ray(&sequence, 1.0, 0.0), paraxial_ray(&sequence, 0.0, 1.0)].map(|r| r.w[count]);
     // Petzval: 1 / (n' R) = sum c (1/n' - 1/n) over the surfaces.

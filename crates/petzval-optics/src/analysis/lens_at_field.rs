@@ -1,4 +1,4 @@
-//! What every analysis of a field begins with.
+//! The common start of every analysis of a field.
 
 use super::AnalysisError;
 use crate::lens::Lens;
@@ -13,7 +13,7 @@ pub(super) struct LensAtField<'a> {
     pub field_rad: f64,
     /// Radius of the stop, mm.
     pub stop_radius_mm: f64,
-    /// Where the chief ray of the reference wavelength lands, mm.
+    /// Position of the chief ray of the reference wavelength on the image plane, mm.
     pub chief_mm: [f64; 2],
     /// By wavelength.
     pub colours: Vec<Sequence>,
@@ -35,7 +35,7 @@ impl<'a> LensAtField<'a> {
         })
     }
 
-    /// The traced beam of every colour, each of which must bring light.
+    /// The traced beam of every colour; each must have light.
     pub fn beams(&self, quadrature: &Quadrature) -> Result<Vec<Beam>, AnalysisError> {
         self.colours
             .iter()
@@ -55,7 +55,7 @@ impl<'a> LensAtField<'a> {
     }
 }
 
-/// The quadrature of an analysis: as many cells as asked for, or the nearest number that is possible.
+/// The quadrature of an analysis, with the requested number of cells or the nearest possible one.
 pub(super) fn pupil(cells: usize) -> Quadrature {
     let possible = cells.clamp(12, 4096).next_multiple_of(2);
     Quadrature::grid(possible).unwrap_or_else(|_| unreachable!("a possible number of cells"))

@@ -1,7 +1,8 @@
-//! What a lens designer looks at, each analysis as plain data in the units of its axes.
+//! The analyses of lens design, each as plain data in the units of its axes.
 //!
-//! Every analysis is a function of a lens (and of how finely to look) and stands on exact tracing; nothing here draws.
-//! [`analyze`] does them all. Fields are those of the lens file, in its order; rays are aimed at the real stop; colours count alike.
+//! Every analysis is a function of a lens and of options for its resolution, and uses exact tracing; nothing here
+//! draws. [`analyze`] computes them all. Fields are those of the lens file, in its order. Rays are aimed at the real
+//! stop. All colours have equal weight.
 
 mod axial_colour;
 mod encircled_energy;
@@ -35,14 +36,14 @@ use serde::Serialize;
 
 use crate::lens::Lens;
 
-/// Everything about a lens.
+/// All analyses of a lens.
 #[derive(Clone, Debug, Serialize)]
 pub struct Analysis {
     /// Name of the lens.
     pub name: String,
     /// Wavelengths, um, in the order of every list by wavelength.
     pub wavelengths_um: Vec<f64>,
-    /// Wavelength of chief rays that other rays are compared with, um.
+    /// Wavelength of the reference chief rays, um.
     pub reference_um: f64,
     /// Fields, degrees, in the order of every list by field.
     pub fields_deg: Vec<f64>,
@@ -52,7 +53,7 @@ pub struct Analysis {
     pub third_order: Option<ThirdOrder>,
     /// The cross-section with rays.
     pub layout: Layout,
-    /// Where rays land, by field.
+    /// Positions of rays on the image plane, by field.
     pub spots: Vec<SpotDiagram>,
     /// Ray and wavefront aberrations along two diameters of the stop, by field.
     pub fans: Vec<Fan>,

@@ -1,8 +1,8 @@
 //! The modulation transfer function: contrast of sinusoidal patterns in the image, over frequency, field and focus.
 //!
 //! The transfer functions of the colours, each of unit value at frequency zero, add up about the chief ray of the reference
-//! wavelength; the modulation is the modulus of their mean. Geometric curves are the Fourier sum over where rays land, each
-//! weighed by its light; diffraction curves are the autocorrelation of the wave (`wave/otf.rs`).
+//! wavelength; the modulation is the modulus of their mean. Geometric curves are the Fourier sum over ray positions, each
+//! weighted by its light; diffraction curves are the autocorrelation of the wave (`wave/otf.rs`).
 
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
@@ -71,7 +71,7 @@ pub struct ThroughFocusMtf {
 const SECTIONS: [Section; 2] = [Section::Sagittal, Section::Tangential];
 
 impl MtfCurve {
-    /// A curve of what `modulation` says of a section at each of some points.
+    /// A curve of `modulation` in both sections, at some points.
     fn of<T: Copy>(points: &[T], modulation: impl Fn(Section, T) -> f64) -> Self {
         let [sagittal, tangential] =
             SECTIONS.map(|section| points.iter().map(|p| modulation(section, *p)).collect());
@@ -79,7 +79,7 @@ impl MtfCurve {
     }
 }
 
-/// Where the rays of a field land, by colour.
+/// Positions of the rays of a field on the image plane, by colour.
 struct Landings {
     colours: Vec<Landing>,
 }
@@ -89,7 +89,7 @@ struct Landing {
     at_mm: [Vec<f64>; 2],
     slope: [Vec<f64>; 2],
     share: Vec<f64>,
-    /// Whether each ray stands for its mirror image in x too.
+    /// Whether each ray includes its mirror image in x.
     is_half: bool,
 }
 
@@ -234,7 +234,7 @@ pub fn through_focus_mtf(
     let frequency_per_mm = options.frequency_through_focus(lens);
     let defocus_mm = options.defocus_mm(lens);
     let landings = Landings::new(&field, options)?;
-    // A shifted plane spreads the light by the slopes of the rays.
+    // Estimate the spread of light on a shifted plane from the slopes of the rays.
     let range = defocus_mm.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     let chief_slope = |axis: usize| {
         let slopes: Vec<f64> = landings.colours.iter().flat_map(|c| &c.slope[axis]).copied().collect();

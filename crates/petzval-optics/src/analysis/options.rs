@@ -1,9 +1,9 @@
-//! How finely a lens is looked at.
+//! Resolution and range of the analyses.
 
 use crate::lens::Lens;
 use crate::paraxial::first_order;
 
-/// How finely a lens is looked at, and how far.
+/// Resolution and range of the analyses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnalysisOptions {
     /// Cells a side of the pupil of geometric analyses, even.
@@ -22,10 +22,10 @@ pub struct AnalysisOptions {
     pub frequency_points: usize,
     /// Frequencies of MTF over the field, cycles/mm; empty: a quarter, a half and all of the highest.
     pub field_frequencies_per_mm: Vec<f64>,
-    /// Frequency of MTF through focus, cycles/mm; `None`: a half of the highest.
+    /// Frequency of MTF through focus, cycles/mm; `None`: half of the highest.
     pub focus_frequency_per_mm: Option<f64>,
-    /// Range of through-focus curves to both sides of the image plane, mm; `None`: where the blur of the f-number reaches two
-    /// periods of the frequency.
+    /// Range of through-focus curves to both sides of the image plane, mm; `None`: up to a blur of two periods of the
+    /// frequency by the f-number.
     pub focus_range_mm: Option<f64>,
     /// Points of a through-focus curve, odd.
     pub focus_points: usize,
@@ -52,10 +52,10 @@ impl Default for AnalysisOptions {
     }
 }
 
-/// The highest frequency that is shown by itself, cycles/mm.
+/// Default of the highest frequency, cycles/mm.
 const COMMON_FREQUENCY: f64 = 100.0;
 
-/// Share of the cutoff that is shown of a lens that resolves less.
+/// Default of the highest frequency for a lens with a lower cutoff, as a share of the cutoff.
 const SHOWN_OF_CUTOFF: f64 = 0.5;
 
 impl AnalysisOptions {
@@ -82,7 +82,7 @@ impl AnalysisOptions {
     /// Shifts of the image plane of a through-focus curve, mm.
     pub(super) fn defocus_mm(&self, lens: &Lens) -> Vec<f64> {
         let range = self.focus_range_mm.unwrap_or_else(|| {
-            // A shift dz makes a disk of diameter dz / f-number.
+            // A shift dz blurs a point to a disk of diameter dz / f-number.
             round_up(2.0 * image_f_number(lens) / self.frequency_through_focus(lens))
         });
         evenly(-range, range, self.focus_points.max(3))
@@ -97,7 +97,7 @@ impl AnalysisOptions {
     }
 }
 
-/// So many numbers from one to another.
+/// Evenly spaced numbers from one value to another.
 pub(super) fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
     let last = (count - 1) as f64;
     (0..count).map(|i| (from * (last - i as f64) + to * i as f64) / last).collect()
@@ -115,7 +115,8 @@ pub(super) fn round_up(value: f64) -> f64 {
     digit.unwrap_or(10.0) * decade
 }
 
-/// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil over the pupil's diameter and the index there.
+/// 1 / (2 NA) of the paraxial cone at the image: the distance from the exit pupil, divided by the pupil's diameter and
+/// the index.
 pub fn image_f_number(lens: &Lens) -> f64 {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
@@ -128,7 +129,7 @@ pub fn image_f_number(lens: &Lens) -> f64 {
     }
 }
 
-/// Frequency beyond which no light is modulated on the axis, cycles/mm: `2 NA / wavelength`, for the paraxial cone at the
+/// Cutoff frequency of the MTF on the axis, cycles/mm: `2 NA / wavelength`, for the paraxial cone at the
 /// reference wavelength.
 pub(super) fn cutoff_per_mm(lens: &Lens) -> f64 {
     1e3 / (lens.reference_um * image_f_number(lens))

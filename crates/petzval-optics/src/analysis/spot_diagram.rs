@@ -1,4 +1,4 @@
-//! Spot diagrams: where rays of a field land.
+//! Spot diagrams: positions of the rays of a field on the image plane.
 
 use std::f64::consts::TAU;
 
@@ -17,15 +17,15 @@ use crate::trace::{AimedRays, trace};
 pub struct SpotDiagram {
     /// The field, degrees.
     pub field_deg: f64,
-    /// Where the chief ray of the reference wavelength lands, mm.
+    /// Position of the chief ray of the reference wavelength, mm.
     pub chief_mm: [f64; 2],
-    /// `[wavelength][ray]`: (x, y) from there of rays that fill the stop evenly in rings, um; rays that are lost or blocked are
-    /// left out.
+    /// `[wavelength][ray]`: (x, y) relative to the chief ray, um, of rays that fill the stop evenly in rings, without
+    /// rays that are lost or blocked.
     pub points_um: Vec<Vec<[f64; 2]>>,
     /// Centroid of all light from the chief ray, um.
     pub centroid_um: [f64; 2],
-    /// RMS radius about the centroid of all wavelengths, each ray weighed by its light, um; from a dense pupil, not from the
-    /// points shown.
+    /// RMS radius about the centroid of all wavelengths, each ray weighted by its light, um; computed from a dense
+    /// pupil, not from the points shown.
     pub rms_um: f64,
     /// `[wavelength]`: RMS radius about the wavelength's own centroid, um.
     pub rms_by_wavelength_um: Vec<f64>,

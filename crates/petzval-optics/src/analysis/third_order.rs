@@ -21,14 +21,14 @@ pub struct ThirdOrder {
     pub field_deg: f64,
     /// By surface.
     pub surfaces: Vec<ThirdOrderSurface>,
-    /// Of the lens.
+    /// Total of the lens.
     pub total: ThirdOrderSurface,
     /// The total as wavefront aberrations at the edge of pupil and field, waves of the reference wavelength: spherical W040,
     /// coma W131, astigmatism W222, field curvature W220, distortion W311.
     pub wavefront_waves: [f64; 5],
 }
 
-/// Third-order sums; `None` where third-order theory has no formulas for a surface (thin lenses, diffractive power).
+/// Third-order sums; `None` if third-order theory does not cover a surface (thin lenses, diffractive power).
 pub fn third_order(lens: &Lens) -> Option<ThirdOrder> {
     let full = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     let sequence = lens.at_wavelength(lens.reference_um);

@@ -13,10 +13,10 @@ use crate::wave::{PupilPlane, WaveChannel, opd};
 /// Terms of the Zernike fit: the fringe (University of Arizona) set.
 pub const ZERNIKE_TERMS: usize = 37;
 
-/// Cells a side of the pupil on which wavefronts are looked at.
+/// Cells a side of the pupil for wavefronts.
 const CELLS: usize = 32;
 
-/// Least ratio of the singular values of a fit: over the whole stop it is about 0.1.
+/// Least ratio of the singular values of a valid fit; over the whole stop it is about 0.1.
 const LEAST_CONDITION: f64 = 1e-2;
 
 /// Points on its rim.
@@ -24,9 +24,9 @@ const RIM: usize = 64;
 
 /// Wavefronts of a field, by wavelength.
 ///
-/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of its radius,
-/// positive where the wavefront is ahead of the sphere. A system with thin lenses, which have no optical paths of their own, has no
-/// wavefronts: all is NaN (in JSON null) or `None`.
+/// Each is the optical path difference from the sphere about the image of its own chief ray, over the stop in units of
+/// its radius, positive where the wavefront is ahead of the sphere. A system with thin lenses has no wavefronts,
+/// because thin lenses have no optical paths: all values are NaN (in JSON null) or `None`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Wavefront {
     /// The field, degrees.
@@ -35,15 +35,15 @@ pub struct Wavefront {
     pub rms_waves: Vec<f64>,
     /// `[wavelength]`: root mean square about the best sphere centre beside the chief ray (mean and tilt removed), waves.
     pub rms_centroid_waves: Vec<f64>,
-    /// `[wavelength]`: highest less lowest, waves.
+    /// `[wavelength]`: highest minus lowest value, waves.
     pub peak_to_valley_waves: Vec<f64>,
-    /// `[wavelength]`: peak of the PSF over that of the same beam without aberrations; `None` where the wavefront is too rough for
-    /// its polynomials or rays of the stop are lost.
+    /// `[wavelength]`: Strehl ratio, the peak of the PSF divided by that of the same beam without aberrations; `None`
+    /// if the wavefront is too rough for its polynomials or rays through the stop are lost.
     pub strehl: Vec<Option<f64>>,
-    /// `[wavelength][term]`: fringe Zernike coefficients, waves; `None` where so much of the stop is dark that the terms
-    /// cannot be told apart.
+    /// `[wavelength][term]`: fringe Zernike coefficients, waves; `None` if so much of the stop is dark that the fit
+    /// is not determined.
     pub zernike_waves: Vec<Option<Vec<f64>>>,
-    /// `[wavelength]`: root mean square of what the coefficients leave of the wavefront, waves.
+    /// `[wavelength]`: root mean square of the residual of the fit, waves.
     pub zernike_residual_waves: Vec<Option<f64>>,
 }
 
@@ -105,7 +105,7 @@ struct Samples {
 
 fn samples(field: &LensAtField, colour: &Sequence) -> Result<Samples, AnalysisError> {
     let (mut points, mut areas) = pupil(CELLS).on(Sides::Both);
-    // The very rim counts for the highest and the lowest value only.
+    // Add points on the rim without weight: they count for the highest and the lowest value only.
     for k in 0..RIM {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / RIM as f64).sin_cos();
         points.push([sin, cos]);
@@ -134,7 +134,7 @@ fn rms(values: &[f64], shares: &[f64]) -> f64 {
     values.iter().zip(shares).map(|(v, s)| s * v * v).sum::<f64>().sqrt()
 }
 
-/// What the first so many terms leave of a wavefront; `None` where the points do not tell them apart.
+/// Residual of a wavefront after a fit of the first terms; `None` if the points do not determine the fit.
 fn residual(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Option<Vec<f64>> {
     Some(left_over(points, waves, &fit(points, waves, shares, terms)?))
 }
@@ -145,7 +145,7 @@ fn left_over(points: &[[f64; 2]], waves: &[f64], coefficients: &[f64]) -> Vec<f6
     points.iter().zip(waves).map(|(p, w)| w - sum(*p)).collect()
 }
 
-/// Coefficients of the first so many fringe terms, by least squares weighed by light.
+/// Coefficients of the first fringe terms, by least squares weighted by light.
 fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Option<Vec<f64>> {
     if shares.iter().filter(|s| **s > 0.0).count() < 2 * terms {
         return None;
@@ -155,7 +155,7 @@ fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Opti
     let wanted = DVector::from_iterator(points.len(), waves.iter().zip(&root).map(|(w, r)| w * r));
     let qr = matrix.qr();
     let r = qr.r();
-    // Over a part of the stop the terms are alike, and large coefficients cancel.
+    // Reject a fit over a small part of the stop: the terms are similar there, and large coefficients cancel.
     let singular = r.singular_values();
     if singular.min() < LEAST_CONDITION * singular.max() {
         return None;
@@ -164,11 +164,11 @@ fn fit(points: &[[f64; 2]], waves: &[f64], shares: &[f64], terms: usize) -> Opti
     Some(found.iter().copied().collect())
 }
 
-/// Term k (from 0: piston, x tilt, y tilt, defocus, ... to 36) of the fringe Zernike polynomials at a point of the unit disk, each of
-/// greatest value 1: `R_n^m(r) cos(m t)` and `R_n^m(r) sin(m t)`, t from the x axis.
+/// Term k (from 0: piston, x tilt, y tilt, defocus, ... to 36) of the fringe Zernike polynomials at a point of the unit
+/// disk, each with maximum 1: `R_n^m(r) cos(m t)` and `R_n^m(r) sin(m t)`, t from the x axis.
 ///
-/// The terms go by n + |m|, then by falling |m|, cosine before sine; the last is the twelfth-order spherical term.
-/// Source: Wyant and Creath, Applied Optics and Optical Engineering XI, chapter 1.
+/// The terms are in the order of n + |m|, then of descending |m|, cosine before sine; the last is the twelfth-order
+/// spherical term. Source: Wyant and Creath, Applied Optics and Optical Engineering XI, chapter 1.
 pub fn fringe_zernike(k: usize, [x, y]: [f64; 2]) -> f64 {
     let (n, m, is_sine) = fringe_indices(k);
     let (r, t) = (x.hypot(y), y.atan2(x));

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use super::Glass;
 
-/// Glasses by name, without regard to upper and lower case. `AIR` is always among them, and nothing else is called so.
+/// Glasses by name, without regard to upper and lower case. `AIR` is always among them, and no other glass has this name.
 ///
-/// Several makers may use one name. A name alone means the glass that came last; `MAKER:NAME` means that maker's.
+/// Several makers may use one name. A name alone means the glass that was added last; `MAKER:NAME` means that maker's
+/// glass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catalog {
-    /// By upper-case name, one for each maker; the last counts.
+    /// By upper-case name, one for each maker; the last one is meant by the name alone.
     glasses: BTreeMap<String, Vec<Arc<Glass>>>,
 }
 
@@ -18,7 +19,7 @@ pub struct Catalog {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no glass is called `{name}`; the nearest names are {}", .nearest.join(", "))]
 pub struct UnknownGlass {
-    /// The name that was asked for.
+    /// The requested name.
     pub name: String,
     /// The nearest known names, best first. They are a hint, never a substitute.
     pub nearest: Vec<String>,
@@ -27,15 +28,15 @@ pub struct UnknownGlass {
 const AIR: &str = "AIR";
 
 impl Default for Catalog {
-    /// A catalogue of nothing but air.
+    /// A catalogue with air alone.
     fn default() -> Self {
         Self { glasses: BTreeMap::from([(AIR.into(), vec![Glass::air()])]) }
     }
 }
 
 impl Catalog {
-    /// Add a glass under a name, which may be an alias. An earlier glass of that name and maker is gone; one of
-    /// another maker can still be had as `MAKER:NAME`. Air stays air.
+    /// Adds a glass under a name, which may be an alias. It replaces an earlier glass of that name and maker; one of
+    /// another maker stays available as `MAKER:NAME`. Air cannot be replaced.
     pub fn insert(&mut self, name: &str, glass: Arc<Glass>) {
         let name = name.to_uppercase();
         if name == AIR {
@@ -46,7 +47,7 @@ impl Catalog {
         makers.push(glass);
     }
 
-    /// Add all glasses of another catalogue, whose glasses count where both know a name.
+    /// Adds all glasses of another catalogue, which take precedence for common names.
     pub fn merge(&mut self, other: Self) {
         for (name, makers) in other.glasses {
             for glass in makers {
@@ -68,7 +69,7 @@ impl Catalog {
         {
             return Ok(glass.clone());
         }
-        // Of a maker that is known, that maker's names are near.
+        // For a known maker, suggest names of that maker.
         let known: Vec<String> = match qualified {
             Some((maker, _)) if self.glasses().any(|glass| made_by(maker, glass)) => {
                 let theirs =
@@ -80,17 +81,17 @@ impl Catalog {
         Err(UnknownGlass { name: name.into(), nearest: nearest_names(&wanted, known) })
     }
 
-    /// All glasses of a name, one for each maker; the last is the one that counts.
+    /// All glasses of a name, one for each maker; the last one is meant by the name alone.
     pub fn all(&self, name: &str) -> &[Arc<Glass>] {
         self.glasses.get(&name.to_uppercase()).map_or(&[], Vec::as_slice)
     }
 
-    /// All names and aliases in upper case, in alphabetical order, with the glasses that count.
+    /// All names and aliases in upper case, in alphabetical order, with the glasses that they mean.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Arc<Glass>)> {
         self.glasses.iter().filter_map(|(name, all)| Some((name.as_str(), all.last()?)))
     }
 
-    /// Every glass of every maker in alphabetical order, each once whatever its aliases. Air is none.
+    /// Every glass of every maker in alphabetical order, each once, without aliases and air.
     pub fn glasses(&self) -> impl Iterator<Item = &Arc<Glass>> {
         self.glasses.iter().flat_map(|(name, all)| {
             all.iter().filter(move |glass| *name == glass.name.to_uppercase() && !glass.is_air())
@@ -98,19 +99,20 @@ impl Catalog {
     }
 }
 
-/// The three known names that are most like the wanted one: by letters and digits alone, as punctuation is what programs
-/// spell differently, and by how they begin before how they end (Jaro and Winkler); then the alphabet.
+/// The three known names most similar to the requested one. Only letters and digits are compared, because programs
+/// differ in punctuation. The similarity of Jaro and Winkler gives the beginning of a name more weight than its end.
+/// Equally similar names are in alphabetical order.
 fn nearest_names(wanted: &str, mut known: Vec<String>) -> Vec<String> {
     const HINTS: usize = 3;
-    // No glass has a name this long; the time to compare grows with it.
+    // Limit the length: the time to compare grows with it, and no glass has such a long name.
     const LONGEST: usize = 64;
-    // A maker in front is not what is compared.
+    // Compare the name without its maker.
     let plain = |name: &str| -> String {
         let bare = name.rsplit(':').next().unwrap_or(name);
         bare.chars().filter(|c| c.is_alphanumeric()).take(LONGEST).collect()
     };
     let wanted = plain(wanted);
-    // Likeness from 0 to 1, as a whole number that can be sorted by.
+    // Similarity from 0 to 1, as a whole number for sorting.
     let likeness = |known: &str| (1e9 * strsim::jaro_winkler(&wanted, &plain(known))) as u32;
     known.sort_by_cached_key(|known| std::cmp::Reverse(likeness(known)));
     known.truncate(HINTS);

@@ -1,7 +1,7 @@
 //! Dispersion formulas, as published by glass makers and refractiveindex.info.
 //!
-//! Every coefficient stays as it is printed; what differs between formulas of the same mathematics are powers, which
-//! are data. Which published formula is which variant:
+//! Every coefficient stays as printed. Formulas of the same form differ only in their powers, which are data. The
+//! variants of the published formulas:
 //!
 //! | variant | formulas of AGF files | of refractiveindex.info |
 //! |---|---|---|

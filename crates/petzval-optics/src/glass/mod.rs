@@ -1,4 +1,4 @@
-//! Glass: the refractive index of a medium as a function of wavelength, and what else its maker says of it.
+//! Glass: the refractive index of a medium as a function of wavelength, and further data of its maker.
 
 mod catalog;
 mod dispersion;
@@ -26,11 +26,11 @@ pub struct Glass {
     pub name: String,
     /// Its dispersion formula with published coefficients.
     pub dispersion: Dispersion,
-    /// Who makes it; empty if unknown.
+    /// Maker; empty if unknown.
     pub maker: String,
-    /// Where the figures are from; empty if unknown.
+    /// Source of the figures; empty if unknown.
     pub source: String,
-    /// Whether the maker still offers it.
+    /// Availability.
     pub status: Option<Status>,
     /// Index at the d line as its source prints it.
     pub printed_nd: Option<Printed>,
@@ -38,11 +38,11 @@ pub struct Glass {
     pub printed_vd: Option<Printed>,
     /// Shortest and longest wavelength at which the formula holds, um.
     pub range_um: Option<[f64; 2]>,
-    /// What it swallows.
+    /// Absorption.
     pub absorption: Option<Absorption>,
-    /// How its index changes with temperature.
+    /// Change of its index with temperature.
     pub thermal: Option<Thermal>,
-    /// How it grows with temperature; no rows if unknown.
+    /// Thermal expansion; no rows if unknown.
     pub expansion: Vec<Expansion>,
     /// Density, g/cm^3.
     pub density_g_cm3: Option<f64>,
@@ -50,23 +50,23 @@ pub struct Glass {
     pub relative_cost: Option<f64>,
 }
 
-/// How a maker offers a glass.
+/// Availability of a glass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// From stock, to be used first.
+    /// Preferred, from stock.
     Preferred,
     /// Made regularly.
     Standard,
-    /// Made to order, or soon no more.
+    /// Made to order, or soon obsolete.
     Special,
-    /// Not made any more.
+    /// No longer made.
     Obsolete,
-    /// One melt as it was measured.
+    /// A measured melt.
     Melt,
 }
 
 impl Status {
-    /// All of them.
+    /// All values.
     pub const ALL: [Self; 5] = [Self::Preferred, Self::Standard, Self::Special, Self::Obsolete, Self::Melt];
 
     /// The word for it in files.
@@ -93,7 +93,7 @@ impl fmt::Display for Status {
 }
 
 impl Glass {
-    /// A medium of which nothing but the formula is known.
+    /// A medium with a formula and no other data.
     pub fn new(name: impl Into<String>, dispersion: Dispersion) -> Self {
         Self {
             name: name.into(),
@@ -130,7 +130,7 @@ impl Glass {
     }
 
     /// Refractive index relative to the air around it, of glass and air at `temperature_c` (degrees Celsius) and
-    /// `pressure_atm`; `None` where nobody says how the glass changes with temperature.
+    /// `pressure_atm`; `None` if the change of the glass with temperature is not known.
     ///
     /// `wavelength_um` is the wavelength in air of catalogue conditions, by which lines are named: light keeps its
     /// frequency, not its wavelength, when the air changes.
@@ -145,8 +145,7 @@ impl Glass {
         Some(absolute / air_index(wavelength_um, temperature_c, pressure_atm))
     }
 
-    /// What is left of light behind a path in mm, without reflections at faces; `None` where nobody says. Air leaves
-    /// everything.
+    /// Internal transmittance of a path in mm, without reflections at faces; `None` if it is not known. Air has 1.
     pub fn internal_transmission(&self, wavelength_um: f64, path_mm: f64) -> Option<f64> {
         match self.is_air() {
             true => Some(1.0),
@@ -167,7 +166,7 @@ impl Glass {
     /// Abbe number `(n_d - 1) / (n_F - n_C)`; infinite for a medium without dispersion.
     pub fn abbe_vd(&self) -> f64 {
         let spread = self.index(LINE_F_UM) - self.index(LINE_C_UM);
-        // Air would be 0 / 0.
+        // Avoid 0 / 0 for air.
         if spread == 0.0 { f64::INFINITY } else { (self.nd() - 1.0) / spread }
     }
 
@@ -177,8 +176,8 @@ impl Glass {
         (self.index(LINE_G_UM) - n_f) / (n_f - self.index(LINE_C_UM))
     }
 
-    /// How far the formula is from the printed n_d and V_d, if by so much that one of them must be mistyped: `nd` or
-    /// `vd` and what the formula gives. Lines at which the formula does not hold count for nothing.
+    /// A disagreement between the formula and the printed n_d or V_d that is so large that one of them must be
+    /// mistyped: `nd` or `vd`, and the value of the formula. Lines outside the range of the formula are ignored.
     pub fn misprint(&self) -> Option<(&'static str, f64)> {
         const ND_SLIP: f64 = 1e-3;
         const VD_SLIP: f64 = 0.02;
@@ -196,8 +195,8 @@ impl Glass {
         None
     }
 
-    /// Forgets what is printed and cannot be, as files of others have it, and says so: a glass in a file of our own must
-    /// agree with its formula.
+    /// Removes a printed value that disagrees with the formula, and returns a message. This is for files of other
+    /// programs; a glass in a file of our own must agree with its formula.
     pub fn drop_misprints(&mut self) -> Vec<String> {
         let mut said = Vec::new();
         while let Some((what, gives)) = self.misprint() {

@@ -1,27 +1,26 @@
-//! Glasses near a place in the n_d, V_d plane.
+//! Glasses near a point of the n_d, V_d plane.
 
 use std::sync::Arc;
 
 use super::{Catalog, Glass};
 
-/// A glass and how far it is from what was asked for.
+/// A glass and its distance from the requested point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Near {
     /// The glass.
     pub glass: Arc<Glass>,
-    /// `sqrt((dn_d / 0.01)^2 + dV_d^2)`: a hundredth of index counts as much as one of Abbe number, which is how glass
-    /// maps are drawn.
+    /// `sqrt((dn_d / 0.01)^2 + dV_d^2)`: 0.01 of index counts as much as 1 of Abbe number, as on usual glass maps.
     pub distance: f64,
 }
 
-/// Distance of a glass from a place on the glass map, as in [`Near`].
+/// Distance of a glass from a point of the glass map, as in [`Near`].
 pub fn map_distance(glass: &Glass, [nd, vd]: [f64; 2]) -> f64 {
     const ND_UNIT: f64 = 0.01;
     ((glass.nd() - nd) / ND_UNIT).hypot(glass.abbe_vd() - vd)
 }
 
-/// The glasses that are nearest to a place `[n_d, V_d]`, nearest first, at most `count`; `wanted` says which glasses count.
-/// Each glass of each maker comes once, under its own name; media without dispersion never come.
+/// The glasses nearest to a point `[n_d, V_d]`, nearest first, at most `count`, among those that pass `wanted`. Each
+/// glass of each maker is listed once, under its own name; media without dispersion are left out.
 pub fn nearest(
     catalog: &Catalog,
     place: [f64; 2],

@@ -1,4 +1,4 @@
-//! A number as a catalogue prints it, with its decimals: what a formula must give to the last digit.
+//! A number as a catalogue prints it, with its decimals, for comparison with a formula to the last digit.
 
 use std::fmt;
 
@@ -12,8 +12,8 @@ pub struct Printed {
 }
 
 impl Printed {
-    /// The number of a text such as `1.51680` or `6.41700E+01`; `None` if that is none, or one that no index, Abbe
-    /// number or density comes near.
+    /// The number of a text such as `1.51680` or `6.41700E+01`; `None` if the text is not a number, or is far from any
+    /// index, Abbe number or density.
     ///
     /// Scientific notation has columns of fixed width, so its trailing zeros do not count.
     pub fn parse(text: &str) -> Option<Self> {
@@ -32,13 +32,13 @@ impl Printed {
             Err(_) => fraction.len(),
         };
         let printed = Self { value, decimals: decimals.min(MOST_DECIMALS) as u8 };
-        // More digits than are kept must not make the number another when it is written.
+        // Round the value to the kept decimals, so that it reads back the same after it is written.
         Some(Self { value: printed.to_string().parse().ok()?, ..printed })
     }
 
     /// Whether a computed value rounds to this number.
     pub fn agrees(&self, computed: f64) -> bool {
-        // A tie rounds either way.
+        // Accept both directions for a tie.
         const HALF: f64 = 0.5 + 1e-6;
         (computed - self.value).abs() <= HALF * 10_f64.powi(-i32::from(self.decimals))
     }

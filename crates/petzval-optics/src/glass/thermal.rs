@@ -1,9 +1,9 @@
-//! The index of a glass that is warmer or colder than its catalogue, in air of any temperature and pressure.
+//! The index of a glass at another temperature than that of its catalogue, in air of any temperature and pressure.
 //!
 //! Catalogues print indices relative to air at the temperature of the measurement and 1 atm. The absolute index, that
 //! against vacuum, changes by `dn = (n^2 - 1) / (2 n) (D0 t + D1 t^2 + D2 t^3 + (E0 t + E1 t^2) / (w^2 - w_tk^2))`,
 //! t = T - T0 in K (Schott, technical information TIE-19; the record `TD` of AGF files, formula A of
-//! refractiveindex.info). A lens in air sees that divided by the index of the air around it.
+//! refractiveindex.info). For a lens in air this index is divided by that of the air.
 
 /// Coefficients of the change of the absolute index with temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ impl Thermal {
         let t = temperature_c - self.reference_c;
         let [d0, d1, d2] = self.d;
         let [e0, e1] = self.e;
-        // Without resonant terms the resonance may be anywhere, also at this wavelength.
+        // Without resonant terms the resonance is arbitrary, and may be at this wavelength.
         let resonant = match [e0, e1] == [0.0; 2] {
             true => 0.0,
             false => {
@@ -36,10 +36,10 @@ impl Thermal {
     }
 }
 
-/// How much a glass grows with temperature.
+/// Thermal expansion of a glass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expansion {
-    /// Temperatures between which this is the mean, degrees Celsius.
+    /// Range of temperatures of this mean, degrees Celsius.
     pub range_c: [f64; 2],
     /// Linear expansion, 1/K.
     pub per_k: f64,

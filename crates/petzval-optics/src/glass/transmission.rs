@@ -1,8 +1,8 @@
-//! Internal transmission: what a glass lets through, without the reflections at its faces.
+//! Internal transmission of a glass, without the reflections at its faces.
 
 use std::f64::consts::PI;
 
-/// Absorption as it is published.
+/// Absorption data as published.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Absorption {
     /// Rows `[wavelength um, internal transmittance 0..=1, thickness mm]`, wavelengths ascending.
@@ -14,7 +14,7 @@ pub enum Absorption {
 impl Absorption {
     /// Absorption coefficient a at a wavelength in um, per mm: linear between the rows, `None` beyond them.
     ///
-    /// A transmittance that is printed as 0 absorbs everything, up to the next row.
+    /// A printed transmittance of 0 means infinite absorption up to the next row.
     pub fn per_mm(&self, wavelength_um: f64) -> Option<f64> {
         match self {
             Self::Transmittance(rows) => interpolate(rows, wavelength_um, |[_, t, mm]| -t.ln() / mm),
@@ -42,7 +42,7 @@ impl Absorption {
 
 const UM_TO_MM: f64 = 1e-3;
 
-/// The value at a wavelength, linear between rows whose first number is theirs.
+/// The value at a wavelength, linear between rows that begin with their wavelength.
 fn interpolate<const N: usize>(rows: &[[f64; N]], um: f64, value: impl Fn(&[f64; N]) -> f64) -> Option<f64> {
     let hi = rows.partition_point(|row| row[0] < um);
     let upper = rows.get(hi)?;

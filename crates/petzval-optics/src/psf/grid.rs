@@ -5,18 +5,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::wave::ImageGrid;
 
-/// What light is taken for.
+/// Rays or waves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PsfKind {
-    /// Rays: right where aberrations spread light over many times the Airy disk.
+    /// Rays: accurate where aberrations spread light over many times the Airy disk.
     #[default]
     Geometric,
-    /// Waves: right everywhere, and needed where aberrations are a wave or less.
+    /// Waves: accurate everywhere, and needed where aberrations are a wave or less.
     Diffraction,
 }
 
-/// The grid on which a PSF is given, and what light is taken for.
+/// The grid of a PSF, and rays or waves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PsfOptions {
     /// Cells a side.
@@ -45,14 +45,14 @@ impl PsfOptions {
     }
 }
 
-/// How a PSF was made.
+/// The method of a PSF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PsfMethod {
     /// From polynomials over the pupil through traced rays.
     Polynomial {
         /// Total degree.
         degree: usize,
-        /// How far, at worst, rays that the polynomials were not fitted to land from where these say, um.
+        /// Largest distance of the polynomials from traced rays to which they were not fitted, um.
         residual_um: f64,
     },
     /// From one traced ray per pupil cell.

@@ -1,11 +1,11 @@
-//! Point-spread functions: what the lens makes of a point of light.
+//! Point-spread functions: the image of a point of light.
 //!
-//! Rays of a filled pupil are splatted on a grid around the chief ray. [`psf`] evaluates them from polynomials over the
-//! pupil, through one to four hundred traced rays; where rays that the polynomials were not fitted to land too far from
-//! where these say, or where rays of the stop are lost, it traces a ray for every pupil cell, as the reference
+//! The light of a filled pupil is splatted on a grid around the chief ray. [`psf`] evaluates ray positions from
+//! polynomials over the pupil, through one to four hundred traced rays. If the polynomials miss other traced rays by
+//! too much, or if rays through the stop are lost, it traces a ray for every pupil cell, as the reference
 //! [`psf_traced`] always does.
 //!
-//! With [`PsfKind::Diffraction`] it is waves that are added, see [`wave`](crate::wave).
+//! [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 
 mod grid;
 mod polynomial;
@@ -33,7 +33,7 @@ use crate::wave::{Shown, WaveChannel};
 pub struct FieldPsf {
     /// Field angle, rad.
     pub field_rad: f64,
-    /// Place of the reference chief ray across the plane of the fields, mm; 0 in a lens of which that is a plane of symmetry.
+    /// x of the reference chief ray on the image plane, mm; 0 in a lens that is symmetric about the plane of the fields.
     pub chief_x_mm: f64,
     /// Height of the reference chief ray on the image plane, mm.
     pub chief_y_mm: f64,
@@ -44,11 +44,11 @@ pub struct FieldPsf {
     pub illumination: Vec<f64>,
     /// Share of the light that falls inside the grid, per wavelength.
     pub captured: Vec<f64>,
-    /// How it was made, per wavelength.
+    /// Method, per wavelength.
     pub method: Vec<PsfMethod>,
 }
 
-/// What a loss asks of a field's PSFs.
+/// Cotangents of a field's PSFs.
 #[derive(Clone, Debug)]
 pub struct PsfCotangent {
     /// By each value, laid out as [`FieldPsf::values`].
@@ -57,7 +57,7 @@ pub struct PsfCotangent {
     pub illumination: Vec<f64>,
 }
 
-/// What the gradient needs of the forward pass.
+/// Intermediate results of the forward pass, for the gradient.
 pub struct PsfTape {
     options: PsfOptions,
     reference: Sequence,
@@ -68,18 +68,18 @@ pub struct PsfTape {
 struct Channel {
     sequence: Sequence,
     light: Light,
-    /// What all values of the grid add up to before they are normalised.
+    /// Sum of the grid's values before normalisation.
     total: f64,
 }
 
-/// Where the light of a channel came from.
+/// The light of a channel, by its method.
 enum Light {
     Polynomial(Box<PolynomialChannel>),
     Traced(Box<TracedChannel>),
     Wave(Box<WaveChannel>),
 }
 
-/// Which way to take.
+/// The fast path, or the reference.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
     Fast,
@@ -87,7 +87,7 @@ enum Way {
 }
 
 /// PSFs of a field at the given wavelengths; `None` if the field's chief ray does not reach the image
-/// or no light arrives at all; by diffraction also if rays of the stop are lost or the wavefront is no smooth function.
+/// or no light arrives; by diffraction also if rays through the stop are lost or the wavefront is not smooth.
 pub fn psf(
     lens: &Lens,
     field_rad: f64,
@@ -109,10 +109,10 @@ pub fn psf_traced(
     make(lens, field_rad, wavelengths_um, quadrature, options, Way::Reference).map(|(psf, _)| psf)
 }
 
-/// [`psf`], with what its gradient needs.
+/// [`psf`] with the tape for its gradient.
 ///
-/// Where every cell is traced because rays of the stop are lost, the gradient leaves out how the light of a ray changes with
-/// the pupil's aberrations; how rays move, and how apertures cut them, is always in it.
+/// If every cell is traced because rays through the stop are lost, the gradient leaves out the change of a ray's light with
+/// the pupil's aberrations. It always includes the motion of rays and their clipping by apertures.
 pub fn psf_with_tape(
     lens: &Lens,
     field_rad: f64,
@@ -123,7 +123,7 @@ pub fn psf_with_tape(
     make(lens, field_rad, wavelengths_um, quadrature, options, Way::Fast)
 }
 
-/// [`psf_traced`], with what its gradient needs.
+/// [`psf_traced`] with the tape for its gradient.
 pub fn psf_traced_with_tape(
     lens: &Lens,
     field_rad: f64,
@@ -142,6 +142,7 @@ fn make(
     options: &PsfOptions,
     way: Way,
 ) -> Option<(FieldPsf, PsfTape)> {
+    // Trace the chief ray of the reference wavelength, which is the centre of the grid.
     let reference = lens.at_wavelength(lens.reference_um);
     let stop_radius_mm = first_order(&reference).stop_radius_mm;
     let chief = chief_ray(&reference, field_rad)?;
@@ -155,12 +156,13 @@ fn make(
         method: Vec::new(),
     };
     let chief_mm = [chief.x_mm, chief.y_mm];
-    // Half a pupil and its mirror image weigh twice the half.
+    // In a symmetric lens, trace half of the pupil; with its mirror image it has twice the light.
     let is_half = reference.is_mirror_symmetric;
     let times = if is_half { 2.0 } else { 1.0 };
     let mut channels: Vec<Channel> = Vec::new();
     let mut room = Blocks::zero(options.grid);
     for wavelength in wavelengths_um {
+        // Waves: transform the wave to the grid, and normalise.
         let sequence = lens.at_wavelength(*wavelength);
         if options.kind == PsfKind::Diffraction {
             let like = channels.last().and_then(|c| c.light.wave());
@@ -180,6 +182,7 @@ fn make(
             channels.push(Channel { sequence, light: Light::Wave(Box::new(channel)), total });
             continue;
         }
+        // Rays: splat by the pupil polynomial, or trace a ray for every pupil cell if it does not hold.
         let fitted = (way == Way::Fast).then(|| {
             let like = channels.last().and_then(|c| c.light.map());
             PolynomialChannel::new(&sequence, field_rad, stop_radius_mm, like)
@@ -195,6 +198,7 @@ fn make(
                 (Light::Traced(Box::new(channel)), values, illumination)
             }
         };
+        // Normalise to unit sum, and record the share of the light on the grid.
         let total: f64 = values.iter().sum();
         if !(total > 0.0 && illumination > 0.0) {
             return None;
@@ -245,7 +249,7 @@ impl PsfTape {
         let mut gradient = LensGradient::zero(self.reference.surfaces.len());
         let (mut chief_bar, mut stop_radius_bar) = ([0.0; 2], 0.0);
         for (k, channel) in self.channels.iter().enumerate() {
-            // Normalisation: P = G / S, so Gbar = (Pbar - <Pbar, P>) / S; then the mirror image.
+            // Undo the normalisation P = G / S: Gbar = (Pbar - <Pbar, P>) / S. Then add the mirror image.
             let wish = &cotangent.values[k];
             let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
             let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
@@ -256,7 +260,7 @@ impl PsfTape {
                 options: &self.options,
                 chief_mm: [self.chief.x_mm, self.chief.y_mm],
             };
-            // Pull the cells' cotangents back to ray positions and weights.
+            // Pull the cells' cotangents back to ray positions and weights, and these to the lens.
             let (chief, stop_radius) = match &channel.light {
                 Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &bar, &mut gradient),
                 Light::Traced(c) => c.pull_back(&channel.sequence, &bar, &mut gradient),
@@ -268,6 +272,7 @@ impl PsfTape {
             chief_bar = [chief_bar[0] + chief[0], chief_bar[1] + chief[1]];
             stop_radius_bar += stop_radius;
         }
+        // Add the cotangents of the chief ray and of the stop radius, which all channels share.
         pull_back_chief(&self.reference, &self.chief, chief_bar, &mut gradient);
         let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
         pull_back_first_order(&self.reference, wish, &mut gradient);

@@ -1,4 +1,4 @@
-//! Pupil polynomials, evaluated densely and splatted.
+//! PSFs from pupil polynomials: evaluates them densely, and splats the points.
 
 use pulp::{Simd, WithSimd};
 
@@ -11,10 +11,10 @@ use crate::pupil::{
 use crate::trace::Sequence;
 use petzval_base::simd::dispatch;
 
-/// Degrees that are tried, one after the other.
+/// Degrees of the polynomials, in the order of trial.
 const DEGREES: [usize; 4] = [8, 12, 16, 20];
 
-/// How far rays may land from where the polynomials say, um.
+/// Largest distance of the polynomials from traced rays, um.
 const TOLERANCE_UM: f64 = 0.01;
 
 /// Cells around the grid, so that light at its edge needs no test per cell; the fourth cell of a row of weights is zero.
@@ -44,8 +44,8 @@ impl Padded {
 
 /// A grid with a margin, in overlapping blocks of four cells of a row that begin at every other cell.
 ///
-/// Any three neighbours lie in one block, so adding light to them reads and writes whole blocks. A processor hands what it
-/// has just written to a read of the same place, but stalls on one that overlaps it.
+/// Any three neighbours lie in one block, so adding light to them reads and writes whole blocks. A processor forwards a
+/// value that it has just written to a read of the same address, but stalls on a read that overlaps it.
 pub(super) struct Blocks {
     cells: usize,
     /// Blocks of a row.
@@ -60,7 +60,7 @@ impl Blocks {
         Self { cells, stride, values: vec![[0.0; 4]; stride * padded] }
     }
 
-    /// The grid without its margin, with its mirror image in x added if that is bar.
+    /// The grid without its margin; with `add_mirror_image`, its mirror image in x is added.
     fn to_grid(&self, add_mirror_image: bool) -> Vec<f64> {
         let mut both = vec![0.0; self.cells * self.cells];
         let mut row = vec![0.0; 2 * self.stride + 2];
@@ -111,13 +111,13 @@ fn weights_in_block(d: f64, behind: usize) -> [f64; 4] {
     quadratic(CONSTANT[behind], LINEAR[behind], SQUARE[behind], d)
 }
 
-/// Their derivatives.
+/// Derivatives of [`weights`].
 #[inline(always)]
 fn slopes(d: f64) -> [f64; 4] {
     quadratic([-0.5, 0.0, 0.5, 0.0], [1.0, -2.0, 1.0, 0.0], [0.0; 4], d)
 }
 
-/// Where points land on a padded grid.
+/// Positions of points on a padded grid.
 struct Landing<S: Simd> {
     /// Column and row of the first of 3 x 3 cells around a point; 0 off the grid.
     column: [usize; MAX_LANES],
@@ -129,20 +129,22 @@ struct Landing<S: Simd> {
     inside: Lanes<S>,
 }
 
-/// A number whose addition rounds to an integer, which then stands in the lowest bits.
+/// Adding this number rounds to an integer, whose bits are then the lowest bits of the sum.
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
 
+/// Finds the nearest cell of each point, and the offset from its middle.
 #[inline(always)]
 fn land<S: Simd>(points: &Points<S>, options: &PsfOptions, chief_mm: [f64; 2]) -> Landing<S> {
     let (per_mm, centre) = options.scale();
     let zero = points.x.constant(0.0);
-    // Cell coordinates on the padded grid.
+    // Compute cell coordinates on the padded grid; points off the grid go to a corner, with weight 0.
     let first = centre + MARGIN as f64;
     let [chief_x, chief_y] = chief_mm;
     let (u, v) = ((points.x - chief_x) * per_mm + first, (points.y - chief_y) * per_mm + first);
     let (low, high) = (zero.constant(1.5), zero.constant((options.grid + 2 * MARGIN) as f64 - 2.5));
     let inside = low.lt(u).and(u.lt(high)).and(low.lt(v)).and(v.lt(high));
     let (u, v) = (inside.select(u, zero.constant(1.0)), inside.select(v, zero.constant(1.0)));
+    // Round to the nearest cell, and read its index from the bits.
     let (near_u, near_v) = ((u + ROUNDING) - ROUNDING, (v + ROUNDING) - ROUNDING);
     let mut landing = Landing {
         column: [0; MAX_LANES],
@@ -180,11 +182,13 @@ impl WithSimd for Splat<'_> {
         let mut light = Lanes::splat(simd, 0.0);
         for row in 0..dense.rows() {
             for turn in 0..dense.turns::<S>(row) * sides.len() {
+                // Evaluate the polynomials at some points of a row: positions on the image and light.
                 let points = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
                 light += points.weight;
                 let landing = land(&points, options, chief_mm);
                 let mut weight = [0.0; MAX_LANES];
                 (points.weight * landing.inside).store(&mut weight);
+                // Share the light of each point among the 3 x 3 cells around it, by the weights of the quadratic B-spline.
                 for k in 0..width::<S>() {
                     let (column, row) = (landing.column[k], landing.row[k]);
                     let a = weights_in_block(landing.du[k], column);
@@ -223,9 +227,11 @@ impl WithSimd for Gather<'_> {
         let mut chief_bar = [zero; 2];
         for row in 0..dense.rows() {
             for turn in 0..dense.turns::<S>(row) * sides.len() {
+                // Evaluate the polynomials again at some points of a row.
                 let points = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
                 let landing = land(&points, bar.options, bar.chief_mm);
                 let [mut by_u, mut by_v, mut by_light] = [[0.0; MAX_LANES]; 3];
+                // Gather the cotangents of the 3 x 3 cells around each point: by its position and by its light.
                 for k in 0..width::<S>() {
                     let (du, dv) = (landing.du[k], landing.dv[k]);
                     let ((a, b), (da, db)) = ((weights(du), weights(dv)), (slopes(du), slopes(dv)));
@@ -244,6 +250,7 @@ impl WithSimd for Gather<'_> {
                         by_light[k] += a[i] * along[i];
                     }
                 }
+                // Pass them on to the coefficients of the polynomials. The chief ray moves the grid, not the points.
                 let weight = points.weight * landing.inside * per_mm;
                 let bar = PointsCotangent {
                     x: weight * Lanes::load(simd, &by_u),
@@ -260,14 +267,14 @@ impl WithSimd for Gather<'_> {
 }
 
 impl PolynomialChannel {
-    /// Polynomials of the least degree that is good enough; `None` if none is.
+    /// Polynomials of the least degree within the tolerance; `None` if no degree is.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
         stop_radius_mm: f64,
         like: Option<&PupilMap>,
     ) -> Option<Self> {
-        // What another wavelength needed is the first to try.
+        // Start with the degree that another wavelength needed.
         let least = like.map_or(0, |map| map.basis().degree);
         for degree in DEGREES.into_iter().filter(|d| *d >= least) {
             let like = like.map(|map| &map.samples);
@@ -290,10 +297,10 @@ impl PolynomialChannel {
         PsfMethod::Polynomial { degree: self.map.basis().degree, residual_um: self.residual_um }
     }
 
-    /// The light on the grid, that of one half of the pupil with its mirror image (twice its weight) or of both, and the relative
-    /// illumination.
+    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror
+    /// image (twice its weight), or that of both halves.
     ///
-    /// `grid` is room for the splat; what it holds is lost.
+    /// `grid` is scratch space for the splat.
     pub fn splat(
         &self,
         quadrature: &Quadrature,
@@ -307,7 +314,7 @@ impl PolynomialChannel {
         (grid.to_grid(self.map.samples.sides == Sides::Mirrored), light)
     }
 
-    /// Adds the gradient; returns the derivatives by the chief ray's place and by the stop radius.
+    /// Adds the gradient; returns the derivatives by the position of the chief ray and by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,

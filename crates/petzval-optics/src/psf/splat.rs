@@ -1,4 +1,4 @@
-//! Sharing a ray's light among the cells of a grid.
+//! Shares the light of a ray among the cells of a grid.
 //!
 //! A ray at a non-integer cell coordinate u gives its light to the three nearest cells by the
 //! quadratic B-spline, `1/2 (1/2 - d)^2, 3/4 - d^2, 1/2 (1/2 + d)^2` with `d = u - round(u)`. Its first
@@ -13,6 +13,7 @@ pub(super) struct Stencil {
     pub slope: [f64; 3],
 }
 
+/// The stencil of a ray at cell coordinate u.
 #[inline]
 pub(super) fn stencil(u: f64) -> Stencil {
     let nearest = u.round();
@@ -24,7 +25,7 @@ pub(super) fn stencil(u: f64) -> Stencil {
     }
 }
 
-/// Adds `light` at cell coordinates (u, v); what falls off the grid is lost.
+/// Adds `light` at cell coordinates (u, v); light off the grid is lost.
 #[inline]
 pub(super) fn add(grid: &mut [f64], cells: usize, u: f64, v: f64, light: f64) {
     let (a, b) = (stencil(u), stencil(v));

@@ -1,4 +1,4 @@
-//! A traced ray for every pupil cell.
+//! PSFs with a traced ray for every pupil cell: the reference.
 
 use super::grid::{LightCotangent, PsfOptions, with_mirror_image};
 use super::splat;
@@ -15,12 +15,13 @@ impl TracedChannel {
         Self { beam: trace_beam(sequence, field_rad, stop_radius_mm, quadrature) }
     }
 
-    /// The light on the grid, that of one half of the pupil with its mirror image (twice its weight) or of both, and the relative
-    /// illumination.
+    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror
+    /// image (twice its weight), or that of both halves.
     pub fn splat(&self, options: &PsfOptions, chief_mm: [f64; 2], is_half: bool) -> (Vec<f64>, f64) {
         let beam = &self.beam;
         let (per_mm, centre) = options.scale();
         let mut half = vec![0.0; options.grid * options.grid];
+        // Share the light of each ray among the cells around it.
         for i in 0..beam.x_mm.len() {
             let at = [beam.x_mm[i], beam.y_mm[i]];
             let [u, v] = [0, 1].map(|axis| (at[axis] - chief_mm[axis]) * per_mm + centre);
@@ -30,7 +31,7 @@ impl TracedChannel {
         (all, beam.illumination())
     }
 
-    /// Adds the gradient; returns the derivatives by the chief ray's place and by the stop radius.
+    /// Adds the gradient; returns the derivatives by the position of the chief ray and by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
@@ -42,6 +43,7 @@ impl TracedChannel {
         let rays = beam.x_mm.len();
         let mut bar = BeamCotangent::zero(rays);
         let mut chief_bar = [0.0; 2];
+        // Gather the cotangents of the cells around each ray: by its position and by its light.
         for i in 0..rays {
             let at = [beam.x_mm[i], beam.y_mm[i]];
             let [u, v] = [0, 1].map(|axis| (at[axis] - light.chief_mm[axis]) * per_mm + centre);

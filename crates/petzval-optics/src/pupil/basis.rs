@@ -1,9 +1,9 @@
-//! Polynomials over the pupil: where to sample it, and the least-squares fits through the samples.
+//! Polynomials over the pupil: its sample points, and the least-squares fits through the samples.
 //!
 //! Fields lie in the y-z plane, so x on any surface is odd in p_x and every other quantity even. A polynomial of total
 //! degree n has the terms `p_x^i p_y^j`, `i + j <= n`, with i of its parity. The samples are a product rule on the half
-//! disk `p_x > 0`: Gauss-Legendre in r^2 and equal steps in angle; it integrates polynomials over the disk exactly, and its
-//! points crowd towards the rim as Chebyshev's do, so that fits through them do not swing.
+//! disk `p_x > 0`: Gauss-Legendre in r^2 and equal steps in angle. It integrates polynomials over the disk exactly, and its
+//! points are denser towards the rim, as Chebyshev points are, so that fits do not oscillate.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -15,19 +15,19 @@ use super::linear::Matrix;
 /// The degrees for which a basis exists, ascending.
 const DEGREES: [usize; 7] = [4, 6, 8, 10, 12, 16, 20];
 
-/// Which rays sample a pupil.
+/// Number of the rays that sample a pupil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PupilSampling {
-    /// As many as polynomials of (at least) this total degree need, 4 to 20: from 28 to 368, mirror images not counted.
+    /// Enough for polynomials of (at least) this total degree, 4 to 20: from 28 to 368 rays, mirror images not counted.
     Degree(usize),
-    /// 512, mirror images not counted.
+    /// 512 rays, mirror images not counted.
     Fine,
 }
 
 /// Degree, rings and arms of the fine sampling.
 const FINE: (usize, usize, usize) = (8, 16, 32);
 
-/// The terms of one parity, and what a least-squares fit of them needs.
+/// The terms of one parity, and the matrices of their least-squares fit.
 #[derive(Debug)]
 pub(crate) struct Parity {
     /// Powers (i, j) of p_x and p_y, rows of one i after another: i ascending, then j ascending.
@@ -74,7 +74,7 @@ pub(crate) struct PupilBasis {
     pub degree: usize,
     /// Samples (p_x, p_y), p_x > 0.
     pub samples: Vec<[f64; 2]>,
-    /// Share of the disk's area that a sample and its mirror image stand for; the sum is 1.
+    /// Share of the disk's area of a sample and its mirror image; the sum is 1.
     pub weights: Vec<f64>,
     pub odd: Parity,
     pub even: Parity,
@@ -129,7 +129,7 @@ impl Parity {
         // Least squares by QR: coefficients = R^-1 Q^T values.
         let qr = value.qr();
         let q_t = qr.q().transpose();
-        // There are more samples than terms, and the samples lie on no curve of that degree.
+        // The rank is full: there are more samples than terms, and the samples lie on no curve of that degree.
         let solve = qr.r().solve_upper_triangular(&q_t).unwrap_or_else(|| unreachable!("full column rank"));
         let fit = Matrix::new(powers.len(), samples.len(), |r, c| solve[(r, c)]);
         let slopes = [0, 1].map(|axis| {
@@ -147,7 +147,7 @@ impl Parity {
         self.fit.apply(values)
     }
 
-    /// Adds to the cotangents of the values what the coefficients ask.
+    /// Adds the cotangents of the values, from those of the coefficients.
     pub fn pull_back_fit(&self, coefficients_bar: &[f64], values_bar: &mut [f64]) {
         self.fit.add_transposed(coefficients_bar, values_bar);
     }
@@ -162,7 +162,7 @@ impl Parity {
         self.slopes.each_ref().map(|m| m.apply(coefficients))
     }
 
-    /// Coefficients asked for by cotangents of the slopes.
+    /// Cotangents of the coefficients, from those of the slopes.
     pub fn pull_back_slopes(&self, slopes_bar: [&[f64]; 2]) -> Vec<f64> {
         let mut coefficients_bar = vec![0.0; self.powers.len()];
         for (m, bar) in self.slopes.iter().zip(slopes_bar) {
@@ -181,7 +181,7 @@ impl Parity {
         sum
     }
 
-    /// Adds what cotangents of [`Parity::slope`] ask of the coefficients.
+    /// Adds the cotangents of the coefficients, from those of [`Parity::slope`].
     pub fn pull_back_slope(&self, bar: [f64; 2], p: [f64; 2], coefficients_bar: &mut [f64]) {
         for (c, powers) in coefficients_bar.iter_mut().zip(&self.powers) {
             let by = slope_of(*powers, p);

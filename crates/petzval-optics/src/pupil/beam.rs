@@ -1,5 +1,5 @@
-//! The beam of one field at one wavelength: aimed at the stop, traced to the image, weighted by the
-//! light that each ray carries; and the gradient of anything made from it.
+//! The beam of one field at one wavelength: its rays are aimed at the stop, traced to the image and weighted by their
+//! light. Also the gradient of losses of the beam.
 
 use super::basis::PupilBasis;
 use super::launch::{launch_area, paraxial_launch, projections};
@@ -11,11 +11,10 @@ use crate::lens::ObjectDistance;
 use crate::paraxial::{first_order, pull_back_entrance_pupil};
 use crate::trace::{AimedRays, Fate, RayBundle, Reaim, Seeds, Sequence, pull_back, trace};
 
-/// Degree of the polynomials through launch points: high, because this is the reference.
+/// Degree of the polynomials through launch points; high, because this is the reference.
 const JACOBIAN_DEGREE: usize = 20;
 
-/// A beam at the image: one entry per node of the quadrature, and in a lens without symmetry as many more for their mirror
-/// images.
+/// A beam at the image, with one entry per node of the quadrature; in a lens without symmetry also one per mirror image.
 #[derive(Clone, Debug)]
 pub struct Beam {
     /// Field angle, rad.
@@ -42,7 +41,7 @@ pub struct Beam {
     flux: Vec<f64>,
 }
 
-/// What a loss asks of a beam, one entry per node.
+/// Cotangents of a beam, one entry per node.
 #[derive(Clone, Debug, Default)]
 pub struct BeamCotangent {
     /// By x on the image plane, 1/mm.
@@ -54,7 +53,7 @@ pub struct BeamCotangent {
 }
 
 impl BeamCotangent {
-    /// No wish at all, for so many nodes.
+    /// All-zero cotangents for a number of nodes.
     pub fn zero(nodes: usize) -> Self {
         Self { x: vec![0.0; nodes], y: vec![0.0; nodes], weight: vec![0.0; nodes] }
     }
@@ -62,7 +61,7 @@ impl BeamCotangent {
 
 /// Aims and traces the beam of a field.
 ///
-/// `stop_radius_mm` is that of the reference wavelength: the stop is one piece of metal.
+/// `stop_radius_mm` is that of the reference wavelength: the stop has one size for all wavelengths.
 pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quadrature: &Quadrature) -> Beam {
     let order = first_order(sequence);
     let (points, shares) = quadrature.on(Sides::of(sequence));
@@ -77,10 +76,11 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
     let fate: Vec<Fate> = (0..nodes).map(|i| rays.fate(i)).collect();
     let transmission: Vec<f64> = (0..nodes).map(|i| rays.transmission(i)).collect();
 
-    // Weigh each ray by the light it carries: its area of the launch plane over that of the paraxial beam.
+    // Weight each ray by its light: its area of the launch plane divided by that of the paraxial beam.
     let pupil_area = launch_area(sequence, &order);
     let stop_area = stop_radius_mm * stop_radius_mm;
-    // Where one section of the beam has crossed the axis and the other has not, the map from launch to stop is mirrored.
+    // Take the absolute value of the Jacobian: if only one section of the beam has crossed the axis, the map from launch to
+    // stop is mirrored.
     let jacobian = |i: usize| stop_area * aimed.launch_per_stop_area(i).abs();
     let flux: Vec<f64> =
         shares.iter().enumerate().map(|(i, weight)| weight / pupil_area * jacobian(i)).collect();
@@ -121,8 +121,8 @@ impl Beam {
         self.rays.ray(ray).direction
     }
 
-    /// Solid angle that each ray stands for, of unit vectors that `towards` makes of its place on the image plane (mm) and its
-    /// direction: by polynomials through those of some rays. `None` if one of these is lost.
+    /// Solid angle of each ray: that of the unit vectors which `towards` computes from its position on the image plane
+    /// (mm) and its direction, by polynomials through those of some rays. `None` if one of these rays is lost.
     pub fn solid_angles(
         &self,
         sequence: &Sequence,
@@ -156,6 +156,7 @@ impl Beam {
         cotangent: &BeamCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
+        // The weights are relative to the paraxial beam: differentiate its area.
         let nodes = self.nodes.len();
         let order = first_order(sequence);
         let pupil_area = launch_area(sequence, &order);
@@ -165,8 +166,8 @@ impl Beam {
             let by_position = 2.0 * light / (distance + order.entrance_pupil_at_mm);
             pull_back_entrance_pupil(sequence, by_position, gradient);
         }
-        // Weights depend on the launch points through the Jacobian and the projection. A ray without weight moves nothing,
-        // but its launch point still shapes the flux fit.
+        // Split the cotangent of each weight into those of the Jacobian, the projection and the transmission. A ray without
+        // weight has no cotangent of its position, but its launch point still enters the fit of the Jacobian.
         let projections: Vec<(f64, [f64; 2])> =
             projections(sequence, self.field_rad, &self.aimed, nodes).collect();
         let mut seeds = Seeds::zero(nodes);
@@ -180,6 +181,7 @@ impl Beam {
                 seeds.transmission[i] = bar * self.flux[i] * projections[i].0;
             }
         }
+        // Pull the projection back to the launch points, and all rays back through the lens.
         let mut launch_bar = [0, 1].map(|_| vec![0.0; RayBundle::padded(nodes)]);
         for i in (0..nodes).filter(|i| self.aimed.is_aimed(*i)) {
             let projection_bar = cotangent.weight[i] * self.flux[i] * self.transmission[i];
@@ -193,11 +195,11 @@ impl Beam {
         (by_rays + self.pull_back_jacobian(sequence, &jacobian_bar, gradient)) / self.stop_radius_mm
     }
 
-    /// Adds the gradient of what is asked of the Jacobians of launch by pupil coordinates, one per node; returns the
-    /// derivative by the stop radius times that radius, mm.
+    /// Pulls back cotangents of the Jacobians of launch by pupil coordinates, one per node; returns the derivative by
+    /// the stop radius times that radius, mm.
     ///
-    /// The Jacobian of a ray is exact; how it changes is that of polynomials through the launch points of some rays. If
-    /// one of those rays cannot be aimed, the share of the Jacobian in the gradient is left out.
+    /// The Jacobian of a ray is exact; its derivative comes from polynomials through the launch points of some rays. If
+    /// one of these rays cannot be aimed, the Jacobian is left out of the gradient.
     fn pull_back_jacobian(
         &self,
         sequence: &Sequence,
@@ -219,7 +221,7 @@ impl Beam {
         let y = basis.fit(&aimed.launch_mm[1], sides, Symmetry::Even);
         let (mut x_bar, mut y_bar) = (PupilPolynomial::zero_like(&x), PupilPolynomial::zero_like(&y));
         for (p, bar) in self.nodes.iter().zip(jacobian_bar).filter(|(_, bar)| **bar != 0.0) {
-            // jacobian = xx yy - xy yx
+            // Differentiate jacobian = xx yy - xy yx.
             let ([xx, xy], [yx, yy]) = (basis.slope(&x, *p), basis.slope(&y, *p));
             let bar = bar * (xx * yy - xy * yx).signum();
             basis.pull_back_slope([bar * yy, -bar * yx], *p, &mut x_bar);
@@ -236,7 +238,7 @@ impl Beam {
 /// The ray of a field through the centre of the stop.
 #[derive(Clone, Debug)]
 pub struct ChiefRay {
-    /// Place across the plane of the fields on the image plane, mm; 0 in a lens of which that is a plane of symmetry.
+    /// x on the image plane, mm; 0 in a lens that is symmetric about the plane of the fields.
     pub x_mm: f64,
     /// Height on the image plane, mm.
     pub y_mm: f64,
@@ -255,8 +257,8 @@ pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
     ray.fate(0).reaches_image().then_some(ChiefRay { x_mm, y_mm, aimed })
 }
 
-/// The field whose chief ray lands at `y_mm` on the image plane, rad: by the secant method from the ideal field
-/// `guess_rad`, with the distortion that the lens has. `None` if there is no such ray.
+/// The field whose chief ray lands at `y_mm` on the image plane, rad, distortion included: by the secant method from
+/// the ideal field `guess_rad`. `None` if there is no such ray.
 pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option<f64> {
     const STEPS: usize = 30;
     let miss = |field: f64| Some(chief_ray(sequence, field)?.y_mm - y_mm);
@@ -273,7 +275,7 @@ pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option
     None
 }
 
-/// Adds the gradient of a loss that depends on where the chief ray lands, `bar` per mm of x and y.
+/// Adds the gradient of a loss that depends on the chief ray on the image plane, `bar` per mm of x and y.
 pub fn pull_back_chief(sequence: &Sequence, chief: &ChiefRay, bar: [f64; 2], gradient: &mut LensGradient) {
     let mut seeds = Seeds::zero(1);
     seeds.image_y[0] = bar[1];

@@ -1,4 +1,4 @@
-//! Pupil polynomials evaluated densely: row by row of the pupil, several points at a time.
+//! Evaluates pupil polynomials densely: row by row of the pupil, several points at a time.
 
 use pulp::Simd;
 
@@ -26,16 +26,17 @@ pub(crate) struct Row {
     pub weight: f64,
 }
 
-/// Highest power of p_y that rows know.
+/// Highest power of p_y in the table.
 const MAX_POWER: usize = 20;
 
 impl PupilRows {
-    /// So many rows over the diameter; points along them as far apart as the rows.
+    /// Divides the diameter into a number of rows; points along a row are about as far apart as the rows.
     pub fn new(rows: usize) -> Self {
         let height = 2.0 / rows as f64;
         let rows: Vec<Row> = (0..rows)
             .map(|r| {
-                // Area and centroid of the half strip between two heights: integrals of sqrt(1 - y^2) and y sqrt(1 - y^2).
+                // Compute area and centroid of the half strip between two heights, from the integrals of sqrt(1 - y^2) and
+                // y sqrt(1 - y^2).
                 let (low, high) = (-1.0 + height * r as f64, -1.0 + height * (r + 1) as f64);
                 let chord = |y: f64| (1.0 - y * y).max(0.0).sqrt();
                 let primitive = |y: f64| 0.5 * (y * chord(y) + y.clamp(-1.0, 1.0).asin());
@@ -68,7 +69,7 @@ impl PupilRows {
         RowTable { terms, rows: self.rows.len(), values }
     }
 
-    /// The transpose of [`PupilRows::along_rows`]: adds what a table's cotangents ask of the coefficients.
+    /// The transpose of [`PupilRows::along_rows`]: adds the cotangents of the coefficients.
     fn pull_back(&self, table: &RowTable, powers: &[(usize, usize)], coefficients_bar: &mut [f64]) {
         for (c, (i, j)) in coefficients_bar.iter_mut().zip(powers) {
             let along = &table.values[i / 2 * table.rows..][..table.rows];
@@ -155,7 +156,7 @@ impl Table {
         }
     }
 
-    /// Adds what the table's cotangents ask of the coefficients.
+    /// Adds the cotangents of the coefficients, from those of the table.
     fn pull_back(&self, rows: &PupilRows, basis: &PupilBasis, to: &mut PupilPolynomial) {
         if let Some(even) = &self.even {
             rows.pull_back(even, &basis.even.powers, &mut to.even);
@@ -166,7 +167,7 @@ impl Table {
     }
 }
 
-/// A map made ready to be evaluated row by row.
+/// A map in the form of tables, for evaluation row by row.
 pub(crate) struct DenseMap<'a> {
     map: &'a PupilMap,
     rows: &'a PupilRows,
@@ -176,7 +177,7 @@ pub(crate) struct DenseMap<'a> {
     heights: Vec<Table>,
 }
 
-/// Points of a row: where they land and the light they bring, per point of the row (0 beyond its last).
+/// Points of a row: positions on the image and light (0 beyond the last point).
 #[derive(Clone, Copy)]
 pub(crate) struct Points<S: Simd> {
     p_x: Lanes<S>,
@@ -187,13 +188,13 @@ pub(crate) struct Points<S: Simd> {
     pub y: Lanes<S>,
     /// Light through the clear apertures.
     pub weight: Lanes<S>,
-    /// Share of it that the apertures let through.
+    /// Transmission of the apertures.
     transmission: Lanes<S>,
     /// Weight of the points themselves, without light.
     share: Lanes<S>,
 }
 
-/// What a loss asks of points: by x, y (1/mm) and weight.
+/// Cotangents of points: by x, y (1/mm) and weight.
 #[derive(Clone, Copy)]
 pub(crate) struct PointsCotangent<S: Simd> {
     pub x: Lanes<S>,
@@ -201,7 +202,7 @@ pub(crate) struct PointsCotangent<S: Simd> {
     pub weight: Lanes<S>,
 }
 
-/// Cotangents gathered while rows pass.
+/// Cotangents, summed over rows.
 pub(crate) struct DenseCotangent {
     x: Table,
     y: Table,
@@ -254,13 +255,13 @@ impl<'a> DenseMap<'a> {
         self.rows.rows.len()
     }
 
-    /// How often [`DenseMap::points`] has to be asked for all points of a row.
+    /// Number of calls of [`DenseMap::points`] for all points of a row.
     #[inline(always)]
     pub fn turns<S: Simd>(&self, row: usize) -> usize {
         self.rows.rows[row].count.div_ceil(width::<S>())
     }
 
-    /// Signs of p_x that are to be evaluated: in a symmetric lens one half of the pupil says everything.
+    /// Signs of p_x to evaluate: in a symmetric lens one half of the pupil is enough.
     pub fn sides(&self) -> &'static [f64] {
         match self.map.samples.sides {
             Sides::Mirrored => &[1.0],
@@ -272,6 +273,7 @@ impl<'a> DenseMap<'a> {
     /// the same cells.
     #[inline(always)]
     pub fn points<S: Simd>(&self, simd: S, row: usize, turn: usize, side: f64) -> Points<S> {
+        // Coordinates and quadrature weights of the points.
         let r = self.rows.rows[row];
         let counting = Lanes::load(simd, &COUNTING) * self.turns::<S>(row) as f64 + (turn as f64 + 0.5);
         let p_x = counting * (r.step * side);
@@ -279,6 +281,7 @@ impl<'a> DenseMap<'a> {
         let zero = p_x.constant(0.0);
         let weight = if self.sides().len() == 1 { r.weight } else { 0.5 * r.weight };
         let share = counting.lt(zero.constant(r.count as f64)).select(zero.constant(weight), zero);
+        // Multiply the transmissions of the clear apertures.
         let mut transmission = zero.constant(1.0);
         for (h, table) in self.map.heights.iter().zip(&self.heights) {
             if let Some([through, ..]) = soft_edge(table.at(row, p_x, square), h.semi_diameter_mm) {
@@ -306,7 +309,7 @@ impl<'a> DenseMap<'a> {
         }
     }
 
-    /// Takes note of what a loss asks of points of a row.
+    /// Adds the cotangents of points of a row to the sums.
     #[inline(always)]
     pub fn pull_back_points<S: Simd>(
         &self,
@@ -316,6 +319,7 @@ impl<'a> DenseMap<'a> {
         sums: &mut DenseCotangent,
     ) {
         let (p_x, at) = (points.p_x, points.square);
+        // Positions and light.
         sums.x.add_moments(row, bar.x, p_x, at);
         sums.y.add_moments(row, bar.y, p_x, at);
         sums.light.add_moments(row, bar.weight * points.share * points.transmission, p_x, at);
@@ -328,7 +332,8 @@ impl<'a> DenseMap<'a> {
             let Some([through, by_u, by_semi]) = soft_edge(table.at(row, p_x, at), h.semi_diameter_mm) else {
                 continue;
             };
-            // The other apertures' share: transmission / through, 0 where this one lets nothing through.
+            // Differentiate the product of transmissions: that of the other apertures is transmission / through, or 0
+            // where this aperture is closed.
             let open = zero.lt(through);
             let others = open.select(points.transmission / open.select(through, zero.constant(1.0)), zero);
             let through_bar = bar.weight * points.share * light * others;

@@ -4,7 +4,7 @@ use crate::lens::ObjectDistance;
 use crate::paraxial::FirstOrder;
 use crate::trace::{AimedRays, Launch, Sequence, launch};
 
-/// The launch point that first-order optics would aim for: through the entrance pupil.
+/// The launch point of first-order optics: the ray goes through the paraxial entrance pupil.
 pub fn paraxial_launch(order: &FirstOrder, sequence: &Sequence, field_rad: f64, p: [f64; 2]) -> [f64; 2] {
     let radius = 0.5 * sequence.entrance_pupil_mm;
     let [x, y] = [radius * p[0], radius * p[1]];
@@ -14,7 +14,7 @@ pub fn paraxial_launch(order: &FirstOrder, sequence: &Sequence, field_rad: f64, 
     match sequence.object {
         ObjectDistance::Infinity => [x, y - at * slope],
         ObjectDistance::Finite(distance) => {
-            // On the straight line from the object point to the pupil point.
+            // Intersect the line from the object point to the pupil point with the launch plane.
             let share = distance / (distance + at);
             let object_y = -distance * field_rad.tan();
             [share * x, object_y + share * (y - object_y)]

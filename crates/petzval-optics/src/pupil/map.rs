@@ -1,9 +1,9 @@
-//! The pupil polynomial: one to four hundred traced rays, and everything that a beam does as polynomials through them.
+//! The pupil polynomial: the properties of a beam as polynomials through one to four hundred traced rays.
 //!
-//! Transverse aberration is a smooth function of the pupil. For one field and one wavelength a [`PupilMap`] holds, as
-//! polynomials in the stop coordinates: where the ray through that point of the stop lands, how much light the point
-//! stands for, and how far from the axis the ray passes the clear apertures that may cut it. How far the polynomials are
-//! from traced rays is measured at points that they were not fitted to.
+//! Transverse aberration is a smooth function of the pupil. For one field and one wavelength a [`PupilMap`] holds
+//! polynomials in the stop coordinates: the position of the ray on the image plane, its light, and its height at the
+//! clear apertures that may cut it. The residual is the distance of the polynomials from traced rays to which they were
+//! not fitted.
 
 use super::basis::PupilBasis;
 use super::launch::{launch_area, projections};
@@ -29,13 +29,13 @@ pub(crate) struct PupilMap {
     pub samples: PupilSamples,
     /// x and y on the image plane, mm.
     pub image: [PupilPolynomial; 2],
-    /// The light per share of the stop's area.
+    /// Light per share of the stop's area.
     pub light: PupilPolynomial,
     /// Clear apertures that may cut the beam.
     pub heights: Vec<Height>,
 }
 
-/// How far polynomials are from traced rays, at worst.
+/// Largest distances of polynomials from traced rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Residual {
     /// On the image plane, mm.
@@ -47,14 +47,14 @@ pub(crate) struct Residual {
 }
 
 impl Residual {
-    /// Whether rays land within `image_mm` of where the polynomials say, light is right to a thousandth, and apertures to
-    /// a tenth of their soft edge.
+    /// Whether positions on the image agree to `image_mm`, light to a thousandth, and heights at apertures to a tenth
+    /// of their soft edge.
     pub fn within(&self, image_mm: f64) -> bool {
         self.image_mm < image_mm && self.light < 1e-3 && self.aperture_mm < 0.1 * SOFT_EDGE_MM
     }
 }
 
-/// What a loss asks of a map: cotangents of its coefficients.
+/// Cotangents of the coefficients of a map.
 #[derive(Clone, Debug)]
 pub(crate) struct MapCotangent {
     pub image: [PupilPolynomial; 2],
@@ -97,7 +97,7 @@ impl PupilMap {
         self.samples.basis
     }
 
-    /// How far the polynomials are from rays through other points of the stop; `None` if one of those is lost.
+    /// Distance of the polynomials from rays through other points of the stop; `None` if one of these rays is lost.
     pub fn residual(&self, sequence: &Sequence) -> Option<Residual> {
         let samples = &self.samples;
         let (basis, sides) = (samples.basis, samples.sides);
@@ -109,21 +109,21 @@ impl PupilMap {
         let (fit_x, fit_y) = (at_checks(&self.image[0]), at_checks(&self.image[1]));
         let fit_light = at_checks(&self.light);
         let area = launch_area(sequence, &first_order(sequence));
-        // A fit through what is no number is no fit: the largest of two would forget it.
+        // Reject fits that are not finite: `max` below would ignore NaN.
         if !fit_x.iter().chain(&fit_y).chain(&fit_light).all(|v| v.is_finite()) {
             return None;
         }
         let mut worst = Residual::default();
         for (i, (projection, _)) in projections(sequence, field, &traced.aimed, points).enumerate() {
             worst.image_mm = worst.image_mm.max((x[i] - fit_x[i]).hypot(y[i] - fit_y[i]));
-            // The light of a ray by its exact derivatives.
+            // Compare with the light of the ray by its exact derivatives.
             let light = radius * radius * traced.aimed.launch_per_stop_area(i).abs() / area * projection;
             worst.light = worst.light.max((fit_light[i] / light - 1.0).abs());
         }
         for (h, traced) in self.heights.iter().zip(&traced.heights) {
             for (fit, traced) in at_checks(&h.polynomial).iter().zip(&traced.values) {
                 let (r, traced) = (fit.max(0.0).sqrt(), traced.sqrt());
-                // Far from its edge an aperture does nothing.
+                // Errors far from the edge of an aperture count a tenth.
                 let near = (traced - h.semi_diameter_mm).abs() < 0.1 * h.semi_diameter_mm;
                 let off = (r - traced).abs();
                 worst.aperture_mm = worst.aperture_mm.max(if near { off } else { 0.1 * off });

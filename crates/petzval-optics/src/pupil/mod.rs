@@ -1,4 +1,4 @@
-//! The pupil: where rays pass the stop, and what a beam that fills it does.
+//! The pupil: rays through points of the stop, and the beam that fills it.
 
 mod basis;
 mod beam;

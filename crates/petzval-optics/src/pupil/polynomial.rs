@@ -1,13 +1,13 @@
-//! Polynomials over the whole pupil, from what both parities of a basis say.
+//! Polynomials over the whole pupil, as sums of both parities of a basis.
 //!
-//! In a lens whose y-z plane is a plane of symmetry one half of the pupil is the mirror image of the other: quantities are
-//! odd or even in p_x, and half of the samples say everything. In others both halves are sampled, at mirrored points, and a
-//! quantity is the sum of an even and an odd part, each of them fitted by itself.
+//! In a lens whose y-z plane is a plane of symmetry one half of the pupil is the mirror image of the other: quantities
+//! are odd or even in p_x, and samples of one half are enough. In other lenses both halves are sampled at mirrored
+//! points, and a quantity is the sum of an even and an odd part, which are fitted separately.
 
 use super::basis::PupilBasis;
 use crate::trace::Sequence;
 
-/// Which halves of the pupil are sampled.
+/// The sampled halves of the pupil.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sides {
     /// The half `p_x > 0`; the other is its mirror image.
@@ -16,12 +16,12 @@ pub(crate) enum Sides {
     Both,
 }
 
-/// How a quantity behaves under mirroring, in a lens that is symmetric.
+/// Behaviour of a quantity under mirroring, in a symmetric lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Symmetry {
     /// It changes its sign, as x does.
     Odd,
-    /// It stays.
+    /// It does not change.
     Even,
 }
 
@@ -45,7 +45,7 @@ impl PupilPolynomial {
 }
 
 impl Sides {
-    /// Those that a lens needs.
+    /// The halves that a lens needs.
     pub fn of(sequence: &Sequence) -> Self {
         if sequence.is_mirror_symmetric { Self::Mirrored } else { Self::Both }
     }
@@ -58,7 +58,7 @@ impl Sides {
         }
     }
 
-    /// Weights of [`Sides::points`], from those of points that stand for themselves and their mirror image.
+    /// Weights of [`Sides::points`], from those of points that include their mirror images.
     pub fn weights(self, right: &[f64]) -> Vec<f64> {
         match self {
             Self::Mirrored => right.to_vec(),
@@ -97,7 +97,7 @@ impl PupilBasis {
         }
     }
 
-    /// Adds to the cotangents of the values what those of the coefficients ask.
+    /// Adds the cotangents of the values, from those of the coefficients.
     pub fn pull_back_fit(&self, bar: &PupilPolynomial, sides: Sides, values_bar: &mut [f64]) {
         if sides == Sides::Mirrored {
             if !bar.even.is_empty() {
@@ -141,7 +141,7 @@ impl PupilBasis {
         }
     }
 
-    /// Coefficients asked for by cotangents of the slopes.
+    /// Cotangents of the coefficients, from those of the slopes.
     pub fn pull_back_slopes(&self, bar: [&[f64]; 2], sides: Sides, symmetry: Symmetry) -> PupilPolynomial {
         match (sides, symmetry) {
             (Sides::Mirrored, Symmetry::Odd) => {
@@ -177,7 +177,7 @@ impl PupilBasis {
         sum
     }
 
-    /// Adds what cotangents of [`PupilBasis::slope`] ask of the coefficients.
+    /// Adds the cotangents of the coefficients, from those of [`PupilBasis::slope`].
     pub fn pull_back_slope(&self, bar: [f64; 2], at: [f64; 2], to: &mut PupilPolynomial) {
         for (parity, coefficients) in [(&self.even, &mut to.even), (&self.odd, &mut to.odd)] {
             if !coefficients.is_empty() {

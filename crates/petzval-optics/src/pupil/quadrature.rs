@@ -1,10 +1,10 @@
-//! A deterministic quadrature of the unit disk, one half of it: fields lie in the y-z plane, so a
-//! ray at (-x, y) of the pupil is the mirror image of the ray at (x, y).
+//! A deterministic quadrature of half of the unit disk: fields lie in the y-z plane, so a ray at (-x, y) of the pupil
+//! is the mirror image of the ray at (x, y).
 
 use super::dense::PupilRows;
 use super::polynomial::Sides;
 
-/// Sub-cells per side by which a cell at the rim is measured.
+/// Sub-cells per side for the area of a cell at the rim.
 const RIM_SUBDIVISION: usize = 16;
 
 /// A quadrature that cannot be built.
@@ -12,12 +12,12 @@ const RIM_SUBDIVISION: usize = 16;
 #[error("a pupil grid needs an even number of cells from 12 to 4096 a side, got {0}")]
 pub struct QuadratureError(pub usize);
 
-/// Nodes of a square grid inside the half disk x > 0, each standing for itself and its mirror image.
+/// Nodes of a square grid inside the half disk x > 0, each with the weight of itself and its mirror image.
 #[derive(Clone, Debug)]
 pub struct Quadrature {
     /// Nodes (p_x, p_y), p_x > 0, inside the unit disk.
     pub nodes: Vec<[f64; 2]>,
-    /// Share of the disk's area that a node and its mirror image stand for; the sum is 1.
+    /// Share of the disk's area of a node and its mirror image; the sum is 1.
     pub weights: Vec<f64>,
     /// Cells a side of the square around the disk.
     pub cells: usize,
@@ -47,22 +47,22 @@ impl Quadrature {
         Ok(Self { nodes, weights, cells, rows: PupilRows::new(cells) })
     }
 
-    /// Nodes of both halves of the disk, each standing for itself alone.
+    /// Nodes and weights of the sampled halves of the disk.
     pub(crate) fn on(&self, sides: Sides) -> (Vec<[f64; 2]>, Vec<f64>) {
         (sides.points(&self.nodes), sides.weights(&self.weights))
     }
 
-    /// The same density for polynomials.
+    /// Rows of the same density, for polynomials.
     pub(crate) fn rows(&self) -> &PupilRows {
         &self.rows
     }
 
-    /// Number of rays that are traced.
+    /// Number of traced rays.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Whether there is no node.
+    /// Whether there are no nodes.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }

@@ -11,8 +11,8 @@ use crate::trace::{
     trace_with_heights,
 };
 
-/// Samples stay inside the rim of the stop, by less than this share on every surface; apertures that they reach to it are
-/// looked at more closely.
+/// Samples stay inside the rim of the stop. An aperture is checked at the rim too if samples reach this share of its
+/// clear radius.
 const SAMPLED_SHARE: f64 = 0.9;
 
 /// Rays through points of the stop, aimed and traced; arrays are padded.
@@ -60,9 +60,9 @@ pub(crate) fn optical_paths(
 #[derive(Debug)]
 pub(crate) struct PupilSamples {
     pub basis: &'static PupilBasis,
-    /// Which halves of the pupil the samples are on.
+    /// Halves of the pupil with samples.
     pub sides: Sides,
-    /// Where the rays land on the image plane, mm, one per sample.
+    /// Positions on the image plane, mm, one per sample.
     pub x: Vec<f64>,
     pub y: Vec<f64>,
     /// Light per share of the stop's area, one per sample: 1 on the axis of a lens without pupil aberration.
@@ -76,7 +76,7 @@ pub(crate) struct PupilSamples {
     pub(super) stop_radius_mm: f64,
 }
 
-/// What a loss asks of a beam at its samples.
+/// Cotangents of a beam at its samples.
 #[derive(Clone, Debug)]
 pub(crate) struct SamplesCotangent {
     /// By x, y, squared heights, optical paths and directions.
@@ -93,10 +93,10 @@ impl SamplesCotangent {
 }
 
 impl PupilSamples {
-    /// Traces the beam; `like`, the same field at another wavelength, makes aiming quicker. `None` if a ray of the stop
+    /// Traces the beam; `like`, the same field at another wavelength, makes aiming faster. `None` if a ray through the stop
     /// does not reach the image.
     ///
-    /// `stop_radius_mm` is that of the reference wavelength: the stop is one piece of metal.
+    /// `stop_radius_mm` is that of the reference wavelength: the stop has one size for all wavelengths.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -120,7 +120,7 @@ impl PupilSamples {
             let clear = sequence.surfaces[h.surface].semi_diameter_mm - SOFT_EDGE_MM;
             let radius = |u: &[f64]| u.iter().fold(0.0_f64, |m, u| m.max(*u)).sqrt();
             let reach = radius(&h.values[..count]);
-            // Where the rim lands is what the polynomial says.
+            // Evaluate the height of the rim by the polynomial.
             let at_checks = || basis.at_checks(&basis.fit(&h.values, sides, Symmetry::Even), sides);
             reach > SAMPLED_SHARE * clear && (reach > clear || radius(&at_checks()) > clear)
         };
@@ -130,7 +130,7 @@ impl PupilSamples {
         let light = Vec::new();
         let mut samples =
             Self { basis, sides, x, y, light, heights, rays: traced.rays, aimed, field_rad, stop_radius_mm };
-        // Light by the Jacobian of the polynomials through the launch points, so that its gradient is of one piece with it.
+        // Compute the light by the Jacobian of polynomials through the launch points, so that it agrees with its gradient.
         let area = launch_area(sequence, &order);
         let [[xx, xy], [yx, yy]] = samples.launch_slopes();
         samples.light = projections(sequence, field_rad, &samples.aimed, count)
@@ -173,7 +173,7 @@ impl PupilSamples {
         trace_points(sequence, self.field_rad, self.stop_radius_mm, &points, &guesses, surfaces)
     }
 
-    /// Shares of the stop's area that the samples stand for; the sum is 1.
+    /// Shares of the stop's area of the samples; the sum is 1.
     pub fn weights(&self) -> Vec<f64> {
         self.sides.weights(&self.basis.weights)
     }
@@ -197,7 +197,7 @@ impl PupilSamples {
     ) -> f64 {
         let mut launch_bar = self.pull_back_light(sequence, &wish.light, gradient);
         if let Some(wave) = &wish.seeds.wave {
-            // The path in front of the launch grows along the launch direction.
+            // The path in front of the launch plane grows with the launch point along the launch direction.
             for i in 0..self.x.len() {
                 let d = launch(sequence, self.field_rad, self.aimed.launch_of(i)).ray.direction;
                 for (bar, d) in launch_bar.iter_mut().zip(d) {
@@ -211,7 +211,7 @@ impl PupilSamples {
             / self.stop_radius_mm
     }
 
-    /// What cotangents of the light ask of the launch points.
+    /// Pulls cotangents of the light back to the launch points.
     fn pull_back_light(
         &self,
         sequence: &Sequence,
@@ -238,7 +238,7 @@ impl PupilSamples {
                 launch_bar[axis][i] += light_bar[i] * self.light[i] / projection * by[axis];
             }
         }
-        // jacobian = xx yy - xy yx
+        // Differentiate jacobian = xx yy - xy yx.
         let times = |v: &[f64], sign: f64| -> Vec<f64> {
             v.iter().zip(&jacobian_bar).map(|(v, bar)| sign * v * bar).collect()
         };

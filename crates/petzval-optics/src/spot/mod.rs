@@ -1,8 +1,8 @@
 //! RMS spot radii, and the gradient of their mean square.
 //!
-//! [`mean_square_spot`] integrates over the pupil by Gaussian quadrature through a few dozen rays; where a clear aperture
-//! cuts the beam, densely over polynomials through them. [`mean_square_spot_traced`] is the reference, with a traced ray
-//! for every pupil cell.
+//! [`mean_square_spot`] integrates over the pupil by Gaussian quadrature with a few dozen rays. If a clear aperture
+//! cuts the beam, it integrates densely over polynomials through these rays. [`mean_square_spot_traced`] is the
+//! reference, with a traced ray for every pupil cell.
 
 mod sampled;
 mod traced;
@@ -19,7 +19,7 @@ use crate::paraxial::first_order;
 use crate::pupil::{Beam, Quadrature, Sides, paraxial_launch, trace_beam};
 use crate::trace::{Sequence, launch, trace_ray};
 
-/// Spot radii of one field, um, about the centroid (by the light of each ray).
+/// Spot radii of one field, um, about the centroid; rays are weighted by their light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldSpot {
     /// Field angle, rad.
@@ -28,9 +28,9 @@ pub struct FieldSpot {
     pub rms_um: Vec<f64>,
     /// All wavelengths together, equally weighted, about their common centroid.
     pub rms_poly_um: f64,
-    /// Common centroid across the plane of the fields, mm; 0 in a lens of which that is a plane of symmetry.
+    /// x of the common centroid on the image plane, mm; 0 in a lens that is symmetric about the plane of the fields.
     pub centroid_x_mm: f64,
-    /// Common centroid on the image plane, mm.
+    /// y of the common centroid on the image plane, mm.
     pub centroid_y_mm: f64,
     /// Relative illumination per wavelength.
     pub illumination: Vec<f64>,
@@ -53,7 +53,7 @@ fn trace_field(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Vec<Trac
         .collect()
 }
 
-/// Centroid of a beam, mm: with its mirror image, where it is half of one.
+/// Centroid of a beam, mm, including its mirror image if it is half a beam.
 fn centroid(sequence: &Sequence, beam: &Beam) -> [f64; 2] {
     let light = beam.illumination();
     let mean = |of: &[f64]| of.iter().zip(&beam.weight).map(|(y, w)| y * w).sum::<f64>() / light;
@@ -66,7 +66,7 @@ fn mean_of(points: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / count)
 }
 
-/// Mean square distance from a point over the light of a beam, mm^2.
+/// Mean square distance of a beam from a point, weighted by light, mm^2.
 fn mean_square(beam: &Beam, centre: [f64; 2]) -> f64 {
     let light = beam.illumination();
     (0..beam.y_mm.len())
@@ -108,14 +108,14 @@ pub struct PrintedSpot {
     pub rms_poly_um: f64,
 }
 
-/// RMS spot radii over the evenly filled paraxial entrance pupil: what lens programs print by default (no ray
-/// aiming), and published tables with them.
+/// RMS spot radii over the evenly filled paraxial entrance pupil: the default of lens programs (no ray aiming) and of
+/// published tables.
 ///
-/// The beam that the real stop lets through is that of [`spot`]; off axis the two differ by the aberration
-/// of the pupil. `None` if no light arrives.
+/// [`spot`] uses the beam through the real stop; off axis the two differ by the aberration of the pupil. `None` if no
+/// light arrives.
 pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<PrintedSpot> {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
-    // (x, y, share of the colour's light) of every ray, colour by colour.
+    // Trace the rays through the paraxial pupil: (x, y, share of the colour's light), colour by colour.
     let mut colours: Vec<Vec<[f64; 3]>> = Vec::new();
     for wavelength in &lens.wavelengths_um {
         let sequence = lens.at_wavelength(*wavelength);
@@ -153,7 +153,7 @@ pub fn spot_paraxial_pupil(lens: &Lens, field_rad: f64, quadrature: &Quadrature)
     })
 }
 
-/// Mean of a value and its gradient over fields, in parallel; `None` if one of them has none.
+/// Mean of a value and its gradient over fields, in parallel; `None` if a field has none.
 fn mean_over_fields(
     lens: &Lens,
     fields_rad: &[f64],

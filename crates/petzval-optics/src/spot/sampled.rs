@@ -17,14 +17,14 @@ use crate::pupil::{
 use crate::trace::Sequence;
 use petzval_base::simd::dispatch;
 
-/// Good to 2e-5 of the spots of the paper's triplets and 3e-4 of those of an f/2 lens of eight elements, by comparison with
-/// a dense grid of traced rays (`examples/spot_accuracy.rs`); not checked for each lens.
+/// Accurate to 2e-5 of the spots of the paper's triplets and 3e-4 of those of an f/2 lens of eight elements, by
+/// comparison with a dense grid of traced rays (`examples/spot_accuracy.rs`); not checked for each lens.
 const SAMPLING: PupilSampling = PupilSampling::Degree(8);
 
-/// Rows of the pupil where an aperture cuts the beam.
+/// Number of rows of the pupil if an aperture cuts the beam.
 const ROWS: usize = 64;
 
-/// Cells of the pupil where rays of the stop are lost.
+/// Cells a side of the pupil if rays through the stop are lost.
 const CELLS: usize = 32;
 
 const UM2_PER_MM2: f64 = 1e6;
@@ -45,8 +45,8 @@ pub fn mean_square_spot_sampled(
     mean_over_fields(lens, fields_rad, |field| field_spot(lens, field, basis, true))
 }
 
-/// The squared RMS spot radius of one field, um^2, over all wavelengths, and its gradient, which is left zero where it is not
-/// asked for. `None` if the field brings no light.
+/// The squared RMS spot radius of one field, um^2, over all wavelengths, and its gradient, which is zero without
+/// `with_gradient`. `None` if the field has no light.
 pub(crate) fn field_mean_square_sampled(
     lens: &Lens,
     field_rad: f64,
@@ -58,14 +58,14 @@ pub(crate) fn field_mean_square_sampled(
 
 /// The light of a beam on the image plane.
 enum Cloud {
-    /// At the samples, which integrate it as it is.
+    /// At the samples, whose weights integrate it.
     Samples(PupilSamples),
-    /// Dense, because an aperture cuts it.
+    /// Dense, because an aperture cuts the beam.
     Cut(PupilMap),
 }
 
-/// Sums over a cloud: light, light times x, light times y, light times x^2 + y^2; about an origin. Half a cloud counts with
-/// its mirror image, so that its sum of x is zero.
+/// Sums over a cloud, relative to an origin: light, light times x, light times y, light times x^2 + y^2. Half a cloud
+/// includes its mirror image, so its sum of x is zero.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     light: f64,
@@ -75,13 +75,13 @@ struct Moments {
 }
 
 impl Moments {
-    /// Mean square distance from a point over the light.
+    /// Mean square distance from a point, weighted by light.
     fn mean_square(&self, [x, y]: [f64; 2]) -> f64 {
         (self.square - 2.0 * y * self.y - 2.0 * x * self.x) / self.light + (y * y + x * x)
     }
 }
 
-/// What is asked of a point p with light w: by p `2 s w (p - c)`, by w `s (|p - c|^2 - m)`.
+/// Factors of the cotangents of a point p with light w: by p `2 s w (p - c)`, by w `s (|p - c|^2 - m)`.
 #[derive(Clone, Copy)]
 struct Wish {
     scale: f64,
@@ -172,7 +172,7 @@ impl Cloud {
         }
     }
 
-    /// A point in the middle of it, mm.
+    /// A point within the cloud, mm.
     fn origin(&self) -> [f64; 2] {
         let s = self.samples();
         [if s.sides == Sides::Mirrored { 0.0 } else { s.x[0] }, s.y[0]]
@@ -239,6 +239,7 @@ fn field_spot(
     basis: &'static PupilBasis,
     with_gradient: bool,
 ) -> Option<(f64, LensGradient)> {
+    // Trace the samples of every wavelength.
     let reference = lens.at_wavelength(lens.reference_um);
     let stop_radius_mm = first_order(&reference).stop_radius_mm;
     let mut colours: Vec<(Sequence, Cloud)> = Vec::with_capacity(lens.wavelengths_um.len());
@@ -246,13 +247,13 @@ fn field_spot(
         let sequence = lens.at_wavelength(*wavelength);
         let like = colours.last().map(|(_, cloud)| cloud.samples());
         let Some(samples) = PupilSamples::new(&sequence, field_rad, stop_radius_mm, basis, like) else {
-            // Rays of the stop are lost: only tracing them all says which.
+            // Rays through the stop are lost: trace all of them.
             return field_mean_square(lens, field_rad, cells());
         };
         let cloud = Cloud::new(&sequence, samples);
         colours.push((sequence, cloud));
     }
-    // Heights are kept small against each other, so that their squares can be subtracted.
+    // Compute the moments relative to a point of the cloud, so that the subtraction of squares loses no digits.
     let origin = colours.first().map_or([0.0; 2], |(_, cloud)| cloud.origin());
     let moments: Vec<Moments> = colours.iter().map(|(_, cloud)| cloud.moments(origin)).collect();
     if !moments.iter().all(|m| m.light > 0.0) {
@@ -269,7 +270,7 @@ fn field_spot(
         if !with_gradient {
             continue;
         }
-        // The common centroid c is the mean of the wavelengths' own, so what the sum of squares asks of it vanishes.
+        // The common centroid c is the mean of the wavelengths' own, so the derivative of the sum of squares by c is zero.
         let wish = Wish { scale: UM2_PER_MM2 / (count * m.light), centre, mean_square };
         stop_radius_bar += cloud.pull_back(sequence, origin, wish, &mut gradient);
     }

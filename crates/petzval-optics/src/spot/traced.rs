@@ -1,4 +1,4 @@
-//! Mean squared spots from a traced ray for every pupil cell.
+//! Mean squared spots with a traced ray for every pupil cell: the reference.
 
 use super::{centroid, mean_of, mean_over_fields, mean_square, trace_field};
 use crate::gradient::LensGradient;
@@ -36,8 +36,8 @@ pub(super) fn field_mean_square(
         let (beam, light) = (&t.beam, t.beam.illumination());
         let square = mean_square(beam, centre);
         value += square / count;
-        // The common centroid c is the mean of the wavelengths' own centroids, so the sum over
-        // wavelengths of d(square)/dc vanishes and c needs no cotangent: m = <x^2 + (y-c)^2>_w.
+        // The common centroid c is the mean of the wavelengths' own, so the sum over wavelengths of d(square)/dc is
+        // zero and c needs no cotangent: m = <x^2 + (y-c)^2>_w.
         let scale = UM2_PER_MM2 / (count * light);
         let mut bar = BeamCotangent::zero(beam.y_mm.len());
         for i in 0..beam.y_mm.len() {

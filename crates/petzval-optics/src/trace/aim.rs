@@ -1,4 +1,4 @@
-//! Real ray aiming: find the launch point from which a ray passes a wanted point of the stop.
+//! Real ray aiming: finds the launch point of the ray through a given point of the stop.
 
 use super::launch::launch;
 use super::ray::Ray;
@@ -10,10 +10,10 @@ use crate::vector::{Vec3, along, apply, dot, transposed};
 /// Newton steps allowed; a well-posed ray needs three to five.
 const MAX_STEPS: usize = 30;
 
-/// Accuracy with which the point in the stop is met, mm.
+/// Largest distance of an aimed ray from its point of the stop, mm.
 const TOLERANCE_MM: f64 = 1e-12;
 
-/// A launch point whose ray passes the wanted point of the stop.
+/// A launch point whose ray passes the given point of the stop.
 #[derive(Clone, Copy, Debug)]
 pub struct AimedRay {
     /// Launch coordinates on the plane of the first vertex, mm.
@@ -22,7 +22,7 @@ pub struct AimedRay {
     pub stop_by_launch: [[f64; 2]; 2],
 }
 
-/// How a ray moves when its start moves: derivatives of position and direction.
+/// Derivatives of the position and the direction of a ray by one launch coordinate.
 #[derive(Clone, Copy)]
 struct Tangent {
     position: Vec3,
@@ -30,39 +30,40 @@ struct Tangent {
 }
 
 impl Tangent {
-    /// In the coordinates of a surface.
+    /// The tangent in the coordinates of a surface.
     fn enter(self, s: &SurfaceAtWavelength) -> Self {
         let Some(frame) = &s.frame else { return self };
         let to_surface = transposed(&frame.rotation);
         Self { position: apply(&to_surface, self.position), direction: apply(&to_surface, self.direction) }
     }
 
-    /// In the coordinates of the axis behind a surface.
+    /// The tangent in the coordinates of the axis behind a surface.
     fn leave(self, s: &SurfaceAtWavelength) -> Self {
         let Some(frame) = &s.frame else { return self };
         Self { position: frame.turn_back(self.position), direction: frame.turn_back(self.direction) }
     }
 }
 
-/// Carries a tangent, given at the surface's entry point, to the point on the surface and behind it.
+/// Carries the tangent of an entering ray to its point on the surface and to its direction behind it.
 ///
-/// With N the surface gradient and t the path, `dt = -N.(dp + t dd) / (N.d)`; the normal turns with
-/// the second derivatives of the sag; Snell's law is differentiated as it stands.
+/// With N the surface gradient and t the path, `dt = -N.(dp + t dd) / (N.d)`. The normal turns with the second derivatives
+/// of the sag, and Snell's law is differentiated directly.
 fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tangent {
+    // Move the point: shift the ray at a fixed path, then follow it back to the surface along its direction.
     let d = p.direction_before;
     let gradient = [-p.slope[0], -p.slope[1], 1.0];
     let moved = along(tangent.position, p.path_mm, tangent.direction);
     let path = -dot(gradient, moved) / dot(gradient, d);
     let point = along(moved, path, d);
 
-    // The normal (-z_x, -z_y, 1) turns with the second derivatives of the sag.
+    // Turn the normal (-z_x, -z_y, 1) with the second derivatives of the sag.
     let [x, y, _] = p.point;
     let [xx, xy, yy] = s.shape.sag_jet([x, y]).second;
     let turn = [-(xx * point[0] + xy * point[1]), -(xy * point[0] + yy * point[1]), 0.0];
     let (normal, length) = unit_normal(p.slope);
     let normal_turn = along(turn, -dot(normal, turn), normal).map(|v| v / length);
 
-    // v = mu d + grad W / n', and d' = v + (sqrt(1 - v.v + (n.v)^2) - n.v) n.
+    // Differentiate v = mu d + grad W / n', where W is the path of a structure.
     let mu = s.n_before / s.n_after;
     let (mut v, mut v_turn) = (d.map(|c| mu * c), tangent.direction.map(|c| mu * c));
     match &s.bending {
@@ -84,6 +85,7 @@ fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tange
             }
         }
     }
+    // Differentiate d' = v + (sqrt(1 - v.v + (n.v)^2) - n.v) n.
     let cos = dot(normal, v);
     let root = (1.0 - dot(v, v) + cos * cos).sqrt();
     let cos_turn = dot(normal_turn, v) + dot(normal, v_turn);
@@ -92,7 +94,7 @@ fn push_forward(s: &SurfaceAtWavelength, p: &Passage, tangent: Tangent) -> Tange
     Tangent { position: point, direction }
 }
 
-/// How the direction behind a thin lens turns.
+/// Change of the direction behind a thin lens.
 fn thin_lens_turn(s: &SurfaceAtWavelength, power: f64, p: &Passage, tangent: Tangent, point: Vec3) -> Vec3 {
     let (d, after) = (p.direction_before, p.direction_after);
     let slope_turn = |i: usize| {
@@ -125,8 +127,8 @@ fn to_stop(sequence: &Sequence, field_rad: f64, at: [f64; 2]) -> Option<([f64; 2
     None
 }
 
-/// Newton's method from `guess_mm` for the ray of a field that passes `target_mm` in the stop; a step
-/// that loses the ray or worsens the miss is halved. `None` if no such ray is found.
+/// Finds the ray of a field through `target_mm` in the stop, by Newton's method from `guess_mm`. A step that loses the
+/// ray or increases the miss is halved. `None` if no ray is found.
 pub fn aim_at_stop(
     sequence: &Sequence,
     field_rad: f64,
@@ -153,7 +155,7 @@ pub fn aim_at_stop(
             let next = [at[0] - share * step[0], at[1] - share * step[1]];
             if let Some((next_hit, next_jacobian)) = to_stop(sequence, field_rad, next) {
                 let f = miss(next_hit);
-                // Rounding ends the descent a little above zero: accept what is as near as it gets.
+                // Accept the step if the miss decreases. Within a thousand tolerances rounding may increase it.
                 if f[0].hypot(f[1]) < distance || distance < 1e3 * TOLERANCE_MM {
                     (at, hit, jacobian) = (next, next_hit, next_jacobian);
                     break;

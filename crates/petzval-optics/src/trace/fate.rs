@@ -1,6 +1,6 @@
-//! What becomes of a ray, and the code by which vectors of rays hold it.
+//! Fates of rays, and their codes in vectors.
 
-/// What became of a ray.
+/// The fate of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Fate {
     /// It reached the image plane.
@@ -8,22 +8,22 @@ pub enum Fate {
     Ok,
     /// It never met this surface (0-based).
     Missed(usize),
-    /// It met this surface outside its clear aperture; it is traced on, without weight.
+    /// It met this surface outside its clear aperture; it is traced further, without weight.
     Clipped(usize),
     /// It was totally reflected at this surface.
     TotalReflection(usize),
-    /// No launch point was found from which it passes the wanted point of the stop.
+    /// No launch point was found for its point of the stop.
     NotAimed,
 }
 
 impl Fate {
-    /// Whether position and direction at the image plane have a meaning.
+    /// Whether the ray has a position and a direction at the image plane.
     pub fn reaches_image(self) -> bool {
         matches!(self, Self::Ok | Self::Clipped(_))
     }
 
-    /// The fate that a number stands for which vectors hold for each ray: 0 is ok, `surface + 1` is clipped there, and dead rays
-    /// are below zero.
+    /// Decodes a fate. It is one number in vector code: 0 is ok, `surface + 1` is clipped at that surface, and rays that do not
+    /// reach the image have numbers below zero.
     pub(super) fn of_code(code: f64) -> Self {
         if code == 0.0 {
             return Self::Ok;
@@ -38,7 +38,7 @@ impl Fate {
     }
 }
 
-/// How a ray dies at a surface.
+/// Reasons for which a ray does not pass a surface.
 #[derive(Clone, Copy)]
 pub(super) enum Loss {
     Missed,
@@ -46,7 +46,7 @@ pub(super) enum Loss {
 }
 
 impl Loss {
-    /// The code of a ray that dies there.
+    /// The code of a ray that is lost at a surface.
     pub fn code(self, surface: usize) -> f64 {
         -((2 * (surface + 1) + self as usize) as f64)
     }

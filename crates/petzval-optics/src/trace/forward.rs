@@ -1,4 +1,4 @@
-//! The readable reference: one ray through the lens, with everything that happened to it.
+//! The readable reference: traces one ray through the lens and records every crossing.
 
 use super::fate::Fate;
 use super::ray::Ray;
@@ -6,14 +6,14 @@ use super::sequence::Sequence;
 use super::surface_step::{Passage, aperture_transmission, pass};
 use crate::vector::along;
 
-/// The whole way of one ray.
+/// The path of one ray.
 #[derive(Clone, Debug, Default)]
 pub struct Path {
-    /// What happened at each surface that it met.
+    /// The crossing of each surface that it met.
     pub passages: Vec<Passage>,
-    /// The ray on the image plane (z = 0 there); meaningful if the fate says so.
+    /// The ray on the image plane (z = 0 there), if it reaches it.
     pub image: Option<Ray>,
-    /// What became of it.
+    /// Its fate.
     pub fate: Fate,
     /// Share of light that the clear apertures let through, 0..1.
     pub transmission: f64,
@@ -30,7 +30,7 @@ pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
     path.passages.reserve_exact(sequence.surfaces.len());
     let mut ray = start;
     for (i, surface) in sequence.surfaces.iter().enumerate() {
-        // Meet the surface and bend there.
+        // Intersect the surface, and refract, reflect or diffract there.
         let passage = match pass(surface, i, &surface.enter(ray)) {
             Ok(passage) => passage,
             Err(fate) => {
@@ -41,7 +41,7 @@ pub fn trace_ray(sequence: &Sequence, start: Ray) -> Path {
         };
         let [x, y, _] = passage.point;
         path.optical_path_mm += surface.n_before * passage.path_mm + surface.added_path_mm([x, y]);
-        // Lose light outside the clear aperture. The stop does not clip: rays are aimed inside it.
+        // Multiply by the transmission of the clear aperture. The stop does not clip: rays are aimed inside it.
         if i != sequence.stop {
             let radius = x.hypot(y);
             let (transmission, _) = aperture_transmission(radius, surface.semi_diameter_mm);

@@ -1,11 +1,11 @@
-//! Where rays start: on the plane of the first vertex, towards the lens.
+//! The start of rays: on the plane of the first vertex, towards the lens.
 
 use super::ray::Ray;
 use super::sequence::Sequence;
 use crate::lens::ObjectDistance;
 use crate::vector::Vec3;
 
-/// A ray on the plane of the first vertex, and how its direction depends on where it crosses it.
+/// A ray on the plane of the first vertex, and the derivatives of its direction by its position there.
 #[derive(Clone, Copy, Debug)]
 pub struct Launch {
     /// The ray, at z = 0 of the first surface.

@@ -1,4 +1,4 @@
-//! Rays, one and many.
+//! Single rays and bundles of rays.
 
 use super::fate::Fate;
 use crate::lanes::MAX_LANES;
@@ -7,7 +7,7 @@ use crate::vector::Vec3;
 /// One ray: a point (mm) and unit direction cosines (l, m, n).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// A point on the ray, mm, in the coordinates of the surface it is at or heads for.
+    /// A point on the ray, mm, in the coordinates of its present or next surface.
     pub position: Vec3,
     /// Unit direction.
     pub direction: Vec3,
@@ -30,7 +30,7 @@ pub struct RayBundle {
 }
 
 impl RayBundle {
-    /// So many rays, all along the axis.
+    /// A number of rays, all along the axis.
     pub fn new(rays: usize) -> Self {
         let zero = || vec![0.0; Self::padded(rays)];
         let one = || vec![1.0; Self::padded(rays)];
@@ -48,7 +48,7 @@ impl RayBundle {
         }
     }
 
-    /// Length of the arrays that hold so many rays.
+    /// Length of the arrays for a number of rays.
     pub fn padded(rays: usize) -> usize {
         rays.next_multiple_of(MAX_LANES)
     }
@@ -58,7 +58,7 @@ impl RayBundle {
         self.rays
     }
 
-    /// Whether there is none.
+    /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.rays == 0
     }
@@ -79,12 +79,12 @@ impl RayBundle {
         [&self.x, &self.y]
     }
 
-    /// What became of ray i.
+    /// Fate of ray i.
     pub fn fate(&self, i: usize) -> Fate {
         Fate::of_code(self.fate[i])
     }
 
-    /// Share of ray i's light that the clear apertures let through, 0..1; 0 if it does not reach the image.
+    /// Transmission of the clear apertures for ray i, 0..1; 0 if it does not reach the image.
     pub fn transmission(&self, i: usize) -> f64 {
         self.transmission[i]
     }

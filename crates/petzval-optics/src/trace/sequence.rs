@@ -1,4 +1,4 @@
-//! A lens at one wavelength: the numbers a ray needs, and nothing else.
+//! A lens at one wavelength: the numbers that tracing needs.
 
 use super::ray::Ray;
 use crate::jet::Real;
@@ -16,12 +16,12 @@ pub struct SurfaceAtWavelength {
     pub is_conic: bool,
     /// Number of coefficients up to the last that is not zero.
     pub(crate) terms: usize,
-    /// Index in front; negative where light has been reflected an odd number of times.
+    /// Index in front; negative after an odd number of reflections.
     ///
     /// With such signs Snell's law holds for mirrors too. A direction is then that of the ray as a line, with a positive z
     /// component; light travels along the direction times the sign of the index.
     pub n_before: f64,
-    /// Index behind, signed alike.
+    /// Index behind, with the same rule of signs.
     pub n_after: f64,
     /// Distance to the next vertex, mm.
     pub thickness_mm: f64,
@@ -29,15 +29,15 @@ pub struct SurfaceAtWavelength {
     pub semi_diameter_mm: f64,
     /// Whether it is a mirror, with the medium of its front behind it.
     pub(crate) reflects: bool,
-    /// How it changes directions.
+    /// Its change of directions.
     pub(crate) bending: Bending,
-    /// Whether it needs the general formulas: a departure, or another bending than by Snell's law alone.
+    /// Whether it needs the general formulas: it has a departure, or does not bend light by Snell's law alone.
     pub(crate) is_general: bool,
-    /// Its own coordinates, where they are not those of the axis.
+    /// Its own coordinates, if they differ from those of the axis.
     pub(crate) frame: Option<Frame>,
 }
 
-/// How a surface changes directions.
+/// The change of directions at a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Bending {
     /// By Snell's law.
@@ -50,12 +50,12 @@ pub(crate) enum Bending {
         radial: [f64; PHASE_TERMS],
         /// Whether the structure is a grating, whose only number is the first.
         is_grating: bool,
-        /// The coefficients by the numbers of the [`Phase`](crate::lens::Phase).
+        /// Derivatives of the coefficients by the numbers of the [`Phase`](crate::lens::Phase).
         per_number: [f64; PHASE_TERMS],
     },
 }
 
-/// Optical path that a structure adds at a point, mm; see [`Bending::Path`].
+/// Optical path of a structure at a point, mm; see [`Bending::Path`].
 #[inline(always)]
 pub(crate) fn structure_path<R: Real>(along_y: f64, radial: &[f64; PHASE_TERMS], x: R, y: R) -> R {
     let u = x * x + y * y;
@@ -79,7 +79,7 @@ impl Frame {
         Self { placement, rotation: placement.rotation() }
     }
 
-    /// From the coordinates of the axis to those of the surface.
+    /// Transforms a ray from the coordinates of the axis to those of the surface.
     pub fn enter(&self, ray: Ray) -> Ray {
         let to_surface = transposed(&self.rotation);
         let [dx, dy] = self.placement.decenter_mm;
@@ -90,7 +90,7 @@ impl Frame {
         }
     }
 
-    /// From the coordinates of the surface to those of the axis behind it.
+    /// Transforms a ray from the coordinates of the surface to those of the axis behind it.
     pub fn leave(&self, ray: Ray) -> Ray {
         let [dx, dy] = match self.placement.axis {
             Axis::Returns => self.placement.decenter_mm,
@@ -100,7 +100,7 @@ impl Frame {
         Ray { position: [x + dx, y + dy, z], direction: self.turn_back(ray.direction) }
     }
 
-    /// A vector of surface coordinates in those of the axis behind it.
+    /// Rotates a vector from surface coordinates to those of the axis behind it.
     pub fn turn_back(&self, v: Vec3) -> Vec3 {
         match self.placement.axis {
             Axis::Returns => apply(&self.rotation, v),
@@ -135,21 +135,21 @@ impl Lens {
 }
 
 impl SurfaceAtWavelength {
-    /// A ray, given in the coordinates of the axis at the vertex, in those of the surface.
+    /// Transforms a ray from the coordinates of the axis at the vertex to those of the surface.
     pub(crate) fn enter(&self, ray: Ray) -> Ray {
         self.frame.map_or(ray, |frame| frame.enter(ray))
     }
 
-    /// A ray, given in the coordinates of the surface, in those of the axis at the next vertex.
+    /// Transforms a ray from the coordinates of the surface to those of the axis at the next vertex.
     pub(crate) fn leave(&self, ray: Ray) -> Ray {
         let mut ray = self.frame.map_or(ray, |frame| frame.leave(ray));
         ray.position[2] -= self.thickness_mm;
         ray
     }
 
-    /// What the thin lens or structure adds to the optical path of a ray that passes at a point, mm.
+    /// Optical path of the thin lens or structure at a point, mm.
     ///
-    /// A thin lens without aberrations has no optical path of its own; this is the one of first-order optics.
+    /// The optical path of a thin lens without aberrations is not defined; this is the one of first-order optics.
     #[inline(always)]
     pub(crate) fn added_path_mm<R: Real>(&self, [x, y]: [R; 2]) -> R {
         match &self.bending {
@@ -167,14 +167,14 @@ impl SurfaceAtWavelength {
 }
 
 impl Sequence {
-    /// Whether rays have optical paths that waves can be made of. A thin lens has none of its own: which paths make it perfect
-    /// depends on the object that it images.
+    /// Whether rays have optical paths for waves. A thin lens has none: the paths that make it perfect depend on the
+    /// object.
     pub fn has_optical_paths(&self) -> bool {
         !self.surfaces.iter().any(|s| matches!(s.bending, Bending::ThinLens { .. }))
     }
 
-    /// How the index behind a surface, signed, moves with those of the glasses: `by_glass` says how much each moves. A mirror
-    /// has the medium in front behind it.
+    /// Change of the signed index behind a surface, from the change `by_glass` of each glass. Behind a mirror is the
+    /// medium in front of it.
     pub(crate) fn index_change(&self, surface: usize, by_glass: impl Fn(usize) -> f64) -> f64 {
         let (mut at, mut sign) = (surface, 1.0);
         while self.surfaces[at].reflects {
@@ -187,7 +187,7 @@ impl Sequence {
         sign * self.surfaces[at].n_after.signum() * by_glass(at)
     }
 
-    /// The transpose of [`Sequence::index_change`]: what is asked of the glass behind a surface, from what is asked of every
+    /// The transpose of [`Sequence::index_change`]: the cotangent of the glass behind a surface, from those of every
     /// signed index behind a surface.
     pub(crate) fn glass_index_bar(&self, surface: usize, by_index: impl Fn(usize) -> f64) -> f64 {
         if self.surfaces[surface].reflects {

@@ -1,4 +1,4 @@
-//! One ray through one surface: meet it, lose light at its edge, bend.
+//! One ray at one surface: intersection, transmission of the edge, refraction.
 
 use super::fate::Fate;
 use super::ray::Ray;
@@ -17,7 +17,7 @@ const MAX_NEWTON: usize = 30;
 /// A step below this length, plus this share of the path, ends Newton's iteration, mm.
 const NEWTON_TOLERANCE: f64 = 1e-13;
 
-/// What happened at one surface, kept for the adjoint.
+/// The crossing of one surface by a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Passage {
     /// Direction in front of the surface.
@@ -70,11 +70,11 @@ fn conic_path(s: &SurfaceAtWavelength, ray: &Ray) -> Option<f64> {
     path.is_finite().then_some(path)
 }
 
-/// Where the ray meets the surface: path from the ray's point, the point, and the sag slopes.
+/// Intersects a ray with the surface: path from the ray's point, the point, and the slopes of the sag.
 #[inline]
 fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])> {
-    // Meet the conic; an asphere's polynomial may bend it where the conic has already ended, so
-    // Newton starts from the vertex plane there.
+    // Intersect the conic. An asphere may extend beyond the end of its conic: Newton's method starts from the vertex plane
+    // there.
     let start = conic_path(s, ray);
     if s.shape.departure != Departure::None {
         return intersect_general(s, ray, start.unwrap_or(-ray.position[2] / ray.direction[2]));
@@ -83,14 +83,14 @@ fn intersect(s: &SurfaceAtWavelength, ray: &Ray) -> Option<(f64, Vec3, [f64; 2])
     if s.is_conic {
         let path = start?;
         let point = along(ray.position, path, ray.direction);
-        // Only the half of a conic that holds the vertex is the surface.
+        // Accept only the half of the conic that contains the vertex.
         if s.shape.curvature * (1.0 + s.shape.conic) * point[2] >= 1.0 {
             return None;
         }
         let first = slope_at(point)?.first;
         return Some((path, point, [2.0 * point[0] * first, 2.0 * point[1] * first]));
     }
-    // Walk along the ray until it meets the asphere: F(t) = z(t) - sag(r(t)^2), F' = N . d.
+    // Newton's method along the ray for the asphere: F(t) = z(t) - sag(r(t)^2), F' = N . d.
     let mut path = start.unwrap_or(-ray.position[2] / ray.direction[2]);
     for _ in 0..MAX_NEWTON {
         let point = along(ray.position, path, ray.direction);

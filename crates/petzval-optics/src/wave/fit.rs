@@ -1,10 +1,10 @@
-//! Least-squares polynomials through values at any points of a plane.
+//! Least-squares polynomials through values at arbitrary points of a plane.
 
 use nalgebra::DMatrix;
 
 use crate::pupil::Symmetry;
 
-/// Polynomials of some terms through values at fixed points.
+/// Least-squares fit of polynomials with given terms to values at fixed points.
 #[derive(Clone, Debug)]
 pub(super) struct PlaneFit {
     /// Powers (i, j) of the first and the second coordinate.
@@ -15,8 +15,8 @@ pub(super) struct PlaneFit {
 }
 
 impl PlaneFit {
-    /// Terms of a total degree; only those that are odd or even in the first coordinate, if a symmetry is given. `None` if the
-    /// points do not tell the terms apart.
+    /// Terms of a total degree; only those that are odd or even in the first coordinate, if a symmetry is given. `None`
+    /// if the points do not determine the coefficients.
     pub fn new(points: &[[f64; 2]], degree: usize, symmetry: Option<Symmetry>) -> Option<Self> {
         let (first, step) = match symmetry {
             None => (0, 1),
@@ -38,10 +38,10 @@ impl PlaneFit {
         (&self.solve * values).as_slice().to_vec()
     }
 
-    /// Adds what cotangents of the coefficients ask of the values, and of the points at which they are.
+    /// Adds the cotangents of the values and of their points, from those of the coefficients.
     ///
-    /// Where the polynomial goes through its values, a point that moves by dq while its value stays asks for the opposite of
-    /// `grad f . dq` there.
+    /// For a polynomial through its values, moving a point by dq at a fixed value is the same as changing the value by
+    /// `-grad f . dq`.
     pub fn pull_back(
         &self,
         coefficients: &[f64],
@@ -91,7 +91,7 @@ impl PlaneFit {
         row
     }
 
-    /// The transpose of [`PlaneFit::along`]: adds what a row's cotangents ask of the coefficients.
+    /// The transpose of [`PlaneFit::along`]: adds the cotangents of the coefficients, from those of a row.
     pub fn pull_back_along(&self, row_bar: &[f64], y: f64, coefficients_bar: &mut [f64]) {
         let powers: Vec<f64> = std::iter::successors(Some(1.0), |p| Some(p * y)).take(MAX_POWER).collect();
         for ((i, j), bar) in self.powers.iter().zip(coefficients_bar) {
@@ -100,7 +100,7 @@ impl PlaneFit {
     }
 }
 
-/// More than the highest power of the second coordinate.
+/// Bound above the highest power of the second coordinate.
 const MAX_POWER: usize = 24;
 
 fn term((i, j): (usize, usize), [x, y]: [f64; 2]) -> f64 {
@@ -139,7 +139,7 @@ mod tests {
         }
         let at_row = at(&fit.along(&coefficients, 0.3), -0.2);
         assert!((at_row - f([-0.2, 0.3])).abs() < 1e-12);
-        // A loss of the coefficients, by values and points.
+        // Compare the gradient of a loss of the coefficients, by values and points, with differences.
         let bar: Vec<f64> = (0..coefficients.len()).map(|c| (c as f64 * 0.9).sin()).collect();
         let (mut by_values, mut by_points) = (vec![0.0; 60], vec![[0.0; 2]; 60]);
         fit.pull_back(&coefficients, &bar, &mut by_values, &mut by_points);

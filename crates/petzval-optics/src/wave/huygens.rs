@@ -1,4 +1,4 @@
-//! The readable reference of diffraction: spherical wavelets from a reference sphere, added at every point of the image.
+//! The readable reference of diffraction: adds spherical wavelets from a reference sphere at every point of the image.
 
 use std::f64::consts::TAU;
 
@@ -7,12 +7,13 @@ use crate::paraxial::first_order;
 use crate::pupil::{Quadrature, chief_ray, trace_beam};
 use crate::trace::Sequence;
 
-/// Energy per cell of a grid about the chief ray's image, row by row, of unit sum; `None` if rays of the stop are lost.
+/// Energy per cell of a grid about the chief ray's image, row by row, of unit sum; `None` if rays through the stop are
+/// lost.
 ///
-/// A ray is traced for every node of the quadrature. Where it meets the reference sphere about the chief ray's image (through
-/// the exit pupil) a wavelet starts, with the phase of the ray's optical path and an amplitude whose square is the ray's
-/// light per area of the sphere; the sum takes every wavelet's true distance to the point of the image. Slow: nodes times
-/// cells.
+/// A ray is traced for every node of the quadrature. A wavelet starts at its point on the reference sphere, which is
+/// centred on the chief ray's image and goes through the exit pupil. Its phase is that of the ray's optical path; the
+/// square of its amplitude is the ray's light per area of the sphere. The sum uses the true distance of every wavelet
+/// to the point of the image. The cost is nodes times cells.
 pub fn huygens_psf(
     sequence: &Sequence,
     field_rad: f64,
@@ -29,7 +30,8 @@ pub fn huygens_psf(
     let k = TAU / (1e-3 * sequence.wavelength_um);
     let r = sphere.radius_mm;
 
-    // Each ray's wavelet: where it starts from the centre, its optical path there, and its amplitude times area.
+    // Compute the wavelet of each ray: its start relative to the centre, its optical path there, and its amplitude
+    // times area.
     let areas = beam.solid_angles(sequence, |place, d| sphere.run(place, d).1)?;
     let paths = beam.optical_paths(sequence);
     let mut wavelets: Vec<([f64; 3], f64, f64)> = Vec::new();
@@ -40,7 +42,7 @@ pub fn huygens_psf(
         let d = beam.direction(i);
         let (run, towards) = sphere.run([beam.x_mm[i], beam.y_mm[i]], d);
         let start = towards.map(|v| -r * v);
-        // The light of the ray on its share of the sphere: amplitude x area = sqrt(light x area).
+        // The ray's light is amplitude^2 x area, so amplitude x area = sqrt(light x area).
         let strength = (beam.weight[i] * areas[i]).sqrt();
         let path = paths[i] + n_image * run;
         wavelets.push((start, path, strength));
@@ -50,13 +52,14 @@ pub fn huygens_psf(
         }
     }
     let path_origin = wavelets.first()?.1;
+    // Add all wavelets at the middle of every cell.
     let half = 0.5 * (cells as f64 - 1.0);
     let mut values: Vec<f64> = (0..cells * cells)
         .map(|cell| {
             let [x, y] = [cell % cells, cell / cells].map(|g| (g as f64 - half) * 1e-3 * pitch_um);
             let (mut re, mut im) = (0.0, 0.0);
             for ([sx, sy, sz], path, strength) in &wavelets {
-                // Distance from the start, less the radius, without loss of digits: it is r - towards.x + ...
+                // Distance from the start minus the radius, in a form without cancellation.
                 let along = (x * x + y * y - 2.0 * (x * sx + y * sy))
                     / (r.abs() + ((x - sx).hypot(y - sy)).hypot(*sz));
                 let (sin, cos) = (k * (path - path_origin + n_image * r.signum() * along)).sin_cos();

@@ -1,4 +1,4 @@
-//! The wave of a beam over the direction cosines in which it meets the image.
+//! The wave of a beam over the direction cosines of its rays at the image.
 
 use super::fit::{self, PlaneFit};
 use super::opd::ReferenceSphere;
@@ -9,21 +9,22 @@ use crate::pupil::{
 };
 use crate::trace::{Ray, SOFT_EDGE_MM, Sequence, SquaredHeights, WaveSeeds, aperture_transmission};
 
-/// Share of a wave by which polynomials may miss the optical path of a ray.
+/// Largest error of the polynomials for the optical path of a ray, waves.
 const TOLERANCE_WAVES: f64 = 2e-3;
 
-/// Degrees that are tried, one after the other.
+/// Degrees of the polynomials, in the order of trial.
 const DEGREES: [usize; 4] = [8, 12, 16, 20];
 
-/// One field at one wavelength: amplitude and phase over `q = (l - l_0, m - m_0) / scale`, with l and m the direction cosines
-/// from where a ray meets the reference sphere to its centre.
+/// One field at one wavelength: amplitude and phase over `q = (l - l_0, m - m_0) / scale`, with l and m the direction
+/// cosines from a ray's point on the reference sphere to the centre of the sphere.
 ///
-/// The phase of a ray is its optical path W to the sphere; seen from the sphere, at a point x of the image plane about the centre
-/// the wave is `exp(i k (W + n' x.d))`. The sphere goes through the exit pupil, where the rim of the beam is sharp.
+/// The phase of a ray is its optical path W to the sphere. At a point x of the image plane, relative to the centre, the
+/// wave from the sphere is `exp(i k (W + n' x.d))`. The sphere goes through the exit pupil, where the rim of the beam
+/// is sharp.
 pub(crate) struct WaveMap {
     pub samples: PupilSamples,
     pub sphere: ReferenceSphere,
-    /// Middle of the direction cosines, and half their range with a margin.
+    /// Middle of the direction cosines, and half of their range with a margin.
     pub middle: [f64; 2],
     pub scale: [f64; 2],
     /// Index behind the lens, signed.
@@ -58,19 +59,19 @@ pub(crate) struct WaveRow {
 /// A wave at one point.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct WavePoint {
-    /// Optical path less that of the first sample, mm.
+    /// Optical path minus that of the first sample, mm.
     pub path_mm: f64,
-    /// Amplitude: the root of the light per unit of q area through the apertures, over that of the cosine to the axis, because a
-    /// slanted wave carries less light through the image plane.
+    /// Amplitude: the root of the light per unit of q area through the apertures, divided by the root of the cosine to
+    /// the axis, because a slanted wave carries less light through the image plane.
     pub amplitude: f64,
     /// Light per unit of q area through the apertures.
     pub light: f64,
-    /// Energy on the image plane per unit of q area: the light over the cosine to the axis. Where an edge is soft this is more
-    /// than the squared amplitude: light that a hard edge throws far away.
+    /// Energy on the image plane per unit of q area: the light divided by the cosine to the axis. At a soft edge it
+    /// exceeds the squared amplitude by the light that a hard edge diffracts far away.
     pub energy: f64,
 }
 
-/// What is asked of a point.
+/// Cotangents of a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct WavePointBar {
     /// By the optical path, 1/mm.
@@ -83,22 +84,23 @@ pub(crate) struct WavePointBar {
     pub energy: f64,
 }
 
-/// Cotangents of the map's coefficients, gathered while rows pass.
+/// Cotangents of the map's coefficients, summed over rows.
 pub(crate) struct WaveCotangent {
     path: Vec<f64>,
     density: Vec<f64>,
     stop: [Vec<f64>; 2],
     heights: Vec<Vec<f64>>,
     semi_diameters: Vec<f64>,
-    /// By the place of the centre, 1/mm.
+    /// By the position of the centre, 1/mm.
     pub origin: [f64; 2],
     /// By the index behind the lens, apart from the optical path of the rays.
     pub n_image: f64,
 }
 
 impl WaveMap {
-    /// The wave through polynomials of the least degree that is good enough; `None` if none is, if rays of the stop are
-    /// lost, or in a system with thin lenses. `like`, the same field at another wavelength, makes aiming quicker.
+    /// The wave by polynomials of the least degree within the tolerance. `None` if no degree is, if rays through the
+    /// stop are lost, or in a system with thin lenses. `like`, the same field at another wavelength, makes aiming
+    /// faster.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -120,6 +122,7 @@ impl WaveMap {
     }
 
     fn through(sequence: &Sequence, samples: PupilSamples, origin_mm: [f64; 2]) -> Option<Self> {
+        // Follow the rays to the reference sphere.
         let (basis, sides) = (samples.basis, samples.sides);
         let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
         let sphere = ReferenceSphere::through_exit_pupil(sequence, origin_mm).rounded();
@@ -129,7 +132,7 @@ impl WaveMap {
             .map(|i| sphere.run([samples.x[i], samples.y[i]], [0, 1, 2].map(|k| direction[k][i])))
             .collect();
         let [l, m]: [Vec<f64>; 2] = [0, 1].map(|k| met.iter().map(|(_, towards)| towards[k]).collect());
-        // The range of the cosines, rounded to two digits: small changes of a lens do not move the grid.
+        // Find the range of the cosines, rounded to two digits, so that small changes of a lens do not move the grid.
         let rim = |of: &[f64], symmetry| {
             let at_checks = basis.at_checks(&basis.fit(of, sides, symmetry), sides);
             let all = of.iter().chain(&at_checks);
@@ -147,7 +150,7 @@ impl WaveMap {
         let range = |low: f64, high: f64| {
             let half = rounded_up(0.5 * (high - low) * 1.02);
             let middle = 0.5 * (low + high);
-            // Middles on a raster of a tenth of the range.
+            // Round the middle to a tenth of the range.
             ((middle / (0.1 * half)).round() * 0.1 * half, half * 1.1)
         };
         let ((middle_x, scale_x), (middle_y, scale_y)) = (range(low_x, high_x), range(low_y, high_y));
@@ -164,13 +167,15 @@ impl WaveMap {
             ),
             Sides::Both => (PlaneFit::new(&q, basis.degree, None)?, None),
         };
-        // Light per unit of q: that per share of the stop over the area of q that a unit of the stop makes.
+        // Compute the light per unit of q: the light per share of the stop, divided by the Jacobian of q by the stop
+        // coordinates.
         let [qx, qy]: [Vec<f64>; 2] = [0, 1].map(|axis| q.iter().map(|q| q[axis]).collect());
         let [xx, xy] = basis.slopes(&basis.fit(&qx, sides, Symmetry::Odd), sides);
         let [yx, yy] = basis.slopes(&basis.fit(&qy, sides, Symmetry::Even), sides);
         let area = |i: usize| (xx[i] * yy[i] - xy[i] * yx[i]).abs();
         let density: Vec<f64> =
             (0..q.len()).map(|i| samples.light[i] / (std::f64::consts::PI * area(i))).collect();
+        // Fit paths, light, stop coordinates and squared heights as polynomials of q.
         let paths: Vec<f64> = (0..q.len()).map(|i| optical_path[i] + n_image * met[i].0).collect();
         let path_origin_mm = paths[0];
         let relative: Vec<f64> = paths.iter().map(|p| p - path_origin_mm).collect();
@@ -202,7 +207,7 @@ impl WaveMap {
         })
     }
 
-    /// Whether the polynomials say of other rays what tracing says.
+    /// Whether the polynomials agree with the tracing of other rays.
     fn is_good(&self, sequence: &Sequence) -> bool {
         let s = &self.samples;
         let points = s.sides.points(&check_points());
@@ -221,7 +226,7 @@ impl WaveMap {
         })
     }
 
-    /// Everything along a row of q_y.
+    /// The polynomials along a row of q_y.
     pub fn row(&self, q_y: f64) -> WaveRow {
         let odd = self.odd.as_ref().unwrap_or(&self.even);
         WaveRow {
@@ -240,7 +245,8 @@ impl WaveMap {
         (1.0 - l - m).max(1e-6).sqrt()
     }
 
-    /// The wave at a point of a row. The rim of the stop is soft over `soft` of its radius, as a grid needs it.
+    /// The wave at a point of a row. The rim of the stop is soft over the share `soft` of its radius, because the grid
+    /// samples it.
     pub fn point(&self, row: &WaveRow, q_x: f64, soft: f64) -> WavePoint {
         let p = [fit::at(&row.stop[0], q_x), fit::at(&row.stop[1], q_x)];
         let (inside, _) = soft_rim(p[0].hypot(p[1]), soft);
@@ -260,7 +266,7 @@ impl WaveMap {
         }
     }
 
-    /// Takes note of what is asked of a point of a row; `row_bar` gathers for the row.
+    /// Adds the cotangents of a point of a row to `row_bar`.
     pub fn pull_back_point(
         &self,
         row: &WaveRow,
@@ -270,6 +276,7 @@ impl WaveMap {
         row_bar: &mut WaveRow,
         sums: &mut WaveCotangent,
     ) {
+        // Evaluate the rim and the apertures again.
         let p = [fit::at(&row.stop[0], q_x), fit::at(&row.stop[1], q_x)];
         let radius = p[0].hypot(p[1]);
         let (inside, by_radius) = soft_rim(radius, soft);
@@ -291,6 +298,7 @@ impl WaveMap {
         };
         let all = others(usize::MAX);
         let density = fit::at(&row.density, q_x).max(1e-300);
+        // Turn the cotangent of the energy into one of the light, and divide that of the amplitude by the slant.
         let per_slant = 1.0 / self.slant(row.q_y, q_x).sqrt();
         let root = density.sqrt();
         let bar = WavePointBar {
@@ -298,6 +306,7 @@ impl WaveMap {
             light: bar.light + bar.energy * per_slant * per_slant,
             ..bar
         };
+        // Add the cotangents of path, density, rim and apertures.
         fit::add_moments(&mut row_bar.path, bar.path, q_x);
         let share = inside * all;
         let density_bar = bar.amplitude * share * 0.5 / root + bar.light * share;
@@ -328,7 +337,7 @@ impl WaveMap {
         }
     }
 
-    /// Adds what a row asks of the coefficients.
+    /// Adds the cotangents of the coefficients, from those of a row.
     pub fn pull_back_row(&self, row_bar: &WaveRow, q_y: f64, sums: &mut WaveCotangent) {
         let odd = self.odd.as_ref().unwrap_or(&self.even);
         self.even.pull_back_along(&row_bar.path, q_y, &mut sums.path);
@@ -354,13 +363,15 @@ impl WaveMap {
         }
     }
 
-    /// Adds the gradient to `gradient` and the cotangent of the origin to `sums`; returns the derivative by the stop radius.
+    /// Adds the gradient to `gradient`; returns the derivative by the stop radius. The cotangent of the origin is added to
+    /// `sums`.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
         sums: &mut WaveCotangent,
         gradient: &mut LensGradient,
     ) -> f64 {
+        // From the coefficients to the values at the samples, and to the points q at which they are.
         let s = &self.samples;
         let count = self.q.len();
         let mut q_bar = vec![[0.0; 2]; count];
@@ -368,7 +379,7 @@ impl WaveMap {
         let odd = self.odd.as_ref().unwrap_or(&self.even);
         self.even.pull_back(&self.path, &sums.path, &mut path_bar, &mut q_bar);
         self.even.pull_back(&self.density, &sums.density, &mut density_bar, &mut q_bar);
-        // Stop coordinates of the samples do not move, but the cosines at which they are do.
+        // The stop coordinates of the samples are fixed, but their points q move.
         let mut fixed = vec![0.0; count];
         odd.pull_back(&self.stop[0], &sums.stop[0], &mut fixed, &mut q_bar);
         self.even.pull_back(&self.stop[1], &sums.stop[1], &mut fixed, &mut q_bar);
@@ -382,7 +393,7 @@ impl WaveMap {
             wish.seeds.heights.push(height);
         }
         self.pull_back_density(&density_bar, &mut wish.light, &mut q_bar);
-        // W = L + n' run, q = (towards - middle) / scale.
+        // From W = L + n' run and q = (towards - middle) / scale to positions and directions on the image plane.
         let mut wave = WaveSeeds::zero(count);
         for i in 0..count {
             wave.optical_path[i] = path_bar[i];
@@ -397,6 +408,7 @@ impl WaveMap {
                 sums.origin[axis] -= place_bar[axis];
             }
         }
+        // From the index behind the lens and from the samples to the numbers of the lens.
         wish.seeds.wave = Some(wave);
         let last = sequence.surfaces.len() - 1;
         for i in 0..=last {

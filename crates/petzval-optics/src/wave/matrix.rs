@@ -1,4 +1,4 @@
-//! Products of complex matrices, as real ones that a linear-algebra library multiplies fast.
+//! Products of complex matrices, computed as real products that a linear-algebra library does fast.
 
 use nalgebra::DMatrix;
 
@@ -30,7 +30,7 @@ impl Complex {
         Self { re: self.re.transpose(), im: self.im.transpose() }
     }
 
-    /// The product, by three real ones.
+    /// The product, from three real products.
     pub fn times(&self, b: &Self) -> Self {
         let (rr, ii) = (&self.re * &b.re, &self.im * &b.im);
         let both = (&self.re + &self.im) * (&b.re + &b.im);

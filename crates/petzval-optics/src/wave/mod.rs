@@ -1,8 +1,8 @@
-//! Diffraction: the wavefront that a lens makes of a point of light, and what interferes from it.
+//! Diffraction: the wavefront of a point of light behind a lens, and its interference at the image.
 //!
-//! A beam at one wavelength is a complex amplitude over the direction cosines in which its rays meet the image: the
-//! wavefront aberration is its phase, the light of the rays its squared modulus (`map.rs`). The amplitude in the image
-//! plane is its Fourier transform ([`psf`](crate::psf)), [`huygens_psf`] the readable reference that adds spherical
+//! A beam at one wavelength is a complex amplitude over the direction cosines of its rays at the image: the wavefront
+//! aberration is its phase, the light of the rays its squared modulus (`map.rs`). The amplitude in the image plane is
+//! its Fourier transform ([`psf`](crate::psf)). [`huygens_psf`] is the readable reference, which adds spherical
 //! wavelets from a reference sphere.
 
 mod fit;

@@ -23,8 +23,8 @@ impl ReferenceSphere {
         Self { centre_mm, radius_mm: along_z.signum() * along_z.hypot(across) }
     }
 
-    /// Run of a ray from the image plane to the sphere along its direction, less `-radius`, and the unit vector from there to
-    /// the centre (as a line's direction).
+    /// Run of a ray from the image plane to the sphere along its direction, plus the radius, and the unit vector from
+    /// there to the centre (as a line's direction).
     ///
     /// With `e` from the centre to the ray's point on the image plane and `b = e.d`, the run `s = -b - sqrt(b^2 + R^2 - e^2)` (for
     /// R > 0), of which `s + R = -b + (e^2 - b^2) / (R + sqrt(...))` keeps its digits for any radius.
@@ -45,8 +45,8 @@ impl ReferenceSphere {
 }
 
 impl ReferenceSphere {
-    /// How a wave from the sphere sees a point behind its centre by `dz`: the further way along the unit vector to the centre, whose z
-    /// component is `cosine`, and the distance over the radius.
+    /// Distance from a point of the sphere to the point `dz` behind its centre: the distance minus the radius, and the
+    /// distance divided by the radius. `cosine` is the z component of the unit vector to the centre.
     ///
     /// From `R t` the way is `R t + dz z`, of length `R s` with `s^2 = 1 + 2 cosine dz/R + (dz/R)^2`.
     pub fn further(&self, cosine: f64, dz: f64) -> (f64, f64) {
@@ -55,8 +55,8 @@ impl ReferenceSphere {
         (dz * (2.0 * cosine + share) / (1.0 + scale), scale)
     }
 
-    /// The transpose of [`ReferenceSphere::run`]: cotangents of the place and of the direction, from those of the run and of the
-    /// first two components of the unit vector.
+    /// The transpose of [`ReferenceSphere::run`]: cotangents of the position and of the direction, from those of the
+    /// run and of the first two components of the unit vector.
     pub fn pull_back(
         &self,
         at_mm: [f64; 2],
@@ -77,8 +77,8 @@ impl ReferenceSphere {
         (place, direction)
     }
 
-    /// The same sphere with a radius rounded to two digits: small changes of a lens do not move it, and which sphere it is makes
-    /// little difference.
+    /// The same sphere with its radius rounded to two digits, so that small changes of a lens do not change it. The
+    /// result hardly depends on the radius.
     pub fn rounded(self) -> Self {
         if !self.radius_mm.is_normal() {
             return self;
@@ -91,25 +91,25 @@ impl ReferenceSphere {
 /// Optical path differences of a field at one wavelength.
 #[derive(Clone, Debug)]
 pub struct Opd {
-    /// Of each point of the pupil, waves: path of the chief ray to the reference sphere less that of the ray, which is positive
-    /// where the wavefront is ahead of the sphere; `None` where the ray is lost.
+    /// Optical path difference of each point of the pupil, waves: path of the chief ray to the reference sphere minus
+    /// that of the ray. It is positive where the wavefront is ahead of the sphere, and `None` where the ray is lost.
     pub waves: Vec<Option<f64>>,
-    /// Where the ray through each point meets the image plane, mm; `None` where it is lost.
+    /// Position of the ray through each point on the image plane, mm; `None` if it is lost.
     pub landing_mm: Vec<Option<[f64; 2]>>,
-    /// Share of each ray's light that the clear apertures let through.
+    /// Transmission of the clear apertures for each ray.
     pub transmission: Vec<f64>,
     /// Radius of the reference sphere, mm (signed, see `ReferenceSphere`).
     pub radius_mm: f64,
-    /// Where the chief ray meets the image plane, mm.
+    /// Position of the chief ray on the image plane, mm.
     pub chief_mm: [f64; 2],
 }
 
-/// What points of the pupil lie on.
+/// The surface on which points of the pupil lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PupilPlane {
     /// The real stop.
     Stop,
-    /// The paraxial entrance pupil, as lens programs have it without ray aiming.
+    /// The paraxial entrance pupil, as in lens programs without ray aiming.
     Paraxial,
 }
 

@@ -1,9 +1,9 @@
 //! The optical transfer function of a wave, through its line-spread functions.
 //!
-//! The light on a line across the image adds up to that of the one-dimensional Fourier transforms of the wave's rows (Parseval),
-//! so a fast Fourier transform of every row gives the line-spread function on points that hold all its detail, and its
-//! Fourier sum the transfer function at any frequency. That is the autocorrelation of the wave over direction cosines: exact
-//! for a flat image at any numerical aperture.
+//! By Parseval's theorem the light on a line across the image is the sum of the squared one-dimensional Fourier
+//! transforms of the wave's rows. So a fast Fourier transform of every row gives the line-spread function with all its
+//! detail, and its Fourier sum gives the transfer function at any frequency. This is the autocorrelation of the wave
+//! over direction cosines, which is exact for a flat image at any numerical aperture.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -29,24 +29,24 @@ pub(crate) struct LineSpread {
     pub spacing_mm: f64,
     /// Light at `(k - half) spacing` from the origin, half of them on each side.
     pub values: Vec<f64>,
-    /// Light that lands further away than the points reach: what hard edges of the beam diffract.
+    /// Light beyond the points: diffracted by hard edges of the beam.
     beyond: f64,
     /// Frequency from which on that light is not modulated, 1/mm.
     beyond_fades_per_mm: f64,
-    /// Frequency by which the grid of the pupil is as wide as it is, 1/mm.
+    /// Frequency at which a shift of the wave is as wide as the grid of the pupil, 1/mm.
     highest_per_mm: f64,
 }
 
 impl LineSpread {
     /// The transfer function at a frequency, 1/mm.
     pub fn transfer(&self, frequency_per_mm: f64) -> Complex64 {
-        // There the wave and its shifted self do not meet; the sum would begin again.
+        // Beyond this frequency the wave and its shifted copy do not overlap; the sum would repeat.
         if frequency_per_mm.abs() >= self.highest_per_mm {
             return Complex64::ZERO;
         }
         let half = (self.values.len() / 2) as f64;
         let turn = TAU * frequency_per_mm * self.spacing_mm;
-        // By the recurrence of sines, refreshed often enough to stay exact.
+        // Sum with the recurrence of sines, restarted often enough to stay exact.
         const REFRESH: usize = 64;
         let step = Complex64::cis(-turn);
         let mut sum = Complex64::ZERO;
@@ -61,7 +61,7 @@ impl LineSpread {
     }
 }
 
-/// The wave on the nodes of the pupil, as an image plane sees it.
+/// The wave on the nodes of the pupil, for one image plane.
 #[derive(Clone)]
 pub(crate) struct PupilWave<'a> {
     channel: &'a WaveChannel,
@@ -69,7 +69,7 @@ pub(crate) struct PupilWave<'a> {
     pub(super) values: Vec<Complex64>,
     /// Energy of all nodes, in units of `|value|^2`.
     energy: f64,
-    /// The image plane from that of the lens, mm along z.
+    /// Shift of the image plane from that of the lens along z, mm.
     defocus_mm: f64,
     fft: Arc<dyn Fft<f64>>,
 }
@@ -84,7 +84,7 @@ impl WaveChannel {
             values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
             energy: nodes.points.iter().map(|p| p.energy).sum(),
             defocus_mm: 0.0,
-            // A wave as wide as the pupil has a transform of twice that width.
+            // Pad to twice the length: the autocorrelation of a wave is twice as wide as the wave.
             fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
         }
     }
@@ -97,8 +97,8 @@ impl PupilWave<'_> {
         Self { values, ..self.clone() }
     }
 
-    /// The wave of the lens as an image plane sees it that is shifted by `defocus_mm` along z: every wavelet of the reference
-    /// sphere has so much further to go.
+    /// The wave for an image plane that is shifted by `defocus_mm` along z: the distance of every wavelet of the
+    /// reference sphere increases accordingly.
     pub fn defocused(&self, defocus_mm: f64) -> Self {
         let (channel, n) = (self.channel, self.channel.nodes);
         let per_mm = channel.wavenumber * channel.map.n_image;
@@ -125,13 +125,14 @@ impl PupilWave<'_> {
         let mut scratch = vec![Complex64::ZERO; self.fft.get_inplace_scratch_len()];
         let mut values = vec![0.0; length];
         let mut line = vec![Complex64::ZERO; length];
-        // The lines of the two halves of a symmetric pupil make the same light.
+        // Use half of the lines of a symmetric pupil: the other half gives the same light.
         let lines = match section {
             Section::Sagittal => 0..n,
             Section::Tangential => channel.columns(),
         };
         let times = n as f64 / lines.len() as f64;
         for i in lines {
+            // Transform one line of the pupil, and add its squared modulus.
             line[n..].fill(Complex64::ZERO);
             for (k, to) in line[..n].iter_mut().enumerate() {
                 *to = match section {
@@ -145,7 +146,7 @@ impl PupilWave<'_> {
             self.fft.process_with_scratch(&mut line, &mut scratch);
             values.iter_mut().zip(&line).for_each(|(sum, e)| *sum += e.norm_sqr());
         }
-        // The second half of the transform is that of negative places.
+        // Move negative positions, the second half of the transform, to the front.
         values.rotate_right(length / 2);
         let unit = times / (self.energy * length as f64);
         values.iter_mut().for_each(|v| *v *= unit);
@@ -154,7 +155,7 @@ impl PupilWave<'_> {
             Section::Tangential => 1,
         };
         let node = 2.0 * channel.map.scale[axis] / n as f64;
-        // From a plane further behind, the sphere looks smaller.
+        // The scale grows with the distance of the image plane from the sphere.
         let (_, further) = channel.map.sphere.further(channel.map.slant(0.0, 0.0), self.defocus_mm);
         let per_node_mm = TAU / (channel.wavenumber * channel.map.n_image.abs() * node) * further;
         LineSpread {

@@ -1,7 +1,7 @@
 //! The diffraction PSF: the Fourier transform of the wave over direction cosines, on any grid of the image plane.
 //!
-//! The transform is done as two matrix products, whose rows are the grid's own places: no interpolation, no relation between
-//! the sampling of the pupil and the pitch (Soummer et al., Opt. Express 15, 15935 (2007)).
+//! The transform is two matrix products whose rows are the points of the image grid. It needs no interpolation, and the
+//! sampling of the pupil does not determine the pitch (Soummer et al., Opt. Express 15, 15935 (2007)).
 
 use std::f64::consts::TAU;
 
@@ -10,19 +10,20 @@ use super::matrix::Complex;
 use crate::gradient::LensGradient;
 use crate::trace::Sequence;
 
-/// Periods of the sampled wave's image over the extent that it has to hold.
+/// Period of the sampled wave's image, divided by the extent of the image.
 const ROOM: f64 = 2.5;
 
 /// Half-width of the soft rim of the stop, in nodes of a pupil that fills the grid.
 const SOFT_NODES: f64 = 0.7;
 
-/// With fewer periods light from one edge would show at the other.
+/// Least such ratio: with a smaller one, light from one edge would appear at the other.
 const LEAST_ROOM: f64 = 2.0;
 
 /// Least and greatest number of nodes across the pupil.
 const NODES: [usize; 2] = [224, 768];
 
-/// Pixels are averaged over samples no further apart than this share of `wavelength / (2 NA)`, the finest detail of a PSF.
+/// Largest distance of the samples over which a pixel is averaged, as a share of `wavelength / (2 NA)`, the finest
+/// detail of a PSF.
 const FINEST: f64 = 0.5;
 
 /// A grid on the image plane about an origin.
@@ -48,17 +49,17 @@ pub(super) struct Nodes {
     pub wave: Complex,
 }
 
-/// What a channel shows.
+/// The PSF of a channel.
 pub(crate) struct Shown {
-    /// Energy per pixel, row by row, in units in which the whole PSF has 1.
+    /// Energy per pixel, row by row; the whole PSF has 1.
     pub values: Vec<f64>,
     /// Relative illumination.
     pub illumination: f64,
 }
 
 impl WaveChannel {
-    /// A wave whose image may be looked at up to `beyond_mm` from where rays land. `None` where polynomials do not describe the
-    /// wave, see [`WaveMap::new`], or where it spreads over more than the finest grid can hold.
+    /// A wave whose image is free of repetitions up to `beyond_mm` from the rays. `None` if polynomials do not describe
+    /// the wave, see [`WaveMap::new`], or if it spreads over more than the finest grid can hold.
     pub fn new(
         sequence: &Sequence,
         field_rad: f64,
@@ -69,8 +70,8 @@ impl WaveChannel {
     ) -> Option<Self> {
         let like = like.map(|channel| &channel.map);
         let map = WaveMap::new(sequence, field_rad, stop_radius_mm, chief_mm, like)?;
-        // Light between two nodes of the pupil repeats itself after wavelength / spacing on the image; that must hold the
-        // grid and all rays.
+        // Choose the spacing of the nodes: the image repeats after wavelength / spacing, and one period must contain
+        // the grid and all rays.
         let reach = (0..2).map(|axis| {
             let of = [&map.samples.x, &map.samples.y][axis];
             of.iter().map(|v| (v - chief_mm[axis]).abs()).fold(0.0, f64::max) + beyond_mm
@@ -82,7 +83,7 @@ impl WaveChannel {
         if needed as f64 > NODES[1] as f64 * ROOM / LEAST_ROOM {
             return None;
         }
-        // Numbers of nodes in steps, so that small changes of a lens do not change it.
+        // Round the number of nodes up to a multiple of 16, so that small changes of a lens do not change it.
         let nodes = needed.next_multiple_of(16).clamp(NODES[0], NODES[1]);
         Some(Self { map, nodes, wavenumber: TAU / wavelength_mm })
     }
@@ -111,12 +112,12 @@ impl WaveChannel {
         SOFT_NODES
     }
 
-    /// Whether the half `q_x > 0` says everything.
+    /// Whether the half `q_x > 0` is enough.
     fn is_half(&self) -> bool {
         self.map.samples.sides == crate::pupil::Sides::Mirrored
     }
 
-    /// Columns that are evaluated; in a symmetric lens the others are their mirror images.
+    /// Columns to evaluate; in a symmetric lens the others are their mirror images.
     pub(super) fn columns(&self) -> std::ops::Range<usize> {
         if self.is_half() { self.nodes / 2..self.nodes } else { 0..self.nodes }
     }
@@ -153,7 +154,7 @@ impl WaveChannel {
         ((grid.pitch_mm / (FINEST * finest)).ceil() as usize).max(1)
     }
 
-    /// Phases from nodes to places of the image along one axis: `[place, node]`.
+    /// Phases from nodes to points of the image along one axis: `[point, node]`.
     fn kernel(&self, axis: usize, grid: ImageGrid, per_pixel: usize) -> Complex {
         let places = grid.cells * per_pixel;
         let pitch = grid.pitch_mm / per_pixel as f64;
@@ -164,17 +165,18 @@ impl WaveChannel {
         Complex::phases(&place, &cosine)
     }
 
-    /// Energy of a unit of `|E|^2` on a sample of the image, as a share of all the energy there is.
+    /// Energy of a unit of `|E|^2` on a sample of the image, as a share of the total energy.
     fn energy_per_sample(&self, grid: ImageGrid, per_pixel: usize) -> f64 {
         let [a, b] = self.map.scale;
         let per_mm = self.wavenumber * self.map.n_image.abs() / TAU;
-        // Parseval: the integral of |E|^2 is that of the light over q, over the product of the scales per wavelength.
+        // By Parseval's theorem the integral of |E|^2 is that of the light over q, divided by the scales per wavelength.
         let sample = grid.pitch_mm / per_pixel as f64;
         sample * sample * per_mm * per_mm * a * b
     }
 
     /// The PSF and the relative illumination.
     pub fn show(&self, grid: ImageGrid) -> Shown {
+        // Transform the wave to the image, and add |E|^2 of the samples of each pixel.
         let nodes = self.nodes();
         let (field, per_pixel) = self.field(&nodes.wave, grid);
         let area = self.cell() * self.cell();
@@ -199,7 +201,7 @@ impl WaveChannel {
     }
 
     /// Adds the gradient of a loss whose derivatives by [`Shown::values`] and the illumination are given; returns the
-    /// derivatives by the chief ray's place and by the stop radius.
+    /// derivatives by the position of the chief ray and by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
@@ -213,7 +215,7 @@ impl WaveChannel {
         let area = self.cell() * self.cell();
         let all = nodes.points.iter().map(|p| p.energy).sum::<f64>() * area;
         let unit = self.energy_per_sample(grid, per_pixel) * area * area / all;
-        // E_bar = 2 bar E; the energies are also divided by that of all nodes.
+        // Differentiate |E|^2: E_bar = 2 bar E. The values are also divided by the energy of all nodes.
         let places = grid.cells * per_pixel;
         let (mut field_bar, mut by_all) = (Complex::zeros(places, places), 0.0);
         for y in 0..places {
@@ -225,16 +227,18 @@ impl WaveChannel {
                 by_all -= bar * (re * re + im * im);
             }
         }
+        // Transform back to the nodes.
         let [x, y] = [0, 1].map(|axis| self.kernel(axis, grid, per_pixel).conjugate());
         let wave_bar = x.transpose().times(&field_bar).times(&y);
 
         let n = self.nodes;
         let mut sums = self.map.zero_cotangent();
-        // The index of a medium behind turns places into phases: k n' x.d. Nobody moves that of air.
+        // The index behind the lens enters the phases k n' x.d. It is constant if the medium is air.
         if (self.map.n_image.abs() - 1.0).abs() > 1e-9 {
             sums.n_image += self.by_index(&nodes.wave, &field_bar, grid, per_pixel)
                 + 2.0 * self.energy_by_index(values_bar, &field, unit, grid, per_pixel);
         }
+        // From amplitude and phase of each node to the coefficients of the wave.
         for j in 0..n {
             let row = self.map.row(self.q(j));
             let mut row_bar = self.map.zero_row(&row);
@@ -257,9 +261,9 @@ impl WaveChannel {
         (sums.origin, by_stop)
     }
 
-    /// Derivative by the index behind of the phases from nodes to places.
+    /// Derivative of the field by the index behind the lens, through the phases from nodes to points of the image.
     fn by_index(&self, wave: &Complex, field_bar: &Complex, grid: ImageGrid, per_pixel: usize) -> f64 {
-        // d/dn' of sum A exp(i k n' (x l + y m)), l and m less their middles.
+        // d/dn' of sum A exp(i k n' (x l + y m)), l and m minus their middles.
         let [x, y] = [0, 1].map(|axis| self.kernel(axis, grid, per_pixel));
         let places = grid.cells * per_pixel;
         let pitch = grid.pitch_mm / per_pixel as f64;
@@ -288,7 +292,7 @@ impl WaveChannel {
         sum
     }
 
-    /// Derivative by the index behind of the energy of a sample, half of it.
+    /// Half of the derivative of the energy of a sample by the index behind the lens.
     fn energy_by_index(
         &self,
         values_bar: &[f64],

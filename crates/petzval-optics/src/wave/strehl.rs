@@ -1,4 +1,4 @@
-//! The Strehl ratio: the peak of a PSF over that of the same beam without aberrations.
+//! The Strehl ratio: the peak of a PSF divided by that of the same beam without aberrations.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
@@ -17,12 +17,12 @@ impl WaveChannel {
         (self.amplitude(&wave, peak).norm() / ideal).powi(2)
     }
 
-    /// Place of the greatest amplitude, in turns of the phase from one node to the next along both axes.
+    /// Position of the greatest amplitude, in turns of the phase from one node to the next along both axes.
     fn brightest(&self, wave: &[Complex64]) -> [f64; 2] {
         let n = self.nodes;
         let length = (2 * n).next_power_of_two();
         let fft = FftPlanner::new().plan_fft_inverse(length);
-        // Rows, then columns.
+        // Transform the rows, then the columns, and find the brightest point.
         let mut rows = vec![Complex64::ZERO; n * length];
         for (row, from) in rows.chunks_exact_mut(length).zip(wave.chunks_exact(n)) {
             row[..n].copy_from_slice(from);
@@ -46,7 +46,7 @@ impl WaveChannel {
                 }
             }
         }
-        // Climb from there to the top between the points.
+        // Refine the position between the grid points by hill climbing with a shrinking step.
         let mut step = 0.5 / length as f64;
         for _ in 0..HALVINGS {
             let around = [[step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]];
@@ -60,7 +60,7 @@ impl WaveChannel {
         at
     }
 
-    /// The amplitude at a place, as [`WaveChannel::brightest`] gives it.
+    /// The amplitude at a position in the units of [`WaveChannel::brightest`].
     fn amplitude(&self, wave: &[Complex64], turns: [f64; 2]) -> Complex64 {
         let n = self.nodes;
         let phases = |turn: f64| -> Vec<Complex64> {

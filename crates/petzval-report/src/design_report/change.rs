@@ -1,12 +1,12 @@
-//! Changes: the numbers of a lens before and after, and where they lie between their bounds.
+//! Changes: the numbers of a lens before and after, and their positions between the bounds.
 
 use maud::{Markup, html};
 
-use super::Change;
+use super::view::Change;
 use crate::number;
 use crate::table::{Column, Row, Table};
 
-/// A value nearer to a bound than this share of the range is said to lie on it.
+/// Values nearer to a bound than this share of the range count as lying on it.
 const ON_BOUND: f64 = 0.01;
 
 /// The table of changes; nothing if there are none.
@@ -35,7 +35,7 @@ pub(super) fn change_table(changes: &[Change], baseline: &str) -> Markup {
     Table::new(columns).class("changes").rows(rows).html()
 }
 
-/// The change in per cent of the old value; a dash where that has no meaning.
+/// The change in per cent of the old value; a dash if the old value is zero.
 fn percent(change: &Change) -> String {
     let share = 100.0 * (change.to - change.from) / change.from.abs();
     match change.from == 0.0 || !share.is_finite() || share.abs() > 1e3 {
@@ -44,7 +44,7 @@ fn percent(change: &Change) -> String {
     }
 }
 
-/// A line from bound to bound, a tick where the value was, a dot where it is.
+/// A line from bound to bound, with a tick at the old value and a dot at the new one.
 fn range(change: &Change) -> Markup {
     let width = change.max - change.min;
     if !(width > 0.0 && width.is_finite()) {
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_bounds_or_no_scale_says_so() {
+    fn missing_bounds_and_scales_are_shown_as_such() {
         let free =
             change_table(&[change(0.0, 1e-5, f64::NEG_INFINITY, f64::INFINITY)], "nominal").into_string();
         assert!(free.contains("not bounded") && free.contains("1.0000·10⁻⁵") && !free.contains("inf %"));

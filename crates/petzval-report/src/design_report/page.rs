@@ -1,4 +1,4 @@
-//! The page: the result first, then what explains it, and last how it was made.
+//! The page: first the result, then its explanation, last the configuration of the run.
 
 use maud::{Markup, html};
 
@@ -8,7 +8,7 @@ use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
 use super::reading::reading;
 use super::score_table::score_table;
-use super::{CameraView, FieldPoint, LossCurve, Report};
+use super::view::{CameraView, FieldPoint, LossCurve, Report, camera_colour};
 use crate::layout::{CrossSection, Extent};
 use crate::number;
 use crate::page::{Page, caption, facts, figure, section};
@@ -44,7 +44,7 @@ pub(super) fn page(report: &Report) -> String {
     .html()
 }
 
-/// A section under a headline, if there is something to show.
+/// A section under a headline, unless it is empty.
 fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> Markup {
     if is_there {
         section(headline, body())
@@ -53,9 +53,9 @@ fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> 
     }
 }
 
-/// The reading, the scores, and what to keep in mind.
+/// The reading, the scores, and the remarks.
 fn result(report: &Report) -> Markup {
-    let sentences = reading(&report.table);
+    let sentences = reading(&report.scores, &report.table);
     html! {
         @if !report.table.is_empty() || !report.notes.is_empty() {
             (section("Result", html! {
@@ -63,7 +63,7 @@ fn result(report: &Report) -> Markup {
                     p.lead { (first) }
                     @for sentence in rest { p.reading { (sentence) } }
                 }
-                (score_table(&report.table, &report.cameras))
+                (score_table(&report.scores, &report.table, &report.cameras))
                 @if !report.notes.is_empty() {
                     ul.notes { @for note in &report.notes { li { (note) } } }
                 }
@@ -72,7 +72,7 @@ fn result(report: &Report) -> Markup {
     }
 }
 
-/// Layouts on one scale, with what changed.
+/// Layouts on one scale, with the changes.
 fn lenses(report: &Report) -> Markup {
     let baseline = report.cameras.first();
     let section = |i: usize| CrossSection {
@@ -101,7 +101,7 @@ fn lenses(report: &Report) -> Markup {
     }
 }
 
-/// One lens: its layout, what changed, and its prescription.
+/// One lens: its layout, its changes and its prescription.
 fn lens(camera: &CameraView, i: usize, baseline: Option<&CameraView>, layout_svg: &str) -> Markup {
     html! {
         article.lens {
@@ -171,7 +171,7 @@ fn over_the_run(report: &Report) -> Markup {
 fn loss_chart(group: &[&LossCurve], report: &Report) -> Chart {
     let series = group.iter().enumerate().map(|(i, curve)| Series {
         name: curve.camera.clone(),
-        colour: super::camera_colour(&report.cameras, &curve.camera, i).into(),
+        colour: camera_colour(&report.cameras, &curve.camera, i).into(),
         points: curve.points.iter().map(|(step, value)| (*step as f64, *value)).collect(),
     });
     let (block, label) = (&group[0].block, &group[0].label);
@@ -189,7 +189,7 @@ fn has_psfs(report: &Report) -> bool {
     report.cameras.iter().any(|c| !c.psfs.is_empty())
 }
 
-/// The machine, and the configuration that runs it again.
+/// The machine, and the configuration with which to repeat the run.
 fn how_it_was_made(report: &Report) -> Markup {
     let is_there = !report.environment.is_empty() || !report.config_toml.is_empty();
     section_of("How it was made", is_there, || {
@@ -207,7 +207,7 @@ fn how_it_was_made(report: &Report) -> Markup {
     })
 }
 
-/// The large view that the script fills.
+/// The enlarged view, which the script fills.
 fn viewer() -> Markup {
     html! {
         dialog #viewer aria-label="Picture, large" {
@@ -228,7 +228,7 @@ mod tests {
     use crate::sample;
 
     #[test]
-    fn the_page_needs_nothing_but_itself() {
+    fn the_page_is_self_contained() {
         let page = page(&sample::report());
         let elsewhere = page.replace("http://www.w3.org/2000/svg", "");
         assert!(!elsewhere.contains("http://") && !elsewhere.contains("https://"));
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn every_section_is_there_and_every_picture_is_described() {
+    fn every_section_exists_and_every_picture_is_described() {
         let report = sample::report();
         let page = page(&report);
         for headline in

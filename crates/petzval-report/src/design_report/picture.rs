@@ -1,22 +1,22 @@
-//! Pictures: a scene, and what each camera makes of it, with the middle enlarged.
+//! Pictures: a scene and the picture of each camera, with the middle enlarged.
 
 use std::io::Cursor;
 
 use image::ImageFormat;
 use maud::{Markup, html};
 
-use super::{CameraPicture, PictureView, Report};
+use super::view::{CameraPicture, PictureView, Report, camera_colour};
 use crate::number;
 use crate::page::caption;
 use crate::png;
 
-/// The enlarged part is this share of a side.
+/// Side of the enlarged part, as a share of the picture's side.
 const ZOOM: f64 = 0.25;
 
-/// So many pictures are shown at once, the others on demand.
+/// Number of pictures that are shown at once; the others are shown on demand.
 const UNFOLDED: usize = 6;
 
-/// All pictures; a click on any opens it large, where arrow keys flick through the cameras.
+/// All pictures. A click enlarges a picture, and arrow keys then switch between the cameras.
 pub(super) fn pictures(report: &Report) -> Markup {
     html! {
         @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
@@ -44,7 +44,7 @@ fn comparison(report: &Report, picture: &PictureView, group: usize) -> Markup {
                 div.shot {
                     div.shot-name style="--camera:currentColor" { "truth" span.muted { " the scene" } }
                     (framed(&picture.truth_png, &format!("{}: the scene", picture.title), "truth", group))
-                    div.shot-scores.muted { span { "1 − LPIPS" } span { "PSNR" } span { "SSIM" } }
+                    div.shot-scores.muted { @for score in &report.scores { span { (score.title) } } }
                     (zoomed(&picture.truth_png, &format!("{}: the scene, enlarged", picture.title)))
                     div.shot-note { "the framed middle, enlarged" }
                 }
@@ -63,16 +63,18 @@ fn camera_column(
     i: usize,
     group: usize,
 ) -> Markup {
-    let colour = super::camera_colour(&report.cameras, &shot.camera, i);
+    let colour = camera_colour(&report.cameras, &shot.camera, i);
     let alt = |what: &str| format!("{}: {what} of the {} camera", picture.title, shot.camera);
     html! {
         div.shot {
             div.shot-name style=(format!("--camera:{}", colour)) { (shot.camera) }
             (framed(&shot.output_png, &alt("network output"), &shot.camera, group))
             div.shot-scores {
-                span { b { (number::fixed(shot.one_minus_lpips, 3)) } }
-                span { (number::fixed(shot.psnr_db, 1)) " dB" }
-                span { (number::fixed(shot.ssim, 3)) }
+                @for (i, (score, value)) in report.scores.iter().zip(&shot.scores).enumerate() {
+                    // One picture is worth a digit less than the mean over all.
+                    @let text = number::with_unit(*value, score.decimals.saturating_sub(1), &score.unit);
+                    span { @if i == 0 { b { (text) } } @else { (text) } }
+                }
             }
             (zoomed(&shot.output_png, &alt("network output, enlarged,")))
             div.shot-note { "after the network" }
@@ -82,7 +84,7 @@ fn camera_column(
     }
 }
 
-/// A picture with a frame around what is enlarged.
+/// A picture with a frame around the enlarged part.
 fn framed(png: &[u8], alt: &str, name: &str, group: usize) -> Markup {
     let edge = 100.0 * 0.5 * (1.0 - ZOOM);
     html! {

@@ -1,9 +1,9 @@
-//! The prescription: the surfaces of a lens as a designer lists them.
+//! The prescription: the table of the surfaces of a lens.
 
 use maud::Markup;
 use petzval_optics::analysis::FirstOrderTable;
 
-use super::SurfaceView;
+use super::view::SurfaceView;
 use crate::number::{fixed, significant};
 use crate::table::{Column, Row, Table};
 
@@ -45,7 +45,7 @@ pub(super) fn prescription(surfaces: &[SurfaceView]) -> Markup {
     Table::new(columns).class("prescription").rows(rows).html()
 }
 
-/// The coefficients, `a4 = -4.0600·10⁻⁵, a6 = ...`, and what else the surface is.
+/// The coefficients, `a4 = -4.0600·10⁻⁵, a6 = ...`, and further properties of the surface.
 fn asphere(surface: &SurfaceView) -> String {
     let terms = surface.asphere.iter().map(|(order, value)| format!("a{order} = {}", significant(*value)));
     terms.chain(surface.more.iter().cloned()).collect::<Vec<_>>().join(", ")

@@ -3,7 +3,7 @@
 use image::{Rgb, RgbImage};
 use maud::{Markup, html};
 
-use super::{CameraView, PsfView, Report};
+use super::view::{CameraView, PsfView, Report};
 use crate::page::caption;
 use crate::{number, palette, png};
 
@@ -13,7 +13,7 @@ const SHARES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// Length of the scale bar, um.
 const BAR_UM: f64 = 20.0;
 
-/// The part of each channel's light that the shown window holds.
+/// Share of each channel's light within the shown window.
 const SHOWN_LIGHT: f64 = 0.985;
 
 /// The table, and a sentence on how to read it.
@@ -59,7 +59,7 @@ struct Column<'a> {
     peak: f64,
 }
 
-/// The first camera settles the fields, so that all cameras of a column see the same point.
+/// The first camera determines the fields, so that all cameras of a column show the same point.
 fn columns(cameras: &[CameraView], half_diagonal_mm: f64) -> Vec<Column<'_>> {
     let nearest = |camera: &'_ CameraView, miss: &dyn Fn(&PsfView) -> f64| {
         let order = |a: &usize, b: &usize| miss(&camera.psfs[*a]).total_cmp(&miss(&camera.psfs[*b]));

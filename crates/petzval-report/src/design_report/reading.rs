@@ -1,39 +1,28 @@
-//! The reading: what the scores say, in plain sentences, also when they say that nothing was won.
+//! The reading: the result of the scores in plain sentences, also if there is no gain.
 
-use super::TableRow;
-use super::score_table::{EFL, F_NUMBER, FOV, LPIPS, PSNR, SPOT, SSIM, Score};
+use super::score_table::{Figure, first_order, picture_scores, spot};
+use super::view::{Score, TableRow};
 use crate::number;
 
-/// A camera whose first-order data differ by more than this share is not like for like.
+/// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;
 
-/// Sentences on the table: the last design (or `end-to-end`, if there is one) against the baseline and
-/// against the control that was optimised for spots. Empty if there is nothing to compare.
-pub(super) fn reading(rows: &[TableRow]) -> Vec<String> {
-    let named = |name: &str| rows.iter().find(|r| r.camera.eq_ignore_ascii_case(name));
-    let (Some(baseline), Some(last)) = (named("nominal").or(rows.first()), rows.last()) else {
-        return Vec::new();
-    };
-    let design = named("end-to-end").unwrap_or(last);
-    if design.camera == baseline.camera {
-        return Vec::new();
-    }
-    let mut sentences = vec![compare(design, baseline, "")];
-    let control = named("spot-optimised").filter(|c| c.camera != design.camera);
-    if let Some(control) = control {
-        sentences.push(compare(design, control, " control"));
-    }
-    sentences.extend(spot_sentence(design, baseline, control));
+/// Sentences on the table: the last camera against the baseline, which is the first, and against those between. Empty if there
+/// is nothing to compare.
+pub(super) fn reading(scores: &[Score], rows: &[TableRow]) -> Vec<String> {
+    let scores = picture_scores(scores);
+    let [baseline, between @ .., design] = rows else { return Vec::new() };
+    let mut sentences: Vec<String> =
+        [baseline].into_iter().chain(between).map(|other| compare(&scores, design, other)).collect();
+    sentences.extend(spot_sentence(scores.first(), design, baseline, between));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
 }
 
-/// How a camera does against another in the three picture scores.
-fn compare(design: &TableRow, other: &TableRow, role: &str) -> String {
-    let scores = [&LPIPS, &PSNR, &SSIM];
-    let known: Vec<&Score> = scores.into_iter().filter(|s| s.gain(other, design).is_finite()).collect();
-    let article = if role.is_empty() { "" } else { "the " };
-    let against = format!("{article}{}{role}", other.camera);
+/// Compares a camera with another in the scores of pictures.
+fn compare(scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
+    let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
+    let against = &other.camera;
     let name = capitalised(&design.camera);
     if known.is_empty() {
         return format!("{name} and {against} have no picture score in common.");
@@ -54,19 +43,25 @@ fn compare(design: &TableRow, other: &TableRow, role: &str) -> String {
 }
 
 /// A difference with its sign, unit and name: `+0.0187 in 1 − LPIPS`, `+1.30 dB PSNR`.
-fn difference(score: &Score, design: &TableRow, other: &TableRow) -> String {
-    let value = number::signed((score.value)(design) - (score.value)(other), score.decimals);
-    match score.unit {
-        "" => format!("{value} in {}", score.name),
-        unit => format!("{value}\u{a0}{unit} {}", score.name),
+fn difference(figure: &Figure, design: &TableRow, other: &TableRow) -> String {
+    let value = number::signed(figure.of(design) - figure.of(other), figure.decimals);
+    match figure.unit.as_str() {
+        "" => format!("{value} in {}", figure.name),
+        unit => format!("{value}\u{a0}{unit} {}", figure.name),
     }
 }
 
-/// How the spots changed, and whether another camera has the better spots but the worse pictures, which
-/// is the point of designing end to end.
-fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableRow>) -> Option<String> {
-    let um = |row: &TableRow| number::fixed(row.rms_spot_um, SPOT.decimals);
-    let gain = SPOT.gain(baseline, design);
+/// The change of the spots. Also names another camera that has better spots but worse pictures, because this is the
+/// point of end-to-end design.
+fn spot_sentence(
+    score: Option<&Figure>,
+    design: &TableRow,
+    baseline: &TableRow,
+    between: &[TableRow],
+) -> Option<String> {
+    let spot = spot();
+    let um = |row: &TableRow| number::fixed(row.rms_spot_um, spot.decimals);
+    let gain = spot.gain(baseline, design);
     if !gain.is_finite() {
         return None;
     }
@@ -76,24 +71,25 @@ fn spot_sentence(design: &TableRow, baseline: &TableRow, control: Option<&TableR
         _ => "stay",
     };
     let mut sentence = format!("Its RMS spots {verb} from {} to {} µm", um(baseline), um(design));
-    let is_sharper_but_worse = |r: &&TableRow| SPOT.gain(r, design) < 0.0 && LPIPS.gain(r, design) > 0.0;
-    if let Some(other) = control.into_iter().chain([baseline]).find(is_sharper_but_worse) {
+    let worse_in = |r: &TableRow| score.filter(|s| spot.gain(r, design) < 0.0 && s.gain(r, design) > 0.0);
+    let sharper_but_worse = |r| worse_in(r).map(|score| (r, score));
+    if let Some((other, score)) = between.iter().chain([baseline]).find_map(sharper_but_worse) {
         sentence += &format!(
             "; those of {} are smaller ({} µm), and yet its pictures score lower in {}",
             other.camera,
             um(other),
-            LPIPS.name
+            score.name
         );
     }
     Some(sentence + ".")
 }
 
-/// Warns of a camera that differs from the baseline in what should be held fixed.
+/// Warns of a camera that differs from the baseline in quantities that should be fixed.
 fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
-    let differences: Vec<String> = [&EFL, &F_NUMBER, &FOV]
-        .into_iter()
+    let differences: Vec<String> = first_order()
+        .iter()
         .filter_map(|s| {
-            let (from, to) = ((s.value)(baseline), (s.value)(row));
+            let (from, to) = (s.of(baseline), s.of(row));
             let share = to / from - 1.0;
             (share.abs() > LIKE_FOR_LIKE)
                 .then(|| format!("{} {} %", s.name, number::signed(100.0 * share, 1)))
@@ -117,35 +113,31 @@ fn capitalised(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::rows;
+    use crate::sample::{rows, scores};
 
     /// The reading without its unbreakable spaces.
     fn reading(rows: &[TableRow]) -> Vec<String> {
-        super::reading(rows).iter().map(|s| s.replace('\u{a0}', " ")).collect()
+        super::reading(&scores(), rows).iter().map(|s| s.replace('\u{a0}', " ")).collect()
     }
 
     #[test]
-    fn a_win_is_said_with_its_numbers() {
+    fn a_gain_is_stated_with_its_numbers() {
         let said = reading(&rows());
         assert_eq!(
             said[0],
             "End-to-end beats nominal: +0.0187 in 1 − LPIPS, +1.30 dB PSNR, +0.0210 in SSIM."
         );
-        assert!(
-            said[1].starts_with("End-to-end beats the spot-optimised control: +0.0066 in"),
-            "{}",
-            said[1]
-        );
+        assert!(said[1].starts_with("End-to-end beats spot-optimised: +0.0066 in"), "{}", said[1]);
     }
 
     #[test]
-    fn a_loss_and_a_tie_are_said_too() {
+    fn a_loss_and_a_tie_are_stated_too() {
         let mut rows = rows();
         rows[2] = TableRow { camera: "end-to-end".into(), ..rows[0].clone() };
         assert!(reading(&rows)[0].starts_with("End-to-end equals nominal: ±0.0000"));
-        assert!(reading(&rows)[1].starts_with("End-to-end loses to the spot-optimised control"));
-        rows[2].psnr_db += 0.5;
-        rows[2].one_minus_lpips -= 0.01;
+        assert!(reading(&rows)[1].starts_with("End-to-end loses to spot-optimised"));
+        rows[2].scores[1] += 0.5;
+        rows[2].scores[0] -= 0.01;
         assert!(reading(&rows)[0].contains("wins in some scores and loses in others"));
     }
 
@@ -159,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_longer_focal_length_is_not_like_for_like() {
+    fn a_longer_focal_length_is_reported_as_not_comparable() {
         let mut rows = rows();
         rows[2].efl_mm *= 1.1;
         assert!(reading(&rows).last().unwrap().contains("EFL +10.0 %"));

@@ -2,33 +2,59 @@
 
 use maud::{Markup, html};
 
-use super::{CameraView, TableRow};
+use super::view::{CameraView, Score, TableRow, camera_colour};
 use crate::number;
 use crate::page::caption;
 use crate::table::{Column, Row, Table};
 
-/// A column of scores.
-pub(super) struct Score {
-    /// Name in the header.
-    pub name: &'static str,
+/// A column of the table.
+pub(super) struct Figure {
+    /// Name in the header; its spaces do not break.
+    pub name: String,
     /// Unit in the header, empty for a plain number.
-    pub unit: &'static str,
-    /// Which way is better; `None` for what only describes the camera.
+    pub unit: String,
+    /// Direction of improvement; `None` for a property of the camera that is not a score.
     pub better: Option<Better>,
-    /// Decimals that are printed; what rounds to zero with them is no difference.
+    /// Printed decimals; a difference that rounds to zero does not count.
     pub decimals: usize,
-    /// The column's value in a row.
-    pub value: fn(&TableRow) -> f64,
+    /// Place of its value in a row.
+    place: Place,
 }
 
-/// Which way a score improves.
+/// Place of a value in a row.
+enum Place {
+    /// Among its scores.
+    Score(usize),
+    /// In a field of its own.
+    Field(fn(&TableRow) -> f64),
+}
+
+/// Direction in which a figure improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Better {
     Higher,
     Lower,
 }
 
-impl Score {
+impl Figure {
+    fn of_lens(
+        name: &str,
+        unit: &str,
+        better: Option<Better>,
+        decimals: usize,
+        field: fn(&TableRow) -> f64,
+    ) -> Self {
+        Self { name: name.to_owned(), unit: unit.to_owned(), better, decimals, place: Place::Field(field) }
+    }
+
+    /// The value of a row; NaN if it has none.
+    pub fn of(&self, row: &TableRow) -> f64 {
+        match self.place {
+            Place::Score(i) => row.scores.get(i).copied().unwrap_or(f64::NAN),
+            Place::Field(field) => field(row),
+        }
+    }
+
     /// The head of the column.
     fn column(&self) -> Column {
         let way = match self.better {
@@ -36,12 +62,12 @@ impl Score {
             Some(Better::Lower) => html! { span.muted title="lower is better" { " ↓" } },
             None => html! {},
         };
-        Column::new(html! { (self.name) (way) }).unit(self.unit)
+        Column::new(html! { (self.name) (way) }).unit(&self.unit)
     }
 
     /// How much better `to` is than `from` in printed digits: positive, zero or negative.
     pub fn gain(&self, from: &TableRow, to: &TableRow) -> f64 {
-        let difference = (self.value)(to) - (self.value)(from);
+        let difference = self.of(to) - self.of(from);
         if number::is_nothing(difference, self.decimals) {
             return 0.0;
         }
@@ -52,47 +78,47 @@ impl Score {
     fn is_best(&self, row: &TableRow, rows: &[TableRow]) -> bool {
         self.better.is_some()
             && rows.len() > 1
-            && (self.value)(row).is_finite()
-            && rows.iter().filter(|r| (self.value)(r).is_finite()).all(|r| self.gain(row, r) <= 0.0)
+            && self.of(row).is_finite()
+            && rows.iter().filter(|r| self.of(r).is_finite()).all(|r| self.gain(row, r) <= 0.0)
     }
 }
 
-pub(super) const LPIPS: Score = Score {
-    // Unbreakable.
-    name: "1\u{a0}−\u{a0}LPIPS",
-    unit: "",
-    better: Some(Better::Higher),
-    decimals: 4,
-    value: |r| r.one_minus_lpips,
-};
-pub(super) const PSNR: Score =
-    Score { name: "PSNR", unit: "dB", better: Some(Better::Higher), decimals: 2, value: |r| r.psnr_db };
-pub(super) const SSIM: Score =
-    Score { name: "SSIM", unit: "", better: Some(Better::Higher), decimals: 4, value: |r| r.ssim };
-pub(super) const SPOT: Score = Score {
-    name: "RMS spot",
-    unit: "µm",
-    better: Some(Better::Lower),
-    decimals: 2,
-    value: |r| r.rms_spot_um,
-};
-pub(super) const EFL: Score =
-    Score { name: "EFL", unit: "mm", better: None, decimals: 2, value: |r| r.efl_mm };
-pub(super) const F_NUMBER: Score =
-    Score { name: "f-number", unit: "", better: None, decimals: 2, value: |r| r.f_number };
-pub(super) const FOV: Score =
-    Score { name: "field of view", unit: "°", better: None, decimals: 1, value: |r| r.fov_deg };
+/// The scores of the pictures.
+pub(super) fn picture_scores(scores: &[Score]) -> Vec<Figure> {
+    let figure = |(i, score): (usize, &Score)| Figure {
+        name: score.title.replace(' ', "\u{a0}"),
+        unit: score.unit.clone(),
+        better: Some(if score.higher_is_better { Better::Higher } else { Better::Lower }),
+        decimals: score.decimals,
+        place: Place::Score(i),
+    };
+    scores.iter().enumerate().map(figure).collect()
+}
 
-/// All columns, from what is wanted to what is given.
-const SCORES: [Score; 7] = [LPIPS, PSNR, SSIM, SPOT, EFL, F_NUMBER, FOV];
+/// RMS spot radius.
+pub(super) fn spot() -> Figure {
+    Figure::of_lens("RMS spot", "µm", Some(Better::Lower), 2, |r| r.rms_spot_um)
+}
+
+/// First-order figures, which should be equal for the compared cameras.
+pub(super) fn first_order() -> [Figure; 3] {
+    [
+        Figure::of_lens("EFL", "mm", None, 2, |r| r.efl_mm),
+        Figure::of_lens("f-number", "", None, 2, |r| r.f_number),
+        Figure::of_lens("field of view", "°", None, 1, |r| r.fov_deg),
+    ]
+}
 
 /// The table, in the colours of the cameras. The first row is the baseline.
-pub(super) fn score_table(rows: &[TableRow], cameras: &[CameraView]) -> Markup {
+pub(super) fn score_table(scores: &[Score], rows: &[TableRow], cameras: &[CameraView]) -> Markup {
     let Some(baseline) = rows.first() else { return html! {} };
-    let columns = [Column::new("camera")].into_iter().chain(SCORES.iter().map(Score::column));
+    let mut figures = picture_scores(scores);
+    figures.push(spot());
+    figures.extend(first_order());
+    let columns = [Column::new("camera")].into_iter().chain(figures.iter().map(Figure::column));
     let lines = rows.iter().enumerate().map(|(i, row)| {
-        let cells = SCORES.iter().map(|score| cell(score, row, rows, baseline, i > 0));
-        Row::new(&row.camera, cells).of_camera(super::camera_colour(cameras, &row.camera, i))
+        let cells = figures.iter().map(|figure| cell(figure, row, rows, baseline, i > 0));
+        Row::new(&row.camera, cells).of_camera(camera_colour(cameras, &row.camera, i))
     });
     html! {
         (Table::new(columns).class("scores").rows(lines).html())
@@ -103,19 +129,19 @@ pub(super) fn score_table(rows: &[TableRow], cameras: &[CameraView]) -> Markup {
     }
 }
 
-fn cell(score: &Score, row: &TableRow, rows: &[TableRow], baseline: &TableRow, differs: bool) -> Markup {
-    let value = number::fixed((score.value)(row), score.decimals);
-    let gain = score.gain(baseline, row);
-    let class = match score.better {
+fn cell(figure: &Figure, row: &TableRow, rows: &[TableRow], baseline: &TableRow, differs: bool) -> Markup {
+    let value = number::fixed(figure.of(row), figure.decimals);
+    let gain = figure.gain(baseline, row);
+    let class = match figure.better {
         Some(_) if gain > 0.0 => "delta gain",
         Some(_) if gain < 0.0 => "delta loss",
         _ => "delta",
     };
     html! {
-        @if score.is_best(row, rows) { b { (value) } } @else { (value) }
+        @if figure.is_best(row, rows) { b { (value) } } @else { (value) }
         @if differs {
             span class=(class) {
-                (number::signed((score.value)(row) - (score.value)(baseline), score.decimals))
+                (number::signed(figure.of(row) - figure.of(baseline), figure.decimals))
             }
         }
     }
@@ -130,7 +156,7 @@ mod tests {
     fn the_best_is_bold_and_differences_have_signs() {
         let mut rows = sample::rows();
         rows[1].camera = "<i>".into();
-        let table = score_table(&rows, &[]).into_string();
+        let table = score_table(&sample::scores(), &rows, &[]).into_string();
         assert!(table.contains("<b>0.9312</b>") && table.contains("+0.0187"));
         assert!(table.contains("&lt;i&gt;") && !table.contains("<i>"));
         // Lower spots are better.
@@ -141,11 +167,12 @@ mod tests {
     #[test]
     fn ties_are_all_best_and_no_gain() {
         let mut rows = sample::rows();
-        rows[1].psnr_db = rows[0].psnr_db + 0.001;
-        assert_eq!(PSNR.gain(&rows[0], &rows[1]), 0.0);
+        let [_, psnr, ssim] = &picture_scores(&sample::scores())[..] else { panic!("three scores") };
+        rows[1].scores[1] = rows[0].scores[1] + 0.001;
+        assert_eq!(psnr.gain(&rows[0], &rows[1]), 0.0);
         rows.truncate(2);
-        assert!(PSNR.is_best(&rows[0], &rows) && PSNR.is_best(&rows[1], &rows));
-        rows[0].ssim = f64::NAN;
-        assert!(!SSIM.is_best(&rows[0], &rows));
+        assert!(psnr.is_best(&rows[0], &rows) && psnr.is_best(&rows[1], &rows));
+        rows[0].scores[2] = f64::NAN;
+        assert!(!ssim.is_best(&rows[0], &rows));
     }
 }

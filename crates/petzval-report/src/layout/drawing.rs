@@ -11,7 +11,7 @@ use crate::palette::{AXIS, INK, MUTED, PAPER};
 use crate::plot::{plain, px};
 use crate::{number, palette};
 
-/// Height of the rows of dimensions below the drawing, px: the scale, and the track above it where there is one.
+/// Height of the rows of dimensions below the drawing, px: the scale bar, and the total track above it if there is one.
 const SCALE_PX: f64 = 36.0;
 const TRACK_PX: f64 = 30.0;
 
@@ -23,9 +23,9 @@ const NAME_PX: f64 = 11.0;
 pub(crate) struct Drawing<'a> {
     /// The section.
     pub layout: &'a Layout,
-    /// Another one whose elements are dashed in.
+    /// Another section, whose elements are drawn dashed.
     pub ghost: Option<&'a Layout>,
-    /// Fields to name beside the scale, degrees; none if they are named elsewhere.
+    /// Fields to name beside the scale bar, degrees; empty if they are named elsewhere.
     pub key: &'a [f64],
 }
 
@@ -61,7 +61,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// The optical axis, dash-dot, from the left edge through the vertices and on behind the image.
+    /// The optical axis, dash-dotted, from the left edge through the vertices to behind the image.
     fn axis(&self, view: &View) -> Markup {
         let mut points: Vec<[f64; 2]> = Vec::new();
         let lead = view.extent.z_min_mm - 0.5 * MARGIN_PX / view.px_per_mm;
@@ -115,7 +115,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// From the first vertex to the image, where both lie on a straight axis.
+    /// Distance from the first vertex to the image, if both lie on a straight axis.
     pub fn track(&self) -> Option<f64> {
         let is_folded = self.layout.lines.iter().any(|l| l.kind == LineKind::Mirror);
         let is_straight = self.layout.axis.iter().all(|p| p[1].abs() < 1e-9);

@@ -1,13 +1,13 @@
-//! Labels: short words in a drawing that must not lie on each other.
+//! Labels: short texts in a drawing that must not overlap.
 
 /// Width of a character and height of a line, px.
 pub(super) const CHARACTER_PX: f64 = 7.6;
 const LINE_PX: f64 = 15.0;
 
-/// A word, centred on x, standing on the base line y, px.
+/// A text, centred on x, on the base line y, px.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Label {
-    /// What it says.
+    /// Text.
     pub text: String,
     /// Middle.
     pub x: f64,
@@ -16,7 +16,7 @@ pub(super) struct Label {
 }
 
 impl Label {
-    /// A label at its wanted place.
+    /// A label at its preferred position.
     pub fn new(text: String, x: f64, y: f64) -> Self {
         Self { text, x, y }
     }
@@ -27,11 +27,11 @@ impl Label {
     }
 }
 
-/// Moves labels up (`direction` -1) or down (+1) until none lies on an earlier one.
+/// Moves labels up (`direction` -1) or down (+1) until none overlaps an earlier one.
 pub(super) fn settle(labels: &mut [Label], direction: f64) {
     for i in 1..labels.len() {
         let (settled, rest) = labels.split_at_mut(i);
-        // Each earlier label can be in the way once or twice, so this ends.
+        // Each earlier label can overlap once or twice, so the loop ends.
         for _ in 0..4 * settled.len() {
             let Some(obstacle) = settled.iter().find(|l| rest[0].overlaps(l)) else { break };
             rest[0].y = obstacle.y + direction * LINE_PX;
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_settle_apart() {
+    fn labels_do_not_overlap() {
         let mut labels: Vec<Label> =
             (0..5).map(|i| Label::new("N-LASF44".into(), 20.0 * f64::from(i), 100.0)).collect();
         settle(&mut labels, 1.0);

@@ -41,7 +41,7 @@ fn hatch(points: &[[f64; 2]], back: [f64; 2]) -> String {
         if !(length > 0.0 && length.is_finite()) {
             continue;
         }
-        // Strokes lean backwards along the profile by 45 degrees.
+        // Draw strokes at 45 degrees to the profile.
         let lean = [0, 1].map(|k| 0.7 * HATCH_PX * (back[k] - step[k] / length));
         while left <= length {
             let [x, y] = [0, 1].map(|k| pair[0][k] + step[k] * left / length);
@@ -78,7 +78,7 @@ fn head([x, y]: [f64; 2], [u, v]: [f64; 2]) -> String {
     format!("M{} {}L{} {}L{} {}", px(ax), px(ay), px(x), px(y), px(bx), px(by))
 }
 
-/// Two bars that leave the stop's diameter open.
+/// Two bars on either side of the stop's opening.
 pub(super) fn stop(view: &View, bars: &[[[f64; 2]; 2]; 2]) -> Markup {
     let bar = |[edge, rim]: &[[f64; 2]; 2]| {
         let ([x, y], [rx, ry]) = (view.at(*edge), view.at(*rim));

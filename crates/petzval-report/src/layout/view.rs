@@ -1,4 +1,4 @@
-//! Views: which part of the section a drawing shows, and where on the page it lies.
+//! Views: the part of the section in a drawing, and its position on the page.
 
 use petzval_optics::analysis::Layout;
 
@@ -8,7 +8,7 @@ use crate::plot::{px, span};
 pub(super) const MARGIN_PX: f64 = 16.0;
 const LABELS_PX: f64 = 30.0;
 
-/// Rays are shown as far beyond the lens as this share of its size; one that leaves at a wild angle must not make it small.
+/// Largest extent of rays beyond the lens, as a share of its size: a ray at a large angle must not make the lens small.
 const BEYOND: f64 = 0.25;
 
 /// The part of the y-z plane that a drawing shows, mm; z counts from the first vertex.
@@ -25,7 +25,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// The smallest extent that holds both.
+    /// The smallest extent that contains both.
     pub fn union(self, other: Self) -> Self {
         Self {
             z_min_mm: self.z_min_mm.min(other.z_min_mm),
@@ -36,7 +36,7 @@ impl Extent {
     }
 }
 
-/// The extent of all that a drawing of a section shows.
+/// The extent of the drawing of a section.
 pub(crate) fn extent_of(layout: &Layout) -> Extent {
     let solid = || {
         let elements = layout.elements.iter().flat_map(|e| &e.outline);
@@ -60,10 +60,10 @@ pub(crate) fn extent_of(layout: &Layout) -> Extent {
     Extent { z_min_mm, z_max_mm, y_min_mm, y_max_mm }
 }
 
-/// From mm in the drawing plane to px on the page.
+/// The map from mm in the drawing plane to px on the page.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View {
-    /// What is shown.
+    /// Shown part.
     pub extent: Extent,
     /// Scale of both axes.
     pub px_per_mm: f64,

@@ -1,4 +1,4 @@
-//! Along the axis: paraxial focus over wavelength, and crossings of rays over the pupil.
+//! Axial colour and longitudinal aberration: paraxial focus over wavelength, and crossings of rays over the pupil.
 
 use maud::html;
 use petzval_optics::analysis::Analysis;

@@ -7,7 +7,7 @@ use super::style::{COMMON, field_keys, field_pen};
 use crate::palette::INK;
 use crate::plot::{Axis, Curve, Key, Names, Pen, Sheet, round_up};
 
-/// Energy by waves solid and by rays dashed, or by rays alone.
+/// Energy by diffraction solid and by rays dashed, or by rays alone.
 pub(super) fn encircled_energy(analysis: &Analysis) -> Sheet {
     let data = &analysis.encircled_energy;
     let has_waves: Vec<bool> = data.iter().map(|e| e.diffraction.is_some()).collect();
@@ -22,7 +22,7 @@ pub(super) fn encircled_energy(analysis: &Analysis) -> Sheet {
     let line = Pen { width: 1.7, ..Pen::thin(INK) };
     keys.push(Key::pen(line.clone(), "by waves"));
     keys.push(Key::pen(line.dashed(), "by rays"));
-    // As far as the widest spot needs, but not so far that the narrowest is a wall.
+    // Reach far enough for the widest spot, but not so far that the narrowest is a vertical line.
     let reach = || curves.iter().map(settled).filter(|r| *r > 0.0);
     let farthest = reach().fold(0.0, f64::max).min(COMMON * reach().fold(f64::INFINITY, f64::min));
     let frame = modulation_frame(Axis::between(0.0, round_up(1.2 * farthest), 8));
@@ -36,7 +36,7 @@ pub(super) fn encircled_energy(analysis: &Analysis) -> Sheet {
     sheet(analysis, "encircled-energy", "Encircled energy", remark, keys, frame.draw(names, &curves))
 }
 
-/// The radius from which on a curve hardly rises.
+/// The radius beyond which a curve hardly rises.
 fn settled(curve: &Curve) -> f64 {
     let last = curve.points.iter().flatten().last().map_or(0.0, |p| p[1]);
     curve.points.iter().flatten().find(|p| p[1] >= 0.985 * last).map_or(0.0, |p| p[0])

@@ -18,12 +18,12 @@ const LEFT_PX: [f64; 2] = [112.0, 536.0];
 /// `[wavelength][point]`, `None` where the ray is lost.
 type Curves = Vec<Vec<Option<f64>>>;
 
-/// What a fan shows.
+/// The quantity of a fan.
 struct Kind {
     class: &'static str,
     title: &'static str,
     remark: String,
-    /// What is drawn upwards, in both panels.
+    /// Names of the vertical axes of both panels.
     values: [&'static str; 2],
     /// Tangential and sagittal curves.
     of: fn(&Fan) -> [&Curves; 2],

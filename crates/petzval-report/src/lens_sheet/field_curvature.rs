@@ -1,4 +1,4 @@
-//! Field curvature and distortion side by side, the field upwards.
+//! Field curvature and distortion side by side, with the field on the vertical axis.
 
 use maud::html;
 use petzval_optics::analysis::Analysis;
@@ -12,7 +12,7 @@ use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, WIDTH_PX, span};
 /// Height of both frames, px.
 const HEIGHT_PX: f64 = 420.0;
 
-/// Where tangential and sagittal lines focus, and how the image is distorted.
+/// Tangential and sagittal foci, and distortion.
 pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
     let data = &analysis.field_curves;
     let (class, title) = ("field-curvature-distortion", "Field curvature and distortion");
@@ -50,7 +50,7 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
     }
 }
 
-/// A curve over the field, which goes upwards.
+/// A curve over the field, with the field on the vertical axis.
 pub(super) fn over_field(
     data: &petzval_optics::analysis::FieldCurves,
     pen: Pen,
@@ -60,7 +60,7 @@ pub(super) fn over_field(
     Curve::beside(pen, index, &data.field_deg, values.iter().copied().map(Some))
 }
 
-/// A frame of curves over the field that has zero in it.
+/// A frame of curves over the field whose horizontal axis includes zero.
 pub(super) fn panel(
     data: &petzval_optics::analysis::FieldCurves,
     left: f64,

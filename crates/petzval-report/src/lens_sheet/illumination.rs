@@ -6,7 +6,7 @@ use super::mtf::{modulation_frame, sheet};
 use super::style::{has_one_field, wavelength_keys, wavelength_pen, without_curves};
 use crate::plot::{Axis, Curve, Names, Sheet, span};
 
-/// Illumination of the image over that of the axis, by wavelength.
+/// Illumination of the image divided by that on the axis, by wavelength.
 pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
     let data = &analysis.field_curves;
     let (class, title) = ("relative-illumination", "Relative illumination");
@@ -23,13 +23,13 @@ pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
         .collect();
     let (low, high) = span(data.field_deg.iter().copied()).unwrap_or((0.0, 1.0));
     let mut frame = modulation_frame(Axis::between(low, high, 4));
-    // Fields off the axis are brighter than it in some lenses.
+    // In some lenses off-axis fields are brighter than the axis.
     let brightest = span(curves.iter().flat_map(|c| c.values(1))).map_or(1.0, |s| s.1);
     if brightest > 1.0 + 1e-6 {
         frame.y = Axis::around(0.0, brightest, 6);
     }
     let names = Names { head: "", x: "field, degrees", y: "relative illumination" };
-    let remark = "Light on the image plane over that on the axis of the same wavelength.";
+    let remark = "Light on the image plane divided by that on the axis at the same wavelength.";
     let keys = wavelength_keys(analysis);
     sheet(
         analysis,

@@ -36,7 +36,7 @@ pub enum PictureKind {
 }
 
 impl PictureKind {
-    /// All kinds, in the order in which a designer looks.
+    /// All kinds, in the order of the page.
     pub const ALL: [Self; 15] = [
         Self::Layout,
         Self::Spots,

@@ -8,7 +8,7 @@ use crate::number;
 use crate::palette::MUTED;
 use crate::plot::{Curve, Key, Pen, Sheet, WIDTH_PX};
 
-/// Heights of the chief rays of all wavelengths from that of the reference, between the edges of the Airy disk.
+/// Heights of the chief rays of all wavelengths relative to that of the reference, with the edges of the Airy disk.
 pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
     let data = &analysis.field_curves;
     let (class, title) = ("lateral-colour", "Lateral colour");
@@ -25,7 +25,7 @@ pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
     let mut keys = wavelength_keys(analysis);
     keys.push(Key::pen(edge, format!("Airy disk, ±{} µm", number::fixed(airy, 2))));
     let remark = format!(
-        "Height of the chief ray in the image less that at {}.",
+        "Height of the chief ray in the image minus that at {}.",
         wavelength_name(analysis.reference_um)
     );
     Sheet {

@@ -1,7 +1,7 @@
-//! The analyses of a lens as pictures and as one page, in the look that optical engineers know.
+//! The analyses of a lens as pictures and as one page, in the usual style of lens design programs.
 //!
-//! [`Analysis`] goes in and text comes out: nothing here traces a ray. Fields have colours and markers, and so have wavelengths;
-//! tangential curves are solid, sagittal ones dashed. Every picture stands alone on white.
+//! The input is an [`Analysis`] and the output is text: nothing here traces a ray. Fields have colours and markers, and
+//! so have wavelengths; tangential curves are solid, sagittal ones dashed. Every picture stands alone on white.
 
 mod axial_colour;
 mod cross_section;
@@ -35,7 +35,7 @@ pub fn picture(analysis: &Analysis, kind: PictureKind) -> String {
     sheet(analysis, kind).svg()
 }
 
-/// Spot diagrams in boxes of a given side rather than one that fits, um; for comparisons.
+/// Spot diagrams in boxes of a given side, um, for comparisons.
 pub fn spots_in_boxes(analysis: &Analysis, side_um: f64) -> String {
     spots::spots(analysis, Some(side_um)).svg()
 }
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_there_is_not_is_said() {
+    fn missing_data_are_stated() {
         let mut analysis = sample::analysis();
         analysis.mtf[2].diffraction = None;
         analysis.mtf[2].limit = None;
@@ -129,14 +129,14 @@ mod tests {
         assert_eq!(count(&mtf, "curve"), 7);
         analysis.mtf.iter_mut().for_each(|m| m.diffraction = None);
         assert!(picture(&analysis, PictureKind::Mtf).contains("By rays: "));
-        assert!(picture(&analysis, PictureKind::Seidel).contains("no formulas"));
+        assert!(picture(&analysis, PictureKind::Seidel).contains("does not cover"));
         let curves = &mut analysis.field_curves;
         curves.field_deg.iter_mut().for_each(|f| *f = 0.0);
-        assert!(picture(&analysis, PictureKind::LateralColour).contains("but one field"));
+        assert!(picture(&analysis, PictureKind::LateralColour).contains("only one field"));
     }
 
     #[test]
-    fn names_are_escaped_and_the_page_needs_nothing_but_itself() {
+    fn names_are_escaped_and_the_page_is_self_contained() {
         let mut analysis = sample::analysis();
         analysis.name = "</title><script>alert(1)</script>\u{7}".into();
         let page = page(&analysis, &PictureKind::ALL);

@@ -11,14 +11,14 @@ use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet, WIDTH_PX};
 /// The field between the axes, px.
 const SIZE_PX: [f64; 2] = [816.0, 420.0];
 
-/// By waves, with the limit; by rays where there are no waves.
+/// Diffraction MTF with the diffraction limit; geometric MTF for fields without waves.
 pub(super) fn mtf(analysis: &Analysis) -> Sheet {
     let has_waves: Vec<bool> = analysis.mtf.iter().map(|m| m.diffraction.is_some()).collect();
     let fields: Vec<&MtfCurve> =
         analysis.mtf.iter().map(|m| m.diffraction.as_ref().unwrap_or(&m.geometric)).collect();
     let mut keys = field_keys_with_method(analysis, &has_waves);
     keys.extend(section_keys());
-    // The limit hardly changes over the field: that next to the axis stands for all.
+    // Draw only the limit of the field nearest to the axis: it hardly changes over the field.
     let limits = analysis.mtf.iter().filter_map(|m| Some((m, m.limit.as_ref()?)));
     let limit =
         limits.min_by(|a, b| a.0.field_deg.abs().total_cmp(&b.0.field_deg.abs())).map(|(at, limit)| {
@@ -30,7 +30,7 @@ pub(super) fn mtf(analysis: &Analysis) -> Sheet {
     draw(analysis, "mtf", "MTF", &remark, keys, limit, &fields)
 }
 
-/// By rays.
+/// Geometric MTF.
 pub(super) fn geometric_mtf(analysis: &Analysis) -> Sheet {
     let fields: Vec<&MtfCurve> = analysis.mtf.iter().map(|m| &m.geometric).collect();
     let mut keys = field_keys(analysis);
@@ -63,7 +63,7 @@ pub(super) fn modulation_frame(x: Axis) -> Frame {
     Frame { left: 70.0, top: 14.0, width: SIZE_PX[0], height: SIZE_PX[1], x, y }
 }
 
-/// A sheet with such a frame.
+/// A sheet with a frame of modulation.
 pub(super) fn sheet(
     analysis: &Analysis,
     class: &'static str,

@@ -8,7 +8,7 @@ use super::table::{by_field, first_order, third_order};
 use super::{PictureKind, sheet};
 use crate::page::{Page, figure, section};
 
-/// The page with some of the pictures. It needs nothing but itself, and prints well.
+/// The page with some of the pictures. It is self-contained and suitable for printing.
 pub fn page(analysis: &Analysis, kinds: &[PictureKind]) -> String {
     let main = html! {
         (section("First order", first_order(analysis)))

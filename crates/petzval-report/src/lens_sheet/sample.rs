@@ -1,10 +1,10 @@
-//! An analysis to test with, of a triplet.
+//! An analysis of a triplet, for tests.
 
 use petzval_optics::analysis::{Analysis, AnalysisOptions, analyze};
 
 use crate::sample::triplet;
 
-/// A triplet, looked at coarsely.
+/// The analysis of a triplet at a coarse resolution.
 pub(crate) fn analysis() -> Analysis {
     let options = AnalysisOptions {
         pupil_cells: 24,

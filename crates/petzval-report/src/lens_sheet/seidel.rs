@@ -30,12 +30,12 @@ pub(super) fn sums(of: &ThirdOrderSurface) -> [f64; 7] {
     [a, b, c, d, e, f, g]
 }
 
-/// The diagram; a remark where third-order theory has no formulas for the lens.
+/// The diagram, or a remark if third-order theory does not cover the lens.
 pub(super) fn seidel(analysis: &Analysis) -> Sheet {
     let blank = Sheet {
         class: "seidel",
         title: "Seidel sums".into(),
-        remark: "Third-order theory has no formulas for thin lenses and diffractive power.".into(),
+        remark: "Third-order theory does not cover thin lenses and diffractive power.".into(),
         keys: Vec::new(),
         alt: format!("Seidel sums of {} by surface", analysis.name),
         width: WIDTH_PX,

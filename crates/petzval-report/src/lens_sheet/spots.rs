@@ -1,4 +1,4 @@
-//! Spot diagrams: one box a field on a common scale, every wavelength in its colour and shape.
+//! Spot diagrams: one box a field on a common scale, with a colour and a marker for each wavelength.
 
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, SpotDiagram};
@@ -19,7 +19,7 @@ const COLUMNS: usize = 4;
 /// Radius of a marker, px.
 const MARKER_PX: f64 = 1.5;
 
-/// The matrix of spots, in boxes of a given side or one that holds them all.
+/// The matrix of spots, in boxes of a given side or of one that fits them all.
 pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
     let reach = |s: &SpotDiagram| s.geometric_radius_um.max(1.2 * s.airy_radius_um);
     let sides_um: Vec<f64> = match side_um {
@@ -68,7 +68,7 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
     }
 }
 
-/// One box with what stands below it.
+/// One box with the text below it.
 fn one(analysis: &Analysis, spot: &SpotDiagram, side_um: f64) -> Markup {
     let scale = BOX_PX / side_um;
     let half = 0.5 * BOX_PX;
@@ -113,7 +113,7 @@ fn one(analysis: &Analysis, spot: &SpotDiagram, side_um: f64) -> Markup {
     }
 }
 
-/// Where the chief ray lands; x is left out where it lands in the plane of the drawing.
+/// Position of the chief ray; x is left out if it is zero.
 fn chief([x, y]: [f64; 2]) -> String {
     let y = number::fixed(y, 3);
     if x.abs() < 5e-4 { format!("y {y}") } else { format!("x {}, y {y}", number::fixed(x, 3)) }

@@ -1,4 +1,4 @@
-//! The common look: pens and names of fields, wavelengths and sections, and the foot of every picture.
+//! The common style: pens and names of fields, wavelengths and sections, and the foot of every picture.
 
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
@@ -11,7 +11,7 @@ pub(super) fn field_pen(i: usize) -> Pen {
     Pen::marked(palette::field(i), Marker::nth(i))
 }
 
-/// How many wavelengths are shorter than the i-th.
+/// Number of wavelengths shorter than the i-th.
 fn rank(analysis: &Analysis, i: usize) -> usize {
     let um = &analysis.wavelengths_um;
     (0..um.len()).filter(|j| (um[*j], *j) < (um[i], i)).count()
@@ -23,12 +23,12 @@ pub(super) fn wavelength_pen(analysis: &Analysis, i: usize) -> Pen {
     Pen::marked(palette::wavelength(rank, analysis.wavelengths_um.len()), Marker::nth(rank + 1))
 }
 
-/// An angle as the reader sees it.
+/// Text of an angle.
 pub(super) fn field_name(field_deg: f64) -> String {
     format!("{}°", short(field_deg, 2))
 }
 
-/// A wavelength as the reader sees it.
+/// Text of a wavelength.
 pub(super) fn wavelength_name(um: f64) -> String {
     format!("{} µm", short(um, 4))
 }
@@ -39,7 +39,7 @@ pub(super) fn field_keys(analysis: &Analysis) -> Vec<Key> {
     analysis.fields_deg.iter().enumerate().map(entry).collect()
 }
 
-/// One entry for each field; those without waves say that their curves are by rays, if others have waves.
+/// One entry for each field. If some fields have waves, those without are marked as geometric.
 pub(super) fn field_keys_with_method(analysis: &Analysis, has_waves: &[bool]) -> Vec<Key> {
     let mut keys = field_keys(analysis);
     if has_waves.contains(&true) {
@@ -50,23 +50,23 @@ pub(super) fn field_keys_with_method(analysis: &Analysis, has_waves: &[bool]) ->
     keys
 }
 
-/// How curves were computed, by which fields have waves.
+/// Method of the curves, from the fields that have waves.
 pub(super) fn method(has_waves: &[bool]) -> &'static str {
     match (has_waves.contains(&true), has_waves.contains(&false)) {
         (true, false) => "By waves",
-        (true, true) => "By waves where all rays of the stop arrive and the wavefront is smooth enough",
-        (false, _) => "By rays: rays of the stop are lost or wavefronts are too rough for waves",
+        (true, true) => "By waves where all rays through the stop arrive and the wavefront is smooth enough",
+        (false, _) => "By rays: rays through the stop are lost or wavefronts are too rough for waves",
     }
 }
 
-/// Largest ratio of what the fields need on a common scale; beyond it each field has its own.
+/// Largest ratio of the fields' ranges on a common scale; beyond it each field has its own scale.
 pub(super) const COMMON: f64 = 12.0;
 
-/// The reach of every field's scale: the same for all, or each its own where a common one would show nothing of some fields.
+/// The range of every field's scale: one for all, or one for each if a common scale would make some fields invisible.
 pub(super) fn scales(reach: &[f64]) -> Vec<f64> {
     let largest = reach.iter().copied().filter(|r| r.is_finite()).fold(0.0, f64::max);
     let least = reach.iter().copied().fold(f64::INFINITY, f64::min);
-    // A field without any aberration is not looked at closer than this.
+    // Limit the magnification of a field without aberration.
     let own = |r: &f64| r.max(1e-3 * largest);
     match largest > COMMON * least.max(1e-3 * largest) {
         true => reach.iter().map(own).collect(),
@@ -85,7 +85,7 @@ pub(super) fn wavelength_keys(analysis: &Analysis) -> Vec<Key> {
     analysis.wavelengths_um.iter().enumerate().map(entry).collect()
 }
 
-/// What solid and dashed lines mean.
+/// The meaning of solid and dashed lines.
 pub(super) fn section_keys() -> [Key; 2] {
     let line = Pen { width: 1.7, ..Pen::thin(INK) };
     [Key::pen(line.clone(), "tangential"), Key::pen(line.dashed(), "sagittal")]
@@ -107,28 +107,28 @@ pub(super) fn section_curves(pen: &Pen, index: usize, x: &[f64], curve: &MtfCurv
     [over(pen.clone(), &curve.tangential), over(pen.clone().dashed(), &curve.sagittal)]
 }
 
-/// Anything smaller, mm, um or %, is rounding.
+/// Smaller values, mm, um or %, are rounding.
 const NOTHING: f64 = 1e-6;
 
-/// An axis that holds curves to the right of zero and to its left.
+/// An axis for curves on both sides of zero.
 pub(super) fn axis_with_zero(curves: &[Curve]) -> Axis {
     let (low, high) = span(curves.iter().flat_map(|c| c.values(0)).chain([0.0])).unwrap_or((0.0, 0.0));
     if high - low < NOTHING { Axis::about_zero(1.0) } else { Axis::around(low, high, 5) }
 }
 
-/// Whether a lens has but one field, so that curves over the field have no length.
+/// Whether a lens has only one field, so that curves over the field have no length.
 pub(super) fn has_one_field(field_deg: &[f64]) -> bool {
     field_deg.windows(2).all(|pair| pair[0] == pair[1])
 }
 
-/// What stands for curves over the field if there is but one field.
+/// Replaces curves over the field if there is only one field.
 pub(super) fn without_curves(analysis: &Analysis, class: &'static str, title: &str) -> Sheet {
     Sheet {
         class,
         title: title.into(),
-        remark: "The lens has but one field: there are no curves over the field.".into(),
+        remark: "The lens has only one field: there are no curves over the field.".into(),
         keys: Vec::new(),
-        alt: format!("{title} of {}: there is but one field", analysis.name),
+        alt: format!("{title} of {}: there is only one field", analysis.name),
         width: WIDTH_PX,
         height: 20.0,
         body: maud::html! {},
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_share_a_scale_unless_one_would_vanish_on_it() {
+    fn fields_share_a_scale_unless_one_would_be_invisible() {
         assert_eq!(scales(&[5.0, 50.0, 20.0]), [50.0; 3]);
         assert_eq!(scales(&[5.0, 500.0, 20.0]), [5.0, 500.0, 20.0]);
         assert_eq!(scales(&[0.0, 500.0]), [0.5, 500.0]);

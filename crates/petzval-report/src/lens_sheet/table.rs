@@ -10,7 +10,7 @@ use crate::number;
 use crate::page::{caption, facts};
 use crate::table::{Column, Row, Table};
 
-/// First-order quantities as a list of two columns; what does not exist is left out.
+/// First-order quantities as a list of two columns, without those that do not exist.
 pub(super) fn first_order(analysis: &Analysis) -> Markup {
     let o = &analysis.first_order;
     let mm = |v: Option<f64>| v.map(|v| format!("{} mm", number::fixed(v, 4)));
@@ -86,7 +86,7 @@ pub(super) fn by_field(analysis: &Analysis) -> Markup {
     }
 }
 
-/// Third-order sums by surface; nothing where third-order theory has no formulas for the lens.
+/// Third-order sums by surface; empty if third-order theory does not cover the lens.
 pub(super) fn third_order(analysis: &Analysis) -> Markup {
     let Some(order) = &analysis.third_order else { return html! {} };
     let cells = |of: &ThirdOrderSurface| sums(of).map(|v| number::fixed(v, 5));

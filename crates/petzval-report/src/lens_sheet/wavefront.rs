@@ -14,7 +14,7 @@ const LINE_PX: f64 = 16.0;
 const LEFT_PX: f64 = 118.0;
 const TOP_PX: f64 = 34.0;
 
-/// Piston and tilts say where the image is, not how good.
+/// First term of the bars: piston and tilts describe the position of the image, not its quality.
 const FIRST_TERM: usize = 4;
 
 /// Columns of numbers: right edges, px, and heads.

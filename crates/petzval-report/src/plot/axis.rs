@@ -17,15 +17,15 @@ pub(crate) struct Axis {
     pub high: f64,
     /// Values with a tick and a number.
     pub ticks: Vec<f64>,
-    /// Decimals that tell neighbouring ticks apart.
+    /// Decimals that distinguish neighbouring ticks.
     decimals: usize,
     /// Whether equal ratios, rather than equal differences, are equally long.
     is_logarithmic: bool,
 }
 
 impl Axis {
-    /// Exactly from one value to another, with about so many ticks at multiples of 1, 2 or 5. Without a range between them it
-    /// reaches 1 to both sides.
+    /// A linear axis exactly from one value to another, with about a number of ticks at multiples of 1, 2 or 5. If the
+    /// values are equal, it extends by 1 to both sides.
     pub fn between(low: f64, high: f64, count: usize) -> Self {
         let (low, high) = match (low.is_finite() && high.is_finite(), high > low) {
             (true, true) => (low, high),
@@ -38,8 +38,8 @@ impl Axis {
         Self { low, high, ticks, decimals, is_logarithmic: false }
     }
 
-    /// Logarithmic, from the power of ten at or below one value to that at or above another, both positive; at least one
-    /// decade. Every decade has a tick, or every second, third, ... where there are more than about nine.
+    /// A logarithmic axis from the power of ten at or below one value to that at or above another, both positive; at
+    /// least one decade. Every decade has a tick, or every second, third, ... where there are more than about nine.
     pub fn decades(low: f64, high: f64) -> Self {
         let power = |v: f64| if v > 0.0 && v.is_finite() { v.log10().clamp(-30.0, 30.0) } else { 0.0 };
         let first = (power(low) + 1e-9).floor() as i32;
@@ -49,8 +49,8 @@ impl Axis {
         Self { low: 10_f64.powi(first), high: 10_f64.powi(last), ticks, decimals: 0, is_logarithmic: true }
     }
 
-    /// Logarithmic, exactly from one value to another, both positive, with a tick at every power of ten, and at its 2 and 5 where
-    /// there are few powers.
+    /// A logarithmic axis exactly from one value to another, both positive, with a tick at every power of ten, and at
+    /// its 2 and 5 where there are few powers.
     pub fn ratios(low: f64, high: f64) -> Self {
         if !(low > 0.0 && high > low && high.is_finite()) {
             return Self::decades(low, high);
@@ -63,10 +63,10 @@ impl Axis {
         Self { low, high, ticks, decimals: 0, is_logarithmic: true }
     }
 
-    /// From the tick at or below one value to that at or above another.
+    /// A linear axis from the tick at or below one value to that at or above another.
     pub fn around(low: f64, high: f64, count: usize) -> Self {
         let mut axis = Self::between(low, high, count);
-        // Ticks of the wider range may be farther apart than those of the narrower one: then it grows once more.
+        // The wider range may have ticks further apart: widen it once more.
         for _ in 0..3 {
             let step = number::round_length((axis.high - axis.low) / count.max(1) as f64);
             let down = (axis.low / step + 1e-9).floor() * step;
@@ -76,7 +76,7 @@ impl Axis {
         axis
     }
 
-    /// From `-reach` to `reach`, widened to a round number.
+    /// A linear axis from `-reach` to `reach`, widened to a round number.
     pub fn about_zero(reach: f64) -> Self {
         let reach = round_up(reach);
         let mut axis = Self::between(-reach, reach, 4);
@@ -91,10 +91,10 @@ impl Axis {
         self.is_logarithmic
     }
 
-    /// Where a value lies on the axis, 0..1 between its ends.
+    /// Position of a value on the axis, 0..1 between its ends.
     pub fn share(&self, value: f64) -> f64 {
         if self.is_logarithmic {
-            // What is not positive lies below every axis.
+            // Values that are not positive lie below every logarithmic axis.
             let value = value.max(self.low * 1e-9);
             return (value / self.low).ln() / (self.high / self.low).ln();
         }
@@ -137,6 +137,14 @@ pub(crate) fn round_up(value: f64) -> f64 {
     let decade = 10_f64.powf(value.log10().floor());
     let digit = [1.0, 1.5, 2.0, 3.0, 5.0, 8.0].into_iter().find(|d| d * decade >= value * (1.0 - 1e-9));
     digit.unwrap_or(10.0) * decade
+}
+
+/// The least and the greatest of the finite numbers.
+pub(crate) fn span(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    values.into_iter().filter(|v| v.is_finite()).fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((low, high)) => Some((f64::min(low, v), f64::max(high, v))),
+    })
 }
 
 #[cfg(test)]
@@ -197,11 +205,17 @@ mod tests {
     }
 
     #[test]
-    fn a_range_of_nothing_or_of_no_number_is_still_an_axis() {
+    fn an_empty_range_or_one_of_nan_still_gives_an_axis() {
         for (low, high) in [(3.0, 3.0), (f64::NAN, 1.0), (0.0, f64::INFINITY), (5.0, 1.0)] {
             let axis = Axis::around(low, high, 4);
             assert!(axis.high > axis.low && !axis.ticks.is_empty(), "{axis:?}");
         }
         assert_eq!(Axis::about_zero(0.0).high, 1.0);
+    }
+
+    #[test]
+    fn a_span_leaves_out_what_is_no_number() {
+        assert_eq!(span([f64::NAN, 3.0, f64::INFINITY, -1.0]), Some((-1.0, 3.0)));
+        assert_eq!(span([f64::NAN]), None);
     }
 }

@@ -3,7 +3,8 @@
 use maud::html;
 
 use super::chart::{BELOW_PX, RIGHT_PX, WIDTH_PX};
-use super::{Axis, Frame, Key, KeyLine, Names, Sheet, plain, px, span, width_of, without_data};
+use super::sheet::without_data;
+use super::{Axis, Frame, Key, KeyLine, Names, Sheet, plain, px, span, width_of};
 use crate::palette;
 use crate::palette::INK;
 
@@ -19,20 +20,20 @@ const WIDEST_NAMES: f64 = 0.55;
 /// One row with a pair of bars.
 #[derive(Clone, Debug)]
 pub struct Bar {
-    /// What it is about.
+    /// Name.
     pub name: String,
-    /// Lengths of the bars, in the unit of the axis; negative ones go to the left, and what is not finite fills the row.
+    /// Lengths of the bars, in the unit of the axis. Negative ones extend to the left; infinite ones extend to the edge.
     pub values: [f64; 2],
 }
 
 /// Rows of bars over one axis.
 #[derive(Clone, Debug)]
 pub struct BarChart {
-    /// What the picture shows, for those who cannot see it.
+    /// Description of the picture for readers who cannot see it.
     pub alt: String,
     /// Name of the axis, with its unit.
     pub axis: String,
-    /// What the two bars of a row are.
+    /// Names of the two bars of a row.
     pub names: [String; 2],
     /// Rows from top to bottom.
     pub bars: Vec<Bar>,
@@ -89,7 +90,7 @@ fn colour(k: usize) -> &'static str {
     palette::camera(k + 1)
 }
 
-/// An axis that holds zero and every finite bar, with a little air at their ends.
+/// An axis that includes zero and every finite bar, with a margin at their ends.
 fn axis(bars: &[Bar]) -> Axis {
     let (low, high) = span(bars.iter().flat_map(|b| b.values).chain([0.0])).unwrap_or((0.0, 1.0));
     let high = if high > low { high } else { low + 1.0 };

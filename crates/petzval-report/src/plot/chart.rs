@@ -1,7 +1,8 @@
 //! Charts: a few named curves over one pair of axes, with a key above them.
 
+use super::sheet::without_data;
 use super::smooth::{smoothed, thinned};
-use super::{Axis, Curve, Frame, Key, Names, Pen, Sheet, without_data};
+use super::{Axis, Curve, Frame, Key, Names, Pen, Sheet};
 
 /// Width of a chart and height of the field between its axes, px.
 pub(super) const WIDTH_PX: f64 = 520.0;
@@ -16,10 +17,10 @@ pub(super) const RIGHT_PX: f64 = 18.0;
 const LINE_PX: f64 = 2.2;
 const DATA_PX: f64 = 1.0;
 
-/// How strongly the data behind a smoothed curve show.
+/// Opacity of the data behind a smoothed curve.
 const FAINT: f64 = 0.28;
 
-/// A curve with fewer points than this is shown as it is, without smoothing.
+/// Least number of points of a smoothed curve.
 const FEWEST_TO_SMOOTH: usize = 24;
 
 /// A named curve.
@@ -36,7 +37,7 @@ pub struct Series {
 /// Curves over one pair of axes.
 #[derive(Clone, Debug)]
 pub struct Chart {
-    /// What the picture shows, for those who cannot see it.
+    /// Description of the picture for readers who cannot see it.
     pub alt: String,
     /// Name of the horizontal axis, with its unit.
     pub x_axis: String,
@@ -68,7 +69,7 @@ pub fn chart_svg(chart: &Chart) -> String {
         x: Axis::between(x.0, if x.1 > x.0 { x.1 } else { x.0 + 1.0 }, 6),
         y,
     };
-    // Logarithms are smoothed where the axis is logarithmic, so that the line runs through the middle of what is seen.
+    // On a logarithmic axis smooth the logarithms, so that the line runs through the middle of the visible points.
     let is_logarithmic = frame.y.is_logarithmic();
     let mut curves: Vec<Curve> =
         series.iter().flat_map(|s| curves(s, chart.smooth, is_logarithmic)).collect();
@@ -114,13 +115,13 @@ fn curves(series: &Series, smooth: bool, is_logarithmic: bool) -> Vec<Curve> {
     vec![curve(faint, &series.points), curve(line(series), &through)]
 }
 
-/// A series without the points that have no place on an axis.
+/// A series without the points that are outside of an axis.
 fn finite(series: &Series) -> Series {
     let is_finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
     Series { points: series.points.iter().filter(is_finite).copied().collect(), ..series.clone() }
 }
 
-/// The vertical axis over values from the lowest to the highest, with a little air around them.
+/// The vertical axis over values from the lowest to the highest, with a margin around them.
 fn vertical_axis(from_zero: bool, (low, high): (f64, f64)) -> Axis {
     if from_zero {
         return Axis::between(low.min(0.0), if high > 0.0 { 1.08 * high } else { 1.0 }, 5);

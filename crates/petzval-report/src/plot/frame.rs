@@ -30,7 +30,7 @@ pub(crate) struct Frame {
     pub y: Axis,
 }
 
-/// What stands at the axes.
+/// Texts of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Names<'a> {
     /// Above the frame.
@@ -68,7 +68,7 @@ impl Frame {
         html! {
             g transform=(format!("translate({} {})", px(self.left), px(self.top))) {
                 (self.grid())
-                // An inner svg element cuts what it holds, without the names that clip paths need.
+                // An inner svg element clips its content, without the ids that clip paths need.
                 svg class="field" width=(px(self.width)) height=(px(self.height)) { (content) }
                 (self.scale())
                 (self.names(names))
@@ -161,11 +161,11 @@ impl Frame {
         }
     }
 
-    /// Where a curve carries markers: at points spread over it, each curve at others.
+    /// Indices of the points with markers: spread over the curve, and different for each curve.
     fn marked(&self, curve: &Curve) -> Vec<[f64; 2]> {
         let points: Vec<[f64; 2]> = curve.points.iter().flatten().map(|p| self.at(*p)).collect();
         let step = points.len().div_ceil(MARKERS).max(1);
-        // Fractions of the golden mean keep the first few curves apart whatever the step is.
+        // Offsets by the golden ratio separate the markers of the first few curves for any step.
         let first = (0.618_034 * (curve.index as f64 + 0.4)).fract() * step as f64;
         points.into_iter().skip(first as usize).step_by(step).collect()
     }
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn values_go_where_the_axes_say() {
+    fn values_are_drawn_at_their_positions_on_the_axes() {
         assert_eq!(frame().at([0.0, 1.0]), [0.0, 0.0]);
         assert_eq!(frame().at([5.0, 0.25]), [100.0, 75.0]);
     }

@@ -1,4 +1,4 @@
-//! Keys: what the colours, dashes and markers of a picture stand for.
+//! Keys: the meaning of the colours, dashes and markers of a picture.
 
 use maud::{Markup, html};
 
@@ -17,13 +17,13 @@ const LONGEST_NAME: usize = 90;
 /// An entry of a key.
 #[derive(Clone, Debug)]
 pub(crate) struct Key {
-    /// What is shown before the name.
+    /// Symbol before the name.
     pub line: KeyLine,
     /// The name.
     pub name: String,
 }
 
-/// What an entry shows.
+/// The symbol of an entry.
 #[derive(Clone, Debug)]
 pub(crate) enum KeyLine {
     /// Nothing: the name is a remark.
@@ -47,7 +47,7 @@ impl Key {
         Self { line: KeyLine::None, name: text.into() }
     }
 
-    /// The name of what is shown; a long one is cut.
+    /// A name without a symbol; a long one is cut.
     pub fn name(text: &str) -> Self {
         let mut name: String = text.chars().take(LONGEST_NAME).collect();
         if name.len() < text.len() {
@@ -94,7 +94,7 @@ impl Key {
     }
 }
 
-/// Places of the entries in rows of a width: (entry, x, row), and the number of rows.
+/// Positions of the entries in rows of a width: (entry, x, row), and the number of rows.
 fn places(keys: &[Key], width: f64) -> (Vec<(&Key, f64, usize)>, usize) {
     let (mut x, mut row, mut placed) = (0.0, 0, Vec::new());
     for key in keys {

@@ -1,4 +1,4 @@
-//! Markers: small shapes that tell curves and colours apart without their colour.
+//! Markers: small shapes that distinguish curves without colour.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ pub(crate) enum Marker {
     Wedge,
 }
 
-/// All shapes, in the order in which they are given out.
+/// All shapes, in the order of their use.
 const ALL: [Marker; 7] = [
     Marker::Circle,
     Marker::Square,

@@ -11,7 +11,7 @@ const BELOW_PX: f64 = 76.0;
 /// Space above a frame without and with a head, px.
 const ABOVE_PX: [f64; 2] = [14.0, 30.0];
 
-/// A pair of axes with everything in it.
+/// A pair of axes with its content.
 #[derive(Clone, Debug)]
 pub(crate) struct Panel {
     pub head: String,
@@ -24,7 +24,7 @@ pub(crate) struct Panel {
     pub points: Vec<Points>,
     /// Lines of text in an upper corner.
     pub notes: Vec<String>,
-    /// Whether that is the left one.
+    /// Whether it is the left corner.
     pub notes_left: bool,
 }
 
@@ -62,7 +62,8 @@ impl Panel {
     }
 }
 
-/// Panels in rows of so many, on a width; returns the height too, px. Frames of a column have one left edge.
+/// Panels in rows of a number of panels, on a given width; also returns the height, px. Frames of a column have a
+/// common left edge.
 pub(crate) fn grid(panels: &[Panel], columns: usize, width: f64, frame_height: f64) -> (Markup, f64) {
     let columns = columns.max(1).min(panels.len().max(1));
     let cell = width / columns as f64;

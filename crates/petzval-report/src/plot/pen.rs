@@ -1,4 +1,4 @@
-//! Pens and curves: what is drawn in a frame, and how.
+//! Curves of a frame, and pens, which are their style.
 
 use super::Marker;
 
@@ -13,7 +13,7 @@ pub(crate) struct Pen {
     pub width: f64,
     /// From 0, invisible, to 1.
     pub opacity: f64,
-    /// Shape that marks the curve here and there.
+    /// Shape of the markers on the curve.
     pub marker: Option<Marker>,
 }
 
@@ -49,29 +49,29 @@ impl Pen {
 /// A line through points; where one is missing the line is broken.
 #[derive(Clone, Debug)]
 pub(crate) struct Curve {
-    /// How it is drawn.
+    /// Style.
     pub pen: Pen,
     /// Points (x, y) in the values of the axes.
     pub points: Vec<Option<[f64; 2]>>,
-    /// Which of the curves of a frame it is: markers of different curves sit at different points.
+    /// Index among the curves of a frame: markers of different curves are at different points.
     pub index: usize,
 }
 
 impl Curve {
-    /// Values upwards over places to the right.
+    /// Values on the vertical axis over positions on the horizontal one.
     pub fn over(pen: Pen, index: usize, x: &[f64], y: impl IntoIterator<Item = Option<f64>>) -> Self {
         let point =
             |(x, y): (&f64, Option<f64>)| y.map(|y| [*x, y]).filter(|p| p.iter().all(|v| v.is_finite()));
         Self { pen, index, points: x.iter().zip(y).map(point).collect() }
     }
 
-    /// Values to the right over places upwards, as curves over the field are drawn.
+    /// Values on the horizontal axis over positions on the vertical one, as for curves over the field.
     pub fn beside(pen: Pen, index: usize, y: &[f64], x: impl IntoIterator<Item = Option<f64>>) -> Self {
         let upright = Self::over(pen, index, y, x);
         Self { points: upright.points.into_iter().map(|p| p.map(|[y, x]| [x, y])).collect(), ..upright }
     }
 
-    /// Its values along an axis, 0 to the right or 1 upwards.
+    /// Its values along an axis: 0 horizontal, 1 vertical.
     pub fn values(&self, along: usize) -> impl Iterator<Item = f64> + '_ {
         self.points.iter().flatten().map(move |p| p[along])
     }

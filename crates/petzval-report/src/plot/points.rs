@@ -28,7 +28,7 @@ impl Points {
         let places: Vec<[f64; 2]> = self.at.iter().filter(finite).map(place).collect();
         let close =
             |pair: &&[[f64; 2]]| (pair[0][0] - pair[1][0]).hypot(pair[0][1] - pair[1][1]) < 2.0 * POINT_PX;
-        // Their white rims would cover them.
+        // Draw crowded points small: the white rims of larger ones would cover their neighbours.
         let is_crowded = places.windows(2).filter(close).count() > 2;
         let radius = if is_crowded { CROWDED_PX } else { POINT_PX };
         let shapes = self.marker.path(places, radius);

@@ -1,8 +1,9 @@
-//! Sheets: whole pictures, with a headline, a key, and a foot that says what lens they show.
+//! Sheets: whole pictures, with a headline, a key, and a foot that names the lens.
 
 use maud::{Markup, html};
 
-use super::{Key, key, plain, px};
+use super::key::{self, Key};
+use super::text::{plain, px};
 use crate::palette::{INK, MUTED, PAPER};
 
 /// Width of the sheets of a page, px.
@@ -14,15 +15,15 @@ const MARGIN_PX: f64 = 18.0;
 /// A picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Sheet {
-    /// Which picture it is: the class of the SVG.
+    /// Kind of the picture: the class of the SVG.
     pub class: &'static str,
-    /// Headline; empty if the page says what it is.
+    /// Headline; empty if the page has one.
     pub title: String,
     /// A line below it.
     pub remark: String,
     /// Key below that.
     pub keys: Vec<Key>,
-    /// What is seen, for those who cannot see it.
+    /// Description of the picture for readers who cannot see it.
     pub alt: String,
     /// Size of the body, px.
     pub width: f64,
@@ -61,5 +62,20 @@ impl Sheet {
             }
         }
         .into_string()
+    }
+}
+
+/// A picture of a width that says that there are no data.
+pub(super) fn without_data(alt: &str, width: f64) -> Sheet {
+    Sheet {
+        class: "chart",
+        title: String::new(),
+        remark: String::new(),
+        keys: vec![Key::remark("no data")],
+        alt: alt.into(),
+        width,
+        height: 20.0,
+        body: html! {},
+        foot: Vec::new(),
     }
 }

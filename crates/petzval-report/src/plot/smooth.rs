@@ -1,12 +1,12 @@
-//! What is done to data before they are drawn: noisy points are smoothed, many points are thinned.
+//! Preparation of data for drawing: smooths noisy points, and thins curves with many points.
 
-/// A curve with more points than this is thinned.
+/// Largest number of points of a curve that is not thinned.
 const MOST_POINTS: usize = 600;
 
 /// The value at each point of the straight line fitted to the twelfth of the points around it.
 ///
 /// `y_i = m + s (i - k)` with m the mean of the window, k its middle and s its least-squares slope. A line
-/// rather than a mean keeps the ends honest, where a window has points on one side only.
+/// has no bias at the ends of the data, where a window has points on one side only; a mean would have.
 pub(super) fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let count = points.len();
     let reach = (count / 24).max(2);
@@ -30,7 +30,7 @@ pub(super) fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The lowest and the highest of each run of points, so that thinning hides no outlier.
+/// The lowest and the highest point of each run of points, so that thinning hides no outlier.
 pub(super) fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     if points.len() <= MOST_POINTS {
         return points.to_vec();

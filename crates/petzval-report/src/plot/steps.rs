@@ -20,7 +20,7 @@ impl Steps {
         for (i, height) in self.heights.iter().enumerate().take(self.edges.len().saturating_sub(1)) {
             let ([left, y], [right, _]) =
                 (frame.at([self.edges[i], *height]), frame.at([self.edges[i + 1], 0.0]));
-            // What is below a logarithmic axis goes to its foot.
+            // Draw values below a logarithmic axis at its lower end.
             let y = y.min(frame.height + 2.0);
             path += &match i {
                 0 => format!("M{} {}V{}H{}", px(left), px(frame.height + 2.0), px(y), px(right)),

@@ -1,4 +1,4 @@
-//! Measured PSFs beside simulated ones: a sheet to look at and a page with the figures.
+//! Measured and simulated PSFs: a sheet of pictures and a page with the figures.
 
 mod page;
 mod sheet;
@@ -10,7 +10,7 @@ use petzval_lab::psf_calibration::CalibratedPosition;
 use petzval_lab::psf_calibration::compare::Comparison;
 use petzval_lab::psf_calibration::estimate::FieldEstimate;
 
-/// Everything that a calibration found.
+/// The results of a calibration.
 pub struct Calibration {
     /// Name of the folder of captures.
     pub captures: String,
@@ -20,7 +20,7 @@ pub struct Calibration {
     pub lens: Option<String>,
     /// Measured positions in the order of the manifest, each with its simulation if there is a lens.
     pub positions: Vec<(CalibratedPosition, Option<Comparison>)>,
-    /// How the fields of the bank were fitted.
+    /// The fits of the fields of the bank.
     pub fields: Vec<FieldEstimate>,
 }
 

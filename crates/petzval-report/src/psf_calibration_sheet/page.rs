@@ -1,4 +1,5 @@
-//! The page: PSFs side by side, errors beside what noise and demosaicing do, and what was odd. One self-contained file.
+//! The page: PSFs side by side, errors compared with the effects of noise and demosaicing, and warnings. One
+//! self-contained file.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +15,7 @@ use crate::plot::plain;
 use crate::png;
 use crate::table::{Column, Row, Table};
 
-/// The page. It needs nothing but itself, and prints well.
+/// The page. It is self-contained and suitable for printing.
 pub fn page(calibration: &Calibration) -> String {
     let main = html! {
         @for (direction, members) in by_direction(calibration) {
@@ -24,7 +25,7 @@ pub fn page(calibration: &Calibration) -> String {
             "Each picture is 23 × 23 pixels around the green centroid, rows as on the sensor, every channel of unit sum. "
             "Linear brightness above, below it the logarithm over " (DECADES) " decades. "
             @if calibration.lens.is_some() {
-                "“Same mosaic”: the simulated PSF landed where it fits best, kept by the same colours and "
+                "“Same mosaic”: the simulated PSF at its best-fitting position, sampled by the same mosaic and "
                 "demosaiced. “Ideal pixels”: every colour in every pixel."
             }
         }))
@@ -55,7 +56,7 @@ fn subtitle(calibration: &Calibration) -> Markup {
         @if let Some(lens) = &calibration.lens { ", beside " (plain(lens)) " as traced" }
         "."
         @if calibration.fields.iter().any(|f| f.is_mono) {
-            " The sensor is monochrome: its one channel stands for red, green and blue."
+            " The sensor is monochrome: its one channel is used for red, green and blue."
         }
     }
 }
@@ -158,7 +159,7 @@ fn centroids(calibration: &Calibration) -> Markup {
         (caption(html! {
             "Row and column are those of the green centroid on the sensor; the standard error is that of both. "
             @if calibration.lens.is_some() {
-                "Pairs are row and column. Errors are measured less simulated; a dash where the manifest does not say where the chief ray "
+                "Pairs are row and column. Errors are measured minus simulated; a dash if the manifest does not state where the chief ray "
                 "should land. “Ideal pixels” is the error of the measured centroid, that of demosaicing included; “same mosaic” leaves "
                 "demosaicing out and shows what noise does."
             }
@@ -264,7 +265,7 @@ fn fields(calibration: &Calibration) -> Markup {
 }
 
 fn warnings(calibration: &Calibration) -> Markup {
-    // The same words about several positions are said once.
+    // Print equal warnings about several positions once.
     let mut said: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (position, _) in &calibration.positions {
         for warning in &position.warnings {

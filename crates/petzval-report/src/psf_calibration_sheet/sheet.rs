@@ -13,10 +13,10 @@ const ZOOM: usize = 4;
 /// Picture pixels between two PSFs.
 const GAP: usize = 6;
 
-/// Decades that the logarithmic pictures show.
+/// Decades of the logarithmic pictures.
 pub(super) const DECADES: f64 = 3.0;
 
-/// How brightness is shown.
+/// Scale of the brightness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Tone {
     /// Proportional to light, as a screen shows it.
@@ -47,7 +47,7 @@ pub fn sheet_png(calibration: &Calibration) -> Vec<u8> {
     png::encode(&sheet(calibration))
 }
 
-/// What is shown of a position: name, PSF.
+/// The PSFs of a position, with their names.
 pub(super) fn kinds(calibration: &Calibration, index: usize) -> Vec<(&'static str, &[Vec<f64>; CHANNELS])> {
     let (position, comparison) = &calibration.positions[index];
     let mut kinds = vec![("measured", &position.measured.psf.values)];

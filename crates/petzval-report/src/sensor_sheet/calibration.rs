@@ -1,5 +1,5 @@
-//! The calibration over all gains: each gain, the parameters of the model beside the tables of the paper, and how well the
-//! histograms agree.
+//! The calibration over all gains: each gain, the parameters of the model compared with the tables of the paper, and
+//! the agreement of the histograms.
 
 use maud::{Markup, html};
 use petzval_lab::emva::captures::Kind;
@@ -12,7 +12,7 @@ use crate::number;
 use crate::page::caption;
 use crate::table::{Column, Row, Table};
 
-/// What each gain contributes to the joint fit.
+/// Contributions of the gains to the joint fit.
 pub(super) fn gains(all: &Characterization) -> Markup {
     let mut reasons = Reasons::default();
     let columns = [
@@ -39,11 +39,12 @@ pub(super) fn gains(all: &Characterization) -> Markup {
     html! { (table.html()) (reasons.list()) }
 }
 
-/// Symbol, quantity and unit of a parameter, its value by the joint fit and by the fit to histograms, and what tables 3, 4 and 5 of
-/// the paper print.
+/// Symbol, quantity and unit of a parameter, its value by the joint fit and by the fit to histograms, and the values of
+/// tables 3, 4 and 5 of the paper.
 type Parameter<'a> = (&'a str, &'a str, &'a str, Markup, Option<String>, [&'a str; 3]);
 
-/// Parameters of the model by the joint fit and by the fit to histograms, beside what Tseng et al. print for their camera.
+/// Parameters of the model by the joint fit and by the fit to histograms, beside the values of Tseng et al. for their
+/// camera.
 pub(super) fn model(all: &Characterization) -> Markup {
     let (joint, fit) = (&all.joint, all.histogram_fit.as_ref());
     let mut reasons = Reasons::default();
@@ -54,8 +55,8 @@ pub(super) fn model(all: &Characterization) -> Markup {
         ["IMX249", "23S6"].iter().any(|part| name.contains(part))
     };
     let stated = |v: f64| Measured::exact(v);
-    // A parameter that the histograms do not resolve was held and has no error. Where the fit does not describe the histograms, no
-    // parameter has one.
+    // A parameter that the histograms do not resolve was held and has no error. If the fit does not describe the
+    // histograms, no parameter has an error.
     let fitted = |of: fn(&petzval_lab::emva::HistogramFit) -> Measured| {
         let (fit, value) = (fit?, of(fit?));
         let held = match value.standard_error() {
@@ -219,7 +220,7 @@ pub(super) fn model(all: &Characterization) -> Markup {
     }
 }
 
-/// How well all histograms agree before and after the fit.
+/// Agreement of all histograms before and after the fit.
 fn agreement(fit: &petzval_lab::emva::HistogramFit) -> Markup {
     let rows = [(Kind::Flat, "flat"), (Kind::Dark, "dark")];
     let of = |kind: Kind, value: fn(&petzval_lab::emva::HistogramComparison) -> f64| {
@@ -252,7 +253,7 @@ fn agreement(fit: &petzval_lab::emva::HistogramFit) -> Markup {
     html! {
         (table.html())
         (caption(html! {
-            "χ²/ν: reduced chi-square, about 1 where only chance is left. TV: total variation. KS: Kolmogorov-Smirnov distance. "
+            "χ²/ν: reduced chi-square, about 1 if only chance is left. TV: total variation. KS: Kolmogorov-Smirnov distance. "
             @if fit.converged { "The fit converged in " (fit.steps) " steps." }
             @else { "The fit had not converged after " (fit.steps) " steps." }
             @if fit.left_out > 0 {

@@ -2,7 +2,7 @@
 
 use petzval_lab::emva::{Characterization, GainResult};
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, gain_look, gain_name, sheet, straight, with_error};
 use super::transfer::HEIGHT_PX;
 use crate::palette::INK;
@@ -25,7 +25,7 @@ fn times_ms(gain: &GainResult) -> Vec<f64> {
 }
 
 fn time_axis(gain: &GainResult, ticks: usize) -> Axis {
-    // A little room, that the last marker is whole.
+    // Add a margin, so that the last marker is complete.
     Axis::between(0.0, 1.04 * times_ms(gain).into_iter().fold(0.0, f64::max).max(1e-6), ticks)
 }
 
@@ -74,7 +74,7 @@ pub(super) fn variance_over_time(all: &Characterization) -> Option<Sheet> {
         {
             let ends = [panel.x.low, panel.x.high];
             panel.curves.push(straight(Pen::thin(colour).dashed(), 1e-3 * slope, intercept, ends));
-            // Deviations from the line in units of their errors: about 1 where the line describes the points.
+            // Compute the reduced chi-square: about 1 if the line describes the points.
             let squares: f64 = at
                 .iter()
                 .filter(|(_, _, se)| *se > 0.0)

@@ -9,12 +9,12 @@ use super::transfer::HEIGHT_PX;
 use crate::number;
 use crate::plot::{Key, KeyLine, Panel, Pen, Points, Sheet};
 
-/// The colour that stands for a gain: green, where the mosaic has it.
+/// The colour that represents a gain: green if the mosaic has it.
 fn standing_for(channels: &[ChannelResult]) -> Option<&ChannelResult> {
     channels.iter().find(|c| c.colour == Colour::Green).or_else(|| channels.first())
 }
 
-/// Variance over signal at every gain, with the fitted gains. Of one gain the photon transfer shows it already.
+/// Variance over signal at every gain, with the fitted gains. For a single gain, the photon transfer shows the same.
 pub(super) fn all_gains(all: &Characterization) -> Option<Sheet> {
     if all.gains.len() < 2 {
         return None;

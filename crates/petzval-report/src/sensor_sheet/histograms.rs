@@ -1,4 +1,4 @@
-//! Captured histograms beside simulated ones (Figs. 7 and 8 of Tseng et al.), each with the number of its agreement.
+//! Captured and simulated histograms (Figs. 7 and 8 of Tseng et al.), each with a measure of their agreement.
 
 use petzval_camera::sensor::Colour;
 use petzval_lab::emva::captures::Kind;
@@ -9,19 +9,19 @@ use crate::palette;
 use crate::palette::INK;
 use crate::plot::{Axis, Curve, Key, KeyLine, Panel, Pen, Sheet, Steps, span};
 
-/// Exposures of a picture.
+/// Largest number of exposures in a picture.
 const MOST_EXPOSURES: usize = 4;
-/// Most bars of a histogram; where there are more digital numbers, several are drawn as one.
+/// Largest number of bars of a histogram; with more digital numbers, several share a bar.
 const MOST_BARS: usize = 150;
 /// Spread of the core of a histogram, in standard deviations to either side of the median.
 const CORE_SIGMAS: f64 = 5.0;
-/// Share of the samples beyond the core from which on the frame says so.
+/// Share of the samples beyond the core from which the frame mentions it.
 const LEAST_BEYOND: f64 = 1e-5;
-/// Bars up to which the simulated histogram is drawn as bars too.
+/// Largest number of bars with which the simulated histogram is drawn as bars too.
 const FEW_BARS: usize = 60;
 /// Samples of a bar below which simulated counts are not drawn on a logarithmic scale.
 const LEAST_EXPECTED: f64 = 0.3;
-/// Numbers on the horizontal axis, about.
+/// Approximate number of labels on the horizontal axis.
 const TICKS: usize = 4;
 /// Height of the frames of flat and of dark histograms, px.
 const FLAT_PX: f64 = 230.0;
@@ -29,7 +29,7 @@ const DARK_PX: f64 = 210.0;
 /// Height of the notes in a corner: their first line with its margin, and every other line, px.
 const NOTES_PX: [f64; 2] = [25.0, 15.0];
 
-/// One captured histogram, with what the fitted model expects if there is one.
+/// One captured histogram, with that of the fitted model if there is one.
 struct Compared {
     exposure_s: f64,
     colour: Option<Colour>,
@@ -82,7 +82,7 @@ fn compared(all: &Characterization, kind: Kind) -> Option<(f64, Vec<Compared>)> 
             of.map(Compared::fitted).collect()
         }
         None => {
-            // What is saturated is one bar at the end of the range.
+            // Saturated samples are one bar at the end of the range.
             let is_shown = |h: &&PointHistogram| h.kind == kind && h.linear_gain == gain && h.in_range;
             all.histograms.iter().filter(is_shown).map(Compared::alone).collect()
         }
@@ -117,8 +117,8 @@ fn quantile(h: &Compared, share: f64) -> f64 {
     f64::from(h.first_dn) + h.captured.iter().position(reached).unwrap_or(0) as f64
 }
 
-/// The core of a histogram, DN: some standard deviations about the median, as wide as the middle 68 % of the samples say, so
-/// that the few that are far off do not stretch it.
+/// The core of a histogram, DN: some standard deviations about the median, estimated from the middle 68 % of the
+/// samples, so that a few outliers do not widen it.
 fn core(h: &Compared) -> (f64, f64) {
     let [low, middle, high] = [0.159, 0.5, 0.841].map(|share| quantile(h, share));
     let reach = CORE_SIGMAS * (0.5 * (high - low)).max(0.5);
@@ -134,7 +134,7 @@ fn share_beyond(h: &Compared) -> f64 {
     beyond / h.captured.iter().sum::<f64>().max(1.0)
 }
 
-/// Bars of so many digital numbers each, and the model at their middles. `x` counts digital numbers.
+/// Bars of a number of digital numbers each, and the model at their middles. `x` counts digital numbers.
 fn add(panel: &mut Panel, h: &Compared, each: usize, least: f64) {
     let (colour, n) = (palette::mosaic(h.colour), h.captured.len());
     let sums = |values: &[f64]| values.chunks(each).map(|part| part.iter().sum()).collect::<Vec<f64>>();
@@ -145,7 +145,7 @@ fn add(panel: &mut Panel, h: &Compared, each: usize, least: f64) {
         let edge = |i: usize| f64::from(h.first_dn) - 0.5 + (i * each) as f64;
         let expected = sums(expected);
         let shown = |e: f64| (e >= least).then_some(e);
-        // A few bars are outlined, many drawn as a line through their middles.
+        // Draw the model as outlines of a few bars, or as a line through the middles of many.
         let points: Vec<Option<[f64; 2]>> = if expected.len() <= FEW_BARS {
             let bar = |(i, e): (usize, &f64)| [edge(i), edge(i + 1)].map(|x| shown(*e).map(|e| [x, e]));
             expected.iter().enumerate().flat_map(bar).collect()
@@ -203,7 +203,7 @@ fn around(
 /// A frame of the histograms of one exposure time.
 fn panel(found: &[&Compared], seconds: f64, is_logarithmic: bool) -> Panel {
     let (low, high) = match is_logarithmic {
-        // The whole tail.
+        // Include the whole tail.
         true => span(found.iter().flat_map(|h| {
             let first = f64::from(h.first_dn);
             [first, first + h.captured.len() as f64]

@@ -1,9 +1,9 @@
-//! How straight the response is.
+//! Linearity of the response.
 
 use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::transfer::{Linearity, TransferPoint};
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, axis_from_zero, colour_keys, colour_name, points_of, sheet, straight};
 use super::transfer::{HEIGHT_PX, light_axis};
 use crate::number;

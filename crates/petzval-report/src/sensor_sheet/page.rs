@@ -3,15 +3,17 @@
 use maud::html;
 use petzval_lab::emva::Characterization;
 
+use super::sheets::sheets;
+use super::shown::Shown;
 use super::style::gain_name;
-use super::{Shown, calibration, sheets, table};
+use super::{calibration, table};
 use crate::page::{Page, figure, section};
 use crate::plot::Sheet;
 
-/// Pictures that show all gains rather than one.
+/// Pictures of all gains.
 const OF_ALL_GAINS: [&str; 4] = ["gain-fit", "dark-variance", "histograms-flat", "histograms-dark"];
 
-/// The page. It needs nothing but itself, and prints well.
+/// The page. It is self-contained and suitable for printing.
 pub fn page(characterization: &Characterization) -> String {
     let (of_all, of_one): (Vec<_>, Vec<_>) =
         sheets(characterization).into_iter().partition(|sheet| OF_ALL_GAINS.contains(&sheet.class));

@@ -1,19 +1,19 @@
-//! Profiles: rows and columns of the mean frames seen from the side.
+//! Profiles: values along rows and columns of the mean frames.
 
 use petzval_camera::sensor::Colour;
 use petzval_lab::emva::spatial::Profile;
 
-use super::Shown;
+use super::shown::Shown;
 use super::spatial::{Stack, channels};
 use super::style::{Around, colour_name, sheet};
 use crate::palette;
 use crate::palette::{LIMIT, MUTED};
 use crate::plot::{Axis, Curve, Key, Panel, Pen, Sheet, span};
 
-/// Places of a profile that a frame can show; where there are more, several are drawn as one.
+/// Largest number of points of a profile in a frame; with more, several are merged.
 const MOST_PLACES: usize = 700;
 
-/// Every so many places the mean (or least, or largest) of them: a line of thousands of points hides what it shows.
+/// Merges groups of points to their mean (or least, or largest), because a line of thousands of points is unreadable.
 fn thinned(values: &[f64], fold: fn(&[f64]) -> f64) -> (Vec<f64>, Vec<f64>) {
     let each = values.len().div_ceil(MOST_PLACES).max(1);
     let at = |i: usize| (i * each) as f64 + 0.5 * (each - 1) as f64;
@@ -67,7 +67,7 @@ pub(super) fn profiles(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     let (class, title, what) = match stack {
         Stack::Dark => ("profiles-dsnu", "Profiles of the dark frames (DSNU)", "mean dark frame"),
         Stack::Light => {
-            ("profiles-prnu", "Profiles of the flat frames (PRNU)", "mean flat frame less the dark one")
+            ("profiles-prnu", "Profiles of the flat frames (PRNU)", "mean flat frame minus the dark one")
         }
     };
     let remark = match channel.colour {

@@ -1,4 +1,4 @@
-//! Why numbers of a table are not resolved: a letter in the cell, and one list of the reasons below the table.
+//! Reasons for unresolved numbers of a table: a letter in the cell, and one list of the reasons below the table.
 
 use maud::{Markup, html};
 use petzval_lab::emva::{Measured, Unresolved};
@@ -6,13 +6,13 @@ use petzval_lab::emva::{Measured, Unresolved};
 use super::style::with_error;
 use crate::page::caption;
 
-/// The i-th letter; beyond z they begin again with a digit.
+/// The i-th letter; after z they repeat with a digit.
 fn nth_letter(i: usize) -> String {
     let letter = char::from(b'a' + (i % 26) as u8);
     if i < 26 { letter.to_string() } else { format!("{letter}{}", i / 26) }
 }
 
-/// The reasons of a table in the order in which they came up.
+/// The reasons of a table in the order of their first use.
 #[derive(Debug, Default)]
 pub(super) struct Reasons {
     all: Vec<String>,
@@ -49,7 +49,7 @@ impl Reasons {
         nth_letter(place)
     }
 
-    /// The list that stands below the table.
+    /// The list below the table.
     pub fn list(&self) -> Markup {
         html! {
             @if !self.all.is_empty() {
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_stands_once_and_found_numbers_stay() {
+    fn a_reason_is_listed_once_and_resolved_numbers_stay() {
         let mut reasons = Reasons::default();
         let photons = Measured::none(Unresolved::NoPhotons);
         let noise = |value| Measured::none(Unresolved::WithinNoise { value, standard_error: 135.0 });

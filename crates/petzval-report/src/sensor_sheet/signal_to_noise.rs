@@ -8,7 +8,7 @@ use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::figures::QUANTISATION_DN2;
 use petzval_lab::emva::transfer::TransferPoint;
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, axis_of_decades, colour_keys, points_of, sheet};
 use super::transfer::HEIGHT_PX;
 use crate::palette;
@@ -41,10 +41,10 @@ pub(super) fn signal_to_noise(shown: &Shown<'_>) -> Option<Sheet> {
     let unit = |gain: f64| (!in_photons).then_some(gain);
     let lights = || channels.iter().flat_map(|(c, k)| c.points.iter().filter_map(|p| light(p, unit(*k))));
     let ratio = |p: &TransferPoint| p.signal_dn() / p.variance_dn2.max(1e-12).sqrt();
-    // The threshold, where the ratio is 1, belongs on the picture.
+    // Include the threshold, where the ratio is 1.
     let threshold = figure(first, if in_photons { "u_p_min" } else { "u_e_min" });
     let x = axis_of_decades(lights().chain(threshold));
-    // Beyond saturation clipping takes the noise away, and the ratio means nothing.
+    // Leave out points beyond saturation: clipping removes the noise, and the ratio is meaningless.
     fn before(channel: &ChannelResult) -> impl Iterator<Item = &TransferPoint> {
         channel.points.iter().take(channel.transfer.saturation + 1)
     }

@@ -1,23 +1,23 @@
-//! Non-uniformity: spectrograms, and histograms of what deviates.
+//! Non-uniformity: spectrograms, and histograms of the deviations.
 
 use petzval_lab::emva::ChannelResult;
 use petzval_lab::emva::figures::QUANTISATION_DN2;
 use petzval_lab::emva::histogram::Histogram;
 use petzval_lab::emva::spatial::{Spatial, StackPlots};
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{Around, axis_of_amplitudes, colour_keys, colour_name, sheet};
 use crate::palette;
 use crate::palette::{IDEAL, MUTED};
 use crate::plot::{Axis, Curve, Key, Pen, Sheet, span};
 use crate::plot::{Panel, Steps};
 
-/// Which of the two stacks a picture shows.
+/// The stack of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stack {
     /// Dark frames: DSNU.
     Dark,
-    /// Flat less dark frames: PRNU.
+    /// Flat minus dark frames: PRNU.
     Light,
 }
 
@@ -67,7 +67,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
         false => "periods per pixel",
     };
     let panel = |head: &str, of: fn(&StackPlots) -> &Vec<f64>| {
-        // The first value is the mean that is left, not a pattern.
+        // Skip the first value, which is the remaining mean and not a pattern.
         let power = |spatial: &Spatial| {
             of(stack.plots(spatial)).iter().map(|p| p.max(0.0).sqrt()).collect::<Vec<_>>()
         };
@@ -85,7 +85,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
             let x: Vec<f64> = (0..values.len()).map(|i| 0.5 * i as f64 / last).collect();
             let y = values.iter().enumerate().map(|(i, v)| (i > 0).then_some(*v));
             panel.curves.push(Curve::over(Pen::thin(palette::mosaic(Some(channel.colour))), 0, &x, y));
-            // White temporal noise that the mean of the frames still holds.
+            // The white temporal noise that is left in the mean of the frames.
             let kept = match stack {
                 Stack::Dark => spatial.dark.variances.temporal / spatial.dark.frames.max(1) as f64,
                 Stack::Light => {
@@ -119,7 +119,7 @@ pub(super) fn spectrograms(shown: &Shown<'_>, stack: Stack) -> Option<Sheet> {
     let remark = match stack {
         Stack::Dark => "Mean over all rows (columns) of the mean dark frame, without a high-pass.",
         Stack::Light => {
-            "Mean over all rows (columns) of the mean flat frame less the dark one, without a high-pass."
+            "Mean over all rows (columns) of the mean flat frame minus the dark one, without a high-pass."
         }
     };
     let around =
@@ -136,7 +136,7 @@ pub(super) fn defects(shown: &Shown<'_>) -> Option<Sheet> {
     let around = Around {
         class: "defects",
         title: "Histograms of deviations",
-        remark: "The mean dark frame, and the mean flat frame less the dark one after the 5 × 5 high-pass of release 3.1."
+        remark: "The mean dark frame, and the mean flat frame minus the dark one after the 5 × 5 high-pass of release 3.1."
             .into(),
         keys,
         linear_gain: Some(shown.gain.linear_gain),
@@ -151,7 +151,7 @@ pub(super) fn accumulated_defects(shown: &Shown<'_>) -> Option<Sheet> {
     let around = Around {
         class: "defects-accumulated",
         title: "Accumulated histograms of deviations",
-        remark: "Share of the pixels that deviate from the mean by so much or more.".into(),
+        remark: "Share of the pixels that deviate from the mean by at least the value on the axis.".into(),
         keys: colour_keys(shown),
         linear_gain: Some(shown.gain.linear_gain),
     };
@@ -184,7 +184,7 @@ fn histogram_panels(
         let (low, high) = span(found().flat_map(|(_, h)| edges(h))).unwrap_or((0.0, 1.0));
         let counts = found().flat_map(|(_, h)| h.values.clone()).filter(|v| *v > 0.0);
         let (least, most) = span(counts).unwrap_or((1.0, 10.0));
-        // A single pixel is a bar, not the foot of the frame.
+        // Extend the axis below 1, so that a single pixel is visible as a bar.
         let y = Axis::decades(0.5 * least, most);
         let mut panel = Panel::new(stack.name(), names, Axis::between(low, high, 6), y);
         for (channel, histogram) in found() {
@@ -195,7 +195,7 @@ fn histogram_panels(
                 heights: histogram.values.clone(),
             });
             if with_model && histogram.bins.len() > 1 {
-                // The model belongs to the lower limits of the bins; deviations are as likely all over a bin.
+                // The model is computed at the lower limits of the bins: draw it at their middles.
                 let half = 0.5 * (histogram.bins[1] - histogram.bins[0]);
                 let x: Vec<f64> = histogram.bins.iter().map(|b| b + half).collect();
                 let y = histogram.model.iter().map(|m| (*m > 0.2 * least).then_some(*m));

@@ -1,10 +1,10 @@
-//! The common look: colours of the mosaic and of gains, sheets, and the foot of every picture.
+//! The common style: colours of the mosaic and of gains, sheets, and the foot of every picture.
 
 use maud::{Markup, html};
 use petzval_camera::sensor::Colour;
 use petzval_lab::emva::{Characterization, Measured};
 
-use super::Shown;
+use super::shown::Shown;
 pub(super) use crate::number::short;
 use crate::plot::{Axis, Curve, Key, KeyLine, Marker, Panel, Pen, Points, Sheet, WIDTH_PX, grid, span};
 use crate::{number, palette};
@@ -49,7 +49,7 @@ pub(super) fn points_of(
         .collect()
 }
 
-/// The line `y = slope x + intercept` from one place to another.
+/// The line `y = slope x + intercept` between two values of x.
 pub(super) fn straight(pen: Pen, slope: f64, intercept: f64, [from, to]: [f64; 2]) -> Curve {
     Curve { pen, index: 0, points: [from, to].map(|x| Some([x, slope * x + intercept])).into() }
 }
@@ -82,7 +82,7 @@ pub(super) fn symbol(text: &str) -> Markup {
     }
 }
 
-/// A number to so many significant digits, without trailing zeros.
+/// A number with a number of significant digits, without trailing zeros.
 pub(super) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return number::fixed(value, 0);
@@ -94,12 +94,12 @@ pub(super) fn significant(value: f64, digits: i32) -> String {
     }
 }
 
-/// A linear gain as the reader sees it.
+/// Text of a linear gain.
 pub(super) fn gain_name(linear_gain: f64) -> String {
     format!("gain {}", short(linear_gain, 2))
 }
 
-/// Sensor and size of the frames, and the gain where a picture shows but one.
+/// Sensor and size of the frames, and the gain if a picture shows only one.
 pub(super) fn foot(all: &Characterization, linear_gain: Option<f64>) -> Vec<Key> {
     let mut foot =
         vec![Key::name(&all.sensor.name), Key::remark(format!("{} × {} pixels", all.width, all.height))];
@@ -107,17 +107,17 @@ pub(super) fn foot(all: &Characterization, linear_gain: Option<f64>) -> Vec<Key>
     foot
 }
 
-/// What stands around the panels of a sheet.
+/// The texts around the panels of a sheet.
 pub(super) struct Around {
     pub class: &'static str,
     pub title: &'static str,
     pub remark: String,
     pub keys: Vec<Key>,
-    /// The gain, where there is but one.
+    /// The gain, if there is only one.
     pub linear_gain: Option<f64>,
 }
 
-/// A sheet of panels in rows of so many.
+/// A sheet of panels in rows.
 pub(super) fn sheet(
     all: &Characterization,
     around: Around,
@@ -139,20 +139,20 @@ pub(super) fn sheet(
     }
 }
 
-/// An axis from 0 that holds all values; to 1 if there are none.
+/// An axis from 0 that includes all values; to 1 if there are none.
 pub(super) fn axis_from_zero(values: impl IntoIterator<Item = f64>, ticks: usize) -> Axis {
     let high = span(values).map_or(1.0, |(_, high)| high);
-    // A little room, that markers of the last points are whole.
+    // Add a margin, so that markers of the last points are complete.
     Axis::around(0.0, if high > 0.0 { 1.02 * high } else { 1.0 }, ticks)
 }
 
-/// An axis for amplitudes: from 0 where they are alike, logarithmic where they spread over a decade or more.
+/// An axis for amplitudes: from 0, or logarithmic if they span a decade or more.
 pub(super) fn axis_of_amplitudes(values: impl IntoIterator<Item = f64>) -> Axis {
     let (low, high) = span(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((0.0, 1.0));
     if high < 10.0 * low { Axis::around(0.0, 1.15 * high, 5) } else { Axis::decades(low, high) }
 }
 
-/// A logarithmic axis that holds all values that are positive.
+/// A logarithmic axis that includes all positive values.
 pub(super) fn axis_of_decades(values: impl IntoIterator<Item = f64>) -> Axis {
     let (low, high) = span(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
     Axis::decades(low, high)

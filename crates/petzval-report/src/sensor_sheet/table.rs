@@ -1,10 +1,10 @@
-//! Tables: what was known, the figures of EMVA 1288, warnings.
+//! Tables: basic data, the figures of EMVA 1288, warnings.
 
 use maud::{Markup, html};
 use petzval_lab::emva::{ChannelResult, Characterization, HighPass, Measured};
 
-use super::Shown;
 use super::reasons::Reasons;
+use super::shown::Shown;
 use super::style::{colour_name, short, significant, symbol, with_error};
 use crate::number;
 use crate::page::{caption, facts};
@@ -52,7 +52,7 @@ fn unit(text: &str) -> String {
     text.replace("e-", "e⁻").replace("um2", "µm²").replace("DN2", "DN²")
 }
 
-/// What is known of the sensor.
+/// Basic data of the sensor.
 pub(super) fn basic_data(all: &Characterization) -> Markup {
     let s = &all.sensor;
     let number = |v: Option<f64>, unit: &str| v.map(|v| format!("{} {unit}", significant(v, 6)));
@@ -71,7 +71,7 @@ pub(super) fn basic_data(all: &Characterization) -> Markup {
     ])
 }
 
-/// At which setting the plots and figures hold.
+/// The setting of the plots and figures.
 pub(super) fn operating_point(shown: &Shown<'_>) -> Markup {
     let (all, gain) = (shown.all, shown.gain);
     let s = &all.sensor;
@@ -132,7 +132,7 @@ fn figure_table(head: &str, channels: &[ChannelResult], rows: impl IntoIterator<
     Table::new(explained.into_iter().chain(colours)).class("figures").rows(rows).html()
 }
 
-/// The figures of EMVA 1288 at the shown gain. All other figures, and what the library derives otherwise, are folded away.
+/// The figures of EMVA 1288 at the shown gain. All other figures, and differing values of the library, are folded away.
 pub(super) fn figures(shown: &Shown<'_>) -> Markup {
     let channels = shown.channels();
     let Some(first) = channels.first() else {
@@ -161,7 +161,7 @@ pub(super) fn figures(shown: &Shown<'_>) -> Markup {
     }
 }
 
-/// What the EMVA 1288 Python library derives from the same captures, where that differs.
+/// Values of the EMVA 1288 Python library from the same captures, if they differ.
 fn library(channels: &[ChannelResult]) -> Markup {
     let of = |c: &ChannelResult, i: usize| c.figures.get(i).filter(|f| f.corrected.is_some()).cloned();
     let number = channels.first().map_or(0, |c| c.figures.len());
@@ -189,14 +189,14 @@ fn library(channels: &[ChannelResult]) -> Markup {
     let table = Table::new(explained.into_iter().chain(pairs)).class("figures");
     html! {
         details {
-            summary { "What the EMVA 1288 Python library derives otherwise" }
+            summary { "Different values of the EMVA 1288 Python library" }
             (table.rows(differing.iter().map(row)).html())
             (caption("The library takes the brightest point for saturation, and non-uniformity without a high-pass."))
         }
     }
 }
 
-/// What is odd about the captures: one entry for each kind of warning. The first of a kind is shown, the others are folded away.
+/// Warnings about the captures: one entry for each kind. The first of a kind is shown, the others are folded away.
 pub(super) fn warnings(all: &Characterization) -> Markup {
     let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
     for warning in &all.warnings {
@@ -208,7 +208,7 @@ pub(super) fn warnings(all: &Characterization) -> Markup {
     }
     html! {
         @if kinds.is_empty() {
-            (caption("Nothing odd was found in the captures."))
+            (caption("The captures gave no warnings."))
         } @else {
             ul.warnings {
                 @for (name, of_kind) in &kinds {

@@ -84,7 +84,7 @@ fn every_picture_is_described_and_holds_its_points() {
 }
 
 #[test]
-fn the_page_stands_alone_and_says_values_with_their_errors() {
+fn the_page_is_self_contained_and_states_values_with_their_errors() {
     let folder = tempfile::tempdir().unwrap();
     let found = series(folder.path(), true);
     let page = page(&found);
@@ -100,15 +100,15 @@ fn the_page_stands_alone_and_says_values_with_their_errors() {
     }
     let gain = style::with_error(&found.joint.gain_dn_per_e).unwrap();
     assert!(gain.contains(" ± ") && page.contains(&gain), "{gain}");
-    // The sheet of the standard comes first; what the library derives otherwise is folded away.
+    // The sheet of the standard comes first; differing values of the library are folded away.
     let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
     assert!(at("Plots of EMVA 1288") < at("Calibration over all gains"));
-    assert!(at("What the EMVA 1288 Python library derives otherwise") > at("<details>"));
+    assert!(at("Different values of the EMVA 1288 Python library") > at("<details>"));
     assert!(!page.contains("library:"));
 }
 
 #[test]
-fn each_reason_stands_once_below_its_table() {
+fn each_reason_is_listed_once_below_its_table() {
     let folder = tempfile::tempdir().unwrap();
     let found = series(folder.path(), false);
     let page = page(&found);
@@ -142,7 +142,7 @@ fn a_single_gain_has_no_plot_of_gains() {
 }
 
 #[test]
-fn what_was_not_captured_is_said() {
+fn missing_captures_are_stated() {
     let folder = tempfile::tempdir().unwrap();
     let mut found = series(folder.path(), false);
     assert!(page(&found).contains("--fit-histograms"));

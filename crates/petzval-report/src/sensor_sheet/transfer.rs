@@ -2,7 +2,7 @@
 
 use petzval_lab::emva::transfer::{TransferPoint, light};
 
-use super::Shown;
+use super::shown::Shown;
 use super::style::{
     Around, axis_from_zero, colour_keys, colour_name, points_of, sheet, short, straight, with_error,
 };

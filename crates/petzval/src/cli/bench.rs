@@ -1,17 +1,21 @@
-//! `petzval bench`: standard workloads, so that speed is a number and not a feeling.
+//! `petzval bench`: measures the speed of standard workloads.
 
 mod camera;
 mod joint;
 mod optics;
 mod tolerance;
+mod workload;
 
 use std::process::ExitCode;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
+use petzval::base::statistics::median;
 use serde_json::{Value, json};
 
-use super::{Failure, print_json};
+use self::workload::Workload;
+use super::failure::Failure;
+use super::terminal::print_json;
 
 /// Measure standard workloads; times are medians.
 #[derive(Debug, clap::Args)]
@@ -28,25 +32,6 @@ pub struct Args {
     /// Seconds to spend on each workload
     #[arg(long, default_value_t = 2.0, value_name = "S")]
     seconds: f64,
-}
-
-/// A workload: its name, and how to make it ready to be run again and again.
-struct Workload {
-    name: &'static str,
-    /// The instruction set that its hot loops use.
-    simd: fn() -> &'static str,
-    prepare: fn() -> Result<Prepared, Failure>,
-}
-
-/// A workload made ready.
-struct Prepared {
-    /// What is done, in words, and how many units of it a run does.
-    work: String,
-    /// Units of work a run, and what they are, for a rate.
-    units: Option<(f64, &'static str)>,
-    /// Whether it runs on one thread whatever the pool.
-    single_thread: bool,
-    run: Box<dyn FnMut() -> Result<(), Failure>>,
 }
 
 fn workloads() -> Vec<Workload> {
@@ -116,9 +101,4 @@ fn measure(workload: &Workload, seconds: f64) -> Result<Value, Failure> {
         "simd": (workload.simd)(),
         "work": work,
     }))
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -1,15 +1,13 @@
-//! `petzval doctor`: what this machine and this build offer.
+//! `petzval doctor`: shows what this machine and this build offer.
 
 use std::process::ExitCode;
 
-use petzval::base::simd::level;
-use petzval::built_in_assets;
-use petzval::jobs::machine::simd_level;
-use serde_json::json;
+use petzval::jobs::{compiled_in_devices, doctor};
 
-use super::{Failure, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
-/// Say what this machine and this build offer.
+/// Show what this machine and this build offer, and read every built-in file.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Machine-readable output
@@ -18,49 +16,27 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let assets = built_in_assets();
-    let devices = petzval::jobs::compiled_in_devices();
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let (lenses, sensors) = (assets.names("lenses"), assets.names("sensors"));
-    let experiments = assets.names("experiments");
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let found = doctor::run(&terminal.context())?;
     if args.json {
-        return print_json(&json!({
-            "version": env!("CARGO_PKG_VERSION"),
-            "os": std::env::consts::OS,
-            "architecture": std::env::consts::ARCH,
-            "simd": simd_level(),
-            "simd_used": level(),
-            "cores": cores,
-            "threads": rayon::current_num_threads(),
-            "devices": devices.iter().map(|d| d.0).collect::<Vec<_>>(),
-            "lenses": lenses,
-            "sensors": sensors,
-            "experiments": experiments,
-        }));
+        return print_json(&found);
     }
-    println!("petzval      {}", env!("CARGO_PKG_VERSION"));
-    println!("system       {} {}", std::env::consts::OS, std::env::consts::ARCH);
-    // The kernels of rays and sensor may be narrowed by the environment, or have none for an old machine.
-    let narrowed = if level() == simd_level() { String::new() } else { format!("; {} used", level()) };
-    println!("SIMD         {}{narrowed}", simd_level());
-    println!("threads      {} of {cores} cores", rayon::current_num_threads());
-    for (name, what) in devices {
+    let machine = &found.environment;
+    println!("petzval      {}", machine.version);
+    println!("system       {} {}", machine.os, machine.architecture);
+    // An environment variable or an old CPU may limit the kernels to a narrower unit than the CPU reports.
+    let narrowed = match machine.simd_used == machine.simd {
+        true => String::new(),
+        false => format!("; {} used", machine.simd_used),
+    };
+    println!("SIMD         {}{narrowed}", machine.simd);
+    println!("threads      {} of {} cores", machine.threads, machine.cores);
+    for (name, what) in compiled_in_devices() {
         println!("device       {name}: {what}");
     }
-    println!("lenses       {}", lenses.join(", "));
-    println!("sensors      {}", sensors.join(", "));
-    println!("experiments  {}", experiments.join(", "));
-    // Every built-in file must be readable by this build.
-    for lens in &lenses {
-        assets.import(lens)?;
-    }
-    for sensor in &sensors {
-        assets.sensor(sensor)?;
-    }
-    for experiment in &experiments {
-        assets.experiment(experiment)?;
-    }
+    println!("lenses       {}", found.lenses.join(", "));
+    println!("sensors      {}", found.sensors.join(", "));
+    println!("experiments  {}", found.experiments.join(", "));
     println!("built-in files: all readable");
     Ok(ExitCode::SUCCESS)
 }

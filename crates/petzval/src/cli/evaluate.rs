@@ -6,16 +6,18 @@ use std::process::ExitCode;
 use petzval::jobs::evaluate;
 use serde_json::json;
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::score_table;
+use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
-/// Nothing in the run folder is changed. The table says how far each figure is from the run's own.
+/// Nothing in the run folder is changed. The last line gives the largest difference from the run's own figures.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
     run: PathBuf,
-    /// Where tensors live
+    /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = "cpu")]
     device: String,
     /// Machine-readable output
@@ -24,14 +26,14 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = evaluate::Request { run: args.run, device: args.device };
-    let evaluate::Response { metrics, largest_difference_from_run: largest, columns } =
-        evaluate::run(&request, &context())?;
+    let evaluate::Response { metrics, largest_difference_from_run: largest } =
+        evaluate::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&json!({ "metrics": metrics, "largest_difference_from_run": largest }));
     }
-    super::design::print_table(&metrics, &columns);
+    score_table::print(&metrics);
     println!("largest difference from the run's own figures: {largest:.3e}");
     Ok(ExitCode::SUCCESS)
 }

@@ -1,24 +1,25 @@
-//! `petzval experiment` and `petzval schema`: what there is to design, and what may stand in a file.
+//! `petzval experiment` and `petzval schema`: the built-in experiments, and the schemas of files.
 
 use std::process::ExitCode;
 
 use clap::{Subcommand, ValueEnum};
 use petzval::jobs::experiment::{self, FileKind};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]
 pub enum ExperimentVerb {
-    /// The built-in experiments, with their variants
+    /// List the built-in experiments with their variants
     List {
         /// Machine-readable output
         #[arg(long)]
         json: bool,
     },
-    /// Print an experiment, to read or to start from
+    /// Print an experiment, to read it or to start from it
     ///
-    /// `petzval design --print-config` prints it with every default filled in.
+    /// `petzval design NAME --print-config` prints it with every default filled in.
     Show {
         /// Experiment file, or the name of a built-in one
         name: String,
@@ -26,10 +27,10 @@ pub enum ExperimentVerb {
 }
 
 /// Runs a verb.
-pub fn run(verb: ExperimentVerb) -> Result<ExitCode, Failure> {
+pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
         ExperimentVerb::List { json } => {
-            let entries = experiment::list(&context())?;
+            let entries = experiment::list(&terminal.context())?;
             if json {
                 return print_json(&entries);
             }
@@ -37,12 +38,12 @@ pub fn run(verb: ExperimentVerb) -> Result<ExitCode, Failure> {
                 println!("{}\n    {}\n    variants: {}", entry.name, entry.title, entry.variants.join(", "));
             }
         }
-        ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &context())?),
+        ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &terminal.context())?),
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Files that a user writes.
+/// Kinds of files that a user writes.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     /// An experiment of `petzval design`
@@ -53,10 +54,10 @@ enum Kind {
     Sensor,
 }
 
-/// Print the JSON Schema of a kind of file, from which editors complete and check it.
+/// Print the JSON Schema of a kind of file, with which editors complete and check it.
 ///
-/// In VS Code with the extension Even Better TOML, write the schema into a file and name it in the first line of your own:
-/// `#:schema ./experiment.schema.json`.
+/// In VS Code with the extension Even Better TOML, write the schema to a file and name it in the first line of your own
+/// file: `#:schema ./experiment.schema.json`.
 #[derive(Debug, clap::Args)]
 pub struct SchemaArgs {
     /// Kind of file

@@ -1,23 +1,20 @@
-//! Failures as a user sees them: what is wrong, where in which file, and a hint; with the exit code.
+//! Failures: message, place in the file and hint for the user, and the exit code.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 use petzval::base::FileError;
-use petzval::design::error::DesignError;
-use petzval::files::decode;
-use petzval::files::raw_file::RawFileError;
-use petzval::jobs::{Fault, JobError};
+use petzval::jobs::{Fault, JobError, text_of_file};
 
 /// The job failed.
 const EXIT_JOB: u8 = 1;
 /// Bad usage or bad input.
 const EXIT_INPUT: u8 = 2;
 
-/// Leaves wrapping to the terminal, so that a path in a message can be copied and searched for.
+/// Turns off the wrapping of lines, so that a path in a message can be copied and searched for.
 pub fn keep_lines_whole() {
-    // A second call finds the hook set already, and there is nothing to do.
+    // A second call fails because the hook is already set, which is harmless.
     let _ = miette::set_hook(Box::new(|_| Box::new(MietteHandlerOpts::new().wrap_lines(false).build())));
 }
 
@@ -29,12 +26,12 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// The job failed, though it was asked for properly.
+    /// The request was right, but the job failed.
     pub fn job(message: impl Into<String>) -> Self {
         Self { report: Report::new(MietteDiagnostic::new(message)), code: EXIT_JOB }
     }
 
-    /// What was asked for, or a file, is wrong.
+    /// The request or a file is wrong.
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
         let diagnostic = MietteDiagnostic::new(message).with_help(hint);
         Self { report: Report::new(diagnostic), code: EXIT_INPUT }
@@ -62,9 +59,8 @@ impl Failure {
         if let Some(hint) = &error.hint {
             diagnostic = diagnostic.with_help(hint.clone());
         }
-        // Show the line itself, if the file is still there to be read.
-        let text = std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned());
-        let report = match (text, error.line) {
+        // Show the line itself, if the file can still be read.
+        let report = match (text_of_file(path), error.line) {
             (Some(text), Some(line)) => {
                 let start: usize = text.split_inclusive('\n').take(line as usize - 1).map(str::len).sum();
                 let length = text[start..].lines().next().map_or(0, str::len);
@@ -100,17 +96,5 @@ impl From<JobError> for Failure {
             diagnostic = diagnostic.with_help(hint);
         }
         Self { report: Report::new(diagnostic), code }
-    }
-}
-
-impl From<DesignError> for Failure {
-    fn from(error: DesignError) -> Self {
-        JobError::from(error).into()
-    }
-}
-
-impl From<RawFileError> for Failure {
-    fn from(error: RawFileError) -> Self {
-        JobError::from(error).into()
     }
 }

@@ -1,7 +1,6 @@
-//! `petzval lens`: look at a lens, or make it better.
+//! `petzval lens`: shows, analyses, converts, optimises and tolerances lenses.
 
 mod analyze;
-mod bar;
 mod convert;
 mod focus;
 mod optimize;
@@ -13,33 +12,34 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
-use super::Failure;
+use super::failure::Failure;
+use super::terminal::Terminal;
 
 /// Verbs about a lens.
 #[derive(Debug, Subcommand)]
 pub enum LensVerb {
-    /// Prescription, first-order properties, Seidel sums and RMS spots
+    /// Show prescription, first-order properties, Seidel sums and RMS spots
     Show(show::Args),
-    /// Layout, spots, fans, MTF and everything else a designer looks at, as pictures and data
+    /// Write layout, spots, fans, MTF and further analyses, as pictures and data
     Analyze(analyze::Args),
-    /// From one file format to another, with a report of what is lost
+    /// Convert to another file format, with a report of what is lost
     Convert(convert::Args),
-    /// One ray through every surface
+    /// Trace one ray through every surface
     Trace(trace::Args),
-    /// Smaller spots within bounds, by descent or by a global search
+    /// Make the spots smaller within bounds, by descent or by a global search
     Optimize(Box<optimize::Args>),
-    /// How errors in its making change a lens: sensitivities, random lenses, yield
+    /// Compute how manufacturing errors change a lens: sensitivities, random lenses, yield
     Tolerance(tolerance::Args),
 }
 
 /// Runs a verb.
-pub fn run(verb: LensVerb) -> Result<ExitCode, Failure> {
+pub fn run(verb: LensVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
-        LensVerb::Show(args) => show::run(args),
-        LensVerb::Analyze(args) => analyze::run(args),
-        LensVerb::Convert(args) => convert::run(args),
-        LensVerb::Trace(args) => trace::run(args),
-        LensVerb::Optimize(args) => optimize::run(*args),
-        LensVerb::Tolerance(args) => tolerance::run(args),
+        LensVerb::Show(args) => show::run(args, terminal),
+        LensVerb::Analyze(args) => analyze::run(args, terminal),
+        LensVerb::Convert(args) => convert::run(args, terminal),
+        LensVerb::Trace(args) => trace::run(args, terminal),
+        LensVerb::Optimize(args) => optimize::run(*args, terminal),
+        LensVerb::Tolerance(args) => tolerance::run(args, terminal),
     }
 }

@@ -10,41 +10,41 @@ mod experiment;
 mod failure;
 mod glass;
 mod lens;
+mod number;
 mod psf;
 mod psf_calibrate;
 mod psf_capture;
 mod raw;
 mod report;
+mod score_table;
 mod sensor;
 mod signals;
 mod simulate;
+mod terminal;
 mod watcher;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
-use petzval::jobs::Context;
+
+use self::terminal::Terminal;
 
 pub use failure::Failure;
 
-/// Stopped by a signal after writing a checkpoint (EX_TEMPFAIL of sysexits).
-pub const EXIT_STOPPED: u8 = 75;
-
 /// Design a camera as one thing: lens, sensor, development and network, optimised together by gradient.
 ///
-/// `petzval design` runs the built-in experiment: a Cooke triplet, a Sony IMX249 and a small network,
-/// designed end to end for image quality, against two controls. Every other verb shows one stage of the
-/// same light path.
+/// `petzval design` runs the built-in experiment: a Cooke triplet, a Sony IMX249 and a small network, designed end to
+/// end for image quality and compared with two controls. The other verbs cover single stages of the same light path.
 #[derive(Debug, Parser)]
 #[command(name = "petzval", version, propagate_version = true)]
 pub struct Cli {
     /// Threads to use; 0 means one per core. Results do not depend on it.
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     threads: usize,
-    /// Glass catalogue whose glasses win over the built-in ones: .agf, .toml, a page of refractiveindex.info (.yml), or a
-    /// folder of them. May be repeated; later ones win. PETZVAL_GLASSES lists more, which come before
+    /// Glass catalogue whose glasses take precedence over the built-in ones: .agf, .toml, a page of
+    /// refractiveindex.info (.yml), or a folder of them. May be repeated; later ones take precedence. PETZVAL_GLASSES
+    /// lists further ones, which are read first
     #[arg(long, global = true, value_name = "PATH")]
     glasses: Vec<PathBuf>,
     #[command(subcommand)]
@@ -55,7 +55,7 @@ pub struct Cli {
 enum Verb {
     /// Design lens and network together, and compare with two controls
     Design(design::Args),
-    /// Look at the built-in experiments
+    /// List the built-in experiments, or print one
     #[command(subcommand)]
     Experiment(experiment::ExperimentVerb),
     /// Print the JSON Schema of experiment, lens or sensor files
@@ -64,10 +64,10 @@ enum Verb {
     Report(report::Args),
     /// Score the cameras of a run again, with exact optics
     Evaluate(evaluate::Args),
-    /// Look at a lens, or make it better
+    /// Show, analyse, convert, optimise or tolerance a lens
     #[command(subcommand)]
     Lens(lens::LensVerb),
-    /// Look glasses up, or find those with a given index and dispersion
+    /// Show glasses, or find those with a given index and dispersion
     #[command(subcommand)]
     Glass(glass::GlassVerb),
     /// Write the point-spread functions of a lens
@@ -76,21 +76,21 @@ enum Verb {
     PsfCalibrate(psf_calibrate::Args),
     /// Simulate captures of a pinhole for psf-calibrate
     PsfCapture(psf_capture::Args),
-    /// Look at a sensor, measure one from captures, or simulate such captures
+    /// Show sensors, measure one from captures, or simulate such captures
     #[command(subcommand)]
     Sensor(sensor::SensorVerb),
     /// Take photographs through a lens: photograph, raw frame, developed picture
     Simulate(simulate::Args),
-    /// Look at raw frames, or write them in another format
+    /// Show raw frames, or write them in another format
     #[command(subcommand)]
     Raw(raw::RawVerb),
     /// Measure standard workloads
     Bench(bench::Args),
-    /// Say what this machine offers
+    /// Show what this machine and this build offer
     Doctor(doctor::Args),
 }
 
-/// More threads than any machine has; asking for them hangs it.
+/// Largest number of threads; far more would hang the machine.
 const MOST_THREADS: usize = 1024;
 
 /// Runs a parsed command line.
@@ -111,28 +111,28 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
             .build_global()
             .map_err(|e| Failure::job(format!("{} threads: {e}", cli.threads)))?;
     }
-    glass::choose(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))?;
+    let terminal = Terminal { assets: glass::chosen(&cli.glasses, matches!(cli.verb, Verb::Glass(_)))? };
     match cli.verb {
-        Verb::Design(args) => design::run(args),
-        Verb::Experiment(verb) => experiment::run(verb),
+        Verb::Design(args) => design::run(args, &terminal),
+        Verb::Experiment(verb) => experiment::run(verb, &terminal),
         Verb::Schema(args) => experiment::schema(args),
-        Verb::Report(args) => report::run(args),
-        Verb::Evaluate(args) => evaluate::run(args),
-        Verb::Lens(verb) => lens::run(verb),
-        Verb::Glass(verb) => glass::run(verb),
-        Verb::Psf(args) => psf::run(args),
-        Verb::PsfCalibrate(args) => psf_calibrate::run(args),
-        Verb::PsfCapture(args) => psf_capture::run(args),
-        Verb::Sensor(verb) => sensor::run(verb),
-        Verb::Simulate(args) => simulate::run(args),
-        Verb::Raw(verb) => raw::run(verb),
+        Verb::Report(args) => report::run(args, &terminal),
+        Verb::Evaluate(args) => evaluate::run(args, &terminal),
+        Verb::Lens(verb) => lens::run(verb, &terminal),
+        Verb::Glass(verb) => glass::run(verb, &terminal),
+        Verb::Psf(args) => psf::run(args, &terminal),
+        Verb::PsfCalibrate(args) => psf_calibrate::run(args, &terminal),
+        Verb::PsfCapture(args) => psf_capture::run(args, &terminal),
+        Verb::Sensor(verb) => sensor::run(verb, &terminal),
+        Verb::Simulate(args) => simulate::run(args, &terminal),
+        Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Bench(args) => bench::run(args),
-        Verb::Doctor(args) => doctor::run(args),
+        Verb::Doctor(args) => doctor::run(args, &terminal),
     }
 }
 
-/// The reader of DNG files ends some damaged ones with a panic, which its caller turns into an error: the message of the
-/// panic would stand in front of ours.
+/// Suppresses the message of a panic in the reader of DNG files. It panics on some damaged files, and its caller turns
+/// the panic into an error with a message of our own.
 #[cfg(feature = "dng")]
 fn leave_panics_of_the_dng_reader_to_its_caller() {
     let usual = std::panic::take_hook();
@@ -143,7 +143,7 @@ fn leave_panics_of_the_dng_reader_to_its_caller() {
     }));
 }
 
-/// `petzval ... | head` ends the command when `head` has read enough, as it does any other.
+/// Ends the command quietly when the reader of a pipe ends, as in `petzval ... | head`.
 #[cfg(unix)]
 fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
     let always = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
@@ -155,16 +155,4 @@ fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
 #[cfg(not(unix))]
 fn end_quietly_on_broken_pipe() -> Result<(), Failure> {
     Ok(())
-}
-
-/// What the jobs of a command are given: the built-in library with the user's glasses, and stderr for what they report.
-fn context() -> Context {
-    Context::new(petzval::built_in_assets(), Arc::new(watcher::Stderr::new()))
-}
-
-/// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
-fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
-    let print = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
-    println!("{}", print().map_err(|e| Failure::job(e.to_string()))?);
-    Ok(ExitCode::SUCCESS)
 }

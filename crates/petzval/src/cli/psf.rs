@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::psf;
-use petzval::optics::psf::PsfKind;
+use petzval::jobs::psf::{self, PsfKind};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
-/// What light is taken for.
+/// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     /// Rays.
@@ -21,7 +21,7 @@ enum Kind {
 /// Write the PSFs of a lens, per field and wavelength.
 ///
 /// Files: psf.npy, float64 [field, wavelength, row, column], each of unit sum, centred on the chief ray;
-/// illumination.npy, float64 [field, wavelength]; psf.png, a sheet to look at; psf.json, the axes.
+/// illumination.npy, float64 [field, wavelength]; psf.png, a picture of all PSFs; psf.json, the axes.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -44,10 +44,10 @@ pub struct Args {
     /// Cell size, um
     #[arg(long, default_value_t = 1.0)]
     pitch_um: f64,
-    /// Pupil cells a side; waves choose their own
+    /// Pupil cells a side; not for waves
     #[arg(long, default_value_t = 256)]
     pupil_cells: usize,
-    /// Rays, right where aberrations spread light over many times the Airy disk, or waves
+    /// Rays, accurate where aberrations spread light over many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = "geometric")]
     kind: Kind,
     /// Print the axes as JSON
@@ -56,7 +56,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = psf::Request {
         lens: args.lens,
         out: args.out,
@@ -71,7 +71,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             Kind::Diffraction => PsfKind::Diffraction,
         },
     };
-    let response = psf::run(&request, &context())?;
+    let response = psf::run(&request, &terminal.context())?;
     eprintln!("{} fields x 3 wavelengths written to {}", request.fields, request.out.display());
     if args.json { print_json(&response.axes) } else { Ok(ExitCode::SUCCESS) }
 }

@@ -1,26 +1,28 @@
-//! `petzval psf-calibrate`: PSFs measured from captures of a pinhole.
+//! `petzval psf-calibrate`: measures PSFs from captures of a pinhole.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use petzval::jobs::psf_calibrate::{self, Figures, HeldOutBy};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
 /// Measure point-spread functions from captures of a pinhole.
 ///
-/// DIR holds captures.toml, which names sensor, positions, exposures and frames (`petzval psf-capture` writes one to look at).
-/// Per position the frames of each exposure are averaged, the dark signal is taken off, exposures are merged by their variance,
-/// the mosaic is filled bilinearly, and 23x23 pixels around the centroid are kept. With --lens every PSF is
-/// compared with the traced one, and errors stand beside the predicted noise floor. Fields of the bank are tested on positions
-/// that were left out of their fit; a lone position can only be tested on parts of its own pixels.
+/// DIR holds captures.toml, which names sensor, positions, exposures and frames (`petzval psf-capture` writes an
+/// example). For each position the frames of each exposure are averaged, the dark signal is subtracted, exposures are
+/// merged by their variance, the mosaic is demosaiced bilinearly, and 23x23 pixels around the centroid are kept. With
+/// --lens every PSF is compared with the traced one, and errors are printed with the predicted noise floor. Fields of
+/// the bank are tested on positions that were left out of their fit; a single position can only be tested on parts of
+/// its own pixels.
 ///
-/// The sensor has a Bayer mosaic, or none: the one PSF of a monochrome sensor then stands in all three channels. Other
-/// mosaics are refused.
+/// The sensor has a Bayer mosaic or is monochrome: the single PSF of a monochrome sensor fills all three channels.
+/// Other mosaics are refused.
 ///
-/// Files: calibration.json, all figures; psf-calibration.html, a page to look at; psf-calibration.png, all PSFs on a sheet;
-/// measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, what `simulate --psfs` takes in place of a
-/// traced lens.
+/// Files: calibration.json, all figures; psf-calibration.html, a page with tables and pictures; psf-calibration.png,
+/// all PSFs; measured.npy, float64 [position, channel, row, column]; psfs.toml and psfs.npy, for `simulate --psfs` in
+/// place of a traced lens.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of captures, with captures.toml
@@ -29,10 +31,10 @@ pub struct Args {
     /// Lens to compare with: a file, or a built-in name
     #[arg(long)]
     lens: Option<String>,
-    /// Folder for the results; DIR/psf-calibration if not given
+    /// Folder for the results [default: DIR/psf-calibration]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Seed of the draws behind the noise floor
+    /// Seed of the noise draws for the noise floor
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print all figures as JSON
@@ -41,10 +43,10 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request =
         psf_calibrate::Request { captures: args.captures, lens: args.lens, out: args.out, seed: args.seed };
-    let response = psf_calibrate::run(&request, &context())?;
+    let response = psf_calibrate::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.figures);
     }

@@ -1,4 +1,4 @@
-//! `petzval psf-capture`: simulated captures of a pinhole, as a laboratory would take them.
+//! `petzval psf-capture`: simulates captures of a pinhole in a laboratory.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -6,14 +6,15 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::psf_capture;
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
-/// Where the lens is focused.
+/// Focus of the lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Focus {
     /// On the source: the sensor moves as far as the paraxial image.
     Source,
-    /// Where the lens file has it, for most lenses at infinity: a near source is then out of focus.
+    /// As in the lens file, for most lenses at infinity: a near source is then out of focus.
     File,
 }
 
@@ -30,11 +31,11 @@ enum Axis {
 
 /// Simulate captures of a pinhole: frames and their manifest, ready for psf-calibrate.
 ///
-/// A pinhole lit by a white diode of 4900 K is put at field radii along the vertical, horizontal and diagonal of the
-/// sensor; fields that the sensor does not reach are left out. The camera turns towards the source. At each place frames are
+/// A pinhole lit by a white diode of 4900 K is placed at field radii along the vertical, horizontal and diagonal of the
+/// sensor; fields beyond the sensor are left out. The camera turns towards the source. At each position frames are
 /// taken at several exposure times with the sensor's noise; only a window around the source is written. The source is
-/// adjusted so that the brightest pixel of all places, behind its own colour filter, is at --peak of the range at the longest
-/// time. A folder that holds captures is not changed.
+/// adjusted so that the brightest pixel of all positions, behind its own colour filter, is at --peak of the range at
+/// the longest time. A folder that holds captures is not changed.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -48,10 +49,10 @@ pub struct Args {
     /// Distance of the pinhole from the lens, mm
     #[arg(long, default_value_t = 1500.0)]
     distance_mm: f64,
-    /// Diameter of the pinhole, um; its image may be a pixel wide
+    /// Diameter of the pinhole, um; its image may be at most a pixel wide
     #[arg(long, default_value_t = 75.0, allow_negative_numbers = true)]
     pinhole_um: f64,
-    /// Where the lens is focused
+    /// Focus of the lens
     #[arg(long, value_enum, default_value = "source")]
     focus: Focus,
     /// Fields from the axis to --radius-mm
@@ -78,7 +79,8 @@ pub struct Args {
     /// Dark frames of each exposure time and place
     #[arg(long, default_value_t = 0)]
     dark_frames: usize,
-    /// Brightest pixel at the longest exposure over the range of converter or full well, the lesser; above 1 it clips
+    /// Brightest pixel at the longest exposure, relative to the range of the converter or the full well, whichever is
+    /// less; above 1 it clips
     #[arg(long, default_value_t = 0.8)]
     peak: f64,
     /// Pixels a side of the window that is written
@@ -93,7 +95,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = psf_capture::Request {
         lens: args.lens,
         out: args.out,
@@ -114,7 +116,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         window: args.window,
         seed: args.seed,
     };
-    let response = psf_capture::run(&request, &context())?;
+    let response = psf_capture::run(&request, &terminal.context())?;
     let out = request.out.display();
     eprintln!(
         "{} positions, {} frames in {out}; measure them with `petzval psf-calibrate {out} --lens {}`",

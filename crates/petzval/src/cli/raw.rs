@@ -1,4 +1,4 @@
-//! `petzval raw`: look at raw frames, or write them in another format.
+//! `petzval raw`: shows raw frames, or writes them in another format.
 
 mod convert;
 mod show;
@@ -7,21 +7,22 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
-use super::Failure;
+use super::failure::Failure;
+use super::terminal::Terminal;
 
 /// Verbs about raw frames.
 #[derive(Debug, Subcommand)]
 pub enum RawVerb {
-    /// Camera and exposure of a frame, and its digital numbers colour by colour
+    /// Show camera and exposure of a frame, and its digital numbers colour by colour
     Show(show::Args),
     /// Write a frame in another format, with its sidecar
     Convert(convert::Args),
 }
 
 /// Runs a verb.
-pub fn run(verb: RawVerb) -> Result<ExitCode, Failure> {
+pub fn run(verb: RawVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
-        RawVerb::Show(args) => show::run(args),
-        RawVerb::Convert(args) => convert::run(args),
+        RawVerb::Show(args) => show::run(args, terminal),
+        RawVerb::Convert(args) => convert::run(args, terminal),
     }
 }

@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use petzval::jobs::report;
 
-use super::{Failure, context};
+use super::failure::Failure;
+use super::terminal::Terminal;
 
-/// Write report.html of a finished run again, from what the run folder holds.
+/// Write report.html of a finished run again, from the contents of its folder.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
@@ -15,8 +16,8 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let response = report::run(&report::Request { run: args.run }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let response = report::run(&report::Request { run: args.run }, &terminal.context())?;
     println!("{}", response.report.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM ask a run to stop after the step at hand; a second one stops it at once.
+//! Ctrl-C and SIGTERM stop a run after the current step; a second signal stops it at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::cli::Failure;
+use crate::cli::failure::Failure;
 
-/// The job was cut off without a checkpoint: it failed.
+/// Exit code of a job that was stopped at once, without a checkpoint.
 const EXIT_AT_ONCE: i32 = 1;
 
 /// A flag that the first signal sets.
@@ -22,7 +22,9 @@ pub fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(EXIT_AT_ONCE);
             }
-            eprintln!("stopping after the step at hand, with a checkpoint (again: at once, without)");
+            eprintln!(
+                "stopping after the current step, with a checkpoint; a second signal stops at once, without one"
+            );
         }
     });
     Ok(stop)

@@ -6,9 +6,10 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::simulate::{self, Request};
 
-use super::{Failure, context, print_json};
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
 
-/// How a photograph lands on the sensor.
+/// Position and scale of a photograph on the sensor.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Place {
     /// Scaled to cover the sensor, the rest cut off.
@@ -17,14 +18,7 @@ enum Place {
     Centre,
 }
 
-/// What becomes of the raw frame.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Isp {
-    /// Dark level, white balance, bilinear demosaic, shading correction.
-    Linear,
-}
-
-/// How the raw frame is written.
+/// Format of the raw frame.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum RawAs {
     /// 16-bit gray TIFF.
@@ -37,7 +31,7 @@ enum RawAs {
     Npy,
 }
 
-/// How the developed picture is written.
+/// Format of the developed picture.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum PictureAs {
     /// 8-bit sRGB PNG.
@@ -50,7 +44,7 @@ enum PictureAs {
     Npy,
 }
 
-/// The light, and how finely its spectrum is sampled.
+/// The light, and the sampling of its spectrum.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Over the spectrum")]
 struct SpectralArgs {
@@ -58,11 +52,11 @@ struct SpectralArgs {
     /// relative power [default: D65]
     #[arg(long, value_name = "LIGHT")]
     illuminant: Option<String>,
-    /// Illuminance of the scene, lux; white is a matt white surface there [default: 500, or as --white-e needs]
+    /// Illuminance of the scene, lux; white is a matt white surface there [default: 500, or the value that gives --white-e]
     #[arg(long, value_name = "LUX")]
     illuminance_lux: Option<f64>,
-    /// Bands for scenes and photographs, over the wavelengths at which light, lens and sensor all have something [default: 16,
-    /// more where these would be over 20 nm apart]
+    /// Number of bands for scenes and photographs, over the wavelengths that light, lens and sensor have in common
+    /// [default: 16, or more if 16 would be over 20 nm apart]
     #[arg(long, value_name = "N")]
     bands: Option<usize>,
     /// Quantum efficiency curves in place of the sensor's own: a built-in name (imx219, ov5647), flat:VALUE for one efficiency
@@ -76,26 +70,26 @@ struct SpectralArgs {
     /// Take photographs the fast way: red, green and blue through three PSFs, then electrons by a 3x3 matrix
     #[arg(long, conflicts_with = "bands")]
     three_band: bool,
-    /// Show the camera's own colours, white-balanced, without the matrix fitted to the ColorChecker
+    /// Show the camera's own colours, white-balanced, without the colour matrix that is fitted to the ColorChecker
     #[arg(long)]
     no_colour_matrix: bool,
 }
 
 /// Take photographs and scenes through a lens: scene, raw frame, developed picture.
 ///
-/// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers;
-/// NAME-raw.tiff.toml, which says how it was taken; and NAME-developed.png, 8 bit sRGB. The picture is developed as those
-/// that networks are trained on.
+/// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers; NAME-raw.tiff.toml,
+/// its camera and exposure; and NAME-developed.png, 8 bit sRGB. Networks are trained on pictures with the same development.
 ///
 /// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
 /// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
 /// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 ///
-/// The flat scene is a perfect diffuser. Edge and star are the white and the black patch of a ColorChecker, which reflect 0.89
-/// and 0.03 of the light at 550 nm: black is a dark gray.
+/// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a
+/// ColorChecker, 0.89 and 0.03 at 550 nm: black is a dark gray.
 ///
-/// Highlights end in neutral white where white light saturates the first colour. What a PNG shows as white is white, or where
-/// highlights end, if that is less; the linear light of EXR and NPY always has white at 1.
+/// Highlights end in neutral white at the level at which white light saturates the first colour. White of a PNG is the
+/// white of the scene, or the end of the highlights if that is lower; the linear light of EXR and NPY always has white
+/// at 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Photographs (PNG, JPEG, TIFF), spectral images, or scene:NAME
@@ -104,25 +98,24 @@ pub struct Args {
     /// Lens file, or a built-in name
     #[arg(long, default_value = "cooke-triplet-nominal")]
     lens: String,
-    /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They bring their own
-    /// illumination. Clear pixels see the three planes of a picture, each spread by its PSF, by the sensor's clear_response
+    /// Measured PSFs in place of the lens: the results of psf-calibrate (a folder, or its psfs.toml). They include the
+    /// relative illumination. Clear pixels receive the three planes of a picture, each spread by its PSF, in the
+    /// mixture of the sensor's clear_response
     #[arg(long, value_name = "PATH", conflicts_with = "lens")]
     psfs: Option<PathBuf>,
     /// Sensor file, or a built-in name
     #[arg(long, default_value = "imx249-fitted")]
     sensor: String,
-    /// Development
-    #[arg(long, value_enum, default_value = "linear")]
-    isp: Isp,
-    /// How a photograph lands on the sensor
+    /// Position and scale of a photograph on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
-    /// Photoelectrons that white gives in a green pixel on the axis. By default 70 % of those with which white saturates the
-    /// first colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the light says how many, unless
-    /// they are given: then the illuminance follows from them
+    /// Photoelectrons of white in a green pixel on the axis. The default is 70 % of the number at which white saturates
+    /// the first colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the number follows from
+    /// the light; if it is given, the illuminance follows from it
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     white_e: Option<f32>,
-    /// Read only the middle HEIGHTxWIDTH pixels of the sensor, such as 480x640. They see what they see in a whole frame
+    /// Read only the middle HEIGHTxWIDTH pixels of the sensor, such as 480x640. They have the same values as in a whole
+    /// frame
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Exposure time, s
@@ -154,8 +147,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let Isp::Linear = args.isp;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let over = args.spectral;
     let request = Request {
         images: args.images,
@@ -195,7 +187,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         },
         out: args.out,
     };
-    let response = simulate::run(&request, &context())?;
+    let response = simulate::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.images);
     }

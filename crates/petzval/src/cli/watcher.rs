@@ -1,4 +1,4 @@
-//! What a command shows while its job works: warnings, notes, and a bar with the time left.
+//! Output of a command while its job runs: warnings, notes, and a bar with the time left.
 
 use std::sync::Mutex;
 use std::time::Instant;
@@ -6,14 +6,14 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petzval::jobs::{Progress, Watcher};
 
-/// Units of work between two plain lines where stderr is not a terminal.
+/// Units of work between two plain lines if stderr is not a terminal.
 const PLAIN_EVERY: u64 = 50;
 
-/// Shows what a job reports on stderr: a bar on a terminal, plain lines elsewhere.
+/// Shows the reports of a job on stderr: a bar on a terminal, plain lines elsewhere.
 pub struct Stderr {
     bar: ProgressBar,
     is_plain: bool,
-    /// The phase of the job: when it began, with how many units done, and its total.
+    /// The phase of the job: start time, units done at the start, and total.
     phase: Mutex<Option<(Instant, u64, u64)>>,
 }
 
@@ -47,7 +47,7 @@ impl Watcher for Stderr {
 
     fn progress(&self, progress: &Progress) {
         let Progress { done, total, text } = progress;
-        // A thread that panicked while it held the lock leaves the numbers whole.
+        // The numbers stay valid if a thread panics while it holds the lock.
         let mut phase = self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let (start, first) = match *phase {
             Some((start, first, same)) if same == *total => (start, first),

@@ -1,4 +1,4 @@
-//! What the tests of the command share: running it, and a tiny experiment to run it on.
+//! Helpers for the tests of the command: running it, and a tiny experiment.
 
 #![allow(dead_code, reason = "every test program uses a part of this")]
 
@@ -15,7 +15,7 @@ pub fn petzval(folder: &Path) -> Command {
     command
 }
 
-/// How a command ended.
+/// The result of a command.
 #[derive(Debug)]
 pub struct Outcome {
     pub code: Option<i32>,
@@ -35,7 +35,7 @@ impl Outcome {
     }
 }
 
-/// Runs the command to its end; a panic fails whatever was expected.
+/// Runs the command to its end; a panic always fails the test.
 pub fn run(folder: &Path, args: &[&str]) -> Outcome {
     outcome(petzval(folder).args(args).output().expect("the command starts"))
 }
@@ -57,7 +57,7 @@ pub fn run_ok(folder: &Path, args: &[&str]) -> Outcome {
     outcome
 }
 
-/// Runs the command, which must fail with `code`, say all of `needles` on stderr, and leave the folder as it is.
+/// Runs the command, which must fail with `code`, print all of `needles` on stderr, and not change the folder.
 pub fn run_fails(folder: &Path, args: &[&str], code: i32, needles: &[&str]) -> Outcome {
     let before = snapshot(folder);
     let outcome = run(folder, args);

@@ -1,12 +1,12 @@
-//! The picture directories of a TIFF file, looked through before anything is read or allocated by what they say.
+//! Checks the picture directories of a TIFF file before data are read or memory is allocated according to them.
 
-/// Most bytes that a byte of a DNG can become: a pixel of lossless JPEG takes a bit at least, deflate reaches a thousand.
+/// Largest expansion of a byte of a DNG, bytes: a pixel of lossless JPEG takes at least a bit, deflate reaches a thousand.
 const MOST_EXPANSION: u64 = 4096;
 
-/// Most directories of a file; cameras write a handful.
+/// Largest number of directories in a file; cameras write a few.
 const MOST_DIRECTORIES: usize = 64;
 
-/// Tags that hold places of further directories: SubIFDs, Exif, GPS, interoperability.
+/// Tags that hold offsets of further directories: SubIFDs, Exif, GPS, interoperability.
 const POINTERS: [u16; 4] = [330, 34665, 34853, 40965];
 
 const WIDTH: u16 = 256;
@@ -16,7 +16,7 @@ const TILE_WIDTH: u16 = 322;
 const TILE_HEIGHT: u16 = 323;
 const DNG_VERSION: u16 = 50706;
 
-/// Bytes of a value by the number of its type; types that TIFF does not know count as bytes.
+/// Bytes of a value, by the number of its type. Types unknown to TIFF count as bytes.
 fn value_bytes(kind: u16) -> u64 {
     match kind {
         3 | 8 => 2,
@@ -26,7 +26,7 @@ fn value_bytes(kind: u16) -> u64 {
     }
 }
 
-/// Numbers of a TIFF file in its order of bytes.
+/// Reads numbers of a TIFF file in its byte order.
 struct Numbers<'a> {
     bytes: &'a [u8],
     little: bool,
@@ -49,19 +49,19 @@ impl Numbers<'_> {
     }
 }
 
-/// Checks that the directories of a DNG end, that their values are no longer than the file, and that their pictures are no
-/// larger than its bytes can become. Returns the number of directories in the chain.
+/// Checks that the chain of directories ends, that values are not longer than the file, and that pictures are not larger
+/// than the file's bytes can expand to. Returns the number of directories in the main chain.
 pub(super) fn check(bytes: &[u8]) -> Result<usize, String> {
     let numbers = match bytes.get(..4) {
         Some(b"II*\0") => Numbers { bytes, little: true },
         Some(b"MM\0*") => Numbers { bytes, little: false },
-        _ => return Err("the file is no TIFF, which a DNG is".to_owned()),
+        _ => return Err("the file is not a TIFF file, and so not a DNG".to_owned()),
     };
     let most_pixels = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(super::super::frame::MOST_PIXELS);
     let cut = || "the file ends in its header".to_owned();
     let first = numbers.u32(4).ok_or_else(cut)?;
     let (mut chain, mut seen, mut is_dng) = (0, 0, false);
-    // Places of directories still to look at, and whether each is of the chain.
+    // Offsets of directories that are still to be checked, and whether each is in the main chain.
     let mut open = vec![(first, true)];
     while let Some((place, chained)) = open.pop() {
         seen += 1;
@@ -71,6 +71,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<usize, String> {
         }
         let Some(entries) = numbers.u16(u64::from(place)) else { continue };
         let start = u64::from(place) + 2;
+        // Read the entries of the directory: picture size, and offsets of further directories.
         let (mut sides, mut tile, mut samples) = ([0, 0], [0, 0], 1);
         for entry in 0..u64::from(entries) {
             let at = start + 12 * entry;
@@ -107,6 +108,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<usize, String> {
                 _ => {}
             }
         }
+        // Compare the size of picture and tile with the file, then follow the chain.
         for [width, height] in [sides, tile] {
             let pixels = width.checked_mul(height).and_then(|n| n.checked_mul(samples.max(1)));
             if pixels.is_none_or(|pixels| pixels > most_pixels) {

@@ -1,10 +1,10 @@
-//! DNG files written here byte by byte: 16-bit mosaics, uncompressed and losslessly compressed, with the tags of the
-//! specification.
+//! Reads DNG files that the tests write byte by byte: 16-bit mosaics, uncompressed and losslessly compressed, with the tags of
+//! the specification.
 
 use super::super::{load_raw, sidecar_path};
 use super::*;
 
-/// A directory entry: tag, type, count, and its values as bytes in the order of the file.
+/// A directory entry: tag, type, count, and its values as bytes in the file's byte order.
 type Entry = (u16, u16, u32, Vec<u8>);
 
 fn short(tag: u16, values: &[u16]) -> Entry {
@@ -74,7 +74,7 @@ fn mosaic_tags(compression: u16) -> Vec<Entry> {
     ]
 }
 
-/// That mosaic uncompressed, with an active area if given (top, left, bottom, right).
+/// The mosaic of [`mosaic_tags`], uncompressed, with an active area if given (top, left, bottom, right).
 fn dng(active: Option<[u32; 4]>) -> (Vec<u16>, Vec<u8>) {
     let dn: Vec<u16> = (0..48).map(|i| 119 + 83 * i).collect();
     let mut entries = mosaic_tags(1);
@@ -95,13 +95,13 @@ fn a_mosaic_is_read_with_its_tags() {
     assert_eq!((frame.info.black_level_dn, frame.info.white_level_dn), (Some(119.0), Some(4095.0)));
     assert_eq!((frame.info.bits, frame.info.sensor.as_deref()), (Some(16), Some("Petzval Test")));
 
-    // A sidecar wins, and adds what the file does not say.
+    // A sidecar overrides the file and adds values that the file lacks.
     std::fs::write(sidecar_path(&path), "bits = 12\nblack_level_dn = 120.5\npixel_um = 5.86\n").unwrap();
     let info = load_raw(&path).unwrap().info;
     assert_eq!((info.bits, info.black_level_dn, info.pixel_um), (Some(12), Some(120.5), Some(5.86)));
 }
 
-/// Noise in the numbers makes differences of every length; the encoder is that of the reader's crate.
+/// Noise in the numbers exercises differences of every length. The encoder is that of the reader's crate.
 #[test]
 fn a_losslessly_compressed_mosaic_is_read_to_the_bit() {
     let dn: Vec<u16> = (0..48u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 20) as u16).collect();
@@ -113,7 +113,7 @@ fn a_losslessly_compressed_mosaic_is_read_to_the_bit() {
 }
 
 #[test]
-fn masked_borders_are_cut_off_and_the_mosaic_starts_with_the_light() {
+fn masked_borders_are_cropped_and_the_mosaic_starts_in_the_active_area() {
     let (dn, file) = dng(Some([1, 3, 5, 8]));
     let frame = decode(&file).map_err(|e| e.reason).unwrap();
     assert_eq!((frame.height, frame.width), (4, 5));
@@ -122,9 +122,9 @@ fn masked_borders_are_cut_off_and_the_mosaic_starts_with_the_light() {
 }
 
 #[test]
-fn what_a_dng_cannot_be_is_refused_before_it_is_read() {
+fn impossible_directories_are_refused_before_pixels_are_read() {
     let says = |file: &[u8]| decode(file).unwrap_err().reason;
-    assert!(says(b"no TIFF").contains("no TIFF"));
+    assert!(says(b"no TIFF").contains("not a TIFF"));
     assert!(says(&tiff(&[0; 4], vec![long(256, &[2]), long(257, &[2])])).contains("no DNG version"));
     let vast = vec![long(256, &[60_000]), long(257, &[60_000]), bytes_of(50706, 1, &[1, 4, 0, 0])];
     assert!(says(&tiff(&[0; 4], vast)).contains("60000x60000 pixels"));
@@ -138,7 +138,7 @@ fn what_a_dng_cannot_be_is_refused_before_it_is_read() {
     assert!(says(&endless).contains("more than the file holds"));
 }
 
-/// Damaged files: no panic comes through, nothing hangs.
+/// Damaged files cause neither panics nor endless loops.
 #[test]
 fn damaged_files_are_errors_or_frames() {
     use rand::{RngExt, SeedableRng};
@@ -150,7 +150,7 @@ fn damaged_files_are_errors_or_frames() {
     for _ in 0..mutations {
         let mut bytes = good.clone();
         for _ in 0..rng.random_range(1..4) {
-            // The pixels take half of the file; damage to the directory behind them is worth more.
+            // The pixels are half of the file; damage the directory behind them more often.
             let from = if rng.random() { 0 } else { 104.min(bytes.len() - 1) };
             let at = rng.random_range(from..bytes.len());
             match rng.random_range(0..5) {

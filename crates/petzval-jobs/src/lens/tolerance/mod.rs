@@ -12,7 +12,6 @@ use petzval_files::{ToleranceFile, parse_tolerances};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{self, Mtf, RmsSpot};
-use petzval_optics::psf::PsfKind;
 use petzval_optics::tolerance::{self, Study, ToleranceError, inverse, monte_carlo, sensitivities};
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +23,8 @@ pub use files::three_digits;
 pub use report::{
     Better, Compensator, Estimate, Percentile, Quantity, RandomLenses, Report, Sensitivity, Travel, Worst,
 };
+
+pub use petzval_optics::psf::PsfKind;
 
 /// Largest number of lenses made at random.
 const MOST_TRIALS: usize = 1_000_000;

@@ -9,13 +9,13 @@ use petzval_camera::spectral::{
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_design::glass_warnings::glass_warnings;
-use petzval_design::optics::PsfPlan;
+use petzval_design::psf_plan::PsfPlan;
 use petzval_optics::analysis::image_f_number;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 
-use super::super::bench::Bench;
 use super::super::request::Request;
+use super::super::rig::Rig;
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -32,19 +32,19 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// Reads what the request names; the sensor of the bench gets the efficiency of `qe`.
-    pub fn new(request: &Request, bench: &mut Bench, context: &Context) -> Result<Self, JobError> {
+    /// Reads what the request names; the sensor of the rig gets the efficiency of `qe`.
+    pub fn new(request: &Request, rig: &mut Rig, context: &Context) -> Result<Self, JobError> {
         let (over, assets) = (&request.spectral, &context.assets);
         if let Some(curves) = &over.qe {
-            bench.sensor.quantum_efficiency = Some(efficiency(curves, assets)?);
+            rig.sensor.quantum_efficiency = Some(efficiency(curves, assets)?);
         }
-        let Some((lens, plan)) = bench.traced.clone() else {
+        let Some((lens, plan)) = rig.traced.clone() else {
             return Err(JobError::input(
                 "--psfs: measured PSFs are those of three colours and of an unknown f-number",
                 "leave out --psfs and name a lens with --lens, or leave out the spectral scene and the options over the spectrum",
             ));
         };
-        has_curves(&bench.sensor, assets)?;
+        has_curves(&rig.sensor, assets)?;
         let lux = over.illuminance_lux.unwrap_or(500.0);
         if !(lux > 0.0 && lux <= 1e9) {
             return Err(JobError::input(
@@ -55,7 +55,7 @@ impl Conditions {
         let illuminant = illuminant(over.illuminant.as_deref().unwrap_or("D65"))?;
         let transmission = over.transmission.as_deref().map(transmission).transpose()?;
         let optics = PixelOptics {
-            pixel_um: bench.sensor.pixel_um,
+            pixel_um: rig.sensor.pixel_um,
             f_number: image_f_number(&lens),
             time_s: f64::from(request.time_s),
             transmission,

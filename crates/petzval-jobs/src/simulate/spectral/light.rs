@@ -11,8 +11,8 @@ use petzval_design::error::DesignError;
 use petzval_files::raw_file::shortest;
 use serde_json::{Map, Value, json};
 
-use super::super::bench::Bench;
 use super::super::request::Request;
+use super::super::rig::Rig;
 use super::conditions::Conditions;
 use crate::context::Context;
 use crate::error::JobError;
@@ -40,11 +40,11 @@ pub struct Light {
 
 impl Light {
     /// Even bands over all wavelengths at which light, lens and sensor have something.
-    pub fn over_all(request: &Request, conditions: &Conditions, bench: &Bench) -> Result<Self, JobError> {
-        let range = white_range_um(&bench.sensor, &conditions.optics, &conditions.illuminant)
+    pub fn over_all(request: &Request, conditions: &Conditions, rig: &Rig) -> Result<Self, JobError> {
+        let range = white_range_um(&rig.sensor, &conditions.optics, &conditions.illuminant)
             .map_err(DesignError::from)?;
         let count = request.spectral.bands.unwrap_or(bands_within(range, BAND_STEP_UM).max(LEAST_BANDS));
-        let light = Self::new(conditions, bench, even_bands(range.0, range.1, count))?;
+        let light = Self::new(conditions, rig, even_bands(range.0, range.1, count))?;
         light.check_white(request, conditions)?;
         Ok(light)
     }
@@ -53,11 +53,11 @@ impl Light {
     pub fn in_file(
         request: &Request,
         conditions: &Conditions,
-        bench: &Bench,
+        rig: &Rig,
         path: &Path,
         band_um: &[f64],
     ) -> Result<Self, JobError> {
-        let light = Self::new(conditions, bench, band_um.to_vec()).map_err(|error| {
+        let light = Self::new(conditions, rig, band_um.to_vec()).map_err(|error| {
             JobError::input(
                 format!("{}: in its bands, {}, {error}", path.display(), range_nm(band_um)),
                 "light, lens and pixels need wavelengths in common with the bands of the file",
@@ -67,8 +67,8 @@ impl Light {
         Ok(light)
     }
 
-    fn new(conditions: &Conditions, bench: &Bench, band_um: Vec<f64>) -> Result<Self, DesignError> {
-        let (sensor, optics, illuminant) = (&bench.sensor, &conditions.optics, &conditions.illuminant);
+    fn new(conditions: &Conditions, rig: &Rig, band_um: Vec<f64>) -> Result<Self, DesignError> {
+        let (sensor, optics, illuminant) = (&rig.sensor, &conditions.optics, &conditions.illuminant);
         let weights = band_weights(sensor, optics, &band_um)?;
         let white = ThreeBand::new(sensor, optics, illuminant, conditions.lux, &band_um)?;
         let matrix = fit_colour_matrix(sensor, optics, illuminant, &band_um)?;
@@ -97,7 +97,7 @@ impl Light {
 
     /// Warns of light that these bands leave out, and where the lens is traced outside the range of its glasses.
     /// `whose` is the file that the bands are of.
-    pub fn warn(&self, conditions: &Conditions, bench: &Bench, whose: Option<&Path>, context: &Context) {
+    pub fn warn(&self, conditions: &Conditions, rig: &Rig, whose: Option<&Path>, context: &Context) {
         if self.left_out > WARNED_SHARE {
             let file = whose.map(|path| format!("{}: ", path.display())).unwrap_or_default();
             context.warning(format!(
@@ -107,7 +107,7 @@ impl Light {
             ));
         }
         if whose.is_none() {
-            warn_of_cut_light(conditions, &bench.sensor, context);
+            warn_of_cut_light(conditions, &rig.sensor, context);
         }
         let seen = |band: &usize| self.weights.iter().any(|(_, weight)| weight[*band] > 0.0);
         let seen: Vec<f64> = (0..self.band_um.len()).filter(seen).map(|band| self.band_um[band]).collect();

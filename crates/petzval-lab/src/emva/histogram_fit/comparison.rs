@@ -1,4 +1,4 @@
-//! Captured histograms beside those of the model, and how well one describes the other.
+//! Compares captured histograms with those of the model.
 
 use serde::Serialize;
 
@@ -7,11 +7,11 @@ use super::sample::{Sample, mean_dn};
 use crate::emva::captures::Kind;
 use petzval_camera::sensor::Colour;
 
-/// How well a distribution describes a histogram.
+/// Distance between a histogram and a distribution.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GoodnessOfFit {
-    /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is expected),
-    /// over their number less one.
+    /// `sum (c - e)^2 / e` over bins of at least ten expected samples (or ten captured ones where less than one is
+    /// expected), over their number minus one.
     pub reduced_chi2: f64,
     /// Largest difference of the cumulative distributions (Kolmogorov-Smirnov), 0..1.
     pub kolmogorov_smirnov: f64,
@@ -19,7 +19,7 @@ pub struct GoodnessOfFit {
     pub total_variation: f64,
 }
 
-/// A captured histogram beside the simulated ones.
+/// A captured histogram with the expected ones before and after the fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HistogramComparison {
     /// Whether light fell on the sensor.
@@ -38,13 +38,13 @@ pub struct HistogramComparison {
     pub expected_before: Vec<f64>,
     /// Expected samples with the fitted parameters.
     pub expected_after: Vec<f64>,
-    /// Before the fit.
+    /// Distance before the fit.
     pub before: GoodnessOfFit,
-    /// After it.
+    /// Distance after the fit.
     pub after: GoodnessOfFit,
-    /// Reduced chi-square after the fit of the core alone, which tails do not touch.
+    /// Reduced chi-square of the core alone after the fit, without tails.
     pub core_reduced_chi2: f64,
-    /// Samples brighter than the core beyond what the model has there, as a share of all.
+    /// Samples brighter than the core in excess of the model, as a share of all samples.
     pub tail_share: f64,
     /// Standard error of that share.
     pub tail_share_se: f64,
@@ -52,13 +52,13 @@ pub struct HistogramComparison {
     pub tail_mean_dn: f64,
 }
 
-/// Standard errors by which a tail must exceed what the model has there.
+/// Standard errors by which a tail must exceed the model.
 const TAIL_SIGMAS: f64 = 5.0;
-/// Share of the pixels above which a tail is worth a warning.
+/// Share of the pixels above which a tail gets a warning.
 const TAIL_SHARE: f64 = 1e-5;
 
 impl HistogramComparison {
-    /// Whether dark frames have a tail of bright pixels that is no noise.
+    /// Whether dark frames have a tail of bright pixels that noise does not explain.
     pub fn has_dark_tail(&self) -> bool {
         let is_significant = self.tail_share > TAIL_SIGMAS * self.tail_share_se;
         self.kind == Kind::Dark && is_significant && self.tail_share > TAIL_SHARE
@@ -85,7 +85,7 @@ pub(super) fn compare(
     let n = h.counts.total() as f64;
     let [p_before, p_after] =
         [before, after].map(|numbers| sample.distribution(full_well_e, max_dn, numbers));
-    // The range to show: that of the captured samples, and of the model where it expects half a sample.
+    // Cover the captured samples, and the digital numbers at which the model expects half a sample or more.
     let visible = |p: &f64| n * p >= 0.5;
     let first = (h.counts.first_dn as usize).min(p_after.iter().position(visible).unwrap_or(usize::MAX));
     let last = (h.counts.last_dn() as usize).max(p_after.iter().rposition(visible).unwrap_or(0));
@@ -93,14 +93,14 @@ pub(super) fn compare(
     let expected = |p: &[f64]| p[first..=last].iter().map(|p| n * p).collect::<Vec<f64>>();
     let (expected_before, expected_after) = (expected(&p_before), expected(&p_after));
 
-    // The core alone, which tails do not touch.
+    // Compare the core alone, without tails.
     let (low, high) = (sample.core.0 as usize, sample.core.1 as usize);
     let within: Vec<u64> = (low..=high).map(|y| h.counts.at(y as i64)).collect();
     let n_within = within.iter().sum::<u64>() as f64;
     let share = p_after[low..=high].iter().sum::<f64>().max(1e-300);
     let expected_within: Vec<f64> = p_after[low..=high].iter().map(|p| n_within * p / share).collect();
 
-    // The tail: samples brighter than the core, beyond those that the model has there.
+    // Measure the tail: samples brighter than the core, in excess of the model.
     let beyond = high + 1;
     let in_tail: Vec<(f64, f64)> =
         (beyond..=last.max(beyond)).map(|y| (y as f64, h.counts.at(y as i64) as f64)).collect();
@@ -135,7 +135,8 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
         e_sum += e;
         ks = ks.max((c_sum - e_sum).abs() / n);
         variation += 0.5 * (c - e).abs() / n;
-        // Neighbouring digital numbers share a bin until ten samples are expected, or are there where the model has none.
+        // Merge neighbouring digital numbers until a bin has ten expected samples, or ten captured ones where the model
+        // has none.
         c_bin += c;
         e_bin += e;
         if e_bin >= 10.0 || (c_bin >= 10.0 && e_bin < 1.0) {
@@ -143,7 +144,7 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
             (c_bin, e_bin) = (0.0, 0.0);
         }
     }
-    // What is left at the end belongs to the last bin: alone it would be divided by next to nothing.
+    // Add the remainder to the last bin: alone it would be divided by a tiny expected count.
     match bins.last_mut() {
         Some((c, e)) => (*c, *e) = (*c + c_bin, *e + e_bin),
         None => bins.push((c_bin, e_bin)),

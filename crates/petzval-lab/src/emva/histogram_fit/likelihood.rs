@@ -1,4 +1,4 @@
-//! The likelihood of the cores of the histograms, its slope and its information, and the step that they give.
+//! The likelihood of the cores of the histograms, its slope and information matrix, and the step of the fit.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ pub struct Score {
 }
 
 impl Score {
-    /// Of all samples at these values of the parameters.
+    /// Likelihood of all samples at these parameters.
     pub fn of(samples: &[Sample<'_>], full_well_e: f64, max_dn: u32, numbers: &Numbers) -> Self {
         let parts: Vec<Core> =
             samples.par_iter().map(|s| derivatives(s, full_well_e, max_dn, numbers)).collect();
@@ -57,7 +57,8 @@ impl Score {
         Some(DVector::from_fn(free.len(), |i, _| step[i] / scale[i]))
     }
 
-    /// Inverse of the information, by way of a unit diagonal: the parameters' units span many powers of ten.
+    /// Inverse of the information matrix. It is scaled to a unit diagonal first, because the parameters' units span
+    /// many powers of ten.
     pub fn covariance(&self, free: &[Parameter]) -> Option<DMatrix<f64>> {
         let raw = self.information_of(free);
         let scale: Vec<f64> = (0..free.len()).map(|i| raw[(i, i)].sqrt()).collect();

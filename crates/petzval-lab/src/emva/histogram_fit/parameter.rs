@@ -4,7 +4,7 @@ use std::ops::{Index, IndexMut};
 
 use serde::Serialize;
 
-/// Parameters of the model that the fit starts from or ends with.
+/// Parameters of the model at the start or the end of the fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelParameters {
     /// K at linear gain 1, DN/e-.
@@ -19,7 +19,7 @@ pub struct ModelParameters {
     pub red_over_green: f64,
     /// Signal of blue over green.
     pub blue_over_green: f64,
-    /// sigma_r, e-; after a fit to histograms with DSNU in it, which they do not separate from read noise.
+    /// sigma_r, e-. After a fit to histograms it includes DSNU, which they do not separate from read noise.
     pub read_noise_e: f64,
     /// mu_I, e-/s.
     pub dark_current_e_per_s: f64,
@@ -52,14 +52,14 @@ pub enum Parameter {
     Light(usize),
 }
 
-/// How far the derivatives of the distribution step to either side.
+/// Step of the central differences of the distribution.
 #[derive(Debug, Clone, Copy)]
 enum Step {
-    /// So many units of the parameter.
+    /// A number of units of the parameter.
     Units(f64),
     /// A share of the value.
     Share(f64),
-    /// A share of the value, of one unit if the value is less.
+    /// A share of the value, or of one unit if the value is smaller.
     ShareAboveOne(f64),
     /// A share of the variance of shot noise, in units of the squared light.
     ShareOfShotNoise(f64),
@@ -160,7 +160,7 @@ const SHARED: [Row; 9] = [
         read: |m| m.dark_current_e_per_s,
         write: |m, v| m.dark_current_e_per_s = v,
     },
-    // The model has no PRNU: the fit starts without, and reports it beside the model.
+    // The model has no PRNU: the fit starts at zero, and reports the PRNU separately.
     Row {
         parameter: Parameter::PrnuSquared,
         name: "PRNU^2",
@@ -172,7 +172,7 @@ const SHARED: [Row; 9] = [
     },
 ];
 
-/// The row of the light levels, which are no part of the model.
+/// The row of the light levels, which are not part of the model.
 const LIGHT: Row = Row {
     parameter: Parameter::Light(0),
     name: "light",
@@ -232,7 +232,7 @@ impl Parameter {
             }
     }
 
-    /// Step of central differences at a value, in a histogram with so many electrons of light. The distribution is smooth and
+    /// Step of central differences at a value, in a histogram with a given number of electrons of light. The distribution is smooth and
     /// good to 1e-11.
     pub fn step(self, value: f64, light_e: f64) -> f64 {
         match self.row().step {
@@ -260,7 +260,7 @@ impl Numbers {
         Parameter::Light(self.0.len() - 1 - SHARED.len())
     }
 
-    /// How many there are.
+    /// Number of parameters.
     pub fn count(&self) -> usize {
         self.0.len()
     }
@@ -270,7 +270,7 @@ impl Numbers {
         Parameter::shared().chain((0..self.0.len() - SHARED.len()).map(Parameter::Light))
     }
 
-    /// The model with these values; what is no parameter stays.
+    /// The model with these values; everything else stays.
     pub fn model(&self, start: &ModelParameters) -> ModelParameters {
         let mut model = start.clone();
         SHARED.iter().zip(&self.0).for_each(|(row, value)| (row.write)(&mut model, *value));
@@ -297,7 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_the_order_of_the_numbers() {
+    fn the_table_has_the_order_of_the_numbers() {
         for (place, parameter) in Parameter::shared().enumerate() {
             assert_eq!(parameter.index(), place, "{}", parameter.name());
         }

@@ -1,4 +1,4 @@
-//! What the fit to the histograms gives.
+//! Result of the fit to the histograms.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use crate::emva::measured::Measured;
 pub struct LightLevel {
     /// Linear gain of the points.
     pub linear_gain: f64,
-    /// Electrons per photon where photons are known, else per second; of a single point if its light is stated by neither.
+    /// Electrons per photon if photons are known, else per second; electrons of a single point if neither states its light.
     pub electrons: Measured,
 }
 
@@ -36,16 +36,16 @@ pub struct HistogramFit {
     pub blue_over_green: Measured,
     /// `sqrt(sigma_r^2 + DSNU^2)`: the noise of the dark histograms, e-.
     pub dark_noise_e: Measured,
-    /// sigma_r, e-: of temporal noise where it is known, else with DSNU in it.
+    /// sigma_r, e-: from temporal noise if it is known, else including DSNU.
     pub read_noise_e: Measured,
-    /// DSNU, e-: what the histograms have beyond temporal noise. The error is an upper bound, as both come from the same
-    /// frames.
+    /// DSNU, e-: the width of the histograms beyond temporal noise. The error is an upper bound, because both come from
+    /// the same frames.
     pub dsnu_e: Measured,
-    /// PRNU (with what is uneven in the light), percent.
+    /// PRNU, including the unevenness of the light, percent.
     pub prnu_percent: Measured,
     /// mu_I, e-/s.
     pub dark_current_e_per_s: Measured,
-    /// The light.
+    /// Light levels.
     pub light: Vec<LightLevel>,
     /// Steps taken.
     pub steps: usize,
@@ -53,14 +53,14 @@ pub struct HistogramFit {
     pub converged: bool,
     /// Histograms that were left out: clipped, at the full well, or beyond the range of photon transfer.
     pub left_out: usize,
-    /// What the fit shows about its own use.
+    /// Reasons to doubt the fit.
     #[serde(skip)]
     pub flags: FitFlags,
     /// Every histogram that was fitted.
     pub histograms: Vec<HistogramComparison>,
 }
 
-/// What a fit shows about its own use.
+/// Reasons to doubt a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FitFlags {
     /// It did not converge.

@@ -1,4 +1,4 @@
-//! Captured histograms as the fit uses them: their cores, their light levels, and the parameters that they determine.
+//! The histograms of the fit: their cores, their light levels, and the parameters that they determine.
 
 use super::parameter::{ModelParameters, Numbers, Parameter};
 use crate::emva::captures::Kind;
@@ -8,10 +8,10 @@ use petzval_camera::sensor::Colour;
 
 /// Half width of the core of a histogram in standard deviations.
 const CORE_SIGMAS: f64 = 4.0;
-/// More electrons than any pixel holds; steps that go there are refused.
+/// More electrons than any pixel holds; steps beyond are refused.
 const MOST_ELECTRONS: f64 = 1e8;
 
-/// One histogram as the fit uses it.
+/// One histogram of the fit.
 pub struct Sample<'a> {
     /// The captured histogram.
     pub histogram: &'a PointHistogram,
@@ -59,7 +59,7 @@ impl Sample<'_> {
 }
 
 /// Whether a histogram can be fitted: it lies within the range of photon transfer, and its core is clipped neither by the
-/// converter nor by the full well. Only the core counts, so that no chance of the extremes chooses.
+/// converter nor by the full well. Only the core counts, because the extremes are random.
 pub fn is_usable(h: &PointHistogram, start: &ModelParameters, max_dn: u32) -> bool {
     let (low, high) = core(&h.counts);
     let electrons = (f64::from(high) - start.dark_offset_dn) / (start.gain_dn_per_e * h.linear_gain)
@@ -76,13 +76,13 @@ pub fn arrange<'a>(
     histograms: &[&'a PointHistogram],
 ) -> Option<(Vec<Sample<'a>>, Numbers, Vec<f64>)> {
     let mut numbers = Numbers::of(start);
-    // Points of one gain share one level if their exposure times or photons give the ratio of their light; the colours of a point
-    // always share one.
+    // Points of one gain share a light level if their exposure times or photons give the ratio of their light. The
+    // colours of a point always share one.
     let mut levels: Vec<((f64, Option<usize>), Parameter)> = Vec::new();
     let mut samples = Vec::new();
     for histogram in histograms {
         let light = (histogram.kind == Kind::Flat).then(|| {
-            // The unit of light: photons if all points of the gain state them, else seconds. The two do not compare.
+            // The unit of light: photons if all points of the gain state them, else seconds. The two are not comparable.
             let of_gain =
                 |h: &&&PointHistogram| h.kind == Kind::Flat && h.linear_gain == histogram.linear_gain;
             let by_photons = histograms.iter().filter(of_gain).all(|h| h.photons.is_some());
@@ -136,13 +136,13 @@ pub fn mean_dn(counts: &Counts) -> f64 {
     f64::from(counts.first_dn) + sum / counts.total().max(1) as f64
 }
 
-/// Median +- so many standard deviations, half the distance of the 16 % and 84 % quantiles.
+/// Median +- a number of standard deviations; the standard deviation is half the distance of the 16 % and 84 % quantiles.
 fn core(counts: &Counts) -> (u32, u32) {
     let total = counts.total() as f64;
     let quantile = |share: f64| {
         let mut below = 0.0;
         for (i, c) in counts.counts.iter().enumerate() {
-            // Within a bin the samples are taken as evenly spread.
+            // Spread the samples of a bin evenly over it.
             if below + *c as f64 >= share * total {
                 return f64::from(counts.first_dn) + i as f64 - 0.5
                     + (share * total - below) / (*c as f64).max(1.0);
@@ -153,7 +153,7 @@ fn core(counts: &Counts) -> (u32, u32) {
     };
     let (median, sigma) = (quantile(0.5), 0.5 * (quantile(0.8413) - quantile(0.1587)));
     let reach = CORE_SIGMAS * sigma.max(0.5);
-    // Not cut to what occurs: the extremes are chance, and limits that follow them would make the noise too small.
+    // Do not cut the limits to the captured range: the extremes are random, and the noise would come out too small.
     ((median - reach).floor().max(0.0) as u32, (median + reach).ceil() as u32)
 }
 
@@ -180,7 +180,7 @@ pub fn free_parameters(samples: &[Sample<'_>], numbers: &Numbers) -> Vec<Paramet
         Parameter::RedOverGreen => has(Colour::Green) && has(Colour::Red),
         Parameter::BlueOverGreen => has(Colour::Green) && has(Colour::Blue),
         Parameter::DarkCurrent => several_times && numbers[*p] > 0.0,
-        // PRNU shows in light of twice the strength of other light.
+        // PRNU needs light levels that differ by a factor of two.
         Parameter::PrnuSquared => lights.iter().any(|light| 2.0 * light < brightest),
     };
     numbers.parameters().filter(is_free).collect()

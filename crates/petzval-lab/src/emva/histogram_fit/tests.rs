@@ -99,7 +99,7 @@ fn names(warnings: &[Warning]) -> Vec<&'static str> {
 }
 
 #[test]
-fn the_fit_has_no_bias_and_its_errors_are_those_of_chance() {
+fn the_fit_has_no_bias_and_its_errors_match_the_scatter() {
     let (sensor, truth) = (mono(), truth());
     let seeds = 20;
     let mut all: [Vec<f64>; 5] = Default::default();
@@ -125,7 +125,7 @@ fn the_fit_has_no_bias_and_its_errors_are_those_of_chance() {
 }
 
 #[test]
-fn pixels_that_answer_light_unequally_do_not_change_the_gain() {
+fn photo_response_non_uniformity_does_not_change_the_gain() {
     for percent in [0.3, 1.0] {
         let mut sensor = mono();
         sensor.nonuniformity.prnu_pixel_percent = percent;
@@ -151,7 +151,7 @@ fn series(sensor: &SensorModel, plan: &Plan, full_wells_e: &[Option<f64>]) -> Ve
 }
 
 #[test]
-fn dark_signal_non_uniformity_is_reported_and_not_made_into_read_noise() {
+fn dark_signal_non_uniformity_is_separated_from_read_noise() {
     let mut sensor = mono();
     sensor.nonuniformity.dsnu_pixel_e = 3.0;
     let plan = Plan { height: 120, width: 160, gains: vec![1.0, 4.0, 16.0], seed: 4, ..Plan::default() };
@@ -165,7 +165,7 @@ fn dark_signal_non_uniformity_is_reported_and_not_made_into_read_noise() {
 }
 
 #[test]
-fn frames_at_the_full_well_do_not_count_whatever_the_data_sheet_says() {
+fn frames_at_the_full_well_are_left_out_even_if_the_data_sheet_is_wrong() {
     let sensor = SensorModel { full_well_e: 15_000.0, ..mono() };
     let plan = Plan {
         height: 64,
@@ -188,7 +188,7 @@ fn frames_at_the_full_well_do_not_count_whatever_the_data_sheet_says() {
 }
 
 #[test]
-fn a_fit_that_does_not_describe_the_captures_has_warnings_and_no_errors() {
+fn a_fit_that_does_not_describe_the_captures_has_warnings_and_no_standard_errors() {
     // Every second sample of light is 40 DN brighter: two peaks, which no parameter makes.
     let mut all = captured(&mono(), (48, 64), 4000.0, 1);
     for h in all.iter_mut().filter(|h| h.kind == Kind::Flat) {
@@ -216,7 +216,7 @@ fn a_fit_that_does_not_describe_the_captures_has_warnings_and_no_errors() {
 }
 
 #[test]
-fn photons_that_one_point_does_not_state_do_not_count_as_seconds() {
+fn seconds_replace_photons_if_one_point_states_none() {
     let mut all = captured(&mono(), (48, 64), 4000.0, 3);
     all[0].photons = None;
     let fit = fit_histograms_from(&truth(), 12, &all).unwrap();
@@ -228,7 +228,7 @@ fn photons_that_one_point_does_not_state_do_not_count_as_seconds() {
 }
 
 #[test]
-fn what_is_left_of_the_last_bin_does_not_rule_chi_square() {
+fn a_nearly_empty_last_bin_does_not_dominate_chi_square() {
     let expected = [1000.0, 1000.0, 1e-3];
     let found = goodness(&[1000, 1000, 2], &expected, 2002.0);
     // Two samples where a thousandth is expected: alone 4000, beside a thousand others nothing.
@@ -238,7 +238,7 @@ fn what_is_left_of_the_last_bin_does_not_rule_chi_square() {
 }
 
 #[test]
-fn a_model_that_misses_every_sample_is_no_good_fit() {
+fn a_model_that_misses_every_sample_is_a_bad_fit() {
     for expected in [[0.0, 0.0, 0.0, 7000.0], [7000.0, 0.0, 0.0, 0.0]] {
         let found = goodness(&[0, 3000, 4000, 0], &expected, 7000.0);
         assert!(found.reduced_chi2 > 1e3 && found.total_variation == 1.0, "{found:?}");

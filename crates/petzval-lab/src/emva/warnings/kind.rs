@@ -1,4 +1,4 @@
-//! What is odd about captures that can be used all the same.
+//! The kinds of warnings about usable captures.
 
 use std::fmt;
 
@@ -15,7 +15,7 @@ pub enum Warning {
     Saturated {
         /// Linear gain.
         linear_gain: f64,
-        /// Points that are.
+        /// Number of such points.
         points: usize,
         /// Flat points in all.
         of: usize,
@@ -65,11 +65,11 @@ pub enum Warning {
         /// Reduced chi-square of the line.
         reduced_chi2: f64,
     },
-    /// Dark current from the mean differs from that from the noise: something else grows with exposure time, too.
+    /// Dark current from the mean differs from that from the noise: something else also grows with exposure time.
     DarkCurrentDisagrees {
         /// Dark current from the mean, e-/s.
         mean_e_per_s: f64,
-        /// The same less dark current from the variance, e-/s.
+        /// The same minus dark current from the variance, e-/s.
         difference_e_per_s: f64,
         /// Standard error of the difference, e-/s.
         standard_error_e_per_s: f64,
@@ -85,7 +85,7 @@ pub enum Warning {
         /// Mean dark current of all pixels, e-/s.
         mean_e_per_s: f64,
     },
-    /// The flat field is not flat, which shows in PRNU without a high-pass.
+    /// The flat field is uneven, which raises PRNU without a high-pass.
     NotUniform {
         /// The point.
         point: String,
@@ -101,7 +101,7 @@ pub enum Warning {
     NoSignal {
         /// The point.
         point: String,
-        /// Their mean less that of the dark ones, DN.
+        /// Their mean minus that of the dark ones, DN.
         signal_dn: f64,
         /// Its standard error, DN.
         standard_error_dn: f64,
@@ -110,7 +110,7 @@ pub enum Warning {
     TooFewPoints {
         /// Linear gain.
         linear_gain: f64,
-        /// Flat points there are.
+        /// Number of flat points.
         points: usize,
     },
     /// More light gives a smaller signal.

@@ -19,7 +19,7 @@ fn line(kind: &str, all: Vec<&Warning>) -> String {
     if all.len() == 1 {
         return first.to_string();
     }
-    // Of equals the first is the worst.
+    // The first of equally severe warnings counts as the worst.
     let worst = all.iter().skip(1).fold(first, |a, b| if severity(b) > severity(a) { b } else { a });
     let count = all.len();
     match (std::ptr::eq(*first, *worst), place(first)) {
@@ -32,7 +32,7 @@ fn line(kind: &str, all: Vec<&Warning>) -> String {
     }
 }
 
-/// The point that a warning is about, if it is about one.
+/// The point of a warning, if it has one.
 fn place(warning: &Warning) -> Option<&str> {
     match warning {
         Warning::ClippedAtZero { point, .. }
@@ -50,7 +50,7 @@ fn place(warning: &Warning) -> Option<&str> {
     }
 }
 
-/// How bad a warning is beside others of its kind; zero where one is as bad as the other.
+/// Severity of a warning among others of its kind; zero if all are equally severe.
 fn severity(warning: &Warning) -> f64 {
     match warning {
         Warning::Saturated { points, of, .. } => *points as f64 / *of as f64,
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kind_is_one_line() {
+    fn each_kind_has_one_line() {
         let uneven = |point: &str, percent| Warning::NotUniform { point: point.to_owned(), percent };
         let dark = |point: &str| Warning::NoDark { point: point.to_owned() };
         let lines = warning_lines(&[

@@ -1,7 +1,6 @@
-//! Warnings: what a reader should know about captures that can be used all the same.
+//! Warnings about captures that are usable but odd.
 //!
-//! Warnings report, they decide nothing: they are made from `flags` and from the results, and no code that
-//! evaluates captures reads them.
+//! Warnings only report. They are made from `flags` and from the results, and no code that evaluates captures reads them.
 //!
 //! | file | holds |
 //! |---|---|

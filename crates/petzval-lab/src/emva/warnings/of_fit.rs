@@ -5,7 +5,7 @@ use crate::emva::histogram_fit::{HistogramComparison, HistogramFit, Parameter, m
 use crate::emva::joint::JointFit;
 use crate::emva::measured::Measured;
 
-/// Multiple of the standard error from which a difference from the joint fit is no chance.
+/// Multiple of the standard error above which a difference from the joint fit is not chance.
 const DIFFERENT_SIGMAS: f64 = 5.0;
 
 /// The warnings about a fit; `None` if the histograms could not be fitted.
@@ -56,7 +56,7 @@ fn poor(fit: &HistogramFit) -> Option<Warning> {
     })
 }
 
-/// Parameters that differ from those of the joint fit, by more than five standard errors and more than matters.
+/// Parameters that differ from those of the joint fit, by more than five standard errors and by a relevant amount.
 fn differences(fit: &HistogramFit, joint: &JointFit) -> Vec<Warning> {
     let share_of = |m: Measured, share: f64| m.value().map_or(0.0, |v| share * v.abs());
     let relative = |parameter, fitted, joint, share| (parameter, fitted, joint, share_of(joint, share));
@@ -81,8 +81,8 @@ fn differences(fit: &HistogramFit, joint: &JointFit) -> Vec<Warning> {
     found
 }
 
-/// Dark histograms wider than temporal noise: by electrons, which shows best at the largest gain, or by digital numbers, at the
-/// least.
+/// Dark histograms wider than temporal noise. A width in electrons is clearest at the largest gain, one in digital
+/// numbers at the smallest.
 fn wider_than_noise(fit: &HistogramFit, joint: &JointFit) -> Option<Warning> {
     let above = |fitted: Measured, temporal: Measured| {
         let (Some(f), Some(t)) = (fitted.value(), temporal.value()) else { return false };

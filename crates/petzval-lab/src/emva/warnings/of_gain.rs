@@ -6,13 +6,13 @@ use crate::emva::dark::{DarkPoint, DarkSeries};
 use crate::emva::flags::{FlatFlags, FrameFlags, GainFlags, Signal, StackFlags, StackUse};
 use crate::emva::result::GainResult;
 
-/// Points that a straight line needs.
+/// Least number of points for a straight line.
 const LEAST_POINTS: usize = 3;
 
-/// Drift of a dark mean that is not worth a warning, DN per unit of linear gain.
+/// Largest drift of a dark mean without a warning, DN per unit of linear gain.
 const DARK_DRIFT_DN: f64 = 0.05;
 
-/// The warnings that the flags of one gain stand for, and that of its dark series.
+/// The warnings from the flags of one gain and from its dark series.
 pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
     let linear_gain = gain.linear_gain;
     let mut warnings: Vec<Warning> = flags.frames.iter().flat_map(of_frames).collect();
@@ -32,7 +32,7 @@ pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
     warnings
 }
 
-/// What the frames of one point show by themselves.
+/// Warnings from the frames of one point alone.
 fn of_frames(flags: &FrameFlags) -> Vec<Warning> {
     let point = || flags.label.clone();
     let clipped = flags.clipped_at_zero.map(|share| Warning::ClippedAtZero { point: point(), share });

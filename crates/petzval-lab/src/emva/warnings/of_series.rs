@@ -29,7 +29,7 @@ pub fn series_warnings(
     warnings
 }
 
-/// What the samples show about the bits of the converter.
+/// Warnings about the bits of the converter.
 fn of_converter(flags: &ConverterFlags) -> Vec<Warning> {
     let max_dn = flags.max_dn;
     let factor = flags.common_factor.map(|factor| Warning::CommonFactor { factor, max_dn });
@@ -41,8 +41,8 @@ fn of_converter(flags: &ConverterFlags) -> Vec<Warning> {
     factor.into_iter().chain(top).collect()
 }
 
-/// Gains whose `K_g / g` is off the median of all by more than five standard errors and 2 %. A gain that is off moves the
-/// median little, so that the others are not blamed.
+/// Gains whose `K_g / g` differs from the median of all by more than five standard errors and 2 %. A single wrong gain
+/// hardly shifts the median.
 fn not_proportional(joint: &JointFit) -> Vec<Warning> {
     let all: Vec<(f64, f64, f64)> = joint
         .rows
@@ -57,7 +57,7 @@ fn not_proportional(joint: &JointFit) -> Vec<Warning> {
         return Vec::new();
     }
     let median = median(all.iter().map(|(_, k, _)| *k));
-    // Of a normal distribution the median is pi/2 times as uncertain as the mean, in variance.
+    // The variance of a median is pi/2 times that of the mean for a normal distribution.
     let mean_square = all.iter().map(|(.., se)| se * se).sum::<f64>() / n as f64;
     let median_se = (0.5 * std::f64::consts::PI * mean_square / n as f64).sqrt();
     all.iter()
@@ -88,7 +88,7 @@ fn below_the_converter(row: &GainRow) -> Option<Warning> {
     (variance <= LEAST_DARK_VARIANCE_DN2).then_some(Warning::DarkNoiseLimit { linear_gain: row.linear_gain })
 }
 
-/// Deviation from a straight line above which the captures are likely wrong, not the sensor, percent.
+/// Deviation from a straight line above which the captures are more likely wrong than the sensor, percent.
 const NOT_LINEAR_PERCENT: f64 = 5.0;
 
 /// Colours whose response is off the straight line by more than 5 % and six standard errors.
@@ -109,8 +109,8 @@ fn not_linear(gain: &GainResult) -> Vec<Warning> {
     gain.channels.iter().filter_map(of).collect()
 }
 
-/// A stated full well beside a measured one that differs by more than five standard errors and 2 %. Where the converter clips
-/// first, the well is larger than what is measured.
+/// A stated full well that differs from the measured one by more than five standard errors and 2 %. If the converter
+/// clips first, the well may be larger than measured.
 fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warning> {
     let stated_e = sensor.full_well_e?;
     let channel = gains.first()?.channels.first()?;

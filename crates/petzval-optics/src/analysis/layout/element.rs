@@ -12,7 +12,7 @@ use crate::vector::apply;
 /// One piece of glass.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LayoutElement {
-    /// What it is made of.
+    /// Name of its glass.
     pub glass: String,
     /// Its index at the d line.
     pub nd: f64,
@@ -26,7 +26,7 @@ pub struct LayoutElement {
     pub outline: Vec<[f64; 2]>,
 }
 
-/// What a bare surface is.
+/// The kind of a bare surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LineKind {
@@ -43,18 +43,18 @@ pub enum LineKind {
 /// A surface that belongs to no piece of glass.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LayoutLine {
-    /// What it is.
+    /// Its kind.
     pub kind: LineKind,
     /// Its profile from the lower to the upper edge.
     pub points: Vec<[f64; 2]>,
-    /// Direction (z, y) of unit length along its axis, as light meets it: the side of a mirror that is in the dark.
+    /// Unit direction (z, y) along its axis in the sense of the light: the dark side of a mirror.
     pub back: [f64; 2],
 }
 
-/// Steps in which the profile of a surface is drawn, from edge to edge.
+/// Number of steps of the profile of a surface, from edge to edge.
 const STEPS: usize = 60;
 
-/// An edge thinner than this is taken for a crossing, mm.
+/// Edges thinner than this count as crossing surfaces, mm.
 const THINNEST_EDGE_MM: f64 = 0.01;
 
 /// The medium behind every surface: behind a mirror it is the one in front.
@@ -78,8 +78,8 @@ struct Wall<'a> {
     is_cemented: bool,
 }
 
-/// The elements of a lens in the order that light meets them. Elements without air between them are cemented and share one outer
-/// diameter; a surface with the same glass on both sides (an inner stop) divides nothing.
+/// The elements of a lens in the order of the light. Elements without air between them are cemented and share one outer
+/// diameter. A surface with the same glass on both sides (an inner stop) does not divide an element.
 pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
     let (surfaces, media) = (&lens.surfaces, media(lens));
     let mut elements = Vec::new();
@@ -120,7 +120,7 @@ pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
                 vd: glass.abbe_vd(),
                 height_mm,
                 rims: [middle(front_up, rear_up), middle(front_down, rear_down)],
-                // The front from bottom to top, the ground edge, the rear from top to bottom.
+                // Join the front from bottom to top, the ground edge, and the rear from top to bottom.
                 outline: front.into_iter().chain(rear.into_iter().rev()).collect(),
             });
         }
@@ -162,7 +162,7 @@ pub(super) fn bare_surfaces(lens: &Lens, places: &[Place]) -> Vec<LayoutLine> {
 
 /// Profiles of the front and the rear of an element, from the lower to the upper rim.
 fn sides(front: Wall, rear: Wall, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
-    // Beyond its clear semi-diameter a free surface ends in a flat, a cemented one goes on as it is.
+    // Beyond its clear semi-diameter a free surface continues as a flat, a cemented one with its own shape.
     let flat = [front, rear].map(|wall| profile(wall, height_mm, wall.is_cemented));
     let direction = (rear.place.origin[2] - front.place.origin[2]).signum();
     let has_edge = |f: &[[f64; 2]], r: &[[f64; 2]]| match (f.last(), r.last()) {
@@ -172,7 +172,7 @@ fn sides(front: Wall, rear: Wall, height_mm: f64) -> [Vec<[f64; 2]>; 2] {
     if has_edge(&flat[0], &flat[1]) {
         return flat;
     }
-    // The flats of a strong meniscus may meet: then both surfaces go on to the rim.
+    // The flats of a strong meniscus may cross: then both surfaces continue with their shape to the rim.
     [front, rear].map(|wall| profile(wall, height_mm, true))
 }
 

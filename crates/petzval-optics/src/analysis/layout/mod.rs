@@ -18,7 +18,7 @@ use place::places;
 /// A lens in its y-z section; points are (z, y) in mm from the first vertex.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Layout {
-    /// Pieces of glass in the order that light meets them.
+    /// Pieces of glass in the order of the light.
     pub elements: Vec<LayoutElement>,
     /// Surfaces that belong to no piece of glass.
     pub lines: Vec<LayoutLine>,
@@ -41,7 +41,7 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     let size = places.iter().map(|p| p.origin[2].abs().max(p.origin[1].abs())).fold(0.0, f64::max);
     let (elements, lines) = (elements(lens, &places), bare_surfaces(lens, &places));
-    // Rays start in front of all there is (the secondary of a telescope too), but not before their object.
+    // Rays start in front of all surfaces (also of the secondary of a telescope), but not before their object.
     let outlines = elements.iter().map(|e| &e.outline).chain(lines.iter().map(|l| &l.points));
     let foremost = outlines.flatten().map(|p| p[0]).fold(0.0, f64::min);
     let object_mm = match lens.object {
@@ -54,7 +54,7 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
         .iter()
         .map(|field| ray::fan(lens, &places, field.to_radians(), options.layout_rays.max(2), lead_mm))
         .collect();
-    // The stop's edges reach half a radius outwards.
+    // Draw the edges of the stop over half a radius outwards.
     let stop = &places[lens.stop];
     let inner = order.stop_radius_mm.abs();
     let outer = inner + (0.5 * inner).max(0.04 * size);

@@ -1,27 +1,27 @@
-//! Places: the coordinates of every surface, and of the image, in those of the first vertex.
+//! Positions and orientations of every surface, and of the image, in the coordinates of the first vertex.
 
 use crate::lens::Lens;
 use crate::vector::{Matrix3, Vec3, apply, product, transposed};
 
 const STRAIGHT: Matrix3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Where a surface is and how it is turned.
+/// Position and orientation of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     /// Its vertex, mm.
     pub origin: Vec3,
-    /// From its coordinates to those of the first vertex.
+    /// Rotation from its coordinates to those of the first vertex.
     pub rotation: Matrix3,
 }
 
 impl Place {
-    /// A point of the surface's coordinates in those of the first vertex.
+    /// Transforms a point from the surface's coordinates to those of the first vertex.
     pub fn point(&self, local: Vec3) -> Vec3 {
         let turned = apply(&self.rotation, local);
         [0, 1, 2].map(|k| self.origin[k] + turned[k])
     }
 
-    /// (z, y) of a point (z, y) of the surface's own section.
+    /// Transforms a point (z, y) of the surface's own section to (z, y) of the first vertex.
     pub fn section(&self, [z, y]: [f64; 2]) -> [f64; 2] {
         let [_, y, z] = self.point([0.0, y, z]);
         [z, y]
@@ -49,7 +49,7 @@ pub(super) fn places(lens: &Lens) -> Vec<Place> {
         let here =
             Place { origin: axis.point([dx, dy, 0.0]), rotation: product(axis.rotation, frame.rotation) };
         places.push(here);
-        // Behind the surface the axis is such that its own coordinates, as a ray leaves by them, fit.
+        // Choose the axis behind the surface so that it agrees with the transformation of leaving rays.
         let back: Matrix3 = transposed(&[0, 1, 2].map(|k| {
             let mut unit = [0.0; 3];
             unit[k] = 1.0;

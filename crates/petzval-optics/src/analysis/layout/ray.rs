@@ -17,9 +17,9 @@ pub struct LayoutRay {
     pub is_lost: bool,
 }
 
-/// The rays of a field at the lens's reference wavelength, evenly spread over the stop's diameter and
-/// aimed at it by real tracing. They start `lead_mm` in front of the first vertex; a clipped ray ends
-/// where it is clipped. A ray that cannot be aimed is left out.
+/// The rays of a field at the lens's reference wavelength, evenly spread over the stop's diameter and aimed by real
+/// tracing. They start `lead_mm` in front of the first vertex. A clipped ray ends where it is clipped, and a ray that
+/// cannot be aimed is left out.
 pub(super) fn fan(
     lens: &Lens,
     places: &[Place],
@@ -34,7 +34,7 @@ pub(super) fn fan(
         .filter_map(|i| {
             let pupil = 2.0 * i as f64 / (rays - 1) as f64 - 1.0;
             let target = [0.0, pupil * order.stop_radius_mm];
-            // Guess from first order; a strongly bent pupil is entered from the neighbouring ray.
+            // Guess by first-order optics, or from the neighbouring ray if the pupil is strongly aberrated.
             let aimed = [Some(paraxial_launch(&order, &sequence, field_rad, [0.0, pupil])), previous]
                 .into_iter()
                 .flatten()
@@ -45,7 +45,7 @@ pub(super) fn fan(
         .collect()
 }
 
-/// Traces a ray and joins the points where it meets the surfaces.
+/// Traces a ray and joins its points on the surfaces.
 fn line(
     sequence: &Sequence,
     places: &[Place],
@@ -70,7 +70,7 @@ fn line(
     LayoutRay { points, is_lost: path.fate != Fate::Ok }
 }
 
-/// How many surfaces the ray meets before it is lost, the one that stops it included.
+/// Number of surfaces that the ray meets until it is lost, including the one that stops it.
 fn survived(path: &Path) -> usize {
     match path.fate {
         Fate::Clipped(surface) => surface + 1,

@@ -1,4 +1,4 @@
-//! Real ray aiming, several rays at a time: launch points from which rays pass wanted points of the stop.
+//! Real ray aiming, several rays at a time: finds the launch points of rays through given points of the stop.
 
 use pulp::{Simd, WithSimd};
 
@@ -17,10 +17,10 @@ use petzval_base::simd::dispatch;
 /// Evaluations allowed; a well-posed ray needs four or five.
 const MAX_EVALUATIONS: usize = 60;
 
-/// A miss from which one more step ends at rounding, mm: Newton's method squares it.
+/// Largest miss from which one more Newton step reaches rounding, mm: the method squares the miss.
 const LAST_MISS_MM: f64 = 1e-7;
 
-/// A miss with which a ray counts as aimed, mm.
+/// Largest miss of an aimed ray, mm.
 const AIMED_MM: f64 = 1e-9;
 
 /// Rays aimed at points of the stop. Arrays are padded as a [`RayBundle`] is.
@@ -39,9 +39,9 @@ pub struct AimedRays {
 }
 
 impl AimedRays {
-    /// Newton's method from `guess_mm` for the rays of a field that pass `target_mm` in the stop, both (x, y) per ray; a
-    /// step that loses a ray or worsens its miss is halved. Where it finds no ray, the launch point is the guess, and the
-    /// ray's fate `NotAimed`.
+    /// Aims the rays of a field at the points `target_mm` of the stop by Newton's method from `guess_mm`, both (x, y)
+    /// per ray. A step that loses a ray or increases its miss is halved. A ray that is not found keeps the guess as its
+    /// launch point and has the fate `NotAimed`.
     pub fn new(sequence: &Sequence, field_rad: f64, target_mm: &[[f64; 2]], guess_mm: &[[f64; 2]]) -> Self {
         let rays = target_mm.len();
         let padded = RayBundle::padded(rays);
@@ -73,7 +73,7 @@ impl AimedRays {
         self.not_aimed[ray] == 0.0
     }
 
-    /// Area of the launch plane that a unit of stop area stands for, by the exact derivatives of a ray.
+    /// Launch area per stop area at a ray, from the exact derivatives.
     pub fn launch_per_stop_area(&self, ray: usize) -> f64 {
         let [[a, b], [c, d]] = &self.stop_by_launch;
         1.0 / (a[ray] * d[ray] - b[ray] * c[ray])
@@ -99,7 +99,7 @@ impl AimedRays {
     }
 }
 
-/// Where rays meet the stop, and how that changes with the launch point.
+/// Points of rays in the stop, and their derivatives by the launch point.
 #[derive(Clone, Copy)]
 struct AtStop<S: Simd> {
     hit: [Lanes<S>; 2],
@@ -108,7 +108,7 @@ struct AtStop<S: Simd> {
     ok: Mask<S>,
 }
 
-/// Rays of a field from launch points, and how their directions change with them.
+/// Rays of a field at launch points, and their tangents by launch x and y.
 #[inline(always)]
 pub(super) fn launched_rays<S: Simd>(
     sequence: &Sequence,
@@ -147,6 +147,7 @@ pub(super) fn launched_rays<S: Simd>(
     }
 }
 
+/// Traces rays from launch points to the stop, together with their tangents by launch x and y.
 #[inline(always)]
 fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> AtStop<S> {
     let (mut ray, mut by) = launched_rays(sequence, field_rad, at);
@@ -154,6 +155,7 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
     let mut ok = zero.lt(zero).not();
     let mut hit = at;
     for (i, surface) in sequence.surfaces[..=sequence.stop].iter().enumerate() {
+        // Enter the coordinates of the surface and find the points on it.
         if let Some(frame) = &surface.frame {
             ray = frame::enter(frame, &ray);
             by = [
@@ -164,6 +166,7 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
         let meeting = meet(surface, &ray);
         ok = ok.and(meeting.ok);
         let ([x, y, _], d) = (meeting.point, ray.direction);
+        // Bend the rays, and carry the tangents to the points and through the bend.
         let before = by;
         let direction = if surface.is_general {
             let (after, through) = general::redirect(surface, meeting.point, d);
@@ -183,13 +186,13 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
             along(scaled(zero.constant(b.mu), d), b.b, slope.normal)
         };
         if i == sequence.stop {
-            // The direction counts in front of the stop.
+            // Record the point in the stop, and the direction in front of it.
             hit = [x, y];
             by[0].direction = before[0].direction;
             by[1].direction = before[1].direction;
             break;
         }
-        // Where a plain surface reflects light totally its direction is no number, and neither is what follows.
+        // Go on to the coordinates of the next vertex. From here on, a totally reflected ray has NaN coordinates.
         ray = Rays { position: meeting.point, direction };
         if let Some(frame) = &surface.frame {
             by = [
@@ -224,7 +227,7 @@ impl WithSimd for Aim<'_> {
             for axis in 0..2 {
                 ok.select(launch[axis], guess[axis]).store(&mut aimed.launch_mm[axis][at..]);
                 for row in 0..2 {
-                    // Rays that were not aimed keep a map that can be inverted.
+                    // Give rays that were not aimed the unit matrix, which can be inverted.
                     let unit = zero.constant(if row == axis { 1.0 } else { 0.0 });
                     let to = &mut aimed.stop_by_launch[row][axis];
                     ok.select(found.by[axis].position[row], unit).store(&mut to[at..]);
@@ -239,14 +242,15 @@ impl WithSimd for Aim<'_> {
     }
 }
 
-/// How far rays pass from where they should.
+/// Vector and distance by which rays miss their targets.
 #[inline(always)]
 fn miss<S: Simd>(hit: [Lanes<S>; 2], target: [Lanes<S>; 2]) -> ([Lanes<S>; 2], Lanes<S>) {
     let e = [hit[0] - target[0], hit[1] - target[1]];
     (e, (e[0] * e[0] + e[1] * e[1]).sqrt())
 }
 
-/// Launch points of rays through `target`, what they meet there, and for which rays that worked.
+/// Newton's method: launch points of rays through `target`, their points and derivatives at the stop, and whether each was
+/// found.
 #[inline(always)]
 fn aim<S: Simd>(
     sequence: &Sequence,
@@ -258,16 +262,17 @@ fn aim<S: Simd>(
     let mut launch = guess;
     let mut found = to_stop(sequence, field_rad, launch);
     let (mut error, mut distance) = miss(found.hit, target);
-    // A ray that is lost from the start has no miss to improve on.
+    // Trace the guess. A ray that fails here cannot be aimed.
     let infinite = one * f64::INFINITY;
     let start_ok = found.ok.and(distance.lt(infinite));
     let mut share = one;
     for _ in 0..MAX_EVALUATIONS {
-        // The step from a small miss is the last.
+        // Stop after this step if every ray has a small miss, has failed, or can no longer be improved.
         let nearly = distance.lt(one * LAST_MISS_MM);
         let lost = share.lt(one * 1e-6);
         let last = nearly.or(lost).or(start_ok.not()).all();
         let open = start_ok.and(lost.not());
+        // Newton step: the miss times the inverse of d(stop)/d(launch).
         let (a, c) = (found.by[0].position[0], found.by[0].position[1]);
         let (b, d) = (found.by[1].position[0], found.by[1].position[1]);
         let scale = share / (a * d - b * c);
@@ -275,7 +280,7 @@ fn aim<S: Simd>(
         let next = [launch[0] - step[0], launch[1] - step[1]];
         let tried = to_stop(sequence, field_rad, next);
         let (next_error, next_distance) = miss(tried.hit, target);
-        // Rounding ends the descent a little above zero: accept what is as near as it gets.
+        // Accept the step if the miss decreases. Within the aiming tolerance rounding may increase it.
         let nearer = next_distance.lt(distance).or(distance.lt(one * AIMED_MM));
         let accept = open.and(tried.ok).and(nearer).and(next_distance.lt(infinite));
         for axis in 0..2 {
@@ -289,6 +294,7 @@ fn aim<S: Simd>(
             }
         }
         distance = accept.select(next_distance, distance);
+        // Halve the next step of rays whose step was not accepted.
         share = accept.select(one, share * 0.5);
         if last {
             break;

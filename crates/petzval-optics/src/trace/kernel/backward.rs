@@ -1,16 +1,17 @@
-//! The adjoint of tracing: from cotangents of rays at the image to cotangents of every number of the lens.
+//! The adjoint of tracing: pulls cotangents of rays at the image back to the numbers of every surface.
 //!
-//! Cotangents (names in `_bar`) travel against the light. At a surface with gradient `N = (-z_x, -z_y, 1)`, entry point
-//! p, path t and point q:
+//! Cotangents (names in `_bar`) are derivatives of the loss; they are propagated against the light. At a surface with
+//! gradient `N = (-z_x, -z_y, 1)`, entry point p, path t and point q:
 //!
-//! - refraction `d' = mu d + b N`, differentiated as it stands ([`Bend`](super::surface::Bend));
-//! - meeting: `q = p + t d` with `N.dq = z_theta dtheta`, so `alpha = q_bar.d / N.d` gives `p_bar = q_bar - alpha N`,
+//! - refraction `d' = mu d + b N` is differentiated directly ([`Bend`](super::surface::Bend));
+//! - intersection: `q = p + t d` with `N.dq = z_theta dtheta`, so `alpha = q_bar.d / N.d` gives `p_bar = q_bar - alpha N`,
 //!   `d_bar += t p_bar`, `theta_bar += alpha z_theta`.
 //!
-//! Rays that were aimed at points of the stop start elsewhere when the lens changes. With `Q = dq/ds`, `D = dd/ds` at the
-//! stop by the launch point s, holding `q = R p` there takes the multiplier `l = -Q^-T (s_bar + Q^T q_bar + D^T d_bar)`,
-//! which joins `q_bar` as the sweep passes the stop, so that the launch keeps no cotangent. Apertures before the stop add
-//! cotangents after the sweep has passed it; a second, shorter sweep re-aims for them.
+//! Rays that are aimed at points of the stop get new launch points when the lens changes. Let `Q = dq/ds` and
+//! `D = dd/ds` be the derivatives at the stop by the launch point s. The multiplier
+//! `l = -Q^-T (s_bar + Q^T q_bar + D^T d_bar)` holds `q = R p` there. It is added to `q_bar` when the sweep passes the
+//! stop, and makes the cotangent of the launch zero. Apertures before the stop add cotangents after the sweep has
+//! passed it; a second, shorter sweep re-aims for them.
 
 use pulp::{Simd, WithSimd};
 
@@ -27,7 +28,7 @@ use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
 
-/// Cotangents of the rays of a bundle; padded as the bundle is.
+/// Cotangents of each ray of a bundle: derivatives of the loss; padded as the bundle is.
 #[derive(Clone, Debug, Default)]
 pub struct Seeds {
     /// By x on the image plane, 1/mm.
@@ -38,7 +39,7 @@ pub struct Seeds {
     pub transmission: Vec<f64>,
     /// By squared heights at surfaces, 1/mm^2.
     pub heights: Vec<SquaredHeights>,
-    /// By the wavefront; `None` if the loss depends on places alone.
+    /// By the wavefront; `None` if the loss depends only on positions.
     pub wave: Option<WaveSeeds>,
 }
 
@@ -47,12 +48,12 @@ pub struct Seeds {
 pub struct WaveSeeds {
     /// By the optical path from the launch to the image plane, 1/mm.
     pub optical_path: Vec<f64>,
-    /// By the direction cosines l, m, n at the image, each as if it moved alone.
+    /// By the direction cosines l, m, n at the image, each with the others fixed.
     pub direction: [Vec<f64>; 3],
 }
 
 impl WaveSeeds {
-    /// All-zero cotangents, for the rays of a bundle of `rays`.
+    /// All-zero cotangents for a bundle of `rays`.
     pub fn zero(rays: usize) -> Self {
         let zero = || vec![0.0; RayBundle::padded(rays)];
         Self { optical_path: zero(), direction: [zero(), zero(), zero()] }
@@ -60,7 +61,7 @@ impl WaveSeeds {
 }
 
 impl Seeds {
-    /// All-zero cotangents, for the rays of a bundle of `rays`.
+    /// All-zero cotangents for a bundle of `rays`.
     pub fn zero(rays: usize) -> Self {
         let zero = || vec![0.0; RayBundle::padded(rays)];
         Self { image_x: zero(), image_y: zero(), transmission: zero(), heights: Vec::new(), wave: None }
@@ -98,7 +99,7 @@ impl<S: Simd> Sums<S> {
         all
     }
 
-    /// Back to zeros.
+    /// Sets all sums to zero.
     #[inline(always)]
     pub fn clear(&mut self, zero: Lanes<S>) {
         self.plain.fill(zero);
@@ -152,7 +153,7 @@ pub(super) fn from_image<S: Simd>(
     [x, y]: [Lanes<S>; 2],
     run_bar: Option<Lanes<S>>,
 ) -> (V3<S>, V3<S>, Lanes<S>) {
-    // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
+    // Differentiate x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
     let d = arrival.ray.direction;
     let mut asked = x * d[0] + y * d[1];
     if let Some(bar) = run_bar {
@@ -180,8 +181,8 @@ impl<S: Simd> ReaimLanes<S> {
         }
     }
 
-    /// What is asked of launch coordinate j by cotangents of the point in the stop, whose normal is `n`, and of the
-    /// direction in front of it.
+    /// Cotangent of launch coordinate j, given those of the point in the stop, whose normal is `n`, and of the direction in
+    /// front of it.
     #[inline(always)]
     fn wish(&self, j: usize, point_bar: V3<S>, before_bar: V3<S>, n: V3<S>) -> Lanes<S> {
         let (qx, qy) = (self.q[0][j], self.q[1][j]);
@@ -189,7 +190,7 @@ impl<S: Simd> ReaimLanes<S> {
         self.launch_bar[j] + dot(point_bar, [qx, qy, qz]) + dot(before_bar, self.d[j])
     }
 
-    /// The multiplier `l = -Q^-T wish` that holds the point in the stop.
+    /// The multiplier `l = -Q^-T s_bar` that holds the point in the stop, with `s_bar` the cotangent of the launch.
     #[inline(always)]
     fn multiplier(&self, [by_x, by_y]: [Lanes<S>; 2]) -> [Lanes<S>; 2] {
         let [[a, b], [c, e]] = self.q;
@@ -203,17 +204,17 @@ fn load3<S: Simd>(simd: S, from: &[Vec<f64>; 3], at: usize) -> V3<S> {
     [Lanes::load(simd, &from[0][at..]), Lanes::load(simd, &from[1][at..]), Lanes::load(simd, &from[2][at..])]
 }
 
-/// What a sweep leaves.
+/// The result of a sweep.
 pub(super) struct Swept<S: Simd> {
     /// Cotangents of the launch.
     launch: Tangent<S>,
-    /// `-l.q` of the rays: R times the wish for the stop radius.
+    /// `-l.q` of the rays: the cotangent of the stop radius times this radius.
     pub stop_bar: Lanes<S>,
-    /// Whether a clear aperture in front of the stop asked for something.
+    /// Whether cotangents were added in front of the stop, after the re-aiming there.
     asked_in_front: bool,
 }
 
-/// Where a backward sweep starts.
+/// Start of a backward sweep.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum From {
     /// Behind the last surface of the tape, in the coordinates of the axis.
@@ -241,6 +242,7 @@ pub(super) fn sweep<S: Simd>(
     for i in (0..tape.len()).rev() {
         let (surface, crossing) = (&sequence.surfaces[i], &tape[i]);
         let ([x, y, _], d) = (crossing.point, crossing.direction);
+        // Transform the cotangents from the axis behind to the coordinates of the surface.
         if let Some(frame) = &surface.frame
             && (i + 1 < tape.len() || from == From::Behind)
         {
@@ -253,7 +255,8 @@ pub(super) fn sweep<S: Simd>(
         }
         let u = x.mul_add(x, y * y);
 
-        // The clear aperture: transmission falls with the radius at which the ray passes.
+        // Differentiate the soft clear aperture: the transmission falls with the ray's radius, and rises with the
+        // semi-diameter.
         if let Some(bar) = transmission_bar
             && i != sequence.stop
             && let Some((share, by_radius)) = aperture(surface, u)
@@ -266,6 +269,7 @@ pub(super) fn sweep<S: Simd>(
             asked_in_front |= i < sequence.stop;
         }
 
+        // Add the cotangents of the squared height x^2 + y^2.
         for (_, bar) in heights_bar.iter().filter(|(surface, _)| *surface == i) {
             let twice = *bar + *bar;
             point_bar[0] += twice * x;
@@ -273,7 +277,7 @@ pub(super) fn sweep<S: Simd>(
             asked_in_front |= i < sequence.stop;
         }
 
-        // What a thin lens or a structure adds to the optical path depends on the point.
+        // Differentiate the optical path of a thin lens or a diffractive structure, which depends on the point.
         if surface.is_general
             && let Some(bar) = optical_path_bar
         {
@@ -282,7 +286,8 @@ pub(super) fn sweep<S: Simd>(
             point_bar[1] += bar * by_y;
         }
 
-        // Bending, and the normal, which turns with the slopes of the sag.
+        // Differentiate Snell's law by the direction in front, by mu and by the normal, which turns with the slopes of
+        // the sag.
         let mut before_bar;
         let (n, approach);
         let own;
@@ -308,7 +313,7 @@ pub(super) fn sweep<S: Simd>(
             before_bar = along(scaled(mu, direction_bar), g_bar, n);
             let n_bar = along(along(scaled(b.b, direction_bar), g_bar, d), q_bar + q_bar, n);
             add_indices(&mu_bar, None, surface, i, sums);
-            // z_x = 2 x z'(u), z_y = 2 y z'(u).
+            // Pass the cotangent of the normal on to the point: z_x = 2 x z'(u), z_y = 2 y z'(u).
             let (slope_x_bar, slope_y_bar) = (-n_bar[0], -n_bar[1]);
             let first_bar = (slope_x_bar * x + slope_y_bar * y) * 2.0;
             let by_radius = first_bar * slope.second * 2.0;
@@ -319,7 +324,7 @@ pub(super) fn sweep<S: Simd>(
             own = OwnCotangent::Plain(slope, first_bar);
         }
 
-        // Launch points follow the lens, so that the point in the stop stays.
+        // Re-aim: add the multiplier that holds the point in the stop.
         if i == sequence.stop
             && let Some(reaim) = reaim
         {
@@ -330,7 +335,7 @@ pub(super) fn sweep<S: Simd>(
             stop_bar -= multiplier[0] * x + multiplier[1] * y;
         }
 
-        // Meeting the surface.
+        // Differentiate the intersection: alpha is the cotangent of the sag. The path also enters the optical path.
         let mut along_path = dot(point_bar, d);
         if let Some(bar) = optical_path_bar {
             along_path += bar * surface.n_before;
@@ -343,7 +348,7 @@ pub(super) fn sweep<S: Simd>(
         let mut entry_bar = along(point_bar, -alpha, n);
         before_bar = along(before_bar, crossing.path, entry_bar);
 
-        // The surface's own numbers enter by its sag (alpha) and by its slope.
+        // Add the cotangents of the surface's own numbers, which change its sag (alpha) and its slope.
         match &own {
             OwnCotangent::Plain(slope, first_bar) => {
                 add_plain(surface, slope, alpha, *first_bar, &mut sums[i])
@@ -354,6 +359,7 @@ pub(super) fn sweep<S: Simd>(
             }
         }
 
+        // Transform the cotangents to the axis in front, and collect those of decentre and tilt.
         if let Some(frame) = &surface.frame {
             let bar = Tangent { position: entry_bar, direction: before_bar };
             let mut asked = FrameSums { decenter: [zero; 2], torque: [zero; 3] };
@@ -362,7 +368,7 @@ pub(super) fn sweep<S: Simd>(
             add_frame(&asked, &mut sums[i]);
         }
 
-        // Back to the vertex before: p = q_previous - (0, 0, thickness).
+        // Go back to the vertex before: p = q_previous - (0, 0, thickness).
         if i > 0 {
             sums[i - 1].plain[Number::Thickness.slot()] -= entry_bar[2];
         }
@@ -372,16 +378,16 @@ pub(super) fn sweep<S: Simd>(
     Swept { launch: Tangent { position: point_bar, direction: direction_bar }, stop_bar, asked_in_front }
 }
 
-/// What the numbers of a surface need to know of a sweep.
+/// Intermediate results of a sweep for the numbers of a surface.
 #[expect(clippy::large_enum_variant, reason = "one at a time, on the stack")]
 enum OwnCotangent<S: Simd> {
     /// The slopes of the sag, and the cotangent of dz/du.
     Plain(Slopes<S>, Lanes<S>),
-    /// What the general formulas ask.
+    /// Cotangents by the general formulas.
     General(Pulled<S>),
 }
 
-/// Adds to the indices on both sides what is asked of `mu = n_before / n_after` and of the index behind.
+/// Adds the cotangents of `mu = n_before / n_after` and of the index behind to those of the indices on both sides.
 #[inline(always)]
 fn add_indices<S: Simd>(
     mu_bar: &Lanes<S>,
@@ -400,7 +406,7 @@ fn add_indices<S: Simd>(
     }
 }
 
-/// Adds what is asked of the numbers of a conic with an even polynomial, by its sag and by dz/du.
+/// Adds the cotangents of the numbers of a conic with an even polynomial, from those of its sag (alpha) and of dz/du.
 #[inline(always)]
 fn add_plain<S: Simd>(
     surface: &SurfaceAtWavelength,
@@ -420,6 +426,7 @@ fn add_plain<S: Simd>(
         let by_sag = alpha * u * per_sum * per_sum * w * 2.0;
         sums[Number::Conic.slot()] += (by_sag + first_bar * per_w3) * u * (0.25 * c * c * c);
     }
+    // The term a_j u^j contributes u^j to the sag and j u^(j-1) to dz/du.
     let (mut by_sag, mut by_slope) = (alpha * u, first_bar);
     for (j, sum) in sums[Number::Asphere(0).slot()..].iter_mut().enumerate() {
         *sum += by_slope.mul_add(u.constant((j + 1) as f64), by_sag);
@@ -472,10 +479,10 @@ impl WithSimd for PullBack<'_> {
         let mut heights_bar = Vec::with_capacity(seeds.heights.len());
         let mut stop_bar = zero;
         for at in (0..launched.len()).step_by(width::<S>()) {
-            // Forward once more, this time with a tape.
+            // Trace forward again, and record the crossings.
             let fate = Lanes::load(simd, &launched.fate[at..]);
             let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
-            // Lost rays ask nothing.
+            // Load the cotangents at the image; those of failed rays are zero.
             let dead = is_dead(arrival.fate);
             let x = dead.select(zero, Lanes::load(simd, &seeds.image_x[at..]));
             let y = dead.select(zero, Lanes::load(simd, &seeds.image_y[at..]));
@@ -487,6 +494,7 @@ impl WithSimd for PullBack<'_> {
                 sums[last].plain[Number::Index.slot()] += bar * arrival.run;
                 (optical_path_bar, run_bar) = (Some(bar), Some(bar * sequence.surfaces[last].n_after));
             }
+            // Pull them back from the image plane to the last surface.
             let (point_bar, mut direction_bar, thickness_bar) = from_image(&arrival, [x, y], run_bar);
             sums[last].plain[Number::Thickness.slot()] += thickness_bar;
             if let Some(wave) = &seeds.wave {
@@ -495,7 +503,7 @@ impl WithSimd for PullBack<'_> {
                 }
             }
             let wants_light = transmission_bar.lt(zero).or(zero.lt(transmission_bar)).any();
-            // A closure would be compiled without the vector instructions.
+            // Sweep back to the launch. (A closure would be compiled without the vector instructions.)
             #[expect(clippy::manual_map, reason = "closures do not inherit target features")]
             let reaim = match self.reaim {
                 Some(reaim) => Some(ReaimLanes::load(simd, reaim, at)),
@@ -518,6 +526,8 @@ impl WithSimd for PullBack<'_> {
                 &mut sums,
             );
             stop_bar += swept.stop_bar;
+            // Re-aim for cotangents in front of the stop: turn those left at the launch into a second multiplier at the
+            // stop.
             if let (Some(aim), true) = (&reaim, swept.asked_in_front) {
                 let at = [Lanes::load(simd, &launched.x[at..]), Lanes::load(simd, &launched.y[at..])];
                 let field_rad = self.reaim.map_or(0.0, |r| r.aimed.field_rad);
@@ -536,6 +546,7 @@ impl WithSimd for PullBack<'_> {
                 sweep(sequence, &tape[..=stop], From::Surface, bars, None, &[], None, None, &mut sums);
             }
         }
+        // Add the sums over rays to the gradient of the lens.
         let mut index_bar = Vec::with_capacity(last + 1);
         for sums in &sums {
             index_bar.push(sums.plain[Number::Index.slot()].sum());
@@ -548,7 +559,7 @@ impl WithSimd for PullBack<'_> {
     }
 }
 
-/// Adds the sums of a surface over all rays, except that of the index, to its derivatives by slot.
+/// Adds the sums of a surface, except that of the index, to its derivatives by slot.
 #[inline(always)]
 fn add<S: Simd>(sums: &Sums<S>, surface: &SurfaceAtWavelength, to: &mut [f64]) {
     for (slot, sum) in sums.plain.iter().enumerate() {
@@ -575,7 +586,8 @@ fn add<S: Simd>(sums: &Sums<S>, surface: &SurfaceAtWavelength, to: &mut [f64]) {
     }
 }
 
-/// Pulls cotangents of the rays of a bundle back through the lens and adds the gradient to `gradient`.
+/// Pulls the cotangents of the rays of a bundle back through the lens and adds the derivatives by its numbers to
+/// `gradient`.
 ///
 /// `launched` is the bundle as it was launched, in the coordinates of the first vertex. With `reaim`, launch points follow
 /// the lens; the result is the derivative by the stop radius times that radius, mm. Without, rays keep their launch.

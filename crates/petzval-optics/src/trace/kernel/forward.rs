@@ -1,4 +1,4 @@
-//! Bundles of rays forward through a lens, to the image plane.
+//! Traces bundles of rays forward through a lens, to the image plane.
 
 use pulp::{Simd, WithSimd};
 
@@ -12,7 +12,7 @@ use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
 
-/// What rays met at one surface, kept for the way back.
+/// The crossing of one surface by rays, recorded for the backward sweep.
 #[derive(Clone, Copy)]
 pub(super) struct Crossing<S: Simd> {
     /// Direction in front of the surface.
@@ -24,7 +24,7 @@ pub(super) struct Crossing<S: Simd> {
 }
 
 impl<S: Simd> Crossing<S> {
-    /// The rays where they came from the vertex plane of the axis, in the surface's coordinates.
+    /// The rays in front of the surface, where their path begins, in the surface's coordinates.
     #[inline(always)]
     pub fn entry(&self) -> Rays<S> {
         Rays { position: along(self.point, -self.path, self.direction), direction: self.direction }
@@ -60,13 +60,13 @@ pub(super) fn aperture<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> Option<
     Some((transmission.max(u.constant(0.0)), by_radius / radius.max(u.constant(1e-12))))
 }
 
-/// Moves rays that fail onto the axis, where they disturb nobody, and notes why.
+/// Moves failed rays onto the axis, so that their numbers stay finite, and records the reason.
 #[inline(always)]
 fn lose<S: Simd>(ray: &mut Rays<S>, fate: &mut Lanes<S>, ok: Mask<S>, loss: Loss, surface: usize) {
     if ok.all() {
         return;
     }
-    // A ray that was lost before stays lost to what it was lost to.
+    // A ray keeps its first reason.
     let zero = fate.constant(0.0);
     let before = is_dead(*fate);
     let newly = ok.not().and(before.not());
@@ -96,13 +96,14 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
     let mut optical_path = zero;
     tape.clear();
     for (i, surface) in sequence.surfaces.iter().enumerate() {
+        // Find the points on the surface, in its own coordinates, and add the optical path to them.
         if let Some(frame) = &surface.frame {
             ray = frame::enter(frame, &ray);
         }
         let meeting = meet(surface, &ray);
         let (mut point, mut before) = (meeting.point, ray.direction);
         optical_path = meeting.path.mul_add(zero.constant(surface.n_before), optical_path);
-        // Lose light outside the clear aperture. The stop does not clip: rays are aimed inside it.
+        // Multiply by the transmission of the clear aperture. The stop does not clip: rays are aimed inside it.
         if i != sequence.stop {
             let u = point[0].mul_add(point[0], point[1] * point[1]);
             if let Some((share, _)) = aperture(surface, u) {
@@ -111,12 +112,14 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
                 fate = newly.select(zero.constant(clipped_at(i)), fate);
             }
         }
+        // Refract, reflect or diffract, and add the optical path of a thin lens or a diffractive structure.
         let (direction, refracted) = redirect(surface, point, before);
         if surface.is_general {
             optical_path += surface.added_path_mm([point[0], point[1]]);
         }
         let mut after = Rays { position: point, direction };
         let ok = meeting.ok.and(refracted);
+        // Take rays that miss the surface or are totally reflected out of the bundle.
         if !ok.all() {
             lose(&mut after, &mut fate, meeting.ok, Loss::Missed, i);
             lose(&mut after, &mut fate, refracted, Loss::TotalReflection, i);
@@ -129,12 +132,14 @@ pub(super) fn trace_rays<S: Simd, const TAPE: bool>(
         if TAPE {
             tape.push(Crossing { direction: before, point, path: ok.select(meeting.path, zero) });
         }
+        // Go on to the coordinates of the next vertex.
         if let Some(frame) = &surface.frame {
             after = frame::leave(frame, &after);
         }
         after.position[2] = after.position[2] - surface.thickness_mm;
         ray = after;
     }
+    // Run to the image plane, z = 0 of the last coordinates.
     let run = -ray.position[2] / ray.direction[2];
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
     optical_path = run.mul_add(zero.constant(n_image), optical_path);
@@ -196,7 +201,7 @@ impl WithSimd for Trace<'_> {
     }
 }
 
-/// A number per ray at one surface: the square of its height there, mm^2, or what a loss asks of it.
+/// A number per ray at one surface: the square of its height there, mm^2, or the cotangent of this square, 1/mm^2.
 #[derive(Clone, Debug)]
 pub struct SquaredHeights {
     /// Surface, from 0.
@@ -206,13 +211,13 @@ pub struct SquaredHeights {
 }
 
 impl SquaredHeights {
-    /// Zeros, for so many rays.
+    /// Zeros for a number of rays.
     pub fn zero(surface: usize, rays: usize) -> Self {
         Self { surface, values: vec![0.0; RayBundle::padded(rays)] }
     }
 }
 
-/// [`trace`], which also writes down how far from the axis the rays meet some surfaces.
+/// Traces as [`trace`], and records the squared heights of the rays at some surfaces.
 pub fn trace_with_heights(sequence: &Sequence, bundle: &mut RayBundle, heights: &mut [SquaredHeights]) {
     dispatch(Trace { sequence, bundle, heights });
 }

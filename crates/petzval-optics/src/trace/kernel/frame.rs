@@ -1,7 +1,8 @@
-//! Coordinates of surfaces that are shifted or turned, several rays at a time.
+//! Coordinate changes at surfaces that are shifted or turned, several rays at a time.
 //!
-//! A turn of the surface is told by the vector omega of `R_dot^T R`, in surface coordinates: points and directions in front
-//! move by `omega x p` as seen from the surface. Transposed, this is a torque: `p x p_bar + d x d_bar`.
+//! The vector omega of `R_dot^T R`, in surface coordinates, describes a small turn of the surface: seen from the
+//! surface, points and directions in front move by `omega x p`. The transpose of this is a torque:
+//! `p x p_bar + d x d_bar`.
 
 use pulp::Simd;
 
@@ -36,7 +37,7 @@ fn behind(frame: &Frame) -> Option<Matrix3> {
     }
 }
 
-/// Rays in the coordinates of the surface.
+/// Transforms rays to the coordinates of the surface.
 #[inline(always)]
 pub(super) fn enter<S: Simd>(frame: &Frame, ray: &Rays<S>) -> Rays<S> {
     let to_surface = transposed(&frame.rotation);
@@ -45,7 +46,7 @@ pub(super) fn enter<S: Simd>(frame: &Frame, ray: &Rays<S>) -> Rays<S> {
     Rays { position: times(&to_surface, [x - dx, y - dy, z]), direction: times(&to_surface, ray.direction) }
 }
 
-/// Rays in the coordinates of the axis behind the surface.
+/// Transforms rays to the coordinates of the axis behind the surface.
 #[inline(always)]
 pub(super) fn leave<S: Simd>(frame: &Frame, ray: &Rays<S>) -> Rays<S> {
     let Some(m) = behind(frame) else { return *ray };
@@ -57,7 +58,7 @@ pub(super) fn leave<S: Simd>(frame: &Frame, ray: &Rays<S>) -> Rays<S> {
     Rays { position, direction }
 }
 
-/// How a frame itself moves: its decentre, and its turn as the vector omega.
+/// A change of a frame: its decentre, and its turn as the vector omega.
 #[derive(Clone, Copy)]
 pub(super) struct FrameChange {
     pub decenter: [f64; 2],
@@ -67,13 +68,13 @@ pub(super) struct FrameChange {
 /// The vector omega for a unit change of each tilt.
 pub(super) fn omegas(frame: &Frame) -> [Vec3; 3] {
     frame.placement.rotation_by_tilt().map(|by| {
-        // Omega = by^T R; its entries (2, 1), (0, 2) and (1, 0).
+        // Omega = by^T R is antisymmetric; its entries (2, 1), (0, 2) and (1, 0) are the vector.
         let entry = |i: usize, j: usize| (0..3).map(|k| by[k][i] * frame.rotation[k][j]).sum();
         [entry(2, 1), entry(0, 2), entry(1, 0)]
     })
 }
 
-/// A tangent in the coordinates of the surface; `ray` is where the rays enter, in these.
+/// Transforms a tangent to the coordinates of the surface; `ray` are the entering rays in these coordinates.
 #[inline(always)]
 pub(super) fn enter_tangent<S: Simd>(
     frame: &Frame,
@@ -97,7 +98,7 @@ pub(super) fn enter_tangent<S: Simd>(
     out
 }
 
-/// A tangent in the coordinates of the axis behind; `ray` is what leaves the surface, in its coordinates.
+/// Transforms a tangent to the coordinates of the axis behind; `ray` are the rays behind the surface, in its coordinates.
 #[inline(always)]
 pub(super) fn leave_tangent<S: Simd>(
     frame: &Frame,
@@ -120,7 +121,7 @@ pub(super) fn leave_tangent<S: Simd>(
     out
 }
 
-/// Omega of the rotation behind the surface: that of a bent axis is seen after half a turn about z.
+/// Omega of the rotation behind the surface. A bent axis includes half a turn about z, which reverses x and y.
 fn turned_omega(frame: &Frame, [x, y, z]: Vec3) -> Vec3 {
     match frame.placement.axis {
         Axis::Bends => [-x, -y, z],
@@ -128,7 +129,7 @@ fn turned_omega(frame: &Frame, [x, y, z]: Vec3) -> Vec3 {
     }
 }
 
-/// What is asked of a frame: by its decentre and by its turn (a torque in surface coordinates).
+/// Cotangents of a frame: by its decentre and by its turn (a torque in surface coordinates).
 pub(super) struct FrameSums<S: Simd> {
     pub decenter: [Lanes<S>; 2],
     pub torque: V3<S>,

@@ -1,10 +1,10 @@
-//! Surfaces of any shape that bend light in any way: the general formulas, from jets of the sag.
+//! The general formulas for surfaces of any shape that refract, reflect or diffract, from jets of the sag.
 //!
-//! With `N = (-z_x, -z_y, 1)` and `v = mu d + grad W / n'` (W is what a diffractive structure adds to the optical path),
+//! With `N = (-z_x, -z_y, 1)` and `v = mu d + grad W / n'`, where W is the optical path of a diffractive structure,
 //! `d' = v + b N`, `b = (R - g) / q`, `g = N.v`, `q = N.N`, `R = sqrt(q (1 - v.v) + g^2)`.
 //!
-//! These formulas are long, and many shapes share them; so they are compiled once per instruction set, as operations that
-//! take and leave numbers in memory ([`Rows`]), and not into every kernel that meets such a surface.
+//! These formulas are long, and many shapes share them. So they are compiled once per instruction set, as operations on
+//! numbers in memory ([`Rows`]), and not into every kernel.
 
 use pulp::{Simd, WithSimd};
 
@@ -15,19 +15,20 @@ use crate::lens::PHASE_TERMS;
 use crate::number::Number;
 use crate::trace::sequence::{Bending, SurfaceAtWavelength, structure_path};
 
-/// Newton steps allowed.
+/// Largest number of Newton steps.
 const MAX_NEWTON: usize = 40;
 
 /// A Newton step below this length, mm, is the last.
 const LAST_STEP_MM: f64 = 1e-8;
 
-/// Follows rays to a surface with a departure: Newton's method on `F(t) = z(t) - sag(x(t), y(t))`.
+/// Intersects rays with a surface with a departure: Newton's method on `F(t) = z(t) - sag(x(t), y(t))`.
 #[inline(always)]
 fn newton<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, mut path: Lanes<S>) -> Meeting<S> {
     let (p, d) = (ray.position, ray.direction);
     let zero = p[0].constant(0.0);
     let mut ok = path.lt(path);
     for _ in 0..MAX_NEWTON {
+        // The sag and its derivative along the ray, at the present path.
         let q = along(p, path, d);
         let x = Dual { value: q[0], by: d[0] };
         let y = Dual { value: q[1], by: d[1] };
@@ -43,7 +44,7 @@ fn newton<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, mut path: Lanes<S>) -
     Meeting { point: along(p, path, d), path, ok }
 }
 
-/// Rays at a surface: its shape around their points, and what it makes of their directions.
+/// Rays at a surface: its shape around their points, and the intermediate results of the bending.
 struct Step<S: Simd> {
     point: V3<S>,
     before: V3<S>,
@@ -54,7 +55,7 @@ struct Step<S: Simd> {
     mu: f64,
     /// The sum of `mu d` and the structure's share.
     v: V3<S>,
-    /// What a structure adds to the optical path.
+    /// Optical path of a diffractive structure.
     path: Option<Jet<Lanes<S>>>,
     b: Lanes<S>,
     g: Lanes<S>,
@@ -64,12 +65,12 @@ struct Step<S: Simd> {
     root: Lanes<S>,
     /// Direction behind.
     pub after: V3<S>,
-    /// Where light gets through.
+    /// Whether light passes.
     pub ok: Mask<S>,
 }
 
-/// What a surface's own numbers do to tangents: changes of the sag and its slopes, of `mu` and of the index behind, of the
-/// slopes of the structure's optical path at the point, and of the power of a thin lens.
+/// Changes of a surface's own numbers, as they enter tangents: of the sag and its slopes, of `mu` and of the index
+/// behind, of the slopes of the structure's optical path at the point, and of the power of a thin lens.
 #[derive(Clone, Copy)]
 struct Own<S: Simd> {
     pub sag: Lanes<S>,
@@ -80,7 +81,7 @@ struct Own<S: Simd> {
     pub power: f64,
 }
 
-/// Cotangents that a step hands on.
+/// Cotangents of the inputs of a step.
 struct Asked<S: Simd> {
     /// Of the direction in front, at a fixed point.
     pub before: V3<S>,
@@ -102,10 +103,12 @@ impl<S: Simd> Step<S> {
     /// The step of rays at points of a surface.
     #[inline(always)]
     pub fn new(s: &SurfaceAtWavelength, point: V3<S>, before: V3<S>) -> Self {
+        // The normal, from the slopes of the sag.
         let one = point[0].constant(1.0);
         let zero = point[0].constant(0.0);
         let sag = s.shape.sag_jet([point[0], point[1]]);
         let normal = [-sag.slope[0], -sag.slope[1], one];
+        // v = mu d + grad W / n', and 1 - v.v.
         let mu = s.n_before / s.n_after;
         let mut v = scaled(one * mu, before);
         let mut under = one * (1.0 - mu * mu);
@@ -120,7 +123,7 @@ impl<S: Simd> Step<S> {
         }
         let (g, q) = (dot(normal, v), dot(normal, normal));
         let root2 = q * under + g * g;
-        // Rays that do not get through ask nothing, but must stay numbers.
+        // Snell's law. Rays that do not pass get a dummy root, so that their numbers stay finite.
         let ok = zero.constant(-f64::MIN_POSITIVE).lt(root2);
         let root = ok.select(root2.max(zero.constant(1e-300)).sqrt(), one);
         let b = (root - g) / q;
@@ -140,6 +143,7 @@ impl<S: Simd> Step<S> {
             after: v,
             ok: zero.lt(one),
         };
+        // The direction behind: by the slopes of a thin lens, or d' = v + b N.
         if let Bending::ThinLens { power_per_mm } = s.bending {
             let [x, y] = step.slopes_behind_thin_lens(s, power_per_mm);
             let per_length = one / (x * x + y * y + 1.0).sqrt();
@@ -165,7 +169,7 @@ impl<S: Simd> Step<S> {
         dot(self.normal, self.before)
     }
 
-    /// Carries a tangent, given where rays enter, to their points on the surface and behind it.
+    /// Carries the tangent of entering rays to their points on the surface and to their directions behind it.
     #[inline(always)]
     pub fn push_forward(
         &self,
@@ -175,6 +179,7 @@ impl<S: Simd> Step<S> {
         own: Option<&Own<S>>,
     ) -> Tangent<S> {
         let zero = path.constant(0.0);
+        // Move the point: shift the ray at a fixed path, then follow it back to the surface along its direction.
         let (d, n) = (self.before, self.normal);
         let moved = along(tangent.position, path, tangent.direction);
         let mut rise = -dot(n, moved);
@@ -182,6 +187,8 @@ impl<S: Simd> Step<S> {
             rise += own.sag;
         }
         let point = along(moved, rise / self.approach(), d);
+        // Change the slopes of the sag and of the structure's path: by the move of the point and by the surface's own
+        // numbers.
         let (mut slope, mut path_slope) = (turn(&self.sag, point), [zero; 2]);
         if let Some(jet) = &self.path {
             path_slope = turn(jet, point);
@@ -195,6 +202,7 @@ impl<S: Simd> Step<S> {
             (mu_dot, n_dot, power_dot) = (own.mu, own.n_after, own.power);
         }
         let per_n = 1.0 / s.n_after;
+        // A thin lens: differentiate tan' = mu tan - power (x, y) / n', then normalise to a unit direction.
         if let Bending::ThinLens { power_per_mm } = s.bending {
             let e = tangent.direction;
             let mut tan = [zero; 3];
@@ -208,6 +216,7 @@ impl<S: Simd> Step<S> {
             let turned = along(tan, -dot(self.after, tan), self.after);
             return Tangent { position: point, direction: scaled(self.after[2], turned) };
         }
+        // Differentiate v = mu d + grad W / n', and 1 - v.v.
         let mut v_dot = along(scaled(zero.constant(self.mu), tangent.direction), zero.constant(mu_dot), d);
         if let Some(jet) = &self.path {
             for axis in 0..2 {
@@ -218,6 +227,7 @@ impl<S: Simd> Step<S> {
             Some(_) => -(dot(self.v, v_dot) * 2.0),
             None => zero.constant(-2.0 * self.mu * mu_dot),
         };
+        // Differentiate b = (R - g) / q with g = N.v, q = N.N and R = sqrt(q (1 - v.v) + g^2), then d' = v + b N.
         let normal_dot = [-slope[0], -slope[1], zero];
         let g_dot = dot(normal_dot, self.v) + dot(n, v_dot);
         let q_dot = dot(n, normal_dot) * 2.0;
@@ -226,7 +236,7 @@ impl<S: Simd> Step<S> {
         Tangent { position: point, direction: along(along(v_dot, b_dot, n), self.b, normal_dot) }
     }
 
-    /// What cotangents of the direction behind ask.
+    /// Pulls cotangents of the direction behind back to the inputs of the step.
     #[inline(always)]
     pub fn pull_back(&self, s: &SurfaceAtWavelength, after_bar: V3<S>) -> Asked<S> {
         let zero = self.b.constant(0.0);
@@ -241,6 +251,7 @@ impl<S: Simd> Step<S> {
             path_slope: [zero; 2],
             power: zero,
         };
+        // A thin lens: through the normalisation to the slopes, then through tan' = mu tan - power (x, y) / n'.
         if let Bending::ThinLens { power_per_mm } = s.bending {
             let tan_bar = scaled(self.after[2], along(after_bar, -dot(self.after, after_bar), self.after));
             for axis in 0..2 {
@@ -256,6 +267,7 @@ impl<S: Simd> Step<S> {
             }
             return asked;
         }
+        // Through d' = v + b N and b = (R - g) / q to g, q, 1 - v.v, the normal and v.
         let root_bar = dot(after_bar, n) / self.q;
         let half = root_bar / (self.root * 2.0);
         let g_bar = half * self.g * 2.0 - root_bar;
@@ -263,6 +275,7 @@ impl<S: Simd> Step<S> {
         let under_bar = half * self.q;
         let normal_bar = along(along(scaled(self.b, after_bar), g_bar, self.v), q_bar + q_bar, n);
         let mut v_bar = along(after_bar, g_bar, n);
+        // Through v = mu d + grad W / n' to the structure's slopes, the index behind, mu and the direction in front.
         match &self.path {
             Some(jet) => {
                 v_bar = along(v_bar, -(under_bar + under_bar), self.v);
@@ -278,6 +291,7 @@ impl<S: Simd> Step<S> {
         }
         asked.mu += dot(v_bar, d);
         asked.before = scaled(zero.constant(self.mu), v_bar);
+        // The normal to the slopes of the sag, and these to the point.
         asked.slope = [-normal_bar[0], -normal_bar[1]];
         let by_point = turn_transposed(&self.sag, asked.slope);
         asked.point[0] += by_point[0];
@@ -285,7 +299,7 @@ impl<S: Simd> Step<S> {
         asked
     }
 
-    /// How the sag and its slopes change when the numbers of the shape change by `change`, given by slot.
+    /// Changes of the sag and its slopes when the numbers of the shape change by `change`, given by slot.
     #[inline(always)]
     pub fn shape_change(&self, s: &SurfaceAtWavelength, change: &[f64]) -> (Lanes<S>, [Lanes<S>; 2]) {
         let zero = self.b.constant(0.0);
@@ -299,7 +313,7 @@ impl<S: Simd> Step<S> {
         (sag, slope)
     }
 
-    /// How the slopes of a structure's optical path change when its coefficients change by `change`, given by slot.
+    /// Change of the slopes of a structure's optical path when its coefficients change by `change`, given by slot.
     #[inline(always)]
     pub fn path_change(&self, s: &SurfaceAtWavelength, change: &[f64]) -> [Lanes<S>; 2] {
         let zero = self.b.constant(0.0);
@@ -311,7 +325,7 @@ impl<S: Simd> Step<S> {
         slope
     }
 
-    /// What is asked of the numbers of a structure, by cotangents of the slopes of its optical path and of the path itself.
+    /// Cotangents of the numbers of a structure, from those of the slopes of its optical path and of the path itself.
     #[inline(always)]
     pub fn path_sums(
         &self,
@@ -326,7 +340,7 @@ impl<S: Simd> Step<S> {
         sums
     }
 
-    /// Optical path and its slopes by the numbers of a structure.
+    /// Derivatives of the optical path and of its slopes by the numbers of a structure.
     #[inline(always)]
     fn path_terms(&self, s: &SurfaceAtWavelength) -> [[Lanes<S>; 3]; PHASE_TERMS] {
         let zero = self.b.constant(0.0);
@@ -368,7 +382,7 @@ fn load<S: Simd, const N: usize>(simd: S, rows: &Rows<N>) -> [Lanes<S>; N] {
     values
 }
 
-/// One where it holds, zero elsewhere.
+/// One where the mask holds, zero elsewhere.
 #[inline(always)]
 fn as_number<S: Simd>(ok: Mask<S>, like: Lanes<S>) -> Lanes<S> {
     ok.select(like.constant(1.0), like.constant(0.0))
@@ -399,7 +413,7 @@ impl WithSimd for Follow<'_> {
     }
 }
 
-/// Follows rays to a surface with a departure, from a first guess of the path.
+/// Intersects rays with a surface with a departure, from a first guess of the path.
 #[inline(always)]
 pub(super) fn follow<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, start: Lanes<S>) -> Meeting<S> {
     let simd = ray.position[0].simd();
@@ -416,7 +430,7 @@ struct Redirect<'a> {
 }
 
 impl WithSimd for Redirect<'_> {
-    /// Direction behind, and whether light gets through.
+    /// Direction behind, and whether light passes.
     type Output = Rows<4>;
 
     #[inline(always)]
@@ -427,7 +441,7 @@ impl WithSimd for Redirect<'_> {
     }
 }
 
-/// Direction behind a surface, and where light gets through.
+/// Direction behind a surface, and whether light passes.
 #[inline(always)]
 pub(super) fn redirect<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, before: V3<S>) -> (V3<S>, Mask<S>) {
     let simd = point[0].simd();
@@ -436,7 +450,7 @@ pub(super) fn redirect<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, before: V
     ([x, y, z], is_one(ok))
 }
 
-/// How the numbers of a surface change: its own, by slot, `mu`, and the signed index behind.
+/// Changes of the numbers of a surface: its own, by slot, `mu`, and the signed index behind.
 #[derive(Clone, Copy)]
 pub(super) struct Change<'a> {
     pub numbers: &'a [f64],
@@ -469,8 +483,8 @@ impl WithSimd for PathChange<'_> {
     }
 }
 
-/// The change of the optical path that a thin lens or a structure adds at fixed points, when its own numbers change by
-/// `change`, given by slot.
+/// Change of the optical path of a thin lens or a structure at fixed points, when its own numbers change by `change`, given by
+/// slot.
 #[inline(always)]
 pub(super) fn added_path_change<S: Simd>(
     s: &SurfaceAtWavelength,
@@ -521,7 +535,8 @@ impl WithSimd for PushForward<'_> {
     }
 }
 
-/// Carries a tangent, given where rays of direction `before` enter, to their points on the surface and behind it.
+/// Carries the tangent of entering rays of direction `before` to their points on the surface and to their directions
+/// behind it.
 #[inline(always)]
 pub(super) fn push_forward<S: Simd>(
     s: &SurfaceAtWavelength,
@@ -544,7 +559,7 @@ pub(super) fn push_forward<S: Simd>(
     Tangent { position: load(simd, &position), direction: load(simd, &direction) }
 }
 
-/// What cotangents of the direction behind a surface ask.
+/// Cotangents of the direction behind a surface, pulled back to the inputs of the bending.
 pub(super) struct Pulled<S: Simd> {
     /// Of the direction in front, at a fixed point.
     pub before: V3<S>,
@@ -616,7 +631,7 @@ impl WithSimd for AddedPath<'_> {
     }
 }
 
-/// Gradient by x and y of what a thin lens or a structure adds to the optical path.
+/// Gradient by x and y of the optical path of a thin lens or a structure.
 #[inline(always)]
 pub(super) fn added_path_slope<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>) -> [Lanes<S>; 2] {
     let simd = point[0].simd();
@@ -665,7 +680,7 @@ impl WithSimd for OwnSums<'_> {
     }
 }
 
-/// What is asked of a surface's own numbers, with `alpha` the cotangent of its sag and that of the optical path.
+/// Cotangents of a surface's own numbers, from `alpha`, the cotangent of its sag, and that of the optical path.
 #[inline(always)]
 pub(super) fn own_bars<S: Simd>(
     s: &SurfaceAtWavelength,
@@ -683,7 +698,7 @@ pub(super) fn own_bars<S: Simd>(
     alpha.simd().vectorize(OwnSums { s, point, before, asked: &pulled.asked, alpha: store([alpha, path]) })
 }
 
-/// How the slopes of a function turn when the point moves.
+/// Change of the slopes of a function when the point moves.
 #[inline(always)]
 fn turn<S: Simd>(jet: &Jet<Lanes<S>>, point: V3<S>) -> [Lanes<S>; 2] {
     let [xx, xy, yy] = jet.second;

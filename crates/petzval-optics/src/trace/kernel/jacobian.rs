@@ -1,5 +1,5 @@
-//! How every ray of a bundle lands when each number of the lens moves: the rows of a Jacobian, by two sweeps of the adjoint
-//! a ray.
+//! The Jacobian of the landing points of a bundle by the numbers of the lens: two backward sweeps a ray, one for x and
+//! one for y.
 
 use pulp::{Simd, WithSimd};
 
@@ -13,7 +13,7 @@ use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 use petzval_base::simd::dispatch;
 
-/// Where rays that are aimed at points of the stop land, and how that changes; arrays are padded.
+/// Landing points of rays that are aimed at points of the stop, and their derivatives; arrays are padded.
 #[derive(Clone, Debug)]
 pub struct LandingJacobian {
     /// x and y on the image plane, mm.
@@ -24,7 +24,7 @@ pub struct LandingJacobian {
     pub complete: bool,
 }
 
-/// The cotangent of the glass behind a surface: mirrors that follow have it behind them too.
+/// The cotangent of the glass behind a surface, which is also behind the mirrors that follow it.
 #[inline(always)]
 fn index_sum<S: Simd>(sequence: &Sequence, surface: usize, sums: &[Sums<S>], zero: Lanes<S>) -> Lanes<S> {
     let mut total = zero;
@@ -61,6 +61,7 @@ impl WithSimd for Jacobian<'_> {
             let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
             arrival.fate.store(&mut fates[at..]);
             let reaim = ReaimLanes::load(simd, &reaim, at);
+            // One sweep for x and one for y: the sums of each ray are its derivatives, so they are stored and cleared.
             for axis in 0..2 {
                 arrival.ray.position[axis].store(&mut out.landing[axis][at..]);
                 for sums in &mut sums {
@@ -89,7 +90,7 @@ impl WithSimd for Jacobian<'_> {
     }
 }
 
-/// The Jacobian of where aimed rays land by some numbers of the lens, the rays keeping their points of the stop.
+/// The Jacobian of the landing points of aimed rays by some numbers of the lens. The rays keep their points of the stop.
 pub fn landing_jacobian(
     sequence: &Sequence,
     aimed: &AimedRays,
@@ -103,7 +104,7 @@ pub fn landing_jacobian(
         complete: true,
     };
     dispatch(Jacobian { sequence, launched: &launched, aimed, numbers, out: &mut out });
-    // Padding is no ray.
+    // Set the padding to zero.
     for column in out.landing.iter_mut().chain(out.by.iter_mut().flatten()) {
         column[launched.len()..].fill(0.0);
     }

@@ -1,4 +1,4 @@
-//! Several rays in vector registers, where they meet a surface, and how they change.
+//! Several rays in vector registers, their intersections with a surface, and their tangents.
 
 use pulp::Simd;
 
@@ -11,7 +11,7 @@ pub(super) struct Rays<S: Simd> {
     pub direction: V3<S>,
 }
 
-/// Where rays meet a surface.
+/// Intersections of rays with a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Meeting<S: Simd> {
     pub point: V3<S>,
@@ -19,7 +19,7 @@ pub(super) struct Meeting<S: Simd> {
     pub ok: Mask<S>,
 }
 
-/// How points and directions move when something moves: a tangent of rays.
+/// A tangent of rays: the change of points and directions per unit change of one quantity.
 #[derive(Clone, Copy)]
 pub(super) struct Tangent<S: Simd> {
     pub position: V3<S>,

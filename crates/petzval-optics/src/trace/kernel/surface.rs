@@ -1,4 +1,4 @@
-//! Several rays through one surface: meet it, refract, and how both change (tangents).
+//! Several rays at one surface: intersection, refraction, and the tangents of both.
 //!
 //! A surface is the level set `G = 0` of `G(x, y, z) = h - c/2 (u + (1+k) h^2)`, with `u = x^2 + y^2` and
 //! `h = z - P(u)` the height above the polynomial part: for `P = 0` the quadric of a conic, without root or
@@ -43,18 +43,20 @@ fn polynomial_slopes<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> (Lanes<S>
     (u.mul_add(d, p), u.mul_add(dd, d + d))
 }
 
-/// Follows rays to the surface.
+/// Intersects rays with the surface.
 #[inline(always)]
 pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S> {
     let (c, k) = (s.shape.curvature, s.shape.conic);
     let (p, d) = (ray.position, ray.direction);
     let zero = p[0].constant(0.0);
+    // A plane.
     if c == 0.0 && s.is_conic {
         let path = -p[2] / d[2];
         let point = [path.mul_add(d[0], p[0]), path.mul_add(d[1], p[1]), zero];
         return Meeting { point, path, ok: zero.lt(d[2]) };
     }
-    // The conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)), and (B - sqrt(B^2 - A C)) / A where B < 0.
+    // Solve the quadratic equation of the conic: A t^2 - 2 B t + C = 0, t = C / (B + sqrt(B^2 - A C)), and (B -
+    // sqrt(B^2 - A C)) / A where B < 0.
     let (kn, kz) = (d[2] * k, p[2] * k);
     let a = d[2].mul_add(kn, d[2].constant(1.0)) * c;
     let b = d[2] - (dot(p, d) + kz * d[2]) * c;
@@ -67,12 +69,13 @@ pub(super) fn meet<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>) -> Meeting<S
         path = from_beyond.select((b - root) / a, path);
     }
     let point = along(p, path, d);
-    // Only the half of a conic that holds the vertex is the surface; no number is no path.
+    // Accept only the half of the conic that contains the vertex. A path that is not a number fails the comparison.
     let front = (point[2] * (c * (1.0 + k))).lt(zero.constant(1.0));
     let meets = zero.constant(-f64::MIN_POSITIVE).lt(discriminant).and(front);
     if s.is_conic {
         return Meeting { point, path, ok: meets };
     }
+    // Start the iteration for other shapes at the conic, or at the vertex plane if the conic is missed.
     let from_vertex_plane = -p[2] / d[2];
     if s.is_general && s.shape.departure != Departure::None {
         return general::follow(s, ray, meets.select(path, from_vertex_plane));
@@ -88,6 +91,7 @@ fn follow_to_asphere<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, mut path: 
     let zero = path.constant(0.0);
     let mut ok = path.lt(path).or(zero.lt(zero));
     for _ in 0..MAX_NEWTON {
+        // G and its derivative along the ray, at the present path.
         let q = along(p, path, d);
         let u = q[0].mul_add(q[0], q[1] * q[1]);
         let outward = q[0].mul_add(d[0], q[1] * d[1]);
@@ -98,6 +102,7 @@ fn follow_to_asphere<S: Simd>(s: &SurfaceAtWavelength, ray: &Rays<S>, mut path: 
         let rate = w * (d[2] - (slope + slope) * outward) - outward * c;
         let step = g / rate;
         path -= step;
+        // The ray must cross the surface from the front (rate > 0), on the half that contains the vertex (w > 0).
         ok = step.abs().lt(zero.constant(LAST_STEP_MM)).and(zero.lt(rate)).and(zero.lt(w));
         if ok.all() {
             break;
@@ -124,7 +129,7 @@ fn normal<S: Simd>(s: &SurfaceAtWavelength, q: V3<S>) -> (V3<S>, Option<Lanes<S>
     (n, Some(dot(n, n)))
 }
 
-/// Direction behind a surface, and where light gets through (elsewhere it is totally reflected).
+/// Direction behind a surface, and whether light passes; otherwise it is totally reflected.
 #[inline(always)]
 pub(super) fn redirect<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, d: V3<S>) -> (V3<S>, Mask<S>) {
     if s.is_general {
@@ -156,7 +161,7 @@ fn refract<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, d: V3<S>) -> (V3<S>, 
     (along(scaled(zero.constant(mu), d), bend, n), zero.constant(-f64::MIN_POSITIVE).lt(root2))
 }
 
-/// What the derivatives of meeting and refraction are made of, at the points of a surface.
+/// Slopes of the sag at points of a surface, for the derivatives of intersection and refraction.
 pub(super) struct Slopes<S: Simd> {
     /// `w`, and its reciprocal.
     pub w: Lanes<S>,
@@ -195,8 +200,8 @@ pub(super) fn slopes<S: Simd>(s: &SurfaceAtWavelength, q: V3<S>) -> Slopes<S> {
     Slopes { w, per_w, u, first, second, normal: [-(twice * q[0]), -(twice * q[1]), one] }
 }
 
-/// How Snell's law bends with its arguments: `d' = mu d + b N`, `b = (R - mu g) / q`, with `g = N.d`, `q = N.N`,
-/// `R = sqrt(q (1 - mu^2) + mu^2 g^2)`.
+/// Intermediate results of Snell's law, for its derivatives: `d' = mu d + b N`, `b = (R - mu g) / q`, with `g = N.d`,
+/// `q = N.N`, `R = sqrt(q (1 - mu^2) + mu^2 g^2)`.
 pub(super) struct Bend<S: Simd> {
     pub mu: f64,
     pub b: Lanes<S>,
@@ -217,7 +222,7 @@ pub(super) fn bend<S: Simd>(s: &SurfaceAtWavelength, n: V3<S>, d: V3<S>) -> Bend
     Bend { mu, b: (root - g * mu) * per_q, g, q, per_q, per_root: one / root }
 }
 
-/// What one surface's own numbers add to a tangent there.
+/// Changes of a surface's own numbers, as they enter a tangent at its points.
 #[derive(Clone, Copy)]
 pub(super) struct OwnTangent<S: Simd> {
     /// Change of the sag at the point.
@@ -228,10 +233,10 @@ pub(super) struct OwnTangent<S: Simd> {
     pub mu: Lanes<S>,
 }
 
-/// Carries a tangent, given where rays enter, to their points on the surface and behind it.
+/// Carries the tangent of entering rays to their points on the surface and to their directions behind it.
 ///
-/// `dt = (z_theta - N.(dp + t dd)) / N.d`; the normal turns with the second derivatives of the sag; Snell's law is
-/// differentiated as it stands.
+/// The path changes by `dt = (z_theta - N.(dp + t dd)) / N.d`. The normal turns with the second derivatives of the sag, and
+/// Snell's law `d' = mu d + b N` is differentiated directly.
 #[inline(always)]
 pub(super) fn push_forward<S: Simd>(
     slopes: &Slopes<S>,
@@ -242,6 +247,7 @@ pub(super) fn push_forward<S: Simd>(
     tangent: &Tangent<S>,
     own: Option<OwnTangent<S>>,
 ) -> Tangent<S> {
+    // Move the point: shift the ray at a fixed path, then follow it back to the surface along its direction.
     let n = slopes.normal;
     let moved = along(tangent.position, path, tangent.direction);
     let mut rise = -dot(n, moved);
@@ -250,7 +256,7 @@ pub(super) fn push_forward<S: Simd>(
     }
     let point = along(moved, rise / bend.g, d);
 
-    // The normal (-2 x z', -2 y z', 1) turns.
+    // Turn the normal (-2 x z', -2 y z', 1): the point moves over the curved sag, and the sag itself changes.
     let mut first_dot = (x * point[0] + y * point[1]) * (slopes.second + slopes.second);
     if let Some(own) = &own {
         first_dot += own.first;
@@ -262,6 +268,7 @@ pub(super) fn push_forward<S: Simd>(
         zero,
     ];
 
+    // Differentiate b = (R - mu g) / q with g = N.d, q = N.N and R = sqrt(q (1 - mu^2) + mu^2 g^2).
     let mu = zero.constant(bend.mu);
     let g_dot = dot(n_dot, d) + dot(n, tangent.direction);
     let q_dot = dot(n, n_dot) * 2.0;
@@ -273,6 +280,8 @@ pub(super) fn push_forward<S: Simd>(
         less += own.mu * bend.g;
     }
     let b_dot = (root_dot - less - bend.b * q_dot) * bend.per_q;
+
+    // Bend the change of the direction: differentiate d' = mu d + b N.
     let mut direction = along(along(scaled(mu, tangent.direction), b_dot, n), bend.b, n_dot);
     if let Some(own) = &own {
         direction = along(direction, own.mu, d);

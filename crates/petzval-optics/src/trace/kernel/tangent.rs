@@ -1,4 +1,4 @@
-//! Forward mode: how rays move at the image when the numbers of the lens move in one given direction.
+//! Forward mode: the change of rays at the image for a given change of the numbers of the lens.
 
 use pulp::{Simd, WithSimd};
 
@@ -16,7 +16,7 @@ use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
 
-/// How the rays of a bundle move; padded as the bundle is.
+/// Changes of the rays of a bundle; padded as the bundle is.
 #[derive(Clone, Debug, Default)]
 pub struct RayTangents {
     /// Change of x on the image plane, mm.
@@ -31,7 +31,7 @@ pub struct RayTangents {
     pub direction: [Vec<f64>; 3],
 }
 
-/// How sag, slope and index ratio of surface `i` change at the points where rays meet it, when its own numbers change.
+/// Changes of the sag, of its slope dz/du and of `mu` at the points of rays, for a change of the own numbers of surface `i`.
 #[inline(always)]
 fn own<S: Simd>(
     s: &SurfaceAtWavelength,
@@ -40,6 +40,7 @@ fn own<S: Simd>(
     i: usize,
     mu: f64,
 ) -> OwnTangent<S> {
+    // The conic: derivatives of sag and slope by curvature and conic constant.
     let (c, u, w, per_w) = (s.shape.curvature, slope.u, slope.w, slope.per_w);
     let (curvature, conic) = (change[(i, Number::Curvature)], change[(i, Number::Conic)]);
     let per_w3 = per_w * per_w * per_w;
@@ -47,6 +48,7 @@ fn own<S: Simd>(
     let cube = 0.25 * c * c * c * conic;
     let mut sag = u * per_sum * curvature + u * u * per_sum * per_sum * w * (2.0 * cube);
     let mut first = per_w3 * (0.5 * curvature) + u * per_w3 * cube;
+    // The polynomial: each term a_j u^j adds u^j to the sag and j u^(j-1) to the slope.
     let mut power = u.constant(1.0);
     for j in 0..ASPHERE_TERMS {
         let a = change[(i, Number::Asphere(j))];
@@ -69,7 +71,7 @@ fn mu_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
     (before - s.n_before / s.n_after * index_change(sequence, change, i)) / s.n_after
 }
 
-/// How the frame of surface `i` moves.
+/// Change of the frame of surface `i`.
 fn frame_change(frame: &Frame, change: &LensGradient, i: usize) -> FrameChange {
     let mut omega = [0.0; 3];
     for (k, by) in frame::omegas(frame).iter().enumerate() {
@@ -80,7 +82,7 @@ fn frame_change(frame: &Frame, change: &LensGradient, i: usize) -> FrameChange {
     FrameChange { decenter: [0, 1].map(|axis| change[(i, Number::Decenter(axis))]), omega }
 }
 
-/// A tangent carried along a tape to behind the last of its surfaces, in the coordinates of that surface, and the relative
+/// Carries a tangent along a tape to behind its last surface, in the coordinates of that surface. Also returns the relative
 /// change of the transmission and the change of the optical path.
 #[inline(always)]
 fn carry<S: Simd>(
@@ -94,6 +96,7 @@ fn carry<S: Simd>(
     let (mut light, mut optical_path) = (zero, zero);
     for (i, crossing) in tape.iter().enumerate() {
         let surface = &sequence.surfaces[i];
+        // Go to the coordinates of this vertex, which moves with the thickness in front, then to those of the surface.
         if i > 0 {
             tangent = to_axis(sequence, change, i - 1, &tape[i - 1], &tangent);
             tangent.position[2] = tangent.position[2] - change[(i - 1, Number::Thickness)];
@@ -103,6 +106,8 @@ fn carry<S: Simd>(
             let change = frame_change(frame, change, i);
             tangent = frame::enter_tangent(frame, &crossing.entry(), &tangent, Some(&change));
         }
+        // Carry the tangent to the point on the surface and through the bend, with the changes of the surface's own
+        // numbers.
         let entered = along(tangent.position, crossing.path, tangent.direction);
         if surface.is_general {
             let change = general::Change {
@@ -119,6 +124,8 @@ fn carry<S: Simd>(
             let own = own(surface, &slope, change, i, mu_change(sequence, change, i));
             tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
         }
+        // Add the changes of the optical path: of the path length, of the index in front, and of the point on a thin
+        // lens or a diffractive structure.
         let moved = along(tangent.position, zero.constant(-1.0), entered);
         optical_path += dot(moved, d) * surface.n_before;
         if i > 0 {
@@ -128,6 +135,7 @@ fn carry<S: Simd>(
             let [by_x, by_y] = general::added_path_slope(surface, crossing.point);
             optical_path += by_x * tangent.position[0] + by_y * tangent.position[1];
         }
+        // Add the relative change of the transmission of the clear aperture.
         let u = x.mul_add(x, y * y);
         if i != sequence.stop
             && let Some((share, by_radius)) = aperture(surface, u)
@@ -142,7 +150,7 @@ fn carry<S: Simd>(
     (tangent, light, optical_path)
 }
 
-/// A tangent in the coordinates of the axis behind a surface.
+/// Transforms a tangent to the coordinates of the axis behind a surface.
 #[inline(always)]
 fn to_axis<S: Simd>(
     sequence: &Sequence,
@@ -177,12 +185,14 @@ impl WithSimd for PushForward<'_> {
         let last = sequence.surfaces.len() - 1;
         let mut tape = Vec::with_capacity(last + 1);
         for at in (0..launched.len()).step_by(width::<S>()) {
+            // Trace the rays, and record the crossings.
             let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
             let fate = read(&launched.fate);
             let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
             let mut start = Tangent { position: [zero; 3], direction: [zero; 3] };
             if let Some((aimed, stop_growth)) = aimed {
-                // Launch points follow: Q ds + (what the lens does to q) = dR/R q.
+                // Re-aim: carry a zero tangent to the stop, and move the launch point so that the point there changes by
+                // dR/R q: Q ds + dq(lens) = dR/R q.
                 let (moved, ..) = carry(sequence, change, &tape[..=stop], start);
                 let [qx, qy, _] = tape[stop].point;
                 let miss = [qx * stop_growth - moved.position[0], qy * stop_growth - moved.position[1]];
@@ -197,12 +207,14 @@ impl WithSimd for PushForward<'_> {
                     direction: along([0, 1, 2].map(|k| ds[0] * by[0].direction[k]), ds[1], by[1].direction),
                 };
             }
+            // Carry the tangent through the whole lens.
             let (end, light, mut optical_path) = carry(sequence, change, &tape, start);
             let end = to_axis(sequence, change, last, &tape[last], &end);
-            // x = p_x + s d_x with the run s = (thickness - p_z) / d_z.
+            // Differentiate the run to the image plane: x = p_x + s d_x with s = (thickness - p_z) / d_z.
             let d = arrival.ray.direction;
             let moved = along(end.position, arrival.run, end.direction);
             let run = (zero.constant(change[(last, Number::Thickness)]) - moved[2]) / d[2];
+            // Store the changes; those of failed rays are zero.
             let dead = is_dead(arrival.fate);
             let alive = |v: Lanes<S>| dead.select(zero, v);
             alive(run.mul_add(d[0], moved[0])).store(&mut out.image_x[at..]);
@@ -220,8 +232,8 @@ impl WithSimd for PushForward<'_> {
 
 /// Pushes a change of the lens's numbers forward through the trace: the transpose of [`pull_back`](super::pull_back).
 ///
-/// `change` holds how much every number of the lens moves. With `aimed` = (how the rays were aimed, relative growth of the
-/// stop's radius), launch points follow the lens; without, rays keep their launch.
+/// `change` holds the change of every number of the lens. With `aimed` = (the aimed rays, relative growth of the stop
+/// radius), launch points follow the lens; without, rays keep their launch.
 pub fn push_change(
     sequence: &Sequence,
     launched: &RayBundle,

@@ -1,24 +1,25 @@
 //! Workloads of the camera: a full frame rendered and exposed.
 
 use petzval::base::simd::level;
+use petzval::base::simd::widest;
 use petzval::built_in_assets;
 use petzval::camera::image::LinearImage;
 use petzval::camera::render::{Placement, RenderGeometry, kernel_radius, render};
 use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose};
 use petzval::design::error::DesignError;
-use petzval::design::optics::PsfPlan;
-use petzval::jobs::machine::simd_level;
+use petzval::design::psf_plan::PsfPlan;
 use petzval::optics::psf::PsfOptions;
 use petzval::optics::pupil::Quadrature;
 
-use super::{Failure, Prepared, Workload};
+use super::workload::{Prepared, Workload};
+use crate::cli::failure::Failure;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
-        Workload { name: "render_1200x1920", simd: simd_level, prepare: rendering },
+        Workload { name: "render_1200x1920", simd: widest, prepare: rendering },
         Workload { name: "sensor_1200x1920", simd: level, prepare: sensor },
     ]
 }

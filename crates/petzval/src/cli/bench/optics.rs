@@ -3,7 +3,7 @@
 use petzval::base::simd::level;
 use petzval::built_in_assets;
 use petzval::design::error::DesignError;
-use petzval::design::optics::PsfPlan;
+use petzval::design::psf_plan::PsfPlan;
 use petzval::optics::analysis::{AnalysisOptions, analyze};
 use petzval::optics::design_space::{EflSolve, Solves, Variable};
 use petzval::optics::gradient::LensGradient;
@@ -18,7 +18,8 @@ use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
 use petzval::report::lens_sheet::{PictureKind, page, picture};
 
-use super::{Failure, Prepared, Workload};
+use super::workload::{Prepared, Workload};
+use crate::cli::failure::Failure;
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
@@ -51,7 +52,7 @@ pub(super) fn nominal() -> Result<Lens, Failure> {
     Ok(built_in_assets().lens("cooke-triplet-nominal")?.lens)
 }
 
-/// The same lens with a small r^4 term on every surface, so that each needs Newton's method.
+/// The same lens with a small r^4 term on every surface, so that every surface needs Newton's method.
 fn all_aspheres(mut lens: Lens) -> Lens {
     for surface in &mut lens.surfaces {
         if surface.shape.is_conic() {
@@ -179,7 +180,7 @@ fn psf_13_fields() -> Result<Prepared, Failure> {
     })
 }
 
-/// A variable that may go from half to twice its value, or within a thousandth of a mm^(1-n) where that is zero.
+/// A variable with bounds at half and twice its value, or at a thousandth of a mm^(1-n) to both sides if it is zero.
 fn around(lens: &Lens, surface: usize, number: Number) -> Variable {
     let value = number.read_stated(lens, surface);
     let (min, max) = if value == 0.0 { (-1e-3, 1e-3) } else { (0.5 * value, 2.0 * value) };

@@ -1,4 +1,4 @@
-//! Workloads of tolerances: lenses made at random.
+//! Workloads of tolerances: random lenses.
 
 use petzval::base::simd::level;
 use petzval::optics::merit::RmsSpot;
@@ -7,9 +7,10 @@ use petzval::optics::tolerance::{
 };
 
 use super::optics::nominal;
-use super::{Failure, Prepared, Workload};
+use super::workload::{Prepared, Workload};
+use crate::cli::failure::Failure;
 
-/// Lenses.
+/// Number of lenses.
 const TRIALS: usize = 1000;
 
 pub(super) fn workloads() -> Vec<Workload> {
@@ -35,7 +36,7 @@ fn random_lenses() -> Result<Prepared, Failure> {
             let study = Study::new(&lens, &tolerances, &merit).map_err(|e| Failure::job(e.to_string()))?;
             let found = monte_carlo(&study, 1, TRIALS, &|| {});
             if found.failed() > 0 {
-                return Err(Failure::job(format!("{} lenses bring no image", found.failed())));
+                return Err(Failure::job(format!("{} lenses have no image", found.failed())));
             }
             std::hint::black_box(found);
             Ok(())

@@ -4,8 +4,9 @@ use std::process::ExitCode;
 
 use petzval::jobs::glass::find;
 
-use super::figure;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::number::figure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Find glasses. The distance is sqrt((dnd / 0.01)^2 + dVd^2): 0.01 of index counts as much as 1 of Abbe number.
 #[derive(Debug, clap::Args)]
@@ -16,13 +17,13 @@ pub struct Args {
     /// Abbe number (nd - 1) / (nF - nC)
     #[arg(long, allow_negative_numbers = true)]
     vd: f64,
-    /// How many to print
+    /// Number of glasses to print
     #[arg(long, default_value_t = 10, value_name = "N")]
     count: usize,
     /// Only glasses of this maker
     #[arg(long)]
     maker: Option<String>,
-    /// Obsolete glasses as well
+    /// Include obsolete glasses
     #[arg(long)]
     obsolete: bool,
     /// Machine-readable output
@@ -31,7 +32,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = find::Request {
         nd: args.nd,
         vd: args.vd,
@@ -39,7 +40,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         maker: args.maker,
         obsolete: args.obsolete,
     };
-    let response = find::run(&request, &context())?;
+    let response = find::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.glasses);
     }

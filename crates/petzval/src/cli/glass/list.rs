@@ -1,13 +1,14 @@
-//! `petzval glass list`: every glass.
+//! `petzval glass list`: lists every glass.
 
 use std::process::ExitCode;
 
 use petzval::jobs::glass::list;
 
-use super::figure;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::number::figure;
+use crate::cli::terminal::{Terminal, print_json};
 
-/// List glasses by the names that lens files use: MAKER:NAME where the name alone means another glass.
+/// List glasses by their names in lens files: MAKER:NAME if the name alone means another glass.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Only glasses of this maker
@@ -19,8 +20,8 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let response = list::run(&list::Request { maker: args.maker }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let response = list::run(&list::Request { maker: args.maker }, &terminal.context())?;
     if args.json {
         return print_json(&response.glasses);
     }

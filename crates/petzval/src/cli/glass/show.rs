@@ -1,16 +1,17 @@
-//! `petzval glass show`: all that is known of a glass.
+//! `petzval glass show`: all data of a glass.
 
 use std::process::ExitCode;
 
 use petzval::jobs::glass::show::{self, PATH_MM};
 
-use super::figure;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::number::figure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a glass of the catalogue.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Its name, or MAKER:NAME where several makers have one of that name
+    /// Name of the glass, or MAKER:NAME if several makers have a glass of this name
     name: String,
     /// Temperature of the glass and of the air around it, degrees Celsius, for the column of indices
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
@@ -24,9 +25,9 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = show::Request { name: args.name, temperature: args.temperature, pressure: args.pressure };
-    let response = show::run(&request, &context())?;
+    let response = show::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.glass);
     }
@@ -78,11 +79,11 @@ fn print(response: &show::Response) {
         );
         println!("{}", row.trim_end());
     }
-    // The table of a lens file, without its long lists of absorption.
+    // Print the table for a lens file, without its long lists of absorption.
     let is_short = |line: &&str| !line.starts_with("transmission") && !line.starts_with("extinction");
     let table: Vec<String> = glass.table.lines().filter(is_short).map(|line| format!("  {line}")).collect();
     println!("\n{}", table.join("\n"));
     if !glass.others_of_this_name.is_empty() {
-        println!("\n  others of this name: {}", glass.others_of_this_name.join(", "));
+        println!("\n  other glasses of this name: {}", glass.others_of_this_name.join(", "));
     }
 }

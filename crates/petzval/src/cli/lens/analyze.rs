@@ -1,18 +1,18 @@
-//! `petzval lens analyze`: everything that a designer looks at, as pictures and as data.
+//! `petzval lens analyze`: the analyses of lens design, as pictures and as data.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::builder::PossibleValuesParser;
-use petzval::jobs::lens::analyze;
-use petzval::optics::analysis::Analysis;
+use petzval::jobs::lens::analyze::{self, Analysis};
 
 use super::focus::FocusAt;
-use crate::cli::{Failure, context};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::Terminal;
 
-/// Write everything that a designer looks at: pictures (SVG), a page that shows them all, and the data behind them.
+/// Write the analyses of lens design: pictures (SVG), a page with all of them, and their data.
 ///
-/// Files: layout.svg (to scale), spots.svg, ray_fans.svg, opd_fans.svg, mtf.svg (by waves, with the limit),
+/// Files: layout.svg (to scale), spots.svg, ray_fans.svg, opd_fans.svg, mtf.svg (diffraction, with the limit),
 /// mtf_geometric.svg, mtf_by_field.svg, mtf_through_focus.svg, field_curvature_distortion.svg, lateral_colour.svg,
 /// axial_colour.svg (with longitudinal aberration), encircled_energy.svg, relative_illumination.svg, wavefront.svg
 /// (Zernike coefficients, Strehl ratios), seidel.svg; analysis.html, all of it on one page; analysis.json, the data.
@@ -27,7 +27,7 @@ pub struct Args {
     /// Write only these: names of pictures, html, json (several with commas)
     #[arg(long, value_name = "KIND", value_delimiter = ',', value_parser = PossibleValuesParser::new(analyze::names()))]
     only: Vec<String>,
-    /// Where the image plane goes
+    /// Position of the image plane
     #[arg(long, value_enum, default_value = "file")]
     focus: FocusAt,
     /// Highest frequency of MTF curves, cycles/mm [default: 100, or about half of the cutoff if that is less]
@@ -42,7 +42,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = analyze::Request {
         lens: args.lens,
         out: args.out,
@@ -51,7 +51,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         max_frequency: args.max_frequency,
         frequency: args.frequency,
     };
-    let response = analyze::run(&request, &context())?;
+    let response = analyze::run(&request, &terminal.context())?;
     let written = format!("{} files in {}", response.files.len(), response.folder.display());
     if args.json {
         // On one line, in the order of analysis.json.
@@ -107,7 +107,7 @@ fn summary(analysis: &Analysis) -> String {
     out
 }
 
-/// Index of the wavelength next to another.
+/// Index of the wavelength nearest to another.
 fn nearest(wavelengths_um: &[f64], um: f64) -> usize {
     let off = |i: &usize| (wavelengths_um[*i] - um).abs();
     (0..wavelengths_um.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)

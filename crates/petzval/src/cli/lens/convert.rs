@@ -1,15 +1,17 @@
-//! `petzval lens convert`: a lens from one file format to another, with a report of what is lost.
+//! `petzval lens convert`: converts a lens file to another format, with a report of what is lost.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use petzval::jobs::lens::convert;
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
-/// Convert a lens between Petzval's format (.toml), Zemax's (.zmx) and CODE V's (.seq). The endings say which is which.
+/// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq). The endings of the names
+/// choose them.
 ///
-/// Reports everything that the new file does not hold, and refuses a lens that would bend light otherwise there.
+/// Everything that the new file does not hold is reported. A lens that would bend light differently is refused.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -18,14 +20,14 @@ pub struct Args {
     /// The file to write, whose ending names the format
     #[arg(value_name = "OUT")]
     to: PathBuf,
-    /// The report on stdout, for machines
+    /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let response = convert::run(&convert::Request { from: args.from, to: args.to }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let response = convert::run(&convert::Request { from: args.from, to: args.to }, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

@@ -1,12 +1,12 @@
-//! `--focus`: where the image plane of a lens goes before it is looked at.
+//! `--focus`: the position of the image plane of a lens.
 
 use clap::ValueEnum;
 use petzval::jobs::lens;
 
-/// Where the image plane goes.
+/// Position of the image plane.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum FocusAt {
-    /// Where the file puts it.
+    /// As in the file.
     File,
     /// At the paraxial image of the reference wavelength.
     Paraxial,

@@ -1,4 +1,4 @@
-//! `petzval lens show`: what a lens is, in numbers.
+//! `petzval lens show`: the numbers of a lens.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -7,14 +7,15 @@ use petzval::jobs::lens::show::{self, Prescription, Response, Surface};
 use petzval::jobs::{Context, Silent};
 
 use super::focus::FocusAt;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a lens: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
     lens: String,
-    /// Where the image plane goes
+    /// Position of the image plane
     #[arg(long, value_enum, default_value = "file")]
     focus: FocusAt,
     /// Machine-readable output
@@ -23,12 +24,12 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = show::Request { lens: args.lens, focus: args.focus.into() };
-    let response = match show::run(&request, &context()) {
+    let response = match show::run(&request, &terminal.context()) {
         Ok(response) => response,
         Err(error) => {
-            // The prescription of a lens that can be read may show what is wrong with it. Warnings were printed with the error.
+            // Print the prescription if it can be read: it may show the cause. The warnings were already printed.
             let silent = Context::new(petzval::built_in_assets(), Arc::new(Silent));
             if !args.json
                 && let Ok(Prescription { name, surfaces }) = show::prescription(&request, &silent)
@@ -75,7 +76,7 @@ fn prescription(name: &str, surfaces: &[Surface]) -> String {
     out
 }
 
-/// A figure with so many decimals; a dash for one that does not exist.
+/// A figure with a number of decimals; a dash if it does not exist.
 fn figure(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }

@@ -5,18 +5,19 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::lens::trace;
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
-/// How a ray finds its place in the pupil.
+/// Meaning of the pupil point.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Aim {
-    /// Through that point of the real stop.
+    /// The ray goes through this point of the real stop.
     Real,
-    /// Through that point of the paraxial entrance pupil.
+    /// The ray goes through this point of the paraxial entrance pupil.
     Paraxial,
 }
 
-/// Trace one ray and print where it passes every surface.
+/// Trace one ray and print its position and direction at every surface.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
@@ -30,7 +31,7 @@ pub struct Args {
     /// Point of the pupil, in units of its radius
     #[arg(long, value_name = "PX,PY", value_delimiter = ',', required = true, allow_hyphen_values = true)]
     pupil: Vec<f64>,
-    /// What the pupil point lies on
+    /// Surface of the pupil point
     #[arg(long, value_enum, default_value = "real")]
     aim: Aim,
     /// Machine-readable output
@@ -39,7 +40,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = trace::Request {
         lens: args.lens,
         field: args.field,
@@ -50,7 +51,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
             Aim::Paraxial => trace::Aim::Paraxial,
         },
     };
-    let response = trace::run(&request, &context())?;
+    let response = trace::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

@@ -1,16 +1,15 @@
-//! `petzval raw convert`: a raw frame in another format.
+//! `petzval raw convert`: writes a raw frame in another format.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::camera::sensor::CfaPattern;
-use petzval::files::raw_file::Packing;
-use petzval::jobs::raw::convert;
+use petzval::jobs::raw::convert::{self, CfaPattern, Packing};
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
-/// How a `.raw` file packs digital numbers into bytes.
+/// Packing of digital numbers in a `.raw` file.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum PackAs {
     /// MIPI CSI-2: 8, 10, 12 or 14 bits.
@@ -32,10 +31,10 @@ pub struct Args {
     /// The frame
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// Where to write it
+    /// File to write
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Packing of a .raw; the default is mipi where it has the bits, else lsb, u16le for 16
+    /// Packing of a .raw file [default: mipi if it supports the bits, else lsb; u16le for 16 bits]
     #[arg(long, value_enum, value_name = "PACKING")]
     packing: Option<PackAs>,
     /// Bits of the converter
@@ -65,7 +64,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = convert::Request {
         input: args.input,
         output: args.output,
@@ -83,7 +82,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         gain: args.gain,
         pixel_um: args.pixel_um,
     };
-    let response = convert::run(&request, &context())?;
+    let response = convert::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.frame);
     }

@@ -1,16 +1,16 @@
-//! `petzval raw show`: what a raw frame is.
+//! `petzval raw show`: shows a raw frame.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::files::raw_file::RawInfo;
-use petzval::jobs::raw::show;
+use petzval::jobs::raw::{RawInfo, show};
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a raw frame: size, camera and exposure from its sidecar, and its digital numbers colour by colour.
 ///
-/// Reads gray TIFF and PNG of 8 or 16 bits, NumPy arrays, packed .raw files with a sidecar FILE.toml, and DNG where the
+/// Reads gray TIFF and PNG of 8 or 16 bits, NumPy arrays, packed .raw files with a sidecar FILE.toml, and DNG if the
 /// command was built with the cargo feature `dng`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -22,8 +22,8 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let frame = show::run(&show::Request { file: args.file }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let frame = show::run(&show::Request { file: args.file }, &terminal.context())?;
     if args.json {
         return print_json(&frame);
     }
@@ -51,7 +51,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Camera and exposure, a line for each number that is known.
+/// Camera and exposure, a line for each known number.
 fn facts(info: &RawInfo) -> Vec<(&'static str, String)> {
     let number = |value: Option<f64>, unit: &str| value.map(|v| format!("{v}{unit}"));
     let all = [

@@ -1,4 +1,4 @@
-//! `petzval sensor capture`: the calibration series of a sensor, simulated.
+//! `petzval sensor capture`: simulates the calibration series of a sensor.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use petzval::jobs::sensor::capture;
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Format of the frames.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -19,14 +20,14 @@ enum Format {
 
 /// Simulate the calibration series of a sensor.
 ///
-/// Pairs of flat and of dark frames at every gain and exposure time, further dark pairs for the dark current, and stacks
-/// for the non-uniformity; all of them are listed in captures.toml, which `petzval sensor characterize` reads. The light is
-/// weakened at higher gain, so that the longest exposure fills the same share of the range. A series that was interrupted
-/// goes on with the same command.
+/// The series has pairs of flat and of dark frames at every gain and exposure time, further dark pairs for the dark
+/// current, and stacks for the non-uniformity. captures.toml lists all frames for `petzval sensor characterize`. The
+/// light is weakened at higher gain, so that the longest exposure fills the same share of the range. The same command
+/// continues an interrupted series.
 ///
-/// Without options it is the series of Tseng et al. (2021), which is made for the fit over gains: seven gains, four exposures
-/// below saturation, no stacks. With --emva it is the series that EMVA 1288 release 4.0 Linear prescribes, which fills its whole
-/// sheet. Every other option changes that series.
+/// Without options it is the series of Tseng et al. (2021) for the fit over gains: seven gains, four exposures below
+/// saturation, no stacks. With --emva it is the series that EMVA 1288 release 4.0 Linear prescribes, which gives all
+/// figures of the standard. Every other option changes that series.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Sensor file, or a built-in name such as imx249-fitted (`petzval sensor list`)
@@ -34,12 +35,13 @@ pub struct Args {
     /// Folder for the captures
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// The series of EMVA 1288: one gain, 50 or more equal steps of exposure beyond saturation, a long dark series, and
-    /// stacks of 100 frames; photons by the sensor's curve at its peak or at --wavelength, or by --quantum-efficiency
+    /// Simulate the series of EMVA 1288: one gain, 50 or more equal steps of exposure to beyond saturation, a long dark
+    /// series, and stacks of 100 frames. Photons follow from the sensor's curve at its peak or at --wavelength, or from
+    /// --quantum-efficiency
     #[arg(long)]
     emva: bool,
-    /// Linear gains [default: those that the sensor offers; 1,1.77,3.16,5.62,10,17.78,31.62 if it can be set to any; with --emva
-    /// the one nearest to 1]
+    /// Linear gains [default: the gain steps of the sensor, or 1,1.77,3.16,5.62,10,17.78,31.62 if it has none; with
+    /// --emva the one nearest to 1]
     #[arg(long, value_name = "G,G,...", value_delimiter = ',')]
     gains: Vec<f64>,
     /// Exposure times of flat and dark pairs, ms [default: 2.5,5,7.5,10; with --emva steps of 0.5]
@@ -52,18 +54,18 @@ pub struct Args {
     /// --emva 100]
     #[arg(long, value_name = "L")]
     stack: Option<usize>,
-    /// Rows and columns of the frames, from the corner of the sensor; the whole sensor without it
+    /// Rows and columns of the frames, from the corner of the sensor [default: the whole sensor]
     #[arg(long, value_name = "HxW")]
     size: Option<String>,
-    /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 saturates [default: 0.6; with
-    /// --emva 1.2, and more where a weaker colour is to saturate too]
+    /// Signal of the brightest colour at the longest exposure as a share of the range; above 1 saturates [default: 0.6;
+    /// with --emva 1.2, or more so that a weaker colour saturates too]
     #[arg(long, allow_negative_numbers = true)]
     level: Option<f64>,
     /// Quantum efficiency (0..1) of green or clear pixels, which converts electrons to photons
     #[arg(long, value_name = "QE")]
     quantum_efficiency: Option<f64>,
-    /// Wavelength of the light, um; the sensor's curves there give the photons and the response of each colour, unless
-    /// --quantum-efficiency states it
+    /// Wavelength of the light, um. The sensor's curves at this wavelength give the photons and the response of each
+    /// colour, unless --quantum-efficiency is given
     #[arg(long, value_name = "UM")]
     wavelength: Option<f64>,
     /// Format of the frames
@@ -87,7 +89,7 @@ fn rows_and_columns(size: &str) -> Result<[usize; 2], Failure> {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = capture::Request {
         size: args.size.as_deref().map(rows_and_columns).transpose()?,
         sensor: args.sensor,
@@ -106,13 +108,13 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         },
         seed: args.seed,
     };
-    let written = capture::run(&request, &context())?;
+    let written = capture::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&written);
     }
     println!("{}", written.list.display());
     if written.kept > 0 {
-        eprintln!("{} of {} frames were there already", written.kept, written.frames);
+        eprintln!("{} of {} frames already existed", written.kept, written.frames);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,22 +1,21 @@
-//! `petzval sensor characterize`: a sensor measured from captures.
+//! `petzval sensor characterize`: measures a sensor from captures.
 
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::camera::sensor::Colour;
-use petzval::jobs::sensor::characterize;
-use petzval::lab::emva::colour_name;
-use petzval::lab::emva::joint::GAINS;
-use petzval::lab::emva::{Characterization, HighPass, HistogramComparison, Measured, Values};
+use petzval::jobs::sensor::characterize::{
+    self, Characterization, Colour, GAINS, HighPass, HistogramComparison, Measured, Values, colour_name,
+};
 
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
-/// The filter before non-uniformity.
+/// High-pass filter before non-uniformity.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Filter {
-    /// None
+    /// No filter
     None,
     /// 5x5 box of release 3.1
     #[value(name = "r3.1")]
@@ -41,10 +40,10 @@ pub struct Args {
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// High-pass before DSNU and PRNU; the library has none, so that it does not change what --compatible shows
+    /// High-pass before DSNU and PRNU; the library has none, so it does not change the values of --compatible
     #[arg(long, value_enum, default_value = "r4")]
     highpass: Filter,
-    /// Derive every number as the EMVA 1288 Python library does, its mistakes included
+    /// Derive every number as the EMVA 1288 Python library does, including its mistakes
     #[arg(long)]
     compatible: bool,
     /// Leave the difference of the frames' means in the temporal variance (Eq. 6 of Tseng et al. 2021)
@@ -53,7 +52,7 @@ pub struct Args {
     /// Fit K, mu_r, mu_el, sigma_el, colour ratios and light to the captured histograms
     #[arg(long)]
     fit_histograms: bool,
-    /// Pixel pitch, um, where the list does not state it
+    /// Pixel pitch, um, if the list does not state it
     #[arg(long, value_name = "UM")]
     pixel_um: Option<f64>,
     /// Print everything as JSON
@@ -62,7 +61,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = characterize::Request {
         dir: args.dir,
         out: args.out,
@@ -76,7 +75,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         fit_histograms: args.fit_histograms,
         pixel_um: args.pixel_um,
     };
-    let found = characterize::run(&request, &context())?.characterization;
+    let found = characterize::run(&request, &terminal.context())?.characterization;
     if args.json {
         return print_json(&found);
     }
@@ -84,7 +83,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Lines of numbers. Numbers that are not resolved are gathered, one line for each reason.
+/// Lines of numbers. Unresolved numbers are collected, one line for each reason.
 #[derive(Default)]
 struct Lines {
     text: String,
@@ -94,7 +93,7 @@ struct Lines {
 impl Lines {
     /// Adds a number with as many digits as its error justifies.
     fn add(&mut self, name: &str, measured: Measured, unit: &str) {
-        // Writing to a text cannot fail.
+        // Writing to a string cannot fail.
         let _ = match (measured.value(), measured.standard_error().filter(|se| *se > 0.0)) {
             (Some(v), Some(se)) => {
                 let digits = (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize;
@@ -113,7 +112,7 @@ impl Lines {
         };
     }
 
-    /// Writes one line for each reason, with the numbers that are not resolved because of it.
+    /// Writes one line for each reason, with the numbers that it leaves unresolved.
     fn reasons(&mut self, indent: &str) {
         for (why, names) in std::mem::take(&mut self.unresolved) {
             let _ = writeln!(self.text, "{indent}not resolved: {why}: {}", names.join(", "));
@@ -228,7 +227,7 @@ const SHOWN: [&str; 21] = [
 
 #[cfg(test)]
 mod tests {
-    use petzval::lab::emva::Unresolved;
+    use petzval::jobs::sensor::characterize::Unresolved;
 
     use super::*;
 

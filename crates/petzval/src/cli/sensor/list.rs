@@ -4,8 +4,9 @@ use std::process::ExitCode;
 
 use petzval::jobs::sensor::list;
 
-use super::six_digits;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::number::six_digits;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// List the built-in sensors: pixels, pitch, full well, read noise, and where the numbers come from.
 #[derive(Debug, clap::Args)]
@@ -16,8 +17,8 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let sensors = list::run(&list::Request {}, &context())?.sensors;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let sensors = list::run(&list::Request {}, &terminal.context())?.sensors;
     if args.json {
         return print_json(&sensors);
     }

@@ -2,11 +2,11 @@
 
 use std::process::ExitCode;
 
-use petzval::camera::sensor::{Colour, Electronics, SensorModel};
-use petzval::jobs::sensor::show;
+use petzval::jobs::sensor::show::{self, Colour, Electronics, SensorModel};
 
-use super::six_digits;
-use crate::cli::{Failure, context, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::number::six_digits;
+use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a sensor: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
@@ -113,8 +113,8 @@ fn facts(s: &SensorModel) -> String {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
-    let response = show::run(&show::Request { sensor: args.sensor, gains: args.gains }, &context())?;
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let response = show::run(&show::Request { sensor: args.sensor, gains: args.gains }, &terminal.context())?;
     if args.json {
         return print_json(&response);
     }

@@ -2,7 +2,7 @@
 
 use petzval::jobs::lens::optimize::Goal;
 
-/// What the optimised lens has to be.
+/// The goal and the limits of an optimisation.
 #[derive(Debug, clap::Args)]
 pub struct GoalArgs {
     /// Wavelengths, um, all of the same weight [default: those of the lens]
@@ -11,16 +11,18 @@ pub struct GoalArgs {
     /// Field angles, degrees [default: those of the lens]
     #[arg(long, value_delimiter = ',', value_name = "DEG,...", allow_hyphen_values = true)]
     fields: Vec<f64>,
-    /// Minimise the mean over the fields of RMS^P: 1 the mean spot, 2 the mean square, 8 nearly the worst
+    /// Exponent: minimise the mean over the fields of RMS^P; 1 is the mean spot, 2 the mean square, 8 nearly the worst
+    /// field
     #[arg(long, default_value_t = 1.0, value_name = "P")]
     power: f64,
-    /// Focal length to hold, mm, or `free` [default: what the lens file solves for]
+    /// Focal length to hold, mm, or `free` [default: that of the solve in the lens file]
     #[arg(long, value_name = "MM|free", allow_hyphen_values = true)]
     efl: Option<String>,
-    /// A glass that a search may exchange: the surface in front of it, and the glasses to choose from [default: the whole catalogue]
+    /// Glass that a search may exchange: the surface in front of it, and the glasses to choose from [default: the whole
+    /// catalogue]
     #[arg(long, value_name = "SURFACE[=NAME,...]")]
     glass: Vec<String>,
-    /// F-number: sets the entrance pupil by the focal length that is held, or that of the start
+    /// F-number; determines the entrance pupil, from the focal length that is held or that of the start
     #[arg(long, value_name = "N")]
     f_number: Option<f64>,
     /// Least and greatest back focal length, mm

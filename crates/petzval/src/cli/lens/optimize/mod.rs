@@ -1,4 +1,4 @@
-//! `petzval lens optimize`: a better lens, by descent or by search.
+//! `petzval lens optimize`: makes spots smaller, by descent or by search.
 
 mod goal;
 
@@ -9,28 +9,29 @@ use clap::ValueEnum;
 use petzval::jobs::lens::optimize::{self, Figures, Goal, Response, Start, Trade};
 
 use self::goal::GoalArgs;
-use super::bar::Bar;
-use crate::cli::{EXIT_STOPPED, Failure, print_json, signals};
+use crate::cli::failure::Failure;
+use crate::cli::signals;
+use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
 
 /// Make the spots of a lens smaller, within its bounds and the limits below.
 ///
-/// Without --global: Levenberg and Marquardt's method from the lens as it is. With --global: a search from random starts
-/// within the bounds, for --rounds, which --resume continues at any time. The variables are those of the lens file; a lens that
-/// names none gets its curvatures and gaps. The image plane goes where the spots are smallest.
+/// Without --global: Levenberg and Marquardt's method from the lens of the file. With --global: a search from random
+/// starts within the bounds, for a number of rounds; --resume continues it at any time. The variables are those of the
+/// lens file; a lens without variables gets its curvatures and gaps. The image plane goes where the spots are smallest.
 ///
-/// The folder holds the best lens (best.toml), every better lens on the way (lens/step-N.toml, history.jsonl) and what
-/// --resume needs.
+/// The folder holds the best lens (best.toml), every better lens on the way (lens/step-N.toml, history.jsonl) and the
+/// state for --resume.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Lens file, or a built-in name
     #[arg(required_unless_present = "resume")]
     lens: Option<String>,
-    /// What to make small
+    /// Quantity to minimise
     #[arg(long, value_enum, default_value = "spot")]
     goal: Kind,
     #[command(flatten)]
     limits: GoalArgs,
-    /// Search the whole of the bounds, not only downhill from the lens
+    /// Search the whole range between the bounds, not only downhill from the lens
     #[arg(long)]
     global: bool,
     /// Seed of the search
@@ -39,7 +40,7 @@ pub struct Args {
     /// Rounds of a search, of 16 descents each: the same rounds find the same lenses on any machine
     #[arg(long, default_value_t = 10, value_name = "N")]
     rounds: u64,
-    /// Stop a search after so many seconds, if its rounds are not done by then
+    /// Additional stop of a search after this time, s, if its rounds are not done by then
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Iterations of a descent
@@ -51,11 +52,11 @@ pub struct Args {
     /// Continue the optimisation in this folder, with its goal
     #[arg(long, value_name = "DIR", conflicts_with_all = ["lens", "out", "global", "seed"])]
     resume: Option<PathBuf>,
-    /// Before continuing, forget every step after this one
+    /// Before continuing, go back to this step and discard the later ones
     #[arg(long, value_name = "STEP")]
     rewind: Option<usize>,
-    /// Search as many rounds again for each of: polychromatic spots, edges of 1 mm, clear diameters of 12.7 mm, a
-    /// distortion of 1 %, and all together; print what each costs
+    /// Repeat the search, with as many rounds, for each of these requirements: polychromatic spots, edges of 1 mm, clear
+    /// diameters of 12.7 mm, a distortion of 1 %, and all together; print the cost of each
     #[arg(long)]
     trade: bool,
     /// Machine-readable output
@@ -63,7 +64,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What to make small.
+/// Quantity to minimise.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     /// RMS spot radii.
@@ -104,12 +105,11 @@ impl Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let is_json = args.json;
     let request = args.request()?;
-    let bar = Bar::new();
-    let response = optimize::run(&request, &bar.context().with_cancellation(signals::stop_on_signal()?))?;
-    drop(bar);
+    let response =
+        optimize::run(&request, &terminal.context().with_cancellation(signals::stop_on_signal()?))?;
     if is_json {
         print_json(&response.found)?;
     } else {

@@ -1,4 +1,4 @@
-//! `petzval lens tolerance`: how sensitive a lens is to errors in its making.
+//! `petzval lens tolerance`: the sensitivity of a lens to manufacturing errors.
 
 mod table;
 
@@ -6,24 +6,23 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use petzval::jobs::lens::tolerance;
-use petzval::optics::psf::PsfKind;
+use petzval::jobs::lens::tolerance::{self, PsfKind};
 
-use super::bar::Bar;
-use crate::cli::{Failure, print_json};
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
 
-/// How exactly a lens is made.
+/// Grade of manufacturing.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum GradeName {
-    /// What any shop holds.
+    /// Any shop.
     Commercial,
     /// Good optics.
     Precision,
-    /// As well as can be had at a price.
+    /// The best that is available, at a price.
     High,
 }
 
-/// What a lens is judged by.
+/// Merit of a lens.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum MeritName {
     /// RMS spot radius.
@@ -32,7 +31,7 @@ enum MeritName {
     Mtf,
 }
 
-/// What light is taken for.
+/// Rays or waves.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     /// Rays.
@@ -50,7 +49,7 @@ enum Compensate {
     None,
 }
 
-/// Find how sensitive a lens is to errors in its making, and how good lenses made at random are.
+/// Compute the sensitivity of a lens to manufacturing errors, and the quality of random lenses with such errors.
 ///
 /// With --out: tolerance.json (all figures), sensitivities.csv, trials.csv (every lens with all its errors), tolerances.toml (every
 /// tolerance, ready to be edited), yield.svg, sensitivity.svg, and the worst lenses as files.
@@ -61,19 +60,19 @@ pub struct Args {
     /// Tolerance file
     #[arg(long, value_name = "FILE")]
     tolerances: Option<PathBuf>,
-    /// Tolerances of good practice for everything that the file does not name (without a file: precision)
+    /// Tolerances of a usual grade for everything that the file does not name (without a file: precision)
     #[arg(long, value_enum)]
     grade: Option<GradeName>,
-    /// What a lens is judged by, over its fields (on both sides of the axis) and wavelengths
+    /// Merit of a lens, over its fields (on both sides of the axis) and wavelengths
     #[arg(long, value_enum, default_value = "rms")]
     merit: MeritName,
     /// Spatial frequency of the MTF, cycles per mm
     #[arg(long, default_value_t = 40.0, value_name = "PER_MM")]
     frequency: f64,
-    /// What the MTF takes light for: rays, right where spots are many times the Airy disk, or waves
+    /// Kind of the MTF: rays, accurate where spots are many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = "geometric")]
     kind: Kind,
-    /// Lenses made at random
+    /// Number of random lenses
     #[arg(long, default_value_t = 1000, value_name = "N")]
     trials: usize,
     /// What is adjusted on every lens
@@ -82,13 +81,13 @@ pub struct Args {
     /// Print how many lenses reach this merit
     #[arg(long, value_name = "MERIT", allow_negative_numbers = true)]
     limit: Option<f64>,
-    /// Print how exactly each quantity must be made, if all together may cost this much of the merit
+    /// Print the tolerances that together cost this much of the merit, each an equal part
     #[arg(long, value_name = "LOSS", allow_negative_numbers = true)]
     inverse: Option<f64>,
     /// Seed of the random lenses
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// How many of the worst lenses to write
+    /// Number of the worst lenses to write
     #[arg(long, default_value_t = 3, value_name = "N")]
     worst: usize,
     /// Folder for the results
@@ -103,7 +102,7 @@ pub struct Args {
 }
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<ExitCode, Failure> {
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = tolerance::Request {
         lens: args.lens,
         tolerances: args.tolerances,
@@ -132,9 +131,7 @@ pub fn run(args: Args) -> Result<ExitCode, Failure> {
         worst: args.worst,
         out: args.out,
     };
-    let bar = Bar::new();
-    let response = tolerance::run(&request, &bar.context())?;
-    drop(bar);
+    let response = tolerance::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response.report);
     }

@@ -2,7 +2,7 @@
 
 use petzval::jobs::lens::tolerance::{Better, RandomLenses, Report, Response, three_digits};
 
-/// Rows that are shown without --all.
+/// Number of rows without --all.
 const ROWS: usize = 20;
 
 /// Prints the table.
@@ -22,7 +22,7 @@ pub fn print(response: &Response, all: bool) {
     }
 }
 
-/// What each tolerance does, the greatest effect first.
+/// Prints the effect of each tolerance, the greatest first.
 fn sensitivities(report: &Report, all: bool) {
     let rows = &report.sensitivities;
     let shown = if all { rows.len() } else { rows.len().min(ROWS) };
@@ -59,7 +59,7 @@ fn sensitivities(report: &Report, all: bool) {
     }
 }
 
-/// A named figure with its unit. One lens has no spread, and none no mean.
+/// A named figure with its unit, or `none`: one lens has no spread, and no lens has no mean.
 fn figure(name: &str, value: Option<f64>, unit: &str) -> String {
     match value {
         Some(v) => format!("  {name:<25} {v:>9.4} {unit}"),
@@ -67,12 +67,12 @@ fn figure(name: &str, value: Option<f64>, unit: &str) -> String {
     }
 }
 
-/// Lenses as built, estimated from the sensitivities.
+/// Prints the estimate for built lenses from the sensitivities.
 fn estimate(report: &Report) {
     let unit = &report.unit;
     println!("\nas built, by the table");
     let Some(e) = &report.estimate else {
-        println!("  no estimate: a lens at a tolerance brings no image");
+        println!("  no estimate: a lens with one quantity at its tolerance has no image");
         return;
     };
     println!("{}", figure("root sum square", e.root_sum_square, unit));
@@ -81,7 +81,7 @@ fn estimate(report: &Report) {
     println!("{}", figure("the same by slopes alone", e.linear_spread, unit));
 }
 
-/// Lenses made at random.
+/// Prints the statistics of random lenses.
 fn lenses(report: &Report, random: &RandomLenses, compensators: &[String]) {
     let unit = &report.unit;
     let reach = match report.better {
@@ -107,7 +107,7 @@ fn lenses(report: &Report, random: &RandomLenses, compensators: &[String]) {
                 "  {name} moves by {mean:+.4} +- {deviation:.4} {} ({least:+.4} ... {greatest:+.4})",
                 travel.quantity.unit
             ),
-            _ => println!("  {name}: too few lenses to tell how it moves"),
+            _ => println!("  {name}: too few lenses for statistics"),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The bench of a simulation: PSFs in front of a sensor, and the cameras made of them.
+//! The rig of a simulation: PSFs in front of a sensor, and the cameras made of them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,14 +11,13 @@ use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius};
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
-use petzval_design::optics::PsfPlan;
+use petzval_design::experiment::PsfConfig;
+use petzval_design::psf_plan::PsfPlan;
 use petzval_lab::psf_calibration::PsfCalibrationError;
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
 use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
 use petzval_optics::lens::Lens;
-use petzval_optics::psf::PsfOptions;
-use petzval_optics::pupil::Quadrature;
 
 use super::highlights::capacity_e;
 use super::request::Request;
@@ -29,7 +28,7 @@ use crate::error::JobError;
 const MOST_PIXELS: usize = 200_000_000;
 
 /// Everything that all photographs of a simulation share.
-pub struct Bench {
+pub struct Rig {
     pub geometry: RenderGeometry,
     pub sensor: SensorModel,
     /// The pixels that are read.
@@ -41,8 +40,8 @@ pub struct Bench {
     pub traced: Option<(Lens, PsfPlan)>,
 }
 
-impl Bench {
-    /// The bench of a request; every setting is checked before a lens is traced.
+impl Rig {
+    /// The rig of a request; every setting is checked before a lens is traced.
     pub fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
         let sensor = context.assets.sensor(&request.sensor)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
@@ -53,17 +52,14 @@ impl Bench {
         }
         rehearse(request, &sensor)?;
         let window = window(request, &sensor)?;
-        let geometry = RenderGeometry {
-            sensor_height: sensor.height,
-            sensor_width: sensor.width,
-            pixel_um: sensor.pixel_um,
-            patches: (7, 7),
-        };
+        // As cameras are scored: fields, wavelengths, grids and patches of an experiment by default.
+        let psf = PsfConfig::default();
+        let geometry = psf.geometry(&sensor);
         let (source, traced) = match &request.psfs {
             Some(path) => (PsfSource::Measured(measured(path)?), None),
             None => {
                 let lens = context.assets.lens(&request.lens)?.lens;
-                let plan = plan(&sensor)?;
+                let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
                 let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
                 (source, Some((lens, plan)))
             }
@@ -149,11 +145,4 @@ fn rehearse(request: &Request, sensor: &SensorModel) -> Result<(), JobError> {
         .map_err(DesignError::from)?;
     develop(&raw, sensor).map_err(DesignError::from)?;
     capacity_e(request, sensor).map(|_| ())
-}
-
-/// PSFs at 13 fields from the centre of a sensor to its corner, in three colours.
-fn plan(sensor: &SensorModel) -> Result<PsfPlan, JobError> {
-    let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
-    let quadrature = Quadrature::grid(128).map_err(DesignError::from)?;
-    Ok(PsfPlan::new(13, corner_mm, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature))
 }

@@ -1,7 +1,9 @@
-//! Where optics meets the picture: the PSFs that a lens gives the renderer, and the lens gradient that
-//! the renderer's wishes become. The tape of the tensor framework ends here.
+//! Where optics meets the picture: the PSFs that a lens gives the renderer, and the lens gradient that follows from a loss's
+//! derivatives by them. The tape of the tensor framework ends here.
 
 use petzval_camera::psf::PsfBank;
+use petzval_camera::render::RenderGeometry;
+use petzval_camera::sensor::SensorModel;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::image_height_per_tangent;
@@ -10,6 +12,7 @@ use petzval_optics::pupil::Quadrature;
 use rayon::prelude::*;
 
 use crate::error::DesignError;
+use crate::experiment::PsfConfig;
 
 /// The fields, wavelengths and grids on which a lens is turned into PSFs.
 #[derive(Clone, Debug)]
@@ -30,6 +33,34 @@ pub struct BankWithTape {
     pub bank: PsfBank,
     fields: Vec<(FieldPsf, PsfTape)>,
     surfaces: usize,
+}
+
+impl PsfConfig {
+    /// The plan for a sensor, with `cells` cells across the pupil.
+    pub fn plan(&self, sensor: &SensorModel, cells: usize) -> Result<PsfPlan, DesignError> {
+        let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
+        let options = PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind };
+        Ok(PsfPlan::new(self.fields, corner_mm, self.wavelengths_um, options, Quadrature::grid(cells)?))
+    }
+
+    /// The pixels of a sensor and the patches of constant PSF on it.
+    pub fn geometry(&self, sensor: &SensorModel) -> RenderGeometry {
+        let [rows, columns] = self.patches;
+        RenderGeometry {
+            sensor_height: sensor.height,
+            sensor_width: sensor.width,
+            pixel_um: sensor.pixel_um,
+            patches: (rows, columns),
+        }
+    }
+}
+
+impl BankWithTape {
+    /// Least share of a PSF's light that its grid holds, over fields and colours.
+    pub fn captured(&self) -> f64 {
+        let all = self.fields.iter().flat_map(|(psf, _)| &psf.captured);
+        all.fold(1.0, |least, share| least.min(*share))
+    }
 }
 
 impl PsfPlan {

@@ -1,0 +1,220 @@
+//! The contents of the report, as plain data.
+
+use petzval_optics::analysis::{FirstOrderTable, Layout};
+use petzval_optics::psf::{FieldPsf, PsfOptions};
+
+use crate::palette;
+
+/// The contents of a report.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Headline.
+    pub title: String,
+    /// One line below it: the optimised parts and the goal.
+    pub subtitle: String,
+    /// The command that made the run.
+    pub command_line: String,
+    /// The scores of the pictures, the most important one first.
+    pub scores: Vec<Score>,
+    /// Each camera's scores on held-out pictures, the baseline (`nominal`) first.
+    pub table: Vec<TableRow>,
+    /// The cameras that are compared, the baseline first.
+    pub cameras: Vec<CameraView>,
+    /// Fields of the rays in the layouts, degrees.
+    pub layout_fields_deg: Vec<f64>,
+    /// Wavelength of those rays and of the first-order properties, um.
+    pub reference_um: f64,
+    /// Wavelengths of the colour channels, um, in the order of [`PsfView::values`].
+    pub wavelengths_um: Vec<f64>,
+    /// Half of the diagonal of the sensor, mm.
+    pub half_diagonal_mm: f64,
+    /// Held-out pictures, taken by each camera.
+    pub pictures: Vec<PictureView>,
+    /// Losses over the run; curves of the same block and label share a chart.
+    pub losses: Vec<LossCurve>,
+    /// The resolved configuration, as it can be run again.
+    pub config_toml: String,
+    /// The machine: names and values.
+    pub environment: Vec<(String, String)>,
+    /// Remarks for the interpretation of the numbers.
+    pub notes: Vec<String>,
+}
+
+/// A score of pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// Its name, as a heading.
+    pub title: String,
+    /// Its unit; empty for a plain number.
+    pub unit: String,
+    /// Digits after the decimal point in tables.
+    pub decimals: usize,
+    /// Whether larger values are better.
+    pub higher_is_better: bool,
+}
+
+/// Scores of one camera, means over the held-out pictures; NaN if not measured.
+#[derive(Clone, Debug)]
+pub struct TableRow {
+    /// Name of the camera: `nominal`, `spot-optimised`, `end-to-end`, ...
+    pub camera: String,
+    /// The scores, in the order of [`Report::scores`].
+    pub scores: Vec<f64>,
+    /// RMS spot radius over fields and wavelengths, um.
+    pub rms_spot_um: f64,
+    /// Effective focal length, mm.
+    pub efl_mm: f64,
+    /// Focal length divided by the entrance pupil diameter.
+    pub f_number: f64,
+    /// Full diagonal field of view, degrees.
+    pub fov_deg: f64,
+}
+
+/// One camera: its lens, spots and PSFs.
+#[derive(Clone, Debug)]
+pub struct CameraView {
+    /// Name, as in [`TableRow::camera`].
+    pub name: String,
+    /// First-order properties of the lens.
+    pub first_order: FirstOrderTable,
+    /// The surfaces of the lens, in the order of the light.
+    pub surfaces: Vec<SurfaceView>,
+    /// The lens in cross-section, with rays of [`Report::layout_fields_deg`].
+    pub layout: Layout,
+    /// Spots and light from the axis to the full field.
+    pub over_field: Vec<FieldPoint>,
+    /// PSFs at some fields; the table shows those nearest to 0, 25, 50, 75 and 100 % of the
+    /// half-diagonal.
+    pub psfs: Vec<PsfView>,
+    /// Its numbers that differ from the baseline's.
+    pub changes: Vec<Change>,
+}
+
+/// A surface as a line of a prescription.
+#[derive(Clone, Debug)]
+pub struct SurfaceView {
+    /// Radius of curvature, mm; infinite for a plane.
+    pub radius_mm: f64,
+    /// Distance to the next surface, mm.
+    pub thickness_mm: f64,
+    /// Name of the glass behind it, empty for air.
+    pub glass: String,
+    /// Clear semi-diameter, mm; that of the stop follows from the entrance pupil.
+    pub semi_diameter_mm: f64,
+    /// Conic constant.
+    pub conic: f64,
+    /// Aspheric coefficients that are not zero: order n and value, mm^(1-n).
+    pub asphere: Vec<(usize, f64)>,
+    /// Further properties of the surface, as lines of a lens file.
+    pub more: Vec<String>,
+    /// Whether it is the stop.
+    pub is_stop: bool,
+}
+
+/// A lens at one field, over all colour channels.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldPoint {
+    /// Field angle, degrees.
+    pub field_deg: f64,
+    /// RMS spot radius about the common centroid of the channels, um.
+    pub rms_um: f64,
+    /// Relative illumination, mean of the channels.
+    pub illumination: f64,
+}
+
+/// The PSFs of one field in all colour channels.
+#[derive(Clone, Debug)]
+pub struct PsfView {
+    /// Field angle, degrees.
+    pub field_deg: f64,
+    /// Height of the chief ray on the sensor, mm.
+    pub chief_y_mm: f64,
+    /// Cells a side.
+    pub grid: usize,
+    /// Cell size, um.
+    pub pitch_um: f64,
+    /// `[channel][row * grid + column]`, each of unit sum, rows away from the axis, in the order of
+    /// [`Report::wavelengths_um`].
+    pub values: [Vec<f64>; 3],
+    /// Relative illumination, mean of the channels, 1 on the axis of an unvignetted lens.
+    pub illumination: f64,
+    /// RMS radius about the common centroid of the channels, um; NaN if it is not known.
+    pub rms_um: f64,
+}
+
+impl PsfView {
+    /// The view of a traced PSF with its RMS radius; `None` unless it has three channels.
+    pub fn new(psf: &FieldPsf, options: &PsfOptions, rms_um: f64) -> Option<Self> {
+        let values = <[Vec<f64>; 3]>::try_from(psf.values.clone()).ok()?;
+        Some(Self {
+            field_deg: psf.field_rad.to_degrees(),
+            chief_y_mm: psf.chief_y_mm,
+            grid: options.grid,
+            pitch_um: options.pitch_um,
+            values,
+            illumination: psf.illumination.iter().sum::<f64>() / psf.illumination.len() as f64,
+            rms_um,
+        })
+    }
+}
+
+/// A number of a lens before and after.
+#[derive(Clone, Debug)]
+pub struct Change {
+    /// Which number, e.g. `V1 front radius`.
+    pub parameter: String,
+    /// Its value in the baseline.
+    pub from: f64,
+    /// Its value in this camera.
+    pub to: f64,
+    /// Its unit, empty for a plain number.
+    pub unit: String,
+    /// Lower bound; infinite if it has none.
+    pub min: f64,
+    /// Upper bound; infinite if it has none.
+    pub max: f64,
+}
+
+/// One held-out picture.
+#[derive(Clone, Debug)]
+pub struct PictureView {
+    /// Title.
+    pub title: String,
+    /// Position on the sensor: `centre`, `corner, 14.2 deg`.
+    pub place: String,
+    /// The scene, PNG.
+    pub truth_png: Vec<u8>,
+    /// The picture of each camera, in the order of [`Report::cameras`].
+    pub cameras: Vec<CameraPicture>,
+}
+
+/// A picture taken by one camera.
+#[derive(Clone, Debug)]
+pub struct CameraPicture {
+    /// Name of the camera.
+    pub camera: String,
+    /// The raw frame, developed but not yet processed by the network, PNG.
+    pub developed_png: Vec<u8>,
+    /// The output of the network, PNG.
+    pub output_png: Vec<u8>,
+    /// The scores of the output, in the order of [`Report::scores`].
+    pub scores: Vec<f64>,
+}
+
+/// A loss over the steps of the run.
+#[derive(Clone, Debug)]
+pub struct LossCurve {
+    /// Name of the camera that was being optimised.
+    pub camera: String,
+    /// Block of the optimisation: `optics`, `network`, ...
+    pub block: String,
+    /// Name of the loss with its unit, for the axis.
+    pub label: String,
+    /// Step and value.
+    pub points: Vec<(u64, f64)>,
+}
+
+/// Colour of a camera by its name; an unknown name gets the next colour.
+pub(super) fn camera_colour(cameras: &[CameraView], name: &str, i: usize) -> &'static str {
+    palette::camera(cameras.iter().position(|c| c.name == name).unwrap_or(cameras.len() + i))
+}

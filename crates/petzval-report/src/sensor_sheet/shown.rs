@@ -1,0 +1,26 @@
+//! The operating point of the pictures.
+
+use petzval_lab::emva::{ChannelResult, Characterization, GainResult};
+
+/// The operating point that the pictures of EMVA 1288 show: the gain with the most complete captures.
+pub(super) struct Shown<'a> {
+    pub all: &'a Characterization,
+    pub gain: &'a GainResult,
+}
+
+impl<'a> Shown<'a> {
+    /// The gain with non-uniformity, else that with most flat points; of several the one nearest to 1. `None` without
+    /// gains.
+    pub fn choose(all: &'a Characterization) -> Option<Self> {
+        let rank = |g: &&GainResult| {
+            let spatial = g.channels.iter().any(|c| c.spatial.is_some());
+            let points = g.channels.iter().map(|c| c.points.len()).max().unwrap_or(0);
+            (spatial, points, std::cmp::Reverse((g.linear_gain.ln().abs() * 1e6) as u64))
+        };
+        all.gains.iter().max_by_key(rank).map(|gain| Self { all, gain })
+    }
+
+    pub fn channels(&self) -> &'a [ChannelResult] {
+        &self.gain.channels
+    }
+}

@@ -1,0 +1,32 @@
+//! Common parts of all verbs: the built-in library with the user's glasses, reports of jobs on stderr, and JSON on stdout.
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use petzval::jobs::{Assets, Context};
+
+use super::failure::Failure;
+use super::watcher::Stderr;
+
+/// Exit code after a signal: a checkpoint was written (EX_TEMPFAIL of sysexits).
+pub const EXIT_STOPPED: u8 = 75;
+
+/// The environment of a verb: the library, and stderr for the reports of jobs.
+pub struct Terminal {
+    /// The built-in library; the user's glasses take precedence.
+    pub assets: Assets,
+}
+
+impl Terminal {
+    /// The context of one job. Its reports go to stderr; its progress bar disappears with the context.
+    pub fn context(&self) -> Context {
+        Context::new(self.assets.clone(), Arc::new(Stderr::new()))
+    }
+}
+
+/// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
+pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
+    let print = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
+    println!("{}", print().map_err(|e| Failure::job(e.to_string()))?);
+    Ok(ExitCode::SUCCESS)
+}
