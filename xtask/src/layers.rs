@@ -32,10 +32,6 @@ const RESERVED: [(&str, &[&str], &str); 7] = [
     ("signal-hook", &["petzval"], "only the command owns the process"),
 ];
 
-/// Crates whose circles of modules are still to be cut, with what stands in the way. Each entry goes when its crate has none.
-const TO_BE_CUT: [(&str, &str); 1] =
-    [("petzval-optics", "to be cut: one vocabulary for the numbers of a lens takes the largest circle away")];
-
 /// Words that a crate's sources may not hold, with the reason.
 const FORBIDDEN_WORDS: [(&str, &[&str], &str); 2] = [
     (
@@ -56,7 +52,7 @@ pub fn check() -> Result<String, Vec<String>> {
     let metadata = metadata().map_err(|e| vec![e])?;
     let packages = metadata["packages"].as_array().cloned().unwrap_or_default();
     let mut problems = Vec::new();
-    let (mut edges, mut open_circles) = (0, 0);
+    let mut edges = 0;
     for package in &packages {
         let name = package["name"].as_str().unwrap_or("");
         let Some(own) = rank(name) else {
@@ -100,17 +96,11 @@ pub fn check() -> Result<String, Vec<String>> {
             problems.extend(found.into_iter().filter(|problem| !problem.contains("cli/bench")));
         }
         let circles = circles::find(&sources);
-        match TO_BE_CUT.iter().find(|(owner, _)| *owner == name) {
-            Some(_) if circles.is_empty() => {
-                problems.push(format!("{name} has no circle of modules any more; take it off TO_BE_CUT"));
-            }
-            Some(_) => open_circles += circles.len(),
-            None => problems.extend(circles.iter().map(|circle| format!("{name}: {circle}"))),
-        }
+        problems.extend(circles.iter().map(|circle| format!("{name}: {circle}")));
     }
     if problems.is_empty() {
         Ok(format!(
-            "layers: {edges} edges between {} crates, all along the light path; {open_circles} circles of modules to be cut",
+            "layers: {edges} edges between {} crates, all along the light path; no circles of modules",
             ORDER.concat().len()
         ))
     } else {

@@ -25,7 +25,7 @@ use crate::run::{
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
-use crate::variant::{Goal, Stage, Variant};
+use crate::variant::{Schedule, Stage, Variant};
 
 /// Someone who watches a run.
 pub trait Observer {
@@ -108,6 +108,14 @@ impl Blocks {
         [&mut self.optics, &mut self.network]
     }
 
+    /// Starts a stage; none is the end of the variant.
+    fn begin_stage(&mut self, stage: Option<&Stage>) {
+        for block in self.all_mut() {
+            let steps = stage.map_or(0, |s| s.task_steps_of(block.name()));
+            block.begin_stage(steps > 0);
+        }
+    }
+
     fn get_mut(&mut self, name: BlockName) -> &mut dyn Block {
         match name {
             BlockName::Optics => &mut self.optics,
@@ -180,9 +188,12 @@ impl<'a> DesignLoop<'a> {
             let stage = variant.stages.get(self.position.stage);
             let turn = stage.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
             let step = match (stage, turn) {
-                (_, Some((stage, block))) => self.step(variant, stage, block),
+                (_, Some((Stage::Spot { iterations }, _))) => {
+                    self.minimise_spots(variant, *iterations, observer)
+                }
+                (_, Some((Stage::Task(moves), block))) => self.step(variant, moves, block),
                 (Some(stage), None) => {
-                    self.end_stage(stage);
+                    self.end_stage(variant, stage);
                     continue;
                 }
                 (None, None) => self.finish_variant(variant, observer),
@@ -221,10 +232,13 @@ impl<'a> DesignLoop<'a> {
     /// Takes one step of a block, out of turn, for the first variant in which lens and network move together: for measuring
     /// its cost.
     pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
-        let together = |s: &&Stage| s.goal == Goal::Task && s.moves.len() > 1;
-        let find = |v: &'a Variant| v.stages.iter().find(together).map(|s| (v, s));
+        let together = |s: &'a Stage| match s {
+            Stage::Task(moves) if moves.len() > 1 => Some(moves),
+            _ => None,
+        };
+        let find = |v: &'a Variant| v.stages.iter().find_map(together).map(|s| (v, s));
         match self.setup.variants.iter().find_map(find) {
-            Some((variant, stage)) => self.step(variant, stage, block).map(|_| ()),
+            Some((variant, moves)) => self.step(variant, moves, block).map(|_| ()),
             None => Ok(()),
         }
     }
@@ -235,56 +249,84 @@ impl<'a> DesignLoop<'a> {
         self.setup.variants.iter().find(|v| v.name == *name)
     }
 
-    /// One step of a block towards the goal of its stage.
-    fn step(&mut self, variant: &Variant, stage: &Stage, block: BlockName) -> Result<Step, DesignError> {
+    /// One step of a block for the task.
+    fn step(
+        &mut self,
+        variant: &Variant,
+        moves: &BTreeMap<BlockName, Schedule>,
+        block: BlockName,
+    ) -> Result<Step, DesignError> {
         let taken = self.position.taken(block);
-        let rule = stage.moves[&block].rule(taken);
-        let (label, losses) = match stage.goal {
-            Goal::Spot => {
-                let rms_um = self.blocks.optics.spot_step(rule)?;
-                ("spot", BTreeMap::from([("rms_spot_um".to_owned(), rms_um)]))
-            }
-            Goal::Task => {
-                let before = self.position.before.get(&block).copied().unwrap_or(0);
-                // Lens steps draw windows of their own, behind those of all network steps.
-                let offset = match block {
-                    BlockName::Network => 0,
-                    BlockName::Optics => variant.steps_of(BlockName::Network),
-                };
-                let shots = self.shots((offset + before + taken) as u64)?;
-                let camera = self.camera(variant, stage)?;
-                let objective = &self.objective;
-                let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
-                    Ok(objective.loss(frames, &camera.labels(shots)?)?)
-                };
-                let batch = Batch { camera: &camera, shots: &shots, noise: self.noise(), loss: &loss };
-                (block.name(), self.blocks.get_mut(block).step(&batch, rule)?)
-            }
+        let rule = moves[&block].rule(taken);
+        let before = self.position.before.get(&block).copied().unwrap_or(0);
+        // Lens steps draw windows of their own, behind those of all network steps.
+        let offset = match block {
+            BlockName::Network => 0,
+            BlockName::Optics => variant.steps_of(BlockName::Network),
         };
+        let shots = self.shots((offset + before + taken) as u64)?;
+        let camera = self.camera(variant, moves)?;
+        let objective = &self.objective;
+        let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
+            Ok(objective.loss(frames, &camera.labels(shots)?)?)
+        };
+        let batch = Batch { camera: &camera, shots: &shots, noise: self.noise(), loss: &loss };
+        let losses = self.blocks.get_mut(block).step(&batch, rule)?;
+        self.took(variant, block, Step { block: block.name(), losses, learning_rate: rule.rate })
+    }
+
+    /// Minimises the spots of the lens. Every iteration is an event; all of them are one step, which an interrupted run takes again.
+    fn minimise_spots(
+        &mut self,
+        variant: &Variant,
+        iterations: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<Step, DesignError> {
+        const BLOCK: &str = "spot";
+        let (step, log) = (self.position.step + 1, &mut self.log);
+        let mut started = Instant::now();
+        let mut watch = |losses| {
+            let seconds = started.elapsed().as_secs_f64();
+            started = Instant::now();
+            let (camera, block) = (variant.name.clone(), BLOCK.to_owned());
+            let event = Event { step, camera, block, losses, learning_rate: 0.0, seconds };
+            observer.step(&event);
+            log.write(&event)
+        };
+        let losses = self.blocks.optics.minimise_spots(iterations, &mut watch)?;
+        self.took(variant, BlockName::Optics, Step { block: BLOCK, losses, learning_rate: 0.0 })
+    }
+
+    /// Counts a step that a block took, and refuses one that led to what is no number.
+    fn took(&mut self, variant: &Variant, block: BlockName, step: Step) -> Result<Step, DesignError> {
         let moved = self.blocks.get_mut(block).is_finite();
-        if let Some(value) =
-            losses.values().copied().find(|v| !v.is_finite()).or((!moved).then_some(f64::NAN))
-        {
-            let (camera, step) = (variant.name.clone(), self.position.step + 1);
-            return Err(DesignError::Diverged { camera, block: label, step, value });
+        let lost = step.losses.values().copied().find(|v| !v.is_finite());
+        if let Some(value) = lost.or((!moved).then_some(f64::NAN)) {
+            let camera = variant.name.clone();
+            return Err(DesignError::Diverged {
+                camera,
+                block: step.block,
+                step: self.position.step + 1,
+                value,
+            });
         }
         *self.position.taken.entry(block).or_default() += 1;
         if block == BlockName::Optics {
             self.camera = None;
         }
-        Ok(Step { block: label, losses, learning_rate: rule.rate })
+        Ok(step)
     }
 
     /// Goes on to the next stage of the variant.
-    fn end_stage(&mut self, stage: &Stage) {
+    fn end_stage(&mut self, variant: &Variant, stage: &Stage) {
         for (block, taken) in std::mem::take(&mut self.position.taken) {
-            if stage.goal == Goal::Task {
+            if let Stage::Task(_) = stage {
                 *self.position.before.entry(block).or_default() += taken;
             }
         }
         self.position.stage += 1;
         self.camera = None;
-        self.blocks.all_mut().into_iter().for_each(Block::begin_stage);
+        self.blocks.begin_stage(variant.stages.get(self.position.stage));
     }
 
     /// The windows of a step: the same for every variant.
@@ -319,9 +361,13 @@ impl<'a> DesignLoop<'a> {
     }
 
     /// The camera of a variant as it stands, with its network held.
-    fn camera(&mut self, variant: &Variant, stage: &Stage) -> Result<Camera, DesignError> {
-        let is_moving = stage.goal == Goal::Task
-            && self.position.taken(BlockName::Optics) < stage.steps_of(BlockName::Optics);
+    fn camera(
+        &mut self,
+        variant: &Variant,
+        moves: &BTreeMap<BlockName, Schedule>,
+    ) -> Result<Camera, DesignError> {
+        let lens_steps = moves.get(&BlockName::Optics).map_or(0, |s| s.steps);
+        let is_moving = self.position.taken(BlockName::Optics) < lens_steps;
         // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
         let camera = match self.camera.take() {
             Some(camera) => camera,
@@ -390,7 +436,7 @@ impl<'a> DesignLoop<'a> {
             self.blocks = Blocks::new(self.setup, next)?;
             if let Some(from) = &next.from {
                 load_blocks(&self.run.camera(from), self.blocks.all_mut())?;
-                self.blocks.all_mut().into_iter().for_each(Block::begin_stage);
+                self.blocks.begin_stage(next.stages.first());
             }
         }
         Ok(())

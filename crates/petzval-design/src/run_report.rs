@@ -7,9 +7,9 @@ use std::path::Path;
 use petzval_files::lens_toml::parameter_name;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
-use petzval_optics::design_space::Parameter;
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
+use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
 use crate::block::BlockName;
@@ -19,7 +19,7 @@ use crate::pictures::file_name;
 use crate::psf_plan::PsfPlan;
 use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use crate::setup::Setup;
-use crate::variant::Variant;
+use crate::variant::{Stage, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, Score, TableRow,
@@ -103,12 +103,12 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
 /// `3 cameras: nominal (800 network steps), ...`.
 fn cameras_in_words(variants: &[Variant]) -> String {
     let one = |v: &Variant| {
-        let steps = |block: BlockName| match v.steps_of(block) {
+        let steps = |block: BlockName| match v.task_steps_of(block) {
             0 => None,
             n => Some(format!("{n} {} steps", block.name())),
         };
-        let all: Vec<String> =
-            [BlockName::Optics, BlockName::Network].into_iter().filter_map(steps).collect();
+        let spot = v.stages.iter().any(|s| matches!(s, Stage::Spot { .. })).then(|| "least spots".to_owned());
+        let all: Vec<String> = spot.into_iter().chain(BlockName::ALL.into_iter().filter_map(steps)).collect();
         format!("{} ({})", v.name, all.join(", "))
     };
     let list: Vec<String> = variants.iter().map(one).collect();
@@ -183,28 +183,28 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     let mut all: Vec<Change> = variables
         .iter()
         .map(|v| Change {
-            parameter: name_of(before, v.surface, v.parameter),
-            from: v.parameter.value(before, v.surface),
-            to: v.parameter.value(after, v.surface),
-            unit: unit_of(v.parameter),
+            parameter: name_of(before, v.surface, v.number),
+            from: v.number.read_stated(before, v.surface),
+            to: v.number.read_stated(after, v.surface),
+            unit: unit_of(v.number),
             min: v.min,
             max: v.max,
         })
         .collect();
     for (i, (a, b)) in before.surfaces.iter().zip(&after.surfaces).enumerate() {
-        let listed = |p| variables.iter().any(|v| v.surface == i && v.parameter == p);
-        for parameter in [Parameter::Radius, Parameter::Thickness] {
-            let (from, to) = (parameter.value(before, i), parameter.value(after, i));
-            let moved = a.shape.curvature != b.shape.curvature || parameter == Parameter::Thickness;
-            if moved && from != to && !listed(parameter) {
-                let solved = nominal.efl_solve.filter(|s| s.surface == i && parameter == Parameter::Radius);
+        let listed = |p| variables.iter().any(|v| v.surface == i && v.number == p);
+        for number in [Number::Curvature, Number::Thickness] {
+            let (from, to) = (number.read_stated(before, i), number.read_stated(after, i));
+            let moved = a.shape.curvature != b.shape.curvature || number == Number::Thickness;
+            if moved && from != to && !listed(number) {
+                let solved = nominal.efl_solve.filter(|s| s.surface == i && number == Number::Curvature);
                 let [min, max] =
                     solved.and_then(|s| s.radius_mm).unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 all.push(Change {
-                    parameter: format!("{} (follows)", name_of(before, i, parameter)),
+                    parameter: format!("{} (follows)", name_of(before, i, number)),
                     from,
                     to,
-                    unit: unit_of(parameter),
+                    unit: unit_of(number),
                     min,
                     max,
                 });
@@ -214,28 +214,27 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     all
 }
 
-fn name_of(lens: &Lens, surface: usize, parameter: Parameter) -> String {
+fn name_of(lens: &Lens, surface: usize, number: Number) -> String {
     let label = &lens.surfaces[surface].label;
     let label = if label.is_empty() { format!("surface {}", surface + 1) } else { label.clone() };
-    let what = match parameter {
-        Parameter::Radius => "radius".to_owned(),
-        Parameter::Conic => "conic constant".to_owned(),
-        Parameter::Asphere(order) => format!("a{order}"),
-        Parameter::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
-        Parameter::Thickness => "distance to the next surface".to_owned(),
-        Parameter::Departure(_) | Parameter::Phase(_) | Parameter::Power => {
-            parameter_name(&lens.surfaces[surface], parameter)
-        }
+    let what = match number {
+        Number::Curvature => "radius".to_owned(),
+        Number::Conic => "conic constant".to_owned(),
+        Number::Asphere(j) => format!("a{}", 2 * j + 2),
+        Number::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
+        Number::Thickness => "distance to the next surface".to_owned(),
+        _ => parameter_name(&lens.surfaces[surface], number),
     };
     format!("{label}: {what}")
 }
 
-fn unit_of(parameter: Parameter) -> String {
-    match parameter {
-        Parameter::Radius | Parameter::Thickness => "mm".to_owned(),
-        Parameter::Conic | Parameter::Departure(_) | Parameter::Phase(_) => String::new(),
-        Parameter::Power => "1/mm".to_owned(),
-        Parameter::Asphere(order) => format!("mm^{}", 1 - order as i64),
+fn unit_of(number: Number) -> String {
+    match number {
+        Number::Curvature | Number::Thickness | Number::SemiDiameter | Number::Decenter(_) => "mm".to_owned(),
+        Number::Conic | Number::Index | Number::Departure(_) | Number::Phase(_) => String::new(),
+        Number::Power => "1/mm".to_owned(),
+        Number::Tilt(_) => "deg".to_owned(),
+        Number::Asphere(j) => format!("mm^{}", -1 - 2 * j as i64),
     }
 }
 

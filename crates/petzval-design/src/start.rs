@@ -4,8 +4,11 @@ use std::path::Path;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
-use petzval_optics::design_space::{DesignSpace, Focus};
-use petzval_optics::spot::mean_square_spot;
+use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, SmoothSpace, Solves};
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::optimize::{Apertures, Problem};
+use petzval_optics::pupil::PupilSampling;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
@@ -13,15 +16,12 @@ use crate::experiment::Experiment;
 use crate::psf_plan::PsfPlan;
 use crate::requirements::Requirements;
 
-/// Penalty of a violated requirement in a merit of squared spots, um^2 per mm^2.
-const PENALTY_UM2_PER_MM2: f64 = 1e6;
-
 /// A lens from which variants start.
 pub struct Start {
     /// Its file.
     pub lens_file: LensFile,
     /// Where it may go.
-    pub space: DesignSpace,
+    pub space: SmoothSpace,
     /// What every lens of that space must keep.
     pub requirements: Requirements,
     /// Field angles of the spot goal, rad: each stands for an equal area of the sensor.
@@ -48,10 +48,11 @@ impl Start {
         let space = DesignSpace::new(
             lens_file.lens.clone(),
             lens_file.variables.clone(),
-            lens_file.efl_solve,
+            lens_file.pickups.clone(),
+            Solves { efl: lens_file.efl_solve, length: lens_file.length_solve },
             Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
         )
-        .and_then(|space| space.with_solves(lens_file.pickups.clone(), lens_file.length_solve))
+        .and_then(SmoothSpace::new)
         .map_err(|e| {
             let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
             DesignError::misfit(Path::new(name), &e, hint)
@@ -77,19 +78,28 @@ impl Start {
         Ok(Self { lens_file, space, requirements, spot_fields_rad })
     }
 
-    /// RMS spot radius at a point of the space, um, and the derivatives of the logarithm of the spot merit: the mean over
-    /// fields and wavelengths of the squared spot radius plus penalties. The logarithm keeps the gradient's scale on the way down.
-    pub fn spot_gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), DesignError> {
-        let lens = self.space.lens_at(x)?;
-        let (square_um2, mut gradient) =
-            mean_square_spot(&lens, &self.spot_fields_rad).ok_or(DesignError::NoLight {
-                field_deg: self.spot_fields_rad.last().copied().unwrap_or(0.0).to_degrees(),
-            })?;
-        let (penalty_mm2, by_penalty) = self.requirements.penalty(&lens)?;
-        gradient += &by_penalty.scaled(PENALTY_UM2_PER_MM2);
-        let value = square_um2 + PENALTY_UM2_PER_MM2 * penalty_mm2;
-        let by_x = self.space.pull_back(x, &lens, &gradient);
-        Ok((value.sqrt(), by_x.iter().map(|g| g / value).collect()))
+    /// The problem of making the spots of a lens small, within the bounds of the space, with the requirements as limits.
+    pub fn spot_problem(&self, lens: Lens) -> Problem {
+        let file = &self.lens_file;
+        // The requirements hold the bounds of the radius that is solved for.
+        let efl = file.efl_solve.map(|solve| EflSolve { radius_mm: None, ..solve });
+        let merit = SpotResiduals {
+            fields_rad: self.spot_fields_rad.clone(),
+            field_weights: vec![1.0; self.spot_fields_rad.len()],
+            sampling: PupilSampling::Degree(8),
+            power: 2.0,
+            ..SpotResiduals::new(&lens)
+        };
+        Problem {
+            variables: file.variables.clone(),
+            pickups: file.pickups.clone(),
+            solves: Solves { efl, length: file.length_solve },
+            focus: self.space.space().focus(),
+            merit,
+            further: self.requirements.constraints().to_vec(),
+            apertures: Apertures::Drawn,
+            ..Problem::new(lens)
+        }
     }
 }
 

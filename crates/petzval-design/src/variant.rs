@@ -4,9 +4,6 @@
 
 use std::collections::BTreeMap;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepRule};
 
@@ -23,24 +20,16 @@ pub struct Variant {
     pub stages: Vec<Stage>,
 }
 
-/// What a stage improves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Goal {
-    /// The objective of the experiment.
-    #[default]
-    Task,
-    /// The RMS spot of the lens, whatever the rest of the camera is.
-    Spot,
-}
-
-/// Blocks that move for one goal.
+/// What a stage does.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stage {
-    /// What the stage improves.
-    pub goal: Goal,
-    /// The blocks that move, each with its schedule.
-    pub moves: BTreeMap<BlockName, Schedule>,
+pub enum Stage {
+    /// Minimises the RMS spot of the lens, whatever the rest of the camera is. It counts as one step of the lens.
+    Spot {
+        /// Iterations at most.
+        iterations: usize,
+    },
+    /// Moves blocks, each with its schedule, for the objective of the experiment.
+    Task(BTreeMap<BlockName, Schedule>),
 }
 
 /// How many steps a block takes in a stage, and how long they are.
@@ -69,12 +58,20 @@ impl Schedule {
 impl Stage {
     /// Steps of all blocks together.
     pub fn steps(&self) -> usize {
-        self.moves.values().map(|s| s.steps).sum()
+        BlockName::ALL.into_iter().map(|block| self.steps_of(block)).sum()
     }
 
     /// Steps of a block; 0 for one that does not move.
     pub fn steps_of(&self, block: BlockName) -> usize {
-        self.moves.get(&block).map_or(0, |s| s.steps)
+        match self {
+            Self::Spot { .. } => usize::from(block == BlockName::Optics),
+            Self::Task(moves) => moves.get(&block).map_or(0, |s| s.steps),
+        }
+    }
+
+    /// Steps of a block for the objective of the experiment.
+    pub fn task_steps_of(&self, block: BlockName) -> usize {
+        if let Self::Task(_) = self { self.steps_of(block) } else { 0 }
     }
 
     /// The block whose turn it is once blocks have taken these steps; `None` at the end of the stage.
@@ -82,8 +79,11 @@ impl Stage {
     /// The network takes the steps that count. Those of another block are spread evenly over the first `share` of them.
     pub fn turn(&self, taken: &BTreeMap<BlockName, usize>) -> Option<BlockName> {
         let taken = |block: BlockName| taken.get(&block).copied().unwrap_or(0);
+        let Self::Task(moves) = self else {
+            return (taken(BlockName::Optics) == 0).then_some(BlockName::Optics);
+        };
         let network = self.steps_of(BlockName::Network);
-        for (block, schedule) in &self.moves {
+        for (block, schedule) in moves {
             if *block == BlockName::Network || taken(*block) >= schedule.steps {
                 continue;
             }
@@ -102,6 +102,11 @@ impl Variant {
     /// Steps of a block in all stages.
     pub fn steps_of(&self, block: BlockName) -> usize {
         self.stages.iter().map(|s| s.steps_of(block)).sum()
+    }
+
+    /// Steps of a block in all stages, for the objective of the experiment.
+    pub fn task_steps_of(&self, block: BlockName) -> usize {
+        self.stages.iter().map(|s| s.task_steps_of(block)).sum()
     }
 
     /// Steps of all blocks in all stages.
@@ -123,7 +128,7 @@ mod tests {
         let schedule =
             |steps| Schedule { steps, learning_rate: 0.1, final_learning_rate: 0.1, share, proximal: 0.0 };
         let moves = [(BlockName::Optics, schedule(optics)), (BlockName::Network, schedule(network))];
-        Stage { goal: Goal::Task, moves: moves.into_iter().filter(|(_, s)| s.steps > 0).collect() }
+        Stage::Task(moves.into_iter().filter(|(_, s)| s.steps > 0).collect())
     }
 
     fn turns(stage: &Stage) -> String {
@@ -141,5 +146,6 @@ mod tests {
         assert_eq!(turns(&stage(4, 2, 1.0)), "oonoon");
         assert_eq!(turns(&stage(3, 0, 1.0)), "ooo");
         assert_eq!(turns(&stage(0, 3, 1.0)), "nnn");
+        assert_eq!(turns(&Stage::Spot { iterations: 200 }), "o");
     }
 }

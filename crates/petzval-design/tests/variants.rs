@@ -62,8 +62,6 @@ batch = 1
 crop = 64
 [optics]
 steps = 3
-[spot]
-steps = 3
 [scoring]
 places_per_side = 1
 crop = 64
@@ -148,6 +146,7 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", &format!("{NETWORK}optics = {{ steps = 7 }}\n")), "does not move"),
         (variant("a", &format!("{NETWORK}network = {{ learning_rate = -0.5 }}\n")), "must lie between"),
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
+        (variant("a", &format!("{SPOT}optics = {{ steps = 3 }}\n{NETWORK}")), "takes no schedule"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
     ] {
         let said = refused(&variants);

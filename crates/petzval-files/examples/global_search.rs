@@ -7,7 +7,8 @@ mod common;
 use std::time::Instant;
 
 use common::read_lens;
-use petzval_optics::optimize::{LevenbergOptions, Limits, Problem, Search, SearchOptions, Solves, descend};
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::optimize::{LevenbergOptions, Limits, Problem, Search, SearchOptions, descend};
 use petzval_optics::pupil::PupilSampling;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,9 +18,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = read_lens(&path)?;
     let mut problem = Problem::new(file.lens);
     problem.variables = file.variables;
-    problem.wavelengths_um = vec![0.5875618];
+    problem.merit.wavelengths_um = vec![0.5875618];
     if how != "efl-free" {
-        problem.solves = Solves {
+        problem.solves = petzval_optics::design_space::Solves {
             efl: file.efl_solve.map(|s| petzval_optics::design_space::EflSolve { efl_mm: 25.0, ..s }),
             length: None,
         };
@@ -47,8 +48,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let fine = Problem {
                 base: best.analysis.lens.clone(),
                 variables: Vec::new(),
-                solves: Solves::default(),
-                sampling: PupilSampling::Degree(20),
+                solves: petzval_optics::design_space::Solves::default(),
+                merit: SpotResiduals { sampling: PupilSampling::Degree(20), ..problem.merit.clone() },
                 ..problem.clone()
             };
             let fine = descend(&fine, &LevenbergOptions::default(), &mut |_, _, _| true)?;

@@ -7,6 +7,7 @@ mod common;
 use std::time::Instant;
 
 use common::read_lens;
+use petzval_optics::number::Number;
 use petzval_optics::pupil::{PupilSampling, Quadrature};
 use petzval_optics::spot::{mean_square_spot_sampled, mean_square_spot_traced};
 
@@ -26,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let took = start.elapsed().as_secs_f64() / 20.0;
         let (value, gradient) = found.ok_or("no light")?;
         let by = |g: &petzval_optics::gradient::LensGradient| {
-            g.surfaces.iter().map(|s| s.curvature).collect::<Vec<_>>()
+            (0..g.surfaces()).map(|i| g[(i, Number::Curvature)]).collect::<Vec<_>>()
         };
         let (a, b) = (by(&gradient), by(&slopes));
         let off: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();

@@ -7,9 +7,10 @@ mod common;
 use std::time::Instant;
 
 use common::read_lens;
+use petzval_optics::merit::{Merit, RmsSpot};
 use petzval_optics::pupil::PupilSampling;
 use petzval_optics::tolerance::{
-    Distribution, Freedom, Grade, Merit, RmsSpot, Study, Tolerances, default_tolerances, monte_carlo,
+    Distribution, Freedom, Grade, Study, Tolerances, default_tolerances, monte_carlo,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -10,9 +10,10 @@ use std::sync::Arc;
 use common::special_lenses;
 use petzval_base::FileError;
 use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, write_lens};
-use petzval_optics::design_space::{EflSolve, Parameter, Pickup, Variable};
+use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
+use petzval_optics::number::Number;
 
 fn data(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(folder);
@@ -82,7 +83,7 @@ fn the_nominal_triplet_has_its_variables_and_its_solve() {
     assert_eq!(file.variables.len(), 18);
     let radius_mm = Some([-15.05, -11.5]);
     assert_eq!(file.efl_solve, Some(EflSolve { surface: 6, efl_mm: 25.04003827951391, radius_mm }));
-    let l_12 = Variable { surface: 1, parameter: Parameter::Thickness, min: 4.58, max: 10.11 };
+    let l_12 = Variable { surface: 1, number: Number::Thickness, min: 4.58, max: 10.11 };
     assert!(file.variables.contains(&l_12));
     assert!(file.expect.unwrap().efl_mm.unwrap().agrees(25.04));
 }
@@ -170,7 +171,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
             }),
             variables: vec![Variable {
                 surface: 0,
-                parameter: Parameter::Conic,
+                number: Number::Conic,
                 min: conic - size(any(), -4),
                 max: conic + size(any(), -4),
             }],
@@ -217,7 +218,7 @@ fn writing_and_reading_keeps_special_surfaces() {
         let thickness = lens.surfaces[0].thickness_mm;
         let variable = Variable {
             surface: 0,
-            parameter: Parameter::Thickness,
+            number: Number::Thickness,
             min: thickness - 0.5 * thickness.abs(),
             max: thickness + 0.5 * thickness.abs(),
         };
@@ -253,22 +254,47 @@ fn numbers_of_special_surfaces_have_names() {
         let at = text.find("[[variable]]").unwrap();
         parse_lens(&format!("{}{variable}\n{}", &text[..at], &text[at..]), &catalog)
     };
-    for (surface, name, parameter) in [
-        ("odd = { b3 = 1e-5 }", "odd.b5", Parameter::Departure(2)),
-        ("xy = { norm_radius_mm = 4.0, x2y0 = 1e-3 }", "xy.x0y2", Parameter::Departure(xy_index(0, 2))),
-        ("q_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs.a12", Parameter::Departure(12)),
-        ("q_con = { norm_radius_mm = 5.0, a = [] }", "q_con.a0", Parameter::Departure(0)),
-        ("biconic = { radius_x_mm = -40.0 }", "biconic.conic_x", Parameter::Departure(1)),
-        ("toroid = { radius_x_mm = -40.0 }", "toroid.curvature_x_per_mm", Parameter::Departure(0)),
-        ("grating = { lines_per_mm = 0.5, order = 1 }", "grating.lines_per_mm", Parameter::Phase(0)),
-        ("binary = { norm_radius_mm = 5.0, order = 1, a_rad = [1.0] }", "binary.a1", Parameter::Phase(0)),
+    for (surface, name, number) in [
+        ("odd = { b3 = 1e-5 }", "odd.b5", Number::Departure(2)),
+        ("xy = { norm_radius_mm = 4.0, x2y0 = 1e-3 }", "xy.x0y2", Number::Departure(xy_index(0, 2))),
+        ("q_bfs = { norm_radius_mm = 5.0, a = [1e-3] }", "q_bfs.a12", Number::Departure(12)),
+        ("q_con = { norm_radius_mm = 5.0, a = [] }", "q_con.a0", Number::Departure(0)),
+        ("biconic = { radius_x_mm = -40.0 }", "biconic.conic_x", Number::Departure(1)),
+        ("toroid = { radius_x_mm = -40.0 }", "toroid.curvature_x_per_mm", Number::Departure(0)),
+        ("grating = { lines_per_mm = 0.5, order = 1 }", "grating.lines_per_mm", Number::Phase(0)),
+        ("binary = { norm_radius_mm = 5.0, order = 1, a_rad = [1.0] }", "binary.a1", Number::Phase(0)),
+        ("placement = { decenter_mm = [0.1, 0.0] }", "decenter_x_mm", Number::Decenter(0)),
+        ("placement = { decenter_mm = [0.1, 0.0] }", "decenter_y_mm", Number::Decenter(1)),
+        ("placement = { tilt_deg = [0.0, 1.5, 0.0] }", "tilt_y_deg", Number::Tilt(1)),
     ] {
         let file = with(surface, name, -2.0, 2.0).unwrap_or_else(|e| panic!("{surface}: {e}"));
-        let found = file.variables.iter().any(|v| v.surface == 2 && v.parameter == parameter);
+        let found = file.variables.iter().any(|v| v.surface == 2 && v.number == number);
         assert!(found, "{name}: {:?}", file.variables);
         let error = with("", name, -2.0, 2.0).unwrap_err();
-        assert!(error.message.contains("no parameter") && error.hint.is_some(), "{error}");
+        assert!(error.message.contains("no parameter"), "{error}");
+        let of_placement = surface.starts_with("placement");
+        assert_eq!(error.hint.unwrap().contains("placement = {"), of_placement, "{name}");
     }
+}
+
+/// Bounds of a tilt are degrees, in a file and in the variable that it becomes; the lens has radians.
+#[test]
+fn tilts_are_variables_in_degrees() {
+    let surface = "label = \"V2 front\"\nplacement = { tilt_deg = [0.0, 1.5, 0.0] }";
+    let text = nominal().replace("label = \"V2 front\"", surface);
+    let with = |min: f64, max: f64| {
+        let bounds = format!("min = {min:?}\nmax = {max:?}\n");
+        let variable = format!("[[variable]]\nsurface = 3\nparameter = \"tilt_y_deg\"\n{bounds}\n");
+        let at = text.find("[[variable]]").unwrap();
+        parse_lens(&format!("{}{variable}{}", &text[..at], &text[at..]), &catalog())
+    };
+    let file = with(-2.0, 2.0).unwrap();
+    assert_eq!(file.variables[0], Variable { surface: 2, number: Number::Tilt(1), min: -2.0, max: 2.0 });
+    assert!((file.lens.surfaces[2].placement.unwrap().tilt_rad[1] - 1.5_f64.to_radians()).abs() < 1e-15);
+    let again = parse_lens(&write_lens(&file), &catalog()).unwrap();
+    assert_eq!(again.variables, file.variables);
+    assert_eq!(again.lens, file.lens);
+    assert!(with(-1.0, 1.0).unwrap_err().message.contains("outside its bounds"));
 }
 
 /// Errors of special surfaces name their line.

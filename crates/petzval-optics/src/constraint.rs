@@ -1,8 +1,366 @@
-//! What a manufacturer needs of a lens, as a penalty with a gradient.
+//! What a manufacturer or a camera needs of a lens: constraints, each with its violation and the gradient of that.
+
+use std::fmt;
 
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, azimuths};
+use crate::number::Number;
+use crate::paraxial::{
+    FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order, pull_back_image_height,
+};
 use crate::pupil::{chief_ray, pull_back_chief};
+
+/// A constraint on a lens; surfaces from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Constraint {
+    /// Least edge thickness of the element behind a surface, at the larger of its two clear radii.
+    Edge {
+        /// Surface in front.
+        surface: usize,
+        /// Least thickness, mm.
+        least_mm: f64,
+    },
+    /// Least thickness of the element behind a surface, on the axis.
+    Centre {
+        /// Surface in front.
+        surface: usize,
+        /// Least thickness, mm.
+        least_mm: f64,
+    },
+    /// Least air behind a surface, on the axis.
+    Air {
+        /// Surface in front.
+        surface: usize,
+        /// Least air, mm.
+        least_mm: f64,
+    },
+    /// Least air behind a surface, at the smaller of the two clear radii.
+    AirEdge {
+        /// Surface in front.
+        surface: usize,
+        /// Least air, mm.
+        least_mm: f64,
+    },
+    /// Bounds of a radius that a solve computes; violated by a sag at the clear radius, mm.
+    SolvedRadius {
+        /// Surface.
+        surface: usize,
+        /// Bounds of the radius, mm.
+        radius_mm: [f64; 2],
+    },
+    /// Bounds of a radius; violated by a radius, mm.
+    Radius {
+        /// Surface.
+        surface: usize,
+        /// Bounds, mm.
+        radius_mm: [f64; 2],
+    },
+    /// Least and greatest paraxial back focal length.
+    BackFocal {
+        /// Bounds, mm.
+        between_mm: [f64; 2],
+    },
+    /// Least distance from the last vertex to the image plane.
+    ImageDistance {
+        /// Least distance, mm.
+        least_mm: f64,
+    },
+    /// Greatest distance between any two of the vertices and the image plane.
+    Track {
+        /// Greatest distance, mm.
+        most_mm: f64,
+    },
+    /// Greatest clear diameter of a surface.
+    ClearDiameter {
+        /// Surface.
+        surface: usize,
+        /// Greatest diameter, mm.
+        most_mm: f64,
+    },
+    /// Greatest distortion of a field; violated by a height on the image, mm.
+    Distortion {
+        /// Field angle, rad.
+        field_rad: f64,
+        /// Greatest distortion, as a share of the ideal image height.
+        share: f64,
+    },
+    /// Steepest slope of a surface at its clear radius; violated by a tangent times that radius, mm.
+    Slope {
+        /// Surface.
+        surface: usize,
+        /// Steepest angle to the plane of the vertex, rad.
+        steepest_rad: f64,
+    },
+    /// Greatest angle of a field's chief ray to the axis at the image; violated by a tangent times the back focal length, mm.
+    ChiefRayAngle {
+        /// Field angle, rad.
+        field_rad: f64,
+        /// Greatest angle, rad.
+        greatest_rad: f64,
+    },
+    /// The height at which a field's chief ray lands: it holds the field of view.
+    ChiefHeight {
+        /// Field angle, rad.
+        field_rad: f64,
+        /// Wanted height on the image, mm.
+        wanted_mm: f64,
+        /// Greatest distance from it, mm.
+        tolerance_mm: f64,
+    },
+}
+
+/// The radii at which the surfaces of a lens must be clear.
+pub trait ClearRadii {
+    /// The clear radius of a surface, mm.
+    fn radius_mm(&self, surface: usize) -> f64;
+
+    /// How far edges reach beyond the clear radius, mm.
+    fn mount_mm(&self) -> f64;
+
+    /// Adds the gradient of a loss that depends on the clear radius of a surface, `bar` per mm; `None` if a ray is lost.
+    fn pull_back(&self, surface: usize, bar: f64, gradient: &mut LensGradient) -> Option<()>;
+}
+
+/// The clear semi-diameters of a lens as they are: fixed places at which edges are measured, not numbers that move.
+pub struct SemiDiameters<'a>(pub &'a Lens);
+
+impl ClearRadii for SemiDiameters<'_> {
+    fn radius_mm(&self, surface: usize) -> f64 {
+        self.0.surfaces[surface].semi_diameter_mm
+    }
+
+    fn mount_mm(&self) -> f64 {
+        0.0
+    }
+
+    fn pull_back(&self, _: usize, _: f64, _: &mut LensGradient) -> Option<()> {
+        Some(())
+    }
+}
+
+impl Constraint {
+    /// By how much a lens violates it, mm, at most 0 where it keeps it; `None` if a ray that it needs is lost, or an edge lies
+    /// beyond the reach of a surface.
+    pub fn excess_mm(&self, lens: &Lens, clear: &dyn ClearRadii) -> Option<f64> {
+        self.evaluate(lens, clear, None)
+    }
+
+    /// The gradient of [`Constraint::excess_mm`] times a factor.
+    pub fn gradient(&self, lens: &Lens, clear: &dyn ClearRadii, factor: f64) -> Option<LensGradient> {
+        let mut gradient = LensGradient::zero(lens.surfaces.len());
+        self.evaluate(lens, clear, Some((factor, &mut gradient)))?;
+        Some(gradient)
+    }
+
+    /// The excess; with `pull` = (its cotangent, a gradient), adds to the gradient.
+    fn evaluate(
+        &self,
+        lens: &Lens,
+        clear: &dyn ClearRadii,
+        pull: Option<(f64, &mut LensGradient)>,
+    ) -> Option<f64> {
+        let sequence = || lens.at_wavelength(lens.reference_um);
+        let last = lens.surfaces.len() - 1;
+        match *self {
+            Self::Edge { surface: i, least_mm } | Self::AirEdge { surface: i, least_mm } => {
+                // An element is thinnest where the larger of its surfaces ends, air where the smaller does.
+                let larger = matches!(self, Self::Edge { .. });
+                let decisive =
+                    if (clear.radius_mm(i) > clear.radius_mm(i + 1)) == larger { i } else { i + 1 };
+                let height = clear.radius_mm(decisive) + clear.mount_mm();
+                let (edge, direction) = thinnest_edge(lens, i, height)?;
+                if let Some((bar, g)) = pull {
+                    let sign = direction_of_light(lens, i);
+                    let at = direction.map(|v| v * height);
+                    g[(i, Number::Thickness)] -= sign * bar;
+                    sag_gradient(lens, i, at, sign * bar, g);
+                    sag_gradient(lens, i + 1, at, -sign * bar, g);
+                    // The edge moves outwards with the beam.
+                    let slope = |s: usize| {
+                        let [x, y] = lens.surfaces[s].shape.sag_jet(at).slope;
+                        x * direction[0] + y * direction[1]
+                    };
+                    clear.pull_back(decisive, bar * (sign * (slope(i) - slope(i + 1))), g)?;
+                }
+                Some(least_mm - edge)
+            }
+            Self::Centre { surface: i, least_mm } | Self::Air { surface: i, least_mm } => {
+                let sign = direction_of_light(lens, i);
+                if let Some((bar, g)) = pull {
+                    g[(i, Number::Thickness)] -= sign * bar;
+                }
+                Some(least_mm - sign * lens.surfaces[i].thickness_mm)
+            }
+            Self::SolvedRadius { surface, radius_mm } => {
+                let [low, high] = curvature_bounds(radius_mm);
+                let c = lens.surfaces[surface].shape.curvature;
+                let beyond = (c - high).max(low - c);
+                // The sag at the edge of the clear aperture.
+                let scale = 0.5 * clear.radius_mm(surface).powi(2);
+                if let Some((bar, g)) = pull {
+                    let sign = if c > high { 1.0 } else { -1.0 };
+                    g[(surface, Number::Curvature)] += bar * (sign * scale);
+                    clear.pull_back(surface, bar * (beyond * clear.radius_mm(surface)), g)?;
+                }
+                Some(scale * beyond)
+            }
+            Self::Radius { surface, radius_mm: [min, max] } => {
+                let radius = 1.0 / lens.surfaces[surface].shape.curvature;
+                let excess = (radius - max).max(min - radius);
+                if let Some((bar, g)) = pull {
+                    // dR/dc = -R^2
+                    let sign = if radius > max { -1.0 } else { 1.0 };
+                    g[(surface, Number::Curvature)] += sign * bar * radius * radius;
+                }
+                Some(excess)
+            }
+            Self::BackFocal { between_mm: [min, max] } => {
+                let (sequence, direction) = (sequence(), direction_of_light(lens, last));
+                let found = direction * first_order(&sequence).bfl_mm;
+                if let Some((bar, g)) = pull {
+                    let sign = if found > max { direction } else { -direction };
+                    let bars = FirstOrderCotangent { bfl: bar * sign, ..Default::default() };
+                    pull_back_first_order(&sequence, bars, g);
+                }
+                Some((found - max).max(min - found))
+            }
+            Self::ImageDistance { least_mm } => {
+                let sign = direction_of_light(lens, last);
+                if let Some((bar, g)) = pull {
+                    g[(last, Number::Thickness)] -= sign * bar;
+                }
+                Some(least_mm - sign * lens.image_distance_mm())
+            }
+            Self::Track { most_mm } => {
+                let (from, to) = extent(lens);
+                let track = lens.surfaces[from..to].iter().map(|s| s.thickness_mm).sum::<f64>();
+                if let Some((bar, g)) = pull {
+                    (from..to).for_each(|i| g[(i, Number::Thickness)] += bar * track.signum());
+                }
+                Some(track.abs() - most_mm)
+            }
+            Self::ClearDiameter { surface, most_mm } => {
+                if let Some((bar, g)) = pull {
+                    clear.pull_back(surface, bar, g)?;
+                }
+                Some(clear.radius_mm(surface) - 0.5 * most_mm)
+            }
+            Self::Distortion { field_rad, share } => {
+                let sequence = sequence();
+                let chief = chief_ray(&sequence, field_rad)?;
+                let ideal = image_height_per_tangent(&sequence) * field_rad.tan();
+                if let Some((bar, g)) = pull {
+                    let sign = (chief.y_mm - ideal).signum();
+                    pull_back_chief(&sequence, &chief, [0.0, bar * sign], g);
+                    let by_ideal = -sign - share * ideal.signum();
+                    pull_back_image_height(&sequence, bar * (by_ideal * field_rad.tan()), g);
+                }
+                Some((chief.y_mm - ideal).abs() - share * ideal.abs())
+            }
+            Self::Slope { surface, steepest_rad } => {
+                let radius = clear.radius_mm(surface);
+                let Section { direction, slope } = steepest_section(lens, surface, radius)?;
+                let steepest = steepest_rad.tan();
+                if let Some((bar, g)) = pull {
+                    let at = direction.map(|v| v * radius);
+                    let shape = &lens.surfaces[surface].shape;
+                    let jet = shape.sag_jet(at);
+                    // Unit vector of the gradient, and how its length grows outwards.
+                    let [x, y] = jet.slope.map(|v| v / slope);
+                    let [xx, xy, yy] = jet.second;
+                    let [dx, dy] = direction;
+                    let outwards = x * (xx * dx + xy * dy) + y * (xy * dx + yy * dy);
+                    // The excess is (|grad z| - tan) r.
+                    clear.pull_back(surface, bar * (slope + radius * outwards - steepest), g)?;
+                    for (number, by) in shape.sensitivities(at) {
+                        let by_slope = x * by.slope[0] + y * by.slope[1];
+                        g[(surface, number)] += bar * (radius * by_slope);
+                    }
+                }
+                Some((slope.abs() - steepest) * radius)
+            }
+            Self::ChiefRayAngle { field_rad, greatest_rad } => {
+                // The tangent is what the height gains over a millimetre.
+                let beyond = lens.with_image_distance(lens.image_distance_mm() + 1.0);
+                let beyond = beyond.at_wavelength(lens.reference_um);
+                let here = sequence();
+                let (further, nearer) = (chief_ray(&beyond, field_rad)?, chief_ray(&here, field_rad)?);
+                let slope = further.y_mm - nearer.y_mm;
+                let bfl_mm = first_order(&here).bfl_mm;
+                let over = slope.abs() - greatest_rad.tan();
+                if let Some((bar, g)) = pull {
+                    let by_slope = bar * (slope.signum() * bfl_mm.abs());
+                    pull_back_chief(&beyond, &further, [0.0, by_slope], g);
+                    pull_back_chief(&here, &nearer, [0.0, -by_slope], g);
+                    let bars =
+                        FirstOrderCotangent { bfl: bar * (over * bfl_mm.signum()), ..Default::default() };
+                    pull_back_first_order(&here, bars, g);
+                }
+                Some(over * bfl_mm.abs())
+            }
+            Self::ChiefHeight { field_rad, wanted_mm, tolerance_mm } => {
+                let sequence = sequence();
+                let chief = chief_ray(&sequence, field_rad)?;
+                let miss = chief.y_mm - wanted_mm;
+                if let Some((bar, g)) = pull {
+                    pull_back_chief(&sequence, &chief, [0.0, bar * miss.signum()], g);
+                }
+                Some(miss.abs() - tolerance_mm)
+            }
+        }
+    }
+
+    /// Whether it is about an edge, which may lie beyond the reach of a surface.
+    fn is_of_an_edge(&self) -> bool {
+        matches!(self, Self::Edge { .. } | Self::AirEdge { .. })
+    }
+}
+
+impl fmt::Display for Constraint {
+    /// As a person names it; surfaces from 1.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Edge { surface, .. } => write!(f, "edge thickness behind surface {}", surface + 1),
+            Self::Centre { surface, .. } => write!(f, "centre thickness behind surface {}", surface + 1),
+            Self::Air { surface, .. } => write!(f, "air behind surface {}", surface + 1),
+            Self::AirEdge { surface, .. } => write!(f, "air at the edge behind surface {}", surface + 1),
+            Self::SolvedRadius { .. } => {
+                write!(f, "bounds of the radius that holds the focal length, as a sag")
+            }
+            Self::Radius { surface, .. } => write!(f, "radius of surface {}", surface + 1),
+            Self::BackFocal { .. } => write!(f, "back focal length"),
+            Self::ImageDistance { .. } => write!(f, "distance from the last vertex to the image"),
+            Self::Track { .. } => write!(f, "track"),
+            Self::ClearDiameter { surface, .. } => write!(f, "clear radius of surface {}", surface + 1),
+            Self::Distortion { .. } => write!(f, "distortion, on the image"),
+            Self::Slope { surface, .. } => {
+                write!(f, "slope of surface {}, times its clear radius", surface + 1)
+            }
+            Self::ChiefRayAngle { .. } => write!(f, "chief-ray angle, times the back focal length"),
+            Self::ChiefHeight { .. } => write!(f, "image height of a chief ray"),
+        }
+    }
+}
+
+/// `sum max(0, excess)^2` over constraints, mm^2, and its gradient, at the clear semi-diameters of the lens; `None` if a ray is
+/// lost. An edge beyond the reach of a surface is left out.
+pub fn penalty(constraints: &[Constraint], lens: &Lens) -> Option<(f64, LensGradient)> {
+    let clear = SemiDiameters(lens);
+    let (mut value, mut gradient) = (0.0, LensGradient::zero(lens.surfaces.len()));
+    for constraint in constraints {
+        let Some(excess) = constraint.excess_mm(lens, &clear) else {
+            if constraint.is_of_an_edge() {
+                continue;
+            }
+            return None;
+        };
+        if excess > 0.0 {
+            value += excess * excess;
+            gradient += &constraint.gradient(lens, &clear, 2.0 * excess)?;
+        }
+    }
+    Some((value, gradient))
+}
 
 /// Least distances that a lens must keep, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,50 +379,34 @@ impl Default for Clearances {
     }
 }
 
-/// `sum max(0, wanted - found)^2` over all clearances, mm^2, and its gradient.
-pub fn clearance_penalty(lens: &Lens, wanted: &Clearances) -> (f64, LensGradient) {
-    let mut value = 0.0;
-    let mut gradient = LensGradient::zero(lens.surfaces.len());
-    let mut hinge = |short: f64, spread: &mut dyn FnMut(f64, &mut LensGradient)| {
-        if short > 0.0 {
-            value += short * short;
-            spread(-2.0 * short, &mut gradient);
+impl Clearances {
+    /// The constraints of a lens, at the edge and on the axis behind every surface.
+    pub fn constraints(&self, lens: &Lens) -> Vec<Constraint> {
+        let mut all = Vec::with_capacity(2 * lens.surfaces.len());
+        for (surface, s) in lens.surfaces[..lens.surfaces.len() - 1].iter().enumerate() {
+            if s.glass.is_air() {
+                let least_mm = self.air_gap_mm;
+                all.extend([
+                    Constraint::AirEdge { surface, least_mm },
+                    Constraint::Air { surface, least_mm },
+                ]);
+            } else {
+                let least_mm = self.element_edge_mm;
+                all.extend([
+                    Constraint::Edge { surface, least_mm },
+                    Constraint::Centre { surface, least_mm },
+                ]);
+            }
         }
-    };
-    for i in 0..lens.surfaces.len() - 1 {
-        let (a, b) = (&lens.surfaces[i], &lens.surfaces[i + 1]);
-        let (least, height) = if a.glass.is_air() {
-            (wanted.air_gap_mm, a.semi_diameter_mm.min(b.semi_diameter_mm))
-        } else {
-            (wanted.element_edge_mm, a.semi_diameter_mm.max(b.semi_diameter_mm))
-        };
-        let sign = direction_of_light(lens, i);
-        if let Some((edge, towards)) = thinnest_edge(lens, i, height) {
-            let at = towards.map(|v| v * height);
-            hinge(least - edge, &mut |bar, g| {
-                g.surfaces[i].thickness += sign * bar;
-                sag_gradient(lens, i, at, -sign * bar, g);
-                sag_gradient(lens, i + 1, at, sign * bar, g);
-            });
-        }
-        hinge(least - sign * a.thickness_mm, &mut |bar, g| g.surfaces[i].thickness += sign * bar);
+        all.push(Constraint::ImageDistance { least_mm: self.back_focal_mm });
+        all
     }
-    let last = lens.surfaces.len() - 1;
-    let sign = direction_of_light(lens, last);
-    hinge(wanted.back_focal_mm - sign * lens.image_distance_mm(), &mut |bar, g| {
-        g.surfaces[last].thickness += sign * bar;
-    });
-    (value, gradient)
 }
 
 /// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there, positive in the
-/// direction of light; the least all round. `None` where one of them does not reach that far.
-pub(crate) fn edge_clearance(lens: &Lens, surface: usize, height_mm: f64) -> Option<f64> {
-    thinnest_edge(lens, surface, height_mm).map(|(clearance_mm, _)| clearance_mm)
-}
-
-/// That distance, and the direction across the axis in which it is.
-pub(crate) fn thinnest_edge(lens: &Lens, surface: usize, height_mm: f64) -> Option<(f64, [f64; 2])> {
+/// direction of light; the least all round, and the direction across the axis in which it is. `None` where one of the surfaces
+/// does not reach that far.
+fn thinnest_edge(lens: &Lens, surface: usize, height_mm: f64) -> Option<(f64, [f64; 2])> {
     let directions = azimuths(&[&lens.surfaces[surface], &lens.surfaces[surface + 1]]);
     let clearances =
         directions.into_iter().map(|d| Some((clearance_towards(lens, surface, d, height_mm)?, d)));
@@ -85,38 +427,45 @@ pub(crate) fn direction_of_light(lens: &Lens, surface: usize) -> f64 {
 }
 
 /// Adds the gradient of a loss that depends on the sag of a surface at a point, `bar` per mm.
-pub(crate) fn sag_gradient(lens: &Lens, surface: usize, at: [f64; 2], bar: f64, gradient: &mut LensGradient) {
-    let g = &mut gradient.surfaces[surface];
+fn sag_gradient(lens: &Lens, surface: usize, at: [f64; 2], bar: f64, gradient: &mut LensGradient) {
     for (number, by) in lens.surfaces[surface].shape.sensitivities(at) {
-        *g.shape_mut(number) += bar * by.value;
+        gradient[(surface, number)] += bar * by.value;
     }
 }
 
-/// `max(0, min - R)^2 + max(0, R - max)^2` of a surface's radius, mm^2, and its gradient: for a radius that is
-/// solved for and so has no bounds of its own.
-pub fn radius_penalty(lens: &Lens, surface: usize, [min, max]: [f64; 2]) -> (f64, LensGradient) {
-    let mut gradient = LensGradient::zero(lens.surfaces.len());
-    let curvature = lens.surfaces[surface].shape.curvature;
-    let radius = 1.0 / curvature;
-    let beyond = (radius - max).max(0.0) - (min - radius).max(0.0);
-    // dR/dc = -R^2
-    gradient.surfaces[surface].curvature = -2.0 * beyond * radius * radius;
-    (beyond * beyond, gradient)
+/// The vertices, or the image plane as one more, that are furthest apart along the axis: the former first.
+fn extent(lens: &Lens) -> (usize, usize) {
+    let mut at = vec![0.0];
+    for s in &lens.surfaces {
+        at.push(at[at.len() - 1] + s.thickness_mm);
+    }
+    let furthest =
+        |sign: f64| (0..at.len()).max_by(|a, b| (sign * at[*a]).total_cmp(&(sign * at[*b]))).unwrap_or(0);
+    let (low, high) = (furthest(-1.0), furthest(1.0));
+    (low.min(high), low.max(high))
 }
 
-/// Square of what the chief ray of a field misses its wanted height on the image by, beyond a tolerance, mm^2,
-/// and its gradient: it holds the field of view. `None` if the chief ray does not arrive.
-pub fn chief_height_penalty(
-    lens: &Lens,
-    field_rad: f64,
-    wanted_mm: f64,
-    tolerance_mm: f64,
-) -> Option<(f64, LensGradient)> {
-    let sequence = lens.at_wavelength(lens.reference_um);
-    let chief = chief_ray(&sequence, field_rad)?;
-    let miss = chief.y_mm - wanted_mm;
-    let beyond = miss.signum() * (miss.abs() - tolerance_mm).max(0.0);
-    let mut gradient = LensGradient::zero(lens.surfaces.len());
-    pull_back_chief(&sequence, &chief, [0.0, 2.0 * beyond], &mut gradient);
-    Some((beyond * beyond, gradient))
+/// Bounds of a curvature from those of its radius, a ten-thousandth of their distance inside: a penalty ends a little beyond
+/// its limit, and that must not be beyond the bounds.
+fn curvature_bounds([min_mm, max_mm]: [f64; 2]) -> [f64; 2] {
+    let (a, b) = (1.0 / min_mm, 1.0 / max_mm);
+    let inside = 1e-4 * (a - b).abs();
+    [a.min(b) + inside, a.max(b) - inside]
+}
+
+/// Where a surface is steepest at a height, of some directions across the axis.
+struct Section {
+    direction: [f64; 2],
+    /// Length of the gradient of the sag.
+    slope: f64,
+}
+
+fn steepest_section(lens: &Lens, surface: usize, height_mm: f64) -> Option<Section> {
+    let shape = &lens.surfaces[surface].shape;
+    let of = |direction: [f64; 2]| {
+        let [x, y] = shape.sag_jet(direction.map(|v| v * height_mm)).slope;
+        Section { direction, slope: x.hypot(y) }
+    };
+    let all = azimuths(&[&lens.surfaces[surface]]).into_iter().map(of);
+    all.max_by(|a, b| a.slope.total_cmp(&b.slope)).filter(|s| s.slope.is_finite())
 }

@@ -3,7 +3,9 @@
 //! The modules follow the light: [`glass`] gives every medium its index, [`lens`] places surfaces on
 //! the axis, [`trace`] sends rays through them and back (the adjoint), [`paraxial`] says what the
 //! lens is to first order, [`spot`], [`psf`] and [`wave`] say what it does to a point, [`analysis`] puts that
-//! into the figures that lens designers look at, [`design_space`] says which of its numbers may move.
+//! into the figures that lens designers look at. Every number of a surface has a name ([`number`]), by which a [`gradient`] is
+//! indexed and a [`design_space`] says what may move; a [`merit`] judges a lens and a [`constraint`] limits it, for
+//! [`optimize`] and [`tolerance`].
 //!
 //! # Conventions
 //!
@@ -27,6 +29,7 @@ pub mod gradient;
 mod jet;
 mod lanes;
 pub mod lens;
+pub mod merit;
 pub mod number;
 pub mod optimize;
 pub mod paraxial;
@@ -37,4 +40,5 @@ pub mod solve;
 pub mod spot;
 pub mod tolerance;
 pub mod trace;
+mod vector;
 pub mod wave;

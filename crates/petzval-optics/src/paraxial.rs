@@ -9,8 +9,9 @@
 
 use std::ops::Range;
 
-use crate::gradient::{LensGradient, SurfaceGradient};
+use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
+use crate::number::Number;
 use crate::trace::{Bending, Sequence, SurfaceAtWavelength};
 
 /// A paraxial ray at every surface.
@@ -65,19 +66,19 @@ fn power(sequence: &Sequence, i: usize) -> f64 {
 }
 
 /// Adds the cotangent of the power of a surface to its numbers, except the indices.
-fn pull_back_power(s: &SurfaceAtWavelength, power_bar: f64, gradient: &mut SurfaceGradient) {
+fn pull_back_power(s: &SurfaceAtWavelength, power_bar: f64, i: usize, gradient: &mut LensGradient) {
     let by_curvature = power_bar * (s.n_after - s.n_before);
-    gradient.curvature += by_curvature;
-    gradient.asphere[0] += 2.0 * by_curvature;
+    gradient[(i, Number::Curvature)] += by_curvature;
+    gradient[(i, Number::Asphere(0))] += 2.0 * by_curvature;
     for (k, by) in s.shape.paraxial_sensitivity() {
-        gradient.departure[k] += by_curvature * by;
+        gradient[(i, Number::Departure(k))] += by_curvature * by;
     }
     match &s.bending {
         Bending::Snell => {}
-        Bending::ThinLens { .. } => gradient.power += power_bar,
+        Bending::ThinLens { .. } => gradient[(i, Number::Power)] += power_bar,
         Bending::Path { is_grating, per_number, .. } => {
             if !is_grating {
-                gradient.phase[0] -= 2.0 * per_number[0] * power_bar;
+                gradient[(i, Number::Phase(0))] -= 2.0 * per_number[0] * power_bar;
             }
         }
     }
@@ -163,8 +164,8 @@ pub fn pull_back_first_order(
     gradient.entrance_pupil += 0.5 * cotangent.stop_radius * ray.y[sequence.stop];
     let stop_bar = 0.5 * sequence.entrance_pupil_mm * cotangent.stop_radius;
     let w_bar = cotangent.efl / (w_end * w_end);
-    let asked = RayCotangent { crossing: cotangent.bfl, end_slope: w_bar, stop: stop_bar };
-    pull_back_ray(sequence, &ray, asked, gradient);
+    let bars = RayCotangent { crossing: cotangent.bfl, end_slope: w_bar, stop: stop_bar };
+    pull_back_ray(sequence, &ray, bars, gradient);
 }
 
 /// Adds the gradient of a loss that depends on the paraxial image distance, `bar` per mm.
@@ -191,8 +192,8 @@ pub fn image_height_per_tangent(sequence: &Sequence) -> f64 {
 pub fn pull_back_image_height(sequence: &Sequence, bar: f64, gradient: &mut LensGradient) {
     match sequence.object {
         ObjectDistance::Infinity => {
-            let wish = FirstOrderCotangent { efl: bar, ..Default::default() };
-            pull_back_first_order(sequence, wish, gradient);
+            let bars = FirstOrderCotangent { efl: bar, ..Default::default() };
+            pull_back_first_order(sequence, bars, gradient);
         }
         ObjectDistance::Finite(distance) => {
             let ray = paraxial_ray(sequence, distance, 1.0);
@@ -231,24 +232,24 @@ struct RayCotangent {
 /// The adjoint of a paraxial ray.
 ///
 /// Backwards, `ybar -= phi wbar'`, `phibar = -y wbar'`, then `wbar += (t / n) ybar`.
-fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, asked: RayCotangent, gradient: &mut LensGradient) {
+fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, bars: RayCotangent, gradient: &mut LensGradient) {
     let last = sequence.surfaces.len() - 1;
     let n_image = sequence.surfaces[last].n_after;
     let w_end = ray.w[last + 1];
     // Differentiate the crossing -y n' / w'; `index_bar` holds the cotangents of the signed index behind each surface.
     let mut index_bar = vec![0.0; last + 1];
-    index_bar[last] -= asked.crossing * ray.y[last] / w_end;
-    let mut y_bar = -asked.crossing * n_image / w_end;
-    let mut w_bar = asked.end_slope + asked.crossing * ray.y[last] * n_image / (w_end * w_end);
+    index_bar[last] -= bars.crossing * ray.y[last] / w_end;
+    let mut y_bar = -bars.crossing * n_image / w_end;
+    let mut w_bar = bars.end_slope + bars.crossing * ray.y[last] * n_image / (w_end * w_end);
     for i in (0..=last).rev() {
         if i == sequence.stop {
-            y_bar += asked.stop;
+            y_bar += bars.stop;
         }
         // Refraction at surface i: w' = w - y phi.
         let s = &sequence.surfaces[i];
         let power_bar = -w_bar * ray.y[i];
         y_bar -= w_bar * power(sequence, i);
-        pull_back_power(s, power_bar, &mut gradient.surfaces[i]);
+        pull_back_power(s, power_bar, i, gradient);
         let by_index = power_bar * s.shape.paraxial_curvature();
         index_bar[i] += by_index;
         if i == 0 {
@@ -258,11 +259,11 @@ fn pull_back_ray(sequence: &Sequence, ray: &ParaxialRay, asked: RayCotangent, gr
         // Transfer from surface i - 1: y_next = y + t w' / n'.
         let before = &sequence.surfaces[i - 1];
         let (t, n) = (before.thickness_mm, before.n_after);
-        gradient.surfaces[i - 1].thickness += y_bar * ray.w[i] / n;
+        gradient[(i - 1, Number::Thickness)] += y_bar * ray.w[i] / n;
         index_bar[i - 1] -= y_bar * t * ray.w[i] / (n * n);
         w_bar += y_bar * t / n;
     }
-    for (i, g) in gradient.surfaces.iter_mut().enumerate() {
-        g.index += sequence.glass_index_bar(i, |j| index_bar[j]);
+    for i in 0..=last {
+        gradient[(i, Number::Index)] += sequence.glass_index_bar(i, |j| index_bar[j]);
     }
 }

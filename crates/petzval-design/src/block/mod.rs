@@ -32,6 +32,9 @@ pub enum BlockName {
 }
 
 impl BlockName {
+    /// Every block.
+    pub const ALL: [Self; 2] = [Self::Optics, Self::Network];
+
     /// The name in experiments, events and checkpoints.
     pub fn name(self) -> &'static str {
         match self {
@@ -76,8 +79,9 @@ pub trait Block {
     /// Number of free numbers.
     fn free_numbers(&self) -> usize;
 
-    /// Starts a stage: forgets the moments of earlier gradients, and takes the present numbers as centre of the proximal term.
-    fn begin_stage(&mut self);
+    /// Starts a stage, in which the block moves or is held: forgets the moments of earlier gradients, and takes the present numbers
+    /// as centre of the proximal term.
+    fn begin_stage(&mut self, is_moving: bool);
 
     /// Takes one step down the gradient of the batch's loss. Returns the losses before the step, by name.
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError>;

@@ -45,7 +45,7 @@ impl Block for NetworkBlock {
         self.network.num_params()
     }
 
-    fn begin_stage(&mut self) {
+    fn begin_stage(&mut self, _is_moving: bool) {
         self.optimizer = AdamConfig::new().init();
         self.anchor = self.network.clone();
     }

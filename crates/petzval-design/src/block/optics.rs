@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use petzval_optics::lens::Lens;
+use petzval_optics::optimize::{Analysis, LevenbergOptions, descend};
 use serde::{Deserialize, Serialize};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
@@ -13,6 +14,9 @@ use crate::error::DesignError;
 use crate::start::Start;
 
 const COORDINATES: &str = "coordinates.json";
+
+/// Name of the sum of squared violations among the losses.
+const PENALTY: &str = "penalty_mm2";
 
 /// A lens on its way through its design space.
 pub struct OpticsBlock {
@@ -72,15 +76,27 @@ impl OpticsBlock {
         let lens = self.lens()?;
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
         gradient += &by_penalty.scaled(self.constraint_weight);
-        losses.insert("penalty_mm2".to_owned(), penalty_mm2);
+        losses.insert(PENALTY.to_owned(), penalty_mm2);
         Ok((losses, self.start.space.pull_back(&self.moving.x, &lens, &gradient)))
     }
 
-    /// One step towards smaller spots, whatever the rest of the camera is. Returns the RMS spot before the step, um.
-    pub fn spot_step(&mut self, rule: StepRule) -> Result<f64, DesignError> {
-        let (rms_um, gradient) = self.start.spot_gradient(&self.moving.x)?;
-        self.descend(&gradient, rule);
-        Ok(rms_um)
+    /// Makes the spots as small as the requirements allow, by Levenberg and Marquardt's method, whatever the rest of the camera
+    /// is. `watch` sees the losses before every iteration; those at the end are returned.
+    pub fn minimise_spots(
+        &mut self,
+        iterations: usize,
+        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
+    ) -> Result<BTreeMap<String, f64>, DesignError> {
+        let problem = self.start.spot_problem(self.lens()?);
+        let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+        let mut seen = Ok(());
+        let descent = descend(&problem, &options, &mut |_, analysis, _| {
+            seen = watch(spot_losses(analysis));
+            seen.is_ok()
+        })?;
+        seen?;
+        self.moving.x = self.start.space.free(&descent.at);
+        Ok(spot_losses(&descent.best))
     }
 
     /// One step of Adam and the proximal map. A gradient that is no number must not reach the moments: it shows in the
@@ -99,6 +115,16 @@ impl OpticsBlock {
     }
 }
 
+/// The root of the mean square spot over the fields, and the sum of squared violations of the requirements.
+fn spot_losses(analysis: &Analysis) -> BTreeMap<String, f64> {
+    let squares: f64 = analysis.rms_um.iter().map(|rms| rms * rms).sum();
+    let penalty_mm2 = analysis.violations.iter().map(|(_, mm)| mm * mm).sum();
+    BTreeMap::from([
+        ("rms_spot_um".to_owned(), (squares / analysis.rms_um.len() as f64).sqrt()),
+        (PENALTY.to_owned(), penalty_mm2),
+    ])
+}
+
 impl Block for OpticsBlock {
     fn name(&self) -> BlockName {
         BlockName::Optics
@@ -108,8 +134,11 @@ impl Block for OpticsBlock {
         self.moving.x.len()
     }
 
-    fn begin_stage(&mut self) {
+    fn begin_stage(&mut self, is_moving: bool) {
         self.moving.adam = Adam::default();
+        if is_moving {
+            self.moving.x = self.start.space.off_bounds(&self.moving.x);
+        }
         self.moving.anchor = self.moving.x.clone();
     }
 

@@ -10,7 +10,7 @@ pub use tables::{
     CheckpointConfig, ConstraintConfig, ExposureConfig, NetworkConfig, OpticsConfig, PsfConfig,
     ScoringConfig, SpotConfig, TrainingConfig,
 };
-pub use variants::{ScheduleConfig, StageConfig, VariantConfig, standard_variants};
+pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::BlockName;
 use crate::error::DesignError;
-use crate::variant::{Goal, Variant};
+use crate::variant::Variant;
 
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
@@ -148,8 +148,7 @@ impl Experiment {
                 return Err(error.hint(wrong.parameter.hint));
             }
         }
-        let moves_lens_for_task =
-            |v: &Variant| v.stages.iter().any(|s| s.goal == Goal::Task && s.steps_of(BlockName::Optics) > 0);
+        let moves_lens_for_task = |v: &Variant| v.task_steps_of(BlockName::Optics) > 0;
         if self.training.noise == NoiseMode::Exact && self.variants().iter().any(moves_lens_for_task) {
             let error =
                 FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
@@ -189,7 +188,6 @@ impl Experiment {
         let share = network_steps as f64 / self.training.steps as f64;
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
-        self.spot.steps = scaled(self.spot.steps);
         self.training.steps = network_steps;
         for stage in self.variant.iter_mut().flat_map(|v| &mut v.stage) {
             let own = [&mut stage.optics, &mut stage.network].into_iter().flatten();

@@ -1,8 +1,8 @@
 //! Variants as the loop goes through them, from those of the file.
 
-use super::{Experiment, ScheduleConfig, StageConfig, VariantConfig};
+use super::{Experiment, Goal, ScheduleConfig, StageConfig, VariantConfig};
 use crate::block::BlockName;
-use crate::variant::{Goal, Schedule, Stage, Variant};
+use crate::variant::{Schedule, Stage, Variant};
 
 impl Experiment {
     /// The variants in the order of the file, with the experiment's own values for all that they leave out.
@@ -18,23 +18,19 @@ impl Experiment {
 }
 
 fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
-    let (t, o, s) = (&experiment.training, &experiment.optics, &experiment.spot);
-    let default = |block: BlockName| match (config.goal, block) {
-        (Goal::Spot, _) => Schedule {
-            steps: s.steps,
-            learning_rate: s.learning_rate,
-            final_learning_rate: s.final_learning_rate,
-            share: 1.0,
-            proximal: 0.0,
-        },
-        (Goal::Task, BlockName::Optics) => Schedule {
+    if config.goal == Goal::Spot {
+        return Stage::Spot { iterations: experiment.spot.iterations };
+    }
+    let (t, o) = (&experiment.training, &experiment.optics);
+    let default = |block: BlockName| match block {
+        BlockName::Optics => Schedule {
             steps: o.steps,
             learning_rate: o.learning_rate,
             final_learning_rate: o.final_learning_rate,
             share: o.moving_share,
             proximal: o.proximal,
         },
-        (Goal::Task, BlockName::Network) => Schedule {
+        BlockName::Network => Schedule {
             steps: t.steps,
             learning_rate: t.learning_rate,
             final_learning_rate: t.final_learning_rate,
@@ -57,5 +53,5 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
         };
         (*block, schedule)
     });
-    Stage { goal: config.goal, moves: moves.collect() }
+    Stage::Task(moves.collect())
 }

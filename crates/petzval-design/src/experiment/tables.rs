@@ -90,14 +90,10 @@ parameters! {
 }
 
 parameters! {
-    /// How the lens moves for its RMS spot alone, within the same bounds.
+    /// How the RMS spot of the lens alone is minimised, within the same bounds.
     pub struct SpotConfig {
-        /// Lens steps of a stage with the spot goal.
-        steps: usize = 500, "", 0..1e8, Log, "a few hundred";
-        /// First learning rate of Adam in the bounded coordinates.
-        learning_rate: f64 = 0.03, "rad of the bounding sine", 1e-8..1, Log, "0.02 of a coordinate's range of 3.1";
-        /// Learning rate at the end over that at the start.
-        final_learning_rate: f64 = 0.02, "", 0..1, Linear, "a share of the first";
+        /// Iterations of Levenberg and Marquardt's method after which a stage with the spot goal ends, converged or not.
+        iterations: usize = 200, "", 1..1e6, Log, "a few dozen to a few hundred until it converges";
     }
 }
 

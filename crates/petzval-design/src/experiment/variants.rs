@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::OpticsConfig;
 use crate::block::BlockName;
-use crate::variant::Goal;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -23,6 +22,17 @@ pub struct VariantConfig {
     pub from: Option<String>,
     /// What is done with it, in this order.
     pub stage: Vec<StageConfig>,
+}
+
+/// What a stage improves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// The objective of the experiment.
+    #[default]
+    Task,
+    /// The RMS spot of the lens, whatever the rest of the camera is.
+    Spot,
 }
 
 /// Blocks that move for one goal. What a stage leaves out comes from the experiment's tables.
@@ -155,6 +165,10 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
     if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
         let message = "the spot goal moves the lens alone".to_owned();
         return Err((vec!["moves"], message, "write `moves = [\"optics\"]`".to_owned()));
+    }
+    if stage.goal == Goal::Spot && stage.optics.is_some() {
+        let hint = "leave it out; the stage ends where it converges, or after `spot.iterations`".to_owned();
+        return Err((vec!["optics"], "the spot goal takes no schedule".to_owned(), hint));
     }
     for (block, schedule) in [(BlockName::Optics, &stage.optics), (BlockName::Network, &stage.network)] {
         let Some(schedule) = schedule else { continue };

@@ -1,20 +1,19 @@
 //! Names of a surface's variable numbers in files.
 
-use petzval_optics::design_space::Parameter;
 use petzval_optics::lens::{ASPHERE_TERMS, Action, Departure, PHASE_TERMS, Pattern, Surface, xy_powers};
 use petzval_optics::number::Number;
 
 /// The numbers of a surface that can be variables, with their names in files.
-pub(super) fn parameters(surface: &Surface) -> Vec<(String, Parameter)> {
-    let mut all = vec![("thickness_mm".to_owned(), Parameter::Thickness)];
+pub(super) fn parameters(surface: &Surface) -> Vec<(String, Number)> {
+    let mut all = vec![("thickness_mm".to_owned(), Number::Thickness)];
     if surface.has_number(Number::Curvature) {
-        all.push(("radius_mm".to_owned(), Parameter::Radius));
+        all.push(("radius_mm".to_owned(), Number::Curvature));
         for i in 1..=ASPHERE_TERMS {
-            all.push((format!("a{}", 2 * i), Parameter::Asphere(2 * i)));
+            all.push((format!("a{}", 2 * i), Number::Asphere(i - 1)));
         }
     }
     if surface.has_number(Number::Conic) {
-        all.push(("conic".to_owned(), Parameter::Conic));
+        all.push(("conic".to_owned(), Number::Conic));
     }
     let numbers = surface.shape.departure.numbers().len();
     let names: Vec<String> = match &surface.shape.departure {
@@ -26,21 +25,35 @@ pub(super) fn parameters(surface: &Surface) -> Vec<(String, Parameter)> {
         Departure::Biconic { .. } => vec!["biconic.curvature_x_per_mm".into(), "biconic.conic_x".into()],
         Departure::Toroid { .. } => vec!["toroid.curvature_x_per_mm".into()],
     };
-    all.extend(names.into_iter().enumerate().map(|(k, name)| (name, Parameter::Departure(k))));
+    all.extend(names.into_iter().enumerate().map(|(k, name)| (name, Number::Departure(k))));
     match surface.phase.map(|phase| phase.pattern) {
         None => {}
-        Some(Pattern::Grating { .. }) => all.push(("grating.lines_per_mm".into(), Parameter::Phase(0))),
+        Some(Pattern::Grating { .. }) => all.push(("grating.lines_per_mm".into(), Number::Phase(0))),
         Some(Pattern::Binary { .. }) => {
-            all.extend((0..PHASE_TERMS).map(|k| (format!("binary.a{}", k + 1), Parameter::Phase(k))));
+            all.extend((0..PHASE_TERMS).map(|k| (format!("binary.a{}", k + 1), Number::Phase(k))));
         }
     }
     if let Action::ThinLens { .. } = surface.action {
-        all.push(("thin_lens.power_per_mm".into(), Parameter::Power));
+        all.push(("thin_lens.power_per_mm".into(), Number::Power));
+    }
+    if surface.placement.is_some() {
+        all.extend(
+            ["decenter_x_mm", "decenter_y_mm"]
+                .into_iter()
+                .enumerate()
+                .map(|(k, name)| (name.into(), Number::Decenter(k))),
+        );
+        all.extend(
+            ["tilt_x_deg", "tilt_y_deg", "tilt_z_deg"]
+                .into_iter()
+                .enumerate()
+                .map(|(k, name)| (name.into(), Number::Tilt(k))),
+        );
     }
     all
 }
 
 /// The name of a number of a surface; empty if the surface does not have this number.
-pub fn parameter_name(surface: &Surface, parameter: Parameter) -> String {
-    parameters(surface).into_iter().find(|(_, p)| *p == parameter).map(|(name, _)| name).unwrap_or_default()
+pub fn parameter_name(surface: &Surface, number: Number) -> String {
+    parameters(surface).into_iter().find(|(_, n)| *n == number).map(|(name, _)| name).unwrap_or_default()
 }

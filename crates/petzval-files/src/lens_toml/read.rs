@@ -11,9 +11,10 @@ use super::text::{
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::glass_toml::read_glasses;
 use petzval_base::FileError;
-use petzval_optics::design_space::{EflSolve, Parameter, Pickup, Variable};
+use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, validate};
+use petzval_optics::number::Number;
 use petzval_optics::solve::with_length;
 
 /// Default reference wavelength, the helium d line, um.
@@ -209,11 +210,11 @@ impl Reader<'_> {
         for text in texts {
             let surface = self.surface_index(&text.surface, lens)?;
             let key = text.parameter.get_ref();
-            let parameter = self.parameter(&text.parameter, &lens.surfaces[surface])?;
+            let number = self.parameter(&text.parameter, &lens.surfaces[surface])?;
             let (min, max) = (self.finite("min", &text.min)?, self.finite("max", &text.max)?);
-            let variable = Variable { surface, parameter, min, max };
+            let variable = Variable { surface, number, min, max };
             self.check_bounds(text, &variable, lens)?;
-            if variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter)) {
+            if variables.iter().any(|v| (v.surface, v.number) == (surface, number)) {
                 let message = format!("{key} of surface {} is a variable already", surface + 1);
                 return Err(self.error("parameter", text.parameter.span(), message));
             }
@@ -223,13 +224,18 @@ impl Reader<'_> {
     }
 
     /// The number of a surface with the name that the file gives.
-    fn parameter(&self, name: &Spanned<String>, surface: &Surface) -> Result<Parameter, FileError> {
+    fn parameter(&self, name: &Spanned<String>, surface: &Surface) -> Result<Number, FileError> {
         let key = name.get_ref();
         let known = parameters(surface);
-        known.iter().find(|(known, _)| known == key).map(|(_, parameter)| *parameter).ok_or_else(|| {
+        known.iter().find(|(known, _)| known == key).map(|(_, number)| *number).ok_or_else(|| {
             let distance = |known: &str| strsim::damerau_levenshtein(key, known);
             let nearest = known.iter().map(|(k, _)| k.as_str()).min_by_key(|known| distance(known));
             let error = self.error("parameter", name.span(), format!("the surface has no parameter `{key}`"));
+            let of_placement = ["tilt", "decenter"].iter().any(|word| key.starts_with(word));
+            if of_placement && surface.placement.is_none() {
+                return error
+                    .hint("only a placement is tilted or shifted: give the surface `placement = { tilt_deg = [0.0, 0.0, 0.0] }`");
+            }
             match nearest.filter(|nearest| distance(nearest) <= 2) {
                 Some(nearest) => error.hint(format!("did you mean `{nearest}`?")),
                 None => {
@@ -250,8 +256,8 @@ impl Reader<'_> {
         for text in &file.pickup {
             let surface = self.surface_index(&text.surface, lens)?;
             let followed = self.surface_index(&text.follows, lens)?;
-            let parameter = self.parameter(&text.parameter, &lens.surfaces[followed])?;
-            let is_named = |v: &Variable| (v.surface, v.parameter) == (followed, parameter);
+            let number = self.parameter(&text.parameter, &lens.surfaces[followed])?;
+            let is_named = |v: &Variable| (v.surface, v.number) == (followed, number);
             let name = text.parameter.get_ref();
             let Some(variable) = variables.iter().position(is_named) else {
                 let message = format!("{name} of surface {} is not a variable", followed + 1);
@@ -264,15 +270,15 @@ impl Reader<'_> {
                 let message = format!("surface {} has no {name}", surface + 1);
                 return Err(self.error("surface", text.surface.span(), message));
             }
-            let is_last = parameter == Parameter::Thickness && surface + 1 == lens.surfaces.len();
-            let settled = match (file.solve.as_ref(), parameter) {
+            let is_last = number == Number::Thickness && surface + 1 == lens.surfaces.len();
+            let settled = match (file.solve.as_ref(), number) {
                 _ if is_last => Some("the image plane is placed at the image"),
-                (Some(SolveText { efl: Some(efl), .. }), Parameter::Radius)
+                (Some(SolveText { efl: Some(efl), .. }), Number::Curvature)
                     if *efl.surface.get_ref() == surface + 1 =>
                 {
                     Some("[solve] efl computes it")
                 }
-                (Some(SolveText { length: Some(length), .. }), Parameter::Thickness)
+                (Some(SolveText { length: Some(length), .. }), Number::Thickness)
                     if *length.surface.get_ref() == surface + 1 =>
                 {
                     Some("[solve] length computes it")
@@ -283,19 +289,17 @@ impl Reader<'_> {
                 let message = format!("{name} of surface {} cannot follow", surface + 1);
                 return Err(self.error("surface", text.surface.span(), message).hint(why));
             }
-            let taken = variables.iter().any(|v| (v.surface, v.parameter) == (surface, parameter))
-                || pickups
-                    .iter()
-                    .any(|p| p.surface == surface && variables[p.variable].parameter == parameter);
+            let taken = variables.iter().any(|v| (v.surface, v.number) == (surface, number))
+                || pickups.iter().any(|p| p.surface == surface && variables[p.variable].number == number);
             if taken {
                 let message = format!("{name} of surface {} is a variable or follows already", surface + 1);
                 return Err(self.error("surface", text.surface.span(), message));
             }
-            let number = |key: &str, text: &Option<Placed>, default: f64| {
+            let factor = |key: &str, text: &Option<Placed>, default: f64| {
                 text.as_ref().map_or(Ok(default), |value| self.finite(key, value))
             };
-            let scale = number("scale", &text.scale, 1.0)?;
-            let offset = number("offset", &text.offset, 0.0)?;
+            let scale = factor("scale", &text.scale, 1.0)?;
+            let offset = factor("offset", &text.offset, 0.0)?;
             pickups.push(Pickup { surface, variable, scale, offset });
         }
         Ok(pickups)
@@ -314,7 +318,7 @@ impl Reader<'_> {
             let message = "the last distance is to the image, and the length is that between the vertices";
             return Err(self.error("surface", text.surface.span(), message));
         }
-        if variables.iter().any(|v| (v.surface, v.parameter) == (surface, Parameter::Thickness)) {
+        if variables.iter().any(|v| (v.surface, v.number) == (surface, Number::Thickness)) {
             let message = format!("the thickness behind surface {} is a variable already", surface + 1);
             return Err(self
                 .error("surface", text.surface.span(), message)
@@ -332,30 +336,30 @@ impl Reader<'_> {
 
     /// Checks that bounds enclose the lens's own value, and that every value between them is possible.
     fn check_bounds(&self, text: &VariableText, variable: &Variable, lens: &Lens) -> Result<(), FileError> {
-        let Variable { surface, parameter, min, max } = *variable;
+        let Variable { surface, number, min, max } = *variable;
         let name = format!("{} of surface {}", text.parameter.get_ref(), surface + 1);
         if min >= max {
             let message = format!("the bounds of {name} are reversed: {min} is not below {max}");
             return Err(self.error("max", text.max.span(), message).hint("exchange `min` and `max`"));
         }
-        if parameter == Parameter::Radius && min <= 0.0 && max >= 0.0 {
+        if number == Number::Curvature && min <= 0.0 && max >= 0.0 {
             let message = format!("the bounds of {name} include a radius of 0");
             return Err(self
                 .error("min", text.min.span(), message)
                 .hint("keep both bounds on the side of the centre of curvature"));
         }
         let (forwards, backwards) = (lens.light_goes_forwards(surface), max > 0.0);
-        if parameter == Parameter::Thickness && forwards && min < 0.0 {
+        if number == Number::Thickness && forwards && min < 0.0 {
             let message = format!("the bounds of {name} include a negative thickness");
             return Err(self.error("min", text.min.span(), message).hint("the least is 0"));
         }
-        if parameter == Parameter::Thickness && !forwards && backwards {
+        if number == Number::Thickness && !forwards && backwards {
             let message = format!("the bounds of {name} include a positive thickness behind a mirror");
             return Err(self.error("max", text.max.span(), message).hint("the greatest is 0"));
         }
         // Allow for rounding: a radius is computed back from its curvature.
-        let (value, slack) = (parameter.value(lens, surface), 1e-9 * (max - min));
-        let (key, number) = if value < min - slack {
+        let (value, slack) = (number.read_stated(lens, surface), 1e-9 * (max - min));
+        let (key, place) = if value < min - slack {
             ("min", &text.min)
         } else if value > max + slack {
             ("max", &text.max)
@@ -363,7 +367,7 @@ impl Reader<'_> {
             return Ok(());
         };
         let message = format!("{name} is {value} in this lens, outside its bounds {min} to {max}");
-        Err(self.error(key, number.span(), message).hint("widen the bounds or change the lens"))
+        Err(self.error(key, place.span(), message).hint("widen the bounds or change the lens"))
     }
 
     fn efl_solve(
@@ -375,14 +379,14 @@ impl Reader<'_> {
         let Some(text) = file.solve.as_ref().and_then(|s| s.efl.as_ref()) else { return Ok(None) };
         let surface = self.surface_index(&text.surface, lens)?;
         let efl_mm = self.finite("efl_mm", &text.efl_mm)?;
-        if !parameters(&lens.surfaces[surface]).iter().any(|(_, p)| *p == Parameter::Radius) {
+        if !parameters(&lens.surfaces[surface]).iter().any(|(_, n)| *n == Number::Curvature) {
             let message = format!("surface {} is a thin lens and has no radius to solve for", surface + 1);
             return Err(self.error("surface", text.surface.span(), message));
         }
         if efl_mm == 0.0 {
             return Err(self.error("efl_mm", text.efl_mm.span(), "no lens has a focal length of 0"));
         }
-        if variables.iter().any(|v| (v.surface, v.parameter) == (surface, Parameter::Radius)) {
+        if variables.iter().any(|v| (v.surface, v.number) == (surface, Number::Curvature)) {
             let message = format!("the radius of surface {} is a variable already", surface + 1);
             return Err(self
                 .error("surface", text.surface.span(), message)
@@ -392,7 +396,7 @@ impl Reader<'_> {
             None => None,
             Some(bounds) => {
                 let [min, max] = *bounds.get_ref();
-                let radius = Parameter::Radius.value(lens, surface);
+                let radius = Number::Curvature.read_stated(lens, surface);
                 // Allow for rounding: a radius is computed back from its curvature.
                 if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
                     let message = format!("radius {radius} of this lens is not between {min} and {max}");

@@ -45,14 +45,14 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
         write_surface(surface, i == lens.stop, &glasses, out)?;
     }
     for v in &file.variables {
-        let parameter = parameter_name(&lens.surfaces[v.surface], v.parameter);
+        let parameter = parameter_name(&lens.surfaces[v.surface], v.number);
         writeln!(out, "\n[[variable]]\nsurface = {}", v.surface + 1)?;
         writeln!(out, "parameter = {}", quoted(&parameter))?;
         writeln!(out, "min = {}\nmax = {}", number(v.min), number(v.max))?;
     }
     for p in &file.pickups {
         let followed = &file.variables[p.variable];
-        let parameter = parameter_name(&lens.surfaces[followed.surface], followed.parameter);
+        let parameter = parameter_name(&lens.surfaces[followed.surface], followed.number);
         writeln!(out, "\n[[pickup]]\nsurface = {}\nfollows = {}", p.surface + 1, followed.surface + 1)?;
         writeln!(out, "parameter = {}", quoted(&parameter))?;
         writeln!(out, "scale = {}\noffset = {}", number(p.scale), number(p.offset))?;

@@ -15,6 +15,8 @@
 //! | [`Exotic`](Dispersion::Exotic) | | 9 Exotic |
 //! | [`Table`](Dispersion::Table) | | tabulated n, tabulated nk |
 
+use super::lines::{LINE_C_UM, LINE_D_UM, LINE_F_UM};
+
 /// A dispersion formula; wavelengths w in um.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Dispersion {
@@ -102,9 +104,9 @@ impl Dispersion {
             }
             Self::NdVd { nd, vd } => {
                 let inverse_square = |w: f64| 1.0 / (w * w);
-                let span = inverse_square(super::LINE_F_UM) - inverse_square(super::LINE_C_UM);
+                let span = inverse_square(LINE_F_UM) - inverse_square(LINE_C_UM);
                 let b = (nd - 1.0) / vd / span;
-                nd + b * (1.0 / w2 - inverse_square(super::LINE_D_UM))
+                nd + b * (1.0 / w2 - inverse_square(LINE_D_UM))
             }
             Self::Table { wavelength_um: at, index } => {
                 let hi = at.partition_point(|w| *w < wavelength_um).clamp(1, at.len().max(2) - 1);

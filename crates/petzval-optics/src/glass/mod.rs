@@ -2,6 +2,7 @@
 
 mod catalog;
 mod dispersion;
+mod lines;
 mod nearest;
 mod printed;
 mod thermal;
@@ -9,6 +10,7 @@ mod transmission;
 
 pub use catalog::{Catalog, UnknownGlass};
 pub use dispersion::Dispersion;
+pub use lines::{LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 pub use nearest::{Near, map_distance, nearest};
 pub use printed::Printed;
 pub use thermal::{Expansion, Thermal, air_index};
@@ -16,15 +18,6 @@ pub use transmission::Absorption;
 
 use std::fmt;
 use std::sync::{Arc, LazyLock};
-
-/// Fraunhofer d line (helium), um.
-pub const LINE_D_UM: f64 = 0.587_561_8;
-/// Fraunhofer F line (hydrogen), um.
-pub const LINE_F_UM: f64 = 0.486_132_7;
-/// Fraunhofer C line (hydrogen), um.
-pub const LINE_C_UM: f64 = 0.656_272_5;
-/// Mercury's g line, um.
-pub const LINE_G_UM: f64 = 0.435_834_3;
 
 /// A named optical medium.
 #[derive(Clone, Debug, PartialEq)]

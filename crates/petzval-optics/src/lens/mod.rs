@@ -2,7 +2,8 @@
 
 mod action;
 mod departure;
-pub(crate) mod placement;
+mod numbers;
+mod placement;
 mod shape;
 mod surface;
 mod validate;
@@ -12,12 +13,12 @@ pub use departure::{
     DEPARTURE_NUMBERS, Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers,
 };
 pub use placement::{Axis, Placement};
-pub use shape::{ASPHERE_TERMS, ShapeNumber, SurfaceShape};
+pub use shape::SurfaceShape;
 pub use surface::Surface;
 pub(crate) use validate::azimuths;
 pub use validate::{LensDefect, validate};
 
-use crate::trace::Sequence;
+pub use crate::number::ASPHERE_TERMS;
 
 /// Where the object is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,11 +56,6 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// The lens at one wavelength, ready for tracing.
-    pub fn at_wavelength(&self, wavelength_um: f64) -> Sequence {
-        Sequence::new(self, wavelength_um)
-    }
-
     /// Whether the y-z plane, in which the fields lie, is a plane of symmetry.
     pub fn is_mirror_symmetric(&self) -> bool {
         self.surfaces

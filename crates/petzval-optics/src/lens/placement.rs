@@ -1,9 +1,6 @@
 //! Where a surface sits when it is not on the axis: coordinate breaks.
 
-use crate::trace::Vec3;
-
-/// Rows of a rotation.
-pub(crate) type Matrix3 = [[f64; 3]; 3];
+use crate::vector::{Matrix3, product};
 
 /// A shift of the vertex across the axis, then rotations of the surface about its own x, y and z, in this order.
 ///
@@ -74,35 +71,10 @@ fn about(axis: usize, angle: f64, derivative: bool) -> Matrix3 {
     m
 }
 
-/// `A B`.
-pub(crate) fn product(a: Matrix3, b: Matrix3) -> Matrix3 {
-    let mut m = [[0.0; 3]; 3];
-    for (i, row) in m.iter_mut().enumerate() {
-        for (j, value) in row.iter_mut().enumerate() {
-            *value = (0..3).map(|k| a[i][k] * b[k][j]).sum();
-        }
-    }
-    m
-}
-
-/// `M v`.
-pub(crate) fn apply(m: &Matrix3, v: Vec3) -> Vec3 {
-    [0, 1, 2].map(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2])
-}
-
-/// The transpose.
-pub(crate) fn transposed(m: &Matrix3) -> Matrix3 {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[j][i]))
-}
-
-/// `D M D` with `D = diag(-1, -1, 1)`: a half turn about z on either side.
-pub(crate) fn half_turned(m: &Matrix3) -> Matrix3 {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| if (i == 2) == (j == 2) { m[i][j] } else { -m[i][j] }))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vector::{apply, transposed};
 
     #[test]
     fn a_positive_rotation_about_x_turns_y_towards_z() {

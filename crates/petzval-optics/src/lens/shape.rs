@@ -2,9 +2,7 @@
 
 use super::departure::{self, Departure};
 use crate::jet::{Dual, Jet, Real};
-
-/// Number of even polynomial terms: a_2, a_4, ... a_16.
-pub const ASPHERE_TERMS: usize = 8;
+use crate::number::{ASPHERE_TERMS, Number};
 
 /// A shape: a conic plus an even polynomial,
 ///
@@ -22,19 +20,6 @@ pub struct SurfaceShape {
     pub asphere: [f64; ASPHERE_TERMS],
     /// What it has beyond these.
     pub departure: Departure,
-}
-
-/// A number of a shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ShapeNumber {
-    /// Vertex curvature.
-    Curvature,
-    /// Conic constant.
-    Conic,
-    /// Coefficient of r^(2 + 2 j).
-    Asphere(usize),
-    /// A number of the departure.
-    Departure(usize),
 }
 
 /// Sag and its first two derivatives with respect to `u = r^2`.
@@ -152,13 +137,14 @@ impl SurfaceShape {
         }
     }
 
-    /// A number of the shape, to be changed; `None` if it has none such.
-    pub fn number_mut(&mut self, number: ShapeNumber) -> Option<&mut f64> {
+    /// A number of the shape, to be changed; `None` if the shape has no such number.
+    pub fn number_mut(&mut self, number: Number) -> Option<&mut f64> {
         match number {
-            ShapeNumber::Curvature => Some(&mut self.curvature),
-            ShapeNumber::Conic => Some(&mut self.conic),
-            ShapeNumber::Asphere(j) => self.asphere.get_mut(j),
-            ShapeNumber::Departure(k) => self.departure.number_mut(k),
+            Number::Curvature => Some(&mut self.curvature),
+            Number::Conic => Some(&mut self.conic),
+            Number::Asphere(j) => self.asphere.get_mut(j),
+            Number::Departure(k) => self.departure.number_mut(k),
+            _ => None,
         }
     }
 
@@ -209,7 +195,7 @@ impl SurfaceShape {
 
     /// How sag, slopes and second derivatives at a point move with each number of the shape.
     #[inline(always)]
-    pub(crate) fn sensitivities<R: Real>(&self, [x, y]: [R; 2]) -> Vec<(ShapeNumber, Jet<R>)> {
+    pub(crate) fn sensitivities<R: Real>(&self, [x, y]: [R; 2]) -> Vec<(Number, Jet<R>)> {
         let mut all = Vec::with_capacity(2 + ASPHERE_TERMS + departure::DEPARTURE_NUMBERS);
         // Coefficients, by the function that each of them is a factor of.
         let [jx, jy] = Jet::axes([x, y]);
@@ -218,7 +204,7 @@ impl SurfaceShape {
         if !matches!(self.departure, Departure::Toroid { .. }) {
             let mut power = u;
             for j in 0..ASPHERE_TERMS {
-                all.push((ShapeNumber::Asphere(j), power));
+                all.push((Number::Asphere(j), power));
                 power = power * u;
             }
         }
@@ -226,7 +212,7 @@ impl SurfaceShape {
             Departure::Odd(b) => {
                 let mut power = departure::radius(u);
                 for k in 0..b.len() {
-                    all.push((ShapeNumber::Departure(k), power));
+                    all.push((Number::Departure(k), power));
                     power = power * u;
                 }
             }
@@ -235,7 +221,7 @@ impl SurfaceShape {
                 let mut terms = Vec::with_capacity(departure::XY_TERMS);
                 departure::xy_terms(jx * per, jy * per, &mut terms);
                 for (k, term) in terms.into_iter().enumerate() {
-                    all.push((ShapeNumber::Departure(k), term));
+                    all.push((Number::Departure(k), term));
                 }
             }
             Departure::Qbfs { norm_radius_mm, .. } => {
@@ -244,13 +230,13 @@ impl SurfaceShape {
                 let q = departure::q_bfs(v);
                 bfs_sum = weighted(&q, &self.departure.numbers());
                 for (k, q) in q.into_iter().enumerate() {
-                    all.push((ShapeNumber::Departure(k), envelope * q));
+                    all.push((Number::Departure(k), envelope * q));
                 }
             }
             Departure::Qcon { norm_radius_mm, .. } => {
                 let v = u * (1.0 / (norm_radius_mm * norm_radius_mm));
                 for (k, q) in departure::q_con(v).into_iter().enumerate() {
-                    all.push((ShapeNumber::Departure(k), v * v * q));
+                    all.push((Number::Departure(k), v * v * q));
                 }
             }
             _ => {}
@@ -266,9 +252,7 @@ impl SurfaceShape {
                 _ => n.conic(x2 + y2),
             }
             .moved();
-            if let (Departure::Qbfs { norm_radius_mm, .. }, ShapeNumber::Curvature) =
-                (&self.departure, number)
-            {
+            if let (Departure::Qbfs { norm_radius_mm, .. }, Number::Curvature) = (&self.departure, number) {
                 let u = x2 + y2;
                 let v = u * (1.0 / (norm_radius_mm * norm_radius_mm));
                 moved = moved + n.bfs_envelope(u, v).moved() * bfs_sum;
@@ -279,24 +263,20 @@ impl SurfaceShape {
     }
 
     /// The numbers that are no plain factors of a function of x and y.
-    fn curved_numbers(&self) -> &'static [ShapeNumber] {
-        const TOROID: [ShapeNumber; 3 + ASPHERE_TERMS] = {
-            let mut all = [ShapeNumber::Curvature; 3 + ASPHERE_TERMS];
-            all[1] = ShapeNumber::Conic;
-            all[2] = ShapeNumber::Departure(0);
+    fn curved_numbers(&self) -> &'static [Number] {
+        const TOROID: [Number; 3 + ASPHERE_TERMS] = {
+            let mut all = [Number::Curvature; 3 + ASPHERE_TERMS];
+            all[1] = Number::Conic;
+            all[2] = Number::Departure(0);
             let mut j = 0;
             while j < ASPHERE_TERMS {
-                all[3 + j] = ShapeNumber::Asphere(j);
+                all[3 + j] = Number::Asphere(j);
                 j += 1;
             }
             all
         };
-        const BICONIC: [ShapeNumber; 4] = [
-            ShapeNumber::Curvature,
-            ShapeNumber::Conic,
-            ShapeNumber::Departure(0),
-            ShapeNumber::Departure(1),
-        ];
+        const BICONIC: [Number; 4] =
+            [Number::Curvature, Number::Conic, Number::Departure(0), Number::Departure(1)];
         match self.departure {
             Departure::Toroid { .. } => &TOROID,
             Departure::Biconic { .. } => &BICONIC,
@@ -382,14 +362,15 @@ impl<R: Real> ShapeNumbers<R> {
 impl<R: Real> ShapeNumbers<Jet<Dual<R>>> {
     /// With one of them moving.
     #[inline(always)]
-    fn moving(shape: &SurfaceShape, like: Jet<Dual<R>>, number: ShapeNumber) -> Self {
+    fn moving(shape: &SurfaceShape, like: Jet<Dual<R>>, number: Number) -> Self {
         let mut all = Self::fixed(shape, like);
         let moving = match number {
-            ShapeNumber::Curvature => &mut all.curvature,
-            ShapeNumber::Conic => &mut all.conic,
-            ShapeNumber::Asphere(j) => &mut all.asphere[j],
-            ShapeNumber::Departure(0) => &mut all.curvature_x,
-            ShapeNumber::Departure(_) => &mut all.conic_x,
+            Number::Curvature => &mut all.curvature,
+            Number::Conic => &mut all.conic,
+            Number::Asphere(j) => &mut all.asphere[j],
+            Number::Departure(0) => &mut all.curvature_x,
+            // Of the curved numbers, only the second of a biconic is left.
+            _ => &mut all.conic_x,
         };
         moving.value = Dual::variable(moving.value.value);
         all

@@ -7,7 +7,7 @@ use super::departure::Departure;
 use super::placement::Placement;
 use super::shape::SurfaceShape;
 use crate::glass::Glass;
-use crate::number::Number;
+use crate::number::{ASPHERE_TERMS, Number};
 
 /// A surface in its place.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,17 +31,20 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Whether the surface has a number that may move: a thin lens has no shape, and the best-fit sphere of Q_bfs no conic
-    /// constant.
+    /// Whether the surface has a number: a thin lens has no shape, the best-fit sphere of Q_bfs no conic constant, and only a
+    /// surface with a placement has decentres and tilts.
     pub fn has_number(&self, number: Number) -> bool {
         let has_shape = !matches!(self.action, Action::ThinLens { .. });
         match number {
-            Number::Curvature | Number::Asphere(_) => has_shape,
+            Number::Curvature => has_shape,
+            Number::Asphere(j) => has_shape && j < ASPHERE_TERMS,
             Number::Conic => has_shape && !matches!(self.shape.departure, Departure::Qbfs { .. }),
             Number::Departure(k) => has_shape && k < self.shape.departure.numbers().len(),
             Number::Phase(k) => self.phase.is_some_and(|mut phase| phase.number_mut(k).is_some()),
             Number::Power => !has_shape,
-            Number::Thickness | Number::Index => true,
+            Number::Thickness | Number::Index | Number::SemiDiameter => true,
+            Number::Decenter(axis) => self.placement.is_some() && axis < 2,
+            Number::Tilt(axis) => self.placement.is_some() && axis < 3,
         }
     }
 }

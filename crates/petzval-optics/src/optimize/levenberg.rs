@@ -6,9 +6,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::chart::{Chart, ChartError};
-use super::merit::{Analysis, Linearised, analyse, linearise};
+use super::analysis::{Analysis, Linearised, analyse, linearise};
 use super::problem::Problem;
+use crate::design_space::{DesignSpace, DesignSpaceError};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,28 +110,28 @@ fn bounded_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f6
 /// Goes down from coordinates `start`; `watch` sees every accepted lens and says whether to go on.
 pub(super) fn descend_from(
     problem: &Problem,
-    chart: &Chart,
+    space: &DesignSpace,
     start: Vec<f64>,
     options: &LevenbergOptions,
     watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
 ) -> Option<Descent> {
     let mut at = start;
-    let mut best = analyse(problem, chart.lens(&at)?, None)?;
+    let mut best = analyse(problem, space.lens_at(&at).ok()?, None)?;
     let mut damping = 1e-3;
     let mut calm = 0;
     for iteration in 0..options.iterations {
         if !watch(iteration, &best, &at) {
             return Some(Descent { best, at, iterations: iteration, stop: Stop::Asked });
         }
-        let mapped = chart.map(&at)?;
-        let Some(model) = linearise(problem, chart, &mapped, &best) else {
+        let mapped = space.map(&at).ok()?;
+        let Some(model) = linearise(problem, space, &mapped, &best) else {
             return Some(Descent { best, at, iterations: iteration, stop: Stop::Stuck });
         };
         let mut found: Option<(Analysis, Vec<f64>, f64)> = None;
         let attempt = |factor: f64, found: &mut Option<(Analysis, Vec<f64>, f64)>| {
             let tried = (damping * factor).clamp(1e-12, 1e12);
-            let Some(next) = bounded_step(&at, &chart.bounds, &model, tried) else { return };
-            let Some(lens) = chart.lens(&next) else { return };
+            let Some(next) = bounded_step(&at, space.bounds(), &model, tried) else { return };
+            let Ok(lens) = space.lens_at(&next) else { return };
             let Some(analysis) = analyse(problem, lens, Some(&best)) else { return };
             let to_beat = found.as_ref().map_or(best.merit, |(a, ..)| a.merit);
             if analysis.merit < to_beat {
@@ -168,22 +168,18 @@ pub fn descend(
     problem: &Problem,
     options: &LevenbergOptions,
     watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
-) -> Result<Descent, ChartError> {
-    let chart = Chart::new(problem)?;
-    let start = chart.start();
-    if let Some(solve) = &problem.solves.efl
-        && chart.lens(&start).is_none()
-    {
-        return Err(ChartError::EflUnsolvable { surface: solve.surface + 1, efl_mm: solve.efl_mm });
-    }
+) -> Result<Descent, DesignSpaceError> {
+    let space = problem.space()?;
+    let start = space.start();
+    space.lens_at(&start)?;
     // A solve may have moved the focus far from where the file puts the image plane.
     let mut refocused = start.clone();
-    chart.refocus(&mut refocused);
-    let merit = |at: &[f64]| Some(analyse(problem, chart.lens(at)?, None)?.merit);
+    space.refocus(&mut refocused);
+    let merit = |at: &[f64]| Some(analyse(problem, space.lens_at(at).ok()?, None)?.merit);
     let start = match (merit(&start), merit(&refocused)) {
         (Some(as_it_is), Some(then)) if as_it_is <= then => start,
         (Some(_), None) => start,
         _ => refocused,
     };
-    descend_from(problem, &chart, start, options, watch).ok_or(ChartError::NoRays)
+    descend_from(problem, &space, start, options, watch).ok_or(DesignSpaceError::NoRays)
 }

@@ -1,20 +1,14 @@
-//! What may move, what is solved for, and what is asked.
+//! An optimisation problem: what may move, what is solved for, what is minimised, and the limits.
 
 use std::sync::Arc;
 
-use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
+use crate::constraint::Constraint;
+use crate::design_space::{DesignSpace, DesignSpaceError, Focus, Pickup, Solves, Variable};
 use crate::glass::Glass;
 use crate::lens::{Action, Lens};
-use crate::pupil::{PupilSampling, Sides};
-
-/// Numbers that algebra settles, whatever the variables are.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Solves {
-    /// A curvature holds the focal length.
-    pub efl: Option<EflSolve>,
-    /// The thickness of this surface holds the distance from the first vertex to the last, mm.
-    pub length: Option<(usize, f64)>,
-}
+use crate::merit::SpotResiduals;
+use crate::number::Number;
+use crate::pupil::Sides;
 
 /// A glass that a search may exchange for others; a descent leaves it.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,16 +19,7 @@ pub struct GlassChoice {
     pub candidates: Vec<Arc<Glass>>,
 }
 
-/// Where the image plane goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ImagePlane {
-    /// It stays.
-    Fixed,
-    /// Where the spots are smallest: the distance from the last vertex is a variable without bounds.
-    Best,
-}
-
-/// Requirements on the lens as a piece of glass, mm; what is `None` is not asked.
+/// Limits of the lens as a piece of glass, mm; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
     /// Least edge thickness of an element, at the larger of its clear semi-diameters.
@@ -57,6 +42,16 @@ pub struct Limits {
     pub chief_ray_angle_rad: Option<f64>,
 }
 
+/// The clear radii at which constraints are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Apertures {
+    /// As the beams need them, with a margin for the mount.
+    #[default]
+    Fitted,
+    /// As the lens has them; they do not move.
+    Drawn,
+}
+
 /// An optimisation problem.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -71,19 +66,15 @@ pub struct Problem {
     /// Numbers that are solved for.
     pub solves: Solves,
     /// Where the image plane goes.
-    pub image: ImagePlane,
-    /// Field angles, rad.
-    pub fields_rad: Vec<f64>,
-    /// Weight of each field.
-    pub field_weights: Vec<f64>,
-    /// Wavelengths, um, all of the same weight.
-    pub wavelengths_um: Vec<f64>,
-    /// Rays.
-    pub sampling: PupilSampling,
-    /// The mean over the fields of RMS^p is made small: 1 for the mean RMS spot, 2 for the mean square.
-    pub power: f64,
-    /// What the glass must be.
+    pub focus: Focus,
+    /// What is made small.
+    pub merit: SpotResiduals,
+    /// Limits of the lens.
     pub limits: Limits,
+    /// Constraints beside those that the limits make.
+    pub further: Vec<Constraint>,
+    /// Where constraints are measured.
+    pub apertures: Apertures,
     /// Residual of a violation, um per mm.
     pub stiffness_um_per_mm: f64,
 }
@@ -91,27 +82,91 @@ pub struct Problem {
 impl Problem {
     /// The mean RMS spot over the lens's own fields and wavelengths, with nothing to move yet.
     pub fn new(base: Lens) -> Self {
-        let fields_rad: Vec<f64> = base.fields_deg.iter().map(|f| f.to_radians()).collect();
         Self {
             variables: Vec::new(),
             pickups: Vec::new(),
             glasses: Vec::new(),
             solves: Solves::default(),
-            image: ImagePlane::Best,
-            field_weights: vec![1.0; fields_rad.len()],
-            fields_rad,
-            wavelengths_um: base.wavelengths_um.clone(),
-            sampling: PupilSampling::Degree(6),
-            power: 1.0,
+            focus: Focus::Free,
+            merit: SpotResiduals::new(&base),
             limits: Limits::default(),
+            further: Vec::new(),
+            apertures: Apertures::Fitted,
             stiffness_um_per_mm: 1e4,
             base,
         }
     }
 
-    /// The field furthest from the axis, rad.
-    pub fn outermost_field_rad(&self) -> f64 {
-        self.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a })
+    /// The space of its variables and solves. A least thickness of a variable is a bound, which costs nothing to keep.
+    pub fn space(&self) -> Result<DesignSpace, DesignSpaceError> {
+        let (fields, weights) = (self.merit.fields_rad.len(), self.merit.field_weights.len());
+        let wavelengths = self.merit.wavelengths_um.len();
+        if fields == 0 || weights != fields || wavelengths == 0 {
+            return Err(DesignSpaceError::NothingToSee { fields, weights, wavelengths });
+        }
+        let count = self.base.surfaces.len();
+        for g in &self.glasses {
+            let surface = g.surface + 1;
+            if g.surface >= count {
+                return Err(DesignSpaceError::NoSuchSurface { surface, count });
+            }
+            if g.candidates.is_empty() {
+                return Err(DesignSpaceError::NoGlass { surface });
+            }
+        }
+        let variables = self.variables.iter().map(|v| self.with_least_thickness(*v)).collect();
+        DesignSpace::new(self.base.clone(), variables, self.pickups.clone(), self.solves, self.focus)
+    }
+
+    /// The constraints that its limits and the bounds of its solves make, and the further ones.
+    pub fn constraints(&self) -> Vec<Constraint> {
+        let limits = &self.limits;
+        let mut all = self.further.clone();
+        let last = self.base.surfaces.len() - 1;
+        for surface in 0..last {
+            if self.base.surfaces[surface].glass.is_air() {
+                if let Some(least_mm) = limits.air_gap_mm.filter(|_| !self.has_open_gap(surface)) {
+                    all.push(Constraint::Air { surface, least_mm });
+                    all.push(Constraint::AirEdge { surface, least_mm });
+                }
+            } else {
+                all.extend(limits.element_centre_mm.map(|least_mm| Constraint::Centre { surface, least_mm }));
+                all.extend(limits.element_edge_mm.map(|least_mm| Constraint::Edge { surface, least_mm }));
+            }
+        }
+        let solved = self.solves.efl.and_then(|s| Some((s.surface, s.radius_mm?)));
+        all.extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
+        all.extend(limits.back_focal_mm.map(|between_mm| Constraint::BackFocal { between_mm }));
+        all.extend(limits.track_mm.map(|most_mm| Constraint::Track { most_mm }));
+        let of_clear =
+            |surface| limits.clear_diameter_mm.map(|most_mm| Constraint::ClearDiameter { surface, most_mm });
+        all.extend((0..=last).filter_map(of_clear));
+        let field_rad = self.merit.outermost_field_rad();
+        all.extend(limits.distortion.map(|share| Constraint::Distortion { field_rad, share }));
+        let of_slope =
+            |surface| limits.slope_rad.map(|steepest_rad| Constraint::Slope { surface, steepest_rad });
+        all.extend((0..=last).filter_map(of_slope));
+        let greatest = limits.chief_ray_angle_rad;
+        all.extend(greatest.map(|greatest_rad| Constraint::ChiefRayAngle { field_rad, greatest_rad }));
+        all
+    }
+
+    fn with_least_thickness(&self, mut v: Variable) -> Variable {
+        let count = self.base.surfaces.len();
+        if v.number != Number::Thickness || v.surface + 1 >= count {
+            return v;
+        }
+        let least = match self.base.surfaces[v.surface].glass.is_air() {
+            true if self.has_open_gap(v.surface) => None,
+            true => self.limits.air_gap_mm,
+            false => self.limits.element_centre_mm,
+        };
+        match (least, self.base.light_goes_forwards(v.surface)) {
+            (None, _) => {}
+            (Some(least), true) => v.min = v.min.max(least).min(v.max - 1e-9 * v.max.abs()),
+            (Some(least), false) => v.max = v.max.min(-least).max(v.min + 1e-9 * v.min.abs()),
+        }
+        v
     }
 
     /// Whether a gap of air is none that has to be kept: the lens itself has nothing there, beside a plane that divides
@@ -127,12 +182,7 @@ impl Problem {
 
     /// Which halves of the pupil have to be looked at.
     pub(super) fn sides(&self) -> Sides {
-        let breaks = |v: &Variable| match v.parameter {
-            Parameter::Departure(k) => {
-                !self.base.surfaces[v.surface].shape.departure.is_mirror_symmetric_in(k)
-            }
-            _ => false,
-        };
+        let breaks = |v: &Variable| v.number.breaks_mirror_symmetry(&self.base, v.surface);
         let follows = |p: &Pickup| {
             self.variables.get(p.variable).is_some_and(|v| breaks(&Variable { surface: p.surface, ..*v }))
         };

@@ -10,10 +10,10 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::chart::{Chart, ChartError};
+use super::analysis::{Analysis, analyse};
 use super::levenberg::{Descent, LevenbergOptions, descend_from};
-use super::merit::{Analysis, analyse};
 use super::problem::{GlassChoice, Problem};
+use crate::design_space::{DesignSpace, DesignSpaceError};
 
 /// How to search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,7 +75,7 @@ pub struct SearchState {
 pub struct Search<'a> {
     problem: &'a Problem,
     options: SearchOptions,
-    chart: Chart<'a>,
+    space: DesignSpace,
     round: u64,
     /// Best first, no two alike.
     kept: Vec<Found>,
@@ -103,9 +103,9 @@ const ALIKE: f64 = 1e-4;
 
 impl<'a> Search<'a> {
     /// A search that has not begun.
-    pub fn new(problem: &'a Problem, options: SearchOptions) -> Result<Self, ChartError> {
-        let chart = Chart::new(problem)?;
-        Ok(Self { problem, options, chart, round: 0, kept: Vec::new(), descents: 0 })
+    pub fn new(problem: &'a Problem, options: SearchOptions) -> Result<Self, DesignSpaceError> {
+        let space = problem.space()?;
+        Ok(Self { problem, options, space, round: 0, kept: Vec::new(), descents: 0 })
     }
 
     /// A search that goes on.
@@ -113,7 +113,7 @@ impl<'a> Search<'a> {
         problem: &'a Problem,
         options: SearchOptions,
         state: &SearchState,
-    ) -> Result<Self, ChartError> {
+    ) -> Result<Self, DesignSpaceError> {
         let mut search = Self::new(problem, options)?;
         search.round = state.round;
         for kept in &state.kept {
@@ -124,11 +124,11 @@ impl<'a> Search<'a> {
             let glasses: Option<Vec<usize>> = problem.glasses.iter().zip(&kept.glasses).map(index).collect();
             let Some(glasses) = glasses.filter(|g| g.len() == problem.glasses.len()) else { continue };
             let with = problem.with_glasses(&glasses);
-            let chart = Chart::new(&with)?;
-            if kept.at.len() != chart.dimension() || !kept.at.iter().all(|x| x.is_finite()) {
+            let space = with.space()?;
+            if kept.at.len() != space.dimension() || !kept.at.iter().all(|x| x.is_finite()) {
                 continue;
             }
-            if let Some(analysis) = chart.lens(&kept.at).and_then(|lens| analyse(&with, lens, None)) {
+            if let Some(analysis) = space.lens_at(&kept.at).ok().and_then(|lens| analyse(&with, lens, None)) {
                 search.keep(Found { analysis, at: kept.at.clone(), glasses, round: kept.round });
             }
         }
@@ -194,11 +194,11 @@ impl<'a> Search<'a> {
         random.set_stream(self.round * self.options.round as u64 + place as u64);
         let (start, glasses) = self.start(place, &mut random)?;
         let with = self.problem.with_glasses(&glasses);
-        let (problem, chart) = (&with, &Chart::new(&with).ok()?);
+        let (problem, space) = (&with, &with.space().ok()?);
         let options = |iterations, tolerance| LevenbergOptions { iterations, tolerance };
         let go_on = &mut |_: usize, _: &Analysis, _: &[f64]| true;
         let trial =
-            descend_from(problem, chart, start, &options(self.options.trial_iterations, 1e-3), go_on)?;
+            descend_from(problem, space, start, &options(self.options.trial_iterations, 1e-3), go_on)?;
         let best = self.best().map_or(f64::INFINITY, |f| f.analysis.merit);
         // Analysed afresh, as it will be when the search goes on from its state.
         let found = |d: Descent| {
@@ -209,14 +209,14 @@ impl<'a> Search<'a> {
             return found(trial);
         }
         let more = options(self.options.iterations, 1e-5);
-        found(descend_from(problem, chart, trial.at, &more, go_on)?)
+        found(descend_from(problem, space, trial.at, &more, go_on)?)
     }
 
     /// Where a candidate starts: in a quarter of the places anywhere within the bounds, else near what is known.
     fn start(&self, place: usize, random: &mut ChaCha8Rng) -> Option<(Vec<f64>, Vec<usize>)> {
         if self.options.own_lens && self.round == 0 && place == 0 {
             let glasses = vec![0; self.problem.glasses.len()];
-            let at = self.chart.start();
+            let at = self.space.start();
             return traces(&self.problem.with_glasses(&glasses), &at).then_some((at, glasses));
         }
         if self.kept.len() < 2 || place.is_multiple_of(4) {
@@ -252,7 +252,7 @@ impl<'a> Search<'a> {
         } else {
             let size = 10f64.powf(random.random_range(-2.5..-0.3));
             let touched = random.random_range(0.15..1.0);
-            for (x, [low, high]) in at.iter_mut().zip(&self.chart.bounds) {
+            for (x, [low, high]) in at.iter_mut().zip(self.space.bounds()) {
                 if (high - low).is_finite() && random.random::<f64>() < touched {
                     *x += size * (high - low) * random.random_range(-1.0..1.0);
                 }
@@ -263,27 +263,27 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        for (x, [low, high]) in at.iter_mut().zip(&self.chart.bounds) {
+        for (x, [low, high]) in at.iter_mut().zip(self.space.bounds()) {
             *x = x.clamp(*low, *high);
         }
         traces(&self.problem.with_glasses(&glasses), &at).then_some((at, glasses))
     }
 
     fn anywhere(&self, problem: &Problem, random: &mut ChaCha8Rng) -> Option<Vec<f64>> {
-        let chart = Chart::new(problem).ok()?;
-        let mut at = chart.start();
-        for (x, [low, high]) in at.iter_mut().zip(&chart.bounds) {
+        let space = problem.space().ok()?;
+        let mut at = space.start();
+        for (x, [low, high]) in at.iter_mut().zip(space.bounds()) {
             if (high - low).is_finite() {
                 *x = low + (high - low) * random.random::<f64>();
             }
         }
-        chart.refocus(&mut at);
+        space.refocus(&mut at);
         Some(at)
     }
 }
 
 fn traces(problem: &Problem, at: &[f64]) -> bool {
-    let lens = Chart::new(problem).ok().and_then(|chart| chart.lens(at));
+    let lens = problem.space().and_then(|space| space.lens_at(at)).ok();
     lens.is_some_and(|lens| analyse(problem, lens, None).is_some())
 }
 

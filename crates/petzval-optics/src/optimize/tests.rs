@@ -1,10 +1,12 @@
 //! Derivatives of the merit against differences, and descents.
 
-use super::chart::Chart;
-use super::merit::{analyse, linearise};
+use super::analysis::{analyse, linearise};
 use super::*;
-use crate::design_space::{EflSolve, Parameter, Pickup, Variable};
-use crate::lens::{Departure, Lens};
+use crate::constraint::Constraint;
+use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable};
+use crate::lens::{Departure, Lens, Placement};
+use crate::merit::SpotResiduals;
+use crate::number::Number;
 use crate::paraxial::first_order;
 
 #[path = "../../tests/common/mod.rs"]
@@ -12,23 +14,23 @@ mod common;
 
 use common::{mangin, nominal_triplet, special_lenses, telescope};
 
-fn variable(surface: usize, parameter: Parameter, min: f64, max: f64) -> Variable {
-    Variable { surface, parameter, min, max }
+fn variable(surface: usize, number: Number, min: f64, max: f64) -> Variable {
+    Variable { surface, number, min, max }
 }
 
 /// Curvatures, two aspheric terms and two thicknesses; the last curvature holds the focal length.
 fn problem() -> Problem {
     Problem {
         variables: vec![
-            variable(0, Parameter::Radius, 9.0, 15.0),
-            variable(0, Parameter::Asphere(4), -1e-4, 1e-4),
-            variable(1, Parameter::Radius, 9.0, 15.0),
-            variable(1, Parameter::Thickness, 6.0, 10.0),
-            variable(2, Parameter::Radius, -60.0, -20.0),
-            variable(5, Parameter::Radius, 12.0, 20.0),
-            variable(5, Parameter::Conic, -2.0, 2.0),
-            variable(5, Parameter::Asphere(6), -1e-5, 1e-5),
-            variable(5, Parameter::Thickness, 2.0, 4.0),
+            variable(0, Number::Curvature, 9.0, 15.0),
+            variable(0, Number::Asphere(1), -1e-4, 1e-4),
+            variable(1, Number::Curvature, 9.0, 15.0),
+            variable(1, Number::Thickness, 6.0, 10.0),
+            variable(2, Number::Curvature, -60.0, -20.0),
+            variable(5, Number::Curvature, 12.0, 20.0),
+            variable(5, Number::Conic, -2.0, 2.0),
+            variable(5, Number::Asphere(2), -1e-5, 1e-5),
+            variable(5, Number::Thickness, 2.0, 4.0),
         ],
         solves: Solves {
             efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: Some([-14.0, -13.0]) }),
@@ -38,7 +40,12 @@ fn problem() -> Problem {
     }
 }
 
-/// Everything is asked for, and everything is violated.
+fn with_merit(mut problem: Problem, change: impl Fn(&mut SpotResiduals)) -> Problem {
+    change(&mut problem.merit);
+    problem
+}
+
+/// Every limit is set, and every one is violated.
 fn strict(mut problem: Problem) -> Problem {
     problem.pickups = vec![Pickup { surface: 3, variable: 4, scale: -1.0, offset: 0.0 }];
     problem.solves.length = Some((3, 22.1));
@@ -58,18 +65,18 @@ fn strict(mut problem: Problem) -> Problem {
 }
 
 fn check_gradient(problem: &Problem) -> usize {
-    let chart = Chart::new(problem).unwrap();
-    let at = chart.start();
-    let mapped = chart.map(&at).unwrap();
+    let space = problem.space().unwrap();
+    let at = space.start();
+    let mapped = space.map(&at).unwrap();
     let analysis = analyse(problem, mapped.lens.clone(), None).unwrap();
-    let model = linearise(problem, &chart, &mapped, &analysis).unwrap();
-    for (i, bounds) in chart.bounds.iter().enumerate() {
+    let model = linearise(problem, &space, &mapped, &analysis).unwrap();
+    for (i, bounds) in space.bounds().iter().enumerate() {
         let range = bounds[1] - bounds[0];
         let h = 1e-5 * if range.is_finite() { range } else { 1.0 };
         let merit = |steps: f64| {
             let mut moved = at.clone();
             moved[i] += steps * h;
-            analyse(problem, chart.lens(&moved).unwrap(), None).unwrap().merit
+            analyse(problem, space.lens_at(&moved).unwrap(), None).unwrap().merit
         };
         let numeric = (8.0 * (merit(1.0) - merit(-1.0)) - (merit(2.0) - merit(-2.0))) / (12.0 * h);
         let analytic = 2.0 * model.gradient[i];
@@ -85,8 +92,8 @@ fn check_gradient(problem: &Problem) -> usize {
 #[test]
 fn the_gradient_is_that_of_the_merit() {
     assert_eq!(check_gradient(&problem()), 0);
-    assert_eq!(check_gradient(&Problem { power: 2.0, ..problem() }), 0);
-    let fixed = Problem { image: ImagePlane::Fixed, power: 4.0, ..problem() };
+    assert_eq!(check_gradient(&with_merit(problem(), |m| m.power = 2.0)), 0);
+    let fixed = Problem { focus: Focus::Fixed, ..with_merit(problem(), |m| m.power = 4.0) };
     assert_eq!(check_gradient(&fixed), 0);
     assert!(check_gradient(&strict(problem())) >= 10, "{}", check_gradient(&strict(problem())));
 }
@@ -101,25 +108,35 @@ fn the_gradient_is_that_of_the_merit_for_a_near_object_and_for_special_surfaces(
     near.stiffness_um_per_mm = 30.0;
     assert_eq!(check_gradient(&near), 1);
     for lens in special_lenses() {
-        let free = |surface: usize, parameter: Parameter, range: f64| {
-            let value = parameter.value(&lens, surface);
-            let has = lens.surfaces[surface].has_number(parameter.number());
-            has.then(|| variable(surface, parameter, value - range, value + range))
+        let free = |surface: usize, number: Number, range: f64| {
+            let has = lens.surfaces[surface].has_number(number);
+            let value = number.read_stated(&lens, surface);
+            has.then(|| variable(surface, number, value - range, value + range))
         };
         let of_surface = |s: usize| {
             // Odd powers are not normalised.
             let is_odd = matches!(lens.surfaces[s].shape.departure, Departure::Odd(_));
             let size = move |k: i32| if is_odd { 4f64.powi(-1 - 2 * k) } else { 1.0 };
-            let departures = (0..6).map(move |k| (Parameter::Departure(k), 1e-3 * size(k as i32)));
-            let others = [(Parameter::Phase(0), 1.0), (Parameter::Power, 1e-3), (Parameter::Conic, 0.1)];
-            departures.chain(others).filter_map(move |(p, range)| free(s, p, range))
+            let departures = (0..6).map(move |k| (Number::Departure(k), 1e-3 * size(k as i32)));
+            let others = [(Number::Phase(0), 1.0), (Number::Power, 1e-3), (Number::Conic, 0.1)];
+            let placement = [
+                (Number::Decenter(0), 0.1),
+                (Number::Decenter(1), 0.1),
+                (Number::Tilt(0), 0.5),
+                (Number::Tilt(1), 0.5),
+                (Number::Tilt(2), 0.5),
+            ];
+            departures.chain(others).chain(placement).filter_map(move |(n, range)| free(s, n, range))
         };
         let variables: Vec<Variable> = (0..lens.surfaces.len()).flat_map(of_surface).collect();
         let far = lens.fields_deg.last().unwrap().to_radians();
         let problem = Problem {
             variables,
-            fields_rad: vec![0.0, 0.6 * far],
-            field_weights: vec![1.0; 2],
+            merit: SpotResiduals {
+                fields_rad: vec![0.0, 0.6 * far],
+                field_weights: vec![1.0; 2],
+                ..SpotResiduals::new(&lens)
+            },
             limits: Limits { slope_rad: Some(0.05), ..Limits::default() },
             stiffness_um_per_mm: 30.0,
             ..Problem::new(lens.clone())
@@ -136,9 +153,9 @@ fn limits_of_mirrors_have_the_right_gradient() {
             .flat_map(|s| {
                 let (r, t) = (1.0 / lens.surfaces[s].shape.curvature, lens.surfaces[s].thickness_mm);
                 let around = |p, v: f64| variable(s, p, v - 0.3 * v.abs(), v + 0.3 * v.abs());
-                [around(Parameter::Radius, r), around(Parameter::Thickness, t)]
+                [around(Number::Curvature, r), around(Number::Thickness, t)]
             })
-            .filter(|v| v.surface + 1 < lens.surfaces.len() || v.parameter == Parameter::Radius)
+            .filter(|v| v.surface + 1 < lens.surfaces.len() || v.number == Number::Curvature)
             .collect();
         let far = lens.fields_deg.last().unwrap().to_radians();
         let limits = Limits {
@@ -153,22 +170,27 @@ fn limits_of_mirrors_have_the_right_gradient() {
         };
         let problem = Problem {
             variables,
-            fields_rad: vec![0.0, far],
-            field_weights: vec![1.0; 2],
-            limits,
             // The mean RMS has a kink where a spot vanishes, as on the axis of a telescope.
-            power: 2.0,
+            merit: SpotResiduals {
+                fields_rad: vec![0.0, far],
+                field_weights: vec![1.0; 2],
+                power: 2.0,
+                ..SpotResiduals::new(&lens)
+            },
+            limits,
             stiffness_um_per_mm: 1.0,
             ..Problem::new(lens.clone())
         };
         let unlimited = Problem { limits: Limits::default(), ..problem.clone() };
-        let chart = Chart::new(&unlimited).unwrap();
-        let analysis = analyse(&problem, chart.lens(&chart.start()).unwrap(), None).unwrap();
-        let asked = |v: Violation| analysis.violations.iter().find(|(what, _)| *what == v).map(|(_, a)| *a);
+        let space = unlimited.space().unwrap();
+        let analysis = analyse(&problem, space.lens_at(&space.start()).unwrap(), None).unwrap();
+        let excess = |named: &str| {
+            analysis.violations.iter().find(|(what, _)| what.to_string() == named).map(|(_, a)| *a)
+        };
         // Distances are counted along the light, whatever their sign.
         let last = lens.surfaces.len() - 1;
         let image = lens.surfaces[last].thickness_mm.abs();
-        assert!((asked(Violation::BackFocal).unwrap() - (image - 2.0)).abs() < 1e-6, "{}", lens.name);
+        assert!((excess("back focal length").unwrap() - (image - 2.0)).abs() < 1e-6, "{}", lens.name);
         let at: Vec<f64> = lens
             .surfaces
             .iter()
@@ -178,11 +200,14 @@ fn limits_of_mirrors_have_the_right_gradient() {
             })
             .collect();
         let range = at.iter().fold(0.0_f64, |a, b| a.max(*b)) - at.iter().fold(0.0_f64, |a, b| a.min(*b));
-        assert!((asked(Violation::Track).unwrap() - (range - 50.0)).abs() < 1e-9);
+        assert!((excess("track").unwrap() - (range - 50.0)).abs() < 1e-9);
         if lens.name == "Mangin" {
-            assert!(asked(Violation::Edge(0)).unwrap() > 0.0 && asked(Violation::Edge(1)).unwrap() > 0.0);
+            assert!(
+                excess("edge thickness behind surface 1").unwrap() > 0.0
+                    && excess("edge thickness behind surface 2").unwrap() > 0.0
+            );
         } else {
-            assert!((asked(Violation::Air(0)).unwrap() - 80.0).abs() < 1e-9);
+            assert!((excess("air behind surface 1").unwrap() - 80.0).abs() < 1e-9);
         }
         assert!(analysis.violations.len() >= 6, "{:?}", analysis.violations);
         // The bound of a least gap would move the start; without it the penalty has its gradient.
@@ -196,30 +221,30 @@ fn limits_of_mirrors_have_the_right_gradient() {
 fn pickups_on_what_is_solved_for_are_refused() {
     let mut one = problem();
     one.pickups = vec![Pickup { surface: 6, variable: 0, scale: 1.0, offset: 0.0 }];
-    assert!(matches!(Chart::new(&one).unwrap_err(), ChartError::Settled { surface: 7, .. }));
+    assert!(matches!(one.space().unwrap_err(), DesignSpaceError::Settled { surface: 7, .. }));
     one.pickups = vec![Pickup { surface: 6, variable: 3, scale: 1.0, offset: 0.0 }];
-    assert!(matches!(Chart::new(&one).unwrap_err(), ChartError::Settled { surface: 7, .. }));
-    one.image = ImagePlane::Fixed;
+    assert!(matches!(one.space().unwrap_err(), DesignSpaceError::Settled { surface: 7, .. }));
+    one.focus = Focus::Fixed;
     one.solves.length = Some((3, 22.1));
     one.pickups = vec![Pickup { surface: 3, variable: 3, scale: 1.0, offset: 0.0 }];
-    assert!(matches!(Chart::new(&one).unwrap_err(), ChartError::Settled { surface: 4, .. }));
+    assert!(matches!(one.space().unwrap_err(), DesignSpaceError::Settled { surface: 4, .. }));
 }
 
 #[test]
 fn a_variable_that_a_surface_does_not_have_is_refused() {
     let mut problem = problem();
-    problem.variables.push(variable(5, Parameter::Departure(0), -1.0, 1.0));
-    let expected = ChartError::NoSuchNumber { surface: 6, parameter: Parameter::Departure(0) };
-    assert_eq!(Chart::new(&problem).unwrap_err(), expected);
+    problem.variables.push(variable(5, Number::Departure(0), -1.0, 1.0));
+    let expected = DesignSpaceError::NoSuchNumber { surface: 6, number: Number::Departure(0) };
+    assert_eq!(problem.space().unwrap_err(), expected);
 }
 
 #[test]
 fn a_disturbed_triplet_comes_back() {
     let mut lens = nominal_triplet();
     let before = {
-        let problem = Problem { power: 2.0, ..problem() };
-        let chart = Chart::new(&problem).unwrap();
-        analyse(&problem, chart.lens(&chart.start()).unwrap(), None).unwrap().mean_rms_um()
+        let problem = with_merit(problem(), |m| m.power = 2.0);
+        let space = problem.space().unwrap();
+        analyse(&problem, space.lens_at(&space.start()).unwrap(), None).unwrap().mean_rms_um()
     };
     for (i, s) in lens.surfaces.iter_mut().enumerate() {
         s.shape.curvature *= if i % 2 == 0 { 1.05 } else { 0.95 };
@@ -228,7 +253,7 @@ fn a_disturbed_triplet_comes_back() {
         variables: [0, 1, 2, 3, 5]
             .map(|s| {
                 let r = 1.0 / lens.surfaces[s].shape.curvature;
-                variable(s, Parameter::Radius, (0.5 * r).min(2.0 * r), (0.5 * r).max(2.0 * r))
+                variable(s, Number::Curvature, (0.5 * r).min(2.0 * r), (0.5 * r).max(2.0 * r))
             })
             .to_vec(),
         solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },
@@ -248,7 +273,7 @@ fn a_disturbed_triplet_comes_back() {
 
 #[test]
 fn bounds_and_limits_are_kept() {
-    let asked = strict(problem());
+    let limited = strict(problem());
     let limits = Limits {
         element_edge_mm: Some(0.9),
         element_centre_mm: Some(2.6),
@@ -260,10 +285,10 @@ fn bounds_and_limits_are_kept() {
         slope_rad: Some(0.9),
         chief_ray_angle_rad: Some(0.28),
     };
-    let asked = Problem { stiffness_um_per_mm: 1e4, limits, ..asked };
-    let descent = descend(&asked, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap();
-    let chart = Chart::new(&asked).unwrap();
-    for (x, [low, high]) in descent.at.iter().zip(&chart.bounds) {
+    let limited = Problem { stiffness_um_per_mm: 1e4, limits, ..limited };
+    let descent = descend(&limited, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap();
+    let space = limited.space().unwrap();
+    for (x, [low, high]) in descent.at.iter().zip(space.bounds()) {
         assert!(x >= low && x <= high);
     }
     for (what, amount) in &descent.best.violations {
@@ -284,22 +309,25 @@ fn impossible_problems_say_why() {
         descend(&p, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap_err()
     };
     let error = wrong(&|p| p.variables[0].surface = 9);
-    assert_eq!(error, ChartError::NoSuchSurface { surface: 10, count: 7 });
+    assert_eq!(error, DesignSpaceError::NoSuchSurface { surface: 10, count: 7 });
     let error = wrong(&|p| p.pickups.push(Pickup { surface: 1, variable: 77, scale: 1.0, offset: 0.0 }));
-    assert_eq!(error, ChartError::NoSuchVariable { variable: 78, count: 9 });
+    assert_eq!(error, DesignSpaceError::NoSuchVariable { variable: 78, count: 9 });
     let error = wrong(&|p| p.variables[3].max = p.variables[3].min);
-    assert!(matches!(error, ChartError::Bounds { surface: 2, .. }));
+    assert!(matches!(error, DesignSpaceError::Bounds { surface: 2, .. }));
     let error = wrong(&|p| p.solves.efl = Some(EflSolve { surface: 4, efl_mm: 25.0, radius_mm: None }));
-    assert!(matches!(error, ChartError::EflUnsolvable { surface: 5, .. }));
+    assert!(matches!(error, DesignSpaceError::EflUnsolvable { surface: 5, .. }));
     let error = wrong(&|p| p.base.entrance_pupil_mm = 40.0);
-    assert_eq!(error, ChartError::NoRays);
+    assert_eq!(error, DesignSpaceError::NoRays);
 }
 
 #[test]
 fn a_search_gives_the_same_on_any_number_of_threads_and_after_a_break() {
     let problem = Problem {
-        wavelengths_um: vec![0.5876],
-        sampling: crate::pupil::PupilSampling::Degree(4),
+        merit: SpotResiduals {
+            wavelengths_um: vec![0.5876],
+            sampling: crate::pupil::PupilSampling::Degree(4),
+            ..problem().merit
+        },
         ..problem()
     };
     let options = SearchOptions { seed: 7, round: 8, ..SearchOptions::default() };
@@ -341,12 +369,12 @@ fn a_search_exchanges_glasses() {
     let plastic = lens.surfaces[0].glass.clone();
     let mut base = problem();
     base.base.surfaces[2].glass = plastic.clone();
-    let asked = Problem {
+    let limited = Problem {
         glasses: vec![GlassChoice { surface: 2, candidates: vec![plastic, flint.clone()] }],
         ..base.clone()
     };
     let options = SearchOptions { seed: 3, round: 8, ..SearchOptions::default() };
-    let mut search = Search::new(&asked, options).unwrap();
+    let mut search = Search::new(&limited, options).unwrap();
     (0..6).for_each(|_| {
         search.advance();
     });
@@ -360,9 +388,67 @@ fn a_search_exchanges_glasses() {
     let without = stuck.best().map_or(f64::INFINITY, |f| f.analysis.merit);
     assert!(best.analysis.merit < 0.8 * without, "{} {without}", best.analysis.merit);
     // It goes on with the glasses that it had.
-    let resumed = Search::resume(&asked, options, &search.state()).unwrap();
+    let resumed = Search::resume(&limited, options, &search.state()).unwrap();
     assert_eq!(resumed.best().unwrap().analysis.merit, best.analysis.merit);
 
     let none = Problem { glasses: vec![GlassChoice { surface: 2, candidates: Vec::new() }], ..base };
-    assert_eq!(Search::new(&none, options).err(), Some(ChartError::NoGlass { surface: 3 }));
+    assert_eq!(Search::new(&none, options).err(), Some(DesignSpaceError::NoGlass { surface: 3 }));
+}
+
+/// A decentred and tilted surface is set straight again.
+#[test]
+fn decentres_and_tilts_come_back() {
+    let mut lens = nominal_triplet();
+    lens.surfaces[5].placement = Some(Placement {
+        decenter_mm: [0.08, -0.05],
+        tilt_rad: [0.3_f64.to_radians(), -0.2_f64.to_radians(), 0.0],
+        ..Placement::default()
+    });
+    // A tilt about the vertex is not a decentre: that of a sphere is one about its centre, which the asphere tells apart.
+    let decenter = |axis: usize| variable(5, Number::Decenter(axis), -0.5, 0.5);
+    let tilt = |axis: usize| variable(5, Number::Tilt(axis), -1.0, 1.0);
+    let problem = Problem {
+        variables: vec![decenter(0), decenter(1), tilt(0), tilt(1)],
+        focus: Focus::Fixed,
+        // Fields on both sides of the axis, so that symmetry is best.
+        merit: SpotResiduals {
+            fields_rad: [-12.0, -6.0, 0.0, 6.0, 12.0].map(f64::to_radians).to_vec(),
+            field_weights: vec![1.0; 5],
+            power: 2.0,
+            ..SpotResiduals::new(&lens)
+        },
+        ..Problem::new(lens)
+    };
+    assert_eq!(problem.sides(), crate::pupil::Sides::Both);
+    let options = LevenbergOptions { iterations: 60, tolerance: 1e-14 };
+    let descent = descend(&problem, &options, &mut |_, _, _| true).unwrap();
+    let placement = descent.best.lens.surfaces[5].placement.unwrap();
+    let off = placement.decenter_mm.iter().chain(&placement.tilt_rad);
+    assert!(off.clone().all(|v| v.abs() < 1e-5), "{placement:?} {:?}", descent.stop);
+    let straight = Problem { base: nominal_triplet(), variables: Vec::new(), ..problem };
+    let best = analyse(&straight, nominal_triplet(), None).unwrap().merit;
+    assert!((descent.best.merit / best - 1.0).abs() < 1e-9, "{} {best}", descent.best.merit);
+}
+
+/// Further constraints are kept at the clear radii that the lens has.
+#[test]
+fn further_constraints_are_kept_at_drawn_apertures() {
+    let drawn = Problem {
+        further: vec![
+            Constraint::Edge { surface: 5, least_mm: 2.2 },
+            Constraint::AirEdge { surface: 1, least_mm: 7.4 },
+            Constraint::ImageDistance { least_mm: 25.5 },
+        ],
+        apertures: Apertures::Drawn,
+        focus: Focus::Paraxial { range_mm: 0.5 },
+        solves: Solves { efl: Some(EflSolve { surface: 6, efl_mm: 25.04, radius_mm: None }), length: None },
+        ..problem()
+    };
+    let loose = Problem { stiffness_um_per_mm: 30.0, ..drawn.clone() };
+    assert_eq!(check_gradient(&loose), 3);
+    let descent = descend(&drawn, &LevenbergOptions::default(), &mut |_, _, _| true).unwrap();
+    for (what, amount) in &descent.best.violations {
+        assert!(*amount < 2e-3, "{what} {amount}");
+    }
+    assert!(descent.best.lens.image_distance_mm() > 25.498);
 }

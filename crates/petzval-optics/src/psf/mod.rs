@@ -7,51 +7,23 @@
 //!
 //! [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 
+mod grid;
 mod polynomial;
 mod splat;
 mod traced;
 
+pub use grid::{PsfKind, PsfMethod, PsfOptions};
+
+use grid::{LightCotangent, with_mirror_image};
 use polynomial::{Blocks, PolynomialChannel};
 use traced::TracedChannel;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 use crate::pupil::{ChiefRay, PupilMap, Quadrature, chief_ray, pull_back_chief};
 use crate::trace::Sequence;
-use crate::wave::{ImageGrid, Shown, WaveChannel};
-
-/// Rays or waves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum PsfKind {
-    /// Rays: accurate where aberrations spread light over many times the Airy disk.
-    #[default]
-    Geometric,
-    /// Waves: accurate everywhere, and needed where aberrations are a wave or less.
-    Diffraction,
-}
-
-/// The grid of a PSF, and rays or waves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PsfOptions {
-    /// Cells a side.
-    pub grid: usize,
-    /// Cell size, um.
-    pub pitch_um: f64,
-    /// Rays or waves.
-    pub kind: PsfKind,
-}
-
-impl Default for PsfOptions {
-    /// The paper's 128 x 128 um at 1 um, by rays.
-    fn default() -> Self {
-        Self { grid: 128, pitch_um: 1.0, kind: PsfKind::Geometric }
-    }
-}
+use crate::wave::{Shown, WaveChannel};
 
 /// PSFs of one field, one per wavelength.
 ///
@@ -74,25 +46,6 @@ pub struct FieldPsf {
     pub captured: Vec<f64>,
     /// Method, per wavelength.
     pub method: Vec<PsfMethod>,
-}
-
-/// The method of a PSF.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PsfMethod {
-    /// From polynomials over the pupil through traced rays.
-    Polynomial {
-        /// Total degree.
-        degree: usize,
-        /// Largest distance of the polynomials from traced rays to which they were not fitted, um.
-        residual_um: f64,
-    },
-    /// From one traced ray per pupil cell.
-    Traced,
-    /// By diffraction, from polynomials of this total degree over the direction cosines at the image.
-    Wave {
-        /// Total degree.
-        degree: usize,
-    },
 }
 
 /// Cotangents of a field's PSFs.
@@ -301,7 +254,7 @@ impl PsfTape {
             let mean: f64 = wish.iter().zip(&psf.values[k]).map(|(a, b)| a * b).sum();
             let raw: Vec<f64> = wish.iter().map(|w| (w - mean) / channel.total).collect();
             let is_half = self.reference.is_mirror_symmetric && !matches!(channel.light, Light::Wave(_));
-            let asked = Asked {
+            let bar = LightCotangent {
                 grid: if is_half { with_mirror_image(&raw, self.options.grid) } else { raw },
                 illumination: cotangent.illumination[k],
                 options: &self.options,
@@ -309,11 +262,11 @@ impl PsfTape {
             };
             // Pull the cells' cotangents back to ray positions and weights, and these to the lens.
             let (chief, stop_radius) = match &channel.light {
-                Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &asked, &mut gradient),
-                Light::Traced(c) => c.pull_back(&channel.sequence, &asked, &mut gradient),
+                Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &bar, &mut gradient),
+                Light::Traced(c) => c.pull_back(&channel.sequence, &bar, &mut gradient),
                 Light::Wave(c) => {
                     let grid = self.options.image_grid();
-                    c.pull_back(&channel.sequence, grid, &asked.grid, asked.illumination, &mut gradient)
+                    c.pull_back(&channel.sequence, grid, &bar.grid, bar.illumination, &mut gradient)
                 }
             };
             chief_bar = [chief_bar[0] + chief[0], chief_bar[1] + chief[1]];
@@ -326,35 +279,4 @@ impl PsfTape {
         gradient.keep_symmetry(&self.reference);
         gradient
     }
-}
-
-/// Cotangents of the splatted light of one wavelength, its mirror image included.
-struct Asked<'a> {
-    grid: Vec<f64>,
-    /// By the relative illumination.
-    illumination: f64,
-    options: &'a PsfOptions,
-    chief_mm: [f64; 2],
-}
-
-impl PsfOptions {
-    fn image_grid(&self) -> ImageGrid {
-        ImageGrid { cells: self.grid, pitch_mm: 1e-3 * self.pitch_um }
-    }
-
-    /// Cells per mm, and the cell coordinate of the chief ray.
-    fn scale(&self) -> (f64, f64) {
-        (1e3 / self.pitch_um, 0.5 * (self.grid as f64 - 1.0))
-    }
-}
-
-/// Adds to a grid its mirror image in x; this map is its own transpose.
-fn with_mirror_image(half: &[f64], grid: usize) -> Vec<f64> {
-    let mut both = vec![0.0; half.len()];
-    for (row, out) in half.chunks_exact(grid).zip(both.chunks_exact_mut(grid)) {
-        for i in 0..grid {
-            out[i] = row[i] + row[grid - 1 - i];
-        }
-    }
-    both
 }

@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::{Asked, PsfMethod, PsfOptions};
+use super::grid::{LightCotangent, PsfMethod, PsfOptions};
 use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, MAX_LANES, width};
 use crate::pupil::{
@@ -209,7 +209,7 @@ impl WithSimd for Splat<'_> {
 
 struct Gather<'a> {
     dense: &'a DenseMap<'a>,
-    asked: &'a Asked<'a>,
+    bar: &'a LightCotangent<'a>,
     grid: &'a Padded,
     sums: &'a mut DenseCotangent,
 }
@@ -220,8 +220,8 @@ impl WithSimd for Gather<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> [f64; 2] {
-        let Self { dense, asked, grid, sums } = self;
-        let (per_mm, _) = asked.options.scale();
+        let Self { dense, bar, grid, sums } = self;
+        let (per_mm, _) = bar.options.scale();
         let sides = dense.sides();
         let zero = Lanes::splat(simd, 0.0);
         let mut chief_bar = [zero; 2];
@@ -229,7 +229,7 @@ impl WithSimd for Gather<'_> {
             for turn in 0..dense.turns::<S>(row) * sides.len() {
                 // Evaluate the polynomials again at some points of a row.
                 let points = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
-                let landing = land(&points, asked.options, asked.chief_mm);
+                let landing = land(&points, bar.options, bar.chief_mm);
                 let [mut by_u, mut by_v, mut by_light] = [[0.0; MAX_LANES]; 3];
                 // Gather the cotangents of the 3 x 3 cells around each point: by its position and by its light.
                 for k in 0..width::<S>() {
@@ -255,7 +255,7 @@ impl WithSimd for Gather<'_> {
                 let bar = PointsCotangent {
                     x: weight * Lanes::load(simd, &by_u),
                     y: weight * Lanes::load(simd, &by_v),
-                    weight: Lanes::load(simd, &by_light) * landing.inside + asked.illumination,
+                    weight: Lanes::load(simd, &by_light) * landing.inside + bar.illumination,
                 };
                 chief_bar[0] -= bar.x;
                 chief_bar[1] -= bar.y;
@@ -319,13 +319,13 @@ impl PolynomialChannel {
         &self,
         sequence: &Sequence,
         quadrature: &Quadrature,
-        asked: &Asked,
+        bar: &LightCotangent,
         gradient: &mut LensGradient,
     ) -> ([f64; 2], f64) {
         let dense = DenseMap::new(&self.map, quadrature.rows());
-        let grid = Padded::from_grid(&asked.grid, asked.options.grid);
+        let grid = Padded::from_grid(&bar.grid, bar.options.grid);
         let mut sums = dense.zero_cotangent();
-        let chief_bar = dispatch(Gather { dense: &dense, asked, grid: &grid, sums: &mut sums });
+        let chief_bar = dispatch(Gather { dense: &dense, bar, grid: &grid, sums: &mut sums });
         (chief_bar, self.map.pull_back(sequence, &dense.pull_back(&sums), gradient))
     }
 }

@@ -1,6 +1,7 @@
 //! PSFs with a traced ray for every pupil cell: the reference.
 
-use super::{Asked, PsfOptions, splat, with_mirror_image};
+use super::grid::{LightCotangent, PsfOptions, with_mirror_image};
+use super::splat;
 use crate::gradient::LensGradient;
 use crate::pupil::{Beam, BeamCotangent, Quadrature, trace_beam};
 use crate::trace::Sequence;
@@ -34,22 +35,22 @@ impl TracedChannel {
     pub fn pull_back(
         &self,
         sequence: &Sequence,
-        asked: &Asked,
+        light: &LightCotangent,
         gradient: &mut LensGradient,
     ) -> ([f64; 2], f64) {
         let beam = &self.beam;
-        let (per_mm, centre) = asked.options.scale();
+        let (per_mm, centre) = light.options.scale();
         let rays = beam.x_mm.len();
         let mut bar = BeamCotangent::zero(rays);
         let mut chief_bar = [0.0; 2];
         // Gather the cotangents of the cells around each ray: by its position and by its light.
         for i in 0..rays {
             let at = [beam.x_mm[i], beam.y_mm[i]];
-            let [u, v] = [0, 1].map(|axis| (at[axis] - asked.chief_mm[axis]) * per_mm + centre);
-            let [by_u, by_v, by_light] = splat::gather(&asked.grid, asked.options.grid, u, v);
+            let [u, v] = [0, 1].map(|axis| (at[axis] - light.chief_mm[axis]) * per_mm + centre);
+            let [by_u, by_v, by_light] = splat::gather(&light.grid, light.options.grid, u, v);
             bar.x[i] = beam.weight[i] * by_u * per_mm;
             bar.y[i] = beam.weight[i] * by_v * per_mm;
-            bar.weight[i] = by_light + asked.illumination;
+            bar.weight[i] = by_light + light.illumination;
             chief_bar[0] -= bar.x[i];
             chief_bar[1] -= bar.y[i];
         }

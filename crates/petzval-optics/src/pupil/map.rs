@@ -6,10 +6,11 @@
 //! not fitted.
 
 use super::basis::PupilBasis;
-use super::beam::{launch_area, projections};
+use super::launch::{launch_area, projections};
 use super::polynomial::{PupilPolynomial, Symmetry};
 use super::samples::{PupilSamples, SamplesCotangent};
 use crate::gradient::LensGradient;
+use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::trace::{SOFT_EDGE_MM, Sequence, SquaredHeights};
 
@@ -139,7 +140,7 @@ impl PupilMap {
         basis.pull_back_fit(&wish.image[1], sides, &mut at_samples.seeds.image_y);
         basis.pull_back_fit(&wish.light, sides, &mut at_samples.light);
         for ((h, bar), semi_bar) in self.heights.iter().zip(&wish.heights).zip(&wish.semi_diameters) {
-            gradient.surfaces[h.surface].semi_diameter += semi_bar;
+            gradient[(h.surface, Number::SemiDiameter)] += semi_bar;
             if !bar.is_zero() {
                 let mut height = SquaredHeights::zero(h.surface, self.samples.x.len());
                 basis.pull_back_fit(bar, sides, &mut height.values);

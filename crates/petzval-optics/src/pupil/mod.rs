@@ -3,6 +3,7 @@
 mod basis;
 mod beam;
 mod dense;
+mod launch;
 mod linear;
 mod map;
 mod polynomial;
@@ -11,10 +12,9 @@ mod samples;
 
 pub use basis::PupilSampling;
 pub(crate) use basis::{PupilBasis, check_points};
-pub use beam::{
-    Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, paraxial_launch, pull_back_chief, trace_beam,
-};
+pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam};
 pub(crate) use dense::{DenseCotangent, DenseMap, Points, PointsCotangent, PupilRows};
+pub use launch::paraxial_launch;
 pub(crate) use map::PupilMap;
 pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};
 pub use quadrature::{Quadrature, QuadratureError};

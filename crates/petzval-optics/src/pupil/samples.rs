@@ -1,7 +1,7 @@
 //! The beam of one field at one wavelength, traced at the samples of a pupil basis.
 
 use super::basis::{PupilBasis, check_points};
-use super::beam::{launch_area, paraxial_launch, projections};
+use super::launch::{launch_area, paraxial_launch, projections};
 use super::polynomial::{Sides, Symmetry};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;

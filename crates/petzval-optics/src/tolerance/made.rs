@@ -8,6 +8,7 @@ use super::{Freedom, Quantity};
 use crate::glass::{Dispersion, Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM};
 use crate::gradient::LensGradient;
 use crate::lens::{Action, Lens};
+use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
 
 /// A freedom and how far it is off, in its unit.
@@ -131,10 +132,10 @@ fn change_glass(lens: &mut Lens, surface: usize, index: f64, abbe_percent: f64) 
 pub(super) fn at_fixed_stop(lens: &Lens, mut gradient: LensGradient) -> LensGradient {
     let sequence = lens.at_wavelength(lens.reference_um);
     let radius = first_order(&sequence).stop_radius_mm;
-    let asked = -gradient.entrance_pupil * lens.entrance_pupil_mm / radius;
-    if asked.is_finite() {
-        let wish = FirstOrderCotangent { stop_radius: asked, ..Default::default() };
-        pull_back_first_order(&sequence, wish, &mut gradient);
+    let radius_bar = -gradient.entrance_pupil * lens.entrance_pupil_mm / radius;
+    if radius_bar.is_finite() {
+        let bars = FirstOrderCotangent { stop_radius: radius_bar, ..Default::default() };
+        pull_back_first_order(&sequence, bars, &mut gradient);
         gradient.entrance_pupil = 0.0;
     }
     gradient
@@ -150,9 +151,9 @@ pub(super) fn derivative(drawn: &Lens, off: &[Off], k: usize, gradient: &LensGra
     let quantity = freedom.quantity;
     match quantity {
         Quantity::Abbe => return None,
-        Quantity::Index => return Some(gradient.surfaces[freedom.first].index),
+        Quantity::Index => return Some(gradient[(freedom.first, Number::Index)]),
         Quantity::Thickness if !off.iter().any(|(f, value)| f.quantity.is_motion() && *value != 0.0) => {
-            return Some(gradient.surfaces[freedom.first].thickness);
+            return Some(gradient[(freedom.first, Number::Thickness)]);
         }
         _ => {}
     }
@@ -173,20 +174,11 @@ pub(super) fn derivative(drawn: &Lens, off: &[Off], k: usize, gradient: &LensGra
         return None;
     }
     let mut sum = 0.0;
-    for ((a, b), g) in above.surfaces.iter().zip(&below.surfaces).zip(&gradient.surfaces) {
-        sum += (a.shape.curvature - b.shape.curvature) * g.curvature;
-        sum += (a.shape.conic - b.shape.conic) * g.conic;
-        sum += (a.thickness_mm - b.thickness_mm) * g.thickness;
-        for ((a, b), g) in a.shape.asphere.iter().zip(&b.shape.asphere).zip(&g.asphere) {
-            sum += (a - b) * g;
-        }
-        if let (Some(a), Some(b)) = (a.placement, b.placement) {
-            for axis in 0..2 {
-                sum += (a.decenter_mm[axis] - b.decenter_mm[axis]) * g.decenter[axis];
-            }
-            for axis in 0..3 {
-                sum += (a.tilt_rad[axis] - b.tilt_rad[axis]) * g.tilt[axis];
-            }
+    for (i, surface) in above.surfaces.iter().enumerate() {
+        // Manufacturing errors leave departures, diffractive structures and thin lenses as they are.
+        let stays = |n: &Number| matches!(n, Number::Departure(_) | Number::Phase(_) | Number::Power);
+        for number in Number::ALL.into_iter().filter(|n| !stays(n) && surface.has_number(*n)) {
+            sum += (number.read(&above, i) - number.read(&below, i)) * gradient[(i, number)];
         }
     }
     Some(sum / (2.0 * step))

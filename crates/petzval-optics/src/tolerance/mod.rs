@@ -2,7 +2,7 @@
 //!
 //! A [`Freedom`] is a quantity of a surface or of an element that may be other than drawn; a [`Perturbation`] says how far and
 //! how often; a compensator is a freedom that is set anew on every lens, as the focus is. A [`Study`] holds them with the lens
-//! and a [`Merit`], any scalar of a lens. From it come
+//! and a [`Merit`](crate::merit::Merit), any scalar of a lens. From it come
 //!
 //! - [`sensitivities`]: the merit at plus and minus each tolerance, its derivative, and what these say of the lens as built;
 //! - [`monte_carlo`]: the merit of lenses made at random, with its percentiles and the yield;
@@ -22,10 +22,8 @@ mod freedom;
 mod grade;
 mod inverse;
 mod made;
-mod merit;
 mod monte_carlo;
 mod motion;
-mod mtf;
 mod perturbation;
 mod sensitivity;
 mod study;
@@ -33,10 +31,8 @@ mod study;
 pub use freedom::{ARCMIN_PER_RAD, FRINGE_UM, Freedom, Quantity, elements};
 pub use grade::{Grade, default_tolerances};
 pub use inverse::{Shared, inverse};
-pub use merit::{Better, FieldSet, Merit, MeritOf, RmsSpot};
 pub use monte_carlo::{MonteCarlo, PERCENTILES, Trial, monte_carlo};
 pub use motion::{RigidMotion, moved_rigidly};
-pub use mtf::Mtf;
 pub use perturbation::{Distribution, Perturbation, draw};
 pub use sensitivity::{Estimate, Sensitivities, Sensitivity, sensitivities};
 pub use study::{Made, Study, Tolerances};

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::{Better, Study};
+use super::Study;
+use crate::merit::Better;
 
 /// Shares of the lenses, percent, at which the merit is usually told.
 pub const PERCENTILES: [f64; 7] = [2.0, 10.0, 20.0, 50.0, 80.0, 90.0, 98.0];

@@ -4,8 +4,8 @@
 //! rotation R to the vertex `V + d + Q (p - V)` and the rotation `Q R`. What its vertex moves across the axis is its decentre;
 //! what it moves along the axis goes into the distances to its neighbours, so that all other surfaces and the image stay.
 
-use crate::lens::placement::{apply, product};
 use crate::lens::{Lens, ObjectDistance, Placement};
+use crate::vector::{apply, product};
 
 /// A turn about the vertex of the first surface, then a shift.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

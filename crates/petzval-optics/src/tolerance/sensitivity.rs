@@ -13,7 +13,8 @@
 
 use rayon::prelude::*;
 
-use super::{Better, Made, Study};
+use super::{Made, Study};
+use crate::merit::Better;
 
 /// One row of the table.
 #[derive(Clone, Debug)]

@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::compensator::{Cost, least};
 use super::made::{self, Off, at_fixed_stop, derivative, drawn};
-use super::{Better, Freedom, Merit, Perturbation, ToleranceError, draw};
+use super::{Freedom, Perturbation, ToleranceError, draw};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
+use crate::merit::{Better, Merit};
 use crate::paraxial::first_order;
 
 /// What may be off, and what is set anew on every lens.

@@ -1,11 +1,11 @@
 //! Real ray aiming: finds the launch point of the ray through a given point of the stop.
 
 use super::launch::launch;
-use super::ray::{Ray, Vec3, along, dot};
+use super::ray::Ray;
 use super::sequence::{Bending, Sequence, SurfaceAtWavelength, structure_path};
 use super::surface_step::{Passage, pass, unit_normal};
 use crate::jet::Jet;
-use crate::lens::placement::{apply, transposed};
+use crate::vector::{Vec3, along, apply, dot, transposed};
 
 /// Newton steps allowed; a well-posed ray needs three to five.
 const MAX_STEPS: usize = 30;

@@ -1,8 +1,10 @@
 //! The readable reference: traces one ray through the lens and records every crossing.
 
-use super::ray::{Fate, Ray, along};
+use super::fate::Fate;
+use super::ray::Ray;
 use super::sequence::Sequence;
 use super::surface_step::{Passage, aperture_transmission, pass};
+use crate::vector::along;
 
 /// The path of one ray.
 #[derive(Clone, Debug, Default)]

@@ -1,8 +1,9 @@
 //! The start of rays: on the plane of the first vertex, towards the lens.
 
-use super::ray::{Ray, Vec3};
+use super::ray::Ray;
 use super::sequence::Sequence;
 use crate::lens::ObjectDistance;
+use crate::vector::Vec3;
 
 /// A ray on the plane of the first vertex, and the derivatives of its direction by its position there.
 #[derive(Clone, Copy, Debug)]

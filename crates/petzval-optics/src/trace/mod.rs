@@ -5,6 +5,7 @@
 //! never an error.
 
 mod aim;
+mod fate;
 mod forward;
 mod kernel;
 mod launch;
@@ -12,14 +13,16 @@ mod ray;
 mod sequence;
 mod surface_step;
 
+pub use crate::vector::Vec3;
 pub use aim::{AimedRay, aim_at_stop};
+pub use fate::Fate;
 pub use forward::{Path, trace_ray};
 pub use kernel::{
     AimedRays, LandingJacobian, RayTangents, Reaim, Seeds, SquaredHeights, WaveSeeds, landing_jacobian,
     pull_back, push_change, trace, trace_with_heights,
 };
 pub use launch::{Launch, launch};
-pub use ray::{Fate, Ray, RayBundle, Vec3};
+pub use ray::{Ray, RayBundle};
 pub(crate) use sequence::Bending;
 pub use sequence::{Sequence, SurfaceAtWavelength};
 pub use surface_step::{Passage, SOFT_EDGE_MM, aperture_transmission};

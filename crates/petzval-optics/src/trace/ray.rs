@@ -1,44 +1,8 @@
-//! Single rays, bundles of rays, and their fates.
+//! Single rays and bundles of rays.
 
-use super::kernel::fate;
+use super::fate::Fate;
 use crate::lanes::MAX_LANES;
-
-/// A point or a direction, `[x, y, z]`.
-pub type Vec3 = [f64; 3];
-
-#[inline]
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// `a + s b`.
-#[inline]
-pub(crate) fn along(a: Vec3, s: f64, b: Vec3) -> Vec3 {
-    [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
-}
-
-/// The fate of a ray.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Fate {
-    /// It reached the image plane.
-    #[default]
-    Ok,
-    /// It never met this surface (0-based).
-    Missed(usize),
-    /// It met this surface outside its clear aperture; it is traced further, without weight.
-    Clipped(usize),
-    /// It was totally reflected at this surface.
-    TotalReflection(usize),
-    /// No launch point was found for its point of the stop.
-    NotAimed,
-}
-
-impl Fate {
-    /// Whether the ray has a position and a direction at the image plane.
-    pub fn reaches_image(self) -> bool {
-        matches!(self, Self::Ok | Self::Clipped(_))
-    }
-}
+use crate::vector::Vec3;
 
 /// One ray: a point (mm) and unit direction cosines (l, m, n).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +22,7 @@ pub struct RayBundle {
     pub(super) l: Vec<f64>,
     pub(super) m: Vec<f64>,
     pub(super) n: Vec<f64>,
-    /// Codes of fates, see `kernel::fate`.
+    /// Codes of fates, see [`Fate::of_code`].
     pub(super) fate: Vec<f64>,
     pub(super) transmission: Vec<f64>,
     pub(super) optical_path: Vec<f64>,
@@ -117,7 +81,7 @@ impl RayBundle {
 
     /// Fate of ray i.
     pub fn fate(&self, i: usize) -> Fate {
-        fate(self.fate[i])
+        Fate::of_code(self.fate[i])
     }
 
     /// Transmission of the clear apertures for ray i, 0..1; 0 if it does not reach the image.

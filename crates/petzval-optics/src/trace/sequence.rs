@@ -1,11 +1,11 @@
 //! A lens at one wavelength: the numbers that tracing needs.
 
-use super::ray::{Ray, Vec3};
+use super::ray::Ray;
 use crate::jet::Real;
-use crate::lens::placement::{Matrix3, apply, half_turned, transposed};
 use crate::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, PHASE_TERMS, Pattern, Placement, SurfaceShape,
 };
+use crate::vector::{Matrix3, Vec3, apply, half_turned, transposed};
 
 /// A surface with the indices on both of its sides.
 #[derive(Clone, Copy, Debug)]
@@ -125,6 +125,13 @@ pub struct Sequence {
     pub wavelength_um: f64,
     /// Whether the y-z plane is a plane of symmetry.
     pub is_mirror_symmetric: bool,
+}
+
+impl Lens {
+    /// The lens at one wavelength, ready for tracing.
+    pub fn at_wavelength(&self, wavelength_um: f64) -> Sequence {
+        Sequence::new(self, wavelength_um)
+    }
 }
 
 impl SurfaceAtWavelength {

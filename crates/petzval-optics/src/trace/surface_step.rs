@@ -1,9 +1,11 @@
 //! One ray at one surface: intersection, transmission of the edge, refraction.
 
-use super::ray::{Fate, Ray, Vec3, along, dot};
+use super::fate::Fate;
+use super::ray::Ray;
 use super::sequence::{Bending, SurfaceAtWavelength, structure_path};
 use crate::jet::{Dual, Jet};
 use crate::lens::Departure;
+use crate::vector::{Vec3, along, dot};
 
 /// Half-width of the soft edge of a clear aperture, mm: transmission falls smoothly from one to zero
 /// between `semi - SOFT_EDGE_MM` and `semi + SOFT_EDGE_MM`, so that vignetting has a gradient.

@@ -3,6 +3,7 @@
 use super::fit::{self, PlaneFit};
 use super::opd::ReferenceSphere;
 use crate::gradient::LensGradient;
+use crate::number::Number;
 use crate::pupil::{
     PupilBasis, PupilPolynomial, PupilSamples, SamplesCotangent, Sides, Symmetry, check_points, optical_paths,
 };
@@ -386,7 +387,7 @@ impl WaveMap {
         for ((surface, _, coefficients), (bar, semi_bar)) in
             self.heights.iter().zip(sums.heights.iter().zip(&sums.semi_diameters))
         {
-            gradient.surfaces[*surface].semi_diameter += semi_bar;
+            gradient[(*surface, Number::SemiDiameter)] += semi_bar;
             let mut height = SquaredHeights::zero(*surface, count);
             self.even.pull_back(coefficients, bar, &mut height.values[..count], &mut q_bar);
             wish.seeds.heights.push(height);
@@ -410,8 +411,9 @@ impl WaveMap {
         // From the index behind the lens and from the samples to the numbers of the lens.
         wish.seeds.wave = Some(wave);
         let last = sequence.surfaces.len() - 1;
-        for (i, g) in gradient.surfaces.iter_mut().enumerate() {
-            g.index += sequence.glass_index_bar(i, |j| if j == last { sums.n_image } else { 0.0 });
+        for i in 0..=last {
+            gradient[(i, Number::Index)] +=
+                sequence.glass_index_bar(i, |j| if j == last { sums.n_image } else { 0.0 });
         }
         s.pull_back(sequence, &wish, gradient)
     }

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use petzval_files::LensFile;
-use petzval_optics::design_space::{EflSolve, Parameter, Variable};
+use petzval_optics::design_space::{EflSolve, Focus, Solves, Variable};
 use petzval_optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval_optics::lens::{Action, Lens};
-use petzval_optics::optimize::{GlassChoice, ImagePlane, Limits, Problem, Solves};
+use petzval_optics::number::Number;
+use petzval_optics::optimize::{GlassChoice, Limits, Problem};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
@@ -81,20 +82,20 @@ impl Goal {
             if file.variables.is_empty() { usual_variables(&file.lens)? } else { file.variables.clone() };
         if !self.wavelengths.is_empty() {
             check("wavelengths", &self.wavelengths, |w| (0.2..20.0).contains(&w), "um: 550 nm is 0.55")?;
-            problem.wavelengths_um.clone_from(&self.wavelengths);
+            problem.merit.wavelengths_um.clone_from(&self.wavelengths);
         }
         if !self.fields.is_empty() {
             check("fields", &self.fields, |f| f.abs() < 89.0, "degrees from the axis")?;
-            problem.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
-            problem.field_weights = vec![1.0; self.fields.len()];
+            problem.merit.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
+            problem.merit.field_weights = vec![1.0; self.fields.len()];
         }
         check("power", &[self.power], |p| (0.5..=64.0).contains(&p), "0.5 to 64; 1 is the mean spot")?;
-        problem.power = self.power;
+        problem.merit.power = self.power;
         problem.solves = Solves { efl: self.efl_solve(file)?, length: file.length_solve };
         problem.pickups.clone_from(&file.pickups);
         if let Some(solve) = &problem.solves.efl {
             // A radius that is solved for is no variable.
-            let is_solved = |v: &Variable| (v.surface, v.parameter) == (solve.surface, Parameter::Radius);
+            let is_solved = |v: &Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
             if let Some(at) = problem.variables.iter().position(is_solved) {
                 if problem.pickups.iter().any(|p| p.variable == at) {
                     return Err(JobError::setting(
@@ -123,8 +124,8 @@ impl Goal {
             }
             problem.base.entrance_pupil_mm = efl_mm.abs() / n;
         }
-        problem.image = ImagePlane::Best;
-        problem.sampling = PupilSampling::Degree(6);
+        problem.focus = Focus::Free;
+        problem.merit.sampling = PupilSampling::Degree(6);
         problem.limits = self.limits()?;
         if self.distortion.is_some() && !file.lens.is_rotationally_symmetric() {
             return Err(JobError::setting(
@@ -220,9 +221,9 @@ impl Goal {
         }
         // Solve for the last radius that does not vary; if all do, for the last, within its bounds.
         let of_radius =
-            |s: usize| file.variables.iter().position(|v| (v.surface, v.parameter) == (s, Parameter::Radius));
+            |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
         let follows = |s: usize| {
-            let is_radius = |v: usize| file.variables[v].parameter == Parameter::Radius;
+            let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
             file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
         };
         let is_followed =
@@ -309,14 +310,14 @@ fn usual_variables(lens: &Lens) -> Result<Vec<Variable>, JobError> {
     let radius = 1.0 / (1.5 * strongest);
     let radii = powered(lens).map(|surface| Variable {
         surface,
-        parameter: Parameter::Radius,
+        number: Number::Curvature,
         min: -radius,
         max: radius,
     });
     let gaps = (0..lens.surfaces.len() - 1).filter(|i| lens.surfaces[*i].glass.is_air()).map(|surface| {
         let gap = lens.surfaces[surface].thickness_mm;
         let (near, far) = (0.1 * gap, 2.0 * gap + if lens.light_goes_forwards(surface) { 0.1 } else { -0.1 });
-        Variable { surface, parameter: Parameter::Thickness, min: near.min(far), max: near.max(far) }
+        Variable { surface, number: Number::Thickness, min: near.min(far), max: near.max(far) }
     });
     Ok(radii.chain(gaps).collect())
 }

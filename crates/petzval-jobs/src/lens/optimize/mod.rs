@@ -7,11 +7,11 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use petzval_files::LensFile;
+use petzval_optics::design_space::{DesignSpaceError, Solves};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
-use petzval_optics::optimize::{
-    Analysis, ChartError, LevenbergOptions, Problem, Search, SearchOptions, Solves, Stop, descend,
-};
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::pupil::{PupilSampling, chief_ray};
 use serde::{Deserialize, Serialize};
@@ -199,7 +199,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             trades,
             lens: history.best_lens(),
         },
-        fields_deg: problem.fields_rad.iter().map(|f| f.to_degrees()).collect(),
+        fields_deg: problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect(),
         is_cancelled: context.is_cancelled(),
     })
 }
@@ -242,7 +242,7 @@ fn note_held_radius(problem: &Problem, file: &LensFile, context: &Context) {
     }
 }
 
-fn not_optimisable(error: &ChartError) -> JobError {
+fn not_optimisable(error: &DesignSpaceError) -> JobError {
     JobError::input(error.to_string(), "correct the variables or solves of the lens file, or --efl")
 }
 
@@ -366,11 +366,11 @@ impl Clock {
 fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
     let only_image_plane = Problem {
         base: lens.clone(),
-        sampling: PupilSampling::Degree(10),
+        merit: SpotResiduals { sampling: PupilSampling::Degree(10), ..problem.merit.clone() },
         variables: Vec::new(),
         pickups: Vec::new(),
         glasses: Vec::new(),
-        solves: Solves { efl: None, length: None },
+        solves: Solves::default(),
         ..problem.clone()
     };
     descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
@@ -461,7 +461,7 @@ impl Figures {
         let order = first_order(&sequence);
         let clear = analysis.fitted_lens(problem);
         let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
-        let outermost = problem.outermost_field_rad();
+        let outermost = problem.merit.outermost_field_rad();
         let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
             .then(|| chief_ray(&sequence, outermost))
             .flatten();

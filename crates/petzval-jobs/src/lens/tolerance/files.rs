@@ -4,7 +4,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use petzval_files::{LensFile, write_lens, write_tolerances};
-use petzval_optics::tolerance::{Better, MonteCarlo};
+use petzval_optics::merit::Better;
+use petzval_optics::tolerance::MonteCarlo;
 use petzval_report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
 
 use super::findings::Findings;

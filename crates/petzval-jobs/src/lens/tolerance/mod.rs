@@ -11,9 +11,8 @@ use petzval_design::error::DesignError;
 use petzval_files::{ToleranceFile, parse_tolerances};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::Lens;
-use petzval_optics::tolerance::{
-    self, Mtf, RmsSpot, Study, ToleranceError, inverse, monte_carlo, sensitivities,
-};
+use petzval_optics::merit::{self, Mtf, RmsSpot};
+use petzval_optics::tolerance::{self, Study, ToleranceError, inverse, monte_carlo, sensitivities};
 use serde::{Deserialize, Serialize};
 
 use self::findings::Findings;
@@ -167,7 +166,7 @@ impl Request {
         Ok(file)
     }
 
-    fn merit(&self, lens: &Lens) -> Box<dyn tolerance::Merit> {
+    fn merit(&self, lens: &Lens) -> Box<dyn merit::Merit> {
         match self.merit {
             Merit::Rms => Box::new(RmsSpot::new(lens)),
             Merit::Mtf => Box::new(Mtf::new(lens, self.frequency, self.kind)),

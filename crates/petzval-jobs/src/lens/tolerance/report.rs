@@ -1,6 +1,7 @@
 //! The figures of a tolerance analysis as plain data.
 
-use petzval_optics::tolerance::{self, Distribution, Freedom, MonteCarlo, PERCENTILES};
+use petzval_optics::merit;
+use petzval_optics::tolerance::{Distribution, Freedom, MonteCarlo, PERCENTILES};
 use serde::{Deserialize, Serialize};
 
 use super::findings::Findings;
@@ -185,8 +186,8 @@ pub(super) fn report(findings: &Findings, worst: usize) -> Report {
         merit: merit.name(),
         unit: merit.unit().to_owned(),
         better: match study.better() {
-            tolerance::Better::Lower => Better::Lower,
-            tolerance::Better::Higher => Better::Higher,
+            merit::Better::Lower => Better::Lower,
+            merit::Better::Higher => Better::Higher,
         },
         nominal: table.nominal,
         nominal_compensators: (study.tolerances().compensators.iter().zip(nominal_at))

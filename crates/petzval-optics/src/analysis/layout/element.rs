@@ -2,11 +2,54 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::place::Place;
-use super::{LayoutElement, LayoutLine, LineKind};
 use crate::glass::Glass;
-use crate::lens::placement::apply;
 use crate::lens::{Action, Lens, Surface};
+use crate::vector::apply;
+
+/// One piece of glass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutElement {
+    /// Name of its glass.
+    pub glass: String,
+    /// Its index at the d line.
+    pub nd: f64,
+    /// Its Abbe number.
+    pub vd: f64,
+    /// Half its outer diameter, mm.
+    pub height_mm: f64,
+    /// Middle of its upper and of its lower rim.
+    pub rims: [[f64; 2]; 2],
+    /// Closed outline.
+    pub outline: Vec<[f64; 2]>,
+}
+
+/// The kind of a bare surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LineKind {
+    /// A mirror.
+    Mirror,
+    /// A thin lens of positive power.
+    ConvergingLens,
+    /// A thin lens of negative power.
+    DivergingLens,
+    /// A surface between equal media that bends light: a diffractive structure.
+    Structure,
+}
+
+/// A surface that belongs to no piece of glass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutLine {
+    /// Its kind.
+    pub kind: LineKind,
+    /// Its profile from the lower to the upper edge.
+    pub points: Vec<[f64; 2]>,
+    /// Unit direction (z, y) along its axis in the sense of the light: the dark side of a mirror.
+    pub back: [f64; 2],
+}
 
 /// Number of steps of the profile of a surface, from edge to edge.
 const STEPS: usize = 60;

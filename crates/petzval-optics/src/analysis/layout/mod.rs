@@ -4,6 +4,9 @@ mod element;
 mod place;
 mod ray;
 
+pub use element::{LayoutElement, LayoutLine, LineKind};
+pub use ray::LayoutRay;
+
 use serde::Serialize;
 
 use super::AnalysisOptions;
@@ -27,57 +30,6 @@ pub struct Layout {
     pub stop: [[[f64; 2]; 2]; 2],
     /// The image plane from edge to edge, as far as the fields reach.
     pub image: [[f64; 2]; 2],
-}
-
-/// One piece of glass.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LayoutElement {
-    /// Name of its glass.
-    pub glass: String,
-    /// Its index at the d line.
-    pub nd: f64,
-    /// Its Abbe number.
-    pub vd: f64,
-    /// Half its outer diameter, mm.
-    pub height_mm: f64,
-    /// Middle of its upper and of its lower rim.
-    pub rims: [[f64; 2]; 2],
-    /// Closed outline.
-    pub outline: Vec<[f64; 2]>,
-}
-
-/// The kind of a bare surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LineKind {
-    /// A mirror.
-    Mirror,
-    /// A thin lens of positive power.
-    ConvergingLens,
-    /// A thin lens of negative power.
-    DivergingLens,
-    /// A surface between equal media that bends light: a diffractive structure.
-    Structure,
-}
-
-/// A surface that belongs to no piece of glass.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LayoutLine {
-    /// Its kind.
-    pub kind: LineKind,
-    /// Its profile from the lower to the upper edge.
-    pub points: Vec<[f64; 2]>,
-    /// Unit direction (z, y) along its axis in the sense of the light: the dark side of a mirror.
-    pub back: [f64; 2],
-}
-
-/// A ray as a line.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LayoutRay {
-    /// Corners, from in front of the lens to the image or to where it is lost.
-    pub points: Vec<[f64; 2]>,
-    /// Whether it is lost on the way.
-    pub is_lost: bool,
 }
 
 /// Share of the lens's size by which rays start in front of it.

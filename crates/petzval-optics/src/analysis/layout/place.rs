@@ -1,8 +1,7 @@
 //! Positions and orientations of every surface, and of the image, in the coordinates of the first vertex.
 
 use crate::lens::Lens;
-use crate::lens::placement::{Matrix3, apply, product, transposed};
-use crate::trace::Vec3;
+use crate::vector::{Matrix3, Vec3, apply, product, transposed};
 
 const STRAIGHT: Matrix3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 

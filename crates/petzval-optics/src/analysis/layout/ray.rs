@@ -1,11 +1,21 @@
 //! Fans of a layout: the rays of a field in the plane of the drawing, from before the lens to the image.
 
-use super::LayoutRay;
+use serde::Serialize;
+
 use super::place::Place;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
 use crate::pupil::paraxial_launch;
 use crate::trace::{Fate, Path, Sequence, aim_at_stop, launch, trace_ray};
+
+/// A ray as a line.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LayoutRay {
+    /// Corners, from in front of the lens to the image or to where it is lost.
+    pub points: Vec<[f64; 2]>,
+    /// Whether it is lost on the way.
+    pub is_lost: bool,
+}
 
 /// The rays of a field at the lens's reference wavelength, evenly spread over the stop's diameter and aimed by real
 /// tracing. They start `lead_mm` in front of the first vertex. A clipped ray ends where it is clipped, and a ray that

@@ -2,12 +2,13 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::forward::NOT_AIMED;
 use super::frame;
 use super::general;
-use super::surface::{Rays, Tangent, bend, meet, push_forward, slopes};
+use super::rays::{Rays, Tangent};
+use super::surface::{bend, meet, push_forward, slopes};
 use crate::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
 use crate::lens::ObjectDistance;
+use crate::trace::fate::NOT_AIMED;
 use crate::trace::launch::launch;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;

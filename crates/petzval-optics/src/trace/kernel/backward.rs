@@ -19,12 +19,13 @@ use super::aim::{AimedRays, launched_rays};
 use super::forward::{Arrival, Crossing, SquaredHeights, aperture, is_dead, load, trace_rays};
 use super::frame::{self, FrameSums};
 use super::general::{self, OwnBars, Pulled};
-use super::surface::{Rays, Slopes, Tangent, bend, redirect, slopes};
-use crate::gradient::{LensGradient, SurfaceGradient};
+use super::rays::{Rays, Tangent};
+use super::surface::{Slopes, bend, redirect, slopes};
+use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, V3, along, dot, scaled, width};
-use crate::lens::{ASPHERE_TERMS, DEPARTURE_NUMBERS, PHASE_TERMS, ShapeNumber};
+use crate::number::Number;
 use crate::trace::ray::RayBundle;
-use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
+use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
 
 /// Cotangents of each ray of a bundle: derivatives of the loss; padded as the bundle is.
@@ -75,28 +76,14 @@ pub struct Reaim<'a> {
     pub launch_bar: [&'a [f64]; 2],
 }
 
-/// Numbers of a surface, as indices into its sums.
-pub(super) const CURVATURE: usize = 0;
-pub(super) const CONIC: usize = 1;
-pub(super) const THICKNESS: usize = 2;
-pub(super) const INDEX: usize = 3;
-const SEMI_DIAMETER: usize = 4;
-pub(super) const ASPHERE: usize = 5;
-const NUMBERS: usize = ASPHERE + ASPHERE_TERMS;
-
-/// Numbers that only some surfaces have; their indices follow.
-pub(super) const DEPARTURE: usize = NUMBERS;
-pub(super) const PHASE: usize = DEPARTURE + DEPARTURE_NUMBERS;
-pub(super) const POWER: usize = PHASE + PHASE_TERMS;
-const TORQUE: usize = POWER + 1;
-const DECENTER: usize = TORQUE + 3;
-const ALL_NUMBERS: usize = DECENTER + 2;
-
 /// Cotangents of the numbers of a surface, summed over rays.
+///
+/// The sums of a tilt are those of the torque about the same axis of the surface; [`Sums::by_tilt`] turns it into that of a tilt.
 #[derive(Clone)]
 pub(super) struct Sums<S: Simd> {
-    plain: [Lanes<S>; NUMBERS],
-    /// Sums of the numbers from [`DEPARTURE`] on; empty if the surface has none of them.
+    /// Those of a plain surface, by slot.
+    plain: [Lanes<S>; Number::PLAIN],
+    /// Those of the other slots; empty for a plain surface.
     special: Vec<Lanes<S>>,
 }
 
@@ -106,8 +93,8 @@ impl<S: Simd> Sums<S> {
     pub fn of(sequence: &Sequence, zero: Lanes<S>) -> Vec<Self> {
         let mut all = Vec::with_capacity(sequence.surfaces.len());
         for s in &sequence.surfaces {
-            let special = if s.is_general || s.frame.is_some() { ALL_NUMBERS - NUMBERS } else { 0 };
-            all.push(Self { plain: [zero; NUMBERS], special: vec![zero; special] });
+            let special = if s.is_general || s.frame.is_some() { Number::COUNT - Number::PLAIN } else { 0 };
+            all.push(Self { plain: [zero; Number::PLAIN], special: vec![zero; special] });
         }
         all
     }
@@ -121,31 +108,31 @@ impl<S: Simd> Sums<S> {
 
     /// The sum of a number; zero for one that the surface does not have.
     #[inline(always)]
-    pub fn get(&self, number: usize, zero: Lanes<S>) -> Lanes<S> {
-        match number {
-            0..NUMBERS => self.plain[number],
-            _ => self.special.get(number - NUMBERS).copied().unwrap_or(zero),
+    pub fn get(&self, number: Number, zero: Lanes<S>) -> Lanes<S> {
+        match number.slot() {
+            slot @ 0..Number::PLAIN => self.plain[slot],
+            slot => self.special.get(slot - Number::PLAIN).copied().unwrap_or(zero),
         }
     }
 
     /// Adds to the sum of a number that the surface has.
     #[inline(always)]
-    pub fn add(&mut self, number: usize, value: Lanes<S>) {
-        match number {
-            0..NUMBERS => self.plain[number] += value,
-            _ => self.special[number - NUMBERS] += value,
+    pub fn add(&mut self, number: Number, value: Lanes<S>) {
+        match number.slot() {
+            slot @ 0..Number::PLAIN => self.plain[slot] += value,
+            slot => self.special[slot - Number::PLAIN] += value,
         }
     }
-}
 
-/// The index of a number of the shape.
-#[inline(always)]
-pub(super) fn slot(number: ShapeNumber) -> usize {
-    match number {
-        ShapeNumber::Curvature => CURVATURE,
-        ShapeNumber::Conic => CONIC,
-        ShapeNumber::Asphere(j) => ASPHERE + j,
-        ShapeNumber::Departure(k) => DEPARTURE + k,
+    /// The cotangent of a tilt of the frame: `omega . torque`.
+    #[inline(always)]
+    pub fn by_tilt(&self, frame: &Frame, axis: usize, zero: Lanes<S>) -> Lanes<S> {
+        let omega = frame::omegas(frame)[axis];
+        let mut sum = zero;
+        for (k, omega) in omega.into_iter().enumerate() {
+            sum += self.get(Number::Tilt(k), zero) * omega;
+        }
+        sum
     }
 }
 
@@ -278,7 +265,7 @@ pub(super) fn sweep<S: Simd>(
             let g = through.select(bar / through.select(share, zero.constant(1.0)) * by_radius, zero);
             point_bar[0] += g * x;
             point_bar[1] += g * y;
-            sums[i].plain[SEMI_DIAMETER] -= g * u.sqrt();
+            sums[i].plain[Number::SemiDiameter.slot()] -= g * u.sqrt();
             asked_in_front |= i < sequence.stop;
         }
 
@@ -353,7 +340,7 @@ pub(super) fn sweep<S: Simd>(
         if let Some(bar) = optical_path_bar {
             along_path += bar * surface.n_before;
             if i > 0 {
-                sums[i - 1].plain[INDEX] += bar * crossing.path;
+                sums[i - 1].plain[Number::Index.slot()] += bar * crossing.path;
             }
         }
         asked_in_front |= optical_path_bar.is_some() && i <= sequence.stop;
@@ -383,7 +370,7 @@ pub(super) fn sweep<S: Simd>(
 
         // Go back to the vertex before: p = q_previous - (0, 0, thickness).
         if i > 0 {
-            sums[i - 1].plain[THICKNESS] -= entry_bar[2];
+            sums[i - 1].plain[Number::Thickness.slot()] -= entry_bar[2];
         }
         point_bar = entry_bar;
         direction_bar = before_bar;
@@ -410,12 +397,12 @@ fn add_indices<S: Simd>(
     sums: &mut [Sums<S>],
 ) {
     let mu = surface.n_before / surface.n_after;
-    sums[i].plain[INDEX] -= *mu_bar * (mu / surface.n_after);
+    sums[i].plain[Number::Index.slot()] -= *mu_bar * (mu / surface.n_after);
     if let Some(bar) = n_after_bar {
-        sums[i].plain[INDEX] += *bar;
+        sums[i].plain[Number::Index.slot()] += *bar;
     }
     if i > 0 {
-        sums[i - 1].plain[INDEX] += *mu_bar * (1.0 / surface.n_after);
+        sums[i - 1].plain[Number::Index.slot()] += *mu_bar * (1.0 / surface.n_after);
     }
 }
 
@@ -433,15 +420,15 @@ fn add_plain<S: Simd>(
     let per_w = slope.per_w;
     let per_w3 = per_w * per_w * per_w;
     let per_sum = per_w / (w + 1.0);
-    sums[CURVATURE] += alpha * u * per_sum + first_bar * per_w3 * 0.5;
+    sums[Number::Curvature.slot()] += alpha * u * per_sum + first_bar * per_w3 * 0.5;
     if c != 0.0 {
         // z_k = c^3 u^2 / (2 w (1 + w)^2), z'_k = c^3 u / (4 w^3).
         let by_sag = alpha * u * per_sum * per_sum * w * 2.0;
-        sums[CONIC] += (by_sag + first_bar * per_w3) * u * (0.25 * c * c * c);
+        sums[Number::Conic.slot()] += (by_sag + first_bar * per_w3) * u * (0.25 * c * c * c);
     }
     // The term a_j u^j contributes u^j to the sag and j u^(j-1) to dz/du.
     let (mut by_sag, mut by_slope) = (alpha * u, first_bar);
-    for (j, sum) in sums[ASPHERE..].iter_mut().enumerate() {
+    for (j, sum) in sums[Number::Asphere(0).slot()..].iter_mut().enumerate() {
         *sum += by_slope.mul_add(u.constant((j + 1) as f64), by_sag);
         by_sag = by_sag * u;
         by_slope = by_slope * u;
@@ -452,22 +439,22 @@ fn add_plain<S: Simd>(
 #[inline(always)]
 fn add_general<S: Simd>(bars: &OwnBars, simd: S, sums: &mut Sums<S>) {
     for (number, bar) in &bars.shape {
-        sums.add(slot(*number), Lanes::load(simd, bar));
+        sums.add(*number, Lanes::load(simd, bar));
     }
     for (k, bar) in bars.phase.iter().enumerate() {
-        sums.add(PHASE + k, Lanes::load(simd, bar));
+        sums.add(Number::Phase(k), Lanes::load(simd, bar));
     }
-    sums.add(POWER, Lanes::load(simd, &bars.power));
+    sums.add(Number::Power, Lanes::load(simd, &bars.power));
 }
 
 /// Adds the cotangents of a frame.
 #[inline(always)]
-fn add_frame<S: Simd>(asked: &FrameSums<S>, sums: &mut Sums<S>) {
-    for (k, bar) in asked.torque.into_iter().enumerate() {
-        sums.add(TORQUE + k, bar);
+fn add_frame<S: Simd>(bars: &FrameSums<S>, sums: &mut Sums<S>) {
+    for (k, bar) in bars.torque.into_iter().enumerate() {
+        sums.add(Number::Tilt(k), bar);
     }
-    for (k, bar) in asked.decenter.into_iter().enumerate() {
-        sums.add(DECENTER + k, bar);
+    for (k, bar) in bars.decenter.into_iter().enumerate() {
+        sums.add(Number::Decenter(k), bar);
     }
 }
 
@@ -504,12 +491,12 @@ impl WithSimd for PullBack<'_> {
             let (mut optical_path_bar, mut run_bar) = (None, None);
             if let Some(wave) = &seeds.wave {
                 let bar = dead.select(zero, Lanes::load(simd, &wave.optical_path[at..]));
-                sums[last].plain[INDEX] += bar * arrival.run;
+                sums[last].plain[Number::Index.slot()] += bar * arrival.run;
                 (optical_path_bar, run_bar) = (Some(bar), Some(bar * sequence.surfaces[last].n_after));
             }
             // Pull them back from the image plane to the last surface.
             let (point_bar, mut direction_bar, thickness_bar) = from_image(&arrival, [x, y], run_bar);
-            sums[last].plain[THICKNESS] += thickness_bar;
+            sums[last].plain[Number::Thickness.slot()] += thickness_bar;
             if let Some(wave) = &seeds.wave {
                 for (bar, seeds) in direction_bar.iter_mut().zip(&wave.direction) {
                     *bar += dead.select(zero, Lanes::load(simd, &seeds[at..]));
@@ -562,46 +549,39 @@ impl WithSimd for PullBack<'_> {
         // Add the sums over rays to the gradient of the lens.
         let mut index_bar = Vec::with_capacity(last + 1);
         for sums in &sums {
-            index_bar.push(sums.plain[INDEX].sum());
+            index_bar.push(sums.plain[Number::Index.slot()].sum());
         }
-        for (i, to) in gradient.surfaces.iter_mut().enumerate() {
-            add(&sums[i], &sequence.surfaces[i], to);
-            to.index += sequence.glass_index_bar(i, |j| index_bar[j]);
+        for (i, sums) in sums.iter().enumerate() {
+            add(sums, &sequence.surfaces[i], gradient.of_surface_mut(i));
+            gradient[(i, Number::Index)] += sequence.glass_index_bar(i, |j| index_bar[j]);
         }
         stop_bar.sum()
     }
 }
 
-/// Adds the sums of a surface, except that of the index.
+/// Adds the sums of a surface, except that of the index, to its derivatives by slot.
 #[inline(always)]
-fn add<S: Simd>(sums: &Sums<S>, surface: &SurfaceAtWavelength, to: &mut SurfaceGradient) {
-    let plain = &sums.plain;
-    to.curvature += plain[CURVATURE].sum();
-    to.conic += plain[CONIC].sum();
-    to.thickness += plain[THICKNESS].sum();
-    to.semi_diameter += plain[SEMI_DIAMETER].sum();
-    for (a, sum) in to.asphere.iter_mut().zip(&plain[ASPHERE..]) {
-        *a += sum.sum();
+fn add<S: Simd>(sums: &Sums<S>, surface: &SurfaceAtWavelength, to: &mut [f64]) {
+    for (slot, sum) in sums.plain.iter().enumerate() {
+        // Indices belong to glasses, which mirrors share with the surface in front.
+        if slot != Number::Index.slot() {
+            to[slot] += sum.sum();
+        }
     }
     if sums.special.is_empty() {
         return;
     }
-    let mut all = [0.0; ALL_NUMBERS];
-    for (to, sum) in all[NUMBERS..].iter_mut().zip(&sums.special) {
+    let mut all = [0.0; Number::COUNT];
+    for (to, sum) in all[Number::PLAIN..].iter_mut().zip(&sums.special) {
         *to = sum.sum();
     }
-    for (k, to) in to.departure.iter_mut().enumerate() {
-        *to += all[DEPARTURE + k];
+    let torque = Number::Tilt(0).slot();
+    for slot in Number::PLAIN..torque {
+        to[slot] += all[slot];
     }
-    for (k, to) in to.phase.iter_mut().enumerate() {
-        *to += all[PHASE + k];
-    }
-    to.power += all[POWER];
     if let Some(frame) = &surface.frame {
-        to.decenter[0] += all[DECENTER];
-        to.decenter[1] += all[DECENTER + 1];
-        for (to, omega) in to.tilt.iter_mut().zip(frame::omegas(frame)) {
-            *to += (0..3).map(|k| omega[k] * all[TORQUE + k]).sum::<f64>();
+        for (to, omega) in to[torque..].iter_mut().zip(frame::omegas(frame)) {
+            *to += (0..3).map(|k| omega[k] * all[torque + k]).sum::<f64>();
         }
     }
 }

@@ -3,47 +3,14 @@
 use pulp::{Simd, WithSimd};
 
 use super::frame;
-use super::surface::{Rays, meet, redirect};
+use super::rays::Rays;
+use super::surface::{meet, redirect};
 use crate::lanes::{Lanes, Mask, V3, along, width};
 use crate::trace::SOFT_EDGE_MM;
-use crate::trace::ray::{Fate, RayBundle};
+use crate::trace::fate::{Loss, clipped_at};
+use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
-
-/// Reasons for which a ray does not reach the image. The fate of a ray is one number in vector code: 0 is ok,
-/// `surface + 1` is clipped at that surface, and rays that do not reach the image have numbers below zero.
-#[derive(Clone, Copy)]
-enum Loss {
-    Missed,
-    TotalReflection,
-}
-
-impl Loss {
-    fn code(self, surface: usize) -> f64 {
-        -((2 * (surface + 1) + self as usize) as f64)
-    }
-}
-
-/// The code of a ray that could not be aimed.
-pub(super) const NOT_AIMED: f64 = -1.0;
-
-fn clipped_at(surface: usize) -> f64 {
-    (surface + 1) as f64
-}
-
-/// Decodes a fate.
-pub(crate) fn fate(code: f64) -> Fate {
-    if code == 0.0 {
-        return Fate::Ok;
-    }
-    let number = code.abs() as usize;
-    match (code > 0.0, number) {
-        (true, surface) => Fate::Clipped(surface - 1),
-        (false, 1) => Fate::NotAimed,
-        (false, n) if n % 2 == 0 => Fate::Missed(n / 2 - 1),
-        (false, n) => Fate::TotalReflection(n / 2 - 1),
-    }
-}
 
 /// The crossing of one surface by rays, recorded for the backward sweep.
 #[derive(Clone, Copy)]

@@ -6,12 +6,11 @@
 
 use pulp::Simd;
 
-use super::surface::{Rays, Tangent};
+use super::rays::{Rays, Tangent};
 use crate::lanes::{Lanes, V3};
 use crate::lens::Axis;
-use crate::lens::placement::{Matrix3, half_turned, transposed};
-use crate::trace::Vec3;
 use crate::trace::sequence::Frame;
+use crate::vector::{Matrix3, Vec3, half_turned, transposed};
 
 /// `M v`.
 #[inline(always)]

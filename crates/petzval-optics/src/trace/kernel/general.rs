@@ -8,11 +8,11 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::surface::{Meeting, Rays, Tangent};
-use crate::gradient::SurfaceGradient;
+use super::rays::{Meeting, Rays, Tangent};
 use crate::jet::{Dual, Jet};
 use crate::lanes::{Lanes, MAX_LANES, Mask, V3, along, dot, scaled};
-use crate::lens::{PHASE_TERMS, ShapeNumber};
+use crate::lens::PHASE_TERMS;
+use crate::number::Number;
 use crate::trace::sequence::{Bending, SurfaceAtWavelength, structure_path};
 
 /// Largest number of Newton steps.
@@ -299,17 +299,13 @@ impl<S: Simd> Step<S> {
         asked
     }
 
-    /// Changes of the sag and its slopes when the numbers of the shape change.
+    /// Changes of the sag and its slopes when the numbers of the shape change by `change`, given by slot.
     #[inline(always)]
-    pub fn shape_change(
-        &self,
-        s: &SurfaceAtWavelength,
-        change: &SurfaceGradient,
-    ) -> (Lanes<S>, [Lanes<S>; 2]) {
+    pub fn shape_change(&self, s: &SurfaceAtWavelength, change: &[f64]) -> (Lanes<S>, [Lanes<S>; 2]) {
         let zero = self.b.constant(0.0);
         let (mut sag, mut slope) = (zero, [zero; 2]);
         for (number, jet) in s.shape.sensitivities([self.point[0], self.point[1]]) {
-            let amount = change.shape(number);
+            let amount = change[number.slot()];
             sag += jet.value * amount;
             slope[0] += jet.slope[0] * amount;
             slope[1] += jet.slope[1] * amount;
@@ -317,12 +313,12 @@ impl<S: Simd> Step<S> {
         (sag, slope)
     }
 
-    /// Change of the slopes of a structure's optical path when its coefficients change.
+    /// Change of the slopes of a structure's optical path when its coefficients change by `change`, given by slot.
     #[inline(always)]
-    pub fn path_change(&self, s: &SurfaceAtWavelength, change: &[f64; PHASE_TERMS]) -> [Lanes<S>; 2] {
+    pub fn path_change(&self, s: &SurfaceAtWavelength, change: &[f64]) -> [Lanes<S>; 2] {
         let zero = self.b.constant(0.0);
         let mut slope = [zero; 2];
-        for (term, amount) in self.path_terms(s).iter().zip(change) {
+        for (term, amount) in self.path_terms(s).iter().zip(&change[Number::Phase(0).slot()..]) {
             slope[0] += term[1] * *amount;
             slope[1] += term[2] * *amount;
         }
@@ -454,10 +450,10 @@ pub(super) fn redirect<S: Simd>(s: &SurfaceAtWavelength, point: V3<S>, before: V
     ([x, y, z], is_one(ok))
 }
 
-/// Changes of the numbers of a surface: its own, `mu`, and the signed index behind.
+/// Changes of the numbers of a surface: its own, by slot, `mu`, and the signed index behind.
 #[derive(Clone, Copy)]
 pub(super) struct Change<'a> {
-    pub own: &'a SurfaceGradient,
+    pub numbers: &'a [f64],
     pub mu: f64,
     pub n_after: f64,
 }
@@ -466,7 +462,7 @@ struct PathChange<'a> {
     s: &'a SurfaceAtWavelength,
     point: Rows<3>,
     before: Rows<3>,
-    change: &'a SurfaceGradient,
+    change: &'a [f64],
 }
 
 impl WithSimd for PathChange<'_> {
@@ -477,23 +473,24 @@ impl WithSimd for PathChange<'_> {
         let point: V3<S> = load(simd, &self.point);
         let step = Step::new(self.s, point, load(simd, &self.before));
         let mut sum = Lanes::splat(simd, 0.0);
-        for (term, amount) in step.path_terms(self.s).iter().zip(&self.change.phase) {
+        for (term, amount) in step.path_terms(self.s).iter().zip(&self.change[Number::Phase(0).slot()..]) {
             sum += term[0] * *amount;
         }
         if let Bending::ThinLens { .. } = self.s.bending {
-            sum = (point[0] * point[0] + point[1] * point[1]) * (-0.5 * self.change.power);
+            sum = (point[0] * point[0] + point[1] * point[1]) * (-0.5 * self.change[Number::Power.slot()]);
         }
         store([sum])
     }
 }
 
-/// Change of the optical path of a thin lens or a structure when its own numbers change, at fixed points.
+/// Change of the optical path of a thin lens or a structure at fixed points, when its own numbers change by `change`, given by
+/// slot.
 #[inline(always)]
 pub(super) fn added_path_change<S: Simd>(
     s: &SurfaceAtWavelength,
     point: V3<S>,
     before: V3<S>,
-    change: &SurfaceGradient,
+    change: &[f64],
 ) -> Lanes<S> {
     let simd = point[0].simd();
     let [sum] =
@@ -523,14 +520,14 @@ impl WithSimd for PushForward<'_> {
             Tangent { position: load(simd, &self.position), direction: load(simd, &self.direction) };
         let mut own = None;
         if let Some(change) = &self.change {
-            let (sag, slope) = step.shape_change(self.s, change.own);
+            let (sag, slope) = step.shape_change(self.s, change.numbers);
             own = Some(Own {
                 sag,
                 slope,
                 mu: change.mu,
                 n_after: change.n_after,
-                path_slope: step.path_change(self.s, &change.own.phase),
-                power: change.own.power,
+                path_slope: step.path_change(self.s, change.numbers),
+                power: change.numbers[Number::Power.slot()],
             });
         }
         let pushed = step.push_forward(self.s, path, &tangent, own.as_ref());
@@ -652,7 +649,7 @@ struct OwnSums<'a> {
 
 /// Sums of a surface's own numbers: of its shape, of a diffractive structure and of the power of a thin lens.
 pub(super) struct OwnBars {
-    pub shape: Vec<(ShapeNumber, [f64; MAX_LANES])>,
+    pub shape: Vec<(Number, [f64; MAX_LANES])>,
     pub phase: Rows<PHASE_TERMS>,
     pub power: [f64; MAX_LANES],
 }

@@ -4,30 +4,14 @@
 use pulp::{Simd, WithSimd};
 
 use super::aim::AimedRays;
-use super::backward::{
-    From, INDEX, PHASE, POWER, Reaim, ReaimLanes, Sums, THICKNESS, from_image, slot, sweep,
-};
-use super::forward::{fate, load, trace_rays};
+use super::backward::{From, Reaim, ReaimLanes, Sums, from_image, sweep};
+use super::forward::{load, trace_rays};
 use crate::lanes::{Lanes, width};
-use crate::lens::ShapeNumber;
 use crate::number::Number;
+use crate::trace::fate::Fate;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 use petzval_base::simd::dispatch;
-
-/// Index of the sums of a number.
-fn slot_of(number: Number) -> usize {
-    match number {
-        Number::Curvature => slot(ShapeNumber::Curvature),
-        Number::Conic => slot(ShapeNumber::Conic),
-        Number::Asphere(j) => slot(ShapeNumber::Asphere(j)),
-        Number::Departure(k) => slot(ShapeNumber::Departure(k)),
-        Number::Thickness => THICKNESS,
-        Number::Index => INDEX,
-        Number::Phase(k) => PHASE + k,
-        Number::Power => POWER,
-    }
-}
 
 /// Landing points of rays that are aimed at points of the stop, and their derivatives; arrays are padded.
 #[derive(Clone, Debug)]
@@ -40,13 +24,13 @@ pub struct LandingJacobian {
     pub complete: bool,
 }
 
-/// Sum of the glass behind a surface, which is also behind the mirrors that follow it.
+/// The cotangent of the glass behind a surface, which is also behind the mirrors that follow it.
 #[inline(always)]
 fn index_sum<S: Simd>(sequence: &Sequence, surface: usize, sums: &[Sums<S>], zero: Lanes<S>) -> Lanes<S> {
     let mut total = zero;
     for (i, sums) in sums.iter().enumerate() {
         let share = sequence.glass_index_bar(surface, |j| if i == j { 1.0 } else { 0.0 });
-        total += sums.get(INDEX, zero) * share;
+        total += sums.get(Number::Index, zero) * share;
     }
     total
 }
@@ -85,15 +69,16 @@ impl WithSimd for Jacobian<'_> {
                 }
                 let seed = if axis == 0 { [one, zero] } else { [zero, one] };
                 let (point_bar, direction_bar, thickness_bar) = from_image(&arrival, seed, None);
-                sums[last].add(THICKNESS, thickness_bar);
+                sums[last].add(Number::Thickness, thickness_bar);
                 let bars = (point_bar, direction_bar);
                 let swept =
                     sweep(sequence, &tape, From::Behind, bars, None, &[], None, Some(&reaim), &mut sums);
                 for (by, (surface, number)) in out.by.iter_mut().zip(numbers) {
-                    let mut sum = sums[*surface].get(slot_of(*number), zero);
-                    if *number == Number::Index {
-                        sum = index_sum(sequence, *surface, &sums, zero);
-                    }
+                    let sum = match (*number, &sequence.surfaces[*surface].frame) {
+                        (Number::Index, _) => index_sum(sequence, *surface, &sums, zero),
+                        (Number::Tilt(axis), Some(frame)) => sums[*surface].by_tilt(frame, axis, zero),
+                        _ => sums[*surface].get(*number, zero),
+                    };
                     sum.store(&mut by[axis][at..]);
                 }
                 if let Some(by_stop) = out.by.last_mut() {
@@ -101,7 +86,7 @@ impl WithSimd for Jacobian<'_> {
                 }
             }
         }
-        out.complete = fates[..launched.len()].iter().all(|code| fate(*code).reaches_image());
+        out.complete = fates[..launched.len()].iter().all(|code| Fate::of_code(*code).reaches_image());
     }
 }
 

@@ -8,6 +8,7 @@ mod forward;
 mod frame;
 mod general;
 mod jacobian;
+mod rays;
 mod surface;
 mod tangent;
 
@@ -16,5 +17,3 @@ pub use backward::{Reaim, Seeds, WaveSeeds, pull_back};
 pub use forward::{SquaredHeights, trace, trace_with_heights};
 pub use jacobian::{LandingJacobian, landing_jacobian};
 pub use tangent::{RayTangents, push_change};
-
-pub(crate) use forward::fate;

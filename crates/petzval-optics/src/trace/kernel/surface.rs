@@ -7,6 +7,7 @@
 use pulp::Simd;
 
 use super::general;
+use super::rays::{Meeting, Rays, Tangent};
 use crate::lanes::{Lanes, Mask, V3, along, dot, scaled};
 use crate::lens::Departure;
 use crate::trace::sequence::SurfaceAtWavelength;
@@ -16,21 +17,6 @@ const MAX_NEWTON: usize = 30;
 
 /// A Newton step below this length, mm, is the last: the error left is about its square times the curvature.
 const LAST_STEP_MM: f64 = 1e-8;
-
-/// Rays: points and unit directions.
-#[derive(Clone, Copy)]
-pub(super) struct Rays<S: Simd> {
-    pub position: V3<S>,
-    pub direction: V3<S>,
-}
-
-/// Intersections of rays with a surface.
-#[derive(Clone, Copy)]
-pub(super) struct Meeting<S: Simd> {
-    pub point: V3<S>,
-    pub path: Lanes<S>,
-    pub ok: Mask<S>,
-}
 
 /// `P(u)` and `P'(u)` of the polynomial part.
 #[inline(always)]
@@ -234,13 +220,6 @@ pub(super) fn bend<S: Simd>(s: &SurfaceAtWavelength, n: V3<S>, d: V3<S>) -> Bend
     let one = g.constant(1.0);
     let per_q = one / q;
     Bend { mu, b: (root - g * mu) * per_q, g, q, per_q, per_root: one / root }
-}
-
-/// A tangent of rays: the change of points and directions per unit change of one quantity.
-#[derive(Clone, Copy)]
-pub(super) struct Tangent<S: Simd> {
-    pub position: V3<S>,
-    pub direction: V3<S>,
 }
 
 /// Changes of a surface's own numbers, as they enter a tangent at its points.

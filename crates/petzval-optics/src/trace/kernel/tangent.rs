@@ -6,9 +6,12 @@ use super::aim::{AimedRays, launched_rays};
 use super::forward::{Crossing, aperture, is_dead, load, trace_rays};
 use super::frame::{self, FrameChange};
 use super::general;
-use super::surface::{OwnTangent, Rays, Slopes, Tangent, bend, push_forward, redirect, slopes};
-use crate::gradient::{LensGradient, SurfaceGradient};
+use super::rays::{Rays, Tangent};
+use super::surface::{OwnTangent, Slopes, bend, push_forward, redirect, slopes};
+use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, along, dot, width};
+use crate::lens::ASPHERE_TERMS;
+use crate::number::Number;
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Frame, Sequence, SurfaceAtWavelength};
 use petzval_base::simd::dispatch;
@@ -28,34 +31,37 @@ pub struct RayTangents {
     pub direction: [Vec<f64>; 3],
 }
 
-/// Changes of the sag, of its slope dz/du and of `mu` at the points of rays, for a change of a surface's own numbers.
+/// Changes of the sag, of its slope dz/du and of `mu` at the points of rays, for a change of the own numbers of surface `i`.
 #[inline(always)]
 fn own<S: Simd>(
     s: &SurfaceAtWavelength,
     slope: &Slopes<S>,
-    change: &SurfaceGradient,
+    change: &LensGradient,
+    i: usize,
     mu: f64,
 ) -> OwnTangent<S> {
     // The conic: derivatives of sag and slope by curvature and conic constant.
     let (c, u, w, per_w) = (s.shape.curvature, slope.u, slope.w, slope.per_w);
+    let (curvature, conic) = (change[(i, Number::Curvature)], change[(i, Number::Conic)]);
     let per_w3 = per_w * per_w * per_w;
     let per_sum = per_w / (w + 1.0);
-    let cube = 0.25 * c * c * c * change.conic;
-    let mut sag = u * per_sum * change.curvature + u * u * per_sum * per_sum * w * (2.0 * cube);
-    let mut first = per_w3 * (0.5 * change.curvature) + u * per_w3 * cube;
+    let cube = 0.25 * c * c * c * conic;
+    let mut sag = u * per_sum * curvature + u * u * per_sum * per_sum * w * (2.0 * cube);
+    let mut first = per_w3 * (0.5 * curvature) + u * per_w3 * cube;
     // The polynomial: each term a_j u^j adds u^j to the sag and j u^(j-1) to the slope.
     let mut power = u.constant(1.0);
-    for (j, a) in change.asphere.iter().enumerate() {
+    for j in 0..ASPHERE_TERMS {
+        let a = change[(i, Number::Asphere(j))];
         first += power * ((j + 1) as f64 * a);
         power = power * u;
-        sag += power * *a;
+        sag += power * a;
     }
     OwnTangent { sag, first, mu: u.constant(mu) }
 }
 
 /// Change of the signed index behind a surface.
 fn index_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
-    sequence.index_change(i, |glass| change.surfaces[glass].index)
+    sequence.index_change(i, |glass| change[(glass, Number::Index)])
 }
 
 /// Change of `n_before / n_after` at a surface.
@@ -65,15 +71,15 @@ fn mu_change(sequence: &Sequence, change: &LensGradient, i: usize) -> f64 {
     (before - s.n_before / s.n_after * index_change(sequence, change, i)) / s.n_after
 }
 
-/// Change of the frame of a surface.
-fn frame_change(frame: &Frame, change: &SurfaceGradient) -> FrameChange {
+/// Change of the frame of surface `i`.
+fn frame_change(frame: &Frame, change: &LensGradient, i: usize) -> FrameChange {
     let mut omega = [0.0; 3];
-    for (by, tilt) in frame::omegas(frame).iter().zip(change.tilt) {
+    for (k, by) in frame::omegas(frame).iter().enumerate() {
         for axis in 0..3 {
-            omega[axis] += by[axis] * tilt;
+            omega[axis] += by[axis] * change[(i, Number::Tilt(k))];
         }
     }
-    FrameChange { decenter: change.decenter, omega }
+    FrameChange { decenter: [0, 1].map(|axis| change[(i, Number::Decenter(axis))]), omega }
 }
 
 /// Carries a tangent along a tape to behind its last surface, in the coordinates of that surface. Also returns the relative
@@ -93,30 +99,29 @@ fn carry<S: Simd>(
         // Go to the coordinates of this vertex, which moves with the thickness in front, then to those of the surface.
         if i > 0 {
             tangent = to_axis(sequence, change, i - 1, &tape[i - 1], &tangent);
-            tangent.position[2] = tangent.position[2] - change.surfaces[i - 1].thickness;
+            tangent.position[2] = tangent.position[2] - change[(i - 1, Number::Thickness)];
         }
         let ([x, y, _], d) = (crossing.point, crossing.direction);
         if let Some(frame) = &surface.frame {
-            let change = frame_change(frame, &change.surfaces[i]);
+            let change = frame_change(frame, change, i);
             tangent = frame::enter_tangent(frame, &crossing.entry(), &tangent, Some(&change));
         }
         // Carry the tangent to the point on the surface and through the bend, with the changes of the surface's own
         // numbers.
         let entered = along(tangent.position, crossing.path, tangent.direction);
         if surface.is_general {
-            let own = &change.surfaces[i];
-            optical_path += general::added_path_change(surface, crossing.point, d, own);
             let change = general::Change {
-                own: &change.surfaces[i],
+                numbers: change.of_surface(i),
                 mu: mu_change(sequence, change, i),
                 n_after: index_change(sequence, change, i),
             };
+            optical_path += general::added_path_change(surface, crossing.point, d, change.numbers);
             tangent =
                 general::push_forward(surface, crossing.point, d, crossing.path, &tangent, Some(change));
         } else {
             let slope = slopes(surface, crossing.point);
             let b = bend(surface, slope.normal, d);
-            let own = own(surface, &slope, &change.surfaces[i], mu_change(sequence, change, i));
+            let own = own(surface, &slope, change, i, mu_change(sequence, change, i));
             tangent = push_forward(&slope, &b, crossing.path, [x, y], d, &tangent, Some(own));
         }
         // Add the changes of the optical path: of the path length, of the index in front, and of the point on a thin
@@ -137,7 +142,7 @@ fn carry<S: Simd>(
         {
             // by_radius is dT/dr / r.
             let outward = x * tangent.position[0] + y * tangent.position[1]
-                - u.sqrt() * change.surfaces[i].semi_diameter;
+                - u.sqrt() * change[(i, Number::SemiDiameter)];
             let through = zero.lt(share);
             light += through.select(by_radius * outward / through.select(share, zero.constant(1.0)), zero);
         }
@@ -158,7 +163,7 @@ fn to_axis<S: Simd>(
     let Some(frame) = &surface.frame else { return *tangent };
     let direction = redirect(surface, crossing.point, crossing.direction).0;
     let ray = Rays { position: crossing.point, direction };
-    frame::leave_tangent(frame, &ray, tangent, Some(&frame_change(frame, &change.surfaces[i])))
+    frame::leave_tangent(frame, &ray, tangent, Some(&frame_change(frame, change, i)))
 }
 
 struct PushForward<'a> {
@@ -208,7 +213,7 @@ impl WithSimd for PushForward<'_> {
             // Differentiate the run to the image plane: x = p_x + s d_x with s = (thickness - p_z) / d_z.
             let d = arrival.ray.direction;
             let moved = along(end.position, arrival.run, end.direction);
-            let run = (zero.constant(change.surfaces[last].thickness) - moved[2]) / d[2];
+            let run = (zero.constant(change[(last, Number::Thickness)]) - moved[2]) / d[2];
             // Store the changes; those of failed rays are zero.
             let dead = is_dead(arrival.fate);
             let alive = |v: Lanes<S>| dead.select(zero, v);

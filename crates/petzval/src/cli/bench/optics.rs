@@ -5,10 +5,12 @@ use petzval::built_in_assets;
 use petzval::design::error::DesignError;
 use petzval::design::psf_plan::PsfPlan;
 use petzval::optics::analysis::{AnalysisOptions, analyze};
-use petzval::optics::design_space::{EflSolve, Parameter, Variable};
+use petzval::optics::design_space::{EflSolve, Solves, Variable};
 use petzval::optics::gradient::LensGradient;
 use petzval::optics::lens::Lens;
-use petzval::optics::optimize::{LevenbergOptions, Problem, Solves, descend};
+use petzval::optics::merit::SpotResiduals;
+use petzval::optics::number::Number;
+use petzval::optics::optimize::{LevenbergOptions, Problem, descend};
 use petzval::optics::paraxial::first_order;
 use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::{PupilSampling, Quadrature};
@@ -179,10 +181,10 @@ fn psf_13_fields() -> Result<Prepared, Failure> {
 }
 
 /// A variable with bounds at half and twice its value, or at a thousandth of a mm^(1-n) to both sides if it is zero.
-fn around(lens: &Lens, surface: usize, parameter: Parameter) -> Variable {
-    let value = parameter.value(lens, surface);
+fn around(lens: &Lens, surface: usize, number: Number) -> Variable {
+    let value = number.read_stated(lens, surface);
     let (min, max) = if value == 0.0 { (-1e-3, 1e-3) } else { (0.5 * value, 2.0 * value) };
-    Variable { surface, parameter, min: min.min(max), max: max.max(min) }
+    Variable { surface, number, min: min.min(max), max: max.max(min) }
 }
 
 /// The last curvature keeps the focal length of the nominal lens.
@@ -195,29 +197,32 @@ fn lm_iteration() -> Result<Prepared, Failure> {
     let lens = nominal()?;
     let mut variables: Vec<Variable> = Vec::new();
     for surface in [0, 1, 2, 3, 5] {
-        variables.push(around(&lens, surface, Parameter::Radius));
+        variables.push(around(&lens, surface, Number::Curvature));
     }
     for surface in [0, 1, 3, 4, 5] {
-        variables.push(around(&lens, surface, Parameter::Thickness));
+        variables.push(around(&lens, surface, Number::Thickness));
     }
     for surface in [0, 5] {
-        variables.push(around(&lens, surface, Parameter::Conic));
+        variables.push(around(&lens, surface, Number::Conic));
         for order in [2, 4, 6, 8, 10, 12, 14, 16] {
             let tiny = 10f64.powi(-2 - order);
             let limits = |v: f64| (v - v.abs() - tiny, v + v.abs() + tiny);
-            let parameter = Parameter::Asphere(order as usize);
-            let (min, max) = limits(parameter.value(&lens, surface));
-            variables.push(Variable { surface, parameter, min, max });
+            let number = Number::Asphere(order as usize / 2 - 1);
+            let (min, max) = limits(number.read(&lens, surface));
+            variables.push(Variable { surface, number, min, max });
         }
     }
     let count = variables.len();
     let problem = Problem {
         variables,
         solves: nominal_efl(&lens),
-        fields_rad: (0..10).map(|i| (FIELD_DEG * f64::from(i) / 9.0).to_radians()).collect(),
-        field_weights: vec![1.0; 10],
-        wavelengths_um: WAVELENGTHS_UM.to_vec(),
-        sampling: PupilSampling::Fine,
+        merit: SpotResiduals {
+            fields_rad: (0..10).map(|i| (FIELD_DEG * f64::from(i) / 9.0).to_radians()).collect(),
+            field_weights: vec![1.0; 10],
+            wavelengths_um: WAVELENGTHS_UM.to_vec(),
+            sampling: PupilSampling::Fine,
+            power: 1.0,
+        },
         ..Problem::new(lens)
     };
     Ok(Prepared {
@@ -250,7 +255,7 @@ fn triplet_recovery() -> Result<Prepared, Failure> {
     for (i, s) in disturbed.surfaces.iter_mut().enumerate() {
         s.shape.curvature *= if i % 2 == 0 { 1.05 } else { 0.95 };
     }
-    let variables = [0, 1, 2, 3, 5].map(|s| around(&disturbed, s, Parameter::Radius)).to_vec();
+    let variables = [0, 1, 2, 3, 5].map(|s| around(&disturbed, s, Number::Curvature)).to_vec();
     let problem = Problem { variables, solves, ..Problem::new(disturbed) };
     Ok(Prepared {
         work: "every curvature 5 % off, to no more than the nominal RMS spot; 4 fields x 3 wavelengths"

@@ -1,8 +1,9 @@
 //! Workloads of tolerances: random lenses.
 
 use petzval::base::simd::level;
+use petzval::optics::merit::RmsSpot;
 use petzval::optics::tolerance::{
-    Distribution, Freedom, Grade, RmsSpot, Study, Tolerances, default_tolerances, monte_carlo,
+    Distribution, Freedom, Grade, Study, Tolerances, default_tolerances, monte_carlo,
 };
 
 use super::optics::nominal;

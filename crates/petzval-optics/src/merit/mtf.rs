@@ -122,12 +122,12 @@ impl Mtf {
         };
         let (by_x, by_y) = (direction(0, sagittal), direction(1, tangential));
         let along = |by: [f64; 2], phase: &[f64; 2]| by[0] * phase[0] + by[1] * phase[1];
-        let mut wish = Vec::with_capacity(grid * grid);
+        let mut bars = Vec::with_capacity(grid * grid);
         for y in &phases {
-            wish.extend(phases.iter().map(|x| along(by_x, x) + along(by_y, y)));
+            bars.extend(phases.iter().map(|x| along(by_x, x) + along(by_y, y)));
         }
         let count = psf.values.len();
-        let cotangent = PsfCotangent { values: vec![wish; count], illumination: vec![0.0; count] };
+        let cotangent = PsfCotangent { values: vec![bars; count], illumination: vec![0.0; count] };
         Some((value, tape.gradient(&psf, &self.quadrature, &cotangent)))
     }
 }

@@ -1,0 +1,87 @@
+//! Which numbers of a lens may move, between which bounds, and what algebra settles exactly.
+//!
+//! A [`DesignSpace`] maps coordinates to a lens: every variable, then pickups, then the solves for length, focal length and
+//! focus. It gives the slopes of the lens by its coordinates, which least squares need, and pulls a gradient of the lens back to
+//! them. A [`SmoothSpace`] lays coordinates without bounds over it, for gradient steps.
+
+mod error;
+mod smooth;
+mod space;
+
+pub use error::DesignSpaceError;
+pub use smooth::SmoothSpace;
+pub use space::{DesignSpace, Mapped};
+
+use crate::number::Number;
+
+/// A number that may move within bounds, which are given as users state them ([`Number::stated`]): those of a curvature are
+/// radii in mm, those of a tilt are in degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variable {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// Which of its numbers.
+    pub number: Number,
+    /// Lower bound.
+    pub min: f64,
+    /// Upper bound.
+    pub max: f64,
+}
+
+impl Variable {
+    /// The bounds of the number itself, ascending.
+    ///
+    /// Radii of both signs pass through the plane, not through zero: the curvature lies between those of the two bounds.
+    pub(crate) fn bounds(&self) -> [f64; 2] {
+        let [a, b] = [self.min, self.max].map(|bound| self.number.from_stated(bound));
+        if self.number == Number::Curvature { [a.min(b), a.max(b)] } else { [a, b] }
+    }
+}
+
+/// A number that follows another: `value = scale * other + offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pickup {
+    /// The surface whose number follows.
+    pub surface: usize,
+    /// Index of the variable that it follows; the number is of the same kind.
+    pub variable: usize,
+    /// Factor. Radii follow as curvatures, and tilts in radians.
+    pub scale: f64,
+    /// Offset.
+    pub offset: f64,
+}
+
+/// Solves one surface's curvature so that the effective focal length holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EflSolve {
+    /// Surface, from 0.
+    pub surface: usize,
+    /// The wanted effective focal length at the reference wavelength, mm.
+    pub efl_mm: f64,
+    /// Bounds that the solved radius should keep, mm; a solve cannot, a penalty can.
+    pub radius_mm: Option<[f64; 2]>,
+}
+
+/// Numbers that algebra settles, whatever the variables are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Solves {
+    /// A curvature holds the focal length.
+    pub efl: Option<EflSolve>,
+    /// The thickness of this surface holds the distance from the first vertex to the last, mm.
+    pub length: Option<(usize, f64)>,
+}
+
+/// Where the image plane goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Focus {
+    /// It stays where the last thickness puts it.
+    Fixed,
+    /// The distance from the last vertex is a coordinate without bounds.
+    Free,
+    /// At the paraxial image of the reference wavelength plus a defocus, which is a coordinate within
+    /// plus and minus this many mm.
+    Paraxial {
+        /// Half-range of the defocus, mm.
+        range_mm: f64,
+    },
+}

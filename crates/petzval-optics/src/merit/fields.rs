@@ -1,0 +1,81 @@
+//! Fields that a merit is a mean over.
+
+use rayon::prelude::*;
+
+use crate::gradient::LensGradient;
+use crate::lens::{Lens, ObjectDistance};
+use crate::number::Number;
+
+/// Fields of a merit, with their shares.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldSet {
+    /// Angle, degrees, and share; the shares add up to 1.
+    fields: Vec<(f64, f64)>,
+    /// Whether every field has its counterpart on the other side of the axis, with the same share.
+    both_sides: bool,
+    /// The object of the lens that they are fields of.
+    object: ObjectDistance,
+}
+
+impl FieldSet {
+    /// Fields as they are, all of the same share.
+    pub fn new(lens: &Lens, fields_deg: &[f64]) -> Self {
+        let share = 1.0 / fields_deg.len() as f64;
+        let fields = fields_deg.iter().map(|f| (*f, share)).collect();
+        Self { fields, both_sides: false, object: lens.object }
+    }
+
+    /// The fields of a lens. A rotationally symmetric lens that is made loses its symmetry, so both sides of the axis count,
+    /// each by half.
+    pub fn of(lens: &Lens) -> Self {
+        let one_side = Self::new(lens, &lens.fields_deg);
+        if !lens.is_rotationally_symmetric() {
+            return one_side;
+        }
+        let both = |(field, share): &(f64, f64)| match *field == 0.0 {
+            true => vec![(0.0, *share)],
+            false => vec![(*field, 0.5 * share), (-field, 0.5 * share)],
+        };
+        Self { fields: one_side.fields.iter().flat_map(both).collect(), both_sides: true, ..one_side }
+    }
+
+    /// Mean over the fields of a function of the field (rad) and its gradient, in parallel; `None` if one has none. The bits do
+    /// not depend on the number of threads.
+    pub(super) fn mean(
+        &self,
+        lens: &Lens,
+        of_field: impl Fn(f64) -> Option<(f64, LensGradient)> + Sync,
+    ) -> Option<(f64, LensGradient)> {
+        // While the lens is symmetric one side says what both do.
+        let by_symmetry = self.both_sides && lens.is_rotationally_symmetric();
+        let one_side = |(field, share): &(f64, f64)| match (by_symmetry, *field == 0.0, *field > 0.0) {
+            (false, ..) | (true, true, _) => Some((*field, *share)),
+            (true, false, true) => Some((*field, 2.0 * share)),
+            (true, false, false) => None,
+        };
+        let fields: Vec<(f64, f64)> = self.fields.iter().filter_map(one_side).collect();
+        // A near object stays where it is, also where the first vertex, from which fields are seen, does not.
+        let seen = |field_deg: f64| match (self.object, lens.object) {
+            (ObjectDistance::Finite(then), ObjectDistance::Finite(now)) if then != now => {
+                (field_deg.to_radians().tan() * then / now).atan()
+            }
+            _ => field_deg.to_radians(),
+        };
+        let each: Vec<(f64, LensGradient)> =
+            fields.par_iter().map(|(field, _)| of_field(seen(*field))).collect::<Option<_>>()?;
+        let (mut value, mut gradient) = (0.0, LensGradient::zero(lens.surfaces.len()));
+        for ((_, share), (v, g)) in fields.iter().zip(each) {
+            value += share * v;
+            gradient += &g.scaled(*share);
+        }
+        gradient.keep_symmetry(&lens.at_wavelength(lens.reference_um));
+        if by_symmetry {
+            // The derivatives by decentres and tilts of the two sides cancel.
+            for surface in 0..lens.surfaces.len() {
+                (0..2).for_each(|axis| gradient[(surface, Number::Decenter(axis))] = 0.0);
+                (0..3).for_each(|axis| gradient[(surface, Number::Tilt(axis))] = 0.0);
+            }
+        }
+        Some((value, gradient))
+    }
+}

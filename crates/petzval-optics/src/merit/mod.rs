@@ -1,0 +1,122 @@
+//! Merits: scalars that a lens is judged by, with their gradients where they have them.
+//!
+//! Spots ([`RmsSpot`], and by residuals [`SpotResiduals`]), contrast ([`Mtf`]) and task losses ([`MeritOf`], or an implementation of [`Merit`]) are merits alike.
+
+mod fields;
+mod mtf;
+mod residuals;
+mod spot;
+
+pub use fields::FieldSet;
+pub use mtf::Mtf;
+pub use residuals::SpotResiduals;
+pub(crate) use residuals::{Beams, Landings, MOUNT_MM, Reach};
+pub use spot::RmsSpot;
+
+use nalgebra::DMatrix;
+
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::number::Number;
+
+/// Which way a merit is good.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    /// The less, the better, and never below zero: a spot, a loss.
+    Lower,
+    /// The more, the better: contrast, a score.
+    Higher,
+}
+
+impl Better {
+    /// The cost of a value: the square of what should be low, because sums of squares are nearly quadratic in small errors; or
+    /// the negative of what should be high.
+    pub(crate) fn cost(self, value: f64) -> f64 {
+        match self {
+            Self::Lower => value * value,
+            Self::Higher => -value,
+        }
+    }
+
+    /// Derivative of the cost by the value.
+    pub(crate) fn slope(self, value: f64) -> f64 {
+        match self {
+            Self::Lower => 2.0 * value,
+            Self::Higher => -1.0,
+        }
+    }
+
+    /// Whether a value is at least as good as another.
+    pub fn meets(self, value: f64, limit: f64) -> bool {
+        match self {
+            Self::Lower => value <= limit,
+            Self::Higher => value >= limit,
+        }
+    }
+
+    /// How much worse a value is than another, negative where it is better.
+    pub fn loss(self, value: f64, than: f64) -> f64 {
+        match self {
+            Self::Lower => value - than,
+            Self::Higher => than - value,
+        }
+    }
+}
+
+/// A scalar that a lens is judged by.
+pub trait Merit: Sync {
+    /// What it is called in tables and on axes.
+    fn name(&self) -> String;
+
+    /// Its unit; empty for a plain number.
+    fn unit(&self) -> &str;
+
+    /// Which way it is good.
+    fn better(&self) -> Better;
+
+    /// Its value; `None` if the lens has none, because rays are lost.
+    fn value(&self, lens: &Lens) -> Option<f64>;
+
+    /// Its value and, if it has one, its gradient by every number of the lens. The gradient by decentres and tilts is that of the
+    /// surfaces that have a placement.
+    fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
+        self.value(lens).map(|value| (value, None))
+    }
+
+    /// The normal equations of its residuals r, whose squares add up to the squared value: the products of the columns
+    /// `dr/d(number)` of each of the numbers, `dr/d(ln stop radius)` and `r`, in this order. `None` if it has no residuals, or the
+    /// lens has no value.
+    fn normal_equations(&self, _lens: &Lens, _numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
+        None
+    }
+}
+
+/// A merit from a function, without a gradient.
+pub struct MeritOf<F> {
+    /// What it is called.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Which way it is good.
+    pub better: Better,
+    /// The function.
+    pub function: F,
+}
+
+impl<F: Fn(&Lens) -> Option<f64> + Sync> Merit for MeritOf<F> {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn unit(&self) -> &str {
+        &self.unit
+    }
+
+    fn better(&self) -> Better {
+        self.better
+    }
+
+    fn value(&self, lens: &Lens) -> Option<f64> {
+        (self.function)(lens)
+    }
+}

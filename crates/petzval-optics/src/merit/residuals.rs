@@ -1,0 +1,448 @@
+//! A merit by residuals: where rays that sample the stop land, about the centroid of their field.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Better, Merit};
+use crate::constraint::ClearRadii;
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::number::Number;
+use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
+use crate::pupil::{PupilBasis, PupilSampling, Sides, paraxial_launch};
+use crate::trace::{
+    AimedRays, LandingJacobian, RayBundle, Reaim, Seeds, Sequence, SquaredHeights, landing_jacobian,
+    pull_back, trace_with_heights,
+};
+
+const UM_PER_MM: f64 = 1e3;
+
+/// The margin of a mount beyond the beam, mm.
+pub(crate) const MOUNT_MM: f64 = 0.1;
+
+/// The p-mean over fields of RMS spots: `(sum w_f rms_f^p / sum w_f)^(1/p)`, um, about the centroid of each field over all
+/// wavelengths.
+///
+/// Its residuals are the transverse aberrations of rays that sample the whole stop: clear apertures do not cut them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpotResiduals {
+    /// Field angles, rad.
+    pub fields_rad: Vec<f64>,
+    /// Weight of each field.
+    pub field_weights: Vec<f64>,
+    /// Wavelengths, um, all of the same weight.
+    pub wavelengths_um: Vec<f64>,
+    /// Rays.
+    pub sampling: PupilSampling,
+    /// The exponent p: 1 for the mean RMS spot, 2 for the root of the mean square.
+    pub power: f64,
+}
+
+/// Rays of a lens, traced to the image.
+#[derive(Clone, Debug)]
+pub(crate) struct Landings {
+    /// RMS spot of each field about its centroid, all wavelengths together, um.
+    pub rms_um: Vec<f64>,
+    /// Launch points of the rays, by field and wavelength: where the aiming of a similar lens starts.
+    launches: Vec<Vec<[f64; 2]>>,
+    /// How far the beams reach.
+    pub reach: Reach,
+}
+
+/// How far beams reach on the surfaces.
+#[derive(Clone, Debug)]
+pub(crate) struct Reach {
+    /// Radius at which a surface must be clear, mm.
+    pub clear_mm: Vec<f64>,
+    /// The field, wavelength and point of the pupil whose ray needs that radius.
+    widest: Vec<(usize, usize, [f64; 2])>,
+}
+
+impl Reach {
+    /// No beam at all.
+    pub fn none(lens: &Lens) -> Self {
+        let surfaces = lens.surfaces.len();
+        Self { clear_mm: vec![0.0; surfaces], widest: vec![(0, 0, [0.0; 2]); surfaces] }
+    }
+
+    fn widen(&mut self, heights: &[SquaredHeights], points: &[[f64; 2]], [field, colour]: [usize; 2]) {
+        for h in heights {
+            for (u, p) in h.values.iter().zip(points) {
+                if u.sqrt() > self.clear_mm[h.surface] {
+                    self.clear_mm[h.surface] = u.sqrt();
+                    self.widest[h.surface] = (field, colour, *p);
+                }
+            }
+        }
+    }
+}
+
+/// Points on half of the rim of the stop.
+const RIM: [[f64; 2]; 7] = [
+    [0.0, -1.0],
+    [0.5, -0.866_025_403_784_438_6],
+    [0.866_025_403_784_438_6, -0.5],
+    [1.0, 0.0],
+    [0.866_025_403_784_438_6, 0.5],
+    [0.5, 0.866_025_403_784_438_6],
+    [0.0, 1.0],
+];
+
+/// A beam of one field at one wavelength.
+struct Beam {
+    sequence: Sequence,
+    aimed: AimedRays,
+}
+
+/// A point in the middle of a beam from its first ray; half a beam is symmetric about x = 0.
+fn origin_of([x, y]: [f64; 2], is_half: bool) -> [f64; 2] {
+    [if is_half { 0.0 } else { x }, y]
+}
+
+impl SpotResiduals {
+    /// The mean RMS spot over a lens's own fields and wavelengths.
+    pub fn new(lens: &Lens) -> Self {
+        let fields_rad: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
+        Self {
+            field_weights: vec![1.0; fields_rad.len()],
+            fields_rad,
+            wavelengths_um: lens.wavelengths_um.clone(),
+            sampling: PupilSampling::Degree(6),
+            power: 1.0,
+        }
+    }
+
+    /// The field furthest from the axis, rad.
+    pub fn outermost_field_rad(&self) -> f64 {
+        self.fields_rad.iter().fold(0.0_f64, |a, b| if b.abs() > a.abs() { *b } else { a })
+    }
+
+    /// The weighted mean of `rms^p` over the fields.
+    fn mean_power(&self, rms_um: &[f64]) -> f64 {
+        let total: f64 = self.field_weights.iter().sum();
+        rms_um.iter().zip(&self.field_weights).map(|(rms, w)| w / total * rms.powf(self.power)).sum()
+    }
+
+    /// The square of the merit, um^2.
+    pub(crate) fn square_um2(&self, landings: &Landings) -> f64 {
+        self.mean_power(&landings.rms_um).powf(2.0 / self.power)
+    }
+
+    /// Derivatives of the squared merit by the mean square spot of each field, both in um^2.
+    fn by_square(&self, rms_um: &[f64]) -> Vec<f64> {
+        let (p, total) = (self.power, self.field_weights.iter().sum::<f64>());
+        let mean = self.mean_power(rms_um);
+        let of_field =
+            |(rms, w): (&f64, &f64)| mean.powf(2.0 / p - 1.0) * w / total * rms.max(1e-6).powf(p - 2.0);
+        rms_um.iter().zip(&self.field_weights).map(of_field).collect()
+    }
+
+    /// Rays of a field and a wavelength through points of the stop; `None` if one of them cannot be aimed.
+    fn beam(
+        &self,
+        lens: &Lens,
+        points: &[[f64; 2]],
+        [field, colour]: [usize; 2],
+        stop_radius_mm: f64,
+        guesses: Option<&[[f64; 2]]>,
+    ) -> Option<Beam> {
+        let sequence = lens.at_wavelength(self.wavelengths_um[colour]);
+        let field_rad = self.fields_rad[field];
+        let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
+        let aim = |guesses: &[[f64; 2]]| {
+            let aimed = AimedRays::new(&sequence, field_rad, &targets, guesses);
+            (0..targets.len()).all(|i| aimed.is_aimed(i)).then_some(aimed)
+        };
+        let aimed = guesses.and_then(aim).or_else(|| {
+            let order = first_order(&sequence);
+            let guesses: Vec<[f64; 2]> =
+                points.iter().map(|p| paraxial_launch(&order, &sequence, field_rad, *p)).collect();
+            aim(&guesses)
+        })?;
+        Some(Beam { sequence, aimed })
+    }
+
+    /// Sample points of the pupil, and their shares of its area.
+    fn samples(&self, sides: Sides) -> (Vec<[f64; 2]>, Vec<f64>) {
+        let basis = PupilBasis::of(self.sampling);
+        (sides.points(&basis.samples), sides.weights(&basis.weights))
+    }
+
+    /// How far rays on the rim of the stop reach; `None` if one of them is lost.
+    pub(crate) fn rim(&self, lens: &Lens, sides: Sides, stop_radius_mm: f64) -> Option<Reach> {
+        let mut reach = Reach::none(lens);
+        let points = sides.points(&RIM);
+        for field in 0..self.fields_rad.len() {
+            for colour in 0..self.wavelengths_um.len() {
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, None)?;
+                let mut rays = beam.aimed.bundle(&beam.sequence);
+                let mut heights: Vec<SquaredHeights> =
+                    (0..lens.surfaces.len()).map(|s| SquaredHeights::zero(s, points.len())).collect();
+                trace_with_heights(&beam.sequence, &mut rays, &mut heights);
+                if !(0..points.len()).all(|i| rays.fate(i).reaches_image()) {
+                    return None;
+                }
+                reach.widen(&heights, &points, [field, colour]);
+            }
+        }
+        Some(reach)
+    }
+
+    /// Traces the rays; `None` if one of them is lost. `near`, the landings of a similar lens, makes aiming quicker.
+    ///
+    /// With `by_rim` the reach of the beams is that of rays on the rim of the stop, else that of the sampled rays.
+    pub(crate) fn landings(
+        &self,
+        lens: &Lens,
+        sides: Sides,
+        near: Option<&Landings>,
+        by_rim: bool,
+    ) -> Option<Landings> {
+        let (points, weights) = self.samples(sides);
+        let is_half = sides == Sides::Mirrored;
+        let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+        let surfaces = lens.surfaces.len();
+        let colours = self.wavelengths_um.len();
+        let mut launches = Vec::with_capacity(self.fields_rad.len() * colours);
+        let mut rms_um = Vec::with_capacity(self.fields_rad.len());
+        let mut reach = if by_rim { self.rim(lens, sides, stop_radius_mm)? } else { Reach::none(lens) };
+        for field in 0..self.fields_rad.len() {
+            // Heights are taken about the first ray, so that their squares can be subtracted.
+            let (mut origin, mut sums) = (None, [0.0; 4]);
+            for colour in 0..colours {
+                let guesses = near.and_then(|n| n.launches.get(field * colours + colour)).or(if colour > 0 {
+                    launches.last()
+                } else {
+                    None
+                });
+                let guesses = guesses.map(Vec::as_slice);
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses)?;
+                let mut rays = beam.aimed.bundle(&beam.sequence);
+                let mut heights: Vec<SquaredHeights> = if by_rim {
+                    Vec::new()
+                } else {
+                    (0..surfaces).map(|s| SquaredHeights::zero(s, points.len())).collect()
+                };
+                trace_with_heights(&beam.sequence, &mut rays, &mut heights);
+                let [x, y] = rays.image_xy();
+                for (i, weight) in weights.iter().enumerate() {
+                    if !rays.fate(i).reaches_image() {
+                        return None;
+                    }
+                    let [at_x, at_y] = *origin.get_or_insert(origin_of([x[i], y[i]], is_half));
+                    let (x, y) = (x[i] - at_x, y[i] - at_y);
+                    sums[0] += weight;
+                    sums[1] += weight * y;
+                    sums[2] += weight * (x * x + y * y);
+                    sums[3] += weight * x;
+                }
+                reach.widen(&heights, &points, [field, colour]);
+                launches.push((0..points.len()).map(|i| beam.aimed.launch_of(i)).collect());
+            }
+            // Half a beam and its mirror image have their mean at x = 0.
+            let mean_x = if is_half { 0.0 } else { sums[3] };
+            let square = (sums[2] - sums[1] * sums[1] / sums[0] - mean_x * mean_x / sums[0]) / sums[0];
+            rms_um.push(UM_PER_MM * square.max(0.0).sqrt());
+        }
+        Some(Landings { rms_um, launches, reach })
+    }
+
+    /// The products of the columns of the linearised residuals: their derivatives by each of the numbers, then by the logarithm
+    /// of the stop radius, then the residuals themselves, um. The last product is the squared merit.
+    pub(crate) fn gram(
+        &self,
+        lens: &Lens,
+        sides: Sides,
+        landings: &Landings,
+        numbers: &[(usize, Number)],
+    ) -> Option<DMatrix<f64>> {
+        let (points, weights) = self.samples(sides);
+        let is_half = sides == Sides::Mirrored;
+        let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+        let colours = self.wavelengths_um.len();
+        let columns = numbers.len() + 2;
+        let mut gram = DMatrix::<f64>::zeros(columns, columns);
+        for (field, weight) in self.by_square(&landings.rms_um).into_iter().enumerate() {
+            let mut of_field = DMatrix::<f64>::zeros(columns, columns);
+            let mut means = [0, 1].map(|_| DVector::<f64>::zeros(columns));
+            let mut origin = None;
+            for colour in 0..colours {
+                let guesses = landings.launches.get(field * colours + colour).map(Vec::as_slice);
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses)?;
+                let landing = landing_jacobian(&beam.sequence, &beam.aimed, numbers);
+                if !landing.complete {
+                    return None;
+                }
+                let first = [landing.landing[0][0], landing.landing[1][0]];
+                let origin = *origin.get_or_insert(origin_of(first, is_half));
+                add_gram(&landing, &weights, origin, is_half, colours as f64, &mut of_field, &mut means);
+            }
+            // About the centroid of the field.
+            let [mean_x, mean_y] = &means;
+            of_field -= mean_y * mean_y.transpose();
+            if !is_half {
+                of_field -= mean_x * mean_x.transpose();
+            }
+            gram += of_field * (weight * UM_PER_MM * UM_PER_MM);
+        }
+        Some(gram)
+    }
+
+    /// The gradient of the squared merit, um^2 per unit of each number.
+    fn gradient(&self, lens: &Lens, sides: Sides, landings: &Landings) -> Option<LensGradient> {
+        let (points, weights) = self.samples(sides);
+        let is_half = sides == Sides::Mirrored;
+        let reference = lens.at_wavelength(lens.reference_um);
+        let stop_radius_mm = first_order(&reference).stop_radius_mm;
+        let colours = self.wavelengths_um.len();
+        let mut gradient = LensGradient::zero(lens.surfaces.len());
+        let mut stop_bar = 0.0;
+        for (field, weight) in self.by_square(&landings.rms_um).into_iter().enumerate() {
+            // Trace the field, for its centroid over all wavelengths.
+            let mut traced = Vec::with_capacity(colours);
+            let (mut light, mut centre) = (0.0, [0.0; 2]);
+            for colour in 0..colours {
+                let guesses = landings.launches.get(field * colours + colour).map(Vec::as_slice);
+                let beam = self.beam(lens, &points, [field, colour], stop_radius_mm, guesses)?;
+                let mut rays = beam.aimed.bundle(&beam.sequence);
+                trace_with_heights(&beam.sequence, &mut rays, &mut []);
+                let at = rays.image_xy().map(<[f64]>::to_vec);
+                for (i, w) in weights.iter().enumerate() {
+                    light += w;
+                    centre = [centre[0] + w * at[0][i], centre[1] + w * at[1][i]];
+                }
+                traced.push((beam, at));
+            }
+            let centre = [if is_half { 0.0 } else { centre[0] / light }, centre[1] / light];
+            // The centroid needs no cotangent: the sum of squares is least there.
+            for (beam, at) in traced {
+                let mut seeds = Seeds::zero(points.len());
+                for (i, w) in weights.iter().enumerate() {
+                    let scale = 2.0 * weight * UM_PER_MM * UM_PER_MM * w / light;
+                    seeds.image_x[i] = scale * (at[0][i] - centre[0]);
+                    seeds.image_y[i] = scale * (at[1][i] - centre[1]);
+                }
+                let nothing = vec![0.0; RayBundle::padded(points.len())];
+                let reaim = Reaim { aimed: &beam.aimed, launch_bar: [&nothing, &nothing] };
+                let launched = beam.aimed.bundle(&beam.sequence);
+                stop_bar += pull_back(&beam.sequence, &launched, &seeds, Some(&reaim), &mut gradient);
+            }
+        }
+        let bars = FirstOrderCotangent { stop_radius: stop_bar / stop_radius_mm, ..Default::default() };
+        pull_back_first_order(&reference, bars, &mut gradient);
+        gradient.keep_symmetry(&reference);
+        Some(gradient)
+    }
+
+    /// Adds the gradient of a loss that depends on the radius at which a surface must be clear, `bar` per mm: that of the ray
+    /// which needs it.
+    fn pull_back_reach(
+        &self,
+        lens: &Lens,
+        reach: &Reach,
+        surface: usize,
+        bar: f64,
+        gradient: &mut LensGradient,
+    ) -> Option<()> {
+        let (field, colour, point) = reach.widest[surface];
+        let reference = lens.at_wavelength(lens.reference_um);
+        let stop_radius_mm = first_order(&reference).stop_radius_mm;
+        let beam = self.beam(lens, &[point], [field, colour], stop_radius_mm, None)?;
+        let mut seeds = Seeds::zero(1);
+        let mut height = SquaredHeights::zero(surface, 1);
+        height.values[0] = 0.5 * bar / reach.clear_mm[surface];
+        seeds.heights.push(height);
+        let nothing = vec![0.0; RayBundle::padded(1)];
+        let reaim = Reaim { aimed: &beam.aimed, launch_bar: [&nothing, &nothing] };
+        let launched = beam.aimed.bundle(&beam.sequence);
+        let by_stop = pull_back(&beam.sequence, &launched, &seeds, Some(&reaim), gradient);
+        let bars = FirstOrderCotangent { stop_radius: by_stop / stop_radius_mm, ..Default::default() };
+        pull_back_first_order(&reference, bars, gradient);
+        Some(())
+    }
+}
+
+impl Merit for SpotResiduals {
+    fn name(&self) -> String {
+        if self.power == 1.0 { "mean RMS spot".into() } else { format!("{}-mean RMS spot", self.power) }
+    }
+
+    fn unit(&self) -> &str {
+        "um"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
+    }
+
+    fn value(&self, lens: &Lens) -> Option<f64> {
+        let landings = self.landings(lens, Sides::of(&lens.at_wavelength(lens.reference_um)), None, false)?;
+        Some(self.square_um2(&landings).sqrt()).filter(|value| value.is_finite())
+    }
+
+    fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
+        let sides = Sides::of(&lens.at_wavelength(lens.reference_um));
+        let landings = self.landings(lens, sides, None, false)?;
+        let value = self.square_um2(&landings).sqrt();
+        // d sqrt(q) = dq / (2 sqrt(q)); a perfect spot has no slope.
+        let per = if value > 0.0 { 0.5 / value } else { 0.0 };
+        let gradient = self.gradient(lens, sides, &landings)?.scaled(per);
+        value.is_finite().then_some((value, Some(gradient)))
+    }
+
+    fn normal_equations(&self, lens: &Lens, numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
+        let landings = self.landings(lens, Sides::Both, None, false)?;
+        self.gram(lens, Sides::Both, &landings, numbers)
+    }
+}
+
+/// The clear radii that the beams of a lens need, with the margin of a mount.
+pub(crate) struct Beams<'a> {
+    pub merit: &'a SpotResiduals,
+    pub lens: &'a Lens,
+    pub reach: &'a Reach,
+}
+
+impl ClearRadii for Beams<'_> {
+    fn radius_mm(&self, surface: usize) -> f64 {
+        self.reach.clear_mm[surface]
+    }
+
+    fn mount_mm(&self) -> f64 {
+        MOUNT_MM
+    }
+
+    fn pull_back(&self, surface: usize, bar: f64, gradient: &mut LensGradient) -> Option<()> {
+        self.merit.pull_back_reach(self.lens, self.reach, surface, bar, gradient)
+    }
+}
+
+/// Adds the products of the columns of a beam, weighted, and the means of x and of y; about an origin. Half a beam and its
+/// mirror image have no mean of x.
+fn add_gram(
+    landing: &LandingJacobian,
+    weights: &[f64],
+    origin: [f64; 2],
+    is_half: bool,
+    colours: f64,
+    gram: &mut DMatrix<f64>,
+    means: &mut [DVector<f64>; 2],
+) {
+    let count = weights.len();
+    // Columns scaled by the roots of the weights: x and then y of every ray.
+    let roots: Vec<f64> = weights.iter().map(|w| (w / colours).sqrt()).collect();
+    let columns = landing.by.len() + 1;
+    let block = DMatrix::from_fn(2 * count, columns, |r, c| {
+        let (axis, ray) = (r / count, r % count);
+        let value = match landing.by.get(c) {
+            Some(by) => by[axis][ray],
+            None => landing.landing[axis][ray] - origin[axis],
+        };
+        roots[ray] * value
+    });
+    gram.gemm_tr(1.0, &block, &block, 1.0);
+    for c in 0..columns {
+        for (axis, means) in means.iter_mut().enumerate().skip(usize::from(is_half)) {
+            means[c] += (0..count).map(|ray| roots[ray] * block[(axis * count + ray, c)]).sum::<f64>();
+        }
+    }
+}

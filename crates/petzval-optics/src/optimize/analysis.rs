@@ -1,0 +1,124 @@
+//! A lens under a problem: its merit, the constraints that it violates, and the quadratic model of both.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::problem::{Apertures, Problem};
+use crate::constraint::{ClearRadii, Constraint, SemiDiameters, direction_of_light};
+use crate::design_space::{DesignSpace, Mapped};
+use crate::lens::Lens;
+use crate::merit::{Beams, Landings, MOUNT_MM, Reach};
+use crate::paraxial::first_order;
+
+/// A lens with its figures.
+#[derive(Clone, Debug)]
+pub struct Analysis {
+    /// The lens.
+    pub lens: Lens,
+    /// The square of the problem's merit, um^2, plus squared violations.
+    pub merit: f64,
+    /// RMS spot of each field about its centroid, all wavelengths together, um.
+    pub rms_um: Vec<f64>,
+    /// The constraints that are violated, and by how much, mm.
+    pub violations: Vec<(Constraint, f64)>,
+    /// Its rays, from which the aiming of the next lens starts.
+    landings: Landings,
+}
+
+impl Analysis {
+    /// Mean RMS spot over the fields, um.
+    pub fn mean_rms_um(&self) -> f64 {
+        self.rms_um.iter().sum::<f64>() / self.rms_um.len() as f64
+    }
+
+    /// The lens with clear semi-diameters as its beams need them, and a margin for the mount; the stop has none.
+    pub fn fitted_lens(&self, problem: &Problem) -> Lens {
+        let mut lens = self.lens.clone();
+        let stop_radius_mm = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+        // For every field and wavelength of the file, not only for those of the problem.
+        let mut whole = problem.merit.clone();
+        whole.fields_rad.extend(lens.fields_deg.iter().map(|f| f.to_radians()));
+        whole.wavelengths_um.extend(&lens.wavelengths_um);
+        let sides = problem.sides();
+        let reach = (whole.rim(&lens, sides, stop_radius_mm))
+            .or_else(|| problem.merit.rim(&lens, sides, stop_radius_mm))
+            .unwrap_or_else(|| Reach::none(&lens));
+        for (i, s) in lens.surfaces.iter_mut().enumerate() {
+            let needed = reach.clear_mm[i].max(self.landings.reach.clear_mm[i]) + MOUNT_MM;
+            s.semi_diameter_mm = if i == lens.stop { stop_radius_mm } else { needed };
+        }
+        lens
+    }
+}
+
+/// The merit's quadratic model: `merit + 2 gradient . step + step . hessian step`.
+#[derive(Clone, Debug)]
+pub(super) struct Linearised {
+    /// Half the gradient by the coordinates.
+    pub gradient: DVector<f64>,
+    /// Half the Hessian of Gauss and Newton.
+    pub hessian: DMatrix<f64>,
+}
+
+/// The merit of a lens; `None` if a ray of the stop is lost. `near`, a lens like it, makes aiming quicker.
+pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) -> Option<Analysis> {
+    // Light cannot go backwards.
+    if (0..lens.surfaces.len()).any(|i| direction_of_light(&lens, i) * lens.surfaces[i].thickness_mm < 0.0) {
+        return None;
+    }
+    // Where a limit depends on the radii that beams need, rays on the rim of the stop measure them.
+    let limits = &problem.limits;
+    let by_rim = limits.element_edge_mm.is_some()
+        || limits.air_gap_mm.is_some()
+        || limits.clear_diameter_mm.is_some()
+        || limits.slope_rad.is_some();
+    let near = near.map(|n| &n.landings);
+    let landings = problem.merit.landings(&lens, problem.sides(), near, by_rim)?;
+    let mut violations = Vec::new();
+    let clear = clear_radii(problem, &lens, &landings);
+    for constraint in problem.constraints() {
+        let excess = constraint.excess_mm(&lens, &*clear)?;
+        if excess > 0.0 {
+            violations.push((constraint, excess));
+        }
+    }
+    drop(clear);
+    let stiff = |v: f64| (problem.stiffness_um_per_mm * v).powi(2);
+    let merit = problem.merit.square_um2(&landings) + violations.iter().map(|(_, v)| stiff(*v)).sum::<f64>();
+    let rms_um = landings.rms_um.clone();
+    merit.is_finite().then_some(Analysis { lens, merit, rms_um, violations, landings })
+}
+
+/// The radii at which the constraints of a problem are measured.
+fn clear_radii<'a>(problem: &'a Problem, lens: &'a Lens, landings: &'a Landings) -> Box<dyn ClearRadii + 'a> {
+    match problem.apertures {
+        Apertures::Fitted => Box::new(Beams { merit: &problem.merit, lens, reach: &landings.reach }),
+        Apertures::Drawn => Box::new(SemiDiameters(lens)),
+    }
+}
+
+/// The linearised problem at a lens of the space.
+pub(super) fn linearise(
+    problem: &Problem,
+    space: &DesignSpace,
+    mapped: &Mapped,
+    analysis: &Analysis,
+) -> Option<Linearised> {
+    let gram = problem.merit.gram(&mapped.lens, problem.sides(), &analysis.landings, space.numbers())?;
+    let residual = gram.ncols() - 1;
+    let slopes = &mapped.slopes;
+    let inner = gram.view((0, 0), (residual, residual));
+    let mut hessian = slopes.transpose() * inner * slopes;
+    let mut gradient = slopes.transpose() * gram.view((0, residual), (residual, 1)).column(0);
+    let clear = clear_radii(problem, &analysis.lens, &analysis.landings);
+    for (constraint, excess) in &analysis.violations {
+        let g = constraint.gradient(&analysis.lens, &*clear, 1.0)?;
+        let row = DVector::from_fn(space.numbers().len() + 1, |n, _| {
+            space.numbers().get(n).map_or(0.0, |number| g[*number])
+        });
+        let row = slopes.transpose() * row;
+        let stiffness = problem.stiffness_um_per_mm * problem.stiffness_um_per_mm;
+        gradient += &row * (stiffness * excess);
+        hessian += &row * row.transpose() * stiffness;
+    }
+    Some(Linearised { gradient, hessian })
+}

@@ -1,0 +1,88 @@
+//! The grid of a PSF, the light on it, and how it came there.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::wave::ImageGrid;
+
+/// Rays or waves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PsfKind {
+    /// Rays: accurate where aberrations spread light over many times the Airy disk.
+    #[default]
+    Geometric,
+    /// Waves: accurate everywhere, and needed where aberrations are a wave or less.
+    Diffraction,
+}
+
+/// The grid of a PSF, and rays or waves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PsfOptions {
+    /// Cells a side.
+    pub grid: usize,
+    /// Cell size, um.
+    pub pitch_um: f64,
+    /// Rays or waves.
+    pub kind: PsfKind,
+}
+
+impl Default for PsfOptions {
+    /// The paper's 128 x 128 um at 1 um, by rays.
+    fn default() -> Self {
+        Self { grid: 128, pitch_um: 1.0, kind: PsfKind::Geometric }
+    }
+}
+
+impl PsfOptions {
+    pub(super) fn image_grid(&self) -> ImageGrid {
+        ImageGrid { cells: self.grid, pitch_mm: 1e-3 * self.pitch_um }
+    }
+
+    /// Cells per mm, and the cell coordinate of the chief ray.
+    pub(super) fn scale(&self) -> (f64, f64) {
+        (1e3 / self.pitch_um, 0.5 * (self.grid as f64 - 1.0))
+    }
+}
+
+/// The method of a PSF.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PsfMethod {
+    /// From polynomials over the pupil through traced rays.
+    Polynomial {
+        /// Total degree.
+        degree: usize,
+        /// Largest distance of the polynomials from traced rays to which they were not fitted, um.
+        residual_um: f64,
+    },
+    /// From one traced ray per pupil cell.
+    Traced,
+    /// By diffraction, from polynomials of this total degree over the direction cosines at the image.
+    Wave {
+        /// Total degree.
+        degree: usize,
+    },
+}
+
+/// Cotangent of the splatted light of one wavelength.
+pub(super) struct LightCotangent<'a> {
+    /// By each cell, its mirror image included.
+    pub grid: Vec<f64>,
+    /// By the relative illumination.
+    pub illumination: f64,
+    /// The grid.
+    pub options: &'a PsfOptions,
+    /// Place of the reference chief ray, mm.
+    pub chief_mm: [f64; 2],
+}
+
+/// Adds to a grid its mirror image in x; this map is its own transpose.
+pub(super) fn with_mirror_image(half: &[f64], grid: usize) -> Vec<f64> {
+    let mut both = vec![0.0; half.len()];
+    for (row, out) in half.chunks_exact(grid).zip(both.chunks_exact_mut(grid)) {
+        for i in 0..grid {
+            out[i] = row[i] + row[grid - 1 - i];
+        }
+    }
+    both
+}
