@@ -1,12 +1,13 @@
 //! What every lens of an experiment must keep, beside the bounds of its variables.
 
 use petzval_files::LensFile;
-use petzval_optics::constraint::{Clearances, Constraint, penalty};
+use petzval_optics::constraint::{Constraint, penalty};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::chief_ray;
 
 use crate::error::DesignError;
+use crate::experiment::ConstraintConfig;
 
 /// Requirements of the moving lenses of an experiment, the same for the control and for end to end.
 #[derive(Clone, Debug)]
@@ -22,20 +23,19 @@ impl Requirements {
     /// Those of a nominal lens: its clearances, its solve's bounds, and its own field of view.
     pub fn new(
         nominal: &LensFile,
-        clearances: Clearances,
+        config: &ConstraintConfig,
         corner_field_rad: f64,
-        distortion_tolerance: f64,
     ) -> Result<Self, DesignError> {
         let lens = &nominal.lens;
         let chief = chief_ray(&lens.at_wavelength(lens.reference_um), corner_field_rad)
             .ok_or(DesignError::NoLight { field_deg: corner_field_rad.to_degrees() })?;
-        let mut constraints = clearances.constraints(lens);
+        let mut constraints = config.of_lens(lens);
         let solved = nominal.efl_solve.and_then(|solve| Some((solve.surface, solve.radius_mm?)));
         constraints.extend(solved.map(|(surface, radius_mm)| Constraint::Radius { surface, radius_mm }));
         constraints.push(Constraint::ChiefHeight {
             field_rad: corner_field_rad,
             wanted_mm: chief.y_mm,
-            tolerance_mm: distortion_tolerance * chief.y_mm.abs(),
+            tolerance_mm: config.distortion_tolerance * chief.y_mm.abs(),
         });
         Ok(Self { constraints, corner_field_rad })
     }

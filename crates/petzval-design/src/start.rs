@@ -59,12 +59,8 @@ impl Start {
         })?;
         let lens = &lens_file.lens;
         let corner_mm = plan.field_radius_mm.last().copied().unwrap_or(0.0);
-        let requirements = Requirements::new(
-            &lens_file,
-            experiment.constraints.clearances(),
-            plan.field_angle(lens, corner_mm),
-            experiment.constraints.distortion_tolerance,
-        )?;
+        let requirements =
+            Requirements::new(&lens_file, &experiment.constraints, plan.field_angle(lens, corner_mm))?;
         let spot_fields_rad = area_quantile_radii_mm(sensor, experiment.psf.fields)
             .iter()
             .map(|radius| plan.field_angle(lens, *radius))
@@ -78,8 +74,9 @@ impl Start {
         Ok(Self { lens_file, space, requirements, spot_fields_rad })
     }
 
-    /// The problem of making the spots of a lens small, within the bounds of the space, with the requirements as limits.
-    pub fn spot_problem(&self, lens: Lens) -> Problem {
+    /// The problem of making the spots of a lens small, within the bounds of the space, with the requirements as limits: a
+    /// violation costs this many um per mm.
+    pub fn spot_problem(&self, lens: Lens, stiffness_um_per_mm: f64) -> Problem {
         let file = &self.lens_file;
         // The requirements hold the bounds of the radius that is solved for.
         let efl = file.efl_solve.map(|solve| EflSolve { radius_mm: None, ..solve });
@@ -98,6 +95,7 @@ impl Start {
             merit,
             further: self.requirements.constraints().to_vec(),
             apertures: Apertures::Drawn,
+            stiffness_um_per_mm,
             ..Problem::new(lens)
         }
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use petzval_design::assets::Assets;
+use petzval_design::block::OpticsBlock;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
@@ -12,6 +13,7 @@ use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
+use petzval_optics::spot::mean_square_spot;
 
 /// The mean absolute difference of sRGB-encoded values.
 struct MeanAbsoluteError;
@@ -161,4 +163,30 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let error = Scorer::new(&setup, standard_scores(&setup.lpips().unwrap())).err().unwrap();
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
+}
+
+/// The spot-optimised lens of the main job: as good as many starts of a global search find, makeable, and the same to the bit.
+#[test]
+fn spots_are_minimised_to_convergence_under_the_requirements() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let setup = Setup::new(Experiment::parse("").unwrap(), &assets, Device::flex().autodiff()).unwrap();
+    let minimised = || {
+        let mut block = OpticsBlock::new(setup.start(&setup.variants[0]).clone(), 1.0);
+        let mut iterations = 0;
+        let losses = block.minimise_spots(setup.experiment.spot.iterations, &mut |_| {
+            iterations += 1;
+            Ok(())
+        });
+        (losses.unwrap(), iterations, block.lens().unwrap())
+    };
+    let (losses, iterations, lens) = minimised();
+    assert!(losses["rms_spot_um"] < 6.85, "{losses:?}");
+    assert!(losses["penalty_mm2"] < 1e-12, "{losses:?}");
+    assert!(iterations < setup.experiment.spot.iterations, "{iterations}");
+    assert_eq!(minimised(), (losses.clone(), iterations, lens.clone()));
+    // The coordinates of the block say the same lens.
+    let requirements = &setup.nominal().requirements;
+    assert!(requirements.penalty(&lens).unwrap().0 < 1e-12);
+    let (square_um2, _) = mean_square_spot(&lens, &setup.nominal().spot_fields_rad).unwrap();
+    assert!((square_um2.sqrt() / losses["rms_spot_um"] - 1.0).abs() < 0.02, "{}", square_um2.sqrt());
 }

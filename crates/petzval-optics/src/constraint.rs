@@ -362,47 +362,6 @@ pub fn penalty(constraints: &[Constraint], lens: &Lens) -> Option<(f64, LensGrad
     Some((value, gradient))
 }
 
-/// Least distances that a lens must keep, mm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clearances {
-    /// Edge thickness of an element, at the larger of its two clear semi-diameters.
-    pub element_edge_mm: f64,
-    /// Air between two surfaces, at their vertices and at the smaller of their semi-diameters.
-    pub air_gap_mm: f64,
-    /// From the last vertex to the image plane.
-    pub back_focal_mm: f64,
-}
-
-impl Default for Clearances {
-    fn default() -> Self {
-        Self { element_edge_mm: 0.8, air_gap_mm: 0.05, back_focal_mm: 10.0 }
-    }
-}
-
-impl Clearances {
-    /// The constraints of a lens, at the edge and on the axis behind every surface.
-    pub fn constraints(&self, lens: &Lens) -> Vec<Constraint> {
-        let mut all = Vec::with_capacity(2 * lens.surfaces.len());
-        for (surface, s) in lens.surfaces[..lens.surfaces.len() - 1].iter().enumerate() {
-            if s.glass.is_air() {
-                let least_mm = self.air_gap_mm;
-                all.extend([
-                    Constraint::AirEdge { surface, least_mm },
-                    Constraint::Air { surface, least_mm },
-                ]);
-            } else {
-                let least_mm = self.element_edge_mm;
-                all.extend([
-                    Constraint::Edge { surface, least_mm },
-                    Constraint::Centre { surface, least_mm },
-                ]);
-            }
-        }
-        all.push(Constraint::ImageDistance { least_mm: self.back_focal_mm });
-        all
-    }
-}
-
 /// Distance from a surface to the next at a height, mm: the edge thickness of an element, or the air there, positive in the
 /// direction of light; the least all round, and the direction across the axis in which it is. `None` where one of the surfaces
 /// does not reach that far.

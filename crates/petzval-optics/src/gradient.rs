@@ -2,7 +2,6 @@
 
 use std::ops::{AddAssign, Index, IndexMut};
 
-use crate::lens::{Departure, xy_powers};
 use crate::number::Number;
 use crate::trace::Sequence;
 
@@ -57,18 +56,9 @@ impl LensGradient {
         if !sequence.is_mirror_symmetric {
             return;
         }
-        for (i, s) in sequence.surfaces.iter().enumerate() {
-            if s.frame.is_some() {
-                for number in [Number::Decenter(0), Number::Tilt(1), Number::Tilt(2)] {
-                    self[(i, number)] = 0.0;
-                }
-            }
-            if let Departure::Xy { .. } = s.shape.departure {
-                for (k, (power_of_x, _)) in xy_powers().enumerate() {
-                    if power_of_x % 2 == 1 {
-                        self[(i, Number::Departure(k))] = 0.0;
-                    }
-                }
+        for (surface, s) in sequence.surfaces.iter().enumerate() {
+            for number in Number::ALL.into_iter().filter(|n| n.breaks_mirror_symmetry(&s.shape)) {
+                self[(surface, number)] = 0.0;
             }
         }
     }

@@ -3,13 +3,14 @@
 mod common;
 
 use common::{nominal_triplet, special_lenses};
-use petzval_optics::constraint::{Clearances, Constraint, penalty};
+use petzval_optics::constraint::{Constraint, penalty};
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, Pickup, SmoothSpace, Solves, Variable};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Action, Departure, Lens, ObjectDistance, Pattern, Phase, Surface, SurfaceShape};
 use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::number::Number;
+use petzval_optics::optimize::Limits;
 use petzval_optics::paraxial::{
     FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order,
     pull_back_image_distance, pull_back_image_height,
@@ -496,8 +497,14 @@ fn first_order_properties() {
 #[test]
 fn clearances() {
     let lens = nominal_triplet();
-    let wanted = Clearances { element_edge_mm: 6.0, air_gap_mm: 4.0, back_focal_mm: 30.0 };
-    let constraints = wanted.constraints(&lens);
+    let limits = Limits {
+        element_edge_mm: Some(6.0),
+        element_centre_mm: Some(6.0),
+        air_gap_mm: Some(4.0),
+        ..Limits::default()
+    };
+    let mut constraints = limits.constraints(&lens, 0.0);
+    constraints.push(Constraint::ImageDistance { least_mm: 30.0 });
     let (value, gradient) = penalty(&constraints, &lens).unwrap();
     assert!(value > 1.0);
     // The semi-diameter is where the edge is measured, not a variable of the penalty.

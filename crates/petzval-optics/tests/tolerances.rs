@@ -6,7 +6,7 @@ mod common;
 use common::{nominal_triplet, special_lenses};
 use petzval_files::{parse_tolerances, write_tolerances};
 use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape};
-use petzval_optics::merit::{Better, FieldSet, Merit, MeritOf, Mtf, RmsSpot};
+use petzval_optics::merit::{Better, FieldSet, Merit, Mtf, RmsSpot};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::PsfKind;
@@ -475,6 +475,27 @@ fn compensators_reach_the_best_place() {
     }
 }
 
+/// A merit without its gradient.
+struct ValueAlone<'a>(&'a dyn Merit);
+
+impl Merit for ValueAlone<'_> {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+
+    fn unit(&self) -> &str {
+        self.0.unit()
+    }
+
+    fn better(&self) -> Better {
+        self.0.better()
+    }
+
+    fn value(&self, lens: &Lens) -> Option<f64> {
+        self.0.value(lens)
+    }
+}
+
 #[test]
 fn a_merit_without_gradient_is_compensated_alike() {
     let lens = nominal_triplet();
@@ -487,12 +508,7 @@ fn a_merit_without_gradient_is_compensated_alike() {
         of_surface(Quantity::Abbe, 2, 1.0),
     ];
     let rms = RmsSpot::new(&lens);
-    let plain = MeritOf {
-        name: "the same".into(),
-        unit: "um".into(),
-        better: Better::Lower,
-        function: |l: &Lens| rms.value(l),
-    };
+    let plain = ValueAlone(&rms);
     let tolerances = Tolerances { perturbations: perturbations.clone(), compensators };
     let (by_gradient, by_values) =
         (Study::new(&lens, &tolerances, &rms).unwrap(), Study::new(&lens, &tolerances, &plain).unwrap());

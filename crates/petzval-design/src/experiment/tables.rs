@@ -2,7 +2,9 @@
 
 use petzval_base::parameters;
 use petzval_camera::sensor::{Exposure, NoiseMode};
-use petzval_optics::constraint::Clearances;
+use petzval_optics::constraint::Constraint;
+use petzval_optics::lens::Lens;
+use petzval_optics::optimize::Limits;
 use petzval_optics::psf::PsfKind;
 
 parameters! {
@@ -144,12 +146,16 @@ impl ExposureConfig {
 }
 
 impl ConstraintConfig {
-    /// The clearances without their weight.
-    pub fn clearances(&self) -> Clearances {
-        Clearances {
-            element_edge_mm: self.element_edge_mm,
-            air_gap_mm: self.air_gap_mm,
-            back_focal_mm: self.back_focal_mm,
-        }
+    /// What it demands of a lens, apart from its field of view.
+    pub fn of_lens(&self, lens: &Lens) -> Vec<Constraint> {
+        let limits = Limits {
+            element_edge_mm: Some(self.element_edge_mm),
+            element_centre_mm: Some(self.element_edge_mm),
+            air_gap_mm: Some(self.air_gap_mm),
+            ..Limits::default()
+        };
+        let mut all = limits.constraints(lens, 0.0);
+        all.push(Constraint::ImageDistance { least_mm: self.back_focal_mm });
+        all
     }
 }

@@ -65,12 +65,12 @@ impl SmoothMap {
         s.clamp(-1.0, 1.0).asin()
     }
 
-    /// An x on a bound, or near it, moved inside by a thousandth of the range: the map has no slope on the bound itself.
+    /// An x on a bound, or near it, moved inside by a ten-thousandth of the range: the map has no slope on the bound itself.
     fn off_bounds(&self, x: f64) -> f64 {
         if !(self.max - self.min).is_finite() {
             return x;
         }
-        let limit = 0.998_f64.asin();
+        let limit = 0.9998_f64.asin();
         x.clamp(-limit, limit)
     }
 }
@@ -133,7 +133,7 @@ impl SmoothSpace {
     }
 
     /// Free coordinates from which a gradient step can start: those on a bound, where the map has no slope, are moved inside by a
-    /// thousandth of their range.
+    /// ten-thousandth of their range.
     pub fn off_bounds(&self, x: &[f64]) -> Vec<f64> {
         self.maps.iter().zip(x).map(|(map, x)| map.off_bounds(*x)).collect()
     }

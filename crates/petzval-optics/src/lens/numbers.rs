@@ -1,6 +1,6 @@
 //! Numbers of a lens by name: read, written, and what they do to its symmetry.
 
-use super::{Action, Lens};
+use super::{Action, Lens, SurfaceShape};
 use crate::number::Number;
 
 impl Number {
@@ -52,9 +52,9 @@ impl Number {
     }
 
     /// Whether a change of it breaks the symmetry of the lens about the y-z plane, in which the fields lie.
-    pub(crate) fn breaks_mirror_symmetry(self, lens: &Lens, surface: usize) -> bool {
+    pub(crate) fn breaks_mirror_symmetry(self, shape: &SurfaceShape) -> bool {
         match self {
-            Self::Departure(k) => !lens.surfaces[surface].shape.departure.is_mirror_symmetric_in(k),
+            Self::Departure(k) => !shape.departure.is_mirror_symmetric_in(k),
             Self::Decenter(axis) => axis == 0,
             Self::Tilt(axis) => axis != 0,
             _ => false,

@@ -1,6 +1,7 @@
 //! Merits: scalars that a lens is judged by, with their gradients where they have them.
 //!
-//! Spots ([`RmsSpot`], and by residuals [`SpotResiduals`]), contrast ([`Mtf`]) and task losses ([`MeritOf`], or an implementation of [`Merit`]) are merits alike.
+//! Spots ([`RmsSpot`], and by residuals [`SpotResiduals`]) and contrast ([`Mtf`]) are merits alike; a task loss implements
+//! [`Merit`].
 
 mod fields;
 mod mtf;
@@ -88,35 +89,5 @@ pub trait Merit: Sync {
     /// lens has no value.
     fn normal_equations(&self, _lens: &Lens, _numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
         None
-    }
-}
-
-/// A merit from a function, without a gradient.
-pub struct MeritOf<F> {
-    /// What it is called.
-    pub name: String,
-    /// Its unit.
-    pub unit: String,
-    /// Which way it is good.
-    pub better: Better,
-    /// The function.
-    pub function: F,
-}
-
-impl<F: Fn(&Lens) -> Option<f64> + Sync> Merit for MeritOf<F> {
-    fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    fn unit(&self) -> &str {
-        &self.unit
-    }
-
-    fn better(&self) -> Better {
-        self.better
-    }
-
-    fn value(&self, lens: &Lens) -> Option<f64> {
-        (self.function)(lens)
     }
 }

@@ -42,6 +42,48 @@ pub struct Limits {
     pub chief_ray_angle_rad: Option<f64>,
 }
 
+impl Limits {
+    /// The constraints that they are for a lens, behind every surface from the first on; `field_rad` is its outermost field.
+    pub fn constraints(&self, lens: &Lens, field_rad: f64) -> Vec<Constraint> {
+        let mut all = Vec::new();
+        let last = lens.surfaces.len() - 1;
+        for surface in 0..last {
+            if lens.surfaces[surface].glass.is_air() {
+                if let Some(least_mm) = self.air_gap_mm.filter(|_| !has_open_gap(lens, surface)) {
+                    all.push(Constraint::AirEdge { surface, least_mm });
+                    all.push(Constraint::Air { surface, least_mm });
+                }
+            } else {
+                all.extend(self.element_edge_mm.map(|least_mm| Constraint::Edge { surface, least_mm }));
+                all.extend(self.element_centre_mm.map(|least_mm| Constraint::Centre { surface, least_mm }));
+            }
+        }
+        all.extend(self.back_focal_mm.map(|between_mm| Constraint::BackFocal { between_mm }));
+        all.extend(self.track_mm.map(|most_mm| Constraint::Track { most_mm }));
+        let of_clear =
+            |surface| self.clear_diameter_mm.map(|most_mm| Constraint::ClearDiameter { surface, most_mm });
+        all.extend((0..=last).filter_map(of_clear));
+        all.extend(self.distortion.map(|share| Constraint::Distortion { field_rad, share }));
+        let of_slope =
+            |surface| self.slope_rad.map(|steepest_rad| Constraint::Slope { surface, steepest_rad });
+        all.extend((0..=last).filter_map(of_slope));
+        let greatest = self.chief_ray_angle_rad;
+        all.extend(greatest.map(|greatest_rad| Constraint::ChiefRayAngle { field_rad, greatest_rad }));
+        all
+    }
+}
+
+/// Whether a gap of air need not be kept: the lens itself has nothing there, beside a plane that divides nothing, such as a
+/// stop on a vertex or a coordinate break.
+fn has_open_gap(lens: &Lens, surface: usize) -> bool {
+    let is_dummy = |i: usize| {
+        let s = &lens.surfaces[i];
+        let front = if i > 0 { lens.surfaces[i - 1].glass.clone() } else { Glass::air() };
+        s.glass == front && s.action == Action::Refract && s.phase.is_none()
+    };
+    lens.surfaces[surface].thickness_mm == 0.0 && (is_dummy(surface) || is_dummy(surface + 1))
+}
+
 /// The clear radii at which constraints are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Apertures {
@@ -118,36 +160,12 @@ impl Problem {
         DesignSpace::new(self.base.clone(), variables, self.pickups.clone(), self.solves, self.focus)
     }
 
-    /// The constraints that its limits and the bounds of its solves make, and the further ones.
+    /// The further constraints, those of its limits, and the bounds of its solves.
     pub fn constraints(&self) -> Vec<Constraint> {
-        let limits = &self.limits;
         let mut all = self.further.clone();
-        let last = self.base.surfaces.len() - 1;
-        for surface in 0..last {
-            if self.base.surfaces[surface].glass.is_air() {
-                if let Some(least_mm) = limits.air_gap_mm.filter(|_| !self.has_open_gap(surface)) {
-                    all.push(Constraint::Air { surface, least_mm });
-                    all.push(Constraint::AirEdge { surface, least_mm });
-                }
-            } else {
-                all.extend(limits.element_centre_mm.map(|least_mm| Constraint::Centre { surface, least_mm }));
-                all.extend(limits.element_edge_mm.map(|least_mm| Constraint::Edge { surface, least_mm }));
-            }
-        }
+        all.extend(self.limits.constraints(&self.base, self.merit.outermost_field_rad()));
         let solved = self.solves.efl.and_then(|s| Some((s.surface, s.radius_mm?)));
         all.extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
-        all.extend(limits.back_focal_mm.map(|between_mm| Constraint::BackFocal { between_mm }));
-        all.extend(limits.track_mm.map(|most_mm| Constraint::Track { most_mm }));
-        let of_clear =
-            |surface| limits.clear_diameter_mm.map(|most_mm| Constraint::ClearDiameter { surface, most_mm });
-        all.extend((0..=last).filter_map(of_clear));
-        let field_rad = self.merit.outermost_field_rad();
-        all.extend(limits.distortion.map(|share| Constraint::Distortion { field_rad, share }));
-        let of_slope =
-            |surface| limits.slope_rad.map(|steepest_rad| Constraint::Slope { surface, steepest_rad });
-        all.extend((0..=last).filter_map(of_slope));
-        let greatest = limits.chief_ray_angle_rad;
-        all.extend(greatest.map(|greatest_rad| Constraint::ChiefRayAngle { field_rad, greatest_rad }));
         all
     }
 
@@ -157,7 +175,7 @@ impl Problem {
             return v;
         }
         let least = match self.base.surfaces[v.surface].glass.is_air() {
-            true if self.has_open_gap(v.surface) => None,
+            true if has_open_gap(&self.base, v.surface) => None,
             true => self.limits.air_gap_mm,
             false => self.limits.element_centre_mm,
         };
@@ -169,20 +187,9 @@ impl Problem {
         v
     }
 
-    /// Whether a gap of air is none that has to be kept: the lens itself has nothing there, beside a plane that divides
-    /// nothing, such as a stop on a vertex or a coordinate break.
-    pub(super) fn has_open_gap(&self, surface: usize) -> bool {
-        let is_dummy = |i: usize| {
-            let s = &self.base.surfaces[i];
-            let front = if i > 0 { self.base.surfaces[i - 1].glass.clone() } else { Glass::air() };
-            s.glass == front && s.action == Action::Refract && s.phase.is_none()
-        };
-        self.base.surfaces[surface].thickness_mm == 0.0 && (is_dummy(surface) || is_dummy(surface + 1))
-    }
-
     /// Which halves of the pupil have to be looked at.
     pub(super) fn sides(&self) -> Sides {
-        let breaks = |v: &Variable| v.number.breaks_mirror_symmetry(&self.base, v.surface);
+        let breaks = |v: &Variable| v.number.breaks_mirror_symmetry(&self.base.surfaces[v.surface].shape);
         let follows = |p: &Pickup| {
             self.variables.get(p.variable).is_some_and(|v| breaks(&Variable { surface: p.surface, ..*v }))
         };
