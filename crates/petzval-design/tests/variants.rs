@@ -109,7 +109,7 @@ fn a_fourth_variant_and_a_further_score_are_toml_and_one_file() {
         variant("end-to-end", JOINT),
     ]
     .concat();
-    let slowly = "optics = { learning_rate = 1e-6 }\n";
+    let slowly = "schedule.optics.learning_rate = 1e-6\n";
     let fourth = variant("refined", &format!("from = \"spot-optimised\"\n{JOINT}{slowly}"));
     let text = format!("{TINY}{scores}{three}{fourth}");
     let folder = tempfile::tempdir().unwrap();
@@ -145,8 +145,8 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", &format!("from = \"b\"\n{NETWORK}")), "no earlier variant"),
         (variant("a", "[[variant.stage]]\nmoves = []\n"), "moves no block"),
         (variant("a", "[[variant.stage]]\nmoves = [\"network\", \"network\"]\n"), "moves twice"),
-        (variant("a", &format!("{NETWORK}optics = {{ steps = 7 }}\n")), "does not move"),
-        (variant("a", &format!("{NETWORK}network = {{ learning_rate = -0.5 }}\n")), "must lie between"),
+        (variant("a", &format!("{NETWORK}schedule.optics.steps = 7\n")), "does not move"),
+        (variant("a", &format!("{NETWORK}schedule.network.learning_rate = -0.5\n")), "must lie between"),
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
         (variant("a", &format!("{SPOT}optics = {{ steps = 3 }}\n{NETWORK}")), "takes no schedule"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
