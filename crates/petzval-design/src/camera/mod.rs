@@ -20,7 +20,6 @@ use petzval_camera::tape::{
     Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op, srgb_encode_op,
 };
 use petzval_learn::network::PictureNetwork;
-use petzval_learn::objective::Labels;
 
 use crate::error::DesignError;
 
