@@ -5,6 +5,7 @@
 //! experiment and the count of steps alone, never from a variant's place in the list.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -66,6 +67,12 @@ impl Position {
         self.taken.get(&block).copied().unwrap_or(0)
     }
 
+    /// The variant in work.
+    fn variant<'s>(&self, setup: &'s Setup) -> Option<&'s Variant> {
+        let name = self.variant.as_ref()?;
+        setup.variants.iter().find(|v| v.name == *name)
+    }
+
     /// Refuses a position that the run of this setup cannot have at this step.
     fn check(&self, setup: &Setup, step: u64) -> Result<(), &'static str> {
         if self.step != step {
@@ -87,11 +94,11 @@ impl Position {
 }
 
 /// A run in work.
-pub struct DesignLoop<'a> {
-    setup: &'a Setup,
-    run: &'a RunFolder,
+pub struct DesignLoop {
+    setup: Arc<Setup>,
+    run: RunFolder,
     objective: Box<dyn Objective>,
-    scorer: Scorer<'a>,
+    scorer: Scorer,
     blocks: Blocks,
     position: Position,
     /// The camera of the lens as it stands, made anew only when the lens has moved.
@@ -108,10 +115,11 @@ struct Step {
     learning_rate: f64,
 }
 
-impl<'a> DesignLoop<'a> {
+impl DesignLoop {
     /// Starts a run in an empty folder, or goes on from the latest checkpoint of one.
-    pub fn new(setup: &'a Setup, run: &'a RunFolder, scorer: Scorer<'a>) -> Result<Self, DesignError> {
-        let checkpoint = latest_checkpoint(run)?;
+    pub fn new(run: RunFolder, scorer: Scorer) -> Result<Self, DesignError> {
+        let setup = scorer.setup().clone();
+        let checkpoint = latest_checkpoint(&run)?;
         let first = setup.variants.first().map(|v| v.name.clone());
         let mut position = Position { variant: first, ..Position::default() };
         let damaged =
@@ -120,10 +128,9 @@ impl<'a> DesignLoop<'a> {
             let path = folder.join(POSITION_FILE);
             let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
             position = serde_json::from_str(&text).map_err(|e| damaged(&path, e.to_string()))?;
-            position.check(setup, *step).map_err(|problem| damaged(&path, problem.to_owned()))?;
+            position.check(&setup, *step).map_err(|problem| damaged(&path, problem.to_owned()))?;
         }
-        let current = setup.variants.iter().find(|v| Some(&v.name) == position.variant.as_ref());
-        let variant = current.or(setup.variants.last()).ok_or_else(|| DesignError::Run {
+        let variant = position.variant(&setup).or(setup.variants.last()).ok_or_else(|| DesignError::Run {
             path: run.config(),
             problem: "the experiment has no variants".to_owned(),
         })?;
@@ -133,7 +140,8 @@ impl<'a> DesignLoop<'a> {
         }
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
-        Ok(Self { objective: setup.objective()?, scorer, blocks, position, camera: None, log, setup, run })
+        let objective = setup.objective()?;
+        Ok(Self { objective, scorer, blocks, position, camera: None, log, setup, run })
     }
 
     /// Runs to the end, or until `stop` is set; then the step in work is finished and a checkpoint written.
@@ -141,7 +149,8 @@ impl<'a> DesignLoop<'a> {
         // Scoring a variant is a step too.
         let total: usize = self.setup.variants.iter().map(|v| v.steps() + 1).sum();
         observer.start(self.position.step, total as u64);
-        while let Some(variant) = self.variant() {
+        let setup = self.setup.clone();
+        while let Some(variant) = self.position.variant(&setup) {
             if stop.load(Ordering::Relaxed) {
                 self.checkpoint()?;
                 return Ok(Ending::Stopped(self.position.step));
@@ -185,7 +194,7 @@ impl<'a> DesignLoop<'a> {
                 self.checkpoint()?;
             }
         }
-        let metrics = collect_metrics(self.setup, self.run, self.scorer.scores())?;
+        let metrics = collect_metrics(&self.setup, &self.run, self.scorer.scores())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&self.run.metrics(), text.as_bytes())?;
         Ok(Ending::Finished(Box::new(metrics)))
@@ -194,21 +203,18 @@ impl<'a> DesignLoop<'a> {
     /// Takes one step of a block, out of turn, for the first variant in which lens and network move together: for measuring
     /// its cost.
     pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
-        let together = |s: &'a Stage| match s {
-            Stage::Task(moves) if moves.len() > 1 => Some(moves),
-            _ => None,
-        };
-        let find = |v: &'a Variant| v.stages.iter().find_map(together).map(|s| (v, s));
-        match self.setup.variants.iter().find_map(find) {
+        let setup = self.setup.clone();
+        let together = setup.variants.iter().find_map(|variant| {
+            let moves = variant.stages.iter().find_map(|stage| match stage {
+                Stage::Task(moves) if moves.len() > 1 => Some(moves),
+                _ => None,
+            });
+            moves.map(|moves| (variant, moves))
+        });
+        match together {
             Some((variant, moves)) => self.step(variant, moves, block).map(|_| ()),
             None => Ok(()),
         }
-    }
-
-    /// The variant in work.
-    fn variant(&self) -> Option<&'a Variant> {
-        let name = self.position.variant.as_ref()?;
-        self.setup.variants.iter().find(|v| v.name == *name)
     }
 
     /// One step of a block for the task.
@@ -293,7 +299,7 @@ impl<'a> DesignLoop<'a> {
 
     /// The windows of a step: the same for every variant.
     fn shots(&self, step: u64) -> Result<Vec<Shot>, DesignError> {
-        let (setup, batch) = (self.setup, self.setup.experiment.training.batch);
+        let (setup, batch) = (&self.setup, self.setup.experiment.training.batch);
         let (crops, photos) = (&setup.training_crops, setup.photos.training());
         (0..batch)
             .map(|item| {
@@ -343,7 +349,7 @@ impl<'a> DesignLoop<'a> {
 
     fn checkpoint(&self) -> Result<(), DesignError> {
         let keep = self.setup.experiment.checkpoint.keep;
-        save_checkpoint(self.run, self.position.step, keep, |folder| {
+        save_checkpoint(&self.run, self.position.step, keep, |folder| {
             let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
             std::fs::write(&path, text).map_err(DesignError::io(&path))?;
@@ -351,7 +357,7 @@ impl<'a> DesignLoop<'a> {
         })?;
         // A variant that has not begun adds nothing to the history of lenses.
         let p = &self.position;
-        if let (Some(variant), true) = (self.variant(), p.stage > 0 || !p.taken.is_empty()) {
+        if let (Some(variant), true) = (p.variant(&self.setup), p.stage > 0 || !p.taken.is_empty()) {
             let path = self.run.lens_at_step(p.step);
             write_file(&path, self.lens_text(variant, &self.lens(variant)?).as_bytes())?;
         }
@@ -383,7 +389,7 @@ impl<'a> DesignLoop<'a> {
         save_blocks(&folder, self.blocks.all(), Kept::Numbers)?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&folder.join("metrics.json"), text.as_bytes())?;
-        crate::pictures::save(self.run, &variant.name, &pictures)?;
+        crate::pictures::save(&self.run, &variant.name, &pictures)?;
         observer.camera(&metrics);
         self.begin_next(variant)?;
         let losses = metrics.scores.clone();
@@ -392,17 +398,18 @@ impl<'a> DesignLoop<'a> {
 
     /// Makes the next variant ready: from its lens with a new network, or from the variant that it names.
     fn begin_next(&mut self, done: &Variant) -> Result<(), DesignError> {
-        let variants = &self.setup.variants;
+        let setup = self.setup.clone();
+        let variants = &setup.variants;
         let next = variants.iter().position(|v| v.name == done.name).and_then(|i| variants.get(i + 1));
         let step = self.position.step;
         self.position = Position { step, variant: next.map(|v| v.name.clone()), ..Position::default() };
         self.camera = None;
         if let Some(next) = next {
-            self.blocks = self.setup.blocks(next)?;
+            self.blocks = setup.blocks(next)?;
             if let Some(from) = &next.from {
                 load_blocks(&self.run.camera(from), self.blocks.all_mut(), Kept::Numbers)?;
                 // It sees other windows than those that it was trained on.
-                self.position.before = self.setup.task_steps_before(next);
+                self.position.before = setup.task_steps_before(next);
                 let first = next.stages.first();
                 self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
             }

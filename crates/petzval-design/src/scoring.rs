@@ -1,6 +1,7 @@
 //! Scores on held-out photographs: exact noise, fixed places from the sensor's centre to its corner.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
@@ -37,14 +38,14 @@ pub struct ScoredPicture {
 }
 
 /// Scores cameras by what an experiment names.
-pub struct Scorer<'a> {
-    setup: &'a Setup,
+pub struct Scorer {
+    setup: Arc<Setup>,
     scores: Vec<Box<dyn Score>>,
 }
 
-impl<'a> Scorer<'a> {
+impl Scorer {
     /// The scores of `known` that `scoring.scores` names, in that order.
-    pub fn new(setup: &'a Setup, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
+    pub fn new(setup: Arc<Setup>, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
         let mut known: Vec<Option<Box<dyn Score>>> = known.into_iter().map(Some).collect();
         let mut scores = Vec::new();
         for name in &setup.experiment.scoring.scores {
@@ -58,6 +59,11 @@ impl<'a> Scorer<'a> {
             }
         }
         Ok(Self { setup, scores })
+    }
+
+    /// The experiment whose cameras are scored.
+    pub fn setup(&self) -> &Arc<Setup> {
+        &self.setup
     }
 
     /// The scores that are computed.
@@ -76,7 +82,7 @@ impl<'a> Scorer<'a> {
         };
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
-        for (photo, relative_field, shot) in held_out_shots(self.setup, camera)? {
+        for (photo, relative_field, shot) in held_out_shots(&self.setup, camera)? {
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
             let truth_tensor = Labels::of_pictures(&camera.scenes(&shots)?, &camera.body().device).picture;
@@ -100,7 +106,7 @@ impl<'a> Scorer<'a> {
             });
         }
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        Ok((camera_metrics(self.setup, name, lens, captured, scored)?, pictures))
+        Ok((camera_metrics(&self.setup, name, lens, captured, scored)?, pictures))
     }
 }
 

@@ -1,6 +1,7 @@
 //! A fourth variant and a further score take a few lines of TOML and this one file.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use petzval_design::assets::Assets;
@@ -91,9 +92,10 @@ fn run(experiment: Experiment, folder: &Path) -> Metrics {
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let folder = RunFolder::create(folder).unwrap();
     keep_inputs(&setup, &assets, &folder).unwrap();
+    let setup = Arc::new(setup);
     let mut scores = standard_scores(&setup.lpips().unwrap());
     scores.push(Box::new(MeanAbsoluteError));
-    let design = DesignLoop::new(&setup, &folder, Scorer::new(&setup, scores).unwrap()).unwrap();
+    let design = DesignLoop::new(folder, Scorer::new(setup, scores).unwrap()).unwrap();
     match design.run(&mut Silent, &AtomicBool::new(false)).unwrap() {
         Ending::Finished(metrics) => *metrics,
         Ending::Stopped(step) => panic!("stopped at {step}"),
@@ -161,7 +163,8 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
-    let error = Scorer::new(&setup, standard_scores(&setup.lpips().unwrap())).err().unwrap();
+    let scores = standard_scores(&setup.lpips().unwrap());
+    let error = Scorer::new(Arc::new(setup), scores).err().unwrap();
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
 }
 

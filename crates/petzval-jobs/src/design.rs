@@ -1,6 +1,7 @@
 //! `design`: the joint optimisation of a camera, and the comparison with its controls.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
@@ -98,32 +99,33 @@ pub enum RunEnding {
 /// Begins a run or goes on with one, until it is finished or cancelled.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device(&request.device)?;
-    let (setup, folder) = match &request.run {
+    let (scorer, folder) = match &request.run {
         Run::Resume(root) => {
             let folder = RunFolder::open(root)?;
             let experiment = context.assets.experiment_of_run(&folder)?;
             let setup = Setup::new(experiment, &context.assets, device)?;
             check_inputs(&setup, &folder)?;
-            (setup, folder)
+            (scorer(setup)?, folder)
         }
         Run::New(new) => {
             let experiment = resolved(new, context)?;
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
             let setup = Setup::new(experiment, &context.assets, device)?;
-            scorer(&setup)?;
+            let scorer = scorer(setup)?;
+            let setup = scorer.setup();
             let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
             let folder = RunFolder::create(&root)?;
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
-            keep_inputs(&setup, &context.assets, &folder)?;
-            (setup, folder)
+            keep_inputs(setup, &context.assets, &folder)?;
+            (scorer, folder)
         }
     };
+    let setup = scorer.setup().clone();
     let _only_one = folder.lock()?;
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
-    let scorer = scorer(&setup)?;
     let mut watch = Watch { context, scores: scorer.scores(), total: 0 };
-    let ending = DesignLoop::new(&setup, &folder, scorer)?.run(&mut watch, context.cancellation())?;
+    let ending = DesignLoop::new(folder.clone(), scorer)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
@@ -134,8 +136,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// What scores the cameras of an experiment.
-pub(crate) fn scorer(setup: &Setup) -> Result<Scorer<'_>, JobError> {
-    Ok(Scorer::new(setup, standard_scores(&setup.lpips()?))?)
+pub(crate) fn scorer(setup: Setup) -> Result<Scorer, JobError> {
+    let scores = standard_scores(&setup.lpips()?);
+    Ok(Scorer::new(Arc::new(setup), scores)?)
 }
 
 /// The experiment of a new run, complete: every default and every change is in it.

@@ -39,7 +39,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;
-    let scorer = scorer(&setup)?;
+    let scorer = scorer(setup)?;
+    let setup = scorer.setup();
     if scorer.scores() != kept.scores {
         return Err(JobError::input(
             format!("{}: the run has other scores than its config.toml names", request.run.display()),

@@ -8,6 +8,7 @@
 //! Two equal requests give equal results to the last bit: budgets count steps or rounds, and a limit in seconds is only
 //! an additional stop.
 
+pub mod bench;
 mod built_in;
 mod context;
 pub mod design;

@@ -1,18 +1,18 @@
 //! Workloads of the camera: a full frame rendered and exposed.
 
-use petzval::base::simd::level;
-use petzval::base::simd::widest;
-use petzval::built_in_assets;
-use petzval::camera::image::LinearImage;
-use petzval::camera::render::{Placement, RenderGeometry, kernel_radius, render};
-use petzval::camera::sensor::{Capture, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose};
-use petzval::design::error::DesignError;
-use petzval::design::psf_plan::PsfPlan;
-use petzval::optics::psf::PsfOptions;
-use petzval::optics::pupil::Quadrature;
+use petzval_base::simd::level;
+use petzval_base::simd::widest;
+use petzval_camera::image::LinearImage;
+use petzval_camera::render::{Placement, RenderGeometry, kernel_radius, render};
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose};
+use petzval_design::error::DesignError;
+use petzval_design::psf_plan::PsfPlan;
+use petzval_optics::psf::PsfOptions;
+use petzval_optics::pupil::Quadrature;
 
 use super::workload::{Prepared, Workload};
-use crate::cli::failure::Failure;
+use crate::built_in::built_in_assets;
+use crate::error::JobError;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };
@@ -34,7 +34,7 @@ fn texture(height: usize, width: usize) -> LinearImage {
     image
 }
 
-fn rendering() -> Result<Prepared, Failure> {
+fn rendering() -> Result<Prepared, JobError> {
     let lens = built_in_assets().lens("cooke-triplet-nominal")?.lens;
     let quadrature = Quadrature::grid(64).map_err(DesignError::from)?;
     let plan = PsfPlan::new(13, 6.634, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
@@ -54,7 +54,7 @@ fn rendering() -> Result<Prepared, Failure> {
 }
 
 /// A frame of an uneven specimen with every noise on, on one thread.
-fn sensor() -> Result<Prepared, Failure> {
+fn sensor() -> Result<Prepared, JobError> {
     let nonuniformity = NonUniformity {
         specimen: 1,
         dsnu_pixel_e: 3.0,
@@ -72,7 +72,7 @@ fn sensor() -> Result<Prepared, Failure> {
     let light = texture(FRAME.0, FRAME.1);
     let exposure = Exposure { white_e: 16000.0, time_s: 0.005, linear_gain: 1.0 };
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let alone = alone.map_err(|e| Failure::job(format!("no thread for the bench: {e}")))?;
+    let alone = alone.map_err(|e| JobError::failed(format!("no thread for the bench: {e}")))?;
     let mut frame = 0;
     Ok(Prepared {
         work: "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise, DSNU, PRNU, hot pixels, row and \

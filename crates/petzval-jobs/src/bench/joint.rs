@@ -1,20 +1,17 @@
 //! Workloads of joint optimisation: a network step and a lens step of the built-in experiment.
 
-use std::sync::Arc;
-
-use petzval::base::simd::widest;
-use petzval::built_in_assets;
-use petzval::design::block::BlockName;
-use petzval::design::design_loop::DesignLoop;
-use petzval::design::error::DesignError;
-use petzval::design::run::RunFolder;
-use petzval::design::scoring::Scorer;
-use petzval::design::setup::Setup;
-use petzval::jobs::{Context, Silent};
-use petzval::learn::score::standard_scores;
+use petzval_base::simd::widest;
+use petzval_design::block::BlockName;
+use petzval_design::design_loop::DesignLoop;
+use petzval_design::error::DesignError;
+use petzval_design::run::RunFolder;
+use petzval_design::setup::Setup;
 
 use super::workload::{Prepared, Workload};
-use crate::cli::failure::Failure;
+use crate::built_in::built_in_assets;
+use crate::design::scorer;
+use crate::device::device;
+use crate::error::JobError;
 
 pub(super) fn workloads() -> Vec<Workload> {
     vec![
@@ -23,20 +20,14 @@ pub(super) fn workloads() -> Vec<Workload> {
     ]
 }
 
-fn step(kind: BlockName) -> Result<Prepared, Failure> {
+fn step(kind: BlockName) -> Result<Prepared, JobError> {
     let assets = built_in_assets();
     let experiment = assets.experiment("cooke-triplet-image-quality")?;
     let training = experiment.training.clone();
     let network = experiment.network.clone();
-    // The loop exists as long as the process, so its settings and its scratch folder are leaked on purpose.
-    let setup: &'static Setup = Box::leak(Box::new(Setup::new(
-        experiment,
-        &assets,
-        Context::new(assets.clone(), Arc::new(Silent)).device("cpu")?,
-    )?));
+    let setup = Setup::new(experiment, &assets, device("cpu")?)?;
     let scratch = std::env::temp_dir().join(format!("petzval-bench-{}", std::process::id()));
-    let folder: &'static RunFolder = Box::leak(Box::new(RunFolder::create(&scratch)?));
-    let mut design = DesignLoop::new(setup, folder, Scorer::new(setup, standard_scores(&setup.lpips()?))?)?;
+    let mut design = DesignLoop::new(RunFolder::create(&scratch)?, scorer(setup)?)?;
     // Single steps write nothing.
     std::fs::remove_dir_all(&scratch).map_err(DesignError::io(&scratch))?;
     let what = match kind {

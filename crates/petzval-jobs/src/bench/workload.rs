@@ -1,16 +1,13 @@
 //! The workloads of `petzval bench`.
 
-use petzval::design::error::DesignError;
-use petzval::jobs::JobError;
-
-use crate::cli::failure::Failure;
+use crate::error::JobError;
 
 /// A workload: its name, and its preparation for repeated runs.
 pub struct Workload {
     pub name: &'static str,
     /// The instruction set that its hot loops use.
     pub simd: fn() -> &'static str,
-    pub prepare: fn() -> Result<Prepared, Failure>,
+    pub prepare: fn() -> Result<Prepared, JobError>,
 }
 
 /// A prepared workload.
@@ -21,11 +18,5 @@ pub struct Prepared {
     pub units: Option<(f64, &'static str)>,
     /// Whether it always runs on one thread.
     pub single_thread: bool,
-    pub run: Box<dyn FnMut() -> Result<(), Failure>>,
-}
-
-impl From<DesignError> for Failure {
-    fn from(error: DesignError) -> Self {
-        JobError::from(error).into()
-    }
+    pub run: Box<dyn FnMut() -> Result<(), JobError>>,
 }

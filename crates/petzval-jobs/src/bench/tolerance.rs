@@ -1,14 +1,14 @@
 //! Workloads of tolerances: random lenses.
 
-use petzval::base::simd::level;
-use petzval::optics::merit::RmsSpot;
-use petzval::optics::tolerance::{
+use petzval_base::simd::level;
+use petzval_optics::merit::RmsSpot;
+use petzval_optics::tolerance::{
     Distribution, Freedom, Grade, Study, Tolerances, default_tolerances, monte_carlo,
 };
 
 use super::optics::nominal;
 use super::workload::{Prepared, Workload};
-use crate::cli::failure::Failure;
+use crate::error::JobError;
 
 /// Number of lenses.
 const TRIALS: usize = 1000;
@@ -17,7 +17,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     vec![Workload { name: "tolerance_1000", simd: level, prepare: random_lenses }]
 }
 
-fn random_lenses() -> Result<Prepared, Failure> {
+fn random_lenses() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let tolerances = Tolerances {
         perturbations: default_tolerances(&lens, Grade::Commercial, Distribution::Normal, false),
@@ -33,10 +33,11 @@ fn random_lenses() -> Result<Prepared, Failure> {
         units: None,
         single_thread: false,
         run: Box::new(move || {
-            let study = Study::new(&lens, &tolerances, &merit).map_err(|e| Failure::job(e.to_string()))?;
+            let study =
+                Study::new(&lens, &tolerances, &merit).map_err(|e| JobError::failed(e.to_string()))?;
             let found = monte_carlo(&study, 1, TRIALS, &|| {});
             if found.failed() > 0 {
-                return Err(Failure::job(format!("{} lenses have no image", found.failed())));
+                return Err(JobError::failed(format!("{} lenses have no image", found.failed())));
             }
             std::hint::black_box(found);
             Ok(())

@@ -1,25 +1,25 @@
 //! Workloads of the lens: rays, spots, PSFs, and their gradients, on the nominal triplet.
 
-use petzval::base::simd::level;
-use petzval::built_in_assets;
-use petzval::design::error::DesignError;
-use petzval::design::psf_plan::PsfPlan;
-use petzval::optics::analysis::{AnalysisOptions, analyze};
-use petzval::optics::design_space::{EflSolve, Solves, Variable};
-use petzval::optics::gradient::LensGradient;
-use petzval::optics::lens::Lens;
-use petzval::optics::merit::SpotResiduals;
-use petzval::optics::number::Number;
-use petzval::optics::optimize::{LevenbergOptions, Problem, descend};
-use petzval::optics::paraxial::first_order;
-use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
-use petzval::optics::pupil::{PupilSampling, Quadrature};
-use petzval::optics::spot::mean_square_spot_sampled;
-use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
-use petzval::report::lens_sheet::{PICTURES, page};
+use petzval_base::simd::level;
+use petzval_design::error::DesignError;
+use petzval_design::psf_plan::PsfPlan;
+use petzval_optics::analysis::{AnalysisOptions, analyze};
+use petzval_optics::design_space::{EflSolve, Solves, Variable};
+use petzval_optics::gradient::LensGradient;
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::SpotResiduals;
+use petzval_optics::number::Number;
+use petzval_optics::optimize::{LevenbergOptions, Problem, descend};
+use petzval_optics::paraxial::first_order;
+use petzval_optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
+use petzval_optics::pupil::{PupilSampling, Quadrature};
+use petzval_optics::spot::mean_square_spot_sampled;
+use petzval_optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
+use petzval_report::lens_sheet::{PICTURES, page};
 
 use super::workload::{Prepared, Workload};
-use crate::cli::failure::Failure;
+use crate::built_in::built_in_assets;
+use crate::error::JobError;
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
@@ -48,7 +48,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     ]
 }
 
-pub(super) fn nominal() -> Result<Lens, Failure> {
+pub(super) fn nominal() -> Result<Lens, JobError> {
     Ok(built_in_assets().lens("cooke-triplet-nominal")?.lens)
 }
 
@@ -62,7 +62,7 @@ fn all_aspheres(mut lens: Lens) -> Lens {
     lens
 }
 
-fn quadrature(cells: usize) -> Result<Quadrature, Failure> {
+fn quadrature(cells: usize) -> Result<Quadrature, JobError> {
     Ok(Quadrature::grid(cells).map_err(DesignError::from)?)
 }
 
@@ -79,7 +79,7 @@ fn bundle(lens: &Lens) -> RayBundle {
     rays
 }
 
-fn tracing(lens: Lens) -> Result<Prepared, Failure> {
+fn tracing(lens: Lens) -> Result<Prepared, JobError> {
     let (sequence, start) = (lens.at_wavelength(lens.reference_um), bundle(&lens));
     let units = (start.len() * sequence.surfaces.len()) as f64;
     Ok(Prepared {
@@ -95,7 +95,7 @@ fn tracing(lens: Lens) -> Result<Prepared, Failure> {
     })
 }
 
-fn adjoint() -> Result<Prepared, Failure> {
+fn adjoint() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let (sequence, start) = (lens.at_wavelength(lens.reference_um), bundle(&lens));
     let units = (start.len() * sequence.surfaces.len()) as f64;
@@ -115,7 +115,7 @@ fn adjoint() -> Result<Prepared, Failure> {
     })
 }
 
-fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, Failure> {
+fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let fields: Vec<f64> = (0..13).map(|i| (FIELD_DEG * f64::from(i) / 12.0).to_radians()).collect();
     Ok(Prepared {
@@ -131,7 +131,7 @@ fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, Failu
     })
 }
 
-fn psf_rgb() -> Result<Prepared, Failure> {
+fn psf_rgb() -> Result<Prepared, JobError> {
     let (lens, quadrature) = (nominal()?, quadrature(160)?);
     Ok(Prepared {
         work: "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 160 x 160 cells".to_owned(),
@@ -145,7 +145,7 @@ fn psf_rgb() -> Result<Prepared, Failure> {
     })
 }
 
-fn psf_rgb_gradient() -> Result<Prepared, Failure> {
+fn psf_rgb_gradient() -> Result<Prepared, JobError> {
     let (lens, quadrature) = (nominal()?, quadrature(160)?);
     let template: Vec<f64> = (0..128 * 128).map(|i| f64::from(i % 7)).collect();
     Ok(Prepared {
@@ -157,7 +157,7 @@ fn psf_rgb_gradient() -> Result<Prepared, Failure> {
             let field = FIELD_DEG.to_radians();
             let Some((psf, tape)) = psf_with_tape(&lens, field, &WAVELENGTHS_UM, &quadrature, &options)
             else {
-                return Err(Failure::job("no light at 15 degrees"));
+                return Err(JobError::failed("no light at 15 degrees"));
             };
             let wish = PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3] };
             std::hint::black_box(tape.gradient(&psf, &quadrature, &wish));
@@ -166,7 +166,7 @@ fn psf_rgb_gradient() -> Result<Prepared, Failure> {
     })
 }
 
-fn psf_13_fields() -> Result<Prepared, Failure> {
+fn psf_13_fields() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let plan = PsfPlan::new(13, 6.634, WAVELENGTHS_UM, PsfOptions::default(), quadrature(160)?);
     Ok(Prepared {
@@ -193,7 +193,7 @@ fn nominal_efl(lens: &Lens) -> Solves {
     Solves { efl: Some(EflSolve { surface: 6, efl_mm, radius_mm: None }), length: None }
 }
 
-fn lm_iteration() -> Result<Prepared, Failure> {
+fn lm_iteration() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let mut variables: Vec<Variable> = Vec::new();
     for surface in [0, 1, 2, 3, 5] {
@@ -234,20 +234,20 @@ fn lm_iteration() -> Result<Prepared, Failure> {
         single_thread: true,
         run: Box::new(move || {
             let options = LevenbergOptions { iterations: 1, tolerance: 0.0 };
-            let descent =
-                descend(&problem, &options, &mut |_, _, _| true).map_err(|e| Failure::job(e.to_string()))?;
+            let descent = descend(&problem, &options, &mut |_, _, _| true)
+                .map_err(|e| JobError::failed(e.to_string()))?;
             std::hint::black_box(descent);
             Ok(())
         }),
     })
 }
 
-fn triplet_recovery() -> Result<Prepared, Failure> {
+fn triplet_recovery() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let still = Problem::new(lens.clone());
     let go = |problem: &Problem| {
         descend(problem, &LevenbergOptions::default(), &mut |_, _, _| true)
-            .map_err(|e| Failure::job(e.to_string()))
+            .map_err(|e| JobError::failed(e.to_string()))
     };
     let nominal_um = go(&still)?.best.mean_rms_um();
     let solves = nominal_efl(&lens);
@@ -266,16 +266,16 @@ fn triplet_recovery() -> Result<Prepared, Failure> {
             let options = LevenbergOptions::default();
             let target = nominal_um * (1.0 + 1e-9);
             let descent = descend(&problem, &options, &mut |_, analysis, _| analysis.mean_rms_um() > target)
-                .map_err(|e| Failure::job(e.to_string()))?;
+                .map_err(|e| JobError::failed(e.to_string()))?;
             if descent.best.mean_rms_um() > target {
-                return Err(Failure::job(format!("only {:.3} um", descent.best.mean_rms_um())));
+                return Err(JobError::failed(format!("only {:.3} um", descent.best.mean_rms_um())));
             }
             Ok(())
         }),
     })
 }
 
-fn lens_analyze() -> Result<Prepared, Failure> {
+fn lens_analyze() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     Ok(Prepared {
         work: "every analysis, as data, 15 pictures and a page; 4 fields x 3 wavelengths".to_owned(),
@@ -283,8 +283,10 @@ fn lens_analyze() -> Result<Prepared, Failure> {
         single_thread: false,
         run: Box::new(move || {
             let analysis =
-                analyze(&lens, &AnalysisOptions::default()).map_err(|e| Failure::job(e.to_string()))?;
-            std::hint::black_box(serde_json::to_string(&analysis).map_err(|e| Failure::job(e.to_string()))?);
+                analyze(&lens, &AnalysisOptions::default()).map_err(|e| JobError::failed(e.to_string()))?;
+            std::hint::black_box(
+                serde_json::to_string(&analysis).map_err(|e| JobError::failed(e.to_string()))?,
+            );
             for picture in PICTURES {
                 std::hint::black_box(picture.svg(&analysis));
             }

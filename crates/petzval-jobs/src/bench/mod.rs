@@ -1,0 +1,93 @@
+//! `bench`: measures the speed of standard workloads.
+
+mod camera;
+mod joint;
+mod optics;
+mod tolerance;
+mod workload;
+
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
+use petzval_base::statistics::median;
+use serde::{Deserialize, Serialize};
+
+use self::workload::Workload;
+use crate::error::JobError;
+
+/// A workload to measure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Its name, one of [`names`].
+    pub workload: String,
+    /// Seconds to spend on it; it runs at least three times.
+    pub seconds: f64,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { workload: "psf_rgb".to_owned(), seconds: 2.0 }
+    }
+}
+
+/// What was measured: medians over the runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Name of the workload.
+    pub name: String,
+    /// CPU time of a run on all threads, s.
+    pub cpu_s: f64,
+    /// Time of a run by the clock, s.
+    pub wall_s: f64,
+    /// Threads that it may use.
+    pub threads: usize,
+    /// The instruction set of its hot loops.
+    pub simd: String,
+    /// What a run does.
+    pub work: String,
+}
+
+fn workloads() -> Vec<Workload> {
+    let mut all = optics::workloads();
+    all.extend(tolerance::workloads());
+    all.extend(camera::workloads());
+    all.extend(joint::workloads());
+    all
+}
+
+/// Names of the workloads, in the order of the light.
+pub fn names() -> Vec<&'static str> {
+    workloads().iter().map(|w| w.name).collect()
+}
+
+/// Runs a workload once to warm up, then for the time of the request.
+pub fn run(request: &Request) -> Result<Response, JobError> {
+    let Request { workload: name, seconds } = request;
+    let Some(workload) = workloads().into_iter().find(|w| w.name == *name) else {
+        return Err(JobError::setting("only", name, "no such workload", names().join(", ")));
+    };
+    if !(*seconds > 0.0 && *seconds <= 3600.0) {
+        return Err(JobError::setting("seconds", seconds, "not between 0 and 3600", "2 is usual"));
+    }
+    let mut prepared = (workload.prepare)()?;
+    (prepared.run)()?;
+    let (mut cpu, mut wall) = (Vec::new(), Vec::new());
+    let began = Instant::now();
+    while wall.len() < 3 || began.elapsed().as_secs_f64() < *seconds {
+        let (start_cpu, start) = (ProcessTime::now(), Instant::now());
+        (prepared.run)()?;
+        cpu.push(start_cpu.elapsed().as_secs_f64());
+        wall.push(start.elapsed().as_secs_f64());
+    }
+    let (cpu_s, wall_s) = (median(cpu), median(wall));
+    let work = match prepared.units {
+        Some((units, what)) => {
+            format!("{}; {:.1} M {what} per CPU second", prepared.work, 1e-6 * units / cpu_s)
+        }
+        None => prepared.work,
+    };
+    let threads = if prepared.single_thread { 1 } else { rayon::current_num_threads() };
+    let simd = (workload.simd)().to_owned();
+    Ok(Response { name: workload.name.to_owned(), cpu_s, wall_s, threads, simd, work })
+}
