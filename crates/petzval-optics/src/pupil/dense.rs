@@ -6,7 +6,7 @@ use super::basis::{Parity, PupilBasis};
 use super::map::{MapCotangent, PupilMap};
 use super::polynomial::{PupilPolynomial, Sides};
 use crate::lanes::{Lanes, MAX_LANES, width};
-use crate::trace::SOFT_EDGE_MM;
+use crate::trace::soft_edge;
 
 /// Rows of the half disk `p_x > 0`: strips of equal height, with points of equal area.
 #[derive(Clone, Debug)]
@@ -221,22 +221,6 @@ const COUNTING: [f64; MAX_LANES] = {
     all
 };
 
-/// Transmission of a soft edge at squared radius u, and its derivatives by u and by the semi-diameter.
-#[inline(always)]
-fn soft_edge<S: Simd>(u: Lanes<S>, semi_diameter_mm: f64) -> Option<[Lanes<S>; 3]> {
-    let inside = (semi_diameter_mm - SOFT_EDGE_MM).max(0.0);
-    if u.lt(u.constant(inside * inside)).all() {
-        return None;
-    }
-    let one = u.constant(1.0);
-    let radius = u.max(u.constant(1e-24)).sqrt();
-    let at = ((radius - semi_diameter_mm) * (1.0 / SOFT_EDGE_MM)).max(-one).min(one);
-    let square = at * at;
-    let transmission = ((square * at) * 0.25 - at * 0.75 + 0.5).max(u.constant(0.0));
-    let by_radius = (square - one) * (0.75 / SOFT_EDGE_MM);
-    Some([transmission, by_radius * 0.5 / radius, -by_radius])
-}
-
 impl<'a> DenseMap<'a> {
     pub fn new(map: &'a PupilMap, rows: &'a PupilRows) -> Self {
         let table = |polynomial| Table::new(rows, map.basis(), polynomial);
@@ -284,8 +268,8 @@ impl<'a> DenseMap<'a> {
         // Multiply the transmissions of the clear apertures.
         let mut transmission = zero.constant(1.0);
         for (h, table) in self.map.heights.iter().zip(&self.heights) {
-            if let Some([through, ..]) = soft_edge(table.at(row, p_x, square), h.semi_diameter_mm) {
-                transmission = transmission * through;
+            if let Some(edge) = soft_edge(table.at(row, p_x, square), h.semi_diameter_mm) {
+                transmission = transmission * edge.transmission;
             }
         }
         Points {
@@ -329,16 +313,15 @@ impl<'a> DenseMap<'a> {
         let light = self.light.at(row, p_x, at);
         let zero = at.constant(0.0);
         for (k, (h, table)) in self.map.heights.iter().zip(&self.heights).enumerate() {
-            let Some([through, by_u, by_semi]) = soft_edge(table.at(row, p_x, at), h.semi_diameter_mm) else {
-                continue;
-            };
+            let Some(edge) = soft_edge(table.at(row, p_x, at), h.semi_diameter_mm) else { continue };
+            let (through, by_u) = (edge.transmission, edge.by_radius * 0.5 / edge.radius_mm);
             // Differentiate the product of transmissions: that of the other apertures is transmission / through, or 0
             // where this aperture is closed.
             let open = zero.lt(through);
             let others = open.select(points.transmission / open.select(through, zero.constant(1.0)), zero);
             let through_bar = bar.weight * points.share * light * others;
             sums.heights[k].add_moments(row, through_bar * by_u, p_x, at);
-            sums.semi_diameters[k] += (through_bar * by_semi).sum();
+            sums.semi_diameters[k] += (through_bar * -edge.by_radius).sum();
         }
     }
 

@@ -3,7 +3,8 @@
 use super::fate::Fate;
 use super::ray::Ray;
 use super::sequence::Sequence;
-use super::surface_step::{Passage, aperture_transmission, pass};
+use super::soft_edge::aperture_transmission;
+use super::surface_step::{Passage, pass};
 use crate::vector::along;
 
 /// The path of one ray.

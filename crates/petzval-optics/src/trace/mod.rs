@@ -11,6 +11,7 @@ mod kernel;
 mod launch;
 mod ray;
 mod sequence;
+mod soft_edge;
 mod surface_step;
 
 pub use crate::vector::Vec3;
@@ -25,4 +26,6 @@ pub use launch::{Launch, launch};
 pub use ray::{Ray, RayBundle};
 pub(crate) use sequence::Bending;
 pub use sequence::{Sequence, SurfaceAtWavelength};
-pub use surface_step::{Passage, SOFT_EDGE_MM, aperture_transmission};
+pub(crate) use soft_edge::soft_edge;
+pub use soft_edge::{SOFT_EDGE_MM, aperture_transmission};
+pub use surface_step::Passage;

@@ -7,10 +7,6 @@ use crate::jet::{Dual, Jet};
 use crate::lens::Departure;
 use crate::vector::{Vec3, along, dot};
 
-/// Half-width of the soft edge of a clear aperture, mm: transmission falls smoothly from one to zero
-/// between `semi - SOFT_EDGE_MM` and `semi + SOFT_EDGE_MM`, so that vignetting has a gradient.
-pub const SOFT_EDGE_MM: f64 = 0.02;
-
 /// Newton steps allowed for an asphere; a well-posed ray needs three or four.
 const MAX_NEWTON: usize = 30;
 
@@ -30,21 +26,6 @@ pub struct Passage {
     pub path_mm: f64,
     /// Slopes of the sag: dz/dx, dz/dy.
     pub slope: [f64; 2],
-}
-
-/// Transmission of a clear aperture at `radius_mm`, and its derivative with respect to the radius.
-///
-/// A smooth step `T(s) = 1/2 - 3/4 s + 1/4 s^3` in `s = (radius - semi) / SOFT_EDGE_MM`, |s| <= 1.
-#[inline]
-pub fn aperture_transmission(radius_mm: f64, semi_diameter_mm: f64) -> (f64, f64) {
-    let s = (radius_mm - semi_diameter_mm) / SOFT_EDGE_MM;
-    if s <= -1.0 {
-        (1.0, 0.0)
-    } else if s >= 1.0 {
-        (0.0, 0.0)
-    } else {
-        (0.5 - 0.75 * s + 0.25 * s * s * s, 0.75 * (s * s - 1.0) / SOFT_EDGE_MM)
-    }
 }
 
 /// Path along `ray` to the conic part of the surface, starting from any point of the ray.
@@ -187,24 +168,4 @@ pub(crate) fn pass(s: &SurfaceAtWavelength, index: usize, ray: &Ray) -> Result<P
 pub(crate) fn unit_normal(slope: [f64; 2]) -> (Vec3, f64) {
     let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
     ([-slope[0] / length, -slope[1] / length, 1.0 / length], length)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn soft_edge_is_smooth_and_monotonic() {
-        let semi = 3.0;
-        assert_eq!(aperture_transmission(semi - SOFT_EDGE_MM, semi).0, 1.0);
-        assert_eq!(aperture_transmission(semi + SOFT_EDGE_MM, semi).0, 0.0);
-        assert!((aperture_transmission(semi, semi).0 - 0.5).abs() < 1e-15);
-        let h = 1e-6;
-        for i in -9..=9 {
-            let r = semi + 0.1 * f64::from(i) * SOFT_EDGE_MM;
-            let numeric =
-                (aperture_transmission(r + h, semi).0 - aperture_transmission(r - h, semi).0) / (2.0 * h);
-            assert!((aperture_transmission(r, semi).1 - numeric).abs() < 1e-5);
-        }
-    }
 }

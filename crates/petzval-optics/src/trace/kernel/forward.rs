@@ -6,10 +6,10 @@ use super::frame;
 use super::rays::Rays;
 use super::surface::{meet, redirect};
 use crate::lanes::{Lanes, Mask, V3, along, width};
-use crate::trace::SOFT_EDGE_MM;
 use crate::trace::fate::{Loss, clipped_at};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::{Sequence, SurfaceAtWavelength};
+use crate::trace::soft_edge::soft_edge;
 use petzval_base::simd::dispatch;
 
 /// The crossing of one surface by rays, recorded for the backward sweep.
@@ -43,21 +43,11 @@ pub(super) struct Arrival<S: Simd> {
     pub optical_path: Lanes<S>,
 }
 
-/// Transmission of a clear aperture with a soft edge at `u = r^2` (see `aperture_transmission`), and its derivative by r
-/// over r; `None` where every ray passes well inside.
+/// Transmission of a clear aperture at `u = r^2`, and its derivative by r over r; `None` where every ray passes well inside.
 #[inline(always)]
 pub(super) fn aperture<S: Simd>(s: &SurfaceAtWavelength, u: Lanes<S>) -> Option<(Lanes<S>, Lanes<S>)> {
-    let inside = (s.semi_diameter_mm - SOFT_EDGE_MM).max(0.0);
-    if u.lt(u.constant(inside * inside)).all() {
-        return None;
-    }
-    let one = u.constant(1.0);
-    let radius = u.sqrt();
-    let at = ((radius - s.semi_diameter_mm) * (1.0 / SOFT_EDGE_MM)).max(-one).min(one);
-    let square = at * at;
-    let transmission = (square * at) * 0.25 - at * 0.75 + 0.5;
-    let by_radius = (square - one) * (0.75 / SOFT_EDGE_MM);
-    Some((transmission.max(u.constant(0.0)), by_radius / radius.max(u.constant(1e-12))))
+    let edge = soft_edge(u, s.semi_diameter_mm)?;
+    Some((edge.transmission, edge.by_radius / edge.radius_mm))
 }
 
 /// Moves failed rays onto the axis, so that their numbers stay finite, and records the reason.
