@@ -11,7 +11,7 @@ use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
-use crate::experiment::Experiment;
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::glass_warnings::glass_warnings;
 use crate::run::RunFolder;
 
@@ -198,15 +198,46 @@ impl Assets {
         let source = self.text("experiment", "experiments", name)?;
         let mut experiment = parse(&source.text).map_err(DesignError::input(&source.path))?;
         let folder = source.path.parent().unwrap_or(Path::new(""));
-        let own = experiment.variant.iter_mut().filter_map(|v| v.lens.as_mut());
-        let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.photos];
-        for input in shared.into_iter().chain(own) {
+        let variants = experiment.variant.iter_mut().enumerate();
+        let own = variants.filter_map(|(i, v)| {
+            Some((vec!["variant".into(), i.to_string(), "lens".into()], v.lens.as_mut()?))
+        });
+        let shared = [
+            (vec!["lens".to_owned()], &mut experiment.lens),
+            (vec!["sensor".to_owned()], &mut experiment.sensor),
+            (vec!["photos".to_owned()], &mut experiment.photos),
+        ];
+        for (key, input) in shared.into_iter().chain(own) {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();
             }
+            // A key that the file leaves out has a default that exists.
+            let path: Vec<&str> = key.iter().map(String::as_str).collect();
+            let error = FileError::at_key(&source.text, &path, "neither a file nor built in");
+            let (Some(hint), Some(_)) = (self.missing_input(path[path.len() - 1], input), error.line) else {
+                continue;
+            };
+            return Err(DesignError::input(&source.path)(error.hint(hint)));
         }
         Ok(experiment)
+    }
+
+    /// What to write in place of an input of an experiment that is neither there nor built in; `None` if it is.
+    fn missing_input(&self, key: &str, name: &str) -> Option<String> {
+        let folder = match key {
+            "lens" => "lenses",
+            "sensor" => "sensors",
+            _ => {
+                let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();
+                return (!is_there).then(|| "a folder of pictures, or \"built-in\"".to_owned());
+            }
+        };
+        match self.text("input", folder, name) {
+            Err(DesignError::Unknown { near: Some(near), .. }) => Some(format!("did you mean \"{near}\"?")),
+            Err(DesignError::Unknown { known, .. }) => Some(format!("a path, or one of {known}")),
+            _ => None,
+        }
     }
 }
 

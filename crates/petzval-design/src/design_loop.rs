@@ -16,11 +16,11 @@ use petzval_learn::objective::Objective;
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Batch, Block, BlockName, NetworkBlock, OpticsBlock};
+use crate::block::{Batch, BlockName, Blocks};
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::run::{
-    CameraMetrics, Event, EventLog, Metrics, RunFolder, latest_checkpoint, load_blocks, save_blocks,
+    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, latest_checkpoint, load_blocks, save_blocks,
     save_checkpoint, write_file,
 };
 use crate::scoring::{Scorer, collect_metrics};
@@ -86,44 +86,6 @@ impl Position {
     }
 }
 
-/// The blocks of a variant.
-struct Blocks {
-    optics: OpticsBlock,
-    network: NetworkBlock,
-}
-
-impl Blocks {
-    /// The blocks as a variant finds them.
-    fn new(setup: &Setup, variant: &Variant) -> Result<Self, DesignError> {
-        let weight = setup.experiment.constraints.weight;
-        let optics = OpticsBlock::new(setup.start(variant).clone(), weight);
-        Ok(Self { optics, network: setup.network()? })
-    }
-
-    fn all(&self) -> [&dyn Block; 2] {
-        [&self.optics, &self.network]
-    }
-
-    fn all_mut(&mut self) -> [&mut dyn Block; 2] {
-        [&mut self.optics, &mut self.network]
-    }
-
-    /// Starts a stage; none is the end of the variant.
-    fn begin_stage(&mut self, stage: Option<&Stage>) {
-        for block in self.all_mut() {
-            let steps = stage.map_or(0, |s| s.task_steps_of(block.name()));
-            block.begin_stage(steps > 0);
-        }
-    }
-
-    fn get_mut(&mut self, name: BlockName) -> &mut dyn Block {
-        match name {
-            BlockName::Optics => &mut self.optics,
-            BlockName::Network => &mut self.network,
-        }
-    }
-}
-
 /// A run in work.
 pub struct DesignLoop<'a> {
     setup: &'a Setup,
@@ -165,9 +127,9 @@ impl<'a> DesignLoop<'a> {
             path: run.config(),
             problem: "the experiment has no variants".to_owned(),
         })?;
-        let mut blocks = Blocks::new(setup, variant)?;
+        let mut blocks = setup.blocks(variant)?;
         if let Some((_, folder)) = &checkpoint {
-            load_blocks(folder, blocks.all_mut())?;
+            load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
         }
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
@@ -259,16 +221,15 @@ impl<'a> DesignLoop<'a> {
         let taken = self.position.taken(block);
         let rule = moves[&block].rule(taken);
         let before = self.position.before.get(&block).copied().unwrap_or(0);
-        // Lens steps draw windows of their own, behind those of all network steps.
-        let offset = match block {
-            BlockName::Network => 0,
-            BlockName::Optics => variant.steps_of(BlockName::Network),
-        };
+        // Each block draws windows of its own, behind those of all blocks after it in the light.
+        let later = BlockName::ALL.into_iter().filter(|other| *other > block);
+        let offset: usize = later.map(|other| self.setup.task_steps(variant, other)).sum();
         let shots = self.shots((offset + before + taken) as u64)?;
         let camera = self.camera(variant, moves)?;
         let objective = &self.objective;
         let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
-            Ok(objective.loss(frames, &camera.labels(shots)?)?)
+            let labels = objective.labels(&camera.scenes(shots)?, &camera.body().device);
+            Ok(objective.loss(frames, &labels)?)
         };
         let batch = Batch { camera: &camera, shots: &shots, noise: self.noise(), loss: &loss };
         let losses = self.blocks.get_mut(block).step(&batch, rule)?;
@@ -311,7 +272,7 @@ impl<'a> DesignLoop<'a> {
             });
         }
         *self.position.taken.entry(block).or_default() += 1;
-        if block == BlockName::Optics {
+        if block.moves_psfs() {
             self.camera = None;
         }
         Ok(step)
@@ -326,7 +287,8 @@ impl<'a> DesignLoop<'a> {
         }
         self.position.stage += 1;
         self.camera = None;
-        self.blocks.begin_stage(variant.stages.get(self.position.stage));
+        let next = variant.stages.get(self.position.stage);
+        self.blocks.begin_stage(|block| next.map_or(0, |stage| stage.task_steps_of(block)));
     }
 
     /// The windows of a step: the same for every variant.
@@ -366,8 +328,10 @@ impl<'a> DesignLoop<'a> {
         variant: &Variant,
         moves: &BTreeMap<BlockName, Schedule>,
     ) -> Result<Camera, DesignError> {
-        let lens_steps = moves.get(&BlockName::Optics).map_or(0, |s| s.steps);
-        let is_moving = self.position.taken(BlockName::Optics) < lens_steps;
+        let moves_psfs = |(block, schedule): (&BlockName, &Schedule)| {
+            block.moves_psfs() && self.position.taken(*block) < schedule.steps
+        };
+        let is_moving = moves.iter().any(moves_psfs);
         // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
         let camera = match self.camera.take() {
             Some(camera) => camera,
@@ -383,7 +347,7 @@ impl<'a> DesignLoop<'a> {
             let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
             std::fs::write(&path, text).map_err(DesignError::io(&path))?;
-            save_blocks(folder, self.blocks.all())
+            save_blocks(folder, self.blocks.all(), Kept::NumbersAndProgress)
         })?;
         // A variant that has not begun adds nothing to the history of lenses.
         let p = &self.position;
@@ -409,13 +373,14 @@ impl<'a> DesignLoop<'a> {
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
         let camera = self.setup.camera(lens.clone(), false)?.with_network(self.blocks.network.held());
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
-        let metrics = CameraMetrics { network_steps: variant.steps_of(BlockName::Network), ..metrics };
+        let metrics =
+            CameraMetrics { network_steps: self.setup.task_steps(variant, BlockName::Network), ..metrics };
         let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {
             write_file(&path, self.lens_text(variant, &lens).as_bytes())?;
         }
-        save_blocks(&folder, self.blocks.all())?;
+        save_blocks(&folder, self.blocks.all(), Kept::Numbers)?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&folder.join("metrics.json"), text.as_bytes())?;
         crate::pictures::save(self.run, &variant.name, &pictures)?;
@@ -433,10 +398,13 @@ impl<'a> DesignLoop<'a> {
         self.position = Position { step, variant: next.map(|v| v.name.clone()), ..Position::default() };
         self.camera = None;
         if let Some(next) = next {
-            self.blocks = Blocks::new(self.setup, next)?;
+            self.blocks = self.setup.blocks(next)?;
             if let Some(from) = &next.from {
-                load_blocks(&self.run.camera(from), self.blocks.all_mut())?;
-                self.blocks.begin_stage(next.stages.first());
+                load_blocks(&self.run.camera(from), self.blocks.all_mut(), Kept::Numbers)?;
+                // It sees other windows than those that it was trained on.
+                self.position.before = self.setup.task_steps_before(next);
+                let first = next.stages.first();
+                self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
             }
         }
         Ok(())

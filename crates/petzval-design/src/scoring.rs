@@ -8,6 +8,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::srgb_encode_op;
 use petzval_learn::dataset::held_out_placements;
+use petzval_learn::objective::Labels;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -78,7 +79,7 @@ impl<'a> Scorer<'a> {
         for (photo, relative_field, shot) in held_out_shots(self.setup, camera)? {
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
-            let truth_tensor = camera.labels(&shots)?.picture;
+            let truth_tensor = Labels::of_pictures(&camera.scenes(&shots)?, &camera.body().device).picture;
             // As a stored picture would be.
             let finished_tensor = frames.finished.clamp(0.0, 1.0);
             let pair = ScoredPair {

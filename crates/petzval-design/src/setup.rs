@@ -18,7 +18,7 @@ use petzval_optics::lens::Lens;
 use serde::Deserialize;
 
 use crate::assets::Assets;
-use crate::block::NetworkBlock;
+use crate::block::{BlockName, Blocks, NetworkBlock, OpticsBlock};
 use crate::camera::{Body, Camera, PsfSource};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
@@ -73,11 +73,16 @@ impl Setup {
         let moving_plan = psf.plan(&sensor, psf.pupil_cells)?;
         let fixed_plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
         let variants = experiment.variants();
-        let mut starts = BTreeMap::new();
+        let mut starts: BTreeMap<String, Arc<Start>> = BTreeMap::new();
         for name in [&experiment.lens].into_iter().chain(variants.iter().map(|v| &v.lens)) {
             if !starts.contains_key(name) {
                 let start = Start::new(name, &experiment, assets, &sensor, &moving_plan)?;
                 starts.insert(name.clone(), Arc::new(start));
+            }
+        }
+        for variant in variants.iter().filter(|v| v.steps_of(BlockName::Optics) > 0) {
+            if starts[&variant.lens].lens_file.variables.is_empty() {
+                return Err(DesignError::NothingToMove(variant.lens.clone()));
             }
         }
         let layout = PsfLayout {
@@ -146,6 +151,24 @@ impl Setup {
         let NetworkConfig { base_channels, levels } = self.experiment.network;
         let config = UNetConfig { base_channels, levels, ..Default::default() };
         Ok(NetworkBlock::new(config.init(self.experiment.seed, &self.body.device)?))
+    }
+
+    /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.
+    pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
+        let optics = OpticsBlock::new(self.start(variant).clone(), self.experiment.constraints.weight);
+        Ok(Blocks { optics, network: self.network()? })
+    }
+
+    /// Steps that a block has taken for the task at the end of a variant, with those of the variants that it starts from.
+    pub fn task_steps(&self, variant: &Variant, block: BlockName) -> usize {
+        self.task_steps_before(variant).get(&block).copied().unwrap_or(0) + variant.task_steps_of(block)
+    }
+
+    /// Steps that blocks have taken for the task before a variant begins, in the variants that it starts from.
+    pub fn task_steps_before(&self, variant: &Variant) -> BTreeMap<BlockName, usize> {
+        let find = |name: &String| self.variants.iter().find(|v| v.name == *name);
+        let Some(parent) = variant.from.as_ref().and_then(find) else { return BTreeMap::new() };
+        BlockName::ALL.into_iter().map(|block| (block, self.task_steps(parent, block))).collect()
     }
 
     /// Half the sensor's diagonal, mm.

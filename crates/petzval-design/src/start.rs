@@ -42,9 +42,6 @@ impl Start {
         let mut colours = experiment.psf.wavelengths_um.to_vec();
         colours.sort_by(f64::total_cmp);
         lens_file.lens.wavelengths_um = colours;
-        if lens_file.variables.is_empty() {
-            return Err(DesignError::NothingToMove(name.to_owned()));
-        }
         let space = DesignSpace::new(
             lens_file.lens.clone(),
             lens_file.variables.clone(),

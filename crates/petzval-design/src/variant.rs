@@ -76,25 +76,26 @@ impl Stage {
 
     /// The block whose turn it is once blocks have taken these steps; `None` at the end of the stage.
     ///
-    /// The network takes the steps that count. Those of another block are spread evenly over the first `share` of them.
+    /// The last moving block in the order of the light, usually the network, takes the steps that count. Those of another block
+    /// are spread evenly over the first `share` of them.
     pub fn turn(&self, taken: &BTreeMap<BlockName, usize>) -> Option<BlockName> {
         let taken = |block: BlockName| taken.get(&block).copied().unwrap_or(0);
         let Self::Task(moves) = self else {
             return (taken(BlockName::Optics) == 0).then_some(BlockName::Optics);
         };
-        let network = self.steps_of(BlockName::Network);
+        let (clock, Schedule { steps, .. }) = moves.last_key_value()?;
         for (block, schedule) in moves {
-            if *block == BlockName::Network || taken(*block) >= schedule.steps {
+            if block == clock || taken(*block) >= schedule.steps {
                 continue;
             }
-            let span = (schedule.share * network as f64).max(1.0);
-            let passed = (taken(BlockName::Network) + 1) as f64 / span;
+            let span = (schedule.share * *steps as f64).max(1.0);
+            let passed = (taken(*clock) + 1) as f64 / span;
             let due = (passed * schedule.steps as f64) as usize;
-            if taken(*block) < due || taken(BlockName::Network) == network {
+            if taken(*block) < due || taken(*clock) == *steps {
                 return Some(*block);
             }
         }
-        (taken(BlockName::Network) < network).then_some(BlockName::Network)
+        (taken(*clock) < *steps).then_some(*clock)
     }
 }
 

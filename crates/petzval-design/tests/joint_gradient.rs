@@ -59,7 +59,10 @@ fn camera(setup: &Setup, x: &[f64]) -> Camera {
 fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> f64 {
     let camera = camera(setup, x);
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Off, seed: 1 }).unwrap();
-    let parts = objective.loss(&frames, &camera.labels(shots).unwrap()).unwrap().parts;
+    let parts = objective
+        .loss(&frames, &objective.labels(&camera.scenes(shots).unwrap(), &camera.body().device))
+        .unwrap()
+        .parts;
     parts.iter().find(|(name, _)| *name == "total").unwrap().1
 }
 
@@ -68,7 +71,9 @@ fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f
     let objective = setup.objective().unwrap();
     let start = setup.starts[&setup.experiment.lens].clone();
     let camera = camera(setup, start.space.start());
-    let loss = |frames: &Frames, shots: &[Shot]| Ok(objective.loss(frames, &camera.labels(shots)?)?);
+    let loss = |frames: &Frames, shots: &[Shot]| {
+        Ok(objective.loss(frames, &objective.labels(&camera.scenes(shots)?, &camera.body().device))?)
+    };
     let batch = Batch { camera: &camera, shots, noise, loss: &loss };
     let block = OpticsBlock::new(start, setup.experiment.constraints.weight);
     assert_eq!(block.free_numbers(), block.coordinates().len());

@@ -109,7 +109,7 @@ fn a_fourth_variant_and_a_further_score_are_toml_and_one_file() {
         variant("end-to-end", JOINT),
     ]
     .concat();
-    let slowly = "optics = { learning_rate = 1e-6 }\n";
+    let slowly = "schedule.optics.learning_rate = 1e-6\n";
     let fourth = variant("refined", &format!("from = \"spot-optimised\"\n{JOINT}{slowly}"));
     let text = format!("{TINY}{scores}{three}{fourth}");
     let folder = tempfile::tempdir().unwrap();
@@ -145,10 +145,10 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", &format!("from = \"b\"\n{NETWORK}")), "no earlier variant"),
         (variant("a", "[[variant.stage]]\nmoves = []\n"), "moves no block"),
         (variant("a", "[[variant.stage]]\nmoves = [\"network\", \"network\"]\n"), "moves twice"),
-        (variant("a", &format!("{NETWORK}optics = {{ steps = 7 }}\n")), "does not move"),
-        (variant("a", &format!("{NETWORK}network = {{ learning_rate = -0.5 }}\n")), "must lie between"),
+        (variant("a", &format!("{NETWORK}schedule.optics.steps = 7\n")), "does not move"),
+        (variant("a", &format!("{NETWORK}schedule.network.learning_rate = -0.5\n")), "must lie between"),
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
-        (variant("a", &format!("{SPOT}optics = {{ steps = 3 }}\n{NETWORK}")), "takes no schedule"),
+        (variant("a", &format!("{SPOT}schedule.optics.steps = 3\n{NETWORK}")), "takes no schedule"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
     ] {
         let said = refused(&variants);
@@ -189,4 +189,31 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
     assert!(requirements.penalty(&lens).unwrap().0 < 1e-12);
     let (square_um2, _) = mean_square_spot(&lens, &setup.nominal().spot_fields_rad).unwrap();
     assert!((square_um2.sqrt() / losses["rms_spot_um"] - 1.0).abs() < 0.02, "{}", square_um2.sqrt());
+}
+
+#[test]
+fn a_variant_that_starts_from_another_has_its_lens_and_counts_its_steps() {
+    let parent = variant("parent", &format!("lens = \"cooke-triplet-spot\"\n{NETWORK}"));
+    let text = format!("{TINY}{parent}{}", variant("child", &format!("from = \"parent\"\n{NETWORK}")));
+    let folder = tempfile::tempdir().unwrap();
+    let metrics = run(Experiment::parse(&text).unwrap(), folder.path());
+    let [parent, child] = &metrics.rows[..] else { panic!("two rows") };
+    assert_eq!((parent.network_steps, child.network_steps), (4, 8));
+    assert_eq!(parent.rms_spot_um, child.rms_spot_um);
+    let lens =
+        |name: &str| std::fs::read_to_string(folder.path().join("cameras").join(name).join("lens.toml"));
+    assert!(lens("parent").unwrap() == lens("child").unwrap());
+}
+
+#[test]
+fn a_lens_without_variables_can_be_a_control_and_cannot_move() {
+    let lens = "lens = \"eight-element-achromat\"\n";
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let setup = |stage: &str| {
+        let text = format!("{TINY}{}", variant("a", &format!("{lens}{stage}")));
+        Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
+    };
+    assert!(setup(NETWORK).is_ok());
+    let refused = setup(JOINT).err().unwrap().to_string();
+    assert!(refused.contains("no variables"), "{refused}");
 }

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
+use petzval_design::block::Block;
 use petzval_design::inputs::check_inputs;
-use petzval_design::run::{CameraMetrics, Metrics, RunFolder, load_blocks};
+use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, read_metrics};
 use petzval_design::setup::Setup;
 use serde::{Deserialize, Serialize};
@@ -49,7 +50,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
         let mut network = setup.network()?;
-        load_blocks(&folder.camera(&row.camera), [&mut network as &mut dyn petzval_design::block::Block])?;
+        load_blocks(&folder.camera(&row.camera), [&mut network as &mut dyn Block], Kept::Numbers)?;
         let lens = camera_lens(&folder, &row.camera)?.lens;
         let camera = setup.camera(lens, false)?.with_network(network.held());
         let found = scorer.score(&row.camera, &camera)?.0;

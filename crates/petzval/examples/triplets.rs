@@ -11,7 +11,7 @@ use petzval::optics::analysis::{
 use petzval::optics::lens::Lens;
 use petzval::optics::solve::with_paraxial_focus;
 use petzval::report::layout::{CrossSection, Extent};
-use petzval::report::lens_sheet::{PictureKind, picture, spots_in_boxes};
+use petzval::report::lens_sheet::{Picture, spots_in_boxes};
 
 /// Half a cycle on two pixels of 5.86 um, cycles/mm.
 const NYQUIST_PER_MM: f64 = 85.32;
@@ -110,7 +110,10 @@ fn options() -> AnalysisOptions {
 /// MTF and spots of a lens, figures 27 to 30.
 fn show(name: &str, lens: &Lens, is_large: bool, out: &Path) -> Result<Analysis, Failure> {
     let analysis = analyze(lens, &options())?;
-    std::fs::write(out.join(format!("mtf-{name}.svg")), picture(&analysis, PictureKind::Mtf))?;
+    std::fs::write(
+        out.join(format!("mtf-{name}.svg")),
+        Picture::named("mtf").ok_or("no such picture")?.svg(&analysis),
+    )?;
     let side_um = BOX_UM[usize::from(is_large)];
     std::fs::write(out.join(format!("spots-{name}.svg")), spots_in_boxes(&analysis, side_um))?;
     Ok(analysis)

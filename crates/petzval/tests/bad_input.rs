@@ -83,10 +83,18 @@ fn experiments_that_do_not_fit_together() {
         case(
             "\"cooke-triplet-nominal\"",
             "\"no-such\"",
-            &["no lens called `no-such`", "cooke-triplet-nominal"],
+            &["bad.toml:3:", "`lens = \"no-such\"`", "neither a file nor built in", "cooke-triplet-nominal"],
         ),
-        case("\"imx249-fitted\"", "\"no-such\"", &["no sensor called `no-such`", "imx249-fitted"]),
-        case("\"built-in\"", "\"nowhere\"", &["nowhere: cannot be read"]),
+        case(
+            "\"imx249-fitted\"",
+            "\"imx249-fited\"",
+            &["`sensor = \"imx249-fited\"`", "did you mean \"imx249-fitted\"?"],
+        ),
+        case(
+            "\"built-in\"",
+            "\"nowhere\"",
+            &["`photos = \"nowhere\"`", "neither a file nor built in", "a folder of pictures"],
+        ),
         case("\"cooke-triplet-nominal\"", "\"eight-element-achromat\"", &["no variables", "[[variable]]"]),
         case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),

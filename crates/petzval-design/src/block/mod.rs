@@ -4,6 +4,7 @@
 //! A block is held or it moves. While one moves, the others are held: the loss goes back on the tape to the moving block
 //! alone, which takes one step down its gradient.
 
+mod blocks;
 mod network;
 mod optics;
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 
+pub use blocks::Blocks;
 pub use network::NetworkBlock;
 pub use optics::OpticsBlock;
 
@@ -34,6 +36,11 @@ pub enum BlockName {
 impl BlockName {
     /// Every block.
     pub const ALL: [Self; 2] = [Self::Optics, Self::Network];
+
+    /// Whether the PSFs of the camera change when the block moves.
+    pub fn moves_psfs(self) -> bool {
+        self == Self::Optics
+    }
 
     /// The name in experiments, events and checkpoints.
     pub fn name(self) -> &'static str {
@@ -91,11 +98,18 @@ pub trait Block {
         true
     }
 
-    /// Everything that [`Block::load`] needs to go on with the same bits.
-    fn save(&self) -> Result<BlockState, DesignError>;
+    /// The free numbers alone: what a finished camera keeps.
+    fn save_numbers(&self) -> Result<BlockState, DesignError>;
 
-    /// Takes over what [`Block::save`] returned; the error says which part is missing or does not fit, and why.
-    fn load(&mut self, state: &BlockState) -> Result<(), String>;
+    /// Takes over what [`Block::save_numbers`] returned; the error says which part is missing or does not fit, and why.
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
+
+    /// Beside the free numbers, what [`Block::load_progress`] needs to go on within a stage with the same bits: moments of earlier
+    /// gradients, and the centre of the proximal term.
+    fn save_progress(&self) -> Result<BlockState, DesignError>;
+
+    /// Takes over what [`Block::save_progress`] returned; the error says which part is missing or does not fit, and why.
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
 }
 
 /// The parts of a loss by name.

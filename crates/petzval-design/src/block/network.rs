@@ -66,24 +66,23 @@ impl Block for NetworkBlock {
         Ok(losses)
     }
 
-    fn save(&self) -> Result<BlockState, DesignError> {
-        let unwritable = |problem: String| DesignError::Unwritable { what: "the network", problem };
-        let weights = self.network.to_bytes().map_err(|e| unwritable(e.to_string()))?;
-        let anchor = self.anchor.to_bytes().map_err(|e| unwritable(e.to_string()))?;
-        let optimizer = self.optimizer.into_bytes().map_err(|e| unwritable(e.to_string()))?;
-        Ok(BTreeMap::from([
-            (WEIGHTS.to_owned(), weights),
-            (OPTIMIZER.to_owned(), optimizer.to_vec()),
-            (ANCHOR.to_owned(), anchor),
-        ]))
+    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+        Ok(BTreeMap::from([(WEIGHTS.to_owned(), bytes_of(&self.network)?)]))
     }
 
-    fn load(&mut self, state: &BlockState) -> Result<(), String> {
-        let load = |network: &UNet, name: &str| {
-            let bytes = part(state, name)?.to_vec();
-            network.clone().load_bytes(bytes).map_err(|e| format!("{name}: {e}"))
-        };
-        (self.network, self.anchor) = (load(&self.network, WEIGHTS)?, load(&self.anchor, ANCHOR)?);
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
+        self.network = with_bytes(&self.network, state, WEIGHTS)?;
+        Ok(())
+    }
+
+    fn save_progress(&self) -> Result<BlockState, DesignError> {
+        let optimizer = self.optimizer.into_bytes().map_err(|e| unwritable(&e))?;
+        let parts = [(OPTIMIZER, optimizer.to_vec()), (ANCHOR, bytes_of(&self.anchor)?)];
+        Ok(parts.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())
+    }
+
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
+        self.anchor = with_bytes(&self.anchor, state, ANCHOR)?;
         let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
         self.optimizer = AdamConfig::new()
             .init()
@@ -91,6 +90,20 @@ impl Block for NetworkBlock {
             .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
         Ok(())
     }
+}
+
+fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {
+    DesignError::Unwritable { what: "the network", problem: problem.to_string() }
+}
+
+fn bytes_of(network: &UNet) -> Result<Vec<u8>, DesignError> {
+    network.to_bytes().map_err(|e| unwritable(&e))
+}
+
+/// A network with the weights of a part of a state.
+fn with_bytes(network: &UNet, state: &BlockState, name: &str) -> Result<UNet, String> {
+    let bytes = part(state, name)?.to_vec();
+    network.clone().load_bytes(bytes).map_err(|e| format!("{name}: {e}"))
 }
 
 /// The proximal map of `strength / 2 |theta - anchor|^2`: `theta <- (theta + strength anchor) / (1 + strength)`.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, descend};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
@@ -14,6 +15,8 @@ use crate::error::DesignError;
 use crate::start::Start;
 
 const COORDINATES: &str = "coordinates.json";
+const PROGRESS: &str = "progress.json";
+const OTHER_VARIABLES: &str = "the lens has other variables; has its file been changed?";
 
 /// The cost of a violated requirement while spots are minimised, um per mm: soft first, because along a stiff penalty a descent
 /// follows a narrow curved valley and ends in a worse minimum; then so stiff that the requirements are kept to 1e-6 mm.
@@ -27,14 +30,14 @@ pub struct OpticsBlock {
     start: Arc<Start>,
     /// Weight of the requirements' penalty in the loss, 1/mm^2.
     constraint_weight: f64,
-    moving: Moving,
-}
-
-/// The state of the block.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Moving {
     /// Free coordinates.
     x: Vec<f64>,
+    progress: Progress,
+}
+
+/// How far a stage has come, beside the coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Progress {
     /// Moments of the gradient.
     adam: Adam,
     /// The coordinates at the start of the stage: the centre of the proximal term.
@@ -45,17 +48,17 @@ impl OpticsBlock {
     /// The lens from which a design starts.
     pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
         let x = start.space.start().to_vec();
-        Self { start, constraint_weight, moving: Moving { anchor: x.clone(), x, adam: Adam::default() } }
+        Self { start, constraint_weight, progress: Progress { anchor: x.clone(), adam: Adam::default() }, x }
     }
 
     /// The lens as it stands.
     pub fn lens(&self) -> Result<Lens, DesignError> {
-        Ok(self.start.space.lens_at(&self.moving.x)?)
+        Ok(self.start.space.lens_at(&self.x)?)
     }
 
     /// The free coordinates.
     pub fn coordinates(&self) -> &[f64] {
-        &self.moving.x
+        &self.x
     }
 
     /// Losses at the present coordinates, and the derivatives by them of the batch's loss plus the weighted penalty of the
@@ -81,7 +84,7 @@ impl OpticsBlock {
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
         gradient += &by_penalty.scaled(self.constraint_weight);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
-        Ok((losses, self.start.space.pull_back(&self.moving.x, &lens, &gradient)))
+        Ok((losses, self.start.space.pull_back(&self.x, &lens, &gradient)))
     }
 
     /// Makes the spots as small as the requirements allow, by Levenberg and Marquardt's method, whatever the rest of the camera
@@ -103,7 +106,7 @@ impl OpticsBlock {
             seen?;
             left -= descent.iterations;
             losses = spot_losses(&descent.best);
-            self.moving.x = self.start.space.free(&descent.at);
+            self.x = self.start.space.free(&descent.at);
             lens = descent.best.lens;
         }
         Ok(losses)
@@ -112,7 +115,7 @@ impl OpticsBlock {
     /// One step of Adam and the proximal map. A gradient that is no number must not reach the moments: it shows in the
     /// coordinates instead.
     fn descend(&mut self, gradient: &[f64], rule: StepRule) {
-        let Moving { x, adam, anchor } = &mut self.moving;
+        let Self { x, progress: Progress { adam, anchor }, .. } = self;
         if !gradient.iter().all(|g| g.is_finite()) {
             x[0] = f64::NAN;
             return;
@@ -141,15 +144,15 @@ impl Block for OpticsBlock {
     }
 
     fn free_numbers(&self) -> usize {
-        self.moving.x.len()
+        self.x.len()
     }
 
     fn begin_stage(&mut self, is_moving: bool) {
-        self.moving.adam = Adam::default();
+        self.progress.adam = Adam::default();
         if is_moving {
-            self.moving.x = self.start.space.off_bounds(&self.moving.x);
+            self.x = self.start.space.off_bounds(&self.x);
         }
-        self.moving.anchor = self.moving.x.clone();
+        self.progress.anchor = self.x.clone();
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
@@ -159,22 +162,40 @@ impl Block for OpticsBlock {
     }
 
     fn is_finite(&self) -> bool {
-        self.moving.x.iter().all(|x| x.is_finite())
+        self.x.iter().all(|x| x.is_finite())
     }
 
-    fn save(&self) -> Result<BlockState, DesignError> {
-        let text = DesignError::json("the coordinates of the lens", &self.moving)?;
+    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the coordinates of the lens", &self.x)?;
         Ok(BTreeMap::from([(COORDINATES.to_owned(), text.into_bytes())]))
     }
 
-    fn load(&mut self, state: &BlockState) -> Result<(), String> {
-        let moving: Moving =
-            serde_json::from_slice(part(state, COORDINATES)?).map_err(|e| format!("{COORDINATES}: {e}"))?;
-        let free = self.moving.x.len();
-        if moving.x.len() != free || moving.anchor.len() != free || !moving.adam.fits(free) {
-            return Err(format!("{COORDINATES}: the lens has other variables; has its file been changed?"));
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
+        let x: Vec<f64> = parsed(state, COORDINATES)?;
+        if x.len() != self.x.len() {
+            return Err(format!("{COORDINATES}: {OTHER_VARIABLES}"));
         }
-        self.moving = moving;
+        self.x = x;
         Ok(())
     }
+
+    fn save_progress(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the moments of the lens", &self.progress)?;
+        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+    }
+
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
+        let progress: Progress = parsed(state, PROGRESS)?;
+        let free = self.x.len();
+        if progress.anchor.len() != free || !progress.adam.fits(free) {
+            return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));
+        }
+        self.progress = progress;
+        Ok(())
+    }
+}
+
+/// A part of a state that is JSON.
+fn parsed<T: DeserializeOwned>(state: &BlockState, name: &str) -> Result<T, String> {
+    serde_json::from_slice(part(state, name)?).map_err(|e| format!("{name}: {e}"))
 }

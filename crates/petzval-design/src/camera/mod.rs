@@ -20,7 +20,6 @@ use petzval_camera::tape::{
     Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op, srgb_encode_op,
 };
 use petzval_learn::network::PictureNetwork;
-use petzval_learn::objective::Labels;
 
 use crate::error::DesignError;
 
@@ -222,15 +221,11 @@ impl Camera {
         }
     }
 
-    /// The windows of the scenes, sRGB-encoded: what a perfect camera would show.
-    pub fn labels(&self, shots: &[Shot]) -> Result<Labels, DesignError> {
+    /// The windows of the scenes, without the border that only the PSFs need: what a perfect camera would take.
+    pub fn scenes(&self, shots: &[Shot]) -> Result<Vec<LinearImage>, DesignError> {
         let [height, width] = self.window(shots);
-        let mut data = Vec::new();
-        for shot in shots {
-            data.extend(shot.scene.crop(self.border, self.border, height, width)?.to_srgb());
-        }
-        let shape = [shots.len(), 3, height, width];
-        Ok(Labels { picture: Tensor::from_data(TensorData::new(data, shape), &self.body.device) })
+        let window = |shot: &Shot| Ok(shot.scene.crop(self.border, self.border, height, width)?);
+        shots.iter().map(window).collect()
     }
 
     /// Rows and columns of the shots' windows.

@@ -189,10 +189,9 @@ impl Experiment {
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
         self.training.steps = network_steps;
-        for stage in self.variant.iter_mut().flat_map(|v| &mut v.stage) {
-            let own = [&mut stage.optics, &mut stage.network].into_iter().flatten();
-            own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
-        }
+        let stages = self.variant.iter_mut().flat_map(|v| &mut v.stage);
+        let own = stages.flat_map(|stage| stage.schedule.values_mut());
+        own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
     }
 
     /// The experiment with one variant alone, and those from which it starts. `None` if it has none of that name.

@@ -9,11 +9,18 @@ impl Experiment {
     pub fn variants(&self) -> Vec<Variant> {
         let resolve = |v: &VariantConfig| Variant {
             name: v.name.clone(),
-            lens: v.lens.clone().unwrap_or_else(|| self.lens.clone()),
+            lens: self.origin(v).lens.clone().unwrap_or_else(|| self.lens.clone()),
             from: v.from.clone(),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };
         self.variant.iter().map(resolve).collect()
+    }
+
+    /// The variant at the beginning of the chain of `from`, whose lens all variants of the chain have.
+    fn origin<'v>(&'v self, variant: &'v VariantConfig) -> &'v VariantConfig {
+        let parent = variant.from.as_ref().and_then(|from| self.variant.iter().find(|v| v.name == *from));
+        // A variant starts from an earlier one, so the chain ends.
+        parent.map_or(variant, |parent| self.origin(parent))
     }
 }
 
@@ -38,12 +45,9 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             proximal: t.proximal,
         },
     };
-    let own = |block: BlockName| match block {
-        BlockName::Optics => config.optics,
-        BlockName::Network => config.network,
-    };
     let moves = config.moves.iter().map(|block| {
-        let (all, own): (Schedule, ScheduleConfig) = (default(*block), own(*block).unwrap_or_default());
+        let (all, own): (Schedule, ScheduleConfig) =
+            (default(*block), config.schedule.get(block).copied().unwrap_or_default());
         let schedule = Schedule {
             steps: own.steps.unwrap_or(all.steps),
             learning_rate: own.learning_rate.unwrap_or(all.learning_rate),

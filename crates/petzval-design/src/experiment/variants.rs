@@ -1,5 +1,7 @@
 //! The variants of an experiment, as its file says them.
 
+use std::collections::BTreeMap;
+
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
 use schemars::JsonSchema;
@@ -44,12 +46,9 @@ pub struct StageConfig {
     pub goal: Goal,
     /// The blocks that move.
     pub moves: Vec<BlockName>,
-    /// How the lens steps in this stage.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub optics: Option<ScheduleConfig>,
-    /// How the network steps in this stage.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub network: Option<ScheduleConfig>,
+    /// How blocks step in this stage, by block.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub schedule: BTreeMap<BlockName, ScheduleConfig>,
 }
 
 /// How a block steps in one stage, where that differs from the experiment's tables.
@@ -77,7 +76,7 @@ pub struct ScheduleConfig {
 /// fixed; and lens and network together.
 pub fn standard_variants() -> Vec<VariantConfig> {
     let stage =
-        |goal, moves: &[BlockName]| StageConfig { goal, moves: moves.to_vec(), optics: None, network: None };
+        |goal, moves: &[BlockName]| StageConfig { goal, moves: moves.to_vec(), schedule: BTreeMap::new() };
     let variant = |name: &str, stage| VariantConfig { name: name.to_owned(), lens: None, from: None, stage };
     let network = stage(Goal::Task, &[BlockName::Network]);
     vec![
@@ -166,26 +165,20 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
         let message = "the spot goal moves the lens alone".to_owned();
         return Err((vec!["moves"], message, "write `moves = [\"optics\"]`".to_owned()));
     }
-    if stage.goal == Goal::Spot && stage.optics.is_some() {
+    if stage.goal == Goal::Spot && !stage.schedule.is_empty() {
         let hint = "leave it out; the stage ends where it converges, or after `spot.iterations`".to_owned();
-        return Err((vec!["optics"], "the spot goal takes no schedule".to_owned(), hint));
+        return Err((vec!["schedule"], "the spot goal takes no schedule".to_owned(), hint));
     }
-    for (block, schedule) in [(BlockName::Optics, &stage.optics), (BlockName::Network, &stage.network)] {
-        let Some(schedule) = schedule else { continue };
-        if !stage.moves.contains(&block) {
-            let message = format!("`{}` has a schedule and does not move", block.name());
-            return Err((
-                vec![block.name()],
-                message,
-                "add it to `moves`, or leave its schedule out".to_owned(),
-            ));
+    for (block, schedule) in &stage.schedule {
+        let name = block.name();
+        if !stage.moves.contains(block) {
+            let message = format!("`{name}` has a schedule and does not move");
+            let hint = "add it to `moves`, or leave its schedule out".to_owned();
+            return Err((vec!["schedule", name], message, hint));
         }
         if let Some((key, message)) = schedule.out_of_range() {
-            return Err((
-                vec![block.name(), key],
-                message,
-                "leave it out for the experiment's own value".to_owned(),
-            ));
+            let hint = "leave it out for the experiment's own value".to_owned();
+            return Err((vec!["schedule", name, key], message, hint));
         }
     }
     Ok(())

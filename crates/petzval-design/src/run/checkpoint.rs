@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::RunFolder;
+use super::{RunFolder, write_file};
 use crate::block::{Block, BlockName, BlockState};
 use crate::error::DesignError;
 
@@ -56,17 +56,22 @@ fn all_checkpoints(root: &Path) -> Result<Vec<(u64, PathBuf)>, DesignError> {
     Ok(found)
 }
 
-/// Writes the states of blocks into a folder: `blocks/NAME/PART`.
+/// Writes blocks into a folder: `blocks/NAME/PART`. A finished camera keeps their free numbers; a checkpoint also keeps how far
+/// their stage has come.
 pub fn save_blocks<'b>(
     folder: &Path,
     blocks: impl IntoIterator<Item = &'b dyn Block>,
+    kept: Kept,
 ) -> Result<(), DesignError> {
     for block in blocks {
         let folder = block_folder(folder, block.name());
         fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
-        for (part, bytes) in block.save()? {
-            let path = folder.join(part);
-            fs::write(&path, bytes).map_err(DesignError::io(&path))?;
+        let mut parts = block.save_numbers()?;
+        if kept == Kept::NumbersAndProgress {
+            parts.extend(block.save_progress()?);
+        }
+        for (part, bytes) in parts {
+            write_file(&folder.join(part), &bytes)?;
         }
     }
     Ok(())
@@ -76,6 +81,7 @@ pub fn save_blocks<'b>(
 pub fn load_blocks<'b>(
     folder: &Path,
     blocks: impl IntoIterator<Item = &'b mut dyn Block>,
+    kept: Kept,
 ) -> Result<(), DesignError> {
     for block in blocks {
         let folder = block_folder(folder, block.name());
@@ -85,9 +91,22 @@ pub fn load_blocks<'b>(
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             state.insert(name, fs::read(&path).map_err(DesignError::io(&path))?);
         }
-        block.load(&state).map_err(|problem| DesignError::Run { path: folder, problem })?;
+        let loaded = block.load_numbers(&state).and_then(|()| match kept {
+            Kept::Numbers => Ok(()),
+            Kept::NumbersAndProgress => block.load_progress(&state),
+        });
+        loaded.map_err(|problem| DesignError::Run { path: folder, problem })?;
     }
     Ok(())
+}
+
+/// What is kept of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Its free numbers.
+    Numbers,
+    /// Its free numbers, and how far its stage has come.
+    NumbersAndProgress,
 }
 
 fn block_folder(folder: &Path, block: BlockName) -> PathBuf {

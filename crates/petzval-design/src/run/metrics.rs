@@ -42,7 +42,7 @@ pub struct CameraMetrics {
     pub psf_captured: f64,
     /// Photoelectrons of white.
     pub white_e: f64,
-    /// Network steps that the camera got.
+    /// Network steps that the camera got, with those of the variants from which it started.
     pub network_steps: usize,
     /// Polychromatic RMS spot radius per field, um.
     pub rms_spot_by_field_um: Vec<f64>,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_optics::analysis::{AnalysisOptions, analyze, first_order_table};
 use petzval_optics::lens::Lens;
-use petzval_report::lens_sheet::{PictureKind, page, picture};
+use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused};
@@ -26,7 +26,7 @@ const MOST_PER_MM: f64 = 2e4;
 
 /// What to compute of a lens, and what to write.
 ///
-/// Files: one SVG for every [`PictureKind`]; `analysis.html`, all of them on one page; `analysis.json`, the data. Fields and
+/// Files: one SVG for every [`Picture`]; `analysis.html`, all of them on one page; `analysis.json`, the data. Fields and
 /// wavelengths are those of the lens file; rays are aimed at the real stop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -60,7 +60,7 @@ pub struct Response {
 
 /// Names of everything that can be written: the pictures, `html` for the page and `json` for the data.
 pub fn names() -> Vec<&'static str> {
-    PictureKind::ALL.iter().map(|kind| kind.name()).chain([PAGE, DATA]).collect()
+    PICTURES.iter().map(|picture| picture.name).chain([PAGE, DATA]).collect()
 }
 
 impl Request {
@@ -120,17 +120,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = request.folder();
     make_folder(&folder)?;
     let mut files = Vec::new();
-    let kinds: Vec<PictureKind> =
-        PictureKind::ALL.into_iter().filter(|kind| request.is_wanted(kind.name())).collect();
-    for kind in &kinds {
-        let path = folder.join(format!("{}.svg", kind.name()));
-        write(&path, picture(&analysis, *kind))?;
+    let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
+    for picture in &wanted {
+        let path = folder.join(format!("{}.svg", picture.name));
+        write(&path, picture.svg(&analysis))?;
         files.push(path);
     }
     let mut page_file = None;
     if request.is_wanted(PAGE) {
         // A page that is written without pictures beside it shows all of them.
-        let shown = if kinds.is_empty() { &PictureKind::ALL[..] } else { &kinds };
+        let shown = if wanted.is_empty() { PICTURES.iter().collect() } else { wanted };
         let path = folder.join("analysis.html");
         write(&path, page(&analysis, shown))?;
         files.push(path.clone());

@@ -3,20 +3,20 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::Analysis;
 
+use super::picture::Picture;
 use super::style::{field_name, short};
-use super::table::{by_field, first_order, third_order};
-use super::{PictureKind, sheet};
+use super::table::{by_field, first_order};
 use crate::page::{Page, figure, section};
 
 /// The page with some of the pictures. It is self-contained and suitable for printing.
-pub fn page(analysis: &Analysis, kinds: &[PictureKind]) -> String {
+pub fn page<'p>(analysis: &Analysis, pictures: impl IntoIterator<Item = &'p Picture>) -> String {
     let main = html! {
         (section("First order", first_order(analysis)))
         (section("By field", by_field(analysis)))
         section {
-            @for kind in kinds {
-                (figure(&sheet(analysis, *kind).svg()))
-                @if *kind == PictureKind::Seidel { (third_order(analysis)) }
+            @for picture in pictures {
+                (figure(&picture.svg(analysis)))
+                @if let Some(table) = picture.below { (table(analysis)) }
             }
         }
     };

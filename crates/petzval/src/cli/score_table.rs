@@ -9,20 +9,22 @@ pub fn print(metrics: &Metrics) {
     let columns: Vec<_> = columns.collect();
     print!("\n{:<16}", "camera");
     columns.iter().for_each(|(_, heading, width)| print!(" {heading:>width$}"));
-    println!(" {:>12} {:>8} {:>6} {:>8}", "RMS spot um", "EFL mm", "f/#", "FOV deg");
+    println!(" {:>12} {:>8} {:>6} {:>8} {:>14}", "RMS spot um", "EFL mm", "f/#", "FOV deg", "network steps");
     for r in &metrics.rows {
         print!("{:<16}", r.camera);
         for (score, _, width) in &columns {
             let value = r.scores.get(&score.name).copied().unwrap_or(f64::NAN);
             print!(" {value:>width$.d$}", d = score.decimals);
         }
-        println!(" {:>12.2} {:>8.3} {:>6.3} {:>8.2}", r.rms_spot_um, r.efl_mm, r.f_number, r.fov_deg);
+        println!(
+            " {:>12.2} {:>8.3} {:>6.3} {:>8.2} {:>14}",
+            r.rms_spot_um, r.efl_mm, r.f_number, r.fov_deg, r.network_steps
+        );
     }
     println!(
-        "means over {} held-out photographs at {} places each; exposure {} e- of white; {} network steps each",
+        "means over {} held-out photographs at {} places each; exposure {} e- of white",
         metrics.held_out_images,
         metrics.held_out_places,
         metrics.rows.first().map_or(0.0, |r| r.white_e),
-        metrics.rows.first().map_or(0, |r| r.network_steps),
     );
 }

@@ -16,7 +16,7 @@ use petzval::optics::psf::{PsfCotangent, PsfOptions, psf, psf_with_tape};
 use petzval::optics::pupil::{PupilSampling, Quadrature};
 use petzval::optics::spot::mean_square_spot_sampled;
 use petzval::optics::trace::{RayBundle, Seeds, launch, pull_back, trace};
-use petzval::report::lens_sheet::{PictureKind, page, picture};
+use petzval::report::lens_sheet::{PICTURES, page};
 
 use super::workload::{Prepared, Workload};
 use crate::cli::failure::Failure;
@@ -285,10 +285,10 @@ fn lens_analyze() -> Result<Prepared, Failure> {
             let analysis =
                 analyze(&lens, &AnalysisOptions::default()).map_err(|e| Failure::job(e.to_string()))?;
             std::hint::black_box(serde_json::to_string(&analysis).map_err(|e| Failure::job(e.to_string()))?);
-            for kind in PictureKind::ALL {
-                std::hint::black_box(picture(&analysis, kind));
+            for picture in PICTURES {
+                std::hint::black_box(picture.svg(&analysis));
             }
-            std::hint::black_box(page(&analysis, &PictureKind::ALL));
+            std::hint::black_box(page(&analysis, PICTURES));
             Ok(())
         }),
     })

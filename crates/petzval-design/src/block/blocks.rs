@@ -1,0 +1,38 @@
+//! The blocks of a camera in work.
+
+use super::{Block, BlockName, NetworkBlock, OpticsBlock};
+
+/// The blocks of a variant, each with its present numbers.
+pub struct Blocks {
+    /// The lens.
+    pub optics: OpticsBlock,
+    /// The network.
+    pub network: NetworkBlock,
+}
+
+impl Blocks {
+    /// All blocks, in the order of the light.
+    pub fn all(&self) -> [&dyn Block; 2] {
+        [&self.optics, &self.network]
+    }
+
+    /// All blocks, in the order of the light.
+    pub fn all_mut(&mut self) -> [&mut dyn Block; 2] {
+        [&mut self.optics, &mut self.network]
+    }
+
+    /// A block by its name.
+    pub fn get_mut(&mut self, name: BlockName) -> &mut dyn Block {
+        match name {
+            BlockName::Optics => &mut self.optics,
+            BlockName::Network => &mut self.network,
+        }
+    }
+
+    /// Starts a stage, for which `steps` says how many steps each block takes.
+    pub fn begin_stage(&mut self, steps: impl Fn(BlockName) -> usize) {
+        for block in self.all_mut() {
+            block.begin_stage(steps(block.name()) > 0);
+        }
+    }
+}
