@@ -39,7 +39,8 @@ fn started(folder: &Path, steps: usize) -> (Child, PathBuf) {
     // The step of the last whole line: where spots are minimised, many lines are one step.
     let taken = || {
         let text = std::fs::read_to_string(run.join("events.jsonl")).unwrap_or_default();
-        let last = text.rsplit_once('\n').and_then(|(whole, _)| whole.lines().next_back()?.parse::<Value>().ok());
+        let last =
+            text.rsplit_once('\n').and_then(|(whole, _)| whole.lines().next_back()?.parse::<Value>().ok());
         last.map_or(0, |event| event["step"].as_u64().unwrap() as usize)
     };
     while !run.join("config.toml").exists() || taken() < steps {
