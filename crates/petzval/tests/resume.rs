@@ -36,8 +36,13 @@ fn started(folder: &Path, steps: usize) -> (Child, PathBuf) {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let run = folder.join("run");
     let began = Instant::now();
-    let taken =
-        || std::fs::read(run.join("events.jsonl")).map_or(0, |t| t.iter().filter(|b| **b == b'\n').count());
+    // The step of the last whole line: where spots are minimised, many lines are one step.
+    let taken = || {
+        let text = std::fs::read_to_string(run.join("events.jsonl")).unwrap_or_default();
+        let last =
+            text.rsplit_once('\n').and_then(|(whole, _)| whole.lines().next_back()?.parse::<Value>().ok());
+        last.map_or(0, |event| event["step"].as_u64().unwrap() as usize)
+    };
     while !run.join("config.toml").exists() || taken() < steps {
         assert!(began.elapsed() < Duration::from_secs(60), "the run does not get to step {steps}");
         assert!(child.try_wait().unwrap().is_none(), "the run ended before step {steps}");
@@ -59,7 +64,7 @@ fn killed(folder: &Path, steps: usize) -> PathBuf {
 fn a_killed_run_resumes_to_the_same_metrics() {
     // Before the first checkpoint, in the networks, on either side of a score, in the lens steps of both
     // kinds, and while the report is being written.
-    for steps in [0, 1, 3, 4, 5, 6, 8, 12, 13, 15, 17, 20, 21] {
+    for steps in [0, 1, 3, 4, 5, 6, 7, 10, 11, 13, 15, 18, 19] {
         let folder = tempfile::tempdir().unwrap();
         let run = killed(folder.path(), steps);
         run_ok(folder.path(), &["design", "--resume", "run"]);
@@ -70,7 +75,7 @@ fn a_killed_run_resumes_to_the_same_metrics() {
 
 #[test]
 fn a_killed_run_resumes_to_the_same_events_each_once() {
-    for steps in [2, 5, 7, 14, 19] {
+    for steps in [2, 5, 6, 12, 17] {
         let folder = tempfile::tempdir().unwrap();
         let run = killed(folder.path(), steps);
         run_ok(folder.path(), &["design", "--resume", "run"]);

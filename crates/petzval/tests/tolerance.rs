@@ -187,7 +187,7 @@ fn wrong_input_is_refused_with_its_place() {
             &["t.toml:4", "`radius_um = 0.1`", "no such key here", "radius_mm"],
         ),
         (table("surface = 1\ntilt_arcmin = \"a lot\""), &["t.toml:4", "tilt_arcmin"]),
-        (table("surface = 1"), &["t.toml:2", "nothing is off in this table"]),
+        (table("surface = 1"), &["t.toml:2", "this table gives no tolerance"]),
         (table("tilt_arcmin = 1.0"), &["t.toml:2", "no surface is named", "element = [1, 2]"]),
         (table("element = [1]\ntilt_arcmin = 1.0"), &["t.toml:3", "its first and its last surface"]),
         (table("element = [4, 3]\ntilt_arcmin = 1.0"), &["t.toml:3", "comes before the first"]),
