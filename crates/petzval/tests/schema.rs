@@ -5,7 +5,8 @@ mod common;
 use std::path::Path;
 
 use common::*;
-use petzval::design::experiment::{Experiment, reference_markdown};
+use petzval::base::parameter::Parameters;
+use petzval::design::experiment::{Experiment, OpticsConfig, reference_markdown};
 use serde_json::Value;
 
 fn schema(kind: &str) -> Value {
@@ -88,6 +89,30 @@ fn a_schema_gives_type_range_unit_default_and_meaning_of_a_number() {
     assert!(white["description"].as_str().unwrap().contains("Unit: e-"), "{white}");
     let wavelengths = &property(&schema, &schema, "psf").unwrap()["properties"]["wavelengths_um"];
     assert_eq!(wavelengths["items"]["minimum"].as_f64(), Some(0.2));
+}
+
+#[test]
+fn a_schema_refuses_variants_that_the_reader_refuses() {
+    let schema = schema("experiment");
+    assert_eq!(schema["properties"]["variant"]["minItems"], 1);
+    let variant = resolved(&schema, &schema["properties"]["variant"]["items"]);
+    assert_eq!(variant["properties"]["name"]["pattern"], "^[A-Za-z0-9_-]+$");
+    assert_eq!(variant["properties"]["stage"]["minItems"], 1);
+    let stage = resolved(&schema, &variant["properties"]["stage"]["items"]);
+    assert_eq!(stage["properties"]["moves"]["minItems"], 1);
+    // A schedule has the ranges of the table that it replaces.
+    let schedule = &schema["$defs"]["ScheduleConfig"]["properties"];
+    let table = OpticsConfig::table();
+    for (key, of_table) in [
+        ("learning_rate", "learning_rate"),
+        ("final_learning_rate", "final_learning_rate"),
+        ("share", "moving_share"),
+        ("proximal", "proximal"),
+    ] {
+        let range = table.parameters.iter().find(|p| p.name == of_table).unwrap();
+        let found = (schedule[key]["minimum"].as_f64(), schedule[key]["maximum"].as_f64());
+        assert_eq!(found, (Some(range.min), Some(range.max)), "{key}");
+    }
 }
 
 #[test]

@@ -65,6 +65,7 @@ pub struct Experiment {
     /// How often the run can be resumed from.
     pub checkpoint: CheckpointConfig,
     /// The cameras that are made and compared, in this order.
+    #[schemars(length(min = 1))]
     pub variant: Vec<VariantConfig>,
 }
 

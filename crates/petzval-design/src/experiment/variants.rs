@@ -14,7 +14,8 @@ use crate::block::BlockName;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VariantConfig {
-    /// Its name in tables and folders.
+    /// Its name in tables and folders: letters, digits, `-` and `_`.
+    #[schemars(regex(pattern = r"^[A-Za-z0-9_-]+$"))]
     pub name: String,
     /// The lens from which it starts; the experiment's if none is named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -23,6 +24,7 @@ pub struct VariantConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
     /// What is done with it, in this order.
+    #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
 }
 
@@ -45,6 +47,7 @@ pub struct StageConfig {
     #[serde(default)]
     pub goal: Goal,
     /// The blocks that move.
+    #[schemars(length(min = 1))]
     pub moves: Vec<BlockName>,
     /// How blocks step in this stage, by block.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -60,15 +63,19 @@ pub struct ScheduleConfig {
     pub steps: Option<usize>,
     /// First learning rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-8, max = 1.0))]
     pub learning_rate: Option<f64>,
     /// Learning rate at the end over that at the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub final_learning_rate: Option<f64>,
     /// Share of the stage's network steps over which the steps of this block are spread.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub share: Option<f64>,
     /// Weight of the proximal term.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub proximal: Option<f64>,
 }
 
