@@ -70,7 +70,7 @@ fn optimize_request(folder: &std::path::Path, global: bool) -> optimize::Request
         start: optimize::Start::New {
             lens: LENS.to_owned(),
             out: folder.join("run"),
-            goal: optimize::Goal { wavelengths: vec![0.5876], ..optimize::Goal::default() },
+            goal: Box::new(optimize::Goal { wavelengths: vec![0.5876], ..optimize::Goal::default() }),
             global,
             seed: 1,
         },

@@ -58,7 +58,7 @@ fn simulate_and_training_develop_a_raw_frame_to_the_same_bits() {
         let scene = LinearImage::filled(3, side, side, 0.5);
         let shot = Shot { scene, placement: window.placement, frame: 0 };
         let off = Noise { mode: NoiseMode::Off, seed: 0 };
-        let light = camera.take(&[shot.clone()], &off).unwrap().illumination;
+        let light = camera.take(std::slice::from_ref(&shot), &off).unwrap().illumination;
         let dn: Vec<f32> = raw.into_iter().map(f32::from).collect();
         let dn = Tensor::<4>::from_data(TensorData::new(dn, [1, 1, SIDE, SIDE]), &camera.body().device);
         let developed = camera.develop(dn, light, &[camera.capture(&shot)]).unwrap();

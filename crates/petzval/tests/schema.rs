@@ -27,12 +27,9 @@ fn resolved<'s>(root: &'s Value, schema: &'s Value) -> &'s Value {
         return resolved(root, &root["$defs"][name]);
     }
     for choice in ["anyOf", "oneOf", "allOf"] {
-        if let Some(first) =
-            schema[choice].as_array().and_then(|all| all.iter().find(|s| s["type"] != "null"))
-        {
-            if schema["properties"].is_null() {
-                return resolved(root, first);
-            }
+        let first = schema[choice].as_array().and_then(|all| all.iter().find(|s| s["type"] != "null"));
+        if let Some(first) = first.filter(|_| schema["properties"].is_null()) {
+            return resolved(root, first);
         }
     }
     schema

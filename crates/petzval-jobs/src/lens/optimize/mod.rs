@@ -50,7 +50,7 @@ pub enum Start {
         /// Folder for the lenses and the history; it must not hold an optimisation.
         out: PathBuf,
         /// What the lens has to be.
-        goal: Goal,
+        goal: Box<Goal>,
         /// Whether to search the whole of the bounds, not only downhill from the lens.
         global: bool,
         /// Seed of the search.
@@ -165,7 +165,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             (history, config, problem)
         }
         Start::New { lens, out, goal, global, seed } => {
-            let config = Config { goal: goal.clone(), global: *global, seed: *seed };
+            let config = Config { goal: Goal::clone(goal), global: *global, seed: *seed };
             let file = context.assets.lens(lens)?;
             let problem = new_problem(&config, &file, &catalog)?;
             // Everything is checked before the folder is made.

@@ -90,7 +90,7 @@ impl Args {
                 ));
             }
             (None, Some(lens), Some(out)) => {
-                Start::New { lens, out, goal, global: self.global, seed: self.seed }
+                Start::New { lens, out, goal: Box::new(goal), global: self.global, seed: self.seed }
             }
             _ => return Err(Failure::input("a lens and --out are needed", "or --resume and a folder")),
         };
