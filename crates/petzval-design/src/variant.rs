@@ -16,6 +16,8 @@ pub struct Variant {
     pub lens: String,
     /// The variant whose finished lens and network it starts from.
     pub from: Option<String>,
+    /// Whether a variant of the chain from which it starts moves the lens.
+    pub starts_moved: bool,
     /// What is done with it, in this order.
     pub stages: Vec<Stage>,
 }
@@ -117,7 +119,7 @@ impl Variant {
 
     /// Whether its lens may end elsewhere than its lens file says.
     pub fn moves_lens(&self) -> bool {
-        self.steps_of(BlockName::Optics) > 0 || self.from.is_some()
+        self.steps_of(BlockName::Optics) > 0 || self.starts_moved
     }
 }
 

@@ -213,7 +213,7 @@ fn wrong_input_is_refused_with_its_place() {
         ("grade = \"good\"".to_owned(), &["t.toml:1", "no grade `good`", "\"precision\""]),
         (
             "[[compensator]]\nsurface = 1\nparameter = \"index\"".to_owned(),
-            &["t.toml:3", "can be set", "thickness_mm"],
+            &["t.toml:3", "cannot be adjusted", "thickness_mm"],
         ),
         (
             "[[compensator]]\nsurface = 1\nparameter = \"shift_mm\"\ntravel = 0".to_owned(),

@@ -11,6 +11,7 @@ impl Experiment {
             name: v.name.clone(),
             lens: self.origin(v).lens.clone().unwrap_or_else(|| self.lens.clone()),
             from: v.from.clone(),
+            starts_moved: self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };
         self.variant.iter().map(resolve).collect()
@@ -18,9 +19,19 @@ impl Experiment {
 
     /// The variant at the beginning of the chain of `from`, whose lens all variants of the chain have.
     fn origin<'v>(&'v self, variant: &'v VariantConfig) -> &'v VariantConfig {
-        let parent = variant.from.as_ref().and_then(|from| self.variant.iter().find(|v| v.name == *from));
-        // A variant starts from an earlier one, so the chain ends.
-        parent.map_or(variant, |parent| self.origin(parent))
+        self.parent(variant).map_or(variant, |parent| self.origin(parent))
+    }
+
+    /// The variant from which another starts: one earlier in the file, so that every chain ends.
+    fn parent(&self, variant: &VariantConfig) -> Option<&VariantConfig> {
+        let place = self.variant.iter().position(|v| v.name == variant.name)?;
+        self.variant[..place].iter().find(|v| Some(&v.name) == variant.from.as_ref())
+    }
+
+    /// Whether a variant, or one of the chain from which it starts, moves the lens.
+    fn moves_lens(&self, variant: &VariantConfig) -> bool {
+        variant.stage.iter().any(|s| stage(self, s).steps_of(BlockName::Optics) > 0)
+            || self.parent(variant).is_some_and(|parent| self.moves_lens(parent))
     }
 }
 
