@@ -83,7 +83,7 @@ fn experiments_that_do_not_fit_together() {
         case(
             "\"cooke-triplet-nominal\"",
             "\"no-such\"",
-            &["bad.toml:3:", "`lens = \"no-such\"`", "neither a file nor built in", "cooke-triplet-nominal"],
+            &["bad.toml:1:", "`lens = \"no-such\"`", "neither a file nor built in", "cooke-triplet-nominal"],
         ),
         case(
             "\"imx249-fitted\"",
@@ -362,7 +362,9 @@ fn an_impossible_position_of_a_run() {
     refuses(folder.path(), &file, edit(|p| p["taken"]["network"] = 99.into()));
     refuses(folder.path(), &file, edit(|p| p["step"] = 3.into()));
     let file = format!("{CHECKPOINT}/blocks/optics/coordinates.json");
-    refuses(folder.path(), &file, edit(|p| p["x"] = serde_json::json!([0.0])));
+    refuses(folder.path(), &file, edit(|p| *p = serde_json::json!([0.0])));
+    let file = format!("{CHECKPOINT}/blocks/optics/progress.json");
+    refuses(folder.path(), &file, edit(|p| p["anchor"] = serde_json::json!([0.0])));
     refuses(folder.path(), &file, edit(|p| p["adam"]["first"] = serde_json::json!([0.0])));
 }
 
