@@ -163,4 +163,20 @@ mod tests {
             assert!((p - (0.25 * w + 0.75 * a)).abs() < 1e-6, "{w} {a} {p}");
         }
     }
+
+    #[test]
+    fn a_restored_block_has_the_weights_and_the_anchor_of_the_kept_one() {
+        let config = UNetConfig { base_channels: 8, levels: 1, ..Default::default() };
+        let device = Device::flex().autodiff();
+        let network = |seed| config.init(seed, &device).unwrap();
+        // A block that has moved since its stage began.
+        let mut kept = NetworkBlock::new(network(1));
+        kept.network = network(2);
+        let mut restored = NetworkBlock::new(network(3));
+        restored.load_numbers(&kept.save_numbers().unwrap()).unwrap();
+        restored.load_progress(&kept.save_progress().unwrap()).unwrap();
+        assert_eq!(weights(&restored.network), weights(&kept.network));
+        assert_eq!(weights(&restored.anchor), weights(&network(1)));
+        assert!(restored.load_progress(&BlockState::new()).is_err());
+    }
 }
