@@ -30,7 +30,7 @@ use crate::variant::{Schedule, Stage, Variant};
 
 /// Someone who watches a run.
 pub trait Observer {
-    /// The run starts or goes on, `done` of `total` steps behind it.
+    /// The run starts or continues; `done` of its `total` steps are taken.
     fn start(&mut self, done: u64, total: u64);
     /// A step was taken.
     fn step(&mut self, event: &Event);
@@ -43,7 +43,7 @@ pub trait Observer {
 pub enum Ending {
     /// All cameras are made and scored.
     Finished(Box<Metrics>),
-    /// It was asked to stop, and left a checkpoint at this step.
+    /// The run was stopped; it left a checkpoint at this step.
     Stopped(u64),
 }
 
@@ -116,7 +116,7 @@ struct Step {
 }
 
 impl DesignLoop {
-    /// Starts a run in an empty folder, or goes on from the latest checkpoint of one.
+    /// Starts a run in an empty folder, or continues one from its latest checkpoint.
     pub fn new(run: RunFolder, scorer: Scorer) -> Result<Self, DesignError> {
         let setup = scorer.setup().clone();
         let checkpoint = latest_checkpoint(&run)?;

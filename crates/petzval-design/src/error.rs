@@ -9,7 +9,7 @@ use petzval_camera::sensor::SensorError;
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {
-    /// A file says something that cannot be used.
+    /// A file has content that cannot be used.
     #[error("{}: {error}", path.display())]
     Input {
         /// The file, or the name of the built-in one.
@@ -35,7 +35,7 @@ pub enum DesignError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The message of the system.
         error: std::io::Error,
     },
     /// A lens whose light does not reach the PSF's grid.
@@ -62,7 +62,7 @@ pub enum DesignError {
          take it (`petzval psf` shows those of its y-z plane)"
     )]
     NotSymmetric(String),
-    /// The lens file says nothing that may move.
+    /// The lens file has no variables.
     #[error("the lens `{0}` has no variables: add [[variable]] entries with bounds to its file")]
     NothingToMove(String),
     /// Variables or solves that do not fit the lens.

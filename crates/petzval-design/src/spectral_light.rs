@@ -9,7 +9,7 @@ use petzval_optics::lens::Lens;
 use crate::error::DesignError;
 use crate::psf_plan::PsfPlan;
 
-/// The bands of a scene, made when they are asked for.
+/// The bands of a scene, made when they are needed.
 pub struct Bands<'a> {
     /// Wavelength of each band, um, ascending.
     pub um: &'a [f64],
@@ -31,7 +31,7 @@ impl Bands<'_> {
 ///
 /// What the lens sees beyond the sensor repeats its edge. `plan` gives fields,
 /// grid and pupil; its wavelengths are replaced by those of the bands, three at a time, as many as the renderer takes, so no
-/// more than three planes are in memory. Relative illumination multiplies the electrons off the axis. `done` is told of every band
+/// more than three planes are in memory. Relative illumination multiplies the electrons off the axis. `done` is called with every band
 /// that has been rendered.
 pub fn render_spectral(
     lens: &Lens,

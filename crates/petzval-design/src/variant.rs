@@ -117,7 +117,7 @@ impl Variant {
         self.stages.iter().map(Stage::steps).sum()
     }
 
-    /// Whether its lens may end elsewhere than its lens file says.
+    /// Whether its finished lens may differ from its lens file.
     pub fn moves_lens(&self) -> bool {
         self.steps_of(BlockName::Optics) > 0 || self.starts_moved
     }

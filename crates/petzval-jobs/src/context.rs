@@ -11,7 +11,7 @@ use crate::error::JobError;
 
 /// Receives what a job reports while it works. The command prints it, a studio draws it.
 pub trait Watcher: Send + Sync {
-    /// Something that the user should know before believing the result; the job goes on. One line, without a full stop.
+    /// Something that the user should know before believing the result; the job continues. One line, without a full stop.
     fn warning(&self, text: &str);
 
     /// Something that the job has done, such as a file it has written. One line.

@@ -96,7 +96,7 @@ pub enum RunEnding {
     },
 }
 
-/// Begins a run or goes on with one, until it is finished or cancelled.
+/// Starts or continues a run, until it is finished or cancelled.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device(&request.device)?;
     let (scorer, folder) = match &request.run {

@@ -3,7 +3,7 @@
 //! Requests and responses are plain data that serde can write and read. The command parses its arguments into a request
 //! and prints the response; a studio, another language or a work unit on a cluster use the same two types. A job prints
 //! nothing and parses no arguments: it reports warnings and progress to the [`Watcher`] of its [`Context`], stops when
-//! [`Context::is_cancelled`] says so, and fails with a [`JobError`] that names the setting or the place in the file.
+//! [`Context::is_cancelled`] is true, and fails with a [`JobError`] that names the setting or the place in the file.
 //!
 //! Two equal requests give equal results to the last bit: budgets count steps or rounds, and a limit in seconds is only
 //! an additional stop.

@@ -207,7 +207,7 @@ mod tests {
         let near = view(Refocus::OnSource);
         // z' = f^2 / z with z from the front focal point, 2.3 mm in front of the lens.
         assert!((near.refocus_mm - 25.04f64.powi(2) / 1497.7).abs() < 0.01, "{}", near.refocus_mm);
-        // The pinhole's image is far below a pixel: the paper says about 1 um.
+        // The pinhole's image is far below a pixel: about 1 um according to the paper.
         assert!((near.disc_um - 1.25).abs() < 0.02, "{}", near.disc_um);
         // Left at infinity, the axial spot is the pupil's shadow: 0.42 mm at f/4.4, RMS radius D / sqrt(8).
         let far = view(Refocus::Mm(0.0)).psf(0.0).unwrap();

@@ -29,7 +29,7 @@ impl Blocks {
         }
     }
 
-    /// Starts a stage, for which `steps` says how many steps each block takes.
+    /// Starts a stage; `steps` gives the number of steps of each block in it.
     pub fn begin_stage(&mut self, steps: impl Fn(BlockName) -> usize) {
         for block in self.all_mut() {
             block.begin_stage(steps(block.name()) > 0);

@@ -101,14 +101,14 @@ pub trait Block {
     /// The free numbers alone: what a finished camera keeps.
     fn save_numbers(&self) -> Result<BlockState, DesignError>;
 
-    /// Takes over what [`Block::save_numbers`] returned; the error says which part is missing or does not fit, and why.
+    /// Takes over what [`Block::save_numbers`] returned. The error names the part that is missing or does not fit, and the reason.
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
 
     /// Beside the free numbers, what [`Block::load_progress`] needs to go on within a stage with the same bits: moments of earlier
     /// gradients, and the centre of the proximal term.
     fn save_progress(&self) -> Result<BlockState, DesignError>;
 
-    /// Takes over what [`Block::save_progress`] returned; the error says which part is missing or does not fit, and why.
+    /// Takes over what [`Block::save_progress`] returned. The error names the part that is missing or does not fit, and the reason.
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
 }
 

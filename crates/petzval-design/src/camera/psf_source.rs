@@ -10,7 +10,7 @@ use crate::psf_plan::{BankWithTape, PsfPlan};
 /// Where the PSFs of a camera come from.
 #[derive(Clone, Debug)]
 pub enum PsfSource {
-    /// Exact tracing of the camera's lens: by rays or by diffraction, as [`PsfPlan::options`] says.
+    /// Exact tracing of the camera's lens: by rays or by diffraction, according to [`PsfPlan::options`].
     Traced {
         /// The lens.
         lens: Box<Lens>,

@@ -1,4 +1,4 @@
-//! The variants of an experiment, as its file says them.
+//! The variants of an experiment as they stand in its file.
 
 use std::collections::BTreeMap;
 
@@ -93,7 +93,7 @@ pub fn standard_variants() -> Vec<VariantConfig> {
     ]
 }
 
-/// Refuses variants that cannot be made or told apart; `text` is their file, for messages.
+/// Refuses variants that cannot be made, and variants with the same name; `text` is their file, for messages.
 pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(), FileError> {
     if variants.is_empty() {
         let none = FileError::at_key(text, &["variant"], "there are no variants");

@@ -52,7 +52,7 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Keeps other processes from working in this folder as long as the returned file lives.
+    /// Keeps other processes from working in this folder until the returned file is dropped.
     pub fn lock(&self) -> Result<fs::File, DesignError> {
         let path = self.root.join("run.lock");
         let file = fs::File::create(&path).map_err(DesignError::io(&path))?;

@@ -34,9 +34,9 @@ pub struct Response {
     pub to: PathBuf,
     /// Focal length, mm; `None` if the lens is afocal.
     pub efl_mm: Option<f64>,
-    /// What the file that was read says and the lens does not hold.
+    /// Records of the file that the lens does not represent.
     pub losses_of_reading: Vec<Loss>,
-    /// What the lens holds and the new file does not say.
+    /// Properties of the lens that the new file does not represent.
     pub losses_of_writing: Vec<Loss>,
 }
 

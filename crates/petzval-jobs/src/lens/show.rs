@@ -139,7 +139,7 @@ pub struct Surface {
     pub semi_diameter_mm: f64,
     /// Whether it is the stop.
     pub stop: bool,
-    /// What else a lens file says of it, such as a mirror, a grating or a tilt, as lines of such a file.
+    /// Other properties, such as a mirror, a grating or a tilt, as lines of a lens file.
     pub special: Vec<String>,
 }
 

@@ -186,7 +186,7 @@ fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Resu
     })
 }
 
-/// The lens, focused on the source as the manifest says.
+/// The lens, focused on the source according to the manifest.
 fn view(
     name: &str,
     manifest: &Manifest,

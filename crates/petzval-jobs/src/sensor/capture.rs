@@ -13,7 +13,7 @@ use crate::frames::Frames;
 /// The calibration series of a sensor: pairs of flat and of dark frames over gains and exposure times, further dark pairs for
 /// the dark current, and stacks for the non-uniformity, all listed in `captures.toml`.
 ///
-/// A series that was interrupted goes on with the same request. An empty field takes its value from the series that `emva`
+/// The same request continues a series that was interrupted. An empty field takes its value from the series that `emva`
 /// chooses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -16,7 +16,7 @@ const DIGITS: i32 = 2;
 /// Share of saturated pixels from which there is a warning: hot pixels are fewer.
 const WARNED_SHARE: f64 = 1e-3;
 
-/// Electrons of white that are taken unless others are asked for.
+/// Electrons of white by default.
 pub fn default_white_e(request: &Request, sensor: &SensorModel) -> Result<f32, JobError> {
     let share_e = DEFAULT_SHARE * capacity_e(request, sensor)?;
     Ok((share_e / place(share_e)).round() as f32 * place(share_e) as f32)

@@ -28,7 +28,7 @@ fn file_format(raw: RawAs, bits: u32) -> RawFormat {
 /// How a picture becomes a file.
 type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
 
-/// Writes the results of one image as NAME-raw.* and NAME-developed.* and says where they are. Where one of them cannot be
+/// Writes the results of one image as NAME-raw.* and NAME-developed.* and returns their paths. Where one of them cannot be
 /// written, none is. Formats for a display show the light `display_white` as white.
 pub fn write(
     (raw_format, picture_format): (RawAs, PictureAs),

@@ -1,4 +1,4 @@
-//! What `simulate` is asked to take, and what the names of its images stand for.
+//! The request of `simulate`, and the kinds of images that it names.
 
 use std::path::{Path, PathBuf};
 

@@ -103,7 +103,7 @@ fn window(request: &Request, sensor: &SensorModel) -> Result<Window, JobError> {
     })
 }
 
-/// The PSFs that --psfs names; of captures, says how PSFs come from them.
+/// The PSFs that --psfs names. For captures, the error explains how to measure PSFs from them.
 fn measured(path: &Path) -> Result<PsfBank, JobError> {
     let (results, list) = (path.join("psf-calibration"), path.join(MANIFEST_FILE));
     if list.is_file() && !path.join(AXES_FILE).is_file() {

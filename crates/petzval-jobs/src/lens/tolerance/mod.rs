@@ -49,9 +49,9 @@ pub struct Request {
     pub trials: usize,
     /// What is adjusted on every lens.
     pub compensate: Compensate,
-    /// A merit: the response says how many lenses reach it.
+    /// A value of the merit; the response gives the number of lenses that reach it.
     pub limit: Option<f64>,
-    /// A loss of the merit: the response says how exactly each quantity must be made if all together may cost this much.
+    /// A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much.
     pub inverse: Option<f64>,
     /// Seed of the random lenses.
     pub seed: u64,

@@ -87,7 +87,7 @@ fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency, JobErr
     Ok(petzval_files::parse_quantum_efficiency(&source.text).map_err(DesignError::input(&source.path))?)
 }
 
-/// Checks that every colour of the filter array has a curve, and says which built-in curves would have them.
+/// Checks that every colour of the filter array has a curve; the error names built-in curves that have them all.
 fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), JobError> {
     let colours = sensor.cfa.colours();
     let lacks = |curves: &QuantumEfficiency| colours.iter().find(|c| curves.curve(**c).is_none()).copied();

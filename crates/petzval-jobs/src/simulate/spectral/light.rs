@@ -17,7 +17,7 @@ use super::conditions::Conditions;
 use crate::context::Context;
 use crate::error::JobError;
 
-/// Bands of scenes and photographs are at most so far apart, um, and at least so many, unless --bands says otherwise.
+/// Bands of scenes and photographs are at most so far apart, um, and at least so many, unless --bands gives another number.
 const BAND_STEP_UM: f64 = 0.020;
 const LEAST_BANDS: usize = 16;
 /// Share of the electrons of white from whose loss on there is a warning; and share of its peak at which a curve is not at its end yet.
