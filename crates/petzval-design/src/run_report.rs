@@ -108,11 +108,14 @@ fn cameras_in_words(variants: &[Variant]) -> String {
             n => Some(format!("{n} {} steps", block.name())),
         };
         let spot = v.stages.iter().any(|s| matches!(s, Stage::Spot { .. })).then(|| "least spots".to_owned());
-        let all: Vec<String> = spot.into_iter().chain(BlockName::ALL.into_iter().filter_map(steps)).collect();
+        let from = v.from.as_ref().map(|name| format!("from {name}"));
+        let own = BlockName::ALL.into_iter().filter_map(steps);
+        let all: Vec<String> = from.into_iter().chain(spot).chain(own).collect();
         format!("{} ({})", v.name, all.join(", "))
     };
     let list: Vec<String> = variants.iter().map(one).collect();
-    format!("{} cameras: {},", variants.len(), list.join(", "))
+    let count = if list.len() == 1 { "1 camera".to_owned() } else { format!("{} cameras", list.len()) };
+    format!("{count}: {},", list.join(", "))
 }
 
 /// PSFs at the shown fields, with their RMS radii.

@@ -64,8 +64,10 @@ impl Start {
             .collect();
         // A lens whose light does not arrive is refused now, not after the first step.
         plan.bank(lens).map_err(|e| {
-            let hint =
-                "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid";
+            let hint = match e {
+                DesignError::NotSymmetric(_) => "leave tilts and decentres out, or name another lens",
+                _ => "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid",
+            };
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
         Ok(Self { lens_file, space, requirements, spot_fields_rad })

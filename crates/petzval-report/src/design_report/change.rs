@@ -9,14 +9,14 @@ use crate::table::{Column, Row, Table};
 /// Values nearer to a bound than this share of the range count as lying on it.
 const ON_BOUND: f64 = 0.01;
 
-/// The table of changes; nothing if there are none.
-pub(super) fn change_table(changes: &[Change], baseline: &str) -> Markup {
+/// The table of changes from the lens at the start; nothing if there are none.
+pub(super) fn change_table(changes: &[Change]) -> Markup {
     if changes.is_empty() {
         return html! {};
     }
     let columns = [
         Column::new("parameter"),
-        Column::new(baseline),
+        Column::new("start"),
         Column::new("now"),
         Column::new("change"),
         Column::new("unit").units(),
@@ -77,18 +77,17 @@ mod tests {
 
     #[test]
     fn values_lie_between_their_bounds() {
-        let table = change_table(&[change(11.34, 12.0, 10.0, 14.0)], "nominal").into_string();
+        let table = change_table(&[change(11.34, 12.0, 10.0, 14.0)]).into_string();
         assert!(table.contains("V1 &lt;front&gt;") && table.contains("11.340") && table.contains("+5.8 %"));
         assert!(table.contains("left:50.0%") && !table.contains("on its bound"));
-        let bound = change_table(&[change(11.0, 14.0, 10.0, 14.0)], "nominal").into_string();
+        let bound = change_table(&[change(11.0, 14.0, 10.0, 14.0)]).into_string();
         assert!(bound.contains("on its bound"));
     }
 
     #[test]
     fn missing_bounds_and_scales_are_shown_as_such() {
-        let free =
-            change_table(&[change(0.0, 1e-5, f64::NEG_INFINITY, f64::INFINITY)], "nominal").into_string();
+        let free = change_table(&[change(0.0, 1e-5, f64::NEG_INFINITY, f64::INFINITY)]).into_string();
         assert!(free.contains("not bounded") && free.contains("1.0000·10⁻⁵") && !free.contains("inf %"));
-        assert!(change_table(&[], "nominal").into_string().is_empty());
+        assert!(change_table(&[]).into_string().is_empty());
     }
 }

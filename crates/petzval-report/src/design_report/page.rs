@@ -88,7 +88,7 @@ fn lenses(report: &Report) -> Markup {
     let rays = baseline.and_then(|b| b.layout.rays.first()).map_or(0, Vec::len);
     html! {
         @for (i, camera) in report.cameras.iter().enumerate() {
-            (lens(camera, i, baseline, &sections[i].svg(px_per_mm, extent)))
+            (lens(camera, i, &sections[i].svg(px_per_mm, extent)))
         }
         (caption(html! {
             "All layouts are on one scale. Fans of " (rays) " rays are aimed at the stop by real tracing "
@@ -102,16 +102,16 @@ fn lenses(report: &Report) -> Markup {
 }
 
 /// One lens: its layout, its changes and its prescription.
-fn lens(camera: &CameraView, i: usize, baseline: Option<&CameraView>, layout_svg: &str) -> Markup {
+fn lens(camera: &CameraView, i: usize, layout_svg: &str) -> Markup {
     html! {
         article.lens {
             h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
             p.muted { (first_order_line(&camera.first_order)) }
             (figure(layout_svg))
-            @if let (Some(b), false) = (baseline, camera.changes.is_empty()) {
+            @if !camera.changes.is_empty() {
                 details open {
                     summary { "What changed (" (camera.changes.len()) ")" }
-                    (change_table(&camera.changes, &b.name))
+                    (change_table(&camera.changes))
                 }
             }
             details {

@@ -70,12 +70,18 @@ fn spot_sentence(
         g if g < 0.0 => "grow",
         _ => "stay",
     };
-    let mut sentence = format!("Its RMS spots {verb} from {} to {} µm", um(baseline), um(design));
+    let mut sentence = format!(
+        "The RMS spots {verb} from {} µm ({}) to {} µm ({})",
+        um(baseline),
+        baseline.camera,
+        um(design),
+        design.camera
+    );
     let worse_in = |r: &TableRow| score.filter(|s| spot.gain(r, design) < 0.0 && s.gain(r, design) > 0.0);
     let sharper_but_worse = |r| worse_in(r).map(|score| (r, score));
     if let Some((other, score)) = between.iter().chain([baseline]).find_map(sharper_but_worse) {
         sentence += &format!(
-            "; those of {} are smaller ({} µm), and yet its pictures score lower in {}",
+            "; {} has smaller ones ({} µm), and yet its pictures score lower in {}",
             other.camera,
             um(other),
             score.name
@@ -145,8 +151,8 @@ mod tests {
     fn smaller_spots_with_worse_pictures_are_pointed_out() {
         assert_eq!(
             reading(&rows())[2],
-            "Its RMS spots shrink from 12.60 to 8.05 µm; those of spot-optimised are smaller (7.31 µm), and \
-             yet its pictures score lower in 1 − LPIPS."
+            "The RMS spots shrink from 12.60 µm (nominal) to 8.05 µm (end-to-end); spot-optimised has smaller ones \
+             (7.31 µm), and yet its pictures score lower in 1 − LPIPS."
         );
     }
 

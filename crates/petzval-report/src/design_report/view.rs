@@ -86,7 +86,7 @@ pub struct CameraView {
     /// PSFs at some fields; the table shows those nearest to 0, 25, 50, 75 and 100 % of the
     /// half-diagonal.
     pub psfs: Vec<PsfView>,
-    /// Its numbers that differ from the baseline's.
+    /// Its numbers that differ from those of the lens from which the design started.
     pub changes: Vec<Change>,
 }
 
@@ -163,7 +163,7 @@ impl PsfView {
 pub struct Change {
     /// Which number, e.g. `V1 front radius`.
     pub parameter: String,
-    /// Its value in the baseline.
+    /// Its value in the lens from which the design started.
     pub from: f64,
     /// Its value in this camera.
     pub to: f64,
