@@ -212,13 +212,13 @@ impl Assets {
             if beside.exists() {
                 *input = beside.display().to_string();
             }
-            // A key that the file leaves out has a default that exists.
             let path: Vec<&str> = key.iter().map(String::as_str).collect();
+            let Some(hint) = self.missing_input(path[path.len() - 1], input) else { continue };
             let error = FileError::at_key(&source.text, &path, "neither a file nor built in");
-            let (Some(hint), Some(_)) = (self.missing_input(path[path.len() - 1], input), error.line) else {
-                continue;
-            };
-            return Err(DesignError::input(&source.path)(error.hint(hint)));
+            // A key that the file leaves out has a default that exists.
+            if error.line.is_some() {
+                return Err(DesignError::input(&source.path)(error.hint(hint)));
+            }
         }
         Ok(experiment)
     }

@@ -352,7 +352,7 @@ impl DesignLoop {
         save_checkpoint(&self.run, self.position.step, keep, |folder| {
             let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
-            std::fs::write(&path, text).map_err(DesignError::io(&path))?;
+            write_file(&path, text.as_bytes())?;
             save_blocks(folder, self.blocks.all(), Kept::NumbersAndProgress)
         })?;
         // A variant that has not begun adds nothing to the history of lenses.

@@ -117,9 +117,8 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
 /// Encodes a linear image as an 8-bit sRGB PNG. Three or more planes give a colour picture of the first three; fewer give a
 /// gray picture of the first.
 pub fn png_bytes(image: &LinearImage) -> Result<Vec<u8>, ImageError> {
-    let bytes: Vec<u8> = display_samples(image).map(|v| (v * 255.0).round() as u8).collect();
-    let color = if planes(image) == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
-    encode(&bytes, image.height, image.width, color, ImageFormat::Png, "PNG buffer")
+    let LinearImage { channels, height, width, .. } = *image;
+    encoded_png_bytes(&LinearImage { channels, height, width, data: image.to_srgb() })
 }
 
 /// [`png_bytes`] of a picture whose values are sRGB-encoded already.

@@ -126,7 +126,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
 }
 
 /// A value as indented JSON, with the keys of its objects in alphabetical order.
-pub(crate) fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
+pub fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
     let text = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
     text().map_err(|e: serde_json::Error| JobError::failed(e.to_string()))
 }

@@ -34,5 +34,5 @@ pub mod simulate;
 pub use built_in::built_in_assets;
 pub use context::{Context, Progress, Silent, Watcher};
 pub use device::compiled_in_devices;
-pub use error::{Fault, JobError, text_of_file};
+pub use error::{Fault, JobError, json, text_of_file};
 pub use petzval_design::assets::Assets;

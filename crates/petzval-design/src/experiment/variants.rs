@@ -116,8 +116,8 @@ pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(
 
 /// An error at a path of keys, or at the nearest place above it that the file has.
 fn at(text: &str, path: &[&str], message: String) -> FileError {
-    let found = (1..=path.len()).rev().map(|end| FileError::at_key(text, &path[..end], message.clone()));
-    let error = found.into_iter().find(|error| error.line.is_some());
+    let mut found = (1..=path.len()).rev().map(|end| FileError::at_key(text, &path[..end], message.clone()));
+    let error = found.find(|error| error.line.is_some());
     error.unwrap_or_else(|| FileError::at_key(text, path, message))
 }
 

@@ -9,7 +9,7 @@ use crate::error::DesignError;
 
 const PREFIX: &str = "step-";
 
-/// Writes a checkpoint with `fill` into a hidden folder, then moves it to `checkpoints/step-N`; removes
+/// Writes a checkpoint with `fill`, which writes whole files, into a hidden folder, then moves it to `checkpoints/step-N`; removes
 /// all but the `keep` latest.
 pub fn save_checkpoint(
     run: &RunFolder,
@@ -30,7 +30,6 @@ pub fn save_checkpoint(
     }
     fs::create_dir_all(&hidden).map_err(DesignError::io(&hidden))?;
     fill(&hidden)?;
-    sync_files(&hidden)?;
     fs::rename(&hidden, &last).map_err(DesignError::io(&last))?;
     for (_, old) in all_checkpoints(&root)?.iter().rev().skip(keep) {
         fs::remove_dir_all(old).map_err(DesignError::io(old))?;
@@ -111,17 +110,4 @@ pub enum Kept {
 
 fn block_folder(folder: &Path, block: BlockName) -> PathBuf {
     folder.join("blocks").join(block.name())
-}
-
-fn sync_files(folder: &Path) -> Result<(), DesignError> {
-    for entry in fs::read_dir(folder).map_err(DesignError::io(folder))? {
-        let path = entry.map_err(DesignError::io(folder))?.path();
-        if path.is_dir() {
-            sync_files(&path)?;
-            continue;
-        }
-        let sync = || fs::File::open(&path)?.sync_all();
-        sync().map_err(DesignError::io(&path))?;
-    }
-    Ok(())
 }

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use petzval::jobs::{Assets, Context};
+use petzval::jobs::{Assets, Context, json};
 
 use super::failure::Failure;
 use super::watcher::Stderr;
@@ -26,7 +26,6 @@ impl Terminal {
 
 /// Prints a value as JSON on stdout, indented, with the keys of its objects in order.
 pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
-    let print = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
-    println!("{}", print().map_err(|e| Failure::job(e.to_string()))?);
+    println!("{}", json(value)?);
     Ok(ExitCode::SUCCESS)
 }
