@@ -65,7 +65,7 @@ impl Better {
 }
 
 /// A scalar that a lens is judged by.
-pub trait Merit: Sync {
+pub trait Merit: Send + Sync {
     /// What it is called in tables and on axes.
     fn name(&self) -> String;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::problem::{Apertures, Problem};
+use super::problem::{Apertures, Goal, Problem};
 use crate::constraint::{ClearRadii, Constraint, SemiDiameters, direction_of_light};
 use crate::design_space::{DesignSpace, Mapped};
 use crate::lens::Lens;
@@ -14,10 +14,12 @@ use crate::paraxial::first_order;
 pub struct Analysis {
     /// The lens.
     pub lens: Lens,
-    /// The square of the problem's merit, um^2, plus squared violations.
+    /// The square of the problem's merit, um^2, plus the squared residuals of its goals and of violated constraints.
     pub merit: f64,
     /// RMS spot of each field about its centroid, all wavelengths together, um.
     pub rms_um: Vec<f64>,
+    /// The value of each goal's figure.
+    pub goals: Vec<f64>,
     /// The constraints that are violated, and by how much, mm.
     pub violations: Vec<(Constraint, f64)>,
     /// Its rays, from which the aiming of the next lens starts.
@@ -82,10 +84,14 @@ pub(super) fn analyse(problem: &Problem, lens: Lens, near: Option<&Analysis>) ->
         }
     }
     drop(clear);
+    let goals: Vec<f64> = problem.goals.iter().map(|goal| goal.merit.value(&lens)).collect::<Option<_>>()?;
+    let missed = |(goal, value): (&Goal, &f64)| goal.residual_um(*value).powi(2);
     let stiff = |v: f64| (problem.stiffness_um_per_mm * v).powi(2);
-    let merit = problem.merit.square_um2(&landings) + violations.iter().map(|(_, v)| stiff(*v)).sum::<f64>();
+    let merit = problem.spot_weight.powi(2) * problem.merit.square_um2(&landings)
+        + problem.goals.iter().zip(&goals).map(missed).sum::<f64>()
+        + violations.iter().map(|(_, v)| stiff(*v)).sum::<f64>();
     let rms_um = landings.rms_um.clone();
-    merit.is_finite().then_some(Analysis { lens, merit, rms_um, violations, landings })
+    merit.is_finite().then_some(Analysis { lens, merit, rms_um, goals, violations, landings })
 }
 
 /// The radii at which the constraints of a problem are measured.
@@ -103,12 +109,41 @@ pub(super) fn linearise(
     mapped: &Mapped,
     analysis: &Analysis,
 ) -> Option<Linearised> {
-    let gram = problem.merit.gram(&mapped.lens, problem.sides(), &analysis.landings, space.numbers())?;
-    let residual = gram.ncols() - 1;
     let slopes = &mapped.slopes;
-    let inner = gram.view((0, 0), (residual, residual));
-    let mut hessian = slopes.transpose() * inner * slopes;
-    let mut gradient = slopes.transpose() * gram.view((0, residual), (residual, 1)).column(0);
+    let (numbers, coordinates) = (space.numbers(), space.dimension());
+    let mut hessian = DMatrix::zeros(coordinates, coordinates);
+    let mut gradient = DVector::zeros(coordinates);
+    // Adds residuals by the products of their columns, as `Merit::normal_equations` orders them.
+    let mut add_gram = |gram: &DMatrix<f64>, weight: f64| {
+        let residual = gram.ncols() - 1;
+        let inner = gram.view((0, 0), (residual, residual));
+        hessian += slopes.transpose() * inner * slopes * weight;
+        gradient += slopes.transpose() * gram.view((0, residual), (residual, 1)).column(0) * weight;
+    };
+    if problem.spot_weight > 0.0 {
+        let gram = problem.merit.gram(&mapped.lens, problem.sides(), &analysis.landings, numbers)?;
+        add_gram(&gram, problem.spot_weight.powi(2));
+    }
+    // A goal whose residuals are known and all of which should vanish adds all of them; any other adds one residual, its distance
+    // from the target.
+    let mut single = Vec::new();
+    for (goal, value) in problem.goals.iter().zip(&analysis.goals) {
+        let residual_um = goal.residual_um(*value);
+        if residual_um == 0.0 {
+            continue;
+        }
+        let all = if goal.target == 0.0 { goal.merit.normal_equations(&mapped.lens, numbers) } else { None };
+        match all {
+            Some(gram) => add_gram(&gram, goal.weight_um.powi(2)),
+            None => single.push((goal, residual_um)),
+        }
+    }
+    for (goal, residual_um) in single {
+        let by_lens = goal.merit.with_gradient(&mapped.lens)?.1?;
+        let row = DVector::from_vec(space.pull_back(&mapped.lens, &by_lens)) * goal.weight_um;
+        gradient += &row * residual_um;
+        hessian += &row * row.transpose();
+    }
     let clear = clear_radii(problem, &analysis.lens, &analysis.landings);
     for (constraint, excess) in &analysis.violations {
         let g = constraint.gradient(&analysis.lens, &*clear, 1.0)?;

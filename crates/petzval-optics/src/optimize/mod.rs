@@ -2,8 +2,8 @@
 //! global search on top of it.
 //!
 //! A [`Problem`] says which numbers of a lens may move, what is minimised and under which constraints. Its residuals are the
-//! transverse aberrations of rays that sample the stop, about the centroid of each field, and the violated
-//! [constraints](crate::constraint). Their derivatives are exact, so that each step solves the linearised problem.
+//! transverse aberrations of rays that sample the stop, about the centroid of each field, the distances of any further
+//! [merits](crate::merit::Merit) from their targets ([`Goal`]), and the violated [constraints](crate::constraint). Their derivatives are exact, so that each step solves the linearised problem.
 
 mod analysis;
 mod levenberg;
@@ -14,5 +14,5 @@ mod tests;
 
 pub use analysis::Analysis;
 pub use levenberg::{Descent, LevenbergOptions, Stop, descend};
-pub use problem::{Apertures, GlassChoice, Limits, Problem};
+pub use problem::{Apertures, GlassChoice, Goal, Limits, Problem};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

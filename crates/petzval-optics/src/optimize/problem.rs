@@ -6,7 +6,7 @@ use crate::constraint::Constraint;
 use crate::design_space::{DesignSpace, DesignSpaceError, Focus, Pickup, Solves, Variable};
 use crate::glass::Glass;
 use crate::lens::{Action, Lens};
-use crate::merit::SpotResiduals;
+use crate::merit::{Better, Merit, SpotResiduals};
 use crate::number::Number;
 use crate::pupil::Sides;
 
@@ -17,6 +17,37 @@ pub struct GlassChoice {
     pub surface: usize,
     /// What it may be.
     pub candidates: Vec<Arc<Glass>>,
+}
+
+/// A figure of the lens that should come near a target.
+///
+/// It adds the square of `weight_um * (value - target)` to what is minimised. A figure that is better than its target adds nothing.
+#[derive(Clone)]
+pub struct Goal {
+    /// The figure; it must have a gradient.
+    pub merit: Arc<dyn Merit>,
+    /// What it should be, in its unit.
+    pub target: f64,
+    /// Micrometres of spot that one unit beyond the target counts as much as.
+    pub weight_um: f64,
+}
+
+impl std::fmt::Debug for Goal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { merit, target, weight_um } = self;
+        write!(f, "Goal({}: {target} {}, weight {weight_um} um)", merit.name(), merit.unit())
+    }
+}
+
+impl Goal {
+    /// The residual of a value, um.
+    pub(super) fn residual_um(&self, value: f64) -> f64 {
+        let beyond = match self.merit.better() {
+            Better::Lower => (value - self.target).max(0.0),
+            Better::Higher => (value - self.target).min(0.0),
+        };
+        self.weight_um * beyond
+    }
 }
 
 /// Limits of the lens as a piece of glass, mm; `None` is no limit.
@@ -109,8 +140,12 @@ pub struct Problem {
     pub solves: Solves,
     /// Where the image plane goes.
     pub focus: Focus,
-    /// What is made small.
+    /// The spots that are made small. Their rays also measure how far beams reach on the surfaces.
     pub merit: SpotResiduals,
+    /// How much the spots count beside the goals: 1, or 0 if the goals alone are minimised.
+    pub spot_weight: f64,
+    /// Further figures that should reach a target.
+    pub goals: Vec<Goal>,
     /// Limits of the lens.
     pub limits: Limits,
     /// Constraints beside those that the limits make.
@@ -131,6 +166,8 @@ impl Problem {
             solves: Solves::default(),
             focus: Focus::Free,
             merit: SpotResiduals::new(&base),
+            spot_weight: 1.0,
+            goals: Vec::new(),
             limits: Limits::default(),
             further: Vec::new(),
             apertures: Apertures::Fitted,

@@ -5,9 +5,10 @@ use super::*;
 use crate::constraint::Constraint;
 use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable};
 use crate::lens::{Departure, Lens, Placement};
-use crate::merit::SpotResiduals;
+use crate::merit::{Merit, Mtf, SpotResiduals};
 use crate::number::Number;
 use crate::paraxial::first_order;
+use crate::psf::PsfKind;
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -65,6 +66,10 @@ fn strict(mut problem: Problem) -> Problem {
 }
 
 fn check_gradient(problem: &Problem) -> usize {
+    check_gradient_to(problem, 1e-6)
+}
+
+fn check_gradient_to(problem: &Problem, tolerance: f64) -> usize {
     let space = problem.space().unwrap();
     let at = space.start();
     let mapped = space.map(&at).unwrap();
@@ -82,7 +87,7 @@ fn check_gradient(problem: &Problem) -> usize {
         let analytic = 2.0 * model.gradient[i];
         let rounding = 1e-12 * analysis.merit / h;
         assert!(
-            (analytic - numeric).abs() < 1e-6 * analytic.abs() + rounding,
+            (analytic - numeric).abs() < tolerance * analytic.abs() + rounding,
             "coordinate {i}: {analytic:e} against {numeric:e}"
         );
     }
@@ -269,6 +274,60 @@ fn a_disturbed_triplet_comes_back() {
     .unwrap();
     assert!(seen > descent.iterations);
     assert!(descent.best.mean_rms_um() <= before * 1.001, "{} against {before}", descent.best.mean_rms_um());
+}
+
+fn goal(merit: impl Merit + 'static, target: f64, weight_um: f64) -> Goal {
+    Goal { merit: std::sync::Arc::new(merit), target, weight_um }
+}
+
+#[test]
+fn goals_have_the_gradient_of_what_is_minimised() {
+    let lens = nominal_triplet();
+    let spots = SpotResiduals::new(&lens);
+    let mtf = || Mtf::new(&lens, 40.0, PsfKind::Geometric);
+    let with = |goals: Vec<Goal>| Problem { goals, ..problem() };
+    // By residuals, by one distance from a target, and alone.
+    check_gradient(&with(vec![goal(spots.clone(), 0.0, 0.7)]));
+    check_gradient(&with(vec![goal(spots.clone(), 3.0, 0.7)]));
+    // The splats of a geometric PSF have no third derivative, so that differences of it are less exact.
+    check_gradient_to(&Problem { spot_weight: 0.0, ..with(vec![goal(mtf(), 1.0, 30.0)]) }, 1e-4);
+    // A target that is met adds nothing.
+    let space = problem().space().unwrap();
+    let merit =
+        |problem: &Problem| analyse(problem, space.lens_at(&space.start()).unwrap(), None).unwrap().merit;
+    assert_eq!(merit(&problem()), merit(&with(vec![goal(mtf(), 0.01, 30.0), goal(spots, 1e3, 1.0)])));
+}
+
+#[test]
+fn spots_as_a_goal_are_the_spots_of_the_problem() {
+    let by_goal = Problem {
+        spot_weight: 0.0,
+        goals: vec![goal(SpotResiduals::new(&nominal_triplet()), 0.0, 1.0)],
+        ..problem()
+    };
+    let descend = |problem: &Problem| {
+        descend(problem, &LevenbergOptions { iterations: 6, ..Default::default() }, &mut |_, _, _| true)
+            .unwrap()
+    };
+    let (one, other) = (descend(&problem()).best, descend(&by_goal).best);
+    assert!((one.merit / other.merit - 1.0).abs() < 1e-6, "{} {}", one.merit, other.merit);
+    assert!((other.goals[0] / other.merit.sqrt() - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn contrast_as_a_goal_beats_spots_in_contrast() {
+    // 60/mm is a frequency at which the smallest spot is not the best contrast.
+    let contrast = || Mtf::new(&nominal_triplet(), 60.0, PsfKind::Geometric);
+    let options = LevenbergOptions { iterations: 25, ..Default::default() };
+    let descend = |problem: &Problem| descend(problem, &options, &mut |_, _, _| true).unwrap();
+    let by_spots = descend(&problem());
+    let mut start = problem();
+    start.base = by_spots.best.lens.clone();
+    let by_contrast =
+        descend(&Problem { spot_weight: 0.0, goals: vec![goal(contrast(), 1.0, 100.0)], ..start });
+    let (spots, goal) = (contrast().value(&by_spots.best.lens).unwrap(), by_contrast.best.goals[0]);
+    assert!(goal > spots + 0.005, "{goal} against {spots}");
+    assert!(by_contrast.best.mean_rms_um() > by_spots.best.mean_rms_um());
 }
 
 #[test]
