@@ -20,7 +20,7 @@ pub struct PsfLayout {
 /// cell `i` is at `(i - (grid - 1)/2) * pitch_um`. Every PSF has unit sum; `illumination` holds the loss of light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PsfBank {
-    /// Image radius of each field, mm, ascending, the first 0.
+    /// Image radius of each field, mm, ascending, the first 0: where the chief ray of the field lands, distortion included.
     pub field_radius_mm: Vec<f64>,
     /// Cells along one side of the square grid.
     pub grid: usize,
@@ -28,7 +28,8 @@ pub struct PsfBank {
     pub pitch_um: f64,
     /// Energy per cell, `[field][channel][row][col]`; sums to 1 for each field and channel.
     pub values: Vec<f32>,
-    /// Relative illumination `[field][channel]`: 1 on axis; vignetting and the cos^4 law are included.
+    /// Relative illumination `[field][channel]`: irradiance of the image of a uniform scene, 1 on the axis; vignetting, the cos^4
+    /// law and distortion are included.
     pub illumination: Vec<f32>,
 }
 
@@ -102,6 +103,17 @@ impl PsfLayout {
     /// True if there is no field.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Adds the derivatives by the field radii of a loss whose derivative by the upper weight of [`bracket`](Self::bracket) at
+    /// `radius_mm` is `by_w_hi`, 1/mm; the lower weight is one minus the upper.
+    pub(crate) fn pull_back_bracket(&self, radius_mm: f64, by_w_hi: f64, by_radius: &mut [f64]) {
+        let (lo, w_lo, w_hi) = self.bracket(radius_mm);
+        // w_hi = (r - r_lo) / (r_hi - r_lo); beyond the outermost field it is constant.
+        if let [below, above, ..] = self.field_radius_mm[lo..] {
+            by_radius[lo] -= by_w_hi * w_lo / (above - below);
+            by_radius[lo + 1] -= by_w_hi * w_hi / (above - below);
+        }
     }
 
     /// Checks radii, grid and pitch.

@@ -2,13 +2,14 @@
 //! derivatives by them. The tape of the tensor framework ends here.
 
 use petzval_camera::psf::PsfBank;
-use petzval_camera::render::RenderGeometry;
+use petzval_camera::render::{Distortion, RenderError, RenderGeometry};
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf, psf_with_tape};
-use petzval_optics::pupil::Quadrature;
+use petzval_optics::pupil::{Quadrature, chief_ray, field_imaged_at};
+use petzval_optics::trace::Sequence;
 use rayon::prelude::*;
 
 use crate::error::DesignError;
@@ -17,8 +18,11 @@ use crate::experiment::PsfConfig;
 /// The fields, wavelengths and grids on which a lens is turned into PSFs.
 #[derive(Clone, Debug)]
 pub struct PsfPlan {
-    /// Ideal image radii of the fields, mm, from 0 to the sensor's corner.
+    /// Image radii of the fields, mm, from 0 to the sensor's corner: where their chief rays land.
     pub field_radius_mm: Vec<f64>,
+    /// Field angles that are traced whatever the lens, rad; the radii of the bank are then those at which their chief rays land.
+    /// Without them the angles are those which each lens images at the radii.
+    pub held_fields_rad: Option<Vec<f64>>,
     /// Wavelengths of the red, green and blue channel, um.
     pub wavelengths_um: [f64; 3],
     /// The grid of each PSF.
@@ -63,6 +67,25 @@ impl BankWithTape {
     }
 }
 
+/// Field, as a share of the outermost, whose image is as good as free of distortion: its share is 1e-6 of that of the corner.
+const NEAR_AXIS: f64 = 1e-3;
+
+/// Ideal image height per tangent of the field, mm: the EFL f or, for a near object at D, `D / w'` with w' the final slope of its
+/// paraxial ray of slope 1.
+fn image_scale_mm(lens: &Lens) -> f64 {
+    let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
+    // Of a real image of a near object, turned upside down, the field is as far on the other side.
+    if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() }
+}
+
+fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<f64, DesignError> {
+    if radius_mm == 0.0 {
+        return Ok(0.0);
+    }
+    field_imaged_at(reference, radius_mm, guess_rad)
+        .ok_or(DesignError::NoLight { field_deg: guess_rad.to_degrees() })
+}
+
 impl PsfPlan {
     /// Fields evenly spaced in image radius from the axis to `corner_mm`.
     pub fn new(
@@ -74,22 +97,48 @@ impl PsfPlan {
     ) -> Self {
         let last = fields.saturating_sub(1).max(1) as f64;
         let field_radius_mm = (0..fields).map(|i| corner_mm * i as f64 / last).collect();
-        Self { field_radius_mm, wavelengths_um, options, quadrature }
+        Self { field_radius_mm, held_fields_rad: None, wavelengths_um, options, quadrature }
     }
 
-    /// Field angle whose ideal, rectilinear image lies `radius_mm` from the axis, rad: `tan(field) = r / f`, with f
-    /// the EFL or, for a near object at D, `D / w'` with w' the final slope of its paraxial ray of slope 1.
-    pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> f64 {
-        let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
-        // Of a real image of a near object, turned upside down, the field is as far on the other side.
-        let per_tangent =
-            if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() };
-        (radius_mm / per_tangent).atan()
+    /// Field angle whose chief ray lands `radius_mm` from the axis, rad, distortion included.
+    pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> Result<f64, DesignError> {
+        let reference = lens.at_wavelength(lens.reference_um);
+        field_imaged(&reference, radius_mm, (radius_mm / image_scale_mm(lens)).atan())
     }
 
     /// Field angles of all fields, rad.
-    pub fn field_angles(&self, lens: &Lens) -> Vec<f64> {
-        self.field_radius_mm.iter().map(|r| self.field_angle(lens, *r)).collect()
+    pub fn field_angles(&self, lens: &Lens) -> Result<Vec<f64>, DesignError> {
+        if let Some(held) = &self.held_fields_rad {
+            return Ok(held.clone());
+        }
+        let reference = lens.at_wavelength(lens.reference_um);
+        let mut angles: Vec<f64> = Vec::with_capacity(self.field_radius_mm.len());
+        let mut scale_mm = image_scale_mm(lens);
+        for radius_mm in &self.field_radius_mm {
+            // Start from the scale at which the field before it was imaged.
+            let angle = field_imaged(&reference, *radius_mm, (radius_mm / scale_mm).atan())?;
+            if angle != 0.0 {
+                scale_mm = radius_mm / angle.tan();
+            }
+            angles.push(angle);
+        }
+        Ok(angles)
+    }
+
+    /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land.
+    pub fn distortion(&self, lens: &Lens) -> Result<Distortion, DesignError> {
+        let angles = self.field_angles(lens)?;
+        let reference = lens.at_wavelength(lens.reference_um);
+        let height = |field: f64| {
+            let chief = chief_ray(&reference, field);
+            Ok(chief.ok_or(DesignError::NoLight { field_deg: field.to_degrees() })?.y_mm)
+        };
+        let image_mm = angles.iter().map(|field| height(*field)).collect::<Result<Vec<_>, DesignError>>()?;
+        // The ideal image has the scale of the real one near the axis.
+        let near = angles.last().copied().unwrap_or(0.0) * NEAR_AXIS;
+        let scale_mm = if near > 0.0 { height(near)? / near.tan() } else { 1.0 };
+        let ideal_mm = angles.iter().map(|field| scale_mm * field.tan()).collect();
+        Ok(Distortion::new(image_mm, ideal_mm).map_err(RenderError::from)?)
     }
 
     /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.
@@ -97,7 +146,7 @@ impl PsfPlan {
         if !lens.is_rotationally_symmetric() {
             return Err(DesignError::NotSymmetric(lens.name.clone()));
         }
-        let angles = self.field_angles(lens);
+        let angles = self.field_angles(lens)?;
         let traced: Vec<(FieldPsf, PsfTape)> = angles
             .par_iter()
             .map(|field| {
@@ -106,7 +155,10 @@ impl PsfPlan {
             })
             .collect::<Result<_, _>>()?;
         let mut bank = PsfBank {
-            field_radius_mm: self.field_radius_mm.clone(),
+            field_radius_mm: match self.held_fields_rad {
+                Some(_) => traced.iter().map(|(psf, _)| psf.chief_y_mm).collect(),
+                None => self.field_radius_mm.clone(),
+            },
             grid: self.options.grid,
             pitch_um: self.options.pitch_um,
             values: Vec::new(),
@@ -123,7 +175,7 @@ impl PsfPlan {
 
     /// PSFs of every field in double precision, for analysis and for files.
     pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>, DesignError> {
-        self.field_angles(lens)
+        self.field_angles(lens)?
             .par_iter()
             .map(|field| {
                 psf(lens, *field, &self.wavelengths_um, &self.quadrature, &self.options)
@@ -137,13 +189,14 @@ impl PsfPlan {
         Ok(self.trace(lens)?.bank)
     }
 
-    /// The lens gradient of a loss whose derivatives by the bank's values and illumination are given,
-    /// laid out as in [`PsfBank`].
+    /// The lens gradient of a loss whose derivatives by the bank's values, illumination and field radii are given, laid out as in
+    /// [`PsfBank`]. The fields stay, so that their chief rays land elsewhere when the lens changes.
     pub fn gradient(
         &self,
         traced: &BankWithTape,
         by_values: &[f32],
         by_illumination: &[f32],
+        by_radius: &[f32],
     ) -> LensGradient {
         let cells = self.options.grid * self.options.grid;
         let parts: Vec<LensGradient> = traced
@@ -157,7 +210,8 @@ impl PsfPlan {
                     .collect();
                 let illumination =
                     by_illumination[field * 3..field * 3 + 3].iter().map(|v| f64::from(*v)).collect();
-                tape.gradient(psf, &self.quadrature, &PsfCotangent { values, illumination })
+                let chief_y = f64::from(by_radius[field]);
+                tape.gradient(psf, &self.quadrature, &PsfCotangent { values, illumination, chief_y })
             })
             .collect();
         // Sum in the order of the fields: the same bits for any number of threads.
@@ -171,24 +225,29 @@ impl PsfPlan {
 mod tests {
     use super::*;
     use crate::assets::Assets;
-    use petzval_optics::pupil::chief_ray;
     use petzval_optics::solve::with_paraxial_focus;
 
     #[test]
-    fn a_small_radius_is_where_its_field_is_imaged_from_any_distance() {
+    fn fields_are_those_which_the_lens_images_at_the_radii_from_any_distance() {
         let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
         let assets = Assets::from_folder(&data).unwrap();
         let nominal = assets.lens("cooke-triplet-nominal").unwrap().lens;
         let quadrature = Quadrature::grid(16).unwrap();
-        let plan = PsfPlan::new(2, 1.0, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
+        let plan = PsfPlan::new(4, 6.0, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
         for object in
             [100.0, 400.0, 1e5].map(ObjectDistance::Finite).into_iter().chain([ObjectDistance::Infinity])
         {
             let lens = with_paraxial_focus(&Lens { object, ..nominal.clone() }, 0.0);
-            let radius = 1e-3;
-            let field = plan.field_angle(&lens, radius);
-            let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap();
-            assert!((chief.y_mm / radius - 1.0).abs() < 1e-5, "{object:?}: {}", chief.y_mm);
+            for (field, radius) in plan.field_angles(&lens).unwrap().into_iter().zip(&plan.field_radius_mm) {
+                let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field).unwrap();
+                assert!((chief.y_mm - radius).abs() < 1e-9, "{object:?}: {}", chief.y_mm);
+            }
+            // The map has the scale of the image near the axis, and the distortion of the chief rays.
+            let map = plan.distortion(&lens).unwrap();
+            let field = plan.field_angle(&lens, 6.0).unwrap();
+            let near = plan.field_angle(&lens, 0.01).unwrap();
+            let wanted = 0.01 / near.tan() * field.tan();
+            assert!((map.ideal_mm(6.0) / wanted - 1.0).abs() < 1e-5, "{object:?}");
         }
     }
 }

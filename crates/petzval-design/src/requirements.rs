@@ -15,7 +15,7 @@ pub struct Requirements {
     /// Clearances, the bounds of a radius that is solved for, and the height at which the nominal lens images the sensor's
     /// corner: the field of view is held.
     constraints: Vec<Constraint>,
-    /// The sensor corner's ideal field angle, rad.
+    /// The field that the nominal lens images in the sensor's corner, rad.
     corner_field_rad: f64,
 }
 

@@ -55,7 +55,7 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
     let metrics = read_metrics(run)?;
     let plan = &setup.fixed_plan;
-    let full_rad = plan.field_angles(&setup.nominal().lens_file.lens).last().copied().unwrap_or(0.0);
+    let full_rad = plan.field_angles(&setup.nominal().lens_file.lens)?.last().copied().unwrap_or(0.0);
     let layout_fields_deg = LAYOUT_SHARES.map(|share| (share * full_rad).to_degrees());
     let mut cameras = Vec::new();
     for variant in &setup.variants {

@@ -13,7 +13,6 @@ use petzval_learn::objective::Labels;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
-use petzval_optics::pupil::{chief_ray, field_imaged_at};
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
@@ -147,12 +146,10 @@ fn camera_metrics(
 ) -> Result<CameraMetrics, DesignError> {
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
-    let angles = setup.fixed_plan.field_angles(lens);
+    let angles = setup.fixed_plan.field_angles(lens)?;
     // The field of view ends where the light of the sensor's corner comes from.
-    let (corner_mm, ideal) = (setup.corner_mm(), angles.last().copied().unwrap_or(0.0));
-    let dark = || DesignError::NoLight { field_deg: ideal.to_degrees() };
-    let corner_chief = chief_ray(&reference, ideal).ok_or_else(dark)?;
-    let corner_field = field_imaged_at(&reference, corner_mm, ideal).ok_or_else(dark)?;
+    let (corner_mm, corner_field) = (setup.corner_mm(), angles.last().copied().unwrap_or(0.0));
+    let ideal_mm = setup.fixed_plan.distortion(lens)?.ideal_mm(corner_mm);
     let rms_spot_by_field_um: Vec<f64> = angles
         .par_iter()
         .map(|field| {
@@ -170,7 +167,7 @@ fn camera_metrics(
         efl_mm: order.efl_mm,
         f_number: order.f_number,
         fov_deg: 2.0 * corner_field.to_degrees(),
-        corner_distortion_percent: 100.0 * (corner_chief.y_mm / corner_mm - 1.0),
+        corner_distortion_percent: 100.0 * (corner_mm / ideal_mm - 1.0),
         psf_captured,
         white_e: f64::from(setup.experiment.exposure.white_e),
         network_steps: setup.experiment.training.steps,

@@ -8,7 +8,7 @@ use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfLayout;
-use petzval_camera::render::kernel_radius;
+use petzval_camera::render::{kernel_radius, with_patches_for};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_learn::loss::Lpips;
@@ -125,11 +125,18 @@ impl Setup {
         &self.starts[&variant.lens]
     }
 
-    /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely.
+    /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with as many
+    /// patches as `psf.scoring_blend_error` needs.
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
         let plan = if is_moving { &self.moving_plan } else { &self.fixed_plan };
         let source = PsfSource::Traced { lens: Box::new(lens), plan: plan.clone() };
-        Camera::new(self.body.clone(), Arc::new(source.psfs()?))
+        let psfs = Arc::new(source.psfs()?);
+        if is_moving {
+            return Camera::new(self.body.clone(), psfs);
+        }
+        let error = self.experiment.psf.scoring_blend_error;
+        let (geometry, _) = with_patches_for(&self.body.geometry, psfs.bank(), error)?;
+        Camera::new(Arc::new(Body { geometry, ..(*self.body).clone() }), psfs)
     }
 
     /// The objective of the experiment.

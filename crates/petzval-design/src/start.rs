@@ -57,11 +57,11 @@ impl Start {
         let lens = &lens_file.lens;
         let corner_mm = plan.field_radius_mm.last().copied().unwrap_or(0.0);
         let requirements =
-            Requirements::new(&lens_file, &experiment.constraints, plan.field_angle(lens, corner_mm))?;
+            Requirements::new(&lens_file, &experiment.constraints, plan.field_angle(lens, corner_mm)?)?;
         let spot_fields_rad = area_quantile_radii_mm(sensor, experiment.psf.fields)
             .iter()
             .map(|radius| plan.field_angle(lens, *radius))
-            .collect();
+            .collect::<Result<_, _>>()?;
         // A lens whose light does not arrive is refused now, not after the first step.
         plan.bank(lens).map_err(|e| {
             let hint = match e {

@@ -1,6 +1,7 @@
 //! The gradient through the whole camera, against finite differences of the whole camera.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
@@ -8,7 +9,8 @@ use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock};
-use petzval_design::camera::{Camera, Shot};
+use petzval_design::camera::{Camera, PsfSource, Shot};
+use petzval_design::psf_plan::PsfPlan;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
 use petzval_learn::objective::Objective;
@@ -52,8 +54,14 @@ fn shots(setup: &Setup) -> Vec<Shot> {
 
 /// A camera of the nominal lens at some coordinates, with an untrained network behind it.
 fn camera(setup: &Setup, x: &[f64]) -> Camera {
-    let lens = setup.nominal().space.lens_at(x).unwrap();
-    setup.camera(lens, true).unwrap().with_network(setup.network().unwrap().held())
+    // The gradient is that at fixed fields.
+    let nominal = setup.nominal();
+    let lens_at = |x: &[f64]| nominal.space.lens_at(x).unwrap();
+    let moving = &setup.moving_plan;
+    let fields = moving.field_angles(&lens_at(&nominal.space.start())).unwrap();
+    let plan = PsfPlan { held_fields_rad: Some(fields), ..moving.clone() };
+    let psfs = PsfSource::Traced { lens: Box::new(lens_at(x)), plan }.psfs().unwrap();
+    Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(setup.network().unwrap().held())
 }
 
 fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> f64 {

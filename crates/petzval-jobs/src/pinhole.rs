@@ -6,7 +6,7 @@
 //! The camera turns towards a source that stands still, as on a tripod head. The source then keeps its distance to the lens
 //! and not to its object plane: at field angle theta that plane is at `D cos(theta)`, which moves the image by up to 15 um along the
 //! axis. Of the four cosines in the relative illumination of a flat scene only the pupil's own remains, so the light of
-//! the PSF is the illumination over `cos^3(theta)`.
+//! the PSF is the illumination over `cos^3(theta)`. In either case it is the light of one point, which distortion does not change.
 
 use petzval_camera::image::CHANNELS;
 use petzval_camera::sensor::SensorModel;
@@ -16,7 +16,7 @@ use petzval_lab::psf_calibration::led::{channel_weights, led_wavelengths_um};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::psf::{PsfOptions, psf};
-use petzval_optics::pupil::Quadrature;
+use petzval_optics::pupil::{Quadrature, field_imaged_at};
 
 use crate::error::JobError;
 
@@ -99,6 +99,9 @@ pub struct PinholePsf {
     pub chief_mm: f64,
 }
 
+/// Times that field and object distance of a turned camera are solved for in turn; each leaves less than a hundredth of the error.
+const TURNS: usize = 4;
+
 impl PinholeView {
     /// A source `distance_mm` from the first vertex, or at infinity without it. If `camera_turned`, the camera turns towards
     /// the source; else the source moves in a plane.
@@ -146,14 +149,21 @@ impl PinholeView {
         })
     }
 
-    /// The PSF whose ideal image lies `radius_mm` from the axis.
+    /// The PSF that lies `radius_mm` from the axis, where its chief ray lands.
     pub fn psf(&self, radius_mm: f64) -> Result<PinholePsf, DesignError> {
-        let field_rad = (radius_mm / self.image_scale_mm).atan();
-        let cos = field_rad.cos();
+        let mut field_rad = (radius_mm / self.image_scale_mm).atan();
         let mut lens = self.lens.clone();
-        if let (Some(distance), true) = (self.distance_mm, self.camera_turned) {
-            lens.object = ObjectDistance::Finite(distance * cos);
+        // Turning the camera brings the object plane nearer, which moves the image a little: solve for both in turn.
+        for _ in 0..TURNS {
+            if let (Some(distance), true) = (self.distance_mm, self.camera_turned) {
+                lens.object = ObjectDistance::Finite(distance * field_rad.cos());
+            }
+            if radius_mm > 0.0 {
+                field_rad = field_imaged_at(&lens.at_wavelength(lens.reference_um), radius_mm, field_rad)
+                    .ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
+            }
         }
+        let cos = field_rad.cos();
         let options = PsfOptions::default();
         let traced = psf(&lens, field_rad, &self.wavelengths_um, &self.quadrature, &options)
             .ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
@@ -164,7 +174,9 @@ impl PinholeView {
         let values: [Vec<f64>; CHANNELS] = std::array::from_fn(|c| {
             let mut sum = vec![0.0; options.grid * options.grid];
             for (k, values) in traced.values.iter().enumerate() {
-                let weight = self.weights[c][k] * traced.illumination[k] * traced.captured[k] / turned;
+                let weight = self.weights[c][k] * traced.illumination[k] / traced.image_area
+                    * traced.captured[k]
+                    / turned;
                 sum.iter_mut().zip(values).for_each(|(s, v)| *s += weight * v);
                 light[c] += weight;
             }

@@ -398,12 +398,13 @@ fn check_psf_loss_with(
         let (p, _) = make(l, field, &l.wavelengths_um, &quadrature, &options).unwrap();
         let correlation: f64 =
             p.values.iter().map(|v| v.iter().zip(&template).map(|(a, b)| a * b).sum::<f64>()).sum();
-        correlation + 0.3 * p.illumination.iter().map(|i| i * i).sum::<f64>()
+        correlation + 0.3 * p.illumination.iter().map(|i| i * i).sum::<f64>() + 0.2 * p.chief_y_mm.powi(2)
     };
     let (p, tape) = make(lens, field, &lens.wavelengths_um, &quadrature, &options).unwrap();
     let cotangent = PsfCotangent {
         values: vec![template.clone(); 3],
         illumination: p.illumination.iter().map(|i| 0.6 * i).collect(),
+        chief_y: 0.4 * p.chief_y_mm,
     };
     let gradient = tape.gradient(&p, &quadrature, &cotangent);
     // The splat's second derivative jumps between cells, so differences need short steps; waves have no such jumps.

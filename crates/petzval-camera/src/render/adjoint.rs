@@ -9,8 +9,8 @@ use super::convolve::TileSet;
 use super::geometry::Window;
 use super::spectrum::{Scratch, TransformSize};
 use super::{
-    PatchKernels, Placement, RenderError, RenderGeometry, geometry, kernel_radius, patch_kernels,
-    patch_kernels_adjoint,
+    PatchKernels, Placement, PsfGradient, RenderError, RenderGeometry, geometry, kernel_radius,
+    patch_kernels, patch_kernels_adjoint,
 };
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfBank;
@@ -18,8 +18,8 @@ use crate::psf::PsfBank;
 /// Gradient of a loss with respect to the two inputs of [`super::render`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderGradient {
-    /// Gradient with respect to `PsfBank::values`.
-    pub psf_values: Vec<f32>,
+    /// Gradient with respect to the PSFs.
+    pub psfs: PsfGradient,
     /// Gradient with respect to the scene, border included.
     pub scene: LinearImage,
 }
@@ -42,8 +42,8 @@ pub fn render_adjoint(
     let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
     let set = TileSet::new(geometry, &window, radius, Some(&kernels));
     let (d_kernels, d_scene) = transpose(geometry, &set, &window, scene, d_output)?;
-    let psf_values = patch_kernels_adjoint(geometry, &layout, &d_kernels, &active)?;
-    Ok(RenderGradient { psf_values, scene: d_scene })
+    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels, &active)?;
+    Ok(RenderGradient { psfs, scene: d_scene })
 }
 
 /// Gradient with respect to the patch kernels of `radius` pixels only, for a fixed scene.

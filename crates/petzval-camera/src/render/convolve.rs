@@ -1,4 +1,4 @@
-//! Fast rendering: FFT convolution tile by tile, each tile blending at most two by two patches.
+//! Fast rendering, tile by tile, each tile blending at most two by two patches: here by FFTs, see also [`spatial`].
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use realfft::num_complex::Complex32;
 
 use super::geometry::{AxisTile, Window, output_window, tile_patches};
 use super::spectrum::{Scratch, TilePlan, TransformSize, fast_len, forward, plans};
-use super::{PatchKernels, Placement, RenderError, RenderGeometry};
+use super::{PatchKernels, Placement, RenderError, RenderGeometry, spatial};
 use crate::image::{CHANNELS, LinearImage};
 
 /// The tiles of an output window, their transforms, and the kernel spectra that they need.
@@ -74,6 +74,20 @@ impl TileSet {
         (row, col, transform_size(row, col, self.radius))
     }
 
+    /// The picture of a window from its tiles, three for each; every output pixel belongs to exactly one.
+    pub fn assembled(&self, window: &Window, tiles: Vec<Vec<f32>>) -> LinearImage {
+        let mut out = LinearImage::zeros(CHANNELS, window.height, window.width);
+        for (work, tile) in tiles.iter().enumerate() {
+            let (row, col, _) = self.tile(work / CHANNELS);
+            let plane = out.plane_mut(work % CHANNELS);
+            for (r, line) in tile.chunks_exact(col.len).enumerate() {
+                let start = (row.start + r) * window.width + col.start;
+                plane[start..start + col.len].copy_from_slice(line);
+            }
+        }
+        out
+    }
+
     /// Spectrum of the scene under a tile and its border.
     pub fn scene_spectrum(
         &self,
@@ -104,25 +118,22 @@ pub fn render_kernels(
     placement: Placement,
 ) -> Result<LinearImage, RenderError> {
     let window = checked_window(geometry, kernels, scene, placement)?;
+    let set = TileSet::new(geometry, &window, kernels.radius, None);
+    if spatial::is_faster(&set, kernels) {
+        return Ok(set.assembled(&window, spatial::render_tiles(&set, kernels, scene)));
+    }
     let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
-    let tiles: Vec<Vec<f32>> = (0..set.len() * CHANNELS)
+    Ok(set.assembled(&window, by_transforms(&set, scene)))
+}
+
+/// All tiles and channels of a window, by FFTs.
+pub(super) fn by_transforms(set: &TileSet, scene: &LinearImage) -> Vec<Vec<f32>> {
+    (0..set.len() * CHANNELS)
         .into_par_iter()
         .map_init(Scratch::default, |scratch, work| {
-            render_tile(&set, scene, work / CHANNELS, work % CHANNELS, scratch)
+            render_tile(set, scene, work / CHANNELS, work % CHANNELS, scratch)
         })
-        .collect();
-
-    // Every output pixel belongs to exactly one tile.
-    let mut out = LinearImage::zeros(CHANNELS, window.height, window.width);
-    for (work, tile) in tiles.iter().enumerate() {
-        let (row, col, _) = set.tile(work / CHANNELS);
-        let plane = out.plane_mut(work % CHANNELS);
-        for (r, line) in tile.chunks_exact(col.len).enumerate() {
-            let start = (row.start + r) * window.width + col.start;
-            plane[start..start + col.len].copy_from_slice(line);
-        }
-    }
-    Ok(out)
+        .collect()
 }
 
 /// Blends the convolutions of the patches around one tile.

@@ -125,7 +125,8 @@ impl RenderGeometry {
         axis_tiles(self.sensor_width, self.patches.1, window.placement.col, window.width)
     }
 
-    fn position_um(&self, row: f64, col: f64) -> (f64, f64) {
+    /// Position `(x, y)` of a row and a column, um from the optical axis.
+    pub(super) fn position_um(&self, row: f64, col: f64) -> (f64, f64) {
         let x = (col - 0.5 * (self.sensor_width as f64 - 1.0)) * self.pixel_um;
         let y = (row - 0.5 * (self.sensor_height as f64 - 1.0)) * self.pixel_um;
         (x, y)

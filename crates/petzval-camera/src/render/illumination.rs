@@ -1,4 +1,4 @@
-//! Relative illumination over the sensor: vignetting and the cos^4 law dim the picture towards the corners.
+//! Relative illumination over the sensor: vignetting, the cos^4 law and distortion change the light towards the corners.
 
 use rayon::prelude::*;
 
@@ -66,13 +66,15 @@ pub fn illumination_map(
     Ok(out)
 }
 
-/// Transpose of [`illumination_map`]: from the cotangent of the map to that of the table `[field][channel]`.
+/// Transpose of [`illumination_map`]: from the cotangent of the map to those of the table `[field][channel]` and of the field radii
+/// (1/mm).
 pub fn illumination_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
+    illumination: &[f32],
     placement: Placement,
     d_map: &LinearImage,
-) -> Result<Vec<f32>, RenderError> {
+) -> Result<(Vec<f32>, Vec<f64>), RenderError> {
     if d_map.channels != CHANNELS {
         return Err(RenderError::Channels {
             what: "gradient of the illumination map",
@@ -80,27 +82,36 @@ pub fn illumination_adjoint(
         });
     }
     let (height, width) = (d_map.height, d_map.width);
+    check_len("relative illumination", illumination.len(), layout.fields() * CHANNELS)?;
     let weights = illumination_weights(geometry, layout, placement, height, width)?;
     let last = layout.fields() - 1;
     let size = layout.fields() * CHANNELS;
     // Sum along each row in parallel, then over rows in fixed order.
-    let rows: Vec<Vec<f64>> = (0..height)
+    let rows: Vec<(Vec<f64>, Vec<f64>)> = (0..height)
         .into_par_iter()
         .map(|r| {
-            let mut sum = vec![0.0f64; size];
+            let (mut sum, mut by_radius) = (vec![0.0f64; size], vec![0.0; layout.fields()]);
+            let mut by_w_hi = vec![0.0; width];
             for c in 0..CHANNELS {
                 for (i, w) in weights[r * width..(r + 1) * width].iter().enumerate() {
                     let g = d_map.get(c, r, i) as f64;
                     sum[w.field_lo * CHANNELS + c] += w.w_lo as f64 * g;
-                    sum[(w.field_lo + 1).min(last) * CHANNELS + c] += w.w_hi as f64 * g;
+                    let hi = (w.field_lo + 1).min(last) * CHANNELS + c;
+                    sum[hi] += w.w_hi as f64 * g;
+                    by_w_hi[i] += f64::from(illumination[hi] - illumination[w.field_lo * CHANNELS + c]) * g;
                 }
             }
-            sum
+            for (i, bar) in by_w_hi.into_iter().enumerate() {
+                let radius_mm = geometry.radius_mm(placement.row + r, placement.col + i);
+                layout.pull_back_bracket(radius_mm, bar, &mut by_radius);
+            }
+            (sum, by_radius)
         })
         .collect();
-    let mut out = vec![0.0f64; size];
-    for row in rows {
+    let (mut out, mut by_radius) = (vec![0.0f64; size], vec![0.0; layout.fields()]);
+    for (row, radius) in rows {
         out.iter_mut().zip(row).for_each(|(o, v)| *o += v);
+        by_radius.iter_mut().zip(radius).for_each(|(o, v)| *o += v);
     }
-    Ok(out.into_iter().map(|v| v as f32).collect())
+    Ok((out.into_iter().map(|v| v as f32).collect(), by_radius))
 }

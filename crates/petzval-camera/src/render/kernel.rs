@@ -9,7 +9,7 @@ use crate::image::CHANNELS;
 use crate::psf::{PsfLayout, check_len};
 
 /// One kernel per patch and channel, `[patch][channel][row][col]` on the pixel grid. Patches that are not active are zero.
-/// Element `(radius, radius)` is the pixel of the ideal image point; rows are y ascending, columns x ascending.
+/// Element `(radius, radius)` is the pixel of the image point; rows are y ascending, columns x ascending.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchKernels {
     /// Pixels from the centre to the edge. The kernel has `2 radius + 1` pixels on a side.
@@ -49,6 +49,7 @@ pub fn kernel_radius(geometry: &RenderGeometry, layout: &PsfLayout) -> Result<us
 struct PatchFrame {
     along_x: (f64, f64),
     along_y: (f64, f64),
+    radius_mm: f64,
     field_lo: usize,
     field_hi: usize,
     w_lo: f64,
@@ -56,18 +57,18 @@ struct PatchFrame {
 }
 
 impl PatchFrame {
-    fn new(geometry: &RenderGeometry, layout: &PsfLayout, patch: usize) -> Self {
-        let (x, y) = geometry.patch_centre_um(patch);
+    /// Those at a position on the sensor, um.
+    fn new(geometry: &RenderGeometry, layout: &PsfLayout, (x, y): (f64, f64)) -> Self {
         let r = x.hypot(y);
         // On the axis the azimuth is undefined: do not rotate.
         let (ux, uy) = if r < 1e-6 * geometry.pixel_um { (0.0, 1.0) } else { (x / r, y / r) };
         let (field_lo, w_lo, w_hi) = layout.bracket(r * 1e-3);
         let field_hi = (field_lo + 1).min(layout.fields() - 1);
-        Self { along_x: (uy, -ux), along_y: (ux, uy), field_lo, field_hi, w_lo, w_hi }
+        Self { along_x: (uy, -ux), along_y: (ux, uy), radius_mm: r * 1e-3, field_lo, field_hi, w_lo, w_hi }
     }
 }
 
-/// Distributes every PSF cell over kernel pixels: calls `visit(cell, pixel, share)` for each overlap.
+/// Distributes PSF cells over kernel pixels: calls `visit(cell, pixel, share)` for each overlap of a cell that is not skipped.
 ///
 /// The centre of a cell is rotated; the cell itself stays an axis-aligned box. Each pixel that the box overlaps receives a
 /// share in proportion to the area. The shares of a cell sum to one, so energy is conserved exactly.
@@ -76,6 +77,7 @@ fn visit_shares(
     layout: &PsfLayout,
     frame: &PatchFrame,
     radius: usize,
+    skip: impl Fn(usize) -> bool,
     mut visit: impl FnMut(usize, usize, f64),
 ) {
     let (grid, cell, pixel) = (layout.grid, layout.pitch_um, geometry.pixel_um);
@@ -95,7 +97,7 @@ fn visit_shares(
     };
     for row in 0..grid {
         let y_psf = (row as f64 - centre) * cell;
-        for col in 0..grid {
+        for col in (0..grid).filter(|col| !skip(row * grid + col)) {
             let x_psf = (col as f64 - centre) * cell;
             // Rotate the cell centre to the azimuth of the patch, then share the cell among the pixels below it.
             let x = x_psf * frame.along_x.0 + y_psf * frame.along_y.0;
@@ -111,6 +113,32 @@ fn visit_shares(
     }
 }
 
+/// The kernel of a position on the sensor, `[channel][row][col]`: that of a patch with its centre there.
+pub(super) fn kernel_at(
+    geometry: &RenderGeometry,
+    layout: &PsfLayout,
+    values: &[f32],
+    radius: usize,
+    position_um: (f64, f64),
+) -> Vec<f64> {
+    let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
+    let frame = PatchFrame::new(geometry, layout, position_um);
+    let (lo, hi) = (frame.field_lo * CHANNELS * cells, frame.field_hi * CHANNELS * cells);
+    let mut sum = vec![0.0f64; CHANNELS * pixels];
+    let light = |cell: usize, c: usize| {
+        let (a, b) = (values[lo + c * cells + cell], values[hi + c * cells + cell]);
+        frame.w_lo * a as f64 + frame.w_hi * b as f64
+    };
+    // Most cells of a compact PSF are dark, and need no turning.
+    let is_dark = |cell: usize| (0..CHANNELS).all(|c| light(cell, c) == 0.0);
+    visit_shares(geometry, layout, &frame, radius, is_dark, |cell, pixel, share| {
+        for c in 0..CHANNELS {
+            sum[c * pixels + pixel] += share * light(cell, c);
+        }
+    });
+    sum
+}
+
 /// Kernels of the patches marked in `active`, linear in the PSF `values` (`[field][channel][row][col]`).
 ///
 /// `K_p = integrate(rotate(w_lo PSF_lo + w_hi PSF_hi))`, with the two fields around the radius of the patch centre.
@@ -123,19 +151,11 @@ pub fn patch_kernels(
     let radius = kernel_radius(geometry, layout)?;
     check_len("PSF values", values.len(), layout.len())?;
     check_active(geometry, active)?;
-    let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
+    let pixels = (2 * radius + 1).pow(2);
     let mut out = vec![0.0f32; geometry.patch_count() * CHANNELS * pixels];
     out.par_chunks_exact_mut(CHANNELS * pixels).enumerate().filter(|(patch, _)| active[*patch]).for_each(
         |(patch, kernel)| {
-            let frame = PatchFrame::new(geometry, layout, patch);
-            let (lo, hi) = (frame.field_lo * CHANNELS * cells, frame.field_hi * CHANNELS * cells);
-            let mut sum = vec![0.0f64; CHANNELS * pixels];
-            visit_shares(geometry, layout, &frame, radius, |cell, pixel, share| {
-                for c in 0..CHANNELS {
-                    let (a, b) = (values[lo + c * cells + cell], values[hi + c * cells + cell]);
-                    sum[c * pixels + pixel] += share * (frame.w_lo * a as f64 + frame.w_hi * b as f64);
-                }
-            });
+            let sum = kernel_at(geometry, layout, values, radius, geometry.patch_centre_um(patch));
             for (k, s) in kernel.iter_mut().zip(sum) {
                 *k = s as f32;
             }
@@ -144,45 +164,69 @@ pub fn patch_kernels(
     Ok(PatchKernels { radius, values: out })
 }
 
-/// Transpose of [`patch_kernels`]: from the cotangent of the kernels to that of the PSF values.
+/// Derivatives of a loss by the PSFs of a bank.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PsfGradient {
+    /// By `PsfBank::values`.
+    pub values: Vec<f32>,
+    /// By `PsfBank::field_radius_mm`, 1/mm: the PSFs stay as they are, and move outwards.
+    pub radius: Vec<f64>,
+}
+
+/// Transpose of [`patch_kernels`]: from the cotangent of the kernels to those of the PSF `values` and of the field radii.
 pub fn patch_kernels_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
+    values: &[f32],
     d_kernels: &PatchKernels,
     active: &[bool],
-) -> Result<Vec<f32>, RenderError> {
+) -> Result<PsfGradient, RenderError> {
     let radius = kernel_radius(geometry, layout)?;
+    check_len("PSF values", values.len(), layout.len())?;
     check_active(geometry, active)?;
     let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
     check_len("kernel gradient", d_kernels.values.len(), geometry.patch_count() * CHANNELS * pixels)?;
 
     // Gather the cotangent of each patch's cells in parallel, then add the patches in fixed order.
     let patches: Vec<usize> = (0..geometry.patch_count()).filter(|&p| active[p]).collect();
-    let parts: Vec<(PatchFrame, Vec<f32>)> = patches
+    let parts: Vec<(PatchFrame, Vec<f32>, f64)> = patches
         .par_iter()
         .map(|&patch| {
-            let frame = PatchFrame::new(geometry, layout, patch);
+            let frame = PatchFrame::new(geometry, layout, geometry.patch_centre_um(patch));
             let start = patch * CHANNELS * pixels;
             let kernel = &d_kernels.values[start..start + CHANNELS * pixels];
             let mut sum = vec![0.0f64; CHANNELS * cells];
-            visit_shares(geometry, layout, &frame, radius, |cell, pixel, share| {
-                for c in 0..CHANNELS {
-                    sum[c * cells + cell] += share * kernel[c * pixels + pixel] as f64;
-                }
-            });
-            (frame, sum.into_iter().map(|v| v as f32).collect())
+            visit_shares(
+                geometry,
+                layout,
+                &frame,
+                radius,
+                |_| false,
+                |cell, pixel, share| {
+                    for c in 0..CHANNELS {
+                        sum[c * cells + cell] += share * kernel[c * pixels + pixel] as f64;
+                    }
+                },
+            );
+            // A larger weight of the upper field takes away from the lower one.
+            let (lo, hi) = (frame.field_lo * CHANNELS * cells, frame.field_hi * CHANNELS * cells);
+            let between = |i: usize| f64::from(values[hi + i]) - f64::from(values[lo + i]);
+            let by_w_hi = sum.iter().enumerate().map(|(i, bar)| bar * between(i)).sum();
+            (frame, sum.into_iter().map(|v| v as f32).collect(), by_w_hi)
         })
         .collect();
     let mut out = vec![0.0f32; layout.len()];
     let per_field = CHANNELS * cells;
-    for (frame, part) in &parts {
+    let mut by_radius = vec![0.0; layout.fields()];
+    for (frame, part, by_w_hi) in &parts {
+        layout.pull_back_bracket(frame.radius_mm, *by_w_hi, &mut by_radius);
         for (field, weight) in [(frame.field_lo, frame.w_lo as f32), (frame.field_hi, frame.w_hi as f32)] {
             for (o, p) in out[field * per_field..(field + 1) * per_field].iter_mut().zip(part) {
                 *o += weight * p;
             }
         }
     }
-    Ok(out)
+    Ok(PsfGradient { values: out, radius: by_radius })
 }
 
 fn check_active(geometry: &RenderGeometry, active: &[bool]) -> Result<(), RenderError> {

@@ -6,27 +6,32 @@
 //!
 //! `out(x) = sum_p w_p(x) (K_p * scene)(x)`.
 //!
-//! [`render`] convolves with FFTs, tile by tile. [`render_direct`] is the readable reference, [`render_adjoint`] the exact
-//! transpose. Relative illumination is a separate factor, see [`illumination_map`]. Distortion is not applied: each place
-//! shows the scene point whose ideal image lies there, with the PSF of that field.
+//! [`render`] convolves tile by tile: directly where the kernels are small, else with FFTs. [`render_direct`] is the readable reference, [`render_adjoint`] the exact
+//! transpose. Relative illumination is a separate factor, see [`illumination_map`]. The scene lies on the image as
+//! the lens projects it: [`Distortion`] resamples a rectilinear picture to it.
 
 mod adjoint;
+mod blend;
 mod convolve;
 mod direct;
+mod distortion;
 mod error;
 mod geometry;
 mod illumination;
 mod kernel;
 mod limits;
+mod spatial;
 mod spectrum;
 
 pub use adjoint::{RenderGradient, render_adjoint, render_adjoint_kernels};
+pub use blend::{BlendError, blend_error, with_patches_for};
 pub use convolve::render_kernels;
 pub use direct::render_direct;
+pub use distortion::Distortion;
 pub use error::RenderError;
 pub use geometry::{Placement, RenderGeometry, Window};
 pub use illumination::{RadialWeight, illumination_adjoint, illumination_map, illumination_weights};
-pub use kernel::{PatchKernels, kernel_radius, patch_kernels, patch_kernels_adjoint};
+pub use kernel::{PatchKernels, PsfGradient, kernel_radius, patch_kernels, patch_kernels_adjoint};
 pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
 
 use crate::image::LinearImage;

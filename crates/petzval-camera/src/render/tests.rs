@@ -132,7 +132,7 @@ fn a_psf_shifted_along_y_moves_light_radially_outward_at_any_azimuth() {
 }
 
 #[test]
-fn fft_rendering_equals_the_direct_sum() {
+fn fast_rendering_equals_the_direct_sum() {
     let (geometry, b) = (geometry(), bank(5));
     for (height, width, placement) in [
         (60, 84, Placement::default()),
@@ -142,8 +142,15 @@ fn fft_rendering_equals_the_direct_sum() {
         let scene = random_scene(6, height + 2 * radius(), width + 2 * radius());
         let kernels = patch_kernels(&geometry, &b.layout(), &b.values, &[true; 12]).unwrap();
         let reference = render_direct(&geometry, &kernels, &scene, placement).unwrap();
-        let fast = render(&geometry, &b, &scene, placement).unwrap();
-        assert!(max_difference(&fast, &reference) < 2e-6);
+        // Directly and by FFTs, whichever is chosen.
+        let window = Window { placement, height, width };
+        let set = convolve::TileSet::new(&geometry, &window, radius(), Some(&kernels));
+        let directly = set.assembled(&window, spatial::render_tiles(&set, &kernels, &scene));
+        let by_transforms = set.assembled(&window, convolve::by_transforms(&set, &scene));
+        let chosen = render(&geometry, &b, &scene, placement).unwrap();
+        for fast in [directly, by_transforms, chosen] {
+            assert!(max_difference(&fast, &reference) < 2e-6);
+        }
     }
 }
 
@@ -188,7 +195,7 @@ fn render_adjoint_passes_the_dot_product_test() {
         let mut dv = bank(12);
         dv.values = noise(13, dv.values.len()).into_iter().map(|v| v - 0.5).collect();
         let forward = dot(&y.data, &render(&geometry, &dv, &scene, placement).unwrap().data);
-        let backward = dot(&gradient.psf_values, &dv.values);
+        let backward = dot(&gradient.psfs.values, &dv.values);
         assert!((forward - backward).abs() < 1e-5 * forward.abs().max(1.0), "psf {forward} {backward}");
 
         let mut ds = random_scene(14, scene.height, scene.width);
@@ -212,8 +219,22 @@ fn finite_differences_agree_with_the_adjoint() {
         moved.values[index] += 1.0;
         let change = dot(&y.data, &render(&geometry, &moved, &scene, placement).unwrap().data)
             - dot(&y.data, &render(&geometry, &b, &scene, placement).unwrap().data);
-        let analytic = gradient.psf_values[index] as f64;
+        let analytic = gradient.psfs.values[index] as f64;
         assert!((change - analytic).abs() < 1e-4 * (1.0 + analytic.abs()), "{index}: {change} {analytic}");
+    }
+    // Radii: the PSFs stay and move outwards.
+    for field in 1..b.field_radius_mm.len() {
+        let moved = |step: f64| {
+            let mut moved = b.clone();
+            moved.field_radius_mm[field] += step;
+            dot(&y.data, &render(&geometry, &moved, &scene, placement).unwrap().data)
+        };
+        let (h, analytic) = (2e-3, gradient.psfs.radius[field]);
+        let change = (moved(h) - moved(-h)) / (2.0 * h);
+        assert!(
+            (change - analytic).abs() < 1e-2 * (1.0 + analytic.abs()),
+            "radius {field}: {change} {analytic}"
+        );
     }
 }
 
@@ -231,8 +252,21 @@ fn illumination_interpolates_and_its_adjoint_passes_the_dot_product_test() {
     let table = noise(20, 9);
     let forward =
         dot(&y.data, &illumination_map(&geometry, &b.layout(), &table, placement, 50, 70).unwrap().data);
-    let backward = dot(&table, &illumination_adjoint(&geometry, &b.layout(), placement, &y).unwrap());
-    assert!((forward - backward).abs() < 1e-6 * forward.abs());
+    let (by_table, by_radius) = illumination_adjoint(&geometry, &b.layout(), &table, placement, &y).unwrap();
+    assert!((forward - dot(&table, &by_table)).abs() < 1e-6 * forward.abs());
+    for field in 1..3 {
+        let light = |step: f64| {
+            let mut layout = b.layout();
+            layout.field_radius_mm[field] += step;
+            dot(&y.data, &illumination_map(&geometry, &layout, &table, placement, 50, 70).unwrap().data)
+        };
+        let change = (light(1e-4) - light(-1e-4)) / 2e-4;
+        assert!(
+            (change - by_radius[field]).abs() < 1e-2 * change.abs().max(1.0),
+            "{change} {}",
+            by_radius[field]
+        );
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::prelude::*;
 use rayon::prelude::*;
 
-use super::host_kernel::{HostKernel, apply};
+use super::host_kernel::{HostKernel, apply_two};
 use super::picture;
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfLayout;
@@ -23,11 +23,13 @@ pub struct PlacedScene {
     pub placement: Placement,
 }
 
-/// Renders a batch of scenes: `[F,3,G,G]` PSF values to `[B,3,H,W]`, differentiable in the PSF values.
+/// Renders a batch of scenes: `[F,3,G,G]` PSF values and `[F]` field radii to `[B,3,H,W]`, differentiable in both. The radii are
+/// those of the layout.
 ///
 /// All scenes have one size. See [`crate::render::render`].
 pub fn render_op(
     psf_values: Tensor<4>,
+    field_radius_mm: Tensor<1>,
     layout: &PsfLayout,
     geometry: &RenderGeometry,
     scenes: Vec<PlacedScene>,
@@ -38,6 +40,7 @@ pub fn render_op(
         [layout.fields(), CHANNELS, layout.grid, layout.grid],
         psf_values.dims(),
     )?;
+    same("number of field radii", [layout.fields()], field_radius_mm.dims())?;
     let Some(first) = scenes.first() else {
         return Err(mismatch("number of scenes", "at least 1", "0"));
     };
@@ -59,10 +62,10 @@ pub fn render_op(
         radius,
         scenes,
     };
-    Ok(apply(Arc::new(kernel), psf_values))
+    Ok(apply_two(Arc::new(kernel), psf_values, field_radius_mm))
 }
 
-/// Rendering of a batch as a host kernel, linear in the PSF values.
+/// Rendering of a batch as a host kernel of PSF values and field radii, linear in the values.
 #[derive(Debug)]
 struct RenderKernel {
     geometry: RenderGeometry,
@@ -88,7 +91,7 @@ impl HostKernel for RenderKernel {
         pictures.into_iter().flat_map(|p| p.data).collect()
     }
 
-    fn adjoint(&self, _: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
         let [_, channels, height, width] = self.shape;
         let parts: Vec<PatchKernels> = (0..self.scenes.len())
             .into_par_iter()
@@ -104,15 +107,19 @@ impl HostKernel for RenderKernel {
         for part in parts {
             sum.values.iter_mut().zip(&part.values).for_each(|(a, b)| *a += b);
         }
-        vec![patch_kernels_adjoint(&self.geometry, &self.layout, &sum, &self.active).expect(CHECKED)]
+        let by = patch_kernels_adjoint(&self.geometry, &self.layout, inputs[0], &sum, &self.active);
+        let by = by.expect(CHECKED);
+        vec![by.values, by.radius.into_iter().map(|v| v as f32).collect()]
     }
 }
 
-/// Relative illumination of a batch of sensor windows: table `[F,3]` to `[B,3,H,W]`, differentiable in the table.
+/// Relative illumination of a batch of sensor windows: table `[F,3]` and field radii `[F]` to `[B,3,H,W]`, differentiable in both.
+/// The radii are those of the layout.
 ///
 /// See [`crate::render::illumination_map`].
 pub fn illumination_op(
     illumination: Tensor<2>,
+    field_radius_mm: Tensor<1>,
     layout: &PsfLayout,
     geometry: &RenderGeometry,
     placements: &[Placement],
@@ -121,6 +128,7 @@ pub fn illumination_op(
 ) -> Result<Tensor<4>, RenderError> {
     layout.validate()?;
     same("shape of the illumination table", [layout.fields(), CHANNELS], illumination.dims())?;
+    same("number of field radii", [layout.fields()], field_radius_mm.dims())?;
     for &placement in placements {
         crate::render::check_placement(geometry, placement, height, width)?;
     }
@@ -130,10 +138,10 @@ pub fn illumination_op(
         placements: placements.to_vec(),
         shape: [placements.len(), CHANNELS, height, width],
     };
-    Ok(apply(Arc::new(kernel), illumination))
+    Ok(apply_two(Arc::new(kernel), illumination, field_radius_mm))
 }
 
-/// Illumination of a batch of windows as a host kernel, linear in the table.
+/// Illumination of a batch of windows as a host kernel of table and field radii, linear in the table.
 #[derive(Debug)]
 struct IlluminationKernel {
     geometry: RenderGeometry,
@@ -158,13 +166,16 @@ impl HostKernel for IlluminationKernel {
     fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
         let [_, channels, height, width] = self.shape;
         let mut sum = vec![0.0f32; inputs[0].len()];
+        let mut by_radius = vec![0.0f32; self.layout.fields()];
         for (i, &placement) in self.placements.iter().enumerate() {
             let gradient = picture(d_output, i, channels, height, width);
-            let part =
-                illumination_adjoint(&self.geometry, &self.layout, placement, &gradient).expect(CHECKED);
+            let (part, radius) =
+                illumination_adjoint(&self.geometry, &self.layout, inputs[0], placement, &gradient)
+                    .expect(CHECKED);
+            by_radius.iter_mut().zip(radius).for_each(|(a, b)| *a += b as f32);
             sum.iter_mut().zip(part).for_each(|(a, b)| *a += b);
         }
-        vec![sum]
+        vec![sum, by_radius]
     }
 }
 

@@ -42,6 +42,10 @@ fn bank() -> PsfBank {
     PsfBank { field_radius_mm: vec![0.0, 0.2], grid, pitch_um: 2.0, values, illumination }
 }
 
+fn radii() -> Tensor<1> {
+    tensor(vec![0.0, 0.2], [2])
+}
+
 fn scenes(layout: &PsfLayout, height: usize, width: usize) -> Vec<PlacedScene> {
     let radius = kernel_radius(&geometry(), layout).unwrap();
     let (h, w) = (height + 2 * radius, width + 2 * radius);
@@ -107,7 +111,7 @@ fn render_op_has_the_gradient_of_render_adjoint() {
     let scenes = scenes(&layout, 15, 20);
     let weight = uniform(3, 2 * CHANNELS * 15 * 20);
     let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]).require_grad();
-    let pictures = render_op(psf.clone(), &layout, &geometry, scenes.clone()).unwrap();
+    let pictures = render_op(psf.clone(), radii(), &layout, &geometry, scenes.clone()).unwrap();
     assert_eq!(pictures.dims(), [2, CHANNELS, 15, 20]);
     let gradients = (pictures * tensor(weight.clone(), [2, CHANNELS, 15, 20])).sum().backward();
     let on_tape = values(psf.grad(&gradients).unwrap());
@@ -116,7 +120,7 @@ fn render_op_has_the_gradient_of_render_adjoint() {
     for (i, s) in scenes.iter().enumerate() {
         let gradient = picture(&weight, i, CHANNELS, 15, 20);
         let part = render_adjoint(&geometry, &bank, &s.scene, s.placement, &gradient).unwrap();
-        expected.iter_mut().zip(&part.psf_values).for_each(|(a, b)| *a += b);
+        expected.iter_mut().zip(&part.psfs.values).for_each(|(a, b)| *a += b);
     }
     let scale = expected.iter().fold(0.0f32, |a, b| a.max(b.abs()));
     for (a, b) in on_tape.iter().zip(&expected) {
@@ -139,8 +143,8 @@ fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor
             Capture { exposure, placement, frame: i as u64 }
         })
         .collect();
-    let light = render_op(psf, &layout, &geometry, scenes).unwrap()
-        * illumination_op(illumination, &layout, &geometry, &placements, 15, 20).unwrap();
+    let light = render_op(psf, radii(), &layout, &geometry, scenes).unwrap()
+        * illumination_op(illumination, radii(), &layout, &geometry, &placements, 15, 20).unwrap();
     let raw = expose_op(light, &sensor, &captures, noise).unwrap();
     assert_eq!(raw.dims(), [2, 1, 15, 20]);
     develop_op(raw, &sensor, &captures).unwrap().square().sum()
@@ -204,14 +208,17 @@ fn wrong_shapes_are_typed_errors() {
     let (bank, geometry) = (bank(), geometry());
     let layout = bank.layout();
     let psf = tensor(bank.values.clone(), [1, 2 * CHANNELS, 8, 8]);
-    assert!(render_op(psf, &layout, &geometry, scenes(&layout, 15, 20)).is_err());
+    assert!(render_op(psf, radii(), &layout, &geometry, scenes(&layout, 15, 20)).is_err());
     let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]);
-    assert!(render_op(psf.clone(), &layout, &geometry, Vec::new()).is_err());
+    assert!(render_op(psf.clone(), radii(), &layout, &geometry, Vec::new()).is_err());
     let mut mixed = scenes(&layout, 15, 20);
     mixed.extend(scenes(&layout, 14, 20));
-    assert!(render_op(psf, &layout, &geometry, mixed).is_err());
+    assert!(render_op(psf, radii(), &layout, &geometry, mixed).is_err());
     let table = tensor(bank.illumination, [2, CHANNELS]);
-    assert!(illumination_op(table, &layout, &geometry, &[Placement { row: 39, col: 0 }], 15, 20).is_err());
+    assert!(
+        illumination_op(table, radii(), &layout, &geometry, &[Placement { row: 39, col: 0 }], 15, 20)
+            .is_err()
+    );
 }
 
 /// Raw frames of which about half of the pixels saturate, their captures, and an illumination that falls below the floor.

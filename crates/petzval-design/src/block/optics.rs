@@ -76,9 +76,11 @@ impl OpticsBlock {
         let by_values = to_host(psfs.values.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         let by_illumination =
             to_host(psfs.illumination.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
+        let by_radius = to_host(psfs.radius_mm.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         // Ray tracing takes over from the PSFs to the numbers of the lens.
         let formed = batch.camera.psfs();
-        let mut gradient = formed.pull_back(&by_values, &by_illumination).ok_or(DesignError::NoLens)?;
+        let pulled = formed.pull_back(&by_values, &by_illumination, &by_radius);
+        let mut gradient = pulled.ok_or(DesignError::NoLens)?;
 
         let lens = self.lens()?;
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;

@@ -66,6 +66,8 @@ pub struct PsfLeaves {
     pub values: Tensor<4>,
     /// Relative illumination, `[field, channel]`.
     pub illumination: Tensor<2>,
+    /// Image radius of each field, mm.
+    pub radius_mm: Tensor<1>,
 }
 
 impl PsfLeaves {
@@ -73,14 +75,20 @@ impl PsfLeaves {
         let (fields, grid) = (bank.field_radius_mm.len(), bank.grid);
         let values = TensorData::new(bank.values.clone(), [fields, 3, grid, grid]);
         let illumination = TensorData::new(bank.illumination.clone(), [fields, 3]);
+        let radius_mm: Vec<f32> = bank.field_radius_mm.iter().map(|r| *r as f32).collect();
         Self {
             values: Tensor::from_data(values, device),
             illumination: Tensor::from_data(illumination, device),
+            radius_mm: Tensor::from_data(TensorData::new(radius_mm, [fields]), device),
         }
     }
 
     fn tracked(self) -> Self {
-        Self { values: self.values.require_grad(), illumination: self.illumination.require_grad() }
+        Self {
+            values: self.values.require_grad(),
+            illumination: self.illumination.require_grad(),
+            radius_mm: self.radius_mm.require_grad(),
+        }
     }
 }
 
@@ -183,7 +191,7 @@ impl Camera {
         let scenes =
             shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
         let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
-        let blurred = render_op(psfs.values.clone(), &layout, geometry, scenes)?;
+        let blurred = render_op(psfs.values.clone(), psfs.radius_mm.clone(), &layout, geometry, scenes)?;
         let illumination = self.illumination(psfs, &placements, [height, width])?;
         Ok((blurred * illumination.clone(), illumination))
     }
@@ -196,7 +204,8 @@ impl Camera {
         [height, width]: [usize; 2],
     ) -> Result<Tensor<4>, DesignError> {
         let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
-        Ok(illumination_op(psfs.illumination.clone(), &layout, geometry, placements, height, width)?)
+        let (table, radius_mm) = (psfs.illumination.clone(), psfs.radius_mm.clone());
+        Ok(illumination_op(table, radius_mm, &layout, geometry, placements, height, width)?)
     }
 
     /// Develops raw frames `[batch, 1, height, width]` to linear light `[batch, 3, height, width]`.

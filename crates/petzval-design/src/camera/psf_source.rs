@@ -70,11 +70,18 @@ impl Psfs {
         }
     }
 
-    /// Pulls a loss's derivatives by the PSFs, laid out as in [`PsfBank`], back to the lens by the adjoint of ray tracing.
-    /// `None` where no lens forms the PSFs: then the chain ends at them.
-    pub fn pull_back(&self, by_values: &[f32], by_illumination: &[f32]) -> Option<LensGradient> {
+    /// Pulls a loss's derivatives by the PSFs, laid out as in [`PsfBank`], back to the lens by the adjoint of ray tracing; those by
+    /// the radii are the derivatives by where the chief rays land, at fixed fields. `None` where no lens forms the PSFs: then the chain ends at them.
+    pub fn pull_back(
+        &self,
+        by_values: &[f32],
+        by_illumination: &[f32],
+        by_radius: &[f32],
+    ) -> Option<LensGradient> {
         match &self.kind {
-            Kind::Traced { plan, traced, .. } => Some(plan.gradient(traced, by_values, by_illumination)),
+            Kind::Traced { plan, traced, .. } => {
+                Some(plan.gradient(traced, by_values, by_illumination, by_radius))
+            }
             Kind::Measured(_) => None,
         }
     }

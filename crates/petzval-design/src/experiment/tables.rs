@@ -30,8 +30,11 @@ parameters! {
         grid: usize = 128, "", 16..1024, Log, "the paper takes 128";
         /// Cell size.
         pitch_um: f64 = 1.0, "um", 0.05..50, Log, "the paper takes 1";
-        /// Patches of constant PSF on the sensor: rows, columns.
+        /// Patches of constant PSF on the sensor while the lens moves: rows, columns.
         patches: [usize; 2] = [7, 7], "", 1..101, Linear, "the paper takes 7 x 7";
+        /// Largest median error of the blend of patches for lenses at rest and for scoring, which sets their number: the sum of absolute
+        /// differences between the blended PSF and that of the place, both of unit sum.
+        scoring_blend_error: f64 = 0.03, "", 0.003..2, Log, "0.03 takes about 21 patch rows, 2 the fewest";
         /// Pupil cells a side while the lens moves; an even number.
         pupil_cells: usize = 96, "", 16..1024, Log, "32 is quick, 256 is accurate";
         /// Pupil cells a side for lenses at rest and for scoring; an even number.

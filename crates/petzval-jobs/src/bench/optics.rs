@@ -159,7 +159,8 @@ fn psf_rgb_gradient() -> Result<Prepared, JobError> {
             else {
                 return Err(JobError::failed("no light at 15 degrees"));
             };
-            let cotangent = PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3] };
+            let cotangent =
+                PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3], chief_y: 0.0 };
             std::hint::black_box(tape.gradient(&psf, &quadrature, &cotangent));
             Ok(())
         }),

@@ -29,7 +29,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
         context.progress(frame as u64, photos.len() as u64, name);
-        let shot = rig.shot(&placed(request, photo, &rig.sensor), frame as u64);
+        let shot = rig.shot(&placed(request, photo, rig.frame), frame as u64)?;
         let frames = camera.take(std::slice::from_ref(&shot), &noise(request))?;
         let capture = camera.capture(&shot);
         let taken = Taken::new(&frames, capture)?;

@@ -33,6 +33,9 @@ pub struct Request {
     pub sensor: String,
     /// How a photograph lands on the sensor.
     pub place: Place,
+    /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
+    /// scene in front of the lens, and its distortion is rendered.
+    pub no_distortion: bool,
     /// Photoelectrons that white gives in a green pixel on the axis; 70 % of those with which white saturates the first colour
     /// if none are given, or what the light gives over the spectrum.
     pub white_e: Option<f32>,
@@ -64,6 +67,7 @@ impl Default for Request {
             psfs: None,
             sensor: "imx249-fitted".to_owned(),
             place: Place::Fill,
+            no_distortion: false,
             white_e: None,
             size: None,
             time_s: 0.005,

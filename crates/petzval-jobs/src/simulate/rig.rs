@@ -7,7 +7,9 @@ use petzval_camera::develop::develop;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
-use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius};
+use petzval_camera::render::{
+    Distortion, Placement, RenderGeometry, Window, kernel_radius, with_patches_for,
+};
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
@@ -34,7 +36,11 @@ pub struct Rig {
     /// The pixels that are read.
     pub window: Window,
     /// Light that the PSFs need from outside the window, pixels.
-    pub border: usize,
+    border: usize,
+    /// Where the points of a scene land, if its distortion is rendered.
+    pub distortion: Option<Distortion>,
+    /// Rows and columns of the pictures that [`Rig::shot`] takes: those of the sensor, or what the lens projects onto it.
+    pub frame: (usize, usize),
     psfs: Arc<Psfs>,
     /// The lens and how its PSFs are traced; none behind measured PSFs.
     pub traced: Option<(Lens, PsfPlan)>,
@@ -54,7 +60,7 @@ impl Rig {
         let window = window(request, &sensor)?;
         // As cameras are scored: fields, wavelengths, grids and patches of an experiment by default.
         let psf = PsfConfig::default();
-        let geometry = psf.geometry(&sensor);
+        let coarse = psf.geometry(&sensor);
         let (source, traced) = match &request.psfs {
             Some(path) => (PsfSource::Measured(measured(path)?), None),
             None => {
@@ -65,8 +71,24 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
+        let (geometry, blend) =
+            with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
+        if blend.median > psf.scoring_blend_error {
+            context.warning(format!(
+                "the PSF changes so quickly over the sensor that {} x {} patches blend it with an error of {:.3} (L1, median), {:.3} at worst",
+                geometry.patches.0, geometry.patches.1, blend.median, blend.largest
+            ));
+        }
         let border = kernel_radius(&geometry, &psfs.bank().layout()).map_err(DesignError::from)?;
-        Ok(Self { geometry, sensor, window, border, psfs, traced })
+        let distortion = match &traced {
+            Some((lens, plan)) if !request.no_distortion => Some(plan.distortion(lens)?),
+            _ => None,
+        };
+        let frame = match &distortion {
+            Some(distortion) => distortion.ideal_frame(&geometry).map_err(DesignError::from)?,
+            None => (sensor.height, sensor.width),
+        };
+        Ok(Self { geometry, sensor, window, border, distortion, frame, psfs, traced })
     }
 
     /// A camera of these PSFs with a sensor, at the exposure of the request where white gives `white_e` electrons.
@@ -82,10 +104,13 @@ impl Rig {
         Camera::new(Arc::new(Body { sensor, geometry, exposure, isp, device }), self.psfs.clone())
     }
 
-    /// A picture on the whole sensor as a shot of the window.
-    pub fn shot(&self, picture: &LinearImage, frame: u64) -> Shot {
-        let scene = self.window.scene(picture, self.border);
-        Shot { scene, placement: self.window.placement, frame }
+    /// A picture of [`Rig::frame`] as a shot of the window.
+    pub fn shot(&self, picture: &LinearImage, frame: u64) -> Result<Shot, DesignError> {
+        let scene = match &self.distortion {
+            Some(distortion) => distortion.project(&self.geometry, picture, &self.window, self.border)?,
+            None => self.window.scene(picture, self.border),
+        };
+        Ok(Shot { scene, placement: self.window.placement, frame })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use petzval_camera::develop::saturated_share;
 use petzval_camera::image::LinearImage;
-use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel};
+use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw};
 use petzval_camera::tape::Frames;
 use petzval_design::camera::{Camera, to_host};
 use petzval_design::error::DesignError;
@@ -20,9 +20,8 @@ pub fn noise(request: &Request) -> Noise {
     Noise { mode, seed: request.seed }
 }
 
-/// A picture laid on the pixels of the sensor.
-pub fn placed(request: &Request, picture: &LinearImage, sensor: &SensorModel) -> LinearImage {
-    let (height, width) = (sensor.height, sensor.width);
+/// A picture laid on a frame of pixels as large as the sensor's.
+pub fn placed(request: &Request, picture: &LinearImage, (height, width): (usize, usize)) -> LinearImage {
     if (picture.height, picture.width) == (height, width) {
         return picture.clone();
     }

@@ -154,7 +154,7 @@ fn open(
         let light = Light::in_file(request, conditions, rig, path, &image.wavelength_um)?;
         return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
     }
-    let photo = placed(request, &load_image(path).map_err(DesignError::from)?, &rig.sensor);
+    let photo = placed(request, &load_image(path).map_err(DesignError::from)?, rig.frame);
     let opened = match request.spectral.three_band {
         true => Opened::ThreeBands(photo),
         false => Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um)),
@@ -175,7 +175,8 @@ fn over_bands(
     let bands = Bands {
         um: &scene.band_um,
         weights: &light.weights,
-        planes: &|three| placed(request, &scene.planes(three), &rig.sensor),
+        planes: &|three| placed(request, &scene.planes(three), rig.frame),
+        distortion: rig.distortion.as_ref(),
     };
     let total = bands.seen().len() as u64;
     let count = std::cell::Cell::new(0);
@@ -196,7 +197,7 @@ fn in_three_bands(
     photo: &LinearImage,
 ) -> Result<ColourElectrons, DesignError> {
     let camera = rig.camera(request, rig.sensor.clone(), 1.0, LinearIsp::default())?;
-    Ok(ColourElectrons::of_rgb(&camera.irradiance(&[rig.shot(photo, 0)])?, &light.white))
+    Ok(ColourElectrons::of_rgb(&camera.irradiance(&[rig.shot(photo, 0)?])?, &light.white))
 }
 
 /// A failure with the name of the scene in which it arose.

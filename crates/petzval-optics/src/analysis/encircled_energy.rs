@@ -44,7 +44,7 @@ pub fn encircled_energy(
     // Distance of every ray with its share of all light.
     let mut rays: Vec<(f64, f64)> = Vec::new();
     for beam in &beams {
-        let unit = 1.0 / (beam.illumination() * beams.len() as f64);
+        let unit = 1.0 / (beam.light() * beams.len() as f64);
         let distance = |i: usize| 1e3 * (beam.x_mm[i] - centre_mm[0]).hypot(beam.y_mm[i] - centre_mm[1]);
         rays.extend(
             (0..beam.weight.len())

@@ -33,7 +33,8 @@ pub struct FieldCurves {
     pub f_theta_distortion_percent: Vec<Vec<f64>>,
     /// `[wavelength]`: chief-ray height minus that of the reference wavelength, um.
     pub lateral_colour_um: Vec<Vec<f64>>,
-    /// `[wavelength]`: illumination of the image divided by that on the axis at the same wavelength.
+    /// `[wavelength]`: irradiance of the image of a uniform scene divided by that on the axis at the same wavelength; light
+    /// is counted per image area as the lens forms it, distortion included.
     pub relative_illumination: Vec<Vec<f64>>,
 }
 
@@ -56,7 +57,7 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
             foci_mm: Vec::new(),
             height_mm: Vec::new(),
             reference_height_mm: field.chief_mm[1],
-            illumination: beams.iter().map(|beam| beam.illumination()).collect(),
+            illumination: beams.iter().map(|beam| beam.light() * field.image_area).collect(),
         };
         for colour in &field.colours {
             let lost = || AnalysisError::NoChiefRay { field_deg: *deg, wavelength_um: colour.wavelength_um };

@@ -3,7 +3,7 @@
 use super::AnalysisError;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::{Beam, Quadrature, chief_ray, trace_beam};
+use crate::pupil::{Beam, ImageArea, Quadrature, chief_ray, trace_beam};
 use crate::trace::Sequence;
 
 /// A field of a lens: its chief ray, and the lens at every wavelength.
@@ -15,6 +15,8 @@ pub(super) struct LensAtField<'a> {
     pub stop_radius_mm: f64,
     /// Position of the chief ray of the reference wavelength on the image plane, mm.
     pub chief_mm: [f64; 2],
+    /// Ideal image area per image area around the field.
+    pub image_area: f64,
     /// By wavelength.
     pub colours: Vec<Sequence>,
 }
@@ -31,6 +33,7 @@ impl<'a> LensAtField<'a> {
             field_rad,
             stop_radius_mm: first_order(&reference).stop_radius_mm,
             chief_mm: [chief.x_mm, chief.y_mm],
+            image_area: ImageArea::new(&reference, field_rad, &chief).ok_or_else(no_chief)?.ratio,
             colours: lens.wavelengths_um.iter().map(|w| lens.at_wavelength(*w)).collect(),
         })
     }
@@ -41,7 +44,7 @@ impl<'a> LensAtField<'a> {
             .iter()
             .map(|colour| {
                 let beam = trace_beam(colour, self.field_rad, self.stop_radius_mm, quadrature);
-                match beam.illumination() > 0.0 {
+                match beam.light() > 0.0 {
                     true => Ok(beam),
                     false => Err(AnalysisError::NoLight { field_deg: self.field_deg }),
                 }

@@ -111,7 +111,7 @@ impl Landings {
 impl Landing {
     fn new(beam: &Beam, colour: &Sequence, chief_mm: [f64; 2]) -> Self {
         let lit: Vec<usize> = (0..beam.weight.len()).filter(|i| beam.weight[*i] > 0.0).collect();
-        let light = beam.illumination();
+        let light = beam.light();
         let about = |of: &[f64], chief: f64| lit.iter().map(|i| of[*i] - chief).collect();
         let slope = |axis: usize| {
             lit.iter().map(|i| beam.direction(*i)).map(|direction| direction[axis] / direction[2]).collect()

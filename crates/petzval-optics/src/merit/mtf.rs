@@ -127,7 +127,8 @@ impl Mtf {
             bars.extend(phases.iter().map(|x| along(by_x, x) + along(by_y, y)));
         }
         let count = psf.values.len();
-        let cotangent = PsfCotangent { values: vec![bars; count], illumination: vec![0.0; count] };
+        let cotangent =
+            PsfCotangent { values: vec![bars; count], illumination: vec![0.0; count], chief_y: 0.0 };
         Some((value, tape.gradient(&psf, &self.quadrature, &cotangent)))
     }
 }

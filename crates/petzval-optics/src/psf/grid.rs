@@ -68,8 +68,8 @@ pub enum PsfMethod {
 pub(super) struct LightCotangent<'a> {
     /// By each cell, its mirror image included.
     pub grid: Vec<f64>,
-    /// By the relative illumination.
-    pub illumination: f64,
+    /// By the light per ideal image area.
+    pub density: f64,
     /// The grid.
     pub options: &'a PsfOptions,
     /// Place of the reference chief ray, mm.

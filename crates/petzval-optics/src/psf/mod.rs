@@ -21,7 +21,7 @@ use traced::TracedChannel;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::pupil::{ChiefRay, PupilMap, Quadrature, chief_ray, pull_back_chief};
+use crate::pupil::{ChiefRay, ImageArea, PupilMap, Quadrature, chief_ray, pull_back_chief};
 use crate::trace::Sequence;
 use crate::wave::{Shown, WaveChannel};
 
@@ -39,9 +39,12 @@ pub struct FieldPsf {
     pub chief_y_mm: f64,
     /// `[wavelength][row * grid + column]`, each of unit sum.
     pub values: Vec<Vec<f64>>,
-    /// Relative illumination per wavelength: vignetting, pupil growth and cos^4; 1 on the axis of
-    /// a lens without them.
+    /// Relative illumination per wavelength: irradiance of the image of a uniform scene by vignetting, growth of the pupil, cos^4
+    /// and distortion; 1 on the axis of a lens without them.
     pub illumination: Vec<f64>,
+    /// Ideal image area per image area around the field, see [`ImageArea`]: the share of [`FieldPsf::illumination`] that is
+    /// due to distortion.
+    pub image_area: f64,
     /// Share of the light that falls inside the grid, per wavelength.
     pub captured: Vec<f64>,
     /// Method, per wavelength.
@@ -55,6 +58,8 @@ pub struct PsfCotangent {
     pub values: Vec<Vec<f64>>,
     /// By each relative illumination.
     pub illumination: Vec<f64>,
+    /// By the height of the reference chief ray on the image plane, 1/mm.
+    pub chief_y: f64,
 }
 
 /// Intermediate results of the forward pass, for the gradient.
@@ -62,6 +67,7 @@ pub struct PsfTape {
     options: PsfOptions,
     reference: Sequence,
     chief: ChiefRay,
+    area: ImageArea,
     channels: Vec<Channel>,
 }
 
@@ -70,6 +76,8 @@ struct Channel {
     light: Light,
     /// Sum of the grid's values before normalisation.
     total: f64,
+    /// Light per ideal image area.
+    density: f64,
 }
 
 /// The light of a channel, by its method.
@@ -146,12 +154,14 @@ fn make(
     let reference = lens.at_wavelength(lens.reference_um);
     let stop_radius_mm = first_order(&reference).stop_radius_mm;
     let chief = chief_ray(&reference, field_rad)?;
+    let area = ImageArea::new(&reference, field_rad, &chief)?;
     let mut result = FieldPsf {
         field_rad,
         chief_x_mm: chief.x_mm,
         chief_y_mm: chief.y_mm,
         values: Vec::new(),
         illumination: Vec::new(),
+        image_area: area.ratio,
         captured: Vec::new(),
         method: Vec::new(),
     };
@@ -169,17 +179,17 @@ fn make(
             let grid = options.image_grid();
             let beyond_mm = 0.5 * grid.cells as f64 * grid.pitch_mm;
             let channel = WaveChannel::new(&sequence, field_rad, stop_radius_mm, chief_mm, beyond_mm, like)?;
-            let Shown { mut values, illumination } = channel.show(grid);
+            let Shown { mut values, density } = channel.show(grid);
             let total: f64 = values.iter().sum();
-            if !(total > 0.0 && illumination > 0.0) {
+            if !(total > 0.0 && density > 0.0) {
                 return None;
             }
             values.iter_mut().for_each(|v| *v /= total);
             result.values.push(values);
-            result.illumination.push(illumination);
+            result.illumination.push(density * area.ratio);
             result.captured.push(total);
             result.method.push(PsfMethod::Wave { degree: channel.degree() });
-            channels.push(Channel { sequence, light: Light::Wave(Box::new(channel)), total });
+            channels.push(Channel { sequence, light: Light::Wave(Box::new(channel)), total, density });
             continue;
         }
         // Rays: splat by the pupil polynomial, or trace a ray for every pupil cell if it does not hold.
@@ -187,31 +197,31 @@ fn make(
             let like = channels.last().and_then(|c| c.light.map());
             PolynomialChannel::new(&sequence, field_rad, stop_radius_mm, like)
         });
-        let (light, mut values, illumination) = match fitted.flatten() {
+        let (light, mut values, density) = match fitted.flatten() {
             Some(channel) => {
-                let (values, illumination) = channel.splat(quadrature, options, chief_mm, &mut room);
-                (Light::Polynomial(Box::new(channel)), values, illumination)
+                let (values, density) = channel.splat(quadrature, options, chief_mm, &mut room);
+                (Light::Polynomial(Box::new(channel)), values, density)
             }
             None => {
                 let channel = TracedChannel::new(&sequence, field_rad, stop_radius_mm, quadrature);
-                let (values, illumination) = channel.splat(options, chief_mm, is_half);
-                (Light::Traced(Box::new(channel)), values, illumination)
+                let (values, density) = channel.splat(options, chief_mm, is_half);
+                (Light::Traced(Box::new(channel)), values, density)
             }
         };
         // Normalise to unit sum, and record the share of the light on the grid.
         let total: f64 = values.iter().sum();
-        if !(total > 0.0 && illumination > 0.0) {
+        if !(total > 0.0 && density > 0.0) {
             return None;
         }
         let per_total = 1.0 / total;
         values.iter_mut().for_each(|v| *v *= per_total);
         result.values.push(values);
-        result.illumination.push(illumination);
-        result.captured.push(total / times / illumination);
+        result.illumination.push(density * area.ratio);
+        result.captured.push(total / times / density);
         result.method.push(light.method());
-        channels.push(Channel { sequence, light, total });
+        channels.push(Channel { sequence, light, total, density });
     }
-    Some((result, PsfTape { options: *options, reference, chief, channels }))
+    Some((result, PsfTape { options: *options, reference, chief, area, channels }))
 }
 
 impl Light {
@@ -247,7 +257,8 @@ impl PsfTape {
         cotangent: &PsfCotangent,
     ) -> LensGradient {
         let mut gradient = LensGradient::zero(self.reference.surfaces.len());
-        let (mut chief_bar, mut stop_radius_bar) = ([0.0; 2], 0.0);
+        let (mut chief_bar, mut stop_radius_bar) = ([0.0, cotangent.chief_y], 0.0);
+        let mut area_bar = 0.0;
         for (k, channel) in self.channels.iter().enumerate() {
             // Undo the normalisation P = G / S: Gbar = (Pbar - <Pbar, P>) / S. Then add the mirror image.
             let wish = &cotangent.values[k];
@@ -256,24 +267,28 @@ impl PsfTape {
             let is_half = self.reference.is_mirror_symmetric && !matches!(channel.light, Light::Wave(_));
             let bar = LightCotangent {
                 grid: if is_half { with_mirror_image(&raw, self.options.grid) } else { raw },
-                illumination: cotangent.illumination[k],
+                density: cotangent.illumination[k] * self.area.ratio,
                 options: &self.options,
                 chief_mm: [self.chief.x_mm, self.chief.y_mm],
             };
+            area_bar += cotangent.illumination[k] * channel.density;
             // Pull the cells' cotangents back to ray positions and weights, and these to the lens.
             let (chief, stop_radius) = match &channel.light {
                 Light::Polynomial(c) => c.pull_back(&channel.sequence, quadrature, &bar, &mut gradient),
                 Light::Traced(c) => c.pull_back(&channel.sequence, &bar, &mut gradient),
                 Light::Wave(c) => {
                     let grid = self.options.image_grid();
-                    c.pull_back(&channel.sequence, grid, &bar.grid, bar.illumination, &mut gradient)
+                    c.pull_back(&channel.sequence, grid, &bar.grid, bar.density, &mut gradient)
                 }
             };
             chief_bar = [chief_bar[0] + chief[0], chief_bar[1] + chief[1]];
             stop_radius_bar += stop_radius;
         }
-        // Add the cotangents of the chief ray and of the stop radius, which all channels share.
+        // Add the cotangents of the chief ray, of the image area and of the stop radius, which all channels share.
         pull_back_chief(&self.reference, &self.chief, chief_bar, &mut gradient);
+        if area_bar != 0.0 {
+            self.area.pull_back(&self.reference, area_bar, &mut gradient);
+        }
         let wish = FirstOrderCotangent { stop_radius: stop_radius_bar, ..Default::default() };
         pull_back_first_order(&self.reference, wish, &mut gradient);
         gradient.keep_symmetry(&self.reference);

@@ -255,7 +255,7 @@ impl WithSimd for Gather<'_> {
                 let bar = PointsCotangent {
                     x: weight * Lanes::load(simd, &by_u),
                     y: weight * Lanes::load(simd, &by_v),
-                    weight: Lanes::load(simd, &by_light) * landing.inside + bar.illumination,
+                    weight: Lanes::load(simd, &by_light) * landing.inside + bar.density,
                 };
                 chief_bar[0] -= bar.x;
                 chief_bar[1] -= bar.y;
@@ -297,7 +297,7 @@ impl PolynomialChannel {
         PsfMethod::Polynomial { degree: self.map.basis().degree, residual_um: self.residual_um }
     }
 
-    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror
+    /// The light on the grid and the light of the beam per ideal image area. On the grid it is that of half of the pupil with its mirror
     /// image (twice its weight), or that of both halves.
     ///
     /// `grid` is scratch space for the splat.

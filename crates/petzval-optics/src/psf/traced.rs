@@ -15,7 +15,7 @@ impl TracedChannel {
         Self { beam: trace_beam(sequence, field_rad, stop_radius_mm, quadrature) }
     }
 
-    /// The light on the grid and the relative illumination. The light is that of half of the pupil with its mirror
+    /// The light on the grid and the light of the beam per ideal image area. On the grid it is that of half of the pupil with its mirror
     /// image (twice its weight), or that of both halves.
     pub fn splat(&self, options: &PsfOptions, chief_mm: [f64; 2], is_half: bool) -> (Vec<f64>, f64) {
         let beam = &self.beam;
@@ -28,7 +28,7 @@ impl TracedChannel {
             splat::add(&mut half, options.grid, u, v, beam.weight[i]);
         }
         let all = if is_half { with_mirror_image(&half, options.grid) } else { half };
-        (all, beam.illumination())
+        (all, beam.light())
     }
 
     /// Adds the gradient; returns the derivatives by the position of the chief ray and by the stop radius.
@@ -50,7 +50,7 @@ impl TracedChannel {
             let [by_u, by_v, by_light] = splat::gather(&light.grid, light.options.grid, u, v);
             bar.x[i] = beam.weight[i] * by_u * per_mm;
             bar.y[i] = beam.weight[i] * by_v * per_mm;
-            bar.weight[i] = by_light + light.illumination;
+            bar.weight[i] = by_light + light.density;
             chief_bar[0] -= bar.x[i];
             chief_bar[1] -= bar.y[i];
         }

@@ -27,7 +27,7 @@ pub struct Beam {
     pub y_mm: Vec<f64>,
     /// Light of each ray (with its mirror image): quadrature weight, Jacobian of the pupil map and
     /// the projection `n_z^4` of irradiance, over the area of the paraxial entrance pupil, times
-    /// the transmission of the clear apertures. The sum is the relative illumination.
+    /// the transmission of the clear apertures.
     pub weight: Vec<f64>,
     /// Fate of each ray.
     pub fate: Vec<Fate>,
@@ -105,8 +105,9 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
 }
 
 impl Beam {
-    /// Relative illumination: 1 on the axis of an unvignetted lens without pupil aberration.
-    pub fn illumination(&self) -> f64 {
+    /// Light of the whole beam per ideal image area, that of a lens without distortion: 1 on the axis of an unvignetted lens without
+    /// pupil aberration. With [`ImageArea`](super::ImageArea) it gives the relative illumination.
+    pub fn light(&self) -> f64 {
         self.weight.iter().sum()
     }
 

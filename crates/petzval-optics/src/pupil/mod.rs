@@ -3,6 +3,7 @@
 mod basis;
 mod beam;
 mod dense;
+mod image_area;
 mod launch;
 mod linear;
 mod map;
@@ -14,6 +15,7 @@ pub use basis::PupilSampling;
 pub(crate) use basis::{PupilBasis, check_points};
 pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam};
 pub(crate) use dense::{DenseCotangent, DenseMap, Points, PointsCotangent, PupilRows};
+pub use image_area::ImageArea;
 pub use launch::paraxial_launch;
 pub(crate) use map::PupilMap;
 pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::{Beam, Quadrature, Sides, paraxial_launch, trace_beam};
+use crate::pupil::{Beam, ImageArea, Quadrature, Sides, chief_ray, paraxial_launch, trace_beam};
 use crate::trace::{Sequence, launch, trace_ray};
 
 /// Spot radii of one field, um, about the centroid; rays are weighted by their light.
@@ -32,7 +32,8 @@ pub struct FieldSpot {
     pub centroid_x_mm: f64,
     /// y of the common centroid on the image plane, mm.
     pub centroid_y_mm: f64,
-    /// Relative illumination per wavelength.
+    /// Relative illumination per wavelength: irradiance of the image of a uniform scene, 1 on the axis of an unvignetted lens
+    /// without pupil aberration.
     pub illumination: Vec<f64>,
 }
 
@@ -55,7 +56,7 @@ fn trace_field(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Vec<Trac
 
 /// Centroid of a beam, mm, including its mirror image if it is half a beam.
 fn centroid(sequence: &Sequence, beam: &Beam) -> [f64; 2] {
-    let light = beam.illumination();
+    let light = beam.light();
     let mean = |of: &[f64]| of.iter().zip(&beam.weight).map(|(y, w)| y * w).sum::<f64>() / light;
     [if sequence.is_mirror_symmetric { 0.0 } else { mean(&beam.x_mm) }, mean(&beam.y_mm)]
 }
@@ -68,7 +69,7 @@ fn mean_of(points: &[[f64; 2]]) -> [f64; 2] {
 
 /// Mean square distance of a beam from a point, weighted by light, mm^2.
 fn mean_square(beam: &Beam, centre: [f64; 2]) -> f64 {
-    let light = beam.illumination();
+    let light = beam.light();
     (0..beam.y_mm.len())
         .map(|i| {
             let (x, y) = (beam.x_mm[i] - centre[0], beam.y_mm[i] - centre[1]);
@@ -81,7 +82,9 @@ fn mean_square(beam: &Beam, centre: [f64; 2]) -> f64 {
 /// Spot radii of a lens at a field; `None` if no light arrives at some wavelength.
 pub fn spot(lens: &Lens, field_rad: f64, quadrature: &Quadrature) -> Option<FieldSpot> {
     let traced = trace_field(lens, field_rad, quadrature);
-    let illumination: Vec<f64> = traced.iter().map(|t| t.beam.illumination()).collect();
+    let reference = lens.at_wavelength(lens.reference_um);
+    let area = ImageArea::new(&reference, field_rad, &chief_ray(&reference, field_rad)?)?;
+    let illumination: Vec<f64> = traced.iter().map(|t| t.beam.light() * area.ratio).collect();
     if !illumination.iter().all(|i| *i > 0.0) {
         return None;
     }

@@ -23,7 +23,7 @@ pub(super) fn field_mean_square(
 ) -> Option<(f64, LensGradient)> {
     const UM2_PER_MM2: f64 = 1e6;
     let traced = trace_field(lens, field_rad, quadrature);
-    if !traced.iter().all(|t| t.beam.illumination() > 0.0) {
+    if !traced.iter().all(|t| t.beam.light() > 0.0) {
         return None;
     }
     let count = traced.len() as f64;
@@ -33,7 +33,7 @@ pub(super) fn field_mean_square(
     let mut gradient = LensGradient::zero(lens.surfaces.len());
     let mut stop_radius_bar = 0.0;
     for t in &traced {
-        let (beam, light) = (&t.beam, t.beam.illumination());
+        let (beam, light) = (&t.beam, t.beam.light());
         let square = mean_square(beam, centre);
         value += square / count;
         // The common centroid c is the mean of the wavelengths' own, so the sum over wavelengths of d(square)/dc is

@@ -53,8 +53,8 @@ pub(super) struct Nodes {
 pub(crate) struct Shown {
     /// Energy per pixel, row by row; the whole PSF has 1.
     pub values: Vec<f64>,
-    /// Relative illumination.
-    pub illumination: f64,
+    /// Light per ideal image area.
+    pub density: f64,
 }
 
 impl WaveChannel {
@@ -174,13 +174,13 @@ impl WaveChannel {
         sample * sample * per_mm * per_mm * a * b
     }
 
-    /// The PSF and the relative illumination.
+    /// The PSF and the light per ideal image area.
     pub fn show(&self, grid: ImageGrid) -> Shown {
         // Transform the wave to the image, and add |E|^2 of the samples of each pixel.
         let nodes = self.nodes();
         let (field, per_pixel) = self.field(&nodes.wave, grid);
         let area = self.cell() * self.cell();
-        let illumination = nodes.points.iter().map(|p| p.light).sum::<f64>() * area;
+        let density = nodes.points.iter().map(|p| p.light).sum::<f64>() * area;
         let all = nodes.points.iter().map(|p| p.energy).sum::<f64>() * area;
         let unit = self.energy_per_sample(grid, per_pixel) * area * area / all;
         let mut values = vec![0.0; grid.cells * grid.cells];
@@ -190,7 +190,7 @@ impl WaveChannel {
                 values[y / per_pixel * grid.cells + x / per_pixel] += unit * energy;
             }
         }
-        Shown { values, illumination }
+        Shown { values, density }
     }
 
     /// Amplitudes on the image, without the area of a node: `[x, y]`.
@@ -200,14 +200,14 @@ impl WaveChannel {
         (x.times(wave).times(&y.transpose()), per_pixel)
     }
 
-    /// Adds the gradient of a loss whose derivatives by [`Shown::values`] and the illumination are given; returns the
+    /// Adds the gradient of a loss whose derivatives by [`Shown::values`] and the light are given; returns the
     /// derivatives by the position of the chief ray and by the stop radius.
     pub fn pull_back(
         &self,
         sequence: &Sequence,
         grid: ImageGrid,
         values_bar: &[f64],
-        illumination_bar: f64,
+        density_bar: f64,
         gradient: &mut LensGradient,
     ) -> ([f64; 2], f64) {
         let nodes = self.nodes();
@@ -251,7 +251,7 @@ impl WaveChannel {
                     bar.amplitude += re * cos + im * sin;
                     bar.energy += by_all / all * area;
                     bar.path += self.wavenumber * point.amplitude * (im * cos - re * sin);
-                    bar.light += illumination_bar * area;
+                    bar.light += density_bar * area;
                 }
                 self.map.pull_back_point(&row, self.q(i), self.soft(), bar, &mut row_bar, &mut sums);
             }

@@ -109,6 +109,11 @@ pub struct Args {
     /// Position and scale of a photograph on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
+    /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the
+    /// scene without distortion that a pinhole would show, larger than the sensor where the lens has barrel distortion, and
+    /// the lens distorts it
+    #[arg(long)]
+    no_distortion: bool,
     /// Photoelectrons of white in a green pixel on the axis. The default is 70 % of the number at which white saturates
     /// the first colour at this gain, to two digits: 16000 for imx249-fitted. Over the spectrum the number follows from
     /// the light; if it is given, the illuminance follows from it
@@ -162,6 +167,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         size: args.size,
         time_s: args.time_s,
         gain: args.gain,
+        no_distortion: args.no_distortion,
         no_noise: args.no_noise,
         seed: args.seed,
         spectral: simulate::Spectral {
