@@ -100,6 +100,12 @@ impl PsfPlan {
         Self { field_radius_mm, held_fields_rad: None, wavelengths_um, options, quadrature }
     }
 
+    /// The same with another number of fields.
+    pub fn with_fields(&self, fields: usize) -> Self {
+        let corner_mm = self.field_radius_mm.last().copied().unwrap_or(0.0);
+        Self::new(fields, corner_mm, self.wavelengths_um, self.options, self.quadrature.clone())
+    }
+
     /// Field angle whose chief ray lands `radius_mm` from the axis, rad, distortion included.
     pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> Result<f64, DesignError> {
         let reference = lens.at_wavelength(lens.reference_um);

@@ -125,11 +125,14 @@ impl Setup {
         &self.starts[&variant.lens]
     }
 
-    /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with as many
-    /// patches as `psf.scoring_blend_error` needs.
+    /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with
+    /// `psf.scoring_fields` and as many patches as `psf.scoring_blend_error` needs.
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
-        let plan = if is_moving { &self.moving_plan } else { &self.fixed_plan };
-        let source = PsfSource::Traced { lens: Box::new(lens), plan: plan.clone() };
+        let plan = match is_moving {
+            true => self.moving_plan.clone(),
+            false => self.fixed_plan.with_fields(self.experiment.psf.scoring_fields),
+        };
+        let source = PsfSource::Traced { lens: Box::new(lens), plan };
         let psfs = Arc::new(source.psfs()?);
         if is_moving {
             return Camera::new(self.body.clone(), psfs);

@@ -59,7 +59,7 @@ fn the_chosen_patches_blend_to_the_stated_error() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
     let lens = Assets::from_folder(&data).unwrap().lens("cooke-triplet-nominal").unwrap().lens;
     let options = PsfOptions::default();
-    let plan = PsfPlan::new(13, 6.634, [0.62, 0.55, 0.486], options, Quadrature::grid(96).unwrap());
+    let plan = PsfPlan::new(31, 6.634, [0.62, 0.55, 0.486], options, Quadrature::grid(96).unwrap());
     let bank = plan.bank(&lens).unwrap();
     let coarse = RenderGeometry::default();
     let (chosen, stated) = with_patches_for(&coarse, &bank, 0.03).unwrap();
@@ -80,6 +80,6 @@ fn the_chosen_patches_blend_to_the_stated_error() {
     let (before, after) = (median(&coarse), median(&chosen));
     println!("7 x 7: {before:.3}, {:?}: {after:.3} (stated {stated:?})", chosen.patches);
     assert!(before > 0.1, "{before}");
-    assert!(after <= 0.035, "{after}");
+    assert!(after <= 0.032, "{after}");
     assert!(blend_error(&coarse, &bank).unwrap().median > 0.1);
 }

@@ -32,6 +32,8 @@ parameters! {
         pitch_um: f64 = 1.0, "um", 0.05..50, Log, "the paper takes 1";
         /// Patches of constant PSF on the sensor while the lens moves: rows, columns.
         patches: [usize; 2] = [7, 7], "", 1..101, Linear, "the paper takes 7 x 7";
+        /// Fields for the pictures of lenses at rest and for scoring, between which PSFs are mixed.
+        scoring_fields: usize = 31, "", 2..201, Linear, "31 mix to an error of 0.01, 13 to 0.05";
         /// Largest median error of the blend of patches for lenses at rest and for scoring, which sets their number: the sum of absolute
         /// differences between the blended PSF and that of the place, both of unit sum.
         scoring_blend_error: f64 = 0.03, "", 0.003..2, Log, "0.03 takes about 21 patch rows, 2 the fewest";

@@ -38,7 +38,7 @@ fn texture(height: usize, width: usize) -> LinearImage {
 fn rendering() -> Result<Prepared, JobError> {
     let lens = built_in_assets().lens("cooke-triplet-nominal")?.lens;
     let quadrature = Quadrature::grid(64).map_err(DesignError::from)?;
-    let plan = PsfPlan::new(13, 6.634, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
+    let plan = PsfPlan::new(31, 6.634, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
     let bank = plan.bank(&lens)?;
     // As many patches as `simulate` and scoring take.
     let error = PsfConfig::default().scoring_blend_error;
@@ -48,7 +48,7 @@ fn rendering() -> Result<Prepared, JobError> {
     let scene = texture(FRAME.0 + 2 * border, FRAME.1 + 2 * border);
     Ok(Prepared {
         work: format!(
-            "1200 x 1920 RGB, {} x {} blended PSFs from 13 fields, error {:.3} (L1, median), kernels included",
+            "1200 x 1920 RGB, {} x {} blended PSFs from 31 fields, error {:.3} (L1, median), kernels included",
             geometry.patches.0, geometry.patches.1, blend.median
         ),
         units: None,

@@ -65,7 +65,7 @@ impl Rig {
             Some(path) => (PsfSource::Measured(measured(path)?), None),
             None => {
                 let lens = context.assets.lens(&request.lens)?.lens;
-                let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
+                let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
                 let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
                 (source, Some((lens, plan)))
             }
