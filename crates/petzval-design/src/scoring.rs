@@ -198,5 +198,6 @@ pub fn collect_metrics(
         rows,
         seeds: vec![setup.experiment.seed],
         scores,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
     })
 }

@@ -10,7 +10,7 @@ use petzval_design::setup::Setup;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::scorer;
+use crate::design::{scorer, warn_of_changed_config};
 use crate::error::JobError;
 
 /// A finished run.
@@ -36,6 +36,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
+    warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;
