@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Shot, to_host};
 use crate::error::DesignError;
-use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
+use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
 use crate::setup::Setup;
 
 /// Seed of the noise in scored frames: the same for every camera and every run.
@@ -198,6 +198,6 @@ pub fn collect_metrics(
         rows,
         seeds: vec![setup.experiment.seed],
         scores,
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: VERSION.to_owned(),
     })
 }

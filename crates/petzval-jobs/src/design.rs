@@ -7,7 +7,7 @@ use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
 use petzval_design::inputs::{changed_config, check_inputs, extend_run, keep_inputs, read_config};
 use petzval_design::plausible::check;
-use petzval_design::run::{CameraMetrics, Event, RunFolder, RunRecord, write_file};
+use petzval_design::run::{CameraMetrics, Event, RunFolder, RunRecord, VERSION, write_file};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::score::{ScoreDescription, standard_scores};
@@ -118,6 +118,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         Run::Resume(resume) => {
             let folder = RunFolder::open(&resume.run)?;
             let (record, config) = resumed(resume, &folder)?;
+            if record.version != VERSION {
+                let begun = &record.version;
+                context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
+            }
             let experiment = context.assets.experiment_in(&folder, config.clone())?;
             let setup = Setup::new(experiment, &context.assets, device)?;
             check_inputs(&setup, &folder)?;
@@ -145,6 +149,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let _only_one = folder.lock()?;
     if let Some((record, longer)) = extension {
         extend_run(&folder, record, longer)?;
+        context.note("config.toml and run.json are extended; the figures and the report are made again");
     }
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));

@@ -9,6 +9,9 @@ use super::{RunFolder, write_file};
 use crate::error::DesignError;
 use crate::experiment::Experiment;
 
+/// Version of Petzval.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
 /// What a run was begun with, and when.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -36,7 +39,7 @@ pub struct Finish {
 impl RunRecord {
     /// The record of a run that begins now.
     pub fn begin(config: Experiment) -> Self {
-        Self { version: env!("CARGO_PKG_VERSION").to_owned(), begun: now(), finished: None, config }
+        Self { version: VERSION.to_owned(), begun: now(), finished: None, config }
     }
 
     /// The record of a run; none in a folder of a version that kept none.
