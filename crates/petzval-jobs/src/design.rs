@@ -114,9 +114,11 @@ pub enum RunEnding {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device(&request.device)?;
     let mut extension = None;
-    let (scorer, folder) = match &request.run {
+    // Only one process works on a run until the lock is dropped.
+    let (scorer, folder, _lock) = match &request.run {
         Run::Resume(resume) => {
             let folder = RunFolder::open(&resume.run)?;
+            let lock = folder.lock()?;
             let (record, config) = resumed(resume, &folder)?;
             if record.version != VERSION {
                 let begun = &record.version;
@@ -126,7 +128,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let setup = Setup::new(experiment, &context.assets, device)?;
             check_inputs(&setup, &folder)?;
             extension = (config != record.config).then_some((record, config));
-            (scorer(setup)?, folder)
+            (scorer(setup)?, folder, lock)
         }
         Run::New(new) => {
             let experiment = resolved(new, context)?;
@@ -141,12 +143,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
             let folder = RunFolder::create(&root)?;
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
+            let lock = folder.lock()?;
             keep_inputs(setup, &context.assets, &folder)?;
-            (scorer, folder)
+            (scorer, folder, lock)
         }
     };
     let setup = scorer.setup().clone();
-    let _only_one = folder.lock()?;
     if let Some((record, longer)) = extension {
         extend_run(&folder, record, longer)?;
         context.note("config.toml and run.json are extended; the figures and the report are made again");
