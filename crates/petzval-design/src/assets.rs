@@ -13,8 +13,7 @@ use petzval_optics::glass::Catalog;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::glass_warnings::glass_warnings;
-use crate::inputs::read_config;
-use crate::run::{RunFolder, RunRecord};
+use crate::run::{RunFolder, RunRecord, read_config};
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]

@@ -1,7 +1,6 @@
 //! What a run was made from. Its folder keeps lens and sensor, so that it stands on its own; of photographs it keeps a
 //! fingerprint, because a run that went on with other pictures would be worth nothing.
 
-use petzval_base::FileError;
 use petzval_files::write_lens;
 use sha2::{Digest, Sha256};
 
@@ -55,40 +54,6 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     let text = kept.to_toml()?;
     RunRecord::begin(kept).write(run)?;
     write_file(&run.config(), text.as_bytes())
-}
-
-/// The values of a run's `config.toml`.
-pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
-    let text = config_text(run)?;
-    Experiment::parse_complete(&text).map_err(DesignError::input(&run.config()))
-}
-
-/// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.
-pub fn changed_config(record: &RunRecord, run: &RunFolder) -> Result<Option<FileError>, DesignError> {
-    let changes = read_config(run)?.differences(&record.config);
-    let Some((first, _)) = changes.first() else { return Ok(None) };
-    let path: Vec<&str> = first.split('.').collect();
-    let was: Vec<String> = changes.iter().map(|(key, was)| format!("{key} was {was}")).collect();
-    let message = format!("config.toml has changed since the run was begun: {}", was.join(", "));
-    Ok(Some(FileError::at_key(&config_text(run)?, &path, message)))
-}
-
-/// Makes a run longer: `longer` becomes what it was begun with, and what was made of the finished cameras together is removed.
-///
-/// The record is written last. Where this is cut short, `config.toml` differs from the record; the same extension then completes it.
-pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Result<(), DesignError> {
-    for stale in [run.metrics(), run.report()] {
-        if stale.exists() {
-            std::fs::remove_file(&stale).map_err(DesignError::io(&stale))?;
-        }
-    }
-    write_file(&run.config(), longer.to_toml()?.as_bytes())?;
-    RunRecord { config: longer, finished: None, ..record }.write(run)
-}
-
-fn config_text(run: &RunFolder) -> Result<String, DesignError> {
-    let path = run.config();
-    std::fs::read_to_string(&path).map_err(DesignError::io(&path))
 }
 
 /// Refuses to go on with a run, or to score it again, from other inputs than it was made from.

@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
-use petzval_design::inputs::{changed_config, check_inputs, extend_run, keep_inputs, read_config};
+use petzval_design::inputs::{check_inputs, keep_inputs};
 use petzval_design::plausible::check;
-use petzval_design::run::{CameraMetrics, Event, RunFolder, RunRecord, VERSION, write_file};
+use petzval_design::run::{
+    CameraMetrics, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run, read_config, write_file,
+};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::score::{ScoreDescription, standard_scores};
@@ -212,16 +214,6 @@ fn resumed(resume: &Resume, folder: &RunFolder) -> Result<(RunRecord, Experiment
         return Err(JobError::File { path: folder.config(), error: Box::new(error.hint(hint)) });
     }
     Ok((record, longer))
-}
-
-/// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
-pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
-    if let Some(record) = RunRecord::read(folder)?
-        && let Some(error) = changed_config(&record, folder)?
-    {
-        context.warning(format!("{}; what follows is the run as it was made", error.message));
-    }
-    Ok(())
 }
 
 /// What scores the cameras of an experiment.

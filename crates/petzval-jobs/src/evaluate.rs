@@ -10,8 +10,9 @@ use petzval_design::setup::Setup;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::{scorer, warn_of_changed_config};
+use crate::design::scorer;
 use crate::error::JobError;
+use crate::report::warn_of_changed_config;
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use petzval_design::run::{RunFolder, write_file};
+use petzval_design::run::{RunFolder, RunRecord, changed_config, write_file};
 use petzval_design::run_report::{read_metrics, report_of_run};
 use petzval_design::setup::Setup;
 use petzval_report::design_report::{html, sentences};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::warn_of_changed_config;
 use crate::error::JobError;
 
 /// A finished run.
@@ -43,4 +42,14 @@ pub(crate) fn write(setup: &Setup, folder: &RunFolder) -> Result<(PathBuf, Vec<S
     let report = report_of_run(setup, folder, &command)?;
     write_file(&folder.report(), html(&report).as_bytes())?;
     Ok((folder.report(), sentences(&report)))
+}
+
+/// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
+pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
+    if let Some(record) = RunRecord::read(folder)?
+        && let Some(error) = changed_config(&record, folder)?
+    {
+        context.warning(format!("{}; what follows is the run as it was made", error.message));
+    }
+    Ok(())
 }
