@@ -99,7 +99,7 @@ impl FileError {
     /// Turns an error of the TOML reader into one with key, value and, for an unknown key, the nearest known key as a hint.
     pub fn from_toml(text: &str, error: &toml::de::Error) -> Self {
         let span = error.span().unwrap_or(0..0);
-        let message = error.message().trim().replace('\n', ", ").replace("usize", "a number from 0");
+        let message = error.message().trim().replace('\n', ", ");
         let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
 
         if message.starts_with("unknown field") && !words.is_empty() {
@@ -114,20 +114,60 @@ impl FileError {
             return missing.hint(format!("add a line `{} = ...`", words[0]));
         }
         // A value of the wrong type belongs to the key before the last `=`.
-        let of_value = message.starts_with("invalid") || message.starts_with("unknown variant");
-        let key = if of_value { key_before(text, span.start) } else { "" };
-        let wrong = Self::at(text, span, key, message.clone());
+        let key = |start| key_before(text, start);
         match words.split_first() {
-            Some((unknown, known)) if message.starts_with("unknown variant") => Self {
-                hint: known
-                    .iter()
-                    .min_by_key(|word| strsim::damerau_levenshtein(unknown, word))
-                    .map(|nearest| format!("did you mean \"{nearest}\"?")),
-                ..wrong
-            },
-            _ => wrong,
+            Some((unknown, known)) if message.starts_with("unknown variant") => {
+                let takes: Vec<String> = known.iter().map(|word| format!("\"{word}\"")).collect();
+                let message = format!("no such value; this key takes {}", takes.join(" or "));
+                let distance = |word: &&&str| strsim::damerau_levenshtein(unknown, word);
+                let nearest = known.iter().min_by_key(distance);
+                let hint = nearest.map(|nearest| format!("did you mean \"{nearest}\"?"));
+                Self { hint, ..Self::at(text, span.clone(), key(span.start), message) }
+            }
+            _ if message == "wanted string or table" => {
+                Self::at(text, span.clone(), key(span.start), "expected text in quotes")
+            }
+            _ if message.starts_with("invalid") => {
+                Self::at(text, span.clone(), key(span.start), of_type(&message))
+            }
+            _ => Self::at(text, span, "", message),
         }
     }
+}
+
+/// A message of the TOML reader about the type of a value, in the words of a file: numbers, texts, lists and tables in place of
+/// `usize`, `string`, `sequence` and `map`.
+fn of_type(message: &str) -> String {
+    let parts = message.split_once(": ").or(message.split_once("length "));
+    let Some((found, wanted)) = parts.and_then(|(_, rest)| rest.rsplit_once(", expected ")) else {
+        return message.to_owned();
+    };
+    let wanted = match wanted {
+        "usize" | "u64" | "u32" | "u16" | "u8" => "a number from 0 without a decimal point".to_owned(),
+        "isize" | "i64" | "i32" | "i16" | "i8" => "a number without a decimal point".to_owned(),
+        "f64" | "f32" => "a number".to_owned(),
+        "a string" => "text in quotes".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        "a sequence" => "a list in square brackets".to_owned(),
+        "a map" => "a table".to_owned(),
+        other => match other.strip_prefix("an array of length ") {
+            Some(length) => format!("a list of {length} values"),
+            None if other.starts_with("struct ") => "a table".to_owned(),
+            None => other.to_owned(),
+        },
+    };
+    let found = match found.split([' ', '(']).next() {
+        // The value itself is quoted before the message.
+        _ if message.starts_with("invalid value") => return format!("expected {wanted}"),
+        Some("string") => "a text",
+        Some("integer") => "a number",
+        Some("floating") => "a number with a decimal point",
+        Some("boolean") => "true or false",
+        Some("sequence") => "a list",
+        Some("map") => "a table",
+        _ => found,
+    };
+    format!("expected {wanted}, found {found}")
 }
 
 /// The bytes that the value at a path of keys occupies.

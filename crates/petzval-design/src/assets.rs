@@ -13,7 +13,7 @@ use petzval_optics::glass::Catalog;
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::glass_warnings::glass_warnings;
-use crate::run::RunFolder;
+use crate::run::{RunFolder, RunRecord, read_config};
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]
@@ -182,21 +182,28 @@ impl Assets {
     /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
     /// looked for beside it first.
     pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
-        self.read_experiment(name, Experiment::parse)
-    }
-
-    /// The experiment that a run was made from; its file must hold every key.
-    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
-        self.read_experiment(&run.config().display().to_string(), Experiment::parse_complete)
-    }
-
-    fn read_experiment(
-        &self,
-        name: &str,
-        parse: fn(&str) -> Result<Experiment, FileError>,
-    ) -> Result<Experiment, DesignError> {
         let source = self.text("experiment", "experiments", name)?;
-        let mut experiment = parse(&source.text).map_err(DesignError::input(&source.path))?;
+        let experiment = Experiment::parse(&source.text).map_err(DesignError::input(&source.path))?;
+        self.located(experiment, &source)
+    }
+
+    /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none.
+    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+        let config = match RunRecord::read(run)? {
+            Some(record) => record.config,
+            None => read_config(run)?,
+        };
+        self.experiment_in(run, config)
+    }
+
+    /// An experiment with its lens, sensor and photographs looked for in a run folder.
+    pub fn experiment_in(&self, run: &RunFolder, config: Experiment) -> Result<Experiment, DesignError> {
+        let source = Text { path: run.config(), text: config.to_toml()? };
+        self.located(config, &source)
+    }
+
+    /// An experiment with the paths that it names made those of files beside its own.
+    fn located(&self, mut experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
         let folder = source.path.parent().unwrap_or(Path::new(""));
         let variants = experiment.variant.iter_mut().enumerate();
         let own = variants.filter_map(|(i, v)| {

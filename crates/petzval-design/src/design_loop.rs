@@ -21,8 +21,8 @@ use crate::block::{Batch, BlockName, Blocks};
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::run::{
-    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, latest_checkpoint, load_blocks, save_blocks,
-    save_checkpoint, write_file,
+    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, SPOT_EVENT, latest_checkpoint,
+    load_blocks, save_blocks, save_checkpoint, write_file,
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
@@ -60,11 +60,19 @@ struct Position {
     taken: BTreeMap<BlockName, usize>,
     /// Steps that each block has taken for the task in earlier stages of the variant.
     before: BTreeMap<BlockName, usize>,
+    /// Stages that the finished cameras have behind them: fewer than their variants have if the run was extended since.
+    finished: BTreeMap<String, usize>,
+    /// Wall-clock seconds of the steps.
+    seconds: f64,
 }
 
 impl Position {
     fn taken(&self, block: BlockName) -> usize {
         self.taken.get(&block).copied().unwrap_or(0)
+    }
+
+    fn before(&self, block: BlockName) -> usize {
+        self.before.get(&block).copied().unwrap_or(0)
     }
 
     /// The variant in work.
@@ -73,10 +81,36 @@ impl Position {
         setup.variants.iter().find(|v| v.name == *name)
     }
 
+    /// Stages of a variant that its finished camera has behind it.
+    fn finished(&self, variant: &Variant) -> usize {
+        self.finished.get(&variant.name).copied().unwrap_or(0)
+    }
+
+    /// The first variant that has stages left.
+    fn next<'s>(&self, setup: &'s Setup) -> Option<&'s Variant> {
+        setup.variants.iter().find(|v| self.finished(v) < v.stages.len())
+    }
+
+    /// Steps that are left to take, scores included.
+    fn left(&self, setup: &Setup) -> usize {
+        let of = |v: &Variant| {
+            let (done, taken) = match self.variant.as_ref() == Some(&v.name) {
+                true => (self.stage, self.taken.values().sum()),
+                false if self.finished(v) == v.stages.len() => return 0,
+                false => (self.finished(v), 0),
+            };
+            v.stages[done..].iter().map(Stage::steps).sum::<usize>() + 1 - taken
+        };
+        setup.variants.iter().map(of).sum()
+    }
+
     /// Refuses a position that the run of this setup cannot have at this step.
     fn check(&self, setup: &Setup, step: u64) -> Result<(), &'static str> {
         if self.step != step {
             return Err("the checkpoint is of another step than its folder says");
+        }
+        if setup.variants.iter().any(|v| self.finished(v) > v.stages.len()) {
+            return Err("a finished camera has more stages than its variant; has config.toml been changed?");
         }
         let Some(name) = &self.variant else { return Ok(()) };
         let Some(variant) = setup.variants.iter().find(|v| v.name == *name) else {
@@ -146,10 +180,15 @@ impl DesignLoop {
 
     /// Runs to the end, or until `stop` is set; then the step in work is finished and a checkpoint written.
     pub fn run(mut self, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Ending, DesignError> {
-        // Scoring a variant is a step too.
-        let total: usize = self.setup.variants.iter().map(|v| v.steps() + 1).sum();
-        observer.start(self.position.step, total as u64);
         let setup = self.setup.clone();
+        // A run that was extended after its end goes on with its first camera. This counts as a step, and has a checkpoint of its own:
+        // otherwise a run killed later could take up a camera that is longer already.
+        if self.position.variant.is_none() && self.position.next(&setup).is_some() {
+            self.begin_next()?;
+            self.position.step += 1;
+            self.checkpoint()?;
+        }
+        observer.start(self.position.step, self.position.step + self.position.left(&setup) as u64);
         while let Some(variant) = self.position.variant(&setup) {
             if stop.load(Ordering::Relaxed) {
                 self.checkpoint()?;
@@ -187,6 +226,7 @@ impl DesignLoop {
                 learning_rate,
                 seconds: started.elapsed().as_secs_f64(),
             };
+            self.position.seconds += event.seconds;
             self.log.write(&event)?;
             observer.step(&event);
             let every = self.setup.experiment.checkpoint.every as u64;
@@ -197,6 +237,7 @@ impl DesignLoop {
         let metrics = collect_metrics(&self.setup, &self.run, self.scorer.scores())?;
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&self.run.metrics(), text.as_bytes())?;
+        RunRecord::finish(&self.run, self.position.seconds)?;
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
@@ -226,10 +267,12 @@ impl DesignLoop {
     ) -> Result<Step, DesignError> {
         let taken = self.position.taken(block);
         let rule = moves[&block].rule(taken);
-        let before = self.position.before.get(&block).copied().unwrap_or(0);
+        let before = self.position.before(block);
         // Each block draws windows of its own, behind those of all blocks after it in the light.
+        // They do not depend on stages to come, which an extension may add.
         let later = BlockName::ALL.into_iter().filter(|other| *other > block);
-        let offset: usize = later.map(|other| self.setup.task_steps(variant, other)).sum();
+        let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
+        let offset: usize = later.map(at_end).sum();
         let shots = self.shots((offset + before + taken) as u64)?;
         let camera = self.camera(variant, moves)?;
         let objective = &self.objective;
@@ -249,19 +292,18 @@ impl DesignLoop {
         iterations: usize,
         observer: &mut dyn Observer,
     ) -> Result<Step, DesignError> {
-        const BLOCK: &str = "spot";
         let (step, log) = (self.position.step + 1, &mut self.log);
         let mut started = Instant::now();
         let mut watch = |losses| {
             let seconds = started.elapsed().as_secs_f64();
             started = Instant::now();
-            let (camera, block) = (variant.name.clone(), BLOCK.to_owned());
+            let (camera, block) = (variant.name.clone(), SPOT_EVENT.to_owned());
             let event = Event { step, camera, block, losses, learning_rate: 0.0, seconds };
             observer.step(&event);
             log.write(&event)
         };
         let losses = self.blocks.optics.minimise_spots(iterations, &mut watch)?;
-        self.took(variant, BlockName::Optics, Step { block: BLOCK, losses, learning_rate: 0.0 })
+        self.took(variant, BlockName::Optics, Step { block: SPOT_EVENT, losses, learning_rate: 0.0 })
     }
 
     /// Counts a step that a block took, and refuses one that led to what is no number.
@@ -379,8 +421,7 @@ impl DesignLoop {
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
         let camera = self.setup.camera(lens.clone(), false)?.with_network(self.blocks.network.held());
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
-        let metrics =
-            CameraMetrics { network_steps: self.setup.task_steps(variant, BlockName::Network), ..metrics };
+        let metrics = CameraMetrics { network_steps: self.position.before(BlockName::Network), ..metrics };
         let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {
@@ -391,28 +432,36 @@ impl DesignLoop {
         write_file(&folder.join("metrics.json"), text.as_bytes())?;
         crate::pictures::save(&self.run, &variant.name, &pictures)?;
         observer.camera(&metrics);
-        self.begin_next(variant)?;
+        self.position.finished.insert(variant.name.clone(), variant.stages.len());
+        self.begin_next()?;
         let losses = metrics.scores.clone();
         Ok(Step { block: "score", losses, learning_rate: 0.0 })
     }
 
-    /// Makes the next variant ready: from its lens with a new network, or from the variant that it names.
-    fn begin_next(&mut self, done: &Variant) -> Result<(), DesignError> {
+    /// Makes the next variant ready: from its lens with a new network, from the variant that it names, or, if the run was extended,
+    /// from its own finished camera.
+    fn begin_next(&mut self) -> Result<(), DesignError> {
         let setup = self.setup.clone();
-        let variants = &setup.variants;
-        let next = variants.iter().position(|v| v.name == done.name).and_then(|i| variants.get(i + 1));
-        let step = self.position.step;
-        self.position = Position { step, variant: next.map(|v| v.name.clone()), ..Position::default() };
+        let Position { step, finished, seconds, .. } = std::mem::take(&mut self.position);
+        self.position = Position { step, finished, seconds, ..Position::default() };
         self.camera = None;
-        if let Some(next) = next {
-            self.blocks = setup.blocks(next)?;
-            if let Some(from) = &next.from {
-                load_blocks(&self.run.camera(from), self.blocks.all_mut(), Kept::Numbers)?;
-                // It sees other windows than those that it was trained on.
-                self.position.before = setup.task_steps_before(next);
-                let first = next.stages.first();
-                self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
+        let Some(next) = self.position.next(&setup) else { return Ok(()) };
+        let stage = self.position.finished(next);
+        self.position.variant = Some(next.name.clone());
+        self.position.stage = stage;
+        self.blocks = setup.blocks(next)?;
+        let own = (stage > 0).then_some(&next.name);
+        if let Some(from) = own.or(next.from.as_ref()) {
+            load_blocks(&self.run.camera(from), self.blocks.all_mut(), Kept::Numbers)?;
+            // It sees other windows than those that it was trained on.
+            self.position.before = setup.task_steps_before(next);
+            for (done, block) in
+                next.stages[..stage].iter().flat_map(|s| BlockName::ALL.map(|block| (s, block)))
+            {
+                *self.position.before.entry(block).or_default() += done.task_steps_of(block);
             }
+            let first = next.stages.get(stage);
+            self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::Experiment;
-use crate::run::{RunFolder, write_file};
+use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
 
 /// SHA-256 of the lens with its glasses, the sensor, and every photograph by name and content.
@@ -28,7 +28,7 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it.
+/// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record.
 pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<(), DesignError> {
     let experiment = &setup.experiment;
     // The setup has read the lens already, and reported its warnings.
@@ -51,7 +51,9 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
             *name = format!("inputs/{file}");
         }
     }
-    write_file(&run.config(), kept.to_toml()?.as_bytes())
+    let text = kept.to_toml()?;
+    RunRecord::begin(kept).write(run)?;
+    write_file(&run.config(), text.as_bytes())
 }
 
 /// Refuses to go on with a run, or to score it again, from other inputs than it was made from.

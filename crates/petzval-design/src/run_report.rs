@@ -17,9 +17,9 @@ use crate::error::DesignError;
 use crate::lens_view;
 use crate::pictures::file_name;
 use crate::psf_plan::PsfPlan;
-use crate::run::{CameraMetrics, Metrics, RunFolder, read_events};
+use crate::run::{CameraMetrics, Event, Metrics, RunFolder, RunRecord, SPOT_EVENT, read_events};
 use crate::setup::Setup;
-use crate::variant::{Stage, Variant};
+use crate::variant::Variant;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, Score, TableRow,
@@ -54,6 +54,8 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 /// Gathers everything that a report shows.
 pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
     let metrics = read_metrics(run)?;
+    let events = read_events(&run.events())?;
+    let record = RunRecord::read(run)?;
     let plan = &setup.fixed_plan;
     let full_rad = plan.field_angles(&setup.nominal().lens_file.lens)?.last().copied().unwrap_or(0.0);
     let layout_fields_deg = LAYOUT_SHARES.map(|share| (share * full_rad).to_degrees());
@@ -79,7 +81,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         subtitle: format!(
             "{} with the same exposure ({} e- of white) and the same order of the data. Scored on {} held-out photographs, \
              each at {} places of the sensor.",
-            cameras_in_words(&setup.variants),
+            cameras_in_words(&setup.variants, &events),
             e.exposure.white_e,
             metrics.held_out_images,
             metrics.held_out_places
@@ -93,21 +95,27 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
-        losses: loss_curves(&run.events())?,
-        config_toml: fs::read_to_string(run.config()).map_err(DesignError::io(&run.config()))?,
-        environment: environment(&run.environment())?,
+        pictures_in_all: metrics.held_out_images * metrics.held_out_places,
+        study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
+        losses: loss_curves(events),
+        config_toml: match &record {
+            Some(record) => record.config.to_toml()?,
+            None => fs::read_to_string(run.config()).map_err(DesignError::io(&run.config()))?,
+        },
+        environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
         notes: notes(&metrics),
     })
 }
 
-/// `3 cameras: nominal (800 network steps), ...`.
-fn cameras_in_words(variants: &[Variant]) -> String {
+/// `3 cameras: nominal (800 network steps), ...`, with the steps that were taken.
+fn cameras_in_words(variants: &[Variant], events: &[Event]) -> String {
     let one = |v: &Variant| {
-        let steps = |block: BlockName| match v.task_steps_of(block) {
+        let taken = |block: &str| events.iter().filter(|e| e.camera == v.name && e.block == block).count();
+        let steps = |block: BlockName| match taken(block.name()) {
             0 => None,
             n => Some(format!("{n} {} steps", block.name())),
         };
-        let spot = v.stages.iter().any(|s| matches!(s, Stage::Spot { .. })).then(|| "least spots".to_owned());
+        let spot = (taken(SPOT_EVENT) > 0).then(|| "least spots".to_owned());
         let from = v.from.as_ref().map(|name| format!("from {name}"));
         let own = BlockName::ALL.into_iter().filter_map(steps);
         let all: Vec<String> = from.into_iter().chain(spot).chain(own).collect();
@@ -163,6 +171,7 @@ fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
         efl_mm: m.efl_mm,
         f_number: m.f_number,
         fov_deg: m.fov_deg,
+        network_steps: m.network_steps,
     }
 }
 
@@ -248,7 +257,8 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
     // First every photograph in the corner and in the middle of the field, then the other places.
-    let mut order: Vec<usize> = (0..first.pictures.len()).collect();
+    let mut order = shown_pictures(metrics.held_out_images, metrics.held_out_places);
+    order.retain(|index| *index < first.pictures.len());
     let field = |i: &usize| first.pictures[*i].relative_field;
     let outermost = order.iter().map(field).fold(0.0, f64::max);
     let rank = |i: &usize| match field(i) {
@@ -280,11 +290,22 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
     Ok(all)
 }
 
-fn loss_curves(events: &Path) -> Result<Vec<LossCurve>, DesignError> {
+/// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
+const MOST_PICTURES: usize = 27;
+
+/// Indices of the pictures that the page shows, which are ordered by photograph and then by place: spread evenly over the photographs,
+/// with the places in turn.
+fn shown_pictures(photographs: usize, places: usize) -> Vec<usize> {
+    let shown = (photographs * places).min(MOST_PICTURES);
+    let place = |i: usize| if places > shown { i * places / shown } else { i % places };
+    (0..shown).map(|i| i * photographs / shown * places + place(i)).collect()
+}
+
+fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     type Key = (String, String, String);
     let mut curves: BTreeMap<Key, Vec<(u64, f64)>> = BTreeMap::new();
     let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
-    for event in read_events(events)? {
+    for event in events {
         if event.block == "score" {
             continue;
         }
@@ -296,12 +317,12 @@ fn loss_curves(events: &Path) -> Result<Vec<LossCurve>, DesignError> {
             curves.entry(key).or_default().push((*count, value));
         }
     }
-    Ok(curves
+    curves
         .into_iter()
         // A penalty that was never due is no curve.
         .filter(|(_, points)| points.iter().any(|(_, value)| *value != 0.0))
         .map(|((camera, block, label), points)| LossCurve { camera, block, label, points })
-        .collect())
+        .collect()
 }
 
 fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
@@ -313,4 +334,26 @@ fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
         other => other.to_string(),
     };
     Ok(values.into_iter().map(|(k, v)| (k, plain(v))).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn many_pictures_are_chosen_evenly_and_few_are_all_shown() {
+        assert_eq!(shown_pictures(3, 9), (0..27).collect::<Vec<_>>());
+        assert_eq!(shown_pictures(2, 1), [0, 1]);
+        for (photographs, places) in [(50, 9), (5, 9), (200, 1), (1, 100), (4, 9)] {
+            let shown = shown_pictures(photographs, places);
+            assert_eq!(shown.len(), (photographs * places).min(27));
+            let distinct =
+                |of: &dyn Fn(usize) -> usize| shown.iter().map(|i| of(*i)).collect::<BTreeSet<_>>().len();
+            assert_eq!(distinct(&|i| i), shown.len(), "each once");
+            assert_eq!(distinct(&|i| i / places), photographs.min(27), "every photograph, or as many as fit");
+            assert_eq!(distinct(&|i| i % places), places.min(27), "every place");
+            assert!(shown.iter().all(|i| *i < photographs * places));
+        }
+    }
 }

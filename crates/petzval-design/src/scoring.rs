@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Shot, to_host};
 use crate::error::DesignError;
-use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
+use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
 use crate::setup::Setup;
 
 /// Seed of the noise in scored frames: the same for every camera and every run.
@@ -195,5 +195,6 @@ pub fn collect_metrics(
         rows,
         seeds: vec![setup.experiment.seed],
         scores,
+        version: VERSION.to_owned(),
     })
 }

@@ -10,7 +10,7 @@ use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{kernel_radius, with_patches_for};
 use petzval_files::load_image_bytes;
-use petzval_learn::dataset::{CropPlan, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
+use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_learn::loss::Lpips;
 use petzval_learn::network::UNetConfig;
 use petzval_learn::objective::{ImageQuality, Objective};
@@ -24,6 +24,7 @@ use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
 use crate::psf_plan::PsfPlan;
 use crate::start::Start;
+use crate::study::Study;
 use crate::variant::Variant;
 
 /// Everything that the design loop needs and that does not change during it.
@@ -42,12 +43,16 @@ pub struct Setup {
     pub fixed_plan: PsfPlan,
     /// Training and held-out photographs.
     pub photos: PhotoSet,
+    /// Pictures of the folder that cannot be used, each with the reason.
+    pub skipped_photos: Vec<(String, DatasetError)>,
     /// How training windows are cut.
     pub training_crops: CropPlan,
     /// How held-out windows are cut.
     pub scoring_crops: CropPlan,
     /// Weights of the perceptual loss.
     pub lpips_weights: Vec<u8>,
+    /// How far differences between cameras scatter with the seed.
+    pub study: Study,
 }
 
 impl Setup {
@@ -55,7 +60,7 @@ impl Setup {
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
-        setup.photos = load_photos(&setup.experiment, assets, window)?;
+        (setup.photos, setup.skipped_photos) = load_photos(&setup.experiment, assets, window)?;
         setup.training_crops.check(setup.photos.training())?;
         setup.scoring_crops.check(setup.photos.held_out())?;
         Ok(setup)
@@ -109,9 +114,11 @@ impl Setup {
             moving_plan,
             fixed_plan,
             photos: PhotoSet::default(),
+            skipped_photos: Vec::new(),
             training_crops,
             scoring_crops,
             lpips_weights,
+            study: Study::built_in(assets)?,
         })
     }
 
@@ -199,11 +206,14 @@ struct PhotoEntry {
     file: String,
 }
 
+/// Training and held-out photographs, and names of files that cannot be used, each with the reason.
+type Photos = (PhotoSet, Vec<(String, DatasetError)>);
+
 /// Every so many pictures of a user's folder, one is held out.
 const HELD_OUT_EVERY: usize = 4;
 
 /// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
-fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Result<PhotoSet, DesignError> {
+fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Result<Photos, DesignError> {
     if experiment.photos != BUILT_IN_PHOTOS {
         return folder_photos(Path::new(&experiment.photos), window);
     }
@@ -221,20 +231,29 @@ fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Resul
             Ok(NamedPhoto { name: name.clone(), image })
         })
         .collect::<Result<_, DesignError>>()?;
-    Ok(PhotoSet::new(photos, &split)?)
+    Ok((PhotoSet::new(photos, &split)?, Vec::new()))
 }
 
-fn folder_photos(folder: &Path, window: usize) -> Result<PhotoSet, DesignError> {
-    let mut photos = load_folder(folder)?;
-    if photos.len() < 2 {
-        let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
-        return Err(DesignError::misfit(folder, &"only one picture", hint));
-    }
-    for photo in &mut photos {
+fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
+    let mut found = load_folder(folder)?;
+    for photo in &mut found.photos {
         // A camera's own picture is softer than its pixels: halve it where enough is left.
         if photo.image.height.min(photo.image.width) >= 2 * window {
             photo.image = photo.image.box_half();
         }
+    }
+    found.skip(|photo| photo.check_holds(window));
+    found.skip_copies();
+    let Folder { photos, skipped } = found;
+    if photos.len() < 2 {
+        let count = if photos.is_empty() { "no picture" } else { "only one picture" };
+        let reasons: Vec<String> = skipped.iter().take(3).map(|(_, reason)| reason.to_string()).collect();
+        let message = match &reasons[..] {
+            [] => count.to_owned(),
+            _ => format!("{count} can be used, {} skipped: {}", skipped.len(), reasons.join("; ")),
+        };
+        let hint = "at least two are needed: every fourth, or the last, is held out for scoring";
+        return Err(DesignError::misfit(folder, &message, hint));
     }
     let mut split = PhotoSplit::default();
     for (i, photo) in photos.iter().enumerate() {
@@ -243,5 +262,5 @@ fn folder_photos(folder: &Path, window: usize) -> Result<PhotoSet, DesignError> 
         let list = if held_out { &mut split.held_out } else { &mut split.training };
         list.push(photo.name.clone());
     }
-    Ok(PhotoSet::new(photos, &split)?)
+    Ok((PhotoSet::new(photos, &split)?, skipped))
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use petzval_design::assets::Assets;
-use petzval_design::block::OpticsBlock;
+use petzval_design::block::{BlockName, OpticsBlock};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
@@ -219,4 +219,36 @@ fn a_lens_without_variables_can_be_a_control_and_cannot_move() {
     assert!(setup(NETWORK).is_ok());
     let refused = setup(JOINT).err().unwrap().to_string();
     assert!(refused.contains("no variables"), "{refused}");
+}
+
+#[test]
+fn an_extension_adds_a_stage_to_every_variant_that_trains_the_network() {
+    let text = [
+        variant("unequal", &format!("{NETWORK}schedule.network.steps = 6\n")),
+        variant("lens-only", SPOT),
+        variant("end-to-end", &format!("{SPOT}{JOINT}schedule.optics.learning_rate = 0.5\n")),
+    ];
+    let experiment = Experiment::parse(&format!("{TINY}{}", text.concat())).unwrap();
+    let longer = experiment.extended_to(8).unwrap();
+    let steps = |e: &Experiment| {
+        let of = |v: &petzval_design::variant::Variant| {
+            [v.steps_of(BlockName::Network), v.task_steps_of(BlockName::Optics)]
+        };
+        e.variants().iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(steps(&experiment), [[6, 0], [0, 0], [4, 3]]);
+    assert_eq!(steps(&longer), [[8, 0], [0, 0], [8, 6]]);
+    assert_eq!(longer.variant[1], experiment.variant[1]);
+    let added = &longer.variant[2].stage[2].schedule[&BlockName::Optics];
+    assert_eq!((added.steps, added.learning_rate), (Some(3), Some(0.5)));
+    // The file of the longer experiment says the same, and another extension goes on from there.
+    assert_eq!(Experiment::parse(&longer.to_toml().unwrap()).unwrap(), longer);
+    assert_eq!(longer.extended_to(8).unwrap(), longer);
+    assert_eq!(steps(&longer.extended_to(10).unwrap()), [[10, 0], [0, 0], [10, 8]]);
+    assert_eq!(longer.differences(&experiment).len(), 2);
+
+    assert!(experiment.extended_to(5).unwrap_err().0.contains("`unequal` has 6 network steps already"));
+    let child = variant("child", &format!("from = \"unequal\"\n{NETWORK}"));
+    let chain = Experiment::parse(&format!("{TINY}{}{child}", text[0])).unwrap();
+    assert!(chain.extended_to(9).unwrap_err().0.contains("`child` starts from the finished `unequal`"));
 }

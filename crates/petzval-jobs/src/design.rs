@@ -6,7 +6,10 @@ use std::sync::Arc;
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
 use petzval_design::inputs::{check_inputs, keep_inputs};
-use petzval_design::run::{CameraMetrics, Event, RunFolder, write_file};
+use petzval_design::plausible::check;
+use petzval_design::run::{
+    CameraMetrics, Event, RunFolder, RunRecord, VERSION, changed_config, extend_run, read_config, write_file,
+};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_learn::score::{ScoreDescription, standard_scores};
@@ -37,8 +40,19 @@ pub struct Request {
 pub enum Run {
     /// A new one.
     New(NewRun),
-    /// The one in this folder.
-    Resume(PathBuf),
+    /// One that was begun before.
+    Resume(Resume),
+}
+
+/// A run to go on with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resume {
+    /// Its folder.
+    pub run: PathBuf,
+    /// Make every camera longer, so that its network takes this many steps in all.
+    #[serde(default)]
+    pub extend_to: Option<usize>,
 }
 
 /// A run to begin.
@@ -88,6 +102,8 @@ pub enum RunEnding {
         metrics: Box<Metrics>,
         /// The report.
         report: PathBuf,
+        /// The result in sentences, as the report has it.
+        sentences: Vec<String>,
     },
     /// The run was cancelled; it left a checkpoint at this step.
     Stopped {
@@ -99,13 +115,22 @@ pub enum RunEnding {
 /// Starts or continues a run, until it is finished or cancelled.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device(&request.device)?;
-    let (scorer, folder) = match &request.run {
-        Run::Resume(root) => {
-            let folder = RunFolder::open(root)?;
-            let experiment = context.assets.experiment_of_run(&folder)?;
+    let mut extension = None;
+    // Only one process works on a run until the lock is dropped.
+    let (scorer, folder, _lock) = match &request.run {
+        Run::Resume(resume) => {
+            let folder = RunFolder::open(&resume.run)?;
+            let lock = folder.lock()?;
+            let (record, config) = resumed(resume, &folder)?;
+            if record.version != VERSION {
+                let begun = &record.version;
+                context.warning(format!("the run was begun by Petzval {begun}, and goes on with {VERSION}"));
+            }
+            let experiment = context.assets.experiment_in(&folder, config.clone())?;
             let setup = Setup::new(experiment, &context.assets, device)?;
             check_inputs(&setup, &folder)?;
-            (scorer(setup)?, folder)
+            extension = (config != record.config).then_some((record, config));
+            (scorer(setup)?, folder, lock)
         }
         Run::New(new) => {
             let experiment = resolved(new, context)?;
@@ -113,26 +138,82 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let setup = Setup::new(experiment, &context.assets, device)?;
             let scorer = scorer(setup)?;
             let setup = scorer.setup();
+            let source = context.assets.text("experiment", "experiments", &new.experiment)?;
+            for warning in check(setup, &source)? {
+                context.warning(warning);
+            }
             let root = new.out.clone().unwrap_or_else(|| default_root(&new.experiment, &setup.experiment));
             let folder = RunFolder::create(&root)?;
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
+            let lock = folder.lock()?;
             keep_inputs(setup, &context.assets, &folder)?;
-            (scorer, folder)
+            (scorer, folder, lock)
         }
     };
     let setup = scorer.setup().clone();
-    let _only_one = folder.lock()?;
+    if let Some((record, longer)) = extension {
+        extend_run(&folder, record, longer)?;
+        context.note("config.toml and run.json are extended; the figures and the report are made again");
+    }
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
+    report_pictures(&setup, context);
     let mut watch = Watch { context, scores: scorer.scores(), total: 0 };
     let ending = DesignLoop::new(folder.clone(), scorer)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
         Ending::Finished(metrics) => {
-            RunEnding::Finished { report: crate::report::write(&setup, &folder)?, metrics }
+            let (report, sentences) = crate::report::write(&setup, &folder)?;
+            RunEnding::Finished { metrics, report, sentences }
         }
     };
     Ok(Response { run: folder.root().to_path_buf(), ending })
+}
+
+/// Lists the training, held-out and skipped pictures.
+fn report_pictures(setup: &Setup, context: &Context) {
+    let (training, held_out) = (setup.photos.training(), setup.photos.held_out());
+    let list = |what: &str, names: Vec<&str>| {
+        context.note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")));
+    };
+    list("training", training.iter().map(|photo| photo.name.as_str()).collect());
+    list("held-out", held_out.iter().map(|photo| photo.name.as_str()).collect());
+    if let Some((_, reason)) = setup.skipped_photos.first() {
+        let skipped = setup.skipped_photos.len();
+        let all = training.len() + held_out.len() + skipped;
+        let first = if skipped > 1 { "the first: " } else { "" };
+        context
+            .warning(format!("{skipped} of {all} pictures cannot be used and are skipped; {first}{reason}"));
+        list("skipped", setup.skipped_photos.iter().map(|(name, _)| name.as_str()).collect());
+    }
+}
+
+/// The record of a run and the experiment to go on with, which is longer where the request extends it. A `config.toml` that differs
+/// from the record is refused.
+fn resumed(resume: &Resume, folder: &RunFolder) -> Result<(RunRecord, Experiment), JobError> {
+    let found = read_config(folder)?;
+    let record = RunRecord::read(folder)?.ok_or_else(|| {
+        let message =
+            format!("{}: is missing, or an earlier version began the run", folder.record().display());
+        let hint = format!("begin it again: petzval design {} --out FOLDER", folder.config().display());
+        JobError::input(message, hint)
+    })?;
+    let longer = match resume.extend_to {
+        None => record.config.clone(),
+        Some(steps) => (record.config.extended_to(steps))
+            .map_err(|(message, hint)| JobError::setting("extend_to", steps, message, hint))?,
+    };
+    // An extension that was cut short has changed config.toml already.
+    if found != longer
+        && let Some(error) = changed_config(&record, folder)?
+    {
+        let hint = format!(
+            "put it back as it was; or make all cameras longer with --extend-to N; or begin another run: petzval design {} --out FOLDER",
+            folder.config().display()
+        );
+        return Err(JobError::File { path: folder.config(), error: Box::new(error.hint(hint)) });
+    }
+    Ok((record, longer))
 }
 
 /// What scores the cameras of an experiment.

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::design::scorer;
 use crate::error::JobError;
+use crate::report::warn_of_changed_config;
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,6 +37,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
+    warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::new(experiment, &context.assets, context.device(&request.device)?)?;
     check_inputs(&setup, &folder)?;

@@ -69,7 +69,7 @@ fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
         gray.save(folder.path().join(name)).unwrap();
     }
     fs::write(folder.path().join("notes.txt"), "not a picture").unwrap();
-    let photos = load_folder(folder.path()).unwrap();
+    let photos = load_folder(folder.path()).unwrap().photos;
     let names: Vec<&str> = photos.iter().map(|p| p.name.as_str()).collect();
     assert_eq!(names, ["a.JPG", "b.png", "c.tiff"]);
     let png = &photos[1].image;
@@ -79,8 +79,18 @@ fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
     }
 
     fs::write(folder.path().join("d.png"), b"\x89PNG\r\n\x1a\nbroken").unwrap();
-    let error = load_folder(folder.path()).err().unwrap();
-    assert!(matches!(error, DatasetError::Unreadable(_)) && error.to_string().contains("d.png"), "{error}");
+    std::fs::copy(folder.path().join("b.png"), folder.path().join("e.png")).unwrap();
+    let mut found = load_folder(folder.path()).unwrap();
+    assert_eq!(found.photos.len(), 4, "a damaged file does not spoil the others");
+    let [(name, error)] = &found.skipped[..] else { panic!("one is skipped: {:?}", found.skipped) };
+    assert!(
+        name == "d.png"
+            && matches!(error, DatasetError::Unreadable(_))
+            && error.to_string().contains("d.png")
+    );
+    found.skip_copies();
+    let (name, error) = found.skipped.last().unwrap();
+    assert!(name == "e.png" && error.to_string().contains("e.png is the same picture as"), "{error}");
 }
 
 #[test]
@@ -182,7 +192,7 @@ fn the_embedded_photographs_match_their_list() {
     }
     let names = |entries: &[Entry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
     let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
-    let photos = load_folder(folder).unwrap();
+    let photos = load_folder(folder).unwrap().photos;
     assert_eq!(photos.len(), split.training.len() + split.held_out.len(), "every picture is in one list");
     let set = PhotoSet::new(photos, &split).unwrap();
 

@@ -110,6 +110,7 @@ pub(crate) fn rows() -> Vec<TableRow> {
         efl_mm: 23.01,
         f_number: 4.04,
         fov_deg: 30.0,
+        network_steps: 60,
     };
     vec![
         row(0, 0.9125, 29.84, 0.8710, 12.6),
@@ -227,6 +228,8 @@ pub(crate) fn report() -> Report {
         wavelengths_um: WAVELENGTHS_UM.to_vec(),
         half_diagonal_mm: 6.1,
         pictures: vec![picture("centre"), picture("corner, 14.2°")],
+        pictures_in_all: 2,
+        study: None,
         losses: vec![curve(0), curve(2)],
         config_toml: "seed = 1".into(),
         environment: vec![("threads".into(), "2".into())],

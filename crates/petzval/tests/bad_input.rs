@@ -38,8 +38,20 @@ fn experiments() {
         ),
         case("white_e = ", "white = ", &["`white = 16000.0`", "no such key", "did you mean `white_e`?"]),
         case("batch = 1", "batch = 0", &["`batch = 0`", "must lie between 1 and 1024", "help: 2 to 8"]),
-        case("batch = 1", "batch = -1", &["batch", "-1"]),
-        case("batch = 1", "batch = \"one\"", &["batch", "\"one\""]),
+        case("batch = 1", "batch = -1", &["`batch = -1`: expected a number from 0"]),
+        case(
+            "batch = 1",
+            "batch = \"one\"",
+            &["`batch = \"one\"`: expected a number from 0", "found a text"],
+        ),
+        case("batch = 1", "batch = 1.5", &["`batch = 1.5`", "without a decimal point, found a number with"]),
+        case(
+            "time_s = 0.005",
+            "time_s = \"5 ms\"",
+            &["`time_s = \"5 ms\"`: expected a number, found a text"],
+        ),
+        case("\"built-in\"", "[\"a\"]", &["`photos = [\"a\"]`: expected text in quotes, found a list"]),
+        case("patches = [2, 2]", "patches = [2]", &["expected a list of 2 values, found 1"]),
         case(
             "pupil_cells = 16",
             "pupil_cells = 17",
@@ -48,8 +60,17 @@ fn experiments() {
         case("0.55", "550", &["wavelengths_um", "550", "help: wavelengths are in um: 550 nm is 0.55"]),
         case("time_s = 0.005", "time_s = nan", &["`time_s = nan`", "must lie between", "5 ms is 0.005"]),
         case("moving_share = ", "moving_share = 1", &["moving_share", "must lie between 0 and 1", "help:"]),
-        case("task = \"image-quality\"", "task = \"racing\"", &["racing", "image-quality"]),
-        case("noise = \"dequantised\"", "noise = \"pink\"", &["pink", "dequantised"]),
+        case(
+            "task = \"image-quality\"",
+            "task = \"racing\"",
+            &["`task = \"racing\"`: no such value; this key takes \"image-quality\""],
+        ),
+        case(
+            "noise = \"dequantised\"",
+            "noise = \"pink\"",
+            &["`noise = \"pink\"`: no such value", "\"dequantised\""],
+        ),
+        case("task = \"image-quality\"", "task = 3", &["`task = 3`: expected text in quotes"]),
         case("seed = 1", "seed = = 1", &["seed"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
@@ -98,6 +119,22 @@ fn experiments_that_do_not_fit_together() {
         case("\"cooke-triplet-nominal\"", "\"eight-element-achromat\"", &["no variables", "[[variable]]"]),
         case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
+        case(
+            "\"imx249-fitted\"",
+            "\"imx250-mono\"",
+            &["is monochrome", "photographs are in colour", "help: name a sensor with colour filters"],
+        ),
+        case(
+            "white_e = 16000.0",
+            "white_e = 30000.0",
+            &[
+                "bad.toml:",
+                "`exposure.white_e = 30000`",
+                "saturates at 28",
+                "linear gain 1",
+                "help: give less",
+            ],
+        ),
     ] {
         let folder = tempfile::tempdir().unwrap();
         write_changed(folder.path(), "bad.toml", &text, &case);
@@ -265,6 +302,61 @@ fn photographs() {
     ] {
         run_fails(here, &["design", "tiny.toml", "--photos", photos, "--out", "run"], 2, needles);
     }
+}
+
+/// A few bad pictures among good ones do not end a run.
+#[test]
+fn bad_photographs_are_skipped_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    write_tiny(here);
+    std::fs::create_dir(here.join("mine")).unwrap();
+    for photo in ["astronaut.png", "chelsea.png", "coffee.png"] {
+        std::fs::copy(data("photos").join(photo), here.join("mine").join(photo)).unwrap();
+    }
+    let coffee = std::fs::read(data("photos/coffee.png")).unwrap();
+    std::fs::write(here.join("mine/b.png"), &coffee[..1000]).unwrap();
+    std::fs::write(here.join("mine/copy.png"), &coffee).unwrap();
+    image::RgbImage::new(40, 50).save(here.join("mine/small.png")).unwrap();
+    let done = run_ok(here, &["design", "tiny.toml", "--photos", "mine", "--steps", "1", "--out", "run"]);
+    for needle in [
+        "warning: 3 of 6 pictures cannot be used and are skipped; the first: ",
+        "mine/b.png: cannot decode the picture",
+        "training pictures (2): astronaut.png, chelsea.png",
+        "held-out pictures (1): coffee.png",
+        "skipped pictures (3): b.png, small.png, copy.png",
+    ] {
+        assert!(done.says(needle), "{needle}: {}", done.stderr);
+    }
+    assert_eq!(read_json(&here.join("run/metrics.json"))["held_out_images"], 1);
+}
+
+/// What makes a comparison doubtful is said before the first step.
+#[test]
+fn comparisons_that_are_not_like_for_like_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let solve = lens.lines().find(|line| line.starts_with("efl = ")).unwrap();
+    std::fs::write(folder.path().join("free.toml"), lens.replace("[solve]\n", "").replace(solve, ""))
+        .unwrap();
+    let text = tiny_experiment().replace("\"cooke-triplet-nominal\"", "\"free.toml\"");
+    let text = text.replacen("white_e = 16000.0", "white_e = 25000.0", 1);
+    let text = text.replacen("moves = [\"network\"]", "moves = [\"network\"]\nschedule.network.steps = 2", 1);
+    std::fs::write(folder.path().join("mine.toml"), text).unwrap();
+    let run = run_ok(folder.path(), &["design", "mine.toml", "--out", "run"]);
+    for needle in [
+        "it has no focal-length solve",
+        "[solve] efl = { surface = 7, efl_mm = 25.0400 }",
+        "not like for like: the variants get different numbers of network steps (nominal 2, spot-optimised 4, end-to-end 4)",
+        "white gives blue pixels 31250 e-, and they saturate at 28",
+    ] {
+        assert!(run.says(needle), "{needle}: {}", run.stderr);
+    }
+    let html = read(&folder.path().join("run/report.html"));
+    assert!(
+        html.contains("Not like for like: end-to-end differs from nominal")
+            && html.contains("4 network steps, not 2")
+    );
 }
 
 #[test]

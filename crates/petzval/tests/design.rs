@@ -53,6 +53,7 @@ fn a_run_writes_all_its_files() {
         "lens",
         "metrics.json",
         "report.html",
+        "run.json",
     ] {
         assert!(kept.iter().any(|k| k == name), "no {name} in {kept:?}");
     }
@@ -258,6 +259,23 @@ fn the_report_stands_alone_and_is_written_again() {
     assert_stands_alone(&html);
     for needle in CAMERAS.iter().chain(&["<svg", "end-to-end", "white_e", "25.04"]) {
         assert!(html.contains(needle), "the report does not mention {needle}");
+    }
+    // One seed names no winner.
+    assert!(
+        html.contains("one seed is one sample")
+            && html.contains("+0.0053 ± 0.0031")
+            && !html.contains("beats")
+    );
+    // When, how long, from which seed and by which version it was made; the figures hold nothing that a second run would not repeat.
+    let (record, metrics) = (read_json(&run.join("run.json")), read_json(&run.join("metrics.json")));
+    assert_eq!(metrics["version"], record["version"]);
+    assert!(record["finished"]["seconds"].as_f64().unwrap() > 0.0);
+    for date in [&record["begun"], &record["finished"]["date"]] {
+        let date = date.as_str().unwrap();
+        assert!(date.len() == 20 && date.ends_with('Z') && html.contains(date), "{date}");
+    }
+    for fact in ["seed", "duration", "version"] {
+        assert!(html.contains(&format!("<dt>{fact}</dt>")), "{fact}");
     }
     std::fs::remove_file(run.join("report.html")).unwrap();
     let before = snapshot(&run);

@@ -170,3 +170,106 @@ fn resuming_a_finished_run_changes_nothing() {
     run_ok(folder.path(), &["design", "--resume", "run"]);
     assert_same_files(&before, &snapshot(&run));
 }
+
+/// Replaces a piece of a run's `config.toml`.
+fn edit_config(run: &Path, from: &str, to: &str) {
+    let path = run.join("config.toml");
+    let text = read(&path);
+    assert!(text.contains(from), "{from:?} is not in {text}");
+    std::fs::write(path, text.replacen(from, to, 1)).unwrap();
+}
+
+#[test]
+fn a_run_whose_configuration_was_changed_is_not_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = killed(folder.path(), 7);
+    // Another layout of the same values is no change.
+    edit_config(&run, "[training]\n", "\n# how it trains\n[training]\n\n");
+    edit_config(&run, "steps = 4", "steps   =  4");
+    let half = folder.path().join("half");
+    copy_folder(&run, &half);
+    edit_config(&run, "steps   =  4", "steps = 6");
+    edit_config(&run, "l1_weight = 1.0", "l1_weight = 2.0");
+    let needles = [
+        "config.toml has changed since the run was begun",
+        "`l1_weight = 2.0`",
+        "loss.l1_weight was 1.0, training.steps was 4",
+        "help: put it back as it was",
+        "--extend-to N",
+    ];
+    run_fails(folder.path(), &["design", "--resume", "run"], 2, &needles);
+    run_fails(folder.path(), &["design", "--resume", "run", "--extend-to", "6"], 2, &needles[..1]);
+    run_ok(folder.path(), &["design", "--resume", "half"]);
+    assert_eq!(read(&half.join("metrics.json")), WHOLE.0);
+    std::fs::remove_file(half.join("run.json")).unwrap();
+    let needles = ["half/run.json: is missing", "petzval design half/config.toml --out"];
+    run_fails(folder.path(), &["design", "--resume", "half"], 2, &needles);
+}
+
+/// What a finished run reports is what was run, whatever its `config.toml` says since.
+#[test]
+fn the_report_of_an_edited_run_states_what_was_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    let html = read(&run.join("report.html"));
+    edit_config(&run, "steps = 4", "steps = 80");
+    let said = run_ok(folder.path(), &["report", "run"]);
+    assert!(
+        said.says("warning: config.toml has changed") && said.says("training.steps was 4"),
+        "{}",
+        said.stderr
+    );
+    assert_eq!(read(&run.join("report.html")), html);
+    assert!(html.contains("nominal (4 network steps)") && !html.contains("80 network steps"));
+    let said = run_ok(folder.path(), &["evaluate", "run"]);
+    assert!(said.says("training.steps was 4") && !said.stdout.contains(" 80\n"), "{}", said.stdout);
+}
+
+#[test]
+fn an_extended_run_makes_the_cameras_of_its_longer_experiment() {
+    let folder = tempfile::tempdir().unwrap();
+    let extend = ["design", "--resume", "run", "--extend-to", "6"];
+    let run = tiny_run(folder.path(), "run", &[]);
+    let short = folder.path().join("short");
+    copy_folder(&run, &short);
+    let fewer = ["design", "--resume", "run", "--extend-to", "3"];
+    run_fails(folder.path(), &fewer, 2, &["--extend-to 3", "`nominal` has 4 network steps already", "help:"]);
+    run_fails(folder.path(), &["design", "--extend-to", "6"], 2, &["--resume <RUN>"]);
+    let beside_others = ["design", "tiny.toml", "--extend-to", "6"];
+    run_fails(folder.path(), &beside_others, 2, &["--extend-to", "cannot be used with"]);
+
+    let said = run_ok(folder.path(), &extend);
+    assert!(said.stdout.contains(" 6\n"), "{}", said.stdout);
+    let metrics = read(&run.join("metrics.json"));
+    run_ok(folder.path(), &["design", "run/config.toml", "--out", "fresh"]);
+    assert_eq!(read(&folder.path().join("fresh/metrics.json")), metrics);
+    // All cameras alike: 4 and 2 network steps, and 3 and 2 lens steps.
+    let html = read(&run.join("report.html"));
+    assert!(
+        html.contains("nominal (6 network steps)")
+            && html.contains("end-to-end (5 optics steps, 6 network steps)")
+    );
+
+    // Extended before its end, and killed on the way.
+    let early = folder.path().join("early");
+    std::fs::create_dir(&early).unwrap();
+    let early = killed(&early, 7);
+    let mut command = petzval(early.parent().unwrap());
+    let mut child = command.args(extend).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while !read(&early.join("run.json")).contains("\"steps\": 2") {
+        assert!(child.try_wait().unwrap().is_none_or(|status| status.success()));
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    std::thread::sleep(Duration::from_millis(150));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    run_ok(early.parent().unwrap(), &["design", "--resume", "run"]);
+    assert_eq!(read(&early.join("metrics.json")), metrics);
+
+    // An extension that was cut short after config.toml: refused as it stands, and completed by the same extension.
+    std::fs::copy(run.join("config.toml"), short.join("config.toml")).unwrap();
+    let needles = ["config.toml has changed", "variant.0.stage.1 was not there"];
+    run_fails(folder.path(), &["design", "--resume", "short"], 2, &needles);
+    run_ok(folder.path(), &["design", "--resume", "short", "--extend-to", "6"]);
+    assert_eq!(read(&short.join("metrics.json")), metrics);
+}

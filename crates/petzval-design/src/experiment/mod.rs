@@ -12,8 +12,10 @@ pub use tables::{
 };
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
-use petzval_base::FileError;
+use std::collections::BTreeSet;
+
 use petzval_base::parameter::Parameters;
+use petzval_base::{FileError, quote};
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::loss::ImageLoss;
 use schemars::JsonSchema;
@@ -195,6 +197,51 @@ impl Experiment {
         own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
     }
 
+    /// The experiment with one more stage for each variant, so that its network takes `network_steps` steps in all; the same blocks
+    /// move as in the variant's last stage with the network, the lens in proportion. The error is a message and a hint.
+    ///
+    /// A stage of its own leaves the steps before it as they are: a run that is extended after its end and one that has this
+    /// experiment from the beginning make the same cameras.
+    pub fn extended_to(&self, network_steps: usize) -> Result<Self, (String, String)> {
+        if let Some((name, from)) = self.variant.iter().find_map(|v| Some((&v.name, v.from.as_ref()?))) {
+            let message =
+                format!("`{name}` starts from the finished `{from}`, which an extension would change");
+            return Err((message, "start a new run with more --steps".to_owned()));
+        }
+        let network = BlockName::Network;
+        let mut longer = self.clone();
+        for (variant, config) in self.variants().iter().zip(&mut longer.variant) {
+            let taken = variant.task_steps_of(network);
+            let stages = variant.stages.iter().zip(&config.stage);
+            let Some((stage, last)) = stages.rev().find(|(stage, _)| stage.task_steps_of(network) > 0) else {
+                continue;
+            };
+            if network_steps < taken {
+                let message = format!("the variant `{}` has {taken} network steps already", variant.name);
+                return Err((message, "give a larger number".to_owned()));
+            }
+            let further = network_steps - taken;
+            if further == 0 {
+                continue;
+            }
+            let mut added = last.clone();
+            for block in &last.moves {
+                let steps = (stage.steps_of(*block) * further).div_ceil(stage.steps_of(network));
+                added.schedule.entry(*block).or_default().steps = Some(steps);
+            }
+            config.stage.push(added);
+        }
+        Ok(longer)
+    }
+
+    /// The keys in which this experiment differs from another, each with the value there: `training.steps`, `60`.
+    pub fn differences(&self, other: &Self) -> Vec<(String, String)> {
+        let whole = |e: &Self| toml::Value::Table(toml::Table::try_from(e).unwrap_or_default());
+        let mut found = Vec::new();
+        differences("", Some(&whole(self)), Some(&whole(other)), &mut found);
+        found
+    }
+
     /// The experiment with one variant alone, and those from which it starts. `None` if it has none of that name.
     pub fn only(&self, name: &str) -> Option<Self> {
         let mut wanted = vec![self.variant.iter().find(|v| v.name == name)?];
@@ -203,6 +250,29 @@ impl Experiment {
         }
         let is_wanted = |v: &&VariantConfig| wanted.iter().any(|w| w.name == v.name);
         Some(Self { variant: self.variant.iter().filter(is_wanted).cloned().collect(), ..self.clone() })
+    }
+}
+
+/// Adds the paths at which two values differ, each with the second value.
+fn differences(
+    path: &str,
+    one: Option<&toml::Value>,
+    other: Option<&toml::Value>,
+    found: &mut Vec<(String, String)>,
+) {
+    use toml::Value;
+    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match (one, other) {
+        (Some(Value::Table(a)), Some(Value::Table(b))) => {
+            let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+            keys.into_iter().for_each(|key| differences(&below(key), a.get(key), b.get(key), found));
+        }
+        (Some(Value::Array(a)), Some(Value::Array(b))) => {
+            let places = 0..a.len().max(b.len());
+            places.for_each(|i| differences(&below(&i.to_string()), a.get(i), b.get(i), found));
+        }
+        _ if one == other => {}
+        _ => found.push((path.to_owned(), other.map_or("not there".to_owned(), |v| quote(&v.to_string())))),
     }
 }
 

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
+/// Block of the events of a stage with the spot goal.
+pub const SPOT_EVENT: &str = "spot";
+
 /// One step of one block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {

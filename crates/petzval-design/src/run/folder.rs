@@ -76,6 +76,11 @@ impl RunFolder {
         self.root.join("config.toml")
     }
 
+    /// What the run was begun with, and when.
+    pub fn record(&self) -> PathBuf {
+        self.root.join("run.json")
+    }
+
     /// Machine, version, command.
     pub fn environment(&self) -> PathBuf {
         self.root.join("environment.json")

@@ -18,6 +18,9 @@ pub struct Metrics {
     pub held_out_places: usize,
     /// The scores of the pictures, in the order of the experiment file.
     pub scores: Vec<ScoreDescription>,
+    /// Version of Petzval that scored the cameras; empty where an earlier one did not write it.
+    #[serde(default)]
+    pub version: String,
 }
 
 /// One camera.

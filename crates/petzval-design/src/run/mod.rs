@@ -1,6 +1,6 @@
 //! The run folder: what a design leaves behind, and what it is resumed from.
 //!
-//! `config.toml` (resolved, re-runnable), `environment.json`, `inputs/`, `events.jsonl` (one line a step),
+//! `config.toml` (resolved, re-runnable), `run.json` (what the run was begun with, and when), `environment.json`, `inputs/`, `events.jsonl` (one line a step),
 //! `checkpoints/step-N/`, `lens/step-N.toml`, `cameras/<name>/` (lens and network of each finished
 //! camera), `pictures/` (held-out pictures), `metrics.json`, `report.html`.
 
@@ -8,8 +8,10 @@ mod checkpoint;
 mod events;
 mod folder;
 mod metrics;
+mod record;
 
 pub use checkpoint::{Kept, latest_checkpoint, load_blocks, save_blocks, save_checkpoint};
-pub use events::{Event, EventLog, read_events};
+pub use events::{Event, EventLog, SPOT_EVENT, read_events};
 pub use folder::{RunFolder, write_file};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
+pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, read_config};

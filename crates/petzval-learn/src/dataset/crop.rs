@@ -44,16 +44,7 @@ impl CropPlan {
         if photos.is_empty() {
             return Err(DatasetError::EmptyList { list: "training" });
         }
-        let needed = self.window();
-        match photos.iter().find(|p| p.image.height < needed || p.image.width < needed) {
-            None => Ok(()),
-            Some(small) => Err(DatasetError::PhotoTooSmall {
-                name: small.name.clone(),
-                height: small.image.height,
-                width: small.image.width,
-                needed,
-            }),
-        }
+        photos.iter().try_for_each(|photo| photo.check_holds(self.window()))
     }
 }
 

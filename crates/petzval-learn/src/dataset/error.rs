@@ -86,6 +86,14 @@ pub enum DatasetError {
         /// The name in the held-out list.
         held_out: String,
     },
+    /// A picture of a folder is the same as another one.
+    #[error("{name} is the same picture as {first}")]
+    Copy {
+        /// The picture.
+        name: String,
+        /// The earlier one.
+        first: String,
+    },
     /// One side of the split is empty.
     #[error("{list} is empty; name at least one picture")]
     EmptyList {

@@ -9,4 +9,4 @@ mod photo_set;
 
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use error::DatasetError;
-pub use photo_set::{NamedPhoto, PhotoSet, PhotoSplit, load_folder};
+pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};

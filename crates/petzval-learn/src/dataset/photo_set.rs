@@ -17,6 +17,17 @@ pub struct NamedPhoto {
     pub image: LinearImage,
 }
 
+impl NamedPhoto {
+    /// Refuses a picture that cannot hold a square window of `needed` pixels a side.
+    pub fn check_holds(&self, needed: usize) -> Result<(), DatasetError> {
+        let LinearImage { height, width, .. } = self.image;
+        if height >= needed && width >= needed {
+            return Ok(());
+        }
+        Err(DatasetError::PhotoTooSmall { name: self.name.clone(), height, width, needed })
+    }
+}
+
 /// Names of the training pictures and of the held-out pictures.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PhotoSplit {
@@ -95,11 +106,47 @@ fn pick(
         .collect()
 }
 
+/// The pictures of a folder.
+#[derive(Debug, Default)]
+pub struct Folder {
+    /// Those that can be used.
+    pub photos: Vec<NamedPhoto>,
+    /// Names of the others, each with the reason.
+    pub skipped: Vec<(String, DatasetError)>,
+}
+
+impl Folder {
+    /// Takes out the pictures in which `check` finds something wrong.
+    pub fn skip(&mut self, mut check: impl FnMut(&NamedPhoto) -> Result<(), DatasetError>) {
+        let skipped = &mut self.skipped;
+        self.photos.retain(|photo| match check(photo) {
+            Ok(()) => true,
+            Err(reason) => {
+                skipped.push((photo.name.clone(), reason));
+                false
+            }
+        });
+    }
+
+    /// Takes out every picture that is the same as an earlier one.
+    pub fn skip_copies(&mut self) {
+        let photos = std::mem::take(&mut self.photos);
+        for photo in photos {
+            match self.photos.iter().find(|earlier| earlier.image == photo.image) {
+                Some(first) => {
+                    let reason = DatasetError::Copy { name: photo.name.clone(), first: first.name.clone() };
+                    self.skipped.push((photo.name, reason));
+                }
+                None => self.photos.push(photo),
+            }
+        }
+    }
+}
+
 /// Reads every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name.
 ///
-/// The name of a picture is its file name. Fails on a folder without pictures, and names the first file that cannot be
-/// decoded.
-pub fn load_folder(folder: impl AsRef<Path>) -> Result<Vec<NamedPhoto>, DatasetError> {
+/// The name of a picture is its file name. Files that cannot be decoded are skipped. Fails on a folder without pictures.
+pub fn load_folder(folder: impl AsRef<Path>) -> Result<Folder, DatasetError> {
     let folder = folder.as_ref();
     let cannot_read = |path: &Path| {
         let path = path.to_path_buf();
@@ -118,12 +165,13 @@ pub fn load_folder(folder: impl AsRef<Path>) -> Result<Vec<NamedPhoto>, DatasetE
     if paths.is_empty() {
         return Err(DatasetError::EmptyFolder { path: folder.to_path_buf() });
     }
-    paths
-        .iter()
-        .map(|path| {
-            let image = load_image(path)?;
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            Ok(NamedPhoto { name, image })
-        })
-        .collect()
+    let mut found = Folder::default();
+    for path in paths {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        match load_image(&path) {
+            Ok(image) => found.photos.push(NamedPhoto { name, image }),
+            Err(error) => found.skipped.push((name, error.into())),
+        }
+    }
+    Ok(found)
 }

@@ -14,8 +14,13 @@ mod view;
 
 pub use view::{
     CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, Score,
-    SurfaceView, TableRow,
+    SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,
 };
+
+/// The result in sentences, as the page has it. Empty if there are no cameras to compare.
+pub fn sentences(report: &Report) -> Vec<String> {
+    reading::reading(report)
+}
 
 /// The report as one self-contained HTML file.
 pub fn html(report: &Report) -> String {

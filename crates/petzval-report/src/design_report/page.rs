@@ -55,7 +55,7 @@ fn section_of(headline: &str, is_there: bool, body: impl FnOnce() -> Markup) -> 
 
 /// The reading, the scores, and the remarks.
 fn result(report: &Report) -> Markup {
-    let sentences = reading(&report.scores, &report.table);
+    let sentences = reading(report);
     html! {
         @if !report.table.is_empty() || !report.notes.is_empty() {
             (section("Result", html! {

@@ -18,7 +18,11 @@ const UNFOLDED: usize = 6;
 
 /// All pictures. A click enlarges a picture, and arrow keys then switch between the cameras.
 pub(super) fn pictures(report: &Report) -> Markup {
+    let (shown, all) = (report.pictures.len(), report.pictures_in_all);
     html! {
+        @if shown < all {
+            p { (shown) " of " (all) " held-out pictures, spread evenly over photographs and places; the scores are means over all." }
+        }
         @let (first, rest) = report.pictures.split_at(report.pictures.len().min(UNFOLDED));
         @for (i, picture) in first.iter().enumerate() { (comparison(report, picture, i)) }
         @if !rest.is_empty() {
@@ -124,6 +128,14 @@ mod tests {
         assert_eq!(cut.dimensions(), (16, 8));
         let whole = image::load_from_memory(&png).unwrap().to_rgb8();
         assert_eq!(cut.get_pixel(0, 0), whole.get_pixel(24, 12));
+    }
+
+    #[test]
+    fn a_choice_of_the_pictures_says_how_many_there_are() {
+        let mut report = sample::report();
+        assert!(!pictures(&report).into_string().contains("held-out pictures, spread"));
+        report.pictures_in_all = 450;
+        assert!(pictures(&report).into_string().contains("2 of 450 held-out pictures, spread evenly"));
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! The reading: the result of the scores in plain sentences, also if there is no gain.
+//! The reading: the result of the scores in plain sentences, also if there is no gain. A run has one seed, so they say what differs,
+//! and not which camera is better.
 
 use super::score_table::{Figure, first_order, picture_scores, spot};
-use super::view::{Score, TableRow};
+use super::view::{Report, SeedStudy, TableRow};
 use crate::number;
 
 /// Largest relative difference of first-order data between comparable cameras.
@@ -9,11 +10,12 @@ const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Sentences on the table: the last camera against the baseline, which is the first, and against those between. Empty if there
 /// is nothing to compare.
-pub(super) fn reading(scores: &[Score], rows: &[TableRow]) -> Vec<String> {
-    let scores = picture_scores(scores);
+pub(super) fn reading(report: &Report) -> Vec<String> {
+    let (scores, rows) = (picture_scores(&report.scores), &report.table[..]);
     let [baseline, between @ .., design] = rows else { return Vec::new() };
     let mut sentences: Vec<String> =
         [baseline].into_iter().chain(between).map(|other| compare(&scores, design, other)).collect();
+    sentences.extend(report.study.as_ref().map(|study| seed_sentence(&scores, study)));
     sentences.extend(spot_sentence(scores.first(), design, baseline, between));
     sentences.extend(rows.iter().filter_map(|r| unlike(r, baseline)));
     sentences
@@ -27,24 +29,41 @@ fn compare(scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
     if known.is_empty() {
         return format!("{name} and {against} have no picture score in common.");
     }
-    let gains: Vec<f64> = known.iter().map(|s| s.gain(other, design)).collect();
-    let (wins, losses) =
-        (gains.iter().filter(|g| **g > 0.0).count(), gains.iter().filter(|g| **g < 0.0).count());
-    let verdict = match (wins, losses) {
-        (0, 0) => "equals",
-        (_, 0) if wins == known.len() => "beats",
-        (_, 0) => "is as good as or better than",
-        (0, _) if losses == known.len() => "loses to",
-        (0, _) => "is as good as or worse than",
-        _ => "wins in some scores and loses in others against",
-    };
-    let differences: Vec<String> = known.iter().map(|s| difference(s, design, other)).collect();
-    format!("{name} {verdict} {against}: {}.", differences.join(", "))
+    let differences: Vec<String> = known
+        .iter()
+        .map(|s| difference(s, &number::signed(s.of(design) - s.of(other), s.decimals)))
+        .collect();
+    format!("{name} against {against}: {}.", differences.join(", "))
 }
 
-/// A difference with its sign, unit and name: `+0.0187 in 1 − LPIPS`, `+1.30 dB PSNR`.
-fn difference(figure: &Figure, design: &TableRow, other: &TableRow) -> String {
-    let value = number::signed(figure.of(design) - figure.of(other), figure.decimals);
+/// How far differences scatter with the seed: the measure for those of one seed.
+fn seed_sentence(scores: &[Figure], study: &SeedStudy) -> String {
+    let differences = study.differences.iter().filter(|d| !d.spreads.is_empty()).map(|d| {
+        let spreads = d.spreads.iter().map(|s| {
+            let (figure, decimals) = (&scores[s.score], scores[s.score].decimals);
+            let value = number::signed(s.mean, decimals);
+            difference(figure, &format!("{value} ± {}", number::fixed(s.deviation, decimals)))
+        });
+        format!("{} against {}: {}", d.camera, d.against, spreads.collect::<Vec<_>>().join(", "))
+    });
+    let differences: Vec<String> = differences.collect();
+    let of_study = match &differences[..] {
+        [] => String::new(),
+        all => format!(
+            " For comparison, {} with {} seeds and {} network steps, mean and standard deviation: {}.",
+            study.experiment,
+            study.seeds,
+            study.network_steps,
+            all.join("; ")
+        ),
+    };
+    format!(
+        "This run has one seed, and one seed is one sample: another seed gives other differences.{of_study}"
+    )
+}
+
+/// A difference with its unit and name: `+0.0187 in 1 − LPIPS`, `+1.30 dB PSNR`.
+fn difference(figure: &Figure, value: &str) -> String {
     match figure.unit.as_str() {
         "" => format!("{value} in {}", figure.name),
         unit => format!("{value}\u{a0}{unit} {}", figure.name),
@@ -81,7 +100,7 @@ fn spot_sentence(
     let sharper_but_worse = |r| worse_in(r).map(|score| (r, score));
     if let Some((other, score)) = between.iter().chain([baseline]).find_map(sharper_but_worse) {
         sentence += &format!(
-            "; {} has smaller ones ({} µm), and yet its pictures score lower in {}",
+            "; {} has smaller ones ({} µm), and its pictures score lower in {} in this run",
             other.camera,
             um(other),
             score.name
@@ -101,6 +120,9 @@ fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
                 .then(|| format!("{} {} %", s.name, number::signed(100.0 * share, 1)))
         })
         .collect();
+    let steps = (row.network_steps != baseline.network_steps)
+        .then(|| format!("{} network steps, not {}", row.network_steps, baseline.network_steps));
+    let differences: Vec<String> = differences.into_iter().chain(steps).collect();
     (!differences.is_empty()).then(|| {
         format!(
             "Not like for like: {} differs from {} ({}).",
@@ -119,11 +141,17 @@ fn capitalised(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::design_report::{SeedDifference, Spread};
     use crate::sample::{rows, scores};
 
     /// The reading without its unbreakable spaces.
     fn reading(rows: &[TableRow]) -> Vec<String> {
-        super::reading(&scores(), rows).iter().map(|s| s.replace('\u{a0}', " ")).collect()
+        let report = Report { scores: scores(), table: rows.to_vec(), ..Report::default() };
+        said(&report)
+    }
+
+    fn said(report: &Report) -> Vec<String> {
+        super::reading(report).iter().map(|s| s.replace('\u{a0}', " ")).collect()
     }
 
     #[test]
@@ -131,20 +159,44 @@ mod tests {
         let said = reading(&rows());
         assert_eq!(
             said[0],
-            "End-to-end beats nominal: +0.0187 in 1 − LPIPS, +1.30 dB PSNR, +0.0210 in SSIM."
+            "End-to-end against nominal: +0.0187 in 1 − LPIPS, +1.30 dB PSNR, +0.0210 in SSIM."
         );
-        assert!(said[1].starts_with("End-to-end beats spot-optimised: +0.0066 in"), "{}", said[1]);
+        assert!(said[1].starts_with("End-to-end against spot-optimised: +0.0066 in"), "{}", said[1]);
+    }
+
+    #[test]
+    fn one_seed_names_no_winner_and_quotes_the_scatter_of_several() {
+        let spreads = vec![
+            Spread { score: 0, mean: 0.0053, deviation: 0.0031 },
+            Spread { score: 1, mean: -0.04, deviation: 0.16 },
+        ];
+        let difference =
+            SeedDifference { camera: "end-to-end".into(), against: "spot-optimised".into(), spreads };
+        let study = SeedStudy {
+            experiment: "the-main-job".into(),
+            seeds: 3,
+            network_steps: 800,
+            differences: vec![difference],
+        };
+        let report = Report { scores: scores(), table: rows(), study: Some(study), ..Report::default() };
+        let said = said(&report);
+        assert_eq!(
+            said[2],
+            "This run has one seed, and one seed is one sample: another seed gives other differences. For comparison, the-main-job \
+             with 3 seeds and 800 network steps, mean and standard deviation: end-to-end against spot-optimised: +0.0053 ± 0.0031 \
+             in 1 − LPIPS, \u{2212}0.04 ± 0.16 dB PSNR."
+        );
+        for word in ["beat", "win", "lose", "better", "worse"] {
+            assert!(!said.concat().contains(word), "{word}: {said:?}");
+        }
     }
 
     #[test]
     fn a_loss_and_a_tie_are_stated_too() {
         let mut rows = rows();
         rows[2] = TableRow { camera: "end-to-end".into(), ..rows[0].clone() };
-        assert!(reading(&rows)[0].starts_with("End-to-end equals nominal: ±0.0000"));
-        assert!(reading(&rows)[1].starts_with("End-to-end loses to spot-optimised"));
-        rows[2].scores[1] += 0.5;
-        rows[2].scores[0] -= 0.01;
-        assert!(reading(&rows)[0].contains("wins in some scores and loses in others"));
+        assert!(reading(&rows)[0].starts_with("End-to-end against nominal: ±0.0000"));
+        assert!(reading(&rows)[1].starts_with("End-to-end against spot-optimised: \u{2212}0.0121"));
     }
 
     #[test]
@@ -152,7 +204,7 @@ mod tests {
         assert_eq!(
             reading(&rows())[2],
             "The RMS spots shrink from 12.60 µm (nominal) to 8.05 µm (end-to-end); spot-optimised has smaller ones \
-             (7.31 µm), and yet its pictures score lower in 1 − LPIPS."
+             (7.31 µm), and its pictures score lower in 1 − LPIPS in this run."
         );
     }
 
@@ -161,6 +213,8 @@ mod tests {
         let mut rows = rows();
         rows[2].efl_mm *= 1.1;
         assert!(reading(&rows).last().unwrap().contains("EFL +10.0 %"));
+        rows[2].network_steps = 80;
+        assert!(reading(&rows).last().unwrap().ends_with("EFL +10.0 %, 80 network steps, not 60)."));
         assert!(reading(&rows[..1]).is_empty() && reading(&[]).is_empty());
     }
 }

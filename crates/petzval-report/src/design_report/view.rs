@@ -28,8 +28,12 @@ pub struct Report {
     pub wavelengths_um: Vec<f64>,
     /// Half of the diagonal of the sensor, mm.
     pub half_diagonal_mm: f64,
-    /// Held-out pictures, taken by each camera.
+    /// Held-out pictures, taken by each camera: all of them, or some.
     pub pictures: Vec<PictureView>,
+    /// Number of all held-out pictures.
+    pub pictures_in_all: usize,
+    /// A study of several seeds, to judge the differences of this run, which has one.
+    pub study: Option<SeedStudy>,
     /// Losses over the run; curves of the same block and label share a chart.
     pub losses: Vec<LossCurve>,
     /// The resolved configuration, as it can be run again.
@@ -38,6 +42,41 @@ pub struct Report {
     pub environment: Vec<(String, String)>,
     /// Remarks for the interpretation of the numbers.
     pub notes: Vec<String>,
+}
+
+/// How far differences between cameras scatter with the seed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeedStudy {
+    /// The experiment that was repeated.
+    pub experiment: String,
+    /// Number of seeds.
+    pub seeds: usize,
+    /// Network steps of each camera.
+    pub network_steps: usize,
+    /// Differences between its cameras.
+    pub differences: Vec<SeedDifference>,
+}
+
+/// The difference between two cameras over several seeds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeedDifference {
+    /// The camera from whose scores those of the other are taken.
+    pub camera: String,
+    /// The other.
+    pub against: String,
+    /// In each score that was measured.
+    pub spreads: Vec<Spread>,
+}
+
+/// Mean and standard deviation of a difference over the seeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Index of the score in [`Report::scores`].
+    pub score: usize,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub deviation: f64,
 }
 
 /// A score of pictures.
@@ -68,6 +107,8 @@ pub struct TableRow {
     pub f_number: f64,
     /// Full diagonal field of view, degrees.
     pub fov_deg: f64,
+    /// Network steps that the camera got.
+    pub network_steps: usize,
 }
 
 /// One camera: its lens, spots and PSFs.

@@ -30,6 +30,10 @@ pub struct Args {
     /// Continue the run in this folder
     #[arg(long, value_name = "RUN", conflicts_with_all = ["experiment", "out", "seed", "photos", "steps", "variant"])]
     resume: Option<PathBuf>,
+    /// Make every camera of the resumed run longer, so that its network takes N steps in all; the lens steps in proportion.
+    /// The further steps are a stage of their own, with learning rates that begin and fall again
+    #[arg(long, value_name = "N", requires = "resume", conflicts_with_all = ["experiment", "out", "seed", "photos", "steps", "variant"])]
+    extend_to: Option<usize>,
     /// Seed of everything random
     #[arg(long)]
     seed: Option<u64>,
@@ -69,7 +73,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         print!("{}", experiment::with_every_key(&resolved)?);
         return Ok(ExitCode::SUCCESS);
     }
-    let run = args.resume.map_or(design::Run::New(new), design::Run::Resume);
+    let run = match args.resume {
+        Some(run) => design::Run::Resume(design::Resume { run, extend_to: args.extend_to }),
+        None => design::Run::New(new),
+    };
     let response = design::run(&design::Request { run, device: args.device }, &context)?;
     match response.ending {
         RunEnding::Stopped { step } => {
@@ -79,8 +86,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             eprintln!("stopped at step {step}; continue with: petzval design --resume {root}");
             Ok(ExitCode::from(EXIT_STOPPED))
         }
-        RunEnding::Finished { metrics, report } => {
+        RunEnding::Finished { metrics, report, sentences } => {
             score_table::print(&metrics);
+            if !sentences.is_empty() {
+                println!();
+            }
+            sentences.iter().for_each(|sentence| println!("{sentence}"));
             println!("\nreport: {}", report.display());
             Ok(ExitCode::SUCCESS)
         }

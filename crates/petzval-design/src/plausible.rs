@@ -1,0 +1,147 @@
+//! What is checked of a new run before its first step: a camera that can give no meaningful result is refused, and a comparison that
+//! is not like for like is warned of.
+
+use std::path::Path;
+
+use petzval_base::FileError;
+use petzval_camera::sensor::Colour;
+use petzval_learn::dataset::NamedPhoto;
+use petzval_optics::number::Number;
+use petzval_optics::paraxial::first_order;
+
+use crate::assets::Text;
+use crate::block::BlockName;
+use crate::error::DesignError;
+use crate::setup::Setup;
+use crate::variant::Variant;
+
+/// Largest relative difference of first-order data between comparable cameras.
+const LIKE_FOR_LIKE: f64 = 0.01;
+
+/// Difference between the planes of a picture, of white, above which it is in colour.
+const COLOUR: f32 = 0.01;
+
+/// Refuses cameras that can give no meaningful result; returns the warnings. `source` is the experiment's text.
+pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
+    check_colour(setup)?;
+    let mut warnings = check_exposure(setup, source)?;
+    warnings.extend(drifting_lenses(setup));
+    warnings.extend(unlike_starts(setup));
+    warnings.extend(unlike_steps(setup));
+    Ok(warnings)
+}
+
+/// A sensor without colour filters cannot show the colours of its truth.
+fn check_colour(setup: &Setup) -> Result<(), DesignError> {
+    let sensor = &setup.body.sensor;
+    let photos = || setup.photos.training().iter().chain(setup.photos.held_out());
+    let coloured = photos().filter(|p| is_coloured(p)).count();
+    if coloured == 0 || sensor.cfa.colours() != [Colour::Clear] {
+        return Ok(());
+    }
+    let message = format!(
+        "`{}` is monochrome, and {coloured} of {} photographs are in colour: this camera cannot see what its pictures are compared with",
+        sensor.name,
+        photos().count()
+    );
+    let hint = "name a sensor with colour filters, or give gray photographs";
+    Err(DesignError::misfit(Path::new(&setup.experiment.sensor), &message, hint))
+}
+
+fn is_coloured(photo: &NamedPhoto) -> bool {
+    let image = &photo.image;
+    let (red, rest) = image.data.split_at(image.height * image.width);
+    let (green, blue) = rest.split_at(image.height * image.width);
+    let differs = |a: &[f32], b: &[f32]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > COLOUR);
+    differs(red, green) || differs(green, blue)
+}
+
+/// White must fit into a green pixel; where it does not fit into one of another colour, it is clipped there.
+fn check_exposure(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
+    let (sensor, exposure) = (&setup.body.sensor, &setup.experiment.exposure);
+    let (white_e, gain) = (f64::from(exposure.white_e), f64::from(exposure.linear_gain));
+    let capacity_e = sensor.light_capacity_e(f64::from(exposure.time_s), gain);
+    if white_e > capacity_e {
+        let message = format!(
+            "a pixel of `{}` saturates at {capacity_e:.0} e- of light at linear gain {gain}: bright parts of every picture would be lost",
+            sensor.name
+        );
+        let error = FileError::at_key(&source.text, &["exposure", "white_e"], message);
+        let error =
+            FileError { key: "exposure.white_e".to_owned(), value: exposure.white_e.to_string(), ..error };
+        let hint = "give less, or a lower exposure.linear_gain if the converter is the limit";
+        return Err(DesignError::input(&source.path)(error.hint(hint)));
+    }
+    let of_white = |colour: Colour| white_e * sensor.response(colour).iter().sum::<f64>();
+    let clipped = sensor.cfa.colours().into_iter().filter(|colour| of_white(*colour) > capacity_e);
+    let warning = |colour: Colour| {
+        format!(
+            "exposure.white_e = {white_e}: white gives {} pixels {:.0} e-, and they saturate at {capacity_e:.0} e-",
+            colour.name(),
+            of_white(colour)
+        )
+    };
+    Ok(clipped.map(warning).collect())
+}
+
+/// Lenses that are free to change their focal length.
+fn drifting_lenses(setup: &Setup) -> Vec<String> {
+    let mut moving: Vec<&Variant> =
+        setup.variants.iter().filter(|v| v.steps_of(BlockName::Optics) > 0).collect();
+    moving.dedup_by(|a, b| a.lens == b.lens);
+    let drifts = |v: &&Variant| {
+        let file = &setup.start(v).lens_file;
+        let first_order = |number| {
+            !matches!(number, Number::Conic | Number::SemiDiameter)
+                && !matches!(number, Number::Asphere(term) if term > 0)
+        };
+        file.efl_solve.is_none() && file.variables.iter().any(|variable| first_order(variable.number))
+    };
+    let warning = |v: &Variant| {
+        let lens = &setup.start(v).lens_file.lens;
+        let order = first_order(&lens.at_wavelength(lens.reference_um));
+        format!(
+            "{}: its variables change the focal length, and it has no focal-length solve: the cameras that move it may end at another \
+             focal length and f-number than those they are compared with (hint: add to the lens file: [solve] efl = {{ surface = {}, \
+             efl_mm = {:.4} }})",
+            v.lens,
+            lens.surfaces.len(),
+            order.efl_mm
+        )
+    };
+    moving.into_iter().filter(drifts).map(warning).collect()
+}
+
+/// Variants that start from a lens of another focal length or f-number than the first.
+fn unlike_starts(setup: &Setup) -> Vec<String> {
+    let order = |v: &Variant| {
+        let lens = &setup.start(v).lens_file.lens;
+        first_order(&lens.at_wavelength(lens.reference_um))
+    };
+    let Some((baseline, others)) = setup.variants.split_first() else { return Vec::new() };
+    let first = order(baseline);
+    let is_unlike = |a: f64, b: f64| (a / b - 1.0).abs() > LIKE_FOR_LIKE;
+    let warning = |v: &Variant| {
+        let own = order(v);
+        (is_unlike(own.efl_mm, first.efl_mm) || is_unlike(own.f_number, first.f_number)).then(|| {
+            format!(
+                "not like for like: `{}` starts at EFL {:.3} mm, f/{:.3}, and `{}` at {:.3} mm, f/{:.3}",
+                v.name, own.efl_mm, own.f_number, baseline.name, first.efl_mm, first.f_number
+            )
+        })
+    };
+    others.iter().filter_map(warning).collect()
+}
+
+/// Variants that get other numbers of network steps than the first.
+fn unlike_steps(setup: &Setup) -> Option<String> {
+    let steps = |v: &Variant| setup.task_steps(v, BlockName::Network);
+    let is_unlike = setup.variants.windows(2).any(|pair| steps(&pair[0]) != steps(&pair[1]));
+    let list = || setup.variants.iter().map(|v| format!("{} {}", v.name, steps(v))).collect::<Vec<_>>();
+    is_unlike.then(|| {
+        format!(
+            "not like for like: the variants get different numbers of network steps ({})",
+            list().join(", ")
+        )
+    })
+}

@@ -1,0 +1,120 @@
+//! The record of a run, `run.json`: the experiment that it was begun with, and when it was made. `metrics.json` has no place for dates
+//! and durations, because a second run repeats it to the bit.
+
+use std::time::{Duration, SystemTime};
+
+use petzval_base::FileError;
+use serde::{Deserialize, Serialize};
+
+use super::{RunFolder, write_file};
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+
+/// Version of Petzval.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// What a run was begun with, and when.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunRecord {
+    /// Version of Petzval that began the run.
+    pub version: String,
+    /// When the run was begun: UTC, RFC 3339.
+    pub begun: String,
+    /// The end of the run; none before it.
+    pub finished: Option<Finish>,
+    /// `config.toml` as the run was begun with it, or as it was last extended.
+    pub config: Experiment,
+}
+
+/// The end of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Finish {
+    /// When the last camera was scored: UTC, RFC 3339.
+    pub date: String,
+    /// Wall-clock seconds of all steps of the run, pauses between sessions left out.
+    pub seconds: f64,
+}
+
+impl RunRecord {
+    /// The record of a run that begins now.
+    pub fn begin(config: Experiment) -> Self {
+        Self { version: VERSION.to_owned(), begun: now(), finished: None, config }
+    }
+
+    /// The record of a run; none in a folder of a version that kept none.
+    pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
+        let path = run.record();
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+        let record = serde_json::from_str(&text);
+        record.map(Some).map_err(|e| DesignError::Run { path, problem: e.to_string() })
+    }
+
+    /// Writes the record into the folder of its run.
+    pub fn write(&self, run: &RunFolder) -> Result<(), DesignError> {
+        write_file(&run.record(), DesignError::json("the record of the run", self)?.as_bytes())
+    }
+
+    /// Notes the end of a run, once.
+    pub fn finish(run: &RunFolder, seconds: f64) -> Result<(), DesignError> {
+        match Self::read(run)? {
+            Some(record) if record.finished.is_none() => {
+                Self { finished: Some(Finish { date: now(), seconds }), ..record }.write(run)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Names and values for the reader of a report.
+    pub fn facts(&self) -> Vec<(String, String)> {
+        let mut facts = vec![("seed", self.config.seed.to_string()), ("begun", self.begun.clone())];
+        if let Some(Finish { date, seconds }) = &self.finished {
+            let seconds = Duration::from_secs(seconds.max(1.0).round() as u64);
+            facts.push(("finished", date.clone()));
+            facts.push(("duration", humantime::format_duration(seconds).to_string()));
+        }
+        facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+}
+
+fn now() -> String {
+    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
+}
+
+/// The values of a run's `config.toml`.
+pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
+    let text = config_text(run)?;
+    Experiment::parse_complete(&text).map_err(DesignError::input(&run.config()))
+}
+
+/// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.
+pub fn changed_config(record: &RunRecord, run: &RunFolder) -> Result<Option<FileError>, DesignError> {
+    let changes = read_config(run)?.differences(&record.config);
+    let Some((first, _)) = changes.first() else { return Ok(None) };
+    let path: Vec<&str> = first.split('.').collect();
+    let was: Vec<String> = changes.iter().map(|(key, was)| format!("{key} was {was}")).collect();
+    let message = format!("config.toml has changed since the run was begun: {}", was.join(", "));
+    Ok(Some(FileError::at_key(&config_text(run)?, &path, message)))
+}
+
+/// Makes a run longer: `longer` becomes what it was begun with, and what was made of the finished cameras together is removed.
+///
+/// The record is written last. Where this is cut short, `config.toml` differs from the record; the same extension then completes it.
+pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Result<(), DesignError> {
+    for stale in [run.metrics(), run.report()] {
+        if stale.exists() {
+            std::fs::remove_file(&stale).map_err(DesignError::io(&stale))?;
+        }
+    }
+    write_file(&run.config(), longer.to_toml()?.as_bytes())?;
+    RunRecord { config: longer, finished: None, ..record }.write(run)
+}
+
+fn config_text(run: &RunFolder) -> Result<String, DesignError> {
+    let path = run.config();
+    std::fs::read_to_string(&path).map_err(DesignError::io(&path))
+}
