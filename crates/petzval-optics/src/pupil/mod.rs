@@ -1,5 +1,6 @@
 //! The pupil: rays through points of the stop, and the beam that fills it.
 
+mod aim;
 mod basis;
 mod beam;
 mod dense;
@@ -10,6 +11,7 @@ mod polynomial;
 mod quadrature;
 mod samples;
 
+pub use aim::{aim_at_pupil, aim_one};
 pub use basis::PupilSampling;
 pub(crate) use basis::{PupilBasis, check_points};
 pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam};
