@@ -4,6 +4,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use petzval_optics::analysis::{AnalysisOptions, field_curves, layout, spot_diagram};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance, Surface, SurfaceShape, validate};
@@ -162,6 +163,53 @@ fn every_ray_of_the_pupil_is_aimed_on_the_branch_of_the_axis() {
             }
         }
     }
+}
+
+/// Launch points of a beam that is far away are no harm, and rays that cannot pass are lost.
+#[test]
+fn bad_guesses_and_impossible_fields_do_no_harm() {
+    for (lens, far) in wide_angle_lenses() {
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let stop_radius = first_order(&sequence).stop_radius_mm;
+        let points = pupil_points();
+        for degrees in [20.0, 50.0, far] {
+            let field = f64::to_radians(degrees);
+            let right = aim_at_pupil(&sequence, field, stop_radius, &points, None);
+            for guess in [[0.0, 0.0], [3.0, -5.0], [1.0, 40.0], [f64::NAN, 0.0]] {
+                let near = vec![guess; points.len()];
+                let found = aim_at_pupil(&sequence, field, stop_radius, &points, Some(&near));
+                for i in 0..points.len() {
+                    let [a, b] = [right.launch_of(i), found.launch_of(i)];
+                    assert!(
+                        found.is_aimed(i) && (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-8,
+                        "{} {degrees}",
+                        lens.name
+                    );
+                }
+            }
+        }
+        let beyond = f64::to_radians(130.0);
+        let lost = aim_at_pupil(&sequence, beyond, stop_radius, &points, None);
+        assert!((0..points.len()).all(|i| !lost.is_aimed(i)));
+        assert!(chief_ray(&sequence, beyond).is_none());
+    }
+}
+
+#[test]
+fn a_fisheye_is_analysed_beyond_90_degrees() {
+    let lens = Lens { fields_deg: vec![0.0, 60.0, 80.0, 90.0, 94.0], ..fisheye() };
+    let options = AnalysisOptions::default();
+    let drawn = layout(&lens, &options);
+    for rays in &drawn.rays {
+        assert_eq!(rays.len(), options.layout_rays);
+        assert!(rays.iter().all(|r| !r.is_lost && r.points.as_flattened().iter().all(|v| v.is_finite())));
+    }
+    // The last fan comes from behind the first vertex.
+    let [start, met] = [0, 1].map(|i| drawn.rays[4][0].points[i]);
+    assert!(start[0] > met[0] && start[1] < met[1], "{start:?} {met:?}");
+    let curves = field_curves(&lens, &options).unwrap();
+    assert!(curves.relative_illumination.iter().flatten().all(|v| *v > 0.0));
+    assert!(spot_diagram(&lens, 94.0, &options).unwrap().rms_um > 0.0);
 }
 
 /// The kernel's tracing of steep rays is that of the scalar reference, with the launch derivatives of differences.

@@ -114,7 +114,8 @@ fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
 
 /// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.
 fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
-    let chief = aim_one(sequence, field_rad, 1.0, [0.0; 2])?;
+    let chief =
+        aim_one(sequence, field_rad, crate::paraxial::first_order(sequence).stop_radius_mm, [0.0; 2])?;
     let close = CLOSE * sequence.entrance_pupil_mm;
     let image = |at: [f64; 2]| trace_ray(sequence, launch(sequence, field_rad, at).ray).image;
     let crossing = |axis: usize| -> Option<f64> {

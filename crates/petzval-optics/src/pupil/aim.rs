@@ -72,11 +72,11 @@ pub fn aim_one(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, p: [f64
 }
 
 /// Rays that still have to be aimed: those without a launch point, and all if the stop is a mirror image of the launch plane
-/// for some rays and not for others, for then some are on another branch.
+/// for some rays. These are on another branch, except where one section of the beam has crossed the axis before the stop and
+/// the other has not.
 fn open_rays(aimed: &AimedRays, count: usize) -> Vec<usize> {
-    let mirrored = |i: &usize| aimed.is_aimed(*i) && aimed.launch_per_stop_area(*i) < 0.0;
-    let upright = |i: &usize| aimed.is_aimed(*i) && aimed.launch_per_stop_area(*i) > 0.0;
-    if (0..count).any(|i| mirrored(&i)) && (0..count).any(|i| upright(&i)) {
+    let is_mirrored = |i: usize| aimed.is_aimed(i) && aimed.launch_per_stop_area(i) < 0.0;
+    if (0..count).any(is_mirrored) {
         return (0..count).collect();
     }
     (0..count).filter(|i| !aimed.is_aimed(*i)).collect()

@@ -241,8 +241,7 @@ pub struct ChiefRay {
 
 /// Traces the chief ray of a field; `None` if no ray passes the centre of the stop to the image.
 pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
-    // The centre of the stop is the same for every radius.
-    let aimed = aim_at_pupil(sequence, field_rad, 1.0, &[[0.0; 2]], None);
+    let aimed = aim_at_pupil(sequence, field_rad, first_order(sequence).stop_radius_mm, &[[0.0; 2]], None);
     let mut ray = aimed.bundle(sequence);
     trace(sequence, &mut ray);
     let [x_mm, y_mm, _] = ray.ray(0).position;

@@ -5,7 +5,7 @@ use crate::paraxial::FirstOrder;
 use crate::trace::{AimedRays, Launch, Sequence, launch, starts_across};
 
 /// Least cosine of a field in the law of rectilinear images: that of 89 degrees.
-const LEAST_COSINE: f64 = 0.017_452_406_437_283_512;
+const LEAST_COSINE: f64 = 0.017_452_406_437_283_51;
 
 /// The launch point of first-order optics: the ray goes through the paraxial entrance pupil at the point `p` (units of its
 /// radius). Coordinates are those of the launch plane, mm, see [`launch`].

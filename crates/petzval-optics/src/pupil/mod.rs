@@ -9,6 +9,7 @@ mod linear;
 mod map;
 mod polynomial;
 mod quadrature;
+mod refine;
 mod samples;
 
 pub use aim::{aim_at_pupil, aim_one};
@@ -20,4 +21,6 @@ pub use launch::paraxial_launch;
 pub(crate) use map::PupilMap;
 pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};
 pub use quadrature::{Quadrature, QuadratureError};
+pub(crate) use refine::refine;
+pub use refine::{PupilRefinement, Refined};
 pub(crate) use samples::{PupilSamples, SamplesCotangent, optical_paths};
