@@ -16,13 +16,14 @@ use rand_chacha::ChaCha8Rng;
 
 /// Irradiance of the image of a uniform scene in the ring `inner_mm ... outer_mm` of the image plane, per unit of radiance.
 ///
-/// Points of the first vertex plane are drawn evenly from a disc that is wider than any beam. Directions are drawn evenly in
+/// Points of the first vertex plane are drawn evenly from a disc around the paraxial entrance pupil that is wider than any beam. Directions are drawn evenly in
 /// projected solid angle, within fields whose chief rays land near the ring. Rays that pass the stop and land in the ring count by
 /// the transmission of the clear apertures. This shares only the tracing of single rays with the code under test.
 fn thrown(lens: &Lens, [inner_mm, outer_mm]: [f64; 2], rays: usize) -> f64 {
     let sequence = lens.at_wavelength(lens.reference_um);
-    let stop_mm = first_order(&sequence).stop_radius_mm;
-    let disc_mm = 1.05 * lens.surfaces[0].semi_diameter_mm;
+    let order = first_order(&sequence);
+    let stop_mm = order.stop_radius_mm;
+    let disc_mm = 0.65 * lens.entrance_pupil_mm;
     let scale = image_height_per_tangent(&sequence).abs();
     // Fields of the ring with a margin for blur and distortion.
     let square_sine = |height_mm: f64| (height_mm.max(0.0) / scale).atan().sin().powi(2);
@@ -36,7 +37,9 @@ fn thrown(lens: &Lens, [inner_mm, outer_mm]: [f64; 2], rays: usize) -> f64 {
             (random.random_range(from..to).sqrt(), random.random_range(0.0..std::f64::consts::TAU));
         let (l, m) = (sin * turn.sin(), sin * turn.cos());
         let n = (1.0 - sin * sin).sqrt();
-        let position = [r * azimuth.sin(), r * azimuth.cos(), 0.0];
+        // The disc is where the pupil lies as seen along the ray.
+        let shift = -order.entrance_pupil_at_mm / n;
+        let position = [r * azimuth.sin() + shift * l, r * azimuth.cos() + shift * m, 0.0];
         let path = trace_ray(&sequence, Ray { position, direction: [l, m, n] });
         let Some(image) = path.image else { continue };
         let [x, y, _] = path.passages[lens.stop].point;
@@ -52,7 +55,7 @@ fn thrown(lens: &Lens, [inner_mm, outer_mm]: [f64; 2], rays: usize) -> f64 {
 
 /// Illumination at an image radius relative to the axis, thrown.
 fn thrown_relative(lens: &Lens, radius_mm: f64) -> f64 {
-    let rays = 800_000;
+    let rays = 1_500_000;
     thrown(lens, [radius_mm - 0.15, radius_mm + 0.15], rays) / thrown(lens, [0.0, 0.6], rays)
 }
 

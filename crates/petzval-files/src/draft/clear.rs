@@ -4,8 +4,8 @@ use super::item::{Clear, Drafted};
 use crate::loss::{Effect, Losses};
 use petzval_optics::lens::{Lens, LensDefect, validate};
 use petzval_optics::paraxial::first_order;
-use petzval_optics::pupil::paraxial_launch;
-use petzval_optics::trace::{SOFT_EDGE_MM, aim_at_stop, launch, trace_ray};
+use petzval_optics::pupil::{aim_one, paraxial_launch};
+use petzval_optics::trace::{SOFT_EDGE_MM, launch, trace_ray};
 
 /// Margin around the beams, as a share of their height. The soft edge of apertures is added to it.
 const ROOM: f64 = 0.01;
@@ -124,9 +124,8 @@ fn beam_heights(lens: &Lens, drafted: &[Drafted]) -> Vec<f64> {
                 let (sin, cos) = (k as f64 / AZIMUTHS as f64 * std::f64::consts::TAU).sin_cos();
                 for radius in RADII {
                     let p = [radius * cos, radius * sin];
-                    let guess = paraxial_launch(&order, &sequence, field, p);
-                    let aimed = aim_at_stop(&sequence, field, p.map(|v| v * stop_radius), guess);
-                    let at = aimed.map_or(guess, |aimed| aimed.launch_mm);
+                    let at = aim_one(&sequence, field, stop_radius, p)
+                        .unwrap_or_else(|| paraxial_launch(&order, &sequence, field, p));
                     let path = trace_ray(&sequence, launch(&sequence, field, at).ray);
                     for (height, passage) in heights.iter_mut().zip(&path.passages) {
                         let [x, y, _] = passage.point;

@@ -6,8 +6,8 @@ use super::AnalysisOptions;
 use super::options::evenly;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::paraxial_launch;
-use crate::trace::{aim_at_stop, launch, trace_ray};
+use crate::pupil::aim_one;
+use crate::trace::{launch, trace_ray};
 
 /// Number of wavelengths of the curve.
 const POINTS: usize = 41;
@@ -53,10 +53,8 @@ pub fn longitudinal_aberration(lens: &Lens, options: &AnalysisOptions) -> Longit
         .iter()
         .map(|w| {
             let sequence = lens.at_wavelength(*w);
-            let order = first_order(&sequence);
             let image = |p: f64| {
-                let guess = paraxial_launch(&order, &sequence, 0.0, [0.0, p]);
-                let at = aim_at_stop(&sequence, 0.0, [0.0, p * stop], guess)?.launch_mm;
+                let at = aim_one(&sequence, 0.0, stop, [0.0, p])?;
                 trace_ray(&sequence, launch(&sequence, 0.0, at).ray).image
             };
             let chief = image(0.0);

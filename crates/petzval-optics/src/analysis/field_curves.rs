@@ -6,10 +6,10 @@ use serde::Serialize;
 use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
-use crate::pupil::{chief_ray, paraxial_launch};
-use crate::trace::{Ray, Sequence, aim_at_stop, launch, trace_ray};
+use crate::pupil::{aim_one, chief_ray};
+use crate::trace::{Ray, Sequence, launch, trace_ray};
 
-/// Distance on the first vertex plane of the two rays whose crossing is a focus, as a share of the entrance pupil: small enough
+/// Distance on the launch plane of the two rays whose crossing is a focus, as a share of the entrance pupil: small enough
 /// that aberrations (which go with its square) do not count, large enough to keep eight digits.
 const CLOSE: f64 = 1e-4;
 
@@ -115,9 +115,8 @@ fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
 
 /// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.
 fn foci(sequence: &Sequence, field_rad: f64) -> Option<[f64; 2]> {
-    let order = crate::paraxial::first_order(sequence);
-    let guess = paraxial_launch(&order, sequence, field_rad, [0.0; 2]);
-    let chief = aim_at_stop(sequence, field_rad, [0.0; 2], guess)?.launch_mm;
+    let chief =
+        aim_one(sequence, field_rad, crate::paraxial::first_order(sequence).stop_radius_mm, [0.0; 2])?;
     let close = CLOSE * sequence.entrance_pupil_mm;
     let image = |at: [f64; 2]| trace_ray(sequence, launch(sequence, field_rad, at).ray).image;
     let crossing = |axis: usize| -> Option<f64> {

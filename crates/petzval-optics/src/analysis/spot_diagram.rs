@@ -7,10 +7,9 @@ use serde::Serialize;
 use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
-use crate::paraxial::first_order;
-use crate::pupil::paraxial_launch;
+use crate::pupil::aim_at_pupil;
 use crate::spot::spot;
-use crate::trace::{AimedRays, trace};
+use crate::trace::trace;
 
 /// The spot diagram of a field.
 #[derive(Clone, Debug, Serialize)]
@@ -61,11 +60,8 @@ pub fn spot_diagram(
         .colours
         .iter()
         .map(|colour| {
-            let order = first_order(colour);
-            let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| p * field.stop_radius_mm)).collect();
-            let guesses: Vec<[f64; 2]> =
-                points.iter().map(|p| paraxial_launch(&order, colour, field.field_rad, *p)).collect();
-            let mut rays = AimedRays::new(colour, field.field_rad, &targets, &guesses).bundle(colour);
+            let aimed = aim_at_pupil(colour, field.field_rad, field.stop_radius_mm, &points, None);
+            let mut rays = aimed.bundle(colour);
             trace(colour, &mut rays);
             let passes = |i: &usize| rays.fate(*i).reaches_image() && rays.transmission(*i) > 0.5;
             let place = |i: usize| rays.ray(i).position;

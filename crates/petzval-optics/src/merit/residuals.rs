@@ -8,7 +8,7 @@ use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
 use crate::paraxial::{FirstOrderCotangent, first_order, pull_back_first_order};
-use crate::pupil::{PupilBasis, PupilSampling, Sides, paraxial_launch};
+use crate::pupil::{PupilBasis, PupilSampling, Sides, aim_at_pupil};
 use crate::trace::{
     AimedRays, LandingJacobian, RayBundle, Reaim, Seeds, Sequence, SquaredHeights, landing_jacobian,
     pull_back, trace_with_heights,
@@ -143,22 +143,11 @@ impl SpotResiduals {
         points: &[[f64; 2]],
         [field, colour]: [usize; 2],
         stop_radius_mm: f64,
-        guesses: Option<&[[f64; 2]]>,
+        near_mm: Option<&[[f64; 2]]>,
     ) -> Option<Beam> {
         let sequence = lens.at_wavelength(self.wavelengths_um[colour]);
-        let field_rad = self.fields_rad[field];
-        let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
-        let aim = |guesses: &[[f64; 2]]| {
-            let aimed = AimedRays::new(&sequence, field_rad, &targets, guesses);
-            (0..targets.len()).all(|i| aimed.is_aimed(i)).then_some(aimed)
-        };
-        let aimed = guesses.and_then(aim).or_else(|| {
-            let order = first_order(&sequence);
-            let guesses: Vec<[f64; 2]> =
-                points.iter().map(|p| paraxial_launch(&order, &sequence, field_rad, *p)).collect();
-            aim(&guesses)
-        })?;
-        Some(Beam { sequence, aimed })
+        let aimed = aim_at_pupil(&sequence, self.fields_rad[field], stop_radius_mm, points, near_mm);
+        (0..points.len()).all(|i| aimed.is_aimed(i)).then_some(Beam { sequence, aimed })
     }
 
     /// Sample points of the pupil, and their shares of its area.

@@ -7,11 +7,13 @@
 //!
 //! [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 
+mod converged;
 mod grid;
 mod polynomial;
 mod splat;
 mod traced;
 
+pub use converged::psf_converged;
 pub use grid::{PsfKind, PsfMethod, PsfOptions};
 
 use grid::{LightCotangent, with_mirror_image};

@@ -1,8 +1,9 @@
 //! The beam of one field at one wavelength: its rays are aimed at the stop, traced to the image and weighted by their
 //! light. Also the gradient of losses of the beam.
 
+use super::aim::aim_at_pupil;
 use super::basis::PupilBasis;
-use super::launch::{launch_area, paraxial_launch, projections};
+use super::launch::{launch_area, projections};
 use super::polynomial::{PupilPolynomial, Sides, Symmetry};
 use super::quadrature::Quadrature;
 use super::samples::{PupilSamples, optical_paths};
@@ -67,10 +68,7 @@ pub fn trace_beam(sequence: &Sequence, field_rad: f64, stop_radius_mm: f64, quad
     let (points, shares) = quadrature.on(Sides::of(sequence));
     let nodes = points.len();
     // Aim at the nodes of the stop, and trace to the image.
-    let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
-    let guesses: Vec<[f64; 2]> =
-        points.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
-    let aimed = AimedRays::new(sequence, field_rad, &targets, &guesses);
+    let aimed = aim_at_pupil(sequence, field_rad, stop_radius_mm, &points, None);
     let mut rays = aimed.bundle(sequence);
     trace(sequence, &mut rays);
     let fate: Vec<Fate> = (0..nodes).map(|i| rays.fate(i)).collect();
@@ -210,11 +208,7 @@ impl Beam {
         let (basis, sides) = (PupilBasis::of_degree(JACOBIAN_DEGREE), Sides::of(sequence));
         let points = sides.points(&basis.samples);
         let samples = points.len();
-        let order = first_order(sequence);
-        let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| self.stop_radius_mm * p)).collect();
-        let guesses: Vec<[f64; 2]> =
-            points.iter().map(|p| paraxial_launch(&order, sequence, self.field_rad, *p)).collect();
-        let aimed = AimedRays::new(sequence, self.field_rad, &targets, &guesses);
+        let aimed = aim_at_pupil(sequence, self.field_rad, self.stop_radius_mm, &points, None);
         if !(0..samples).all(|i| aimed.is_aimed(i)) {
             return 0.0;
         }
@@ -248,9 +242,7 @@ pub struct ChiefRay {
 
 /// Traces the chief ray of a field; `None` if no ray passes the centre of the stop to the image.
 pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
-    let order = first_order(sequence);
-    let guess = paraxial_launch(&order, sequence, field_rad, [0.0, 0.0]);
-    let aimed = AimedRays::new(sequence, field_rad, &[[0.0; 2]], &[guess]);
+    let aimed = aim_at_pupil(sequence, field_rad, first_order(sequence).stop_radius_mm, &[[0.0; 2]], None);
     let mut ray = aimed.bundle(sequence);
     trace(sequence, &mut ray);
     let [x_mm, y_mm, _] = ray.ray(0).position;

@@ -1,22 +1,24 @@
 //! Image area around a field: how distortion concentrates or dilutes the light of a uniform scene.
 
 use super::beam::{ChiefRay, chief_ray, pull_back_chief};
+use super::launch::LEAST_COSINE;
 use crate::gradient::LensGradient;
 use crate::trace::Sequence;
 
-/// Step of the tangent of the field between chief rays whose difference is a slope. Its square is the relative error of the slope
-/// where the third-order distortion is 100 % per unit of the tangent; rounding adds 1e-12.
-const STEP: f64 = 2e-4;
+/// Step of the field between chief rays whose difference is a slope, rad. Its square is the relative error of the slope where the
+/// height changes its scale by itself within a radian; rounding adds 1e-12.
+const STEP_RAD: f64 = 2e-4;
 
 /// Distortion-free image area divided by the image area on which the lens really puts the light, around a field, relative to the
 /// axis.
 ///
-/// With y the height of the chief ray and t the tangent of the field, a ring of the scene has the image area `2 pi y dy` instead of
-/// `2 pi (s t) (s dt)`, where `s = dy/dt` on the axis. Hence `ratio = s^2 / ((y / t) (dy / dt))`: the first factor of the
-/// denominator is the sagittal, the second the tangential magnification. It multiplies the light per ideal image area
-/// (entrance pupil, cos^4) to give the irradiance of the image of a uniform scene.
+/// The cone of directions between the fields a and a + da has the solid angle `2 pi sin a da`. It has the area `2 pi (s tan a)
+/// (s da / cos^2 a)` in an image without distortion and `2 pi y dy` in that of the lens, where y is the height of the chief ray and
+/// `s = dy/da` on the axis. Hence `ratio = s^2 (sin a / y) / (cos^3 a  dy/da)`. It multiplies the light per distortion-free image
+/// area (entrance pupil, cos^4) to give the irradiance of the image of a uniform scene. From 89 degrees on, where that light is counted
+/// with the cosine of 89 degrees, so is the ratio: their product stays right.
 ///
-/// The sagittal magnification is that of a lens with rotational symmetry, also where a lens has none.
+/// `sin a / y` is the sagittal part. It is that of a lens with rotational symmetry, also where a lens has none.
 #[derive(Clone, Debug)]
 pub struct ImageArea {
     /// The ratio; 1 on the axis, above 1 for barrel distortion.
@@ -29,32 +31,29 @@ impl ImageArea {
     /// The ratio around a field at the wavelength of `sequence`; `chief` is the chief ray of that field. `None` if a chief ray near
     /// the field or near the axis does not reach the image.
     pub fn new(sequence: &Sequence, field_rad: f64, chief: &ChiefRay) -> Option<Self> {
-        let at = |tangent: f64| chief_ray(sequence, tangent.atan());
-        let tangent = field_rad.tan();
+        let at = |field: f64| chief_ray(sequence, field);
         // A lens without symmetry need not image the axis to the middle.
-        let on_axis = [at(-STEP)?, at(STEP)?];
-        let scale = (on_axis[1].y_mm - on_axis[0].y_mm) / (2.0 * STEP);
-        let middle = 0.5 * (on_axis[0].y_mm + on_axis[1].y_mm);
-        let around = [at(tangent - STEP)?, at(tangent + STEP)?];
-        let slope = (around[1].y_mm - around[0].y_mm) / (2.0 * STEP);
-        // ln ratio = 2 ln s - ln(dy/dt) - ln((y - middle) / t). On the axis the two magnifications are one.
-        let is_axis = tangent.abs() < STEP;
-        let (sagittal, by_sagittal) = match is_axis {
+        let [below, above] = [at(-STEP_RAD)?, at(STEP_RAD)?];
+        let scale = (above.y_mm - below.y_mm) / (2.0 * STEP_RAD);
+        let middle = 0.5 * (above.y_mm + below.y_mm);
+        let [low, high] = [at(field_rad - STEP_RAD)?, at(field_rad + STEP_RAD)?];
+        let slope = (high.y_mm - low.y_mm) / (2.0 * STEP_RAD);
+        // ln ratio = 2 ln s + ln(sin a) - ln(y - middle) - 3 ln(cos a) - ln(dy/da). On the axis y / sin a is dy/da.
+        let is_axis = field_rad.abs() < STEP_RAD;
+        let (sagittal, by_height) = match is_axis {
             true => (slope, 0.0),
-            false => ((chief.y_mm - middle) / tangent, 1.0 / (chief.y_mm - middle)),
+            false => ((chief.y_mm - middle) / field_rad.sin(), 1.0 / (chief.y_mm - middle)),
         };
-        let ratio = scale * scale / (slope * sagittal);
-        let weight = if is_axis { 2.0 } else { 1.0 };
-        let by_slope = weight / (2.0 * STEP * slope);
-        let by_scale = 1.0 / (STEP * scale);
-        let [low, high] = around;
-        let [below, above] = on_axis;
+        let cosine = field_rad.cos().max(LEAST_COSINE);
+        let ratio = scale * scale / (cosine.powi(3) * slope * sagittal);
+        let by_slope = if is_axis { 2.0 } else { 1.0 } / (2.0 * STEP_RAD * slope);
+        let by_scale = 1.0 / (STEP_RAD * scale);
         let parts = vec![
             (low, by_slope),
             (high, -by_slope),
-            (below, -by_scale + 0.5 * by_sagittal),
-            (above, by_scale + 0.5 * by_sagittal),
-            (chief.clone(), -by_sagittal),
+            (below, -by_scale + 0.5 * by_height),
+            (above, by_scale + 0.5 * by_height),
+            (chief.clone(), -by_height),
         ];
         (ratio.is_finite() && ratio > 0.0).then_some(Self { ratio, parts })
     }

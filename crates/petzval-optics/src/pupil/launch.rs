@@ -2,17 +2,23 @@
 
 use crate::lens::ObjectDistance;
 use crate::paraxial::FirstOrder;
-use crate::trace::{AimedRays, Launch, Sequence, launch};
+use crate::trace::{AimedRays, Launch, Sequence, launch, starts_across};
 
-/// The launch point of first-order optics: the ray goes through the paraxial entrance pupil.
+/// Least cosine of a field in the law of rectilinear images: that of 89 degrees.
+pub(super) const LEAST_COSINE: f64 = 0.017_452_406_437_283_51;
+
+/// The launch point of first-order optics: the ray goes through the paraxial entrance pupil at the point `p` (units of its
+/// radius). Coordinates are those of the launch plane, mm, see [`launch`].
 pub fn paraxial_launch(order: &FirstOrder, sequence: &Sequence, field_rad: f64, p: [f64; 2]) -> [f64; 2] {
     let radius = 0.5 * sequence.entrance_pupil_mm;
     let [x, y] = [radius * p[0], radius * p[1]];
     let at = order.entrance_pupil_at_mm;
     let Launch { ray, .. } = launch(sequence, field_rad, [0.0, 0.0]);
-    let slope = ray.direction[1] / ray.direction[2];
+    let [_, sin, cos] = ray.direction;
     match sequence.object {
-        ObjectDistance::Infinity => [x, y - at * slope],
+        // Across the direction, the point (x, y, at) is at y cos(field) - at sin(field).
+        ObjectDistance::Infinity if starts_across(sequence, field_rad) => [x, y * cos - at * sin],
+        ObjectDistance::Infinity => [x, y - at * (sin / cos)],
         ObjectDistance::Finite(distance) => {
             // Intersect the line from the object point to the pupil point with the launch plane.
             let share = distance / (distance + at);
@@ -22,10 +28,17 @@ pub fn paraxial_launch(order: &FirstOrder, sequence: &Sequence, field_rad: f64, 
     }
 }
 
-/// Irradiance of a ray relative to one along the axis, `n_z^4` with n_z the direction cosine of its
-/// launch (from infinity this is the cosine-fourth law), and its derivative by the launch point.
-fn projection(start: &Launch) -> (f64, [f64; 2]) {
+/// Irradiance of a ray per area of its launch plane relative to one along the axis, and its derivative by the launch point.
+///
+/// It is `n_z^4` with n_z the direction cosine of the launch (from infinity this is the cosine-fourth law): n_z projects the
+/// area of the plane z = 0, and `n_z^3` is the solid angle of the object per area of a rectilinear image. On a plane across
+/// the direction the area needs no projection. A rectilinear image ends before 90 degrees: from 89 degrees on the solid
+/// angle is that of 89 degrees, so that the rays of a beam keep their weights relative to each other.
+fn projection(sequence: &Sequence, field_rad: f64, start: &Launch) -> (f64, [f64; 2]) {
     let nz = start.ray.direction[2];
+    if starts_across(sequence, field_rad) {
+        return (nz.max(LEAST_COSINE).powi(3), [0.0; 2]);
+    }
     let slope = 4.0 * nz.powi(3);
     (nz.powi(4), start.direction_by.map(|by| slope * by[2]))
 }
@@ -39,13 +52,15 @@ pub(super) fn projections<'a>(
 ) -> impl Iterator<Item = (f64, [f64; 2])> + 'a {
     // From infinity all rays are parallel.
     let parallel = (sequence.object == ObjectDistance::Infinity)
-        .then(|| projection(&launch(sequence, field_rad, [0.0; 2])));
+        .then(|| projection(sequence, field_rad, &launch(sequence, field_rad, [0.0; 2])));
     (0..count).map(move |i| {
-        parallel.unwrap_or_else(|| projection(&launch(sequence, field_rad, aimed.launch_of(i))))
+        parallel.unwrap_or_else(|| {
+            projection(sequence, field_rad, &launch(sequence, field_rad, aimed.launch_of(i)))
+        })
     })
 }
 
-/// Area, over pi, in which the paraxial beam of the axis crosses the plane of the first vertex, mm^2: that of the
+/// Area, over pi, in which the paraxial beam of the axis crosses its launch plane, mm^2: that of the
 /// entrance pupil or, from a near object, its shadow on that plane.
 pub(super) fn launch_area(sequence: &Sequence, order: &FirstOrder) -> f64 {
     let radius = 0.5 * sequence.entrance_pupil_mm;

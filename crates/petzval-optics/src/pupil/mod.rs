@@ -1,5 +1,6 @@
 //! The pupil: rays through points of the stop, and the beam that fills it.
 
+mod aim;
 mod basis;
 mod beam;
 mod dense;
@@ -9,8 +10,10 @@ mod linear;
 mod map;
 mod polynomial;
 mod quadrature;
+mod refine;
 mod samples;
 
+pub use aim::{aim_at_pupil, aim_one};
 pub use basis::PupilSampling;
 pub(crate) use basis::{PupilBasis, check_points};
 pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam};
@@ -20,4 +23,6 @@ pub use launch::paraxial_launch;
 pub(crate) use map::PupilMap;
 pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};
 pub use quadrature::{Quadrature, QuadratureError};
+pub(crate) use refine::refine;
+pub use refine::{PupilRefinement, Refined};
 pub(crate) use samples::{PupilSamples, SamplesCotangent, optical_paths};

@@ -1,7 +1,8 @@
 //! The beam of one field at one wavelength, traced at the samples of a pupil basis.
 
+use super::aim::aim_at_pupil;
 use super::basis::{PupilBasis, check_points};
-use super::launch::{launch_area, paraxial_launch, projections};
+use super::launch::{launch_area, projections};
 use super::polynomial::{Sides, Symmetry};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
@@ -10,6 +11,7 @@ use crate::trace::{
     AimedRays, Ray, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, launch, pull_back,
     trace_with_heights,
 };
+use crate::vector::dot;
 
 /// Samples stay inside the rim of the stop. An aperture is checked at the rim too if samples reach this share of its
 /// clear radius.
@@ -28,11 +30,10 @@ pub(super) fn trace_points(
     field_rad: f64,
     stop_radius_mm: f64,
     points: &[[f64; 2]],
-    guesses: &[[f64; 2]],
+    near_mm: Option<&[[f64; 2]]>,
     surfaces: impl Iterator<Item = usize>,
 ) -> Option<TracedPoints> {
-    let targets: Vec<[f64; 2]> = points.iter().map(|p| p.map(|p| stop_radius_mm * p)).collect();
-    let aimed = AimedRays::new(sequence, field_rad, &targets, guesses);
+    let aimed = aim_at_pupil(sequence, field_rad, stop_radius_mm, points, near_mm);
     let mut rays = aimed.bundle(sequence);
     let mut heights: Vec<SquaredHeights> = surfaces.map(|s| SquaredHeights::zero(s, points.len())).collect();
     trace_with_heights(sequence, &mut rays, &mut heights);
@@ -47,9 +48,9 @@ pub(crate) fn optical_paths(
     rays: &RayBundle,
 ) -> Vec<f64> {
     let before = |i: usize| {
-        let Ray { position: [x, y, _], direction: d } = launch(sequence, field_rad, launch_of(i)).ray;
+        let Ray { position: [x, y, z], direction: d } = launch(sequence, field_rad, launch_of(i)).ray;
         match sequence.object {
-            ObjectDistance::Infinity => x * d[0] + y * d[1],
+            ObjectDistance::Infinity => x * d[0] + y * d[1] + z * d[2],
             ObjectDistance::Finite(distance) => distance / d[2],
         }
     };
@@ -108,14 +109,11 @@ impl PupilSamples {
         let sides = Sides::of(sequence);
         let points = sides.points(&basis.samples);
         let count = points.len();
-        let guesses: Vec<[f64; 2]> = match like {
-            Some(like) if like.basis.degree == basis.degree && like.sides == sides => {
-                (0..count).map(|i| like.aimed.launch_of(i)).collect()
-            }
-            _ => points.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect(),
-        };
+        let near: Option<Vec<[f64; 2]>> = like
+            .filter(|like| like.basis.degree == basis.degree && like.sides == sides)
+            .map(|like| (0..count).map(|i| like.aimed.launch_of(i)).collect());
         let others = (0..sequence.surfaces.len()).filter(|i| *i != sequence.stop);
-        let traced = trace_points(sequence, field_rad, stop_radius_mm, &points, &guesses, others)?;
+        let traced = trace_points(sequence, field_rad, stop_radius_mm, &points, near.as_deref(), others)?;
         let may_cut = |h: &SquaredHeights| {
             let clear = sequence.surfaces[h.surface].semi_diameter_mm - SOFT_EDGE_MM;
             let radius = |u: &[f64]| u.iter().fold(0.0_f64, |m, u| m.max(*u)).sqrt();
@@ -170,7 +168,7 @@ impl PupilSamples {
         let y = basis.at_checks(&basis.fit(launch_y, sides, Symmetry::Even), sides);
         let guesses: Vec<[f64; 2]> = x.iter().zip(&y).map(|(x, y)| [*x, *y]).collect();
         let points = sides.points(&check_points());
-        trace_points(sequence, self.field_rad, self.stop_radius_mm, &points, &guesses, surfaces)
+        trace_points(sequence, self.field_rad, self.stop_radius_mm, &points, Some(&guesses), surfaces)
     }
 
     /// Shares of the stop's area of the samples; the sum is 1.
@@ -199,9 +197,9 @@ impl PupilSamples {
         if let Some(wave) = &wish.seeds.wave {
             // The path in front of the launch plane grows with the launch point along the launch direction.
             for i in 0..self.x.len() {
-                let d = launch(sequence, self.field_rad, self.aimed.launch_of(i)).ray.direction;
-                for (bar, d) in launch_bar.iter_mut().zip(d) {
-                    bar[i] += wave.optical_path[i] * d;
+                let start = launch(sequence, self.field_rad, self.aimed.launch_of(i));
+                for (bar, by) in launch_bar.iter_mut().zip(start.position_by) {
+                    bar[i] += wave.optical_path[i] * dot(by, start.ray.direction);
                 }
             }
         }

@@ -16,7 +16,10 @@ use rayon::prelude::*;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::{Beam, ImageArea, Quadrature, Sides, chief_ray, paraxial_launch, trace_beam};
+use crate::pupil::{
+    Beam, ImageArea, PupilRefinement, Quadrature, Refined, Sides, chief_ray, paraxial_launch, refine,
+    trace_beam,
+};
 use crate::trace::{Sequence, launch, trace_ray};
 
 /// Spot radii of one field, um, about the centroid; rays are weighted by their light.
@@ -35,6 +38,23 @@ pub struct FieldSpot {
     /// Relative illumination per wavelength: irradiance of the image of a uniform scene, 1 on the axis of an unvignetted lens
     /// without pupil aberration.
     pub illumination: Vec<f64>,
+}
+
+/// [`spot`] on the coarsest pupil grid whose error is within the tolerance.
+///
+/// The error is that of the RMS radius of all wavelengths together or of the illumination of one, relative; see
+/// [`PupilRefinement`]. `None` if no light arrives at some wavelength, or the first number of cells is not possible.
+pub fn spot_converged(
+    lens: &Lens,
+    field_rad: f64,
+    refinement: &PupilRefinement,
+) -> Option<Refined<FieldSpot>> {
+    let relative = |a: f64, b: f64| if a == b { 0.0 } else { (a / b - 1.0).abs() };
+    let difference = |a: &FieldSpot, b: &FieldSpot| {
+        let of_light = a.illumination.iter().zip(&b.illumination).map(|(a, b)| relative(*a, *b));
+        of_light.fold(relative(a.rms_poly_um, b.rms_poly_um), f64::max)
+    };
+    refine(refinement, |quadrature| spot(lens, field_rad, quadrature), difference)
 }
 
 struct Traced {

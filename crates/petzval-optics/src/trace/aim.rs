@@ -16,7 +16,7 @@ const TOLERANCE_MM: f64 = 1e-12;
 /// A launch point whose ray passes the given point of the stop.
 #[derive(Clone, Copy, Debug)]
 pub struct AimedRay {
-    /// Launch coordinates on the plane of the first vertex, mm.
+    /// Launch coordinates on the launch plane of the field, see [`launch`], mm.
     pub launch_mm: [f64; 2],
     /// d(stop x, stop y) / d(launch x, launch y), row by row.
     pub stop_by_launch: [[f64; 2]; 2],
@@ -111,8 +111,8 @@ fn to_stop(sequence: &Sequence, field_rad: f64, at: [f64; 2]) -> Option<([f64; 2
     let start = launch(sequence, field_rad, at);
     let mut ray = start.ray;
     let mut tangents = [
-        Tangent { position: [1.0, 0.0, 0.0], direction: start.direction_by[0] },
-        Tangent { position: [0.0, 1.0, 0.0], direction: start.direction_by[1] },
+        Tangent { position: start.position_by[0], direction: start.direction_by[0] },
+        Tangent { position: start.position_by[1], direction: start.direction_by[1] },
     ];
     for (i, surface) in sequence.surfaces[..=sequence.stop].iter().enumerate() {
         let passage = pass(surface, i, &surface.enter(ray)).ok()?;

@@ -22,7 +22,7 @@ pub use kernel::{
     AimedRays, LandingJacobian, RayTangents, Reaim, Seeds, SquaredHeights, WaveSeeds, landing_jacobian,
     pull_back, push_change, trace, trace_with_heights,
 };
-pub use launch::{Launch, launch};
+pub use launch::{ACROSS_FROM_RAD, Launch, launch, launch_axes, starts_across};
 pub use ray::{Ray, RayBundle};
 pub(crate) use sequence::Bending;
 pub use sequence::{Sequence, SurfaceAtWavelength};

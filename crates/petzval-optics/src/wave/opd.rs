@@ -1,8 +1,8 @@
 //! Optical path differences of rays against a reference sphere.
 
 use crate::paraxial::first_order;
-use crate::pupil::{optical_paths, paraxial_launch};
-use crate::trace::{AimedRays, RayBundle, Sequence, launch, trace};
+use crate::pupil::{aim_at_pupil, optical_paths, paraxial_launch};
+use crate::trace::{RayBundle, Sequence, launch, trace};
 
 /// A sphere about the image point, through the exit pupil.
 #[derive(Clone, Copy, Debug)]
@@ -137,18 +137,18 @@ pub fn opd_about(
     plane: PupilPlane,
     centre_mm: Option<[f64; 2]>,
 ) -> Option<Opd> {
-    let order = first_order(sequence);
     let mut all = vec![[0.0; 2]];
     all.extend_from_slice(points);
-    let launches: Vec<[f64; 2]> =
-        all.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
     let (launches, mut rays) = match plane {
         PupilPlane::Stop => {
-            let targets: Vec<[f64; 2]> = all.iter().map(|p| p.map(|p| p * stop_radius_mm)).collect();
-            let aimed = AimedRays::new(sequence, field_rad, &targets, &launches);
-            ((0..all.len()).map(|i| aimed.launch_of(i)).collect(), aimed.bundle(sequence))
+            let aimed = aim_at_pupil(sequence, field_rad, stop_radius_mm, &all, None);
+            let launches: Vec<[f64; 2]> = (0..all.len()).map(|i| aimed.launch_of(i)).collect();
+            (launches, aimed.bundle(sequence))
         }
         PupilPlane::Paraxial => {
+            let order = first_order(sequence);
+            let launches: Vec<[f64; 2]> =
+                all.iter().map(|p| paraxial_launch(&order, sequence, field_rad, *p)).collect();
             let mut rays = RayBundle::new(all.len());
             for (i, at) in launches.iter().enumerate() {
                 rays.set(i, launch(sequence, field_rad, *at).ray);

@@ -5,8 +5,8 @@ use serde::Serialize;
 use super::place::Place;
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::paraxial_launch;
-use crate::trace::{Fate, Path, Sequence, aim_at_stop, launch, trace_ray};
+use crate::pupil::aim_one;
+use crate::trace::{Fate, Path, Sequence, launch, starts_across, trace_ray};
 
 /// A ray as a line.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -28,19 +28,12 @@ pub(super) fn fan(
     lead_mm: f64,
 ) -> Vec<LayoutRay> {
     let sequence = lens.at_wavelength(lens.reference_um);
-    let order = first_order(&sequence);
-    let mut previous = None;
+    let stop_radius_mm = first_order(&sequence).stop_radius_mm;
     (0..rays)
         .filter_map(|i| {
             let pupil = 2.0 * i as f64 / (rays - 1) as f64 - 1.0;
-            let target = [0.0, pupil * order.stop_radius_mm];
-            // Guess by first-order optics, or from the neighbouring ray if the pupil is strongly aberrated.
-            let aimed = [Some(paraxial_launch(&order, &sequence, field_rad, [0.0, pupil])), previous]
-                .into_iter()
-                .flatten()
-                .find_map(|guess| aim_at_stop(&sequence, field_rad, target, guess))?;
-            previous = Some(aimed.launch_mm);
-            Some(line(&sequence, places, field_rad, aimed.launch_mm, lead_mm))
+            let launch_mm = aim_one(&sequence, field_rad, stop_radius_mm, [0.0, pupil])?;
+            Some(line(&sequence, places, field_rad, launch_mm, lead_mm))
         })
         .collect()
 }
@@ -55,11 +48,17 @@ fn line(
 ) -> LayoutRay {
     let start = launch(sequence, field_rad, launch_mm).ray;
     let path = trace_ray(sequence, start);
-    let slope = start.direction[1] / start.direction[2];
-    let mut points = vec![[-lead_mm, start.position[1] - lead_mm * slope]];
+    let [_, sin, cos] = start.direction;
     let section = |place: &Place, local: [f64; 3]| {
         let [_, y, z] = place.point(local);
         [z, y]
+    };
+    // Start in front of the first vertex. A steep ray starts that far in front of the surface that it meets first.
+    let first =
+        places.first().zip(path.passages.first()).map(|(place, passage)| section(place, passage.point));
+    let mut points = match first {
+        Some([z, y]) if starts_across(sequence, field_rad) => vec![[z - lead_mm * cos, y - lead_mm * sin]],
+        _ => vec![[-lead_mm, start.position[1] - lead_mm * (sin / cos)]],
     };
     for (place, passage) in places.iter().zip(&path.passages).take(survived(&path)) {
         points.push(section(place, passage.point));

@@ -9,7 +9,7 @@ use super::surface::{bend, meet, push_forward, slopes};
 use crate::lanes::{Lanes, Mask, V3, along, dot, scaled, width};
 use crate::lens::ObjectDistance;
 use crate::trace::fate::NOT_AIMED;
-use crate::trace::launch::launch;
+use crate::trace::launch::{launch, launch_axes, starts_across};
 use crate::trace::ray::RayBundle;
 use crate::trace::sequence::Sequence;
 use petzval_base::simd::dispatch;
@@ -23,12 +23,40 @@ const LAST_MISS_MM: f64 = 1e-7;
 /// Largest miss of an aimed ray, mm.
 const AIMED_MM: f64 = 1e-9;
 
+/// Share of its miss that a step of [`Newton::Direct`] may leave.
+///
+/// Newton's method that leaves h / 2 of its first miss, with h <= 1/2 (Kantorovich's condition), converges, and its root is
+/// the only one near the guess.
+const DIRECT_SHARE: f64 = 0.25;
+
+/// Least share of a step of [`Newton::Damped`].
+const LEAST_SHARE: f64 = 1e-6;
+
+/// How far Newton's method may go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Newton {
+    /// Full steps that each leave at most a quarter of the miss: the root is the one next to the guess.
+    Direct,
+    /// A step that loses a ray or increases its miss is halved: the root may be any.
+    Damped,
+}
+
+impl Newton {
+    /// Share of the miss that a step may leave, and the least share of a step.
+    fn limits(self) -> (f64, f64) {
+        match self {
+            Self::Direct => (DIRECT_SHARE, 1.0),
+            Self::Damped => (1.0, LEAST_SHARE),
+        }
+    }
+}
+
 /// Rays aimed at points of the stop. Arrays are padded as a [`RayBundle`] is.
 #[derive(Clone, Debug)]
 pub struct AimedRays {
     /// Field angle, rad.
     pub field_rad: f64,
-    /// Launch coordinates x, y on the plane of the first vertex, mm.
+    /// Launch coordinates x, y on the launch plane of the field, see [`launch`], mm.
     pub launch_mm: [Vec<f64>; 2],
     /// d(stop x, stop y) / d(launch x, launch y), row by row.
     pub(super) stop_by_launch: [[Vec<f64>; 2]; 2],
@@ -42,7 +70,31 @@ impl AimedRays {
     /// Aims the rays of a field at the points `target_mm` of the stop by Newton's method from `guess_mm`, both (x, y)
     /// per ray. A step that loses a ray or increases its miss is halved. A ray that is not found keeps the guess as its
     /// launch point and has the fate `NotAimed`.
+    ///
+    /// From a far guess the ray may be another one through the same point of the stop than that of the beam;
+    /// [`aim_at_pupil`](crate::pupil::aim_at_pupil) follows the beam from the axis.
     pub fn new(sequence: &Sequence, field_rad: f64, target_mm: &[[f64; 2]], guess_mm: &[[f64; 2]]) -> Self {
+        Self::by(Newton::Damped, sequence, field_rad, target_mm, guess_mm)
+    }
+
+    /// [`AimedRays::new`] with full steps only, each of which leaves at most a quarter of the miss. A ray that is found is
+    /// the one next to its guess; others have the fate `NotAimed` after one or two steps.
+    pub(crate) fn direct(
+        sequence: &Sequence,
+        field_rad: f64,
+        target_mm: &[[f64; 2]],
+        guess_mm: &[[f64; 2]],
+    ) -> Self {
+        Self::by(Newton::Direct, sequence, field_rad, target_mm, guess_mm)
+    }
+
+    fn by(
+        newton: Newton,
+        sequence: &Sequence,
+        field_rad: f64,
+        target_mm: &[[f64; 2]],
+        guess_mm: &[[f64; 2]],
+    ) -> Self {
         let rays = target_mm.len();
         let padded = RayBundle::padded(rays);
         // Padding repeats the first ray.
@@ -59,7 +111,7 @@ impl AimedRays {
             rays,
         };
         let target = [column(target_mm, 0), column(target_mm, 1)];
-        dispatch(Aim { sequence, target, aimed: &mut aimed });
+        dispatch(Aim { newton, sequence, target, aimed: &mut aimed });
         aimed
     }
 
@@ -79,10 +131,42 @@ impl AimedRays {
         1.0 / (a[ray] * d[ray] - b[ray] * c[ray])
     }
 
+    /// d(stop x, stop y) / d(launch x, launch y) of a ray, row by row; the unit matrix if it was not aimed.
+    pub fn stop_by_launch_of(&self, ray: usize) -> [[f64; 2]; 2] {
+        self.stop_by_launch.each_ref().map(|row| row.each_ref().map(|column| column[ray]))
+    }
+
+    /// Replaces a ray by one of other rays of the same field.
+    pub(crate) fn replace(&mut self, ray: usize, others: &Self, other: usize) {
+        for axis in 0..2 {
+            self.launch_mm[axis][ray] = others.launch_mm[axis][other];
+            for row in 0..2 {
+                self.stop_by_launch[row][axis][ray] = others.stop_by_launch[row][axis][other];
+            }
+            for k in 0..3 {
+                self.direction_by_launch[axis][k][ray] = others.direction_by_launch[axis][k][other];
+            }
+        }
+        self.not_aimed[ray] = others.not_aimed[other];
+    }
+
+    /// Marks a ray as not aimed.
+    pub(crate) fn lose(&mut self, ray: usize) {
+        for axis in 0..2 {
+            for row in 0..2 {
+                self.stop_by_launch[row][axis][ray] = if row == axis { 1.0 } else { 0.0 };
+            }
+            for of_axis in &mut self.direction_by_launch[axis] {
+                of_axis[ray] = 0.0;
+            }
+        }
+        self.not_aimed[ray] = NOT_AIMED;
+    }
+
     /// The rays as they are launched.
     pub fn bundle(&self, sequence: &Sequence) -> RayBundle {
         let mut bundle = RayBundle::new(self.rays);
-        if sequence.object == ObjectDistance::Infinity {
+        if sequence.object == ObjectDistance::Infinity && !starts_across(sequence, self.field_rad) {
             let [_, m, n] = launch(sequence, self.field_rad, [0.0; 2]).ray.direction;
             let rays = self.rays;
             bundle.x[..rays].copy_from_slice(&self.launch_mm[0][..rays]);
@@ -117,12 +201,17 @@ pub(super) fn launched_rays<S: Simd>(
 ) -> (Rays<S>, [Tangent<S>; 2]) {
     let zero = at[0].constant(0.0);
     let one = at[0].constant(1.0);
-    let position = [at[0], at[1], zero];
-    let axes: [V3<S>; 2] = [[one, zero, zero], [zero, one, zero]];
+    let mut position = [at[0], at[1], zero];
+    let mut axes: [V3<S>; 2] = [[one, zero, zero], [zero, one, zero]];
     match sequence.object {
         ObjectDistance::Infinity => {
             let direction = [zero, zero.constant(field_rad.sin()), zero.constant(field_rad.cos())];
             let still = [zero; 3];
+            if starts_across(sequence, field_rad) {
+                let [_, [_, y, z]] = launch_axes(sequence, field_rad);
+                axes[1] = [zero, zero.constant(y), zero.constant(z)];
+                position = [at[0], at[1] * y, at[1] * z];
+            }
             let by = [
                 Tangent { position: axes[0], direction: still },
                 Tangent { position: axes[1], direction: still },
@@ -207,6 +296,7 @@ fn to_stop<S: Simd>(sequence: &Sequence, field_rad: f64, at: [Lanes<S>; 2]) -> A
 }
 
 struct Aim<'a> {
+    newton: Newton,
     sequence: &'a Sequence,
     target: [Vec<f64>; 2],
     aimed: &'a mut AimedRays,
@@ -217,12 +307,12 @@ impl WithSimd for Aim<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { sequence, target, aimed } = self;
+        let Self { newton, sequence, target, aimed } = self;
         for at in (0..aimed.not_aimed.len()).step_by(width::<S>()) {
             let target = [Lanes::load(simd, &target[0][at..]), Lanes::load(simd, &target[1][at..])];
             let guess =
                 [Lanes::load(simd, &aimed.launch_mm[0][at..]), Lanes::load(simd, &aimed.launch_mm[1][at..])];
-            let (launch, found, ok) = aim(sequence, aimed.field_rad, target, guess);
+            let (launch, found, ok) = aim(newton, sequence, aimed.field_rad, target, guess);
             let zero = target[0].constant(0.0);
             for axis in 0..2 {
                 ok.select(launch[axis], guess[axis]).store(&mut aimed.launch_mm[axis][at..]);
@@ -253,12 +343,14 @@ fn miss<S: Simd>(hit: [Lanes<S>; 2], target: [Lanes<S>; 2]) -> ([Lanes<S>; 2], L
 /// found.
 #[inline(always)]
 fn aim<S: Simd>(
+    newton: Newton,
     sequence: &Sequence,
     field_rad: f64,
     target: [Lanes<S>; 2],
     guess: [Lanes<S>; 2],
 ) -> ([Lanes<S>; 2], AtStop<S>, Mask<S>) {
     let one = target[0].constant(1.0);
+    let (left_share, least_share) = newton.limits();
     let mut launch = guess;
     let mut found = to_stop(sequence, field_rad, launch);
     let (mut error, mut distance) = miss(found.hit, target);
@@ -269,7 +361,7 @@ fn aim<S: Simd>(
     for _ in 0..MAX_EVALUATIONS {
         // Stop after this step if every ray has a small miss, has failed, or can no longer be improved.
         let nearly = distance.lt(one * LAST_MISS_MM);
-        let lost = share.lt(one * 1e-6);
+        let lost = share.lt(one * least_share);
         let last = nearly.or(lost).or(start_ok.not()).all();
         let open = start_ok.and(lost.not());
         // Newton step: the miss times the inverse of d(stop)/d(launch).
@@ -280,8 +372,8 @@ fn aim<S: Simd>(
         let next = [launch[0] - step[0], launch[1] - step[1]];
         let tried = to_stop(sequence, field_rad, next);
         let (next_error, next_distance) = miss(tried.hit, target);
-        // Accept the step if the miss decreases. Within the aiming tolerance rounding may increase it.
-        let nearer = next_distance.lt(distance).or(distance.lt(one * AIMED_MM));
+        // Accept the step if the miss decreases enough. Within the aiming tolerance rounding may increase it.
+        let nearer = next_distance.lt(distance * left_share).or(distance.lt(one * AIMED_MM));
         let accept = open.and(tried.ok).and(nearer).and(next_distance.lt(infinite));
         for axis in 0..2 {
             launch[axis] = accept.select(next[axis], launch[axis]);
