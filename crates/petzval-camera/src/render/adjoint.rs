@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use realfft::num_complex::Complex32;
 
-use super::convolve::TileSet;
 use super::geometry::Window;
 use super::spectrum::{Scratch, TransformSize};
+use super::tiles::TileSet;
 use super::{
     PatchKernels, Placement, PsfGradient, RenderError, RenderGeometry, geometry, kernel_radius,
     patch_kernels, patch_kernels_adjoint,

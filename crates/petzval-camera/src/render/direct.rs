@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::convolve::checked_window;
 use super::geometry::hat;
+use super::kernel::checked_window;
 use super::{PatchKernels, Placement, RenderError, RenderGeometry};
 use crate::image::{CHANNELS, LinearImage};
 

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::error::RenderError;
-use super::geometry::RenderGeometry;
+use super::geometry::{Placement, RenderGeometry, Window, output_window};
 use super::limits::MAX_RADIUS;
-use crate::image::CHANNELS;
+use crate::image::{CHANNELS, LinearImage};
 use crate::psf::{PsfLayout, check_len};
 
 /// One kernel per patch and channel, `[patch][channel][row][col]` on the pixel grid. Patches that are not active are zero.
@@ -235,4 +235,19 @@ fn check_active(geometry: &RenderGeometry, active: &[bool]) -> Result<(), Render
     }
     let (expected, got) = (geometry.patch_count().to_string(), active.len().to_string());
     Err(RenderError::Mismatch { what: "flags of active patches", expected, got })
+}
+
+/// Checks that kernels, scene and placement fit the geometry.
+pub(super) fn checked_window(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+) -> Result<Window, RenderError> {
+    let expected = geometry.patch_count() * CHANNELS * kernels.size() * kernels.size();
+    if kernels.values.len() != expected {
+        let (expected, got) = (expected.to_string(), kernels.values.len().to_string());
+        return Err(RenderError::Mismatch { what: "number of kernel values", expected, got });
+    }
+    output_window(geometry, scene, kernels.radius, placement)
 }

@@ -22,10 +22,10 @@ mod kernel;
 mod limits;
 mod spatial;
 mod spectrum;
+mod tiles;
 
 pub use adjoint::{RenderGradient, render_adjoint, render_adjoint_kernels};
 pub use blend::{BlendError, blend_error, with_patches_for};
-pub use convolve::render_kernels;
 pub use direct::render_direct;
 pub use distortion::Distortion;
 pub use error::RenderError;
@@ -36,6 +36,7 @@ pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
 
 use crate::image::LinearImage;
 use crate::psf::PsfBank;
+use tiles::TileSet;
 
 /// Light on the sensor window at `placement` when a lens with these PSFs images `scene`.
 ///
@@ -53,6 +54,22 @@ pub fn render(
     let active = geometry.active_patches(&window);
     let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
     render_kernels(geometry, &kernels, scene, placement)
+}
+
+/// As [`super::render`], with ready kernels from [`super::patch_kernels`]. They must cover the patches active in the window.
+pub fn render_kernels(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+) -> Result<LinearImage, RenderError> {
+    let window = kernel::checked_window(geometry, kernels, scene, placement)?;
+    let set = TileSet::new(geometry, &window, kernels.radius, None);
+    if spatial::is_faster(&set, kernels) {
+        return Ok(set.assembled(&window, spatial::render_tiles(&set, kernels, scene)));
+    }
+    let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
+    Ok(set.assembled(&window, convolve::by_transforms(&set, scene)))
 }
 
 /// Checks a scene against the geometry, and marks the patches that its output needs.

@@ -7,8 +7,8 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::PatchKernels;
-use super::convolve::TileSet;
 use super::geometry::{AxisTile, tile_patches};
+use super::tiles::TileSet;
 use crate::image::{CHANNELS, LinearImage};
 use petzval_base::simd::dispatch;
 

@@ -144,7 +144,7 @@ fn fast_rendering_equals_the_direct_sum() {
         let reference = render_direct(&geometry, &kernels, &scene, placement).unwrap();
         // Directly and by FFTs, whichever is chosen.
         let window = Window { placement, height, width };
-        let set = convolve::TileSet::new(&geometry, &window, radius(), Some(&kernels));
+        let set = TileSet::new(&geometry, &window, radius(), Some(&kernels));
         let directly = set.assembled(&window, spatial::render_tiles(&set, &kernels, &scene));
         let by_transforms = set.assembled(&window, convolve::by_transforms(&set, &scene));
         let chosen = render(&geometry, &b, &scene, placement).unwrap();
