@@ -168,7 +168,8 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
 }
 
-/// The spot-optimised lens of the main job: as good as many starts of a global search find, makeable, and the same to the bit.
+/// The spot-optimised lens of the main job: converged, makeable, and the same to the bit. Its fields reach 15.8 degrees, which the lens
+/// images in the corner of the sensor; to 14.8 degrees the spots would be 6.84 um.
 #[test]
 fn spots_are_minimised_to_convergence_under_the_requirements() {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
@@ -183,7 +184,7 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
         (losses.unwrap(), iterations, block.lens().unwrap())
     };
     let (losses, iterations, lens) = minimised();
-    assert!(losses["rms_spot_um"] < 6.85, "{losses:?}");
+    assert!(losses["rms_spot_um"] < 7.30, "{losses:?}");
     assert!(losses["penalty_mm2"] < 1e-12, "{losses:?}");
     assert!(iterations < setup.experiment.spot.iterations, "{iterations}");
     assert_eq!(minimised(), (losses.clone(), iterations, lens.clone()));

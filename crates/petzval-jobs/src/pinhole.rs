@@ -247,7 +247,8 @@ mod tests {
         let turned = view(Refocus::OnSource);
         let still = PinholeView { camera_turned: false, ..turned.clone() };
         let ratio = |v: &PinholeView| v.psf(5.0).unwrap().psf.light[1] / v.psf(0.0).unwrap().psf.light[1];
-        let cos = (5.0 / turned.image_scale_mm).atan().cos();
+        let sequence = turned.lens.at_wavelength(turned.lens.reference_um);
+        let cos = field_imaged_at(&sequence, 5.0, (5.0 / turned.image_scale_mm).atan()).unwrap().cos();
         assert!((ratio(&still) / ratio(&turned) / cos.powi(3) - 1.0).abs() < 2e-3);
         assert!(ratio(&turned) > ratio(&still));
     }

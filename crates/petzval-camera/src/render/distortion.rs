@@ -73,11 +73,17 @@ impl Distortion {
             if i == 0 {
                 return [(1, 1.0 / r[1]), (0, 0.0), (0, 0.0)];
             }
+            if last == 1 {
+                return [(1, 1.0 / r[1]), (0, 0.0), (0, 0.0)];
+            }
             if i == last {
+                // The parabola through the last three values, at its end.
+                let (before, width) = (r[last - 1] - r[last - 2], r[last] - r[last - 1]);
+                let sum = before + width;
                 return [
-                    (last, 1.0 / (r[last] - r[last - 1])),
-                    (last - 1, -1.0 / (r[last] - r[last - 1])),
-                    (0, 0.0),
+                    (last - 2, width / (before * sum)),
+                    (last - 1, -sum / (before * width)),
+                    (last, (before + 2.0 * width) / (width * sum)),
                 ];
             }
             let (below, above) = (r[i] - r[i - 1], r[i + 1] - r[i]);
@@ -231,9 +237,9 @@ mod tests {
             let map = barrel(k);
             for i in 0..250 {
                 let r = f64::from(i) * 0.01;
-                // A cubic with slopes of parabolas: the error is that of the third power over one interval.
+                // A cubic with slopes of parabolas: at the last radius the slope is off by 2 k d^2 for intervals d, the map by 4/27 d of it.
                 let ideal = r * (1.0 + k * r * r);
-                let tolerance = if r <= 2.0 { 5e-4 * k.abs() + 1e-12 } else { 1.0 * k.abs() + 1e-12 };
+                let tolerance = if r <= 2.0 { 1.4e-3 * k.abs() + 1e-12 } else { 1.0 * k.abs() + 1e-12 };
                 assert!((map.ideal_mm(r) - ideal).abs() <= tolerance, "{k} {r}: {}", map.ideal_mm(r) - ideal);
                 assert!((map.image_mm(map.ideal_mm(r)) - r).abs() < 1e-9);
             }
