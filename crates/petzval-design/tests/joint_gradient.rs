@@ -59,7 +59,7 @@ fn camera(setup: &Setup, x: &[f64]) -> Camera {
     let nominal = setup.nominal();
     let lens_at = |x: &[f64]| nominal.space.lens_at(x).unwrap();
     let moving = &setup.moving_plan;
-    let fields = moving.field_angles(&lens_at(&nominal.space.start())).unwrap();
+    let fields = moving.field_angles(&lens_at(nominal.space.start())).unwrap();
     let plan = PsfPlan { held_fields_rad: Some(fields), ..moving.clone() };
     let psfs = PsfSource::Traced { lens: Box::new(lens_at(x)), plan }.psfs().unwrap();
     Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(setup.network().unwrap().held())

@@ -237,9 +237,9 @@ mod tests {
             let map = barrel(k);
             for i in 0..250 {
                 let r = f64::from(i) * 0.01;
-                // A cubic with slopes of parabolas: at the last radius the slope is off by 2 k d^2 for intervals d, the map by 4/27 d of it.
+                // A cubic with slopes of parabolas: for intervals d the slopes are off by k d^2, at the last radius by 2 k d^2, which makes 0.39 k d^3 at most.
                 let ideal = r * (1.0 + k * r * r);
-                let tolerance = if r <= 2.0 { 1.4e-3 * k.abs() + 1e-12 } else { 1.0 * k.abs() + 1e-12 };
+                let tolerance = if r <= 2.0 { 1.8e-3 * k.abs() + 1e-12 } else { 1.0 * k.abs() + 1e-12 };
                 assert!((map.ideal_mm(r) - ideal).abs() <= tolerance, "{k} {r}: {}", map.ideal_mm(r) - ideal);
                 assert!((map.image_mm(map.ideal_mm(r)) - r).abs() < 1e-9);
             }

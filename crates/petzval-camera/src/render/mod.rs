@@ -56,7 +56,7 @@ pub fn render(
     render_kernels(geometry, &kernels, scene, placement)
 }
 
-/// As [`super::render`], with ready kernels from [`super::patch_kernels`]. They must cover the patches active in the window.
+/// As [`render`](fn@render), with ready kernels from [`patch_kernels`]. They must cover the patches active in the window.
 pub fn render_kernels(
     geometry: &RenderGeometry,
     kernels: &PatchKernels,
