@@ -235,11 +235,12 @@ mod tests {
     fn the_map_is_smooth_and_its_inverse_undoes_it() {
         for k in [0.03, -0.02, 0.0] {
             let map = barrel(k);
-            for i in 0..250 {
+            for i in 0..220 {
                 let r = f64::from(i) * 0.01;
-                // A cubic with slopes of parabolas: for intervals d the slopes are off by k d^2, at the last radius by 2 k d^2, which makes 0.39 k d^3 at most.
+                // A cubic with slopes of parabolas: for intervals d the slopes are off by k d^2, at the last radius by 2 k d^2,
+                // which makes 0.39 k d^3 at most. Beyond it the straight line leaves the curve.
                 let ideal = r * (1.0 + k * r * r);
-                let tolerance = if r <= 2.0 { 1.8e-3 * k.abs() + 1e-12 } else { 1.0 * k.abs() + 1e-12 };
+                let tolerance = if r <= 2.0 { 1.8e-3 * k.abs() + 1e-12 } else { 0.3 * k.abs() + 1e-12 };
                 assert!((map.ideal_mm(r) - ideal).abs() <= tolerance, "{k} {r}: {}", map.ideal_mm(r) - ideal);
                 assert!((map.image_mm(map.ideal_mm(r)) - r).abs() < 1e-9);
             }
