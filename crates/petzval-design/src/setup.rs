@@ -137,7 +137,11 @@ impl Setup {
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
         let plan = match is_moving {
             true => self.moving_plan.clone(),
-            false => self.fixed_plan.with_fields(self.experiment.psf.scoring_fields),
+            false => {
+                let psf = &self.experiment.psf;
+                let plan = self.fixed_plan.with_fields(psf.scoring_fields);
+                plan.converged(&lens, psf.scoring_pupil_error)?.0
+            }
         };
         let source = PsfSource::Traced { lens: Box::new(lens), plan };
         let psfs = Arc::new(source.psfs()?);

@@ -56,6 +56,7 @@ grid = 64
 patches = [2, 2]
 pupil_cells = 16
 scoring_pupil_cells = 16
+scoring_pupil_error = 2.0
 [network]
 base_channels = 4
 levels = 1

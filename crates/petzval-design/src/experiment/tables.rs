@@ -39,8 +39,10 @@ parameters! {
         scoring_blend_error: f64 = 0.03, "", 0.003..2, Log, "0.03 takes about 21 patch rows, 2 the fewest";
         /// Pupil cells a side while the lens moves; an even number.
         pupil_cells: usize = 96, "", 16..1024, Log, "32 is quick, 256 is accurate";
-        /// Pupil cells a side for lenses at rest and for scoring; an even number.
+        /// Fewest pupil cells a side for lenses at rest and for scoring; an even number.
         scoring_pupil_cells: usize = 256, "", 16..1024, Log, "32 is quick, 256 is accurate";
+        /// Largest error of their PSFs, for which the pupil cells are doubled up to 2048: the sum of absolute differences, of unit sum.
+        scoring_pupil_error: f64 = 0.02, "", 0.001..2, Log, "0.02, or 2 to keep the fewest cells";
     } also {
         /// Rays, right where aberrations spread light over many times the Airy disk, or waves.
         kind: PsfKind = PsfKind::Geometric;

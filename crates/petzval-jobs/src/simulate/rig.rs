@@ -66,6 +66,13 @@ impl Rig {
             None => {
                 let lens = context.assets.lens(&request.lens)?.lens;
                 let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
+                let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error)?;
+                if error > psf.scoring_pupil_error {
+                    context.warning(format!(
+                        "PSFs on {} pupil cells a side have an error of {error:.3} (L1), more than {}",
+                        plan.quadrature.cells, psf.scoring_pupil_error
+                    ));
+                }
                 let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
                 (source, Some((lens, plan)))
             }
