@@ -48,6 +48,15 @@ pub enum DesignError {
         /// Field angle, degrees.
         field_deg: f64,
     },
+    /// The lens sees further than a picture without distortion reaches.
+    #[error(
+        "the lens images fields to {field_deg:.1} degrees, and a rectilinear picture of a scene ends before 90 degrees; hint: leave \
+         distortion out, so that the picture lies on the image as it is"
+    )]
+    TooWideForAPicture {
+        /// The widest field, degrees.
+        field_deg: f64,
+    },
     /// What is wrong in some bands of the spectrum only.
     #[error("in the bands at {} um: {error}", um.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))]
     InBands {
@@ -197,6 +206,7 @@ impl DesignError {
                 | Self::Illuminant(_)
                 | Self::Electrons(_)
                 | Self::NoLight { .. }
+                | Self::TooWideForAPicture { .. }
                 | Self::Run { .. }
         )
     }

@@ -1,6 +1,8 @@
 //! Where optics meets the picture: the PSFs that a lens gives the renderer, and the lens gradient that follows from a loss's
 //! derivatives by them. The tape of the tensor framework ends here.
 
+use std::f64::consts::{FRAC_PI_4, PI};
+
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{Distortion, RenderError, RenderGeometry};
 use petzval_camera::sensor::SensorModel;
@@ -75,6 +77,12 @@ const MOST_CELLS: usize = 2048;
 
 /// Field, as a share of the outermost, whose image is as good as free of distortion: its share is 1e-6 of that of the corner.
 const NEAR_AXIS: f64 = 1e-3;
+
+/// Field from which the next one is guessed by the angle rather than by its tangent: 45 degrees.
+const WIDE_RAD: f64 = FRAC_PI_4;
+
+/// Widest field of a rectilinear picture, rad: 85 degrees, at 11 times the height of 45 degrees.
+const WIDEST_PICTURE_RAD: f64 = 85.0 / 180.0 * PI;
 
 /// Ideal image height per tangent of the field, mm: the EFL f or, for a near object at D, `D / w'` with w' the final slope of its
 /// paraxial ray of slope 1.
@@ -152,8 +160,17 @@ impl PsfPlan {
         let mut angles: Vec<f64> = Vec::with_capacity(self.field_radius_mm.len());
         let mut scale_mm = image_scale_mm(lens);
         for radius_mm in &self.field_radius_mm {
-            // Start from the scale at which the field before it was imaged.
-            let angle = field_imaged(&reference, *radius_mm, (radius_mm / scale_mm).atan())?;
+            let guess = match angles.len() {
+                // Wide fields hardly grow like a tangent: go on as from the field before the last to the last.
+                n if n >= 2 && angles[n - 1] > WIDE_RAD => {
+                    let by_radius = (angles[n - 1] - angles[n - 2])
+                        / (self.field_radius_mm[n - 1] - self.field_radius_mm[n - 2]);
+                    angles[n - 1] + by_radius * (radius_mm - self.field_radius_mm[n - 1])
+                }
+                // Start from the scale at which the field before it was imaged.
+                _ => (radius_mm / scale_mm).atan(),
+            };
+            let angle = field_imaged(&reference, *radius_mm, guess)?;
             if angle != 0.0 {
                 scale_mm = radius_mm / angle.tan();
             }
@@ -162,9 +179,13 @@ impl PsfPlan {
         Ok(angles)
     }
 
-    /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land.
+    /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land. An error if a field is wider than
+    /// [`WIDEST_PICTURE_RAD`].
     pub fn distortion(&self, lens: &Lens) -> Result<Distortion, DesignError> {
         let angles = self.field_angles(lens)?;
+        if let Some(field) = angles.iter().find(|field| field.abs() > WIDEST_PICTURE_RAD) {
+            return Err(DesignError::TooWideForAPicture { field_deg: field.to_degrees() });
+        }
         let reference = lens.at_wavelength(lens.reference_um);
         let height = |field: f64| {
             let chief = chief_ray(&reference, field);

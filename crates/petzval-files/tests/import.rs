@@ -541,7 +541,7 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("ENPD 10\n", "", &["no aperture", "ENPD"]),
         ("FTYP 0 0", "FTYP 0 1", &["line 6", "telecentric"]),
         ("FTYP 0 0", "FTYP 4 0", &["line 6", "type 4"]),
-        ("YFLN 0 2", "YFLN 0 90", &["line 7", "90 degrees"]),
+        ("YFLN 0 2", "YFLN 0 180", &["line 7", "180 degrees"]),
         ("0.5876 1", "587.6 1", &["line 8", "not optical"]),
         ("PWAV 1", "PWAV 3", &["line 9: `PWAV 3`", "no wavelength 3"]),
         ("  STOP\n", "", &["aperture stop"]),

@@ -38,8 +38,10 @@ pub struct Request {
     pub grid: usize,
     /// Cell size, um.
     pub pitch_um: f64,
-    /// Pupil cells a side; diffraction chooses its own.
+    /// Least pupil cells a side; diffraction chooses its own.
     pub pupil_cells: usize,
+    /// Error (L1, of PSFs of unit sum) above which the pupil cells are doubled.
+    pub pupil_error: f64,
     /// Rays or waves.
     pub kind: PsfKind,
 }
@@ -122,6 +124,7 @@ impl Request {
             ("fields", (2..=201).contains(&self.fields), "2 to 201"),
             ("corner_mm", self.corner_mm > 0.0 && self.corner_mm < 1e3, "a length in mm"),
             ("grid", (16..=1024).contains(&self.grid), "16 to 1024 cells"),
+            ("pupil_error", self.pupil_error > 0.0, "larger than 0; 2 keeps the pupil cells"),
             ("pitch_um", self.pitch_um > 0.0 && self.pitch_um < 1e3, "a length in um"),
             ("wavelengths", is_visible, "in um, 0.2 to 20; 550 nm is 0.55"),
         ] {
@@ -154,13 +157,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ));
     }
     let plan = request.plan()?;
-    let psfs = plan.psfs(&lens).map_err(|error| match error {
+    let no_light = |error: DesignError| match error {
         DesignError::NoLight { .. } => JobError::input(
             error.to_string(),
             format!("rays may also land outside the grid of {} um: try a larger --grid", request.side_um()),
         ),
         other => other.into(),
-    })?;
+    };
+    let (plan, error) = match request.kind {
+        PsfKind::Geometric => plan.converged(&lens, request.pupil_error).map_err(no_light)?,
+        PsfKind::Diffraction => (plan, 0.0),
+    };
+    if error > request.pupil_error {
+        context.warning(format!(
+            "PSFs on {} pupil cells a side have an error of {error:.3} (L1); larger cells of the PSF have less",
+            plan.quadrature.cells
+        ));
+    }
+    let psfs = plan.psfs(&lens).map_err(no_light)?;
     warn_of_lost_light(request, &psfs, context);
 
     make_folder(&request.out)?;

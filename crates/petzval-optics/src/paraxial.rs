@@ -9,6 +9,8 @@
 
 use std::ops::Range;
 
+use std::f64::consts::FRAC_PI_2;
+
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::number::Number;
@@ -175,6 +177,12 @@ pub fn pull_back_image_distance(sequence: &Sequence, bar: f64, gradient: &mut Le
         ObjectDistance::Finite(distance) => paraxial_ray(sequence, distance, 1.0),
     };
     pull_back_ray(sequence, &ray, RayCotangent { crossing: bar, ..Default::default() }, gradient);
+}
+
+/// Tangent of a field from infinity, by which a rectilinear image grows: infinite from 90 degrees on, which such an image never
+/// reaches.
+pub fn rectilinear_tangent(field_rad: f64) -> f64 {
+    if field_rad.abs() < FRAC_PI_2 { field_rad.tan() } else { f64::INFINITY.copysign(field_rad) }
 }
 
 /// Height of the paraxial image of a field divided by the tangent of its angle, mm: the focal length or, for a near

@@ -8,7 +8,7 @@
 //! `C_II = Abar y D(dn/n)`. Source: Welford, Aberrations of Optical Systems, chapters 8 and 10.
 
 use crate::lens::ObjectDistance;
-use crate::paraxial::{ParaxialRay, first_order, paraxial_ray};
+use crate::paraxial::{ParaxialRay, first_order, paraxial_ray, rectilinear_tangent};
 use crate::trace::{Bending, Sequence};
 
 /// Seidel coefficients S_I ... S_V, mm.
@@ -28,12 +28,14 @@ fn is_covered(bending: &Bending) -> bool {
 }
 
 /// The sums of a lens: one entry per surface; add them for the whole. `None` if one of the surfaces is a thin lens, or a
-/// diffractive structure with power.
+/// diffractive structure with power, and for fields of 90 degrees and more, which have no paraxial chief ray.
 ///
 /// Surfaces are taken in their y-z section, without shifts and turns. Odd powers of r, odd powers of y of an XY
 /// polynomial and straight gratings are ignored.
 pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
-    if !sequence.surfaces.iter().all(|s| is_covered(&s.bending)) {
+    if !sequence.surfaces.iter().all(|s| is_covered(&s.bending))
+        || !rectilinear_tangent(field_rad).is_finite()
+    {
         return None;
     }
     let (marginal, chief) = marginal_and_chief(sequence, field_rad);
@@ -90,7 +92,7 @@ pub(crate) fn marginal_and_chief(sequence: &Sequence, field_rad: f64) -> (Paraxi
         }
     };
     let chief_slope = match sequence.object {
-        ObjectDistance::Infinity => field_rad.tan(),
+        ObjectDistance::Infinity => rectilinear_tangent(field_rad),
         ObjectDistance::Finite(d) => field_rad.tan() * d / (d + order.entrance_pupil_at_mm),
     };
     let marginal = paraxial_ray(sequence, y1, u1);

@@ -65,6 +65,8 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
         let value = match (x, fields.kind) {
             (0.0, _) if round => y.abs(),
             (0.0, _) => y,
+            // Beyond 90 degrees two tangents name no direction.
+            (_, FieldKind::Angle) if x.abs().max(y.abs()) >= 90.0 => f64::INFINITY,
             (_, FieldKind::Angle) => {
                 let tangent = |v: f64| v.to_radians().tan();
                 tangent(x).hypot(tangent(y)).atan().to_degrees()
@@ -72,11 +74,13 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
             _ => x.hypot(y),
         };
         let angle = angle_deg(lens, fields.kind, value);
-        match angle.filter(|angle| angle.abs() < 90.0) {
+        let limit_deg = lens.object.field_limit_deg();
+        match angle.filter(|angle| angle.abs() < limit_deg) {
             // Turn -0 into 0 on the axis.
             Some(angle) => angles.push(angle + 0.0),
             None => {
-                let message = format!("no ray below 90 degrees belongs to the field {}", point(x, y));
+                let message =
+                    format!("no ray below {limit_deg} degrees belongs to the field {}", point(x, y));
                 return Err(record.error(message));
             }
         }
@@ -108,6 +112,7 @@ fn angle_deg(lens: &Lens, kind: FieldKind, value: f64) -> Option<f64> {
     };
     let angle = match (kind, lens.object) {
         (FieldKind::Angle, ObjectDistance::Infinity) => value,
+        (FieldKind::Angle, ObjectDistance::Finite(_)) if value.abs() >= 90.0 => return None,
         (FieldKind::Angle, ObjectDistance::Finite(distance)) => {
             // The file's angle is measured at the entrance pupil.
             let to_pupil = distance + first_order(&sequence).entrance_pupil_at_mm;

@@ -55,7 +55,7 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
         reference_um,
         fields_deg: Vec::new(),
     };
-    lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.is_rotationally_symmetric())?;
+    lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.object, lens.is_rotationally_symmetric())?;
     validate(&lens).map_err(|defect| reader.defect(&defect, &file))?;
 
     let variables = reader.variables(&file.variable, &lens)?;
@@ -158,17 +158,30 @@ impl Reader<'_> {
     }
 
     /// Field angles, degrees. Negative angles are allowed only if the lens is not rotationally symmetric.
-    fn fields(&self, angles: &Spanned<Vec<Placed>>, lens_is_symmetric: bool) -> Result<Vec<f64>, FileError> {
+    fn fields(
+        &self,
+        angles: &Spanned<Vec<Placed>>,
+        object: ObjectDistance,
+        lens_is_symmetric: bool,
+    ) -> Result<Vec<f64>, FileError> {
+        let limit = object.field_limit_deg();
         let mut list = Vec::new();
         for number in angles.get_ref() {
             let value = number.get_ref().0;
-            if !(0.0..90.0).contains(&value.abs()) {
-                let message = "a field is an angle below 90 degrees";
+            if !(0.0..limit).contains(&value.abs()) {
+                let message = match object {
+                    ObjectDistance::Infinity => "a field is an angle below 180 degrees",
+                    ObjectDistance::Finite(_) => "a field of a near object is an angle below 90 degrees",
+                };
                 return Err(self.error("angle_deg", number.span(), message));
             }
             if value < 0.0 && lens_is_symmetric {
                 return Err(self
-                    .error("angle_deg", number.span(), "a field is an angle from 0 to below 90 degrees")
+                    .error(
+                        "angle_deg",
+                        number.span(),
+                        format!("a field is an angle from 0 to below {limit} degrees"),
+                    )
                     .hint("the lens is symmetric: a negative field is the mirror image"));
             }
             list.push(value);

@@ -5,9 +5,9 @@ use petzval_files::lens_toml::special_lines;
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
 use petzval_optics::paraxial::{FirstOrder, first_order};
-use petzval_optics::pupil::{Quadrature, paraxial_launch, trace_beam};
+use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, paraxial_launch, trace_beam};
 use petzval_optics::seidel::seidel_total;
-use petzval_optics::spot::{FieldSpot, PrintedSpot, spot, spot_paraxial_pupil};
+use petzval_optics::spot::{FieldSpot, PrintedSpot, spot_converged, spot_paraxial_pupil};
 use petzval_optics::trace::{Fate, launch, trace_ray};
 use serde::{Deserialize, Serialize};
 
@@ -16,8 +16,8 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::finite::finite;
 
-/// Pupil cells a side: spot radii are then good to 0.1 %.
-const PUPIL_CELLS: usize = 64;
+/// The accuracy of spots and illumination: 0.1 %.
+const SPOTS: PupilRefinement = PupilRefinement { tolerance: 1e-3, first_cells: 64, most_cells: 1024 };
 
 /// A stop with a clear radius of so many times that of the beam gets a warning.
 const WIDE_STOP: f64 = 3.0;
@@ -80,10 +80,11 @@ pub struct Figures {
     pub wavelengths_um: Vec<f64>,
     /// Field angles, degrees.
     pub fields_deg: Vec<f64>,
-    /// RMS spot radius over the paraxial entrance pupil, as lens programs print it, by field and wavelength, um.
-    pub rms_spot_um: Vec<Vec<f64>>,
+    /// RMS spot radius over the paraxial entrance pupil, as lens programs print it, by field and wavelength, um. `None` for a field
+    /// whose rays through that pupil are lost.
+    pub rms_spot_um: Vec<Option<Vec<f64>>>,
     /// The same of all wavelengths together, by field, um.
-    pub rms_spot_poly_um: Vec<f64>,
+    pub rms_spot_poly_um: Vec<Option<f64>>,
     /// RMS spot radius through the real stop, each ray weighted by its light: what a sensor sees, by field and wavelength, um.
     pub rms_spot_real_stop_um: Vec<Vec<f64>>,
     /// The same of all wavelengths together, by field, um.
@@ -170,14 +171,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let lens = focused(context.assets.lens(&request.lens)?.lens, request.focus)?;
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
-    let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
-    let (through_stop, through_pupil) = spots(&request.lens, &lens, &quadrature)?;
+    let spots = spots(&request.lens, &lens)?;
     let full_field = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs())).to_radians();
     let seidel = seidel_total(&reference, full_field)
         .map(|total| total.s)
         .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });
     let reported_warnings = glass_warnings(&lens, &context.assets.catalog()?);
-    let mut warnings = warnings(&lens, &order, &quadrature);
+    let mut warnings = warnings(&lens, &order, &spots);
     warnings.extend(reported_warnings.iter().cloned());
     let table = first_order_table(&lens);
     let image_distance_mm = lens.image_distance_mm();
@@ -200,11 +200,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             entrance_pupil_from_first_vertex_mm: finite(order.entrance_pupil_at_mm),
             exit_pupil_from_last_vertex_mm: finite(order.exit_pupil_at_mm),
             exit_pupil_mm: finite(order.exit_pupil_mm),
-            rms_spot_um: through_pupil.iter().map(|s| s.rms_um.clone()).collect(),
-            rms_spot_poly_um: through_pupil.iter().map(|s| s.rms_poly_um).collect(),
-            rms_spot_real_stop_um: through_stop.iter().map(|s| s.rms_um.clone()).collect(),
-            rms_spot_poly_real_stop_um: through_stop.iter().map(|s| s.rms_poly_um).collect(),
-            relative_illumination: through_stop.iter().map(|s| s.illumination.clone()).collect(),
+            rms_spot_um: spots.iter().map(|s| Some(s.paraxial_pupil.as_ref()?.rms_um.clone())).collect(),
+            rms_spot_poly_um: spots.iter().map(|s| Some(s.paraxial_pupil.as_ref()?.rms_poly_um)).collect(),
+            rms_spot_real_stop_um: spots.iter().map(|s| s.real_stop.value.rms_um.clone()).collect(),
+            rms_spot_poly_real_stop_um: spots.iter().map(|s| s.real_stop.value.rms_poly_um).collect(),
+            relative_illumination: spots.iter().map(|s| s.real_stop.value.illumination.clone()).collect(),
             seidel,
             warnings,
             surfaces: surfaces(&lens),
@@ -217,27 +217,31 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })
 }
 
-/// The spots of every field, through the real stop and over the paraxial entrance pupil.
-fn spots(
-    name: &str,
-    lens: &Lens,
-    quadrature: &Quadrature,
-) -> Result<(Vec<FieldSpot>, Vec<PrintedSpot>), JobError> {
-    let (mut through_stop, mut through_pupil) = (Vec::new(), Vec::new());
-    for field_deg in &lens.fields_deg {
+/// The spots of a field.
+struct Spots {
+    /// Through the real stop, on as many pupil cells as it needs.
+    real_stop: Refined<FieldSpot>,
+    /// Over the paraxial entrance pupil on the same cells; `None` if rays are lost.
+    paraxial_pupil: Option<PrintedSpot>,
+    /// The pupil cells of both.
+    quadrature: Quadrature,
+}
+
+/// The spots of every field.
+fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>, JobError> {
+    let of_field = |field_deg: &f64| {
         let field = field_deg.to_radians();
-        let (Some(stop), Some(pupil)) =
-            (spot(lens, field, quadrature), spot_paraxial_pupil(lens, field, quadrature))
-        else {
-            return Err(JobError::input(
+        let real_stop = spot_converged(lens, field, &SPOTS).ok_or_else(|| {
+            JobError::input(
                 format!("{name}: at {field_deg} degrees no ray reaches the image{}", where_lost(lens, field)),
                 "a surface is missed, or a clear semi-diameter blocks the whole beam",
-            ));
-        };
-        through_stop.push(stop);
-        through_pupil.push(pupil);
-    }
-    Ok((through_stop, through_pupil))
+            )
+        })?;
+        let quadrature = Quadrature::grid(real_stop.cells).map_err(|e| JobError::failed(e.to_string()))?;
+        let paraxial_pupil = spot_paraxial_pupil(lens, field, &quadrature);
+        Ok(Spots { real_stop, paraxial_pupil, quadrature })
+    };
+    lens.fields_deg.iter().map(of_field).collect()
 }
 
 /// Where the ray through the centre of the paraxial pupil ends, if it does.
@@ -256,7 +260,7 @@ fn where_lost(lens: &Lens, field_rad: f64) -> String {
 }
 
 /// Warns of what is odd about a lens that can be traced all the same.
-fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<String> {
+fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     let mut found = Vec::new();
     let stop = &lens.surfaces[lens.stop];
     if stop.semi_diameter_mm < 0.99 * order.stop_radius_mm {
@@ -294,8 +298,14 @@ fn warnings(lens: &Lens, order: &FirstOrder, quadrature: &Quadrature) -> Vec<Str
         );
     }
     let reference = lens.at_wavelength(lens.reference_um);
-    for field_deg in &lens.fields_deg {
-        let beam = trace_beam(&reference, field_deg.to_radians(), order.stop_radius_mm, quadrature);
+    for (field_deg, spots) in lens.fields_deg.iter().zip(spots) {
+        if !spots.real_stop.is_converged {
+            found.push(format!(
+                "at {field_deg} degrees spot and illumination are uncertain by {:.1} %, on {} pupil cells a side",
+                100.0 * spots.real_stop.error, spots.real_stop.cells
+            ));
+        }
+        let beam = trace_beam(&reference, field_deg.to_radians(), order.stop_radius_mm, &spots.quadrature);
         let lost = beam.fate.iter().filter(|fate| !fate.reaches_image()).count();
         if lost > 0 {
             let share = 100.0 * lost as f64 / beam.fate.len() as f64;

@@ -2,8 +2,8 @@
 
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
-use petzval_optics::pupil::paraxial_launch;
-use petzval_optics::trace::{Fate, aim_at_stop, launch, trace_ray};
+use petzval_optics::pupil::{aim_one, paraxial_launch};
+use petzval_optics::trace::{Fate, launch, trace_ray};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -26,7 +26,7 @@ pub enum Aim {
 pub struct Request {
     /// Lens file, or a built-in name.
     pub lens: String,
-    /// Field angle, degrees, within 89 degrees of the axis.
+    /// Field angle, degrees: within 180 degrees of the axis, or 90 for a near object.
     pub field: f64,
     /// Wavelength, um, 0.2 to 20.
     pub wavelength: f64,
@@ -46,7 +46,7 @@ pub struct Response {
     /// Where it meets the image plane; `None` if it was lost before.
     pub image: Option<Place>,
     /// Optical path up to the image plane, mm: from the plane of the first vertex if the object is at infinity, else from the
-    /// object.
+    /// object. `None` for fields of 90 degrees and more, whose light does not come through such a plane.
     pub opl_mm: Option<f64>,
 }
 
@@ -79,7 +79,7 @@ impl Place {
 
 impl Request {
     /// The pupil point, once every setting is in its range.
-    fn checked_pupil(&self) -> Result<[f64; 2], JobError> {
+    fn checked_pupil(&self, lens: &Lens) -> Result<[f64; 2], JobError> {
         let pupil = || self.pupil.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let [px, py] = self.pupil[..] else {
             return Err(JobError::setting(
@@ -98,8 +98,10 @@ impl Request {
             let hint = format!("wavelengths are in um; did you mean {}?", um * 1e-3);
             return Err(JobError::setting("wavelength", um, "not between 0.2 and 20 um", hint));
         }
-        if !self.field.is_finite() || self.field.abs() >= 89.0 {
-            return Err(JobError::setting("field", self.field, "not within 89 degrees", "degrees"));
+        let limit_deg = lens.object.field_limit_deg();
+        if !self.field.is_finite() || self.field.abs() >= limit_deg {
+            let message = format!("not within {limit_deg} degrees of the axis");
+            return Err(JobError::setting("field", self.field, message, "degrees"));
         }
         Ok([px, py])
     }
@@ -107,8 +109,8 @@ impl Request {
 
 /// Traces the ray. A ray that is lost is a response like any other.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    let pupil = request.checked_pupil()?;
     let lens = context.assets.lens(&request.lens)?.lens;
+    let pupil = request.checked_pupil(&lens)?;
     Ok(trace(&lens, request, pupil))
 }
 
@@ -117,13 +119,9 @@ fn trace(lens: &Lens, request: &Request, pupil: [f64; 2]) -> Response {
     let sequence = lens.at_wavelength(request.wavelength);
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     let field = request.field.to_radians();
-    let guess = paraxial_launch(&order, &sequence, field, pupil);
     let at = match request.aim {
-        Aim::Paraxial => Some(guess),
-        Aim::Real => {
-            let target = pupil.map(|p| p * order.stop_radius_mm);
-            aim_at_stop(&sequence, field, target, guess).map(|aimed| aimed.launch_mm)
-        }
+        Aim::Paraxial => Some(paraxial_launch(&order, &sequence, field, pupil)),
+        Aim::Real => aim_one(&sequence, field, order.stop_radius_mm, pupil),
     };
     let Some(at) = at else {
         return Response { status: status(Fate::NotAimed), surfaces: Vec::new(), image: None, opl_mm: None };
@@ -135,16 +133,17 @@ fn trace(lens: &Lens, request: &Request, pupil: [f64; 2]) -> Response {
         .map(|(p, s)| Place::new(p.point, p.direction_after, s.n_after))
         .collect();
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
-    // The trace starts in the plane of the first vertex: add the path from a near object to it.
-    let before = match lens.object {
-        ObjectDistance::Infinity => 0.0,
-        ObjectDistance::Finite(distance) => distance / start.direction[2],
+    // Add the path before the start of the trace: from the plane of the first vertex or from the object.
+    let height = match lens.object {
+        ObjectDistance::Infinity => start.position[2],
+        ObjectDistance::Finite(distance) => distance + start.position[2],
     };
+    let before = (request.field.abs() < 90.0).then(|| height / start.direction[2]);
     Response {
         status: status(path.fate),
         surfaces,
         image: path.image.map(|ray| Place::new(ray.position, ray.direction, n_image)),
-        opl_mm: path.image.map(|_| before + path.optical_path_mm),
+        opl_mm: path.image.and(before).map(|before| before + path.optical_path_mm),
     }
 }
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::lens_at_field::{LensAtField, pupil};
 use super::{AnalysisError, AnalysisOptions};
 use crate::lens::Lens;
+use crate::paraxial::rectilinear_tangent;
 use crate::pupil::{aim_one, chief_ray};
 use crate::trace::{Ray, Sequence, launch, trace_ray};
 
@@ -27,7 +28,7 @@ pub struct FieldCurves {
     pub sagittal_focus_mm: Vec<Vec<f64>>,
     /// `[wavelength]`: height of the chief ray divided by the tangent of the field, relative to the same for chief rays
     /// of the reference wavelength near the axis, minus one, %. All heights are on the image plane, so defocus alone is
-    /// no distortion.
+    /// no distortion. -100 % for fields of 90 degrees and more, which a rectilinear image never reaches.
     pub distortion_percent: Vec<Vec<f64>>,
     /// `[wavelength]`: the same with the field itself in place of its tangent.
     pub f_theta_distortion_percent: Vec<Vec<f64>>,
@@ -93,7 +94,7 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
     Ok(FieldCurves {
         tangential_focus_mm: by_colour(&|i, colour| fields[i].foci_mm[colour][1]),
         sagittal_focus_mm: by_colour(&|i, colour| fields[i].foci_mm[colour][0]),
-        distortion_percent: distortion(&f64::tan),
+        distortion_percent: distortion(&rectilinear_tangent),
         f_theta_distortion_percent: distortion(&|field| field),
         lateral_colour_um: by_colour(&|i, colour| {
             1e3 * (fields[i].height_mm[colour] - fields[i].reference_height_mm)

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::options::{airy_radius_um, cutoff_per_mm, image_f_number};
 use crate::lens::{Lens, ObjectDistance};
-use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray};
+use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray, rectilinear_tangent};
 use crate::seidel::marginal_and_chief;
 
 /// First-order quantities at the reference wavelength. A quantity that does not exist (the distance of an object at
@@ -46,7 +46,7 @@ pub struct FirstOrderTable {
     /// Height of the paraxial image of the full field, mm.
     pub image_height_mm: Option<f64>,
     /// Lagrange's invariant `n (u ybar - ubar y)` of the full field, mm.
-    pub lagrange_invariant_mm: f64,
+    pub lagrange_invariant_mm: Option<f64>,
     /// Radius of the Petzval surface, mm; negative if its centre is at smaller z, as for most lenses.
     pub petzval_radius_mm: Option<f64>,
     /// Radius of the first dark ring of a perfect lens, um.
@@ -93,8 +93,8 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         exit_pupil_at_mm: exists(order.exit_pupil_at_mm),
         stop_radius_mm: order.stop_radius_mm.abs(),
         full_field_deg,
-        image_height_mm: exists(per_tangent * full.tan()),
-        lagrange_invariant_mm: marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0],
+        image_height_mm: exists(per_tangent * rectilinear_tangent(full)),
+        lagrange_invariant_mm: exists(marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0]),
         petzval_radius_mm: exists(1.0 / (n_image * bends.sum::<f64>())),
         airy_radius_um: airy_radius_um(lens),
         cutoff_per_mm: cutoff_per_mm(lens),

@@ -28,7 +28,8 @@ pub struct ThirdOrder {
     pub wavefront_waves: [f64; 5],
 }
 
-/// Third-order sums; `None` if third-order theory does not cover a surface (thin lenses, diffractive power).
+/// Third-order sums; `None` if third-order theory does not cover a surface (thin lenses, diffractive power) or the outermost field
+/// (90 degrees and more).
 pub fn third_order(lens: &Lens) -> Option<ThirdOrder> {
     let full = lens.fields_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     let sequence = lens.at_wavelength(lens.reference_um);

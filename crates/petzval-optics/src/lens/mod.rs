@@ -30,6 +30,17 @@ pub enum ObjectDistance {
     Finite(f64),
 }
 
+impl ObjectDistance {
+    /// Fields are nearer to the axis than this, degrees: 180 from infinity, where light may even come from behind the lens; 90 from an
+    /// object plane.
+    pub fn field_limit_deg(self) -> f64 {
+        match self {
+            Self::Infinity => 180.0,
+            Self::Finite(_) => 90.0,
+        }
+    }
+}
+
 /// A compound lens. History is a list of lenses: nothing changes one in place.
 ///
 /// The last surface's thickness reaches to the image plane.

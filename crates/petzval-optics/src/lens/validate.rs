@@ -22,6 +22,8 @@ pub enum LensDefect {
     Nothing { what: &'static str },
     #[error("the entrance pupil diameter is {diameter_mm} mm, not a positive number")]
     Pupil { diameter_mm: f64 },
+    #[error("the field of {field_deg} degrees is not within {limit_deg} degrees of the axis")]
+    Field { field_deg: f64, limit_deg: f64 },
     #[error("surface {surface}: {quantity} is {value}, not a finite number")]
     NotFinite { surface: usize, quantity: &'static str, value: f64 },
     #[error("surface {surface}: the clear semi-diameter is {semi_diameter_mm} mm, not positive")]
@@ -57,7 +59,11 @@ impl LensDefect {
     /// The surface at fault, from 1; `None` where it is the lens as a whole.
     pub fn surface(&self) -> Option<usize> {
         match self {
-            Self::NoSurface | Self::NoStop { .. } | Self::Nothing { .. } | Self::Pupil { .. } => None,
+            Self::NoSurface
+            | Self::NoStop { .. }
+            | Self::Nothing { .. }
+            | Self::Pupil { .. }
+            | Self::Field { .. } => None,
             Self::NotFinite { surface, .. }
             | Self::SemiDiameter { surface, .. }
             | Self::CentreThickness { surface, .. }
@@ -87,6 +93,11 @@ pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
     }
     if !(lens.entrance_pupil_mm > 0.0 && lens.entrance_pupil_mm.is_finite()) {
         return Err(LensDefect::Pupil { diameter_mm: lens.entrance_pupil_mm });
+    }
+    let limit_deg = lens.object.field_limit_deg();
+    // Written so that NaN is outside as well.
+    if let Some(field_deg) = lens.fields_deg.iter().copied().find(|field| !(field.abs() < limit_deg)) {
+        return Err(LensDefect::Field { field_deg, limit_deg });
     }
     for (i, surface) in lens.surfaces.iter().enumerate() {
         check_surface(i + 1, surface, lens)?;

@@ -254,16 +254,23 @@ pub fn chief_ray(sequence: &Sequence, field_rad: f64) -> Option<ChiefRay> {
 /// the ideal field `guess_rad`. `None` if there is no such ray.
 pub fn field_imaged_at(sequence: &Sequence, y_mm: f64, guess_rad: f64) -> Option<f64> {
     const STEPS: usize = 30;
+    const HALVINGS: usize = 10;
     let miss = |field: f64| Some(chief_ray(sequence, field)?.y_mm - y_mm);
-    let (mut before, mut at) = (0.98 * guess_rad, guess_rad);
-    let (mut miss_before, mut miss_at) = (miss(before)?, miss(at)?);
+    // The field `to` and its miss or, where no chief ray reaches the image, those of a field nearer to `from`.
+    let step = |from: f64, to: f64| {
+        let mut nearer = (0..HALVINGS).map(|k| from + (to - from) * 0.5_f64.powi(k as i32));
+        nearer.find_map(|field| Some((field, miss(field)?)))
+    };
+    let (mut at, mut miss_at) = step(0.0, guess_rad)?;
+    let mut before = 0.98 * at;
+    let mut miss_before = miss(before)?;
     for _ in 0..STEPS {
         if miss_at.abs() < 1e-10 || miss_at == miss_before {
             return (miss_at.abs() < 1e-6).then_some(at);
         }
         let next = at - miss_at * (at - before) / (miss_at - miss_before);
         (before, miss_before) = (at, miss_at);
-        (at, miss_at) = (next, miss(next)?);
+        (at, miss_at) = step(at, next)?;
     }
     None
 }

@@ -34,7 +34,7 @@ pub(super) fn first_order(analysis: &Analysis) -> Markup {
         ("exit pupil from the last vertex", mm(o.exit_pupil_at_mm)),
         ("stop, radius", mm(Some(o.stop_radius_mm))),
         ("Petzval radius", mm(o.petzval_radius_mm)),
-        ("Lagrange invariant", mm(Some(o.lagrange_invariant_mm))),
+        ("Lagrange invariant", mm(o.lagrange_invariant_mm)),
         ("Airy disk, radius", Some(format!("{} µm", number::fixed(o.airy_radius_um, 3)))),
         ("cutoff", Some(format!("{} cycles/mm", number::fixed(o.cutoff_per_mm, 1)))),
         ("reference wavelength", Some(wavelength_name(analysis.reference_um))),

@@ -44,9 +44,12 @@ pub struct Args {
     /// Cell size, um
     #[arg(long, default_value_t = 1.0)]
     pitch_um: f64,
-    /// Pupil cells a side; not for waves
+    /// Least pupil cells a side; not for waves
     #[arg(long, default_value_t = 256)]
     pupil_cells: usize,
+    /// The pupil cells are doubled while the sum of absolute errors of a PSF of unit sum is larger than this
+    #[arg(long, default_value_t = 0.02)]
+    pupil_error: f64,
     /// Rays, accurate where aberrations spread light over many times the Airy disk, or waves
     #[arg(long, value_enum, default_value = "geometric")]
     kind: Kind,
@@ -66,6 +69,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         grid: args.grid,
         pitch_um: args.pitch_um,
         pupil_cells: args.pupil_cells,
+        pupil_error: args.pupil_error,
         kind: match args.kind {
             Kind::Geometric => PsfKind::Geometric,
             Kind::Diffraction => PsfKind::Diffraction,

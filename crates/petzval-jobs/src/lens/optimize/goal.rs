@@ -1,5 +1,6 @@
 //! The goal of an optimisation, and the problem that follows from it.
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use petzval_files::LensFile;
@@ -85,7 +86,9 @@ impl Goal {
             problem.merit.wavelengths_um.clone_from(&self.wavelengths);
         }
         if !self.fields.is_empty() {
-            check("fields", &self.fields, |f| f.abs() < 89.0, "degrees from the axis")?;
+            let limit_deg = file.lens.object.field_limit_deg();
+            let hint = format!("degrees from the axis, less than {limit_deg}");
+            check("fields", &self.fields, |f| f.abs() < limit_deg, &hint)?;
             problem.merit.fields_rad = self.fields.iter().map(|f| f.to_radians()).collect();
             problem.merit.field_weights = vec![1.0; self.fields.len()];
         }
@@ -132,6 +135,14 @@ impl Goal {
                 "distortion",
                 "",
                 "the lens is not rotationally symmetric, and its ideal image is not that of its focal length",
+                "leave it out",
+            ));
+        }
+        if self.distortion.is_some() && problem.merit.outermost_field_rad() >= FRAC_PI_2 {
+            return Err(JobError::setting(
+                "distortion",
+                "",
+                "the outermost field is 90 degrees or more, which no image without distortion reaches",
                 "leave it out",
             ));
         }

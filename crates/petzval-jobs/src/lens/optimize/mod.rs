@@ -12,7 +12,7 @@ use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
-use petzval_optics::paraxial::{first_order, image_height_per_tangent};
+use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
 use petzval_optics::pupil::{PupilSampling, chief_ray};
 use serde::{Deserialize, Serialize};
 
@@ -465,8 +465,8 @@ impl Figures {
         let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
             .then(|| chief_ray(&sequence, outermost))
             .flatten();
-        let distortion =
-            chief.map(|c| c.y_mm / (image_height_per_tangent(&sequence) * outermost.tan()) - 1.0);
+        let distortion = chief
+            .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
         Self {
             mean_rms_spot_um: analysis.mean_rms_um(),
             rms_spot_um: analysis.rms_um.clone(),

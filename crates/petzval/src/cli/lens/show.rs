@@ -107,15 +107,17 @@ fn print(response: &Response) {
             "\n  Seidel sums, mm     S1 {:+.5}  S2 {:+.5}  S3 {:+.5}  S4 {:+.5}  S5 {:+.5}",
             s.s1, s.s2, s.s3, s.s4, s.s5
         ),
-        None => println!("\n  Seidel sums         not defined for thin lenses and diffractive power"),
+        None => println!(
+            "\n  Seidel sums         not defined for thin lenses, diffractive power and fields of 90 degrees and more"
+        ),
     }
     println!("\n  RMS spot radius, um, all wavelengths");
     println!("  field deg   paraxial pupil   real stop   illumination");
     for (i, field) in f.fields_deg.iter().enumerate() {
         let illumination = &f.relative_illumination[i];
         println!(
-            "  {field:>9.2}   {:>14.2}   {:>9.2}   {:>12.3}",
-            f.rms_spot_poly_um[i],
+            "  {field:>9.2}   {:>14}   {:>9.2}   {:>12.3}",
+            figure(f.rms_spot_poly_um[i], 2),
             f.rms_spot_poly_real_stop_um[i],
             illumination.iter().sum::<f64>() / illumination.len() as f64
         );
