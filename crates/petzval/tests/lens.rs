@@ -150,7 +150,7 @@ fn wrong_requests_for_a_ray_are_refused() {
         ("5", "550", "0,0", ["--wavelength 550", "did you mean 0.55?"]),
         ("5", "nan", "0,0", ["--wavelength", "0.2"]),
         ("5", "0", "0,0", ["--wavelength 0", "between 0.2 and 20 um"]),
-        ("95", "0.55", "0,0", ["--field 95", "89"]),
+        ("180", "0.55", "0,0", ["--field 180", "180 degrees"]),
         ("5", "0.55", "0", ["--pupil 0: needs two numbers", "0,0.7"]),
         ("5", "0.55", "0,0,0", ["--pupil 0,0,0: needs two numbers", "0,0.7"]),
         ("5", "0.55", "a,b", ["invalid value", "--pupil"]),

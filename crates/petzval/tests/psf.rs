@@ -47,7 +47,8 @@ fn psfs_have_unit_sum_and_named_axes() {
 #[test]
 fn the_default_is_thirteen_fields_of_128_cells() {
     let folder = tempfile::tempdir().unwrap();
-    let shown = run_ok(folder.path(), &["psf", LENS, "--out", "psf", "--pupil-cells", "32"]);
+    let shown =
+        run_ok(folder.path(), &["psf", LENS, "--out", "psf", "--pupil-cells", "32", "--pupil-error", "2"]);
     let (shape, values) = npy(&folder.path().join("psf/psf.npy"));
     assert_eq!(shape, [13, 3, 128, 128]);
     for psf in values.chunks_exact(128 * 128) {
