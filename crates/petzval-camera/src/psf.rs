@@ -121,13 +121,7 @@ impl PsfLayout {
         if self.field_radius_mm.is_empty() {
             return Err(PsfError::NoField);
         }
-        for (index, &radius_mm) in self.field_radius_mm.iter().enumerate() {
-            let ascends =
-                if index == 0 { radius_mm == 0.0 } else { radius_mm > self.field_radius_mm[index - 1] };
-            if !radius_mm.is_finite() || !ascends {
-                return Err(PsfError::Radius { index, radius_mm });
-            }
-        }
+        check_radii(&self.field_radius_mm)?;
         if self.grid == 0 || !self.pitch_um.is_finite() || self.pitch_um <= 0.0 {
             return Err(PsfError::Grid { grid: self.grid, pitch_um: self.pitch_um });
         }
@@ -178,6 +172,17 @@ impl PsfBank {
         }
         Ok(())
     }
+}
+
+/// Checks that radii are finite, start at 0 and ascend.
+pub(crate) fn check_radii(radii_mm: &[f64]) -> Result<(), PsfError> {
+    for (index, &radius_mm) in radii_mm.iter().enumerate() {
+        let ascends = if index == 0 { radius_mm == 0.0 } else { radius_mm > radii_mm[index - 1] };
+        if !radius_mm.is_finite() || !ascends {
+            return Err(PsfError::Radius { index, radius_mm });
+        }
+    }
+    Ok(())
 }
 
 pub(crate) fn check_len(what: &'static str, len: usize, expected: usize) -> Result<(), PsfError> {

@@ -187,7 +187,7 @@ fn the_pupil_grid_is_as_fine_as_the_error_needs() {
         chosen.push(found.cells);
     }
     assert!(chosen.iter().max() > chosen.iter().min(), "{chosen:?}");
-    // A tolerance beyond reach is told.
+    // A tolerance that cannot be reached is reported.
     let strict = PupilRefinement { tolerance: 1e-9, first_cells: 32, most_cells: 128 };
     let lens = lens_of("nominal");
     let found = psf_converged(&lens, 0.1, &[0.486], &options, &strict).unwrap();

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::kernel::{kernel_at, kernel_radius};
-use super::{RenderError, RenderGeometry, geometry};
+use super::{RenderError, RenderGeometry};
 use crate::image::CHANNELS;
-use crate::psf::PsfBank;
+use crate::psf::{PsfBank, PsfLayout};
 use petzval_base::statistics::median;
 
 /// Places of the sensor at which the blend is compared.
@@ -24,40 +24,55 @@ pub struct BlendError {
     pub largest: f64,
 }
 
+/// The places at which blends of a bank are compared, and the kernels of these places themselves.
+struct Compared<'a> {
+    bank: &'a PsfBank,
+    layout: PsfLayout,
+    radius: usize,
+    places: Vec<(usize, usize)>,
+    exact: Vec<Vec<f64>>,
+}
+
+impl<'a> Compared<'a> {
+    fn new(geometry: &RenderGeometry, bank: &'a PsfBank) -> Result<Self, RenderError> {
+        let layout = bank.layout();
+        let radius = kernel_radius(geometry, &layout)?;
+        // A sequence that fills the sensor evenly: multiples of the powers of 1 / 1.3247..., the root of x^3 = x + 1.
+        let along = |i: usize, step: f64, pixels: usize| ((i as f64 * step).fract() * pixels as f64) as usize;
+        let places: Vec<(usize, usize)> = (1..=PLACES)
+            .map(|i| {
+                let row = along(i, 0.754_877_666_246_692_7, geometry.sensor_height);
+                (row, along(i, 0.569_840_290_998_053_2, geometry.sensor_width))
+            })
+            .collect();
+        let of_place = |&(row, col): &(usize, usize)| {
+            kernel_at(geometry, &layout, &bank.values, radius, geometry.position_um(row as f64, col as f64))
+        };
+        let exact = places.par_iter().map(of_place).collect();
+        Ok(Self { bank, layout, radius, places, exact })
+    }
+
+    /// The error of the blend between the patches of a geometry of the same sensor.
+    fn error(&self, geometry: &RenderGeometry) -> BlendError {
+        let errors: Vec<f64> = (self.places.par_iter().zip(&self.exact))
+            .map(|(&(row, col), exact)| {
+                let mut difference = exact.clone();
+                for (patch, weight) in geometry.patches_at(row, col) {
+                    let at = geometry.patch_centre_um(patch);
+                    let of_patch = kernel_at(geometry, &self.layout, &self.bank.values, self.radius, at);
+                    difference.iter_mut().zip(of_patch).for_each(|(d, v)| *d -= f64::from(weight) * v);
+                }
+                difference.iter().map(|d| d.abs()).sum::<f64>() / CHANNELS as f64
+            })
+            .collect();
+        let largest = errors.iter().fold(0.0_f64, |a, b| a.max(*b));
+        BlendError { median: median(errors), largest }
+    }
+}
+
 /// The error of the blend of a bank's PSFs, at the same places for every geometry of one sensor.
 pub fn blend_error(geometry: &RenderGeometry, bank: &PsfBank) -> Result<BlendError, RenderError> {
-    let layout = bank.layout();
-    let radius = kernel_radius(geometry, &layout)?;
-    // A sequence that fills the sensor evenly: multiples of the powers of 1 / 1.3247..., the root of x^3 = x + 1.
-    let along = |i: usize, step: f64, pixels: usize| ((i as f64 * step).fract() * pixels as f64) as usize;
-    let places: Vec<(usize, usize)> = (1..=PLACES)
-        .map(|i| {
-            let row = along(i, 0.754_877_666_246_692_7, geometry.sensor_height);
-            (row, along(i, 0.569_840_290_998_053_2, geometry.sensor_width))
-        })
-        .collect();
-    let kernel = |at: (f64, f64)| kernel_at(geometry, &layout, &bank.values, radius, at);
-    let errors: Vec<f64> = places
-        .par_iter()
-        .map(|&(row, col)| {
-            let mut difference = kernel(geometry.position_um(row as f64, col as f64));
-            let (rows, cols) = geometry.patches;
-            let (row_lo, row_hi) = geometry::hat(geometry.sensor_height, rows, row);
-            let (col_lo, col_hi) = geometry::hat(geometry.sensor_width, cols, col);
-            for (i, by_row) in [(row_lo, 1.0 - row_hi), (row_lo + 1, row_hi)] {
-                for (j, by_col) in [(col_lo, 1.0 - col_hi), (col_lo + 1, col_hi)] {
-                    let weight = f64::from(by_row * by_col);
-                    if weight > 0.0 {
-                        let patch = kernel(geometry.patch_centre_um(i * cols + j));
-                        difference.iter_mut().zip(patch).for_each(|(d, v)| *d -= weight * v);
-                    }
-                }
-            }
-            difference.iter().map(|d| d.abs()).sum::<f64>() / CHANNELS as f64
-        })
-        .collect();
-    let largest = errors.iter().fold(0.0_f64, |a, b| a.max(*b));
-    Ok(BlendError { median: median(errors), largest })
+    Ok(Compared::new(geometry, bank)?.error(geometry))
 }
 
 /// The geometry of the same sensor with the fewest patches whose [`blend_error`] has a median of at most `error`, and that error;
@@ -68,18 +83,22 @@ pub fn with_patches_for(
     error: f64,
 ) -> Result<(RenderGeometry, BlendError), RenderError> {
     geometry.validate()?;
+    let compared = Compared::new(geometry, bank)?;
     let aspect = geometry.sensor_width as f64 / geometry.sensor_height as f64;
-    let mut last = None;
-    for rows in ROWS {
+    let with_rows = |rows: usize| {
         let cols = ((rows as f64 * aspect).round() as usize).clamp(1, super::MAX_PATCHES);
         let patches = (rows.min(geometry.sensor_height), cols.min(geometry.sensor_width));
         let tried = RenderGeometry { patches, ..geometry.clone() };
-        let found = blend_error(&tried, bank)?;
-        let is_enough = found.median <= error;
-        last = Some((tried, found));
-        if is_enough {
+        let found = compared.error(&tried);
+        (tried, found)
+    };
+    let [first, more @ ..] = ROWS;
+    let mut found = with_rows(first);
+    for rows in more {
+        if found.1.median <= error {
             break;
         }
+        found = with_rows(rows);
     }
-    last.map_or_else(|| Ok((geometry.clone(), blend_error(geometry, bank)?)), Ok)
+    Ok(found)
 }

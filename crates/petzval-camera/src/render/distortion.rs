@@ -6,7 +6,7 @@ use super::error::RenderError;
 use super::geometry::Window;
 use super::{RenderGeometry, limits::MAX_SIDE};
 use crate::image::LinearImage;
-use crate::psf::{PsfError, check_len};
+use crate::psf::{PsfError, check_len, check_radii};
 
 /// The chief-ray map of a rotationally symmetric lens: the ideal radius of each image radius.
 ///
@@ -25,17 +25,11 @@ impl Distortion {
     /// A map by image radii, ascending from 0, and the ideal radius of each, ascending from 0, mm.
     pub fn new(image_mm: Vec<f64>, ideal_mm: Vec<f64>) -> Result<Self, PsfError> {
         check_len("the distortion table", ideal_mm.len(), image_mm.len())?;
-        for radii in [&image_mm, &ideal_mm] {
-            let ascends = radii.windows(2).position(|pair| pair[1] <= pair[0]).map(|i| i + 1);
-            let wrong = if radii.first().is_some_and(|r| *r == 0.0) { ascends } else { Some(0) };
-            let wrong = radii.iter().position(|r| !r.is_finite()).or(wrong);
-            if let Some(index) = wrong {
-                return Err(PsfError::Radius {
-                    index,
-                    radius_mm: radii.get(index).copied().unwrap_or(f64::NAN),
-                });
-            }
+        if image_mm.is_empty() {
+            return Err(PsfError::NoField);
         }
+        check_radii(&image_mm)?;
+        check_radii(&ideal_mm)?;
         Ok(Self { image_mm, ideal_mm })
     }
 

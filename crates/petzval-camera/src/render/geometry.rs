@@ -181,6 +181,22 @@ pub(super) fn hat(len: usize, patches: usize, k: usize) -> (usize, f32) {
     (lo, (position - lo as f64) as f32)
 }
 
+impl RenderGeometry {
+    /// The patches that a pixel of the sensor blends, at most four, and their weights, which are positive and sum to 1.
+    pub(super) fn patches_at(&self, row: usize, col: usize) -> impl Iterator<Item = (usize, f32)> {
+        let (rows, cols) = self.patches;
+        let along = |len: usize, patches: usize, k: usize| {
+            let (lo, upper) = hat(len, patches, k);
+            [(lo, 1.0 - upper), (lo + 1, upper)]
+        };
+        let by_col = along(self.sensor_width, cols, col);
+        let by_row = along(self.sensor_height, rows, row).into_iter();
+        by_row
+            .flat_map(move |(i, wr)| by_col.map(|(j, wc)| (i * cols + j, wr * wc)))
+            .filter(|(_, weight)| *weight > 0.0)
+    }
+}
+
 /// A run of pixels along one axis that blends the same one or two patches.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTile {

@@ -65,8 +65,9 @@ pub fn render_kernels(
 ) -> Result<LinearImage, RenderError> {
     let window = kernel::checked_window(geometry, kernels, scene, placement)?;
     let set = TileSet::new(geometry, &window, kernels.radius, None);
-    if spatial::is_faster(&set, kernels) {
-        return Ok(set.assembled(&window, spatial::render_tiles(&set, kernels, scene)));
+    let supports = spatial::supports(&set, kernels);
+    if spatial::is_faster(&set, &supports) {
+        return Ok(set.assembled(&window, spatial::render_tiles(&set, kernels, &supports, scene)));
     }
     let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
     Ok(set.assembled(&window, convolve::by_transforms(&set, scene)))

@@ -7,7 +7,7 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::PatchKernels;
-use super::geometry::{AxisTile, tile_patches};
+use super::geometry::tile_patches;
 use super::tiles::TileSet;
 use crate::image::{CHANNELS, LinearImage};
 use petzval_base::simd::dispatch;
@@ -23,7 +23,7 @@ const MOST_TAPS: usize = 900;
 
 /// The rectangle of a kernel outside of which all given kernels are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Support {
+pub(super) struct Support {
     first_row: usize,
     rows: usize,
     first_col: usize,
@@ -53,19 +53,22 @@ impl Support {
     }
 }
 
-/// The support of the kernels that a tile blends, all channels together.
-fn support(set: &TileSet, kernels: &PatchKernels, row: &AxisTile, col: &AxisTile) -> Support {
-    let patches = tile_patches(row, col, set.patch_cols);
-    let all = patches.iter().flat_map(|patch| (0..CHANNELS).map(move |c| kernels.kernel(*patch, c)));
-    Support::of(all, kernels.size())
+/// The supports of the kernels that each tile blends, all channels together.
+pub(super) fn supports(set: &TileSet, kernels: &PatchKernels) -> Vec<Support> {
+    let of_tile = |tile: usize| {
+        let (row, col, _) = set.tile(tile);
+        let patches = tile_patches(row, col, set.patch_cols);
+        let all = patches.iter().flat_map(|patch| (0..CHANNELS).map(move |c| kernels.kernel(*patch, c)));
+        Support::of(all, kernels.size())
+    };
+    (0..set.len()).into_par_iter().map(of_tile).collect()
 }
 
 /// Whether direct convolution of a window is faster than that by FFTs.
-pub(super) fn is_faster(set: &TileSet, kernels: &PatchKernels) -> bool {
+pub(super) fn is_faster(set: &TileSet, supports: &[Support]) -> bool {
     let (mut taps, mut pixels) = (0, 0);
-    for tile in 0..set.len() {
+    for (tile, s) in supports.iter().enumerate() {
         let (row, col, _) = set.tile(tile);
-        let s = support(set, kernels, row, col);
         taps += 2 * s.rows * s.cols * row.len * col.len;
         pixels += row.len * col.len;
     }
@@ -73,15 +76,16 @@ pub(super) fn is_faster(set: &TileSet, kernels: &PatchKernels) -> bool {
 }
 
 /// The light of one channel of a tile, row by row.
-pub(super) fn render_tile(
+fn render_tile(
     set: &TileSet,
     kernels: &PatchKernels,
+    s: &Support,
     scene: &LinearImage,
     tile: usize,
     channel: usize,
 ) -> Vec<f32> {
     let (row, col, _) = set.tile(tile);
-    let (side, s) = (kernels.size(), support(set, kernels, row, col));
+    let side = kernels.size();
     // Cut out the scene under the tile and the reach of its kernels. Each line is padded for whole blocks of columns.
     let padded = col.len.next_multiple_of(BLOCK);
     let stride = padded + s.cols;
@@ -121,9 +125,18 @@ pub(super) fn render_tile(
 }
 
 /// All tiles and channels of a window.
-pub(super) fn render_tiles(set: &TileSet, kernels: &PatchKernels, scene: &LinearImage) -> Vec<Vec<f32>> {
+pub(super) fn render_tiles(
+    set: &TileSet,
+    kernels: &PatchKernels,
+    supports: &[Support],
+    scene: &LinearImage,
+) -> Vec<Vec<f32>> {
     let work = (0..set.len() * CHANNELS).into_par_iter();
-    work.map(|work| render_tile(set, kernels, scene, work / CHANNELS, work % CHANNELS)).collect()
+    work.map(|work| {
+        let (tile, channel) = (work / CHANNELS, work % CHANNELS);
+        render_tile(set, kernels, &supports[tile], scene, tile, channel)
+    })
+    .collect()
 }
 
 /// `out[c] = sum over r, k of kernel[r][k] lines[r][c + k]`.

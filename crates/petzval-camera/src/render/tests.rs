@@ -145,7 +145,10 @@ fn fast_rendering_equals_the_direct_sum() {
         // Directly and by FFTs, whichever is chosen.
         let window = Window { placement, height, width };
         let set = TileSet::new(&geometry, &window, radius(), Some(&kernels));
-        let directly = set.assembled(&window, spatial::render_tiles(&set, &kernels, &scene));
+        let directly = set.assembled(
+            &window,
+            spatial::render_tiles(&set, &kernels, &spatial::supports(&set, &kernels), &scene),
+        );
         let by_transforms = set.assembled(&window, convolve::by_transforms(&set, &scene));
         let chosen = render(&geometry, &b, &scene, placement).unwrap();
         for fast in [directly, by_transforms, chosen] {

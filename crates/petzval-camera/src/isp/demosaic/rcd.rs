@@ -1,0 +1,119 @@
+//! Ratio-corrected demosaicing (Sanz Rodriguez 2017): green by the ratio of a low-pass to that of the neighbours, red and blue by colour
+//! differences; both between estimates along two directions, weighted by how much the mosaic varies along each.
+
+use super::tile::{Plane, Site, Tile};
+use crate::image::CHANNELS;
+
+/// Keeps quotients finite where a picture is flat.
+const EPSILON: f32 = 1e-5;
+
+pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
+    let s = tile.mosaic.stride;
+    let v = &tile.mosaic.data;
+
+    // Share of the variation along `one` in that along both directions: squares of a sixth-order high-pass at three pixels.
+    let share = |one: usize, other: usize, margin: usize| {
+        let mut out = Plane::zeros(tile);
+        tile.each(margin, |_, i| {
+            let high = |i: usize, d: usize| {
+                let near = v[i - d] + v[i + d];
+                let far = v[i - 3 * d] + v[i + 3 * d];
+                (far - near - 3.0 * (v[i - 2 * d] + v[i + 2 * d]) + 6.0 * v[i]).powi(2)
+            };
+            let along = |d: usize| (high(i - d, d) + high(i, d) + high(i + d, d)).max(EPSILON * EPSILON);
+            let (first, second) = (along(one), along(other));
+            out.data[i] = first / (first + second);
+        });
+        out.data
+    };
+    // The share of a pixel, or the mean of its diagonal neighbours where that is more decided.
+    let decided = |shares: &[f32], i: usize| {
+        let around = 0.25 * (shares[i - s - 1] + shares[i - s + 1] + shares[i + s - 1] + shares[i + s + 1]);
+        if (0.5 - shares[i]).abs() < (0.5 - around).abs() { around } else { shares[i] }
+    };
+    // Two estimates of opposite neighbours, each weighted by the variation on the other side.
+    let between = |a: f32, of_a: f32, b: f32, of_b: f32| (of_b * a + of_a * b) / (of_a + of_b);
+
+    let by_column = share(s, 1, 4);
+    let mut low = Plane::zeros(tile);
+    tile.each(1, |_, i| {
+        low.data[i] = 0.25 * v[i]
+            + 0.125 * (v[i - 1] + v[i + 1] + v[i - s] + v[i + s])
+            + 0.0625 * (v[i - s - 1] + v[i - s + 1] + v[i + s - 1] + v[i + s + 1]);
+    });
+    // Green at red and blue.
+    let mut green = tile.mosaic.clone();
+    tile.each(5, |site, i| {
+        if site.is_green() {
+            return;
+        }
+        // The estimate from the neighbour at `i + d`, and the variation on that side; `at` steps along the direction.
+        let side = |d: isize| {
+            let at = |k: isize| i.wrapping_add_signed(k * d);
+            let variation = EPSILON
+                + (v[at(1)] - v[at(-1)]).abs()
+                + (v[i] - v[at(2)]).abs()
+                + (v[at(1)] - v[at(3)]).abs()
+                + (v[at(2)] - v[at(4)]).abs();
+            let (here, there) = (low.data[i], low.data[at(2)]);
+            (v[at(1)] * (1.0 + (here - there) / (EPSILON + here.abs() + there.abs())), variation)
+        };
+        let step = s as isize;
+        let ((n, of_n), (b, of_b)) = (side(-step), side(step));
+        let ((w, of_w), (e, of_e)) = (side(-1), side(1));
+        let weight = decided(&by_column, i);
+        green.data[i] = weight * between(w, of_w, e, of_e) + (1.0 - weight) * between(n, of_n, b, of_b);
+    });
+    let g = &green.data;
+
+    // Red at blue and blue at red, along the diagonals.
+    let falling = share(s + 1, s - 1, 4);
+    let [mut red, mut blue] = [tile.mosaic.clone(), tile.mosaic.clone()];
+    tile.each(8, |site, i| {
+        if site.is_green() {
+            return;
+        }
+        let side = |d: isize| {
+            let at = |k: isize| i.wrapping_add_signed(k * d);
+            let variation = EPSILON
+                + (v[at(1)] - v[at(-1)]).abs()
+                + (v[at(1)] - v[at(3)]).abs()
+                + (g[i] - g[at(2)]).abs();
+            (v[at(1)] - g[at(1)], variation)
+        };
+        let (down_right, down_left) = (s as isize + 1, s as isize - 1);
+        let ((a, of_a), (b, of_b)) = (side(-down_right), side(down_right));
+        let ((c, of_c), (d, of_d)) = (side(-down_left), side(down_left));
+        let weight = decided(&falling, i);
+        let value = g[i] + (1.0 - weight) * between(a, of_a, b, of_b) + weight * between(c, of_c, d, of_d);
+        match site {
+            Site::Red => blue.data[i] = value,
+            _ => red.data[i] = value,
+        }
+    });
+    // Red and blue at green.
+    let (red_known, blue_known) = (red.clone(), blue.clone());
+    tile.each(11, |site, i| {
+        if !site.is_green() {
+            return;
+        }
+        let weight = decided(&by_column, i);
+        let colour = |c: &[f32]| {
+            let side = |d: isize| {
+                let at = |k: isize| i.wrapping_add_signed(k * d);
+                let variation = EPSILON
+                    + (g[i] - g[at(2)]).abs()
+                    + (c[at(1)] - c[at(-1)]).abs()
+                    + (c[at(1)] - c[at(3)]).abs();
+                (c[at(1)] - g[at(1)], variation)
+            };
+            let step = s as isize;
+            let ((n, of_n), (b, of_b)) = (side(-step), side(step));
+            let ((w, of_w), (e, of_e)) = (side(-1), side(1));
+            g[i] + (1.0 - weight) * between(n, of_n, b, of_b) + weight * between(w, of_w, e, of_e)
+        };
+        red.data[i] = colour(&red_known.data);
+        blue.data[i] = colour(&blue_known.data);
+    });
+    [red, green, blue].map(|plane| tile.inside(&plane))
+}
