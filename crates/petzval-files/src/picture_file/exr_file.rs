@@ -2,15 +2,14 @@
 
 use exr::prelude::{AnyChannels, FlatSamples, Layer, Vec2};
 
-use super::Picture;
 use super::ignored::{PrimariesXy, primaries_note};
 use crate::exr_layers::{channel_names, read_layers};
 use petzval_camera::image::{CHANNELS, LinearImage};
 
-/// Reads the first layer with the channels R, G and B, or Y; fails with a reason.
+/// Reads the first layer with the channels R, G and B, or Y, and notes what the file says and is not obeyed; fails with a reason.
 ///
 /// OpenEXR colours are premultiplied by alpha: over black they stay as they are.
-pub fn read(bytes: &[u8]) -> Result<Picture, String> {
+pub fn read(bytes: &[u8]) -> Result<(LinearImage, Vec<String>), String> {
     let image = read_layers(bytes).map_err(|(reason, _)| reason)?;
     let found = image.layer_data.iter().find_map(|layer| Some((layer, planes(layer)?)));
     let Some((layer, planes)) = found else {
@@ -54,7 +53,7 @@ pub fn read(bytes: &[u8]) -> Result<Picture, String> {
     if let Some(nits) = layer.attributes.white_luminance {
         notes.push(format!("its luminance of white, {nits} cd/m2, is ignored: 1 is white"));
     }
-    Ok(Picture { light, notes })
+    Ok((light, notes))
 }
 
 /// The three planes of a layer: its red, green and blue, or its gray three times.

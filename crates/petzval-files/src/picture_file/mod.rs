@@ -98,7 +98,10 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
     let reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
     let mut picture = match reader.format() {
-        Some(ImageFormat::OpenExr) => exr_file::read(bytes).map_err(decode)?,
+        Some(ImageFormat::OpenExr) => {
+            let (light, notes) = exr_file::read(bytes).map_err(decode)?;
+            Picture { light, notes }
+        }
         Some(ImageFormat::Hdr) => read_hdr(bytes).map_err(undecodable)?,
         // The signature of older Radiance files.
         None if bytes.starts_with(b"#?RGBE") => read_hdr(bytes).map_err(undecodable)?,
