@@ -45,6 +45,8 @@ pub struct Setup {
     pub photos: PhotoSet,
     /// Pictures of the folder that cannot be used, each with the reason.
     pub skipped_photos: Vec<(String, DatasetError)>,
+    /// What picture files say that was not obeyed, such as a colour profile, each with the name of the picture.
+    pub photo_notes: Vec<(String, String)>,
     /// How training windows are cut.
     pub training_crops: CropPlan,
     /// How held-out windows are cut.
@@ -60,7 +62,8 @@ impl Setup {
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
-        (setup.photos, setup.skipped_photos) = load_photos(&setup.experiment, assets, window)?;
+        let read = load_photos(&setup.experiment, assets, window)?;
+        (setup.photos, setup.skipped_photos, setup.photo_notes) = (read.photos, read.skipped, read.notes);
         setup.training_crops.check(setup.photos.training())?;
         setup.scoring_crops.check(setup.photos.held_out())?;
         Ok(setup)
@@ -115,6 +118,7 @@ impl Setup {
             fixed_plan,
             photos: PhotoSet::default(),
             skipped_photos: Vec::new(),
+            photo_notes: Vec::new(),
             training_crops,
             scoring_crops,
             lpips_weights,
@@ -210,8 +214,12 @@ struct PhotoEntry {
     file: String,
 }
 
-/// Training and held-out photographs, and names of files that cannot be used, each with the reason.
-type Photos = (PhotoSet, Vec<(String, DatasetError)>);
+/// Training and held-out photographs, files that cannot be used, and what is ignored of the others; see [`Folder`].
+struct Photos {
+    photos: PhotoSet,
+    skipped: Vec<(String, DatasetError)>,
+    notes: Vec<(String, String)>,
+}
 
 /// Every so many pictures of a user's folder, one is held out.
 const HELD_OUT_EVERY: usize = 4;
@@ -226,16 +234,18 @@ fn load_photos(experiment: &Experiment, assets: &Assets, window: usize) -> Resul
         .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;
     let names = |entries: &[PhotoEntry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
     let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
+    let mut notes = Vec::new();
     let photos = split
         .training
         .iter()
         .chain(&split.held_out)
         .map(|name| {
-            let image = load_image_bytes(assets.bytes(&format!("photos/{name}"))?, name)?;
-            Ok(NamedPhoto { name: name.clone(), image })
+            let picture = load_image_bytes(assets.bytes(&format!("photos/{name}"))?, name)?;
+            notes.extend(picture.notes.into_iter().map(|note| (name.clone(), note)));
+            Ok(NamedPhoto { name: name.clone(), image: picture.light })
         })
         .collect::<Result<_, DesignError>>()?;
-    Ok((PhotoSet::new(photos, &split)?, Vec::new()))
+    Ok(Photos { photos: PhotoSet::new(photos, &split)?, skipped: Vec::new(), notes })
 }
 
 fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
@@ -248,7 +258,8 @@ fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
     }
     found.skip(|photo| photo.check_holds(window));
     found.skip_copies();
-    let Folder { photos, skipped } = found;
+    let Folder { photos, skipped, mut notes } = found;
+    notes.retain(|(name, _)| photos.iter().any(|photo| photo.name == *name));
     if photos.len() < 2 {
         let count = if photos.is_empty() { "no picture" } else { "only one picture" };
         let reasons: Vec<String> = skipped.iter().take(3).map(|(_, reason)| reason.to_string()).collect();
@@ -266,5 +277,5 @@ fn folder_photos(folder: &Path, window: usize) -> Result<Photos, DesignError> {
         let list = if held_out { &mut split.held_out } else { &mut split.training };
         list.push(photo.name.clone());
     }
-    Ok((PhotoSet::new(photos, &split)?, skipped))
+    Ok(Photos { photos: PhotoSet::new(photos, &split)?, skipped, notes })
 }

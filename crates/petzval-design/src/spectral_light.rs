@@ -1,7 +1,7 @@
 //! A spectral scene through a lens: every band is spread by the PSFs of its own wavelength.
 
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_camera::render::{Distortion, RenderGeometry, Window, illumination_map, kernel_radius, render};
+use petzval_camera::render::{Distortion, RenderGeometry, Window, light_on_pixels};
 use petzval_camera::sensor::Colour;
 use petzval_camera::spectral::{ColourElectrons, ElectronsError};
 use petzval_optics::lens::Lens;
@@ -15,7 +15,10 @@ pub struct Bands<'a> {
     pub um: &'a [f64],
     /// Electrons per unit radiance of each colour and band ([`petzval_camera::spectral::band_weights`]).
     pub weights: &'a [(Colour, Vec<f64>)],
-    /// Radiance of three bands on the whole sensor, one plane each; with a distortion, on its ideal frame.
+    /// Samples of the scene along a side of a pixel.
+    pub samples: usize,
+    /// Radiance of three bands on the whole sensor, one plane each; with a distortion, on its ideal frame. Each pixel has
+    /// `samples` x `samples` values.
     pub planes: &'a dyn Fn([usize; CHANNELS]) -> LinearImage,
     /// Where the points of the scene land, if its distortion is rendered.
     pub distortion: Option<&'a Distortion>,
@@ -74,15 +77,6 @@ fn through_lens(
     window: Window,
 ) -> Result<LinearImage, DesignError> {
     let bank = PsfPlan { wavelengths_um: three.map(|b| bands.um[b]), ..plan.clone() }.bank(lens)?;
-    let border = kernel_radius(geometry, &bank.layout())?;
     let picture = (bands.planes)(three);
-    let scene = match bands.distortion {
-        Some(distortion) => distortion.project(geometry, &picture, &window, border)?,
-        None => window.scene(&picture, border),
-    };
-    let Window { placement, height, width } = window;
-    let blurred = render(geometry, &bank, &scene, placement)?;
-    let map = illumination_map(geometry, &bank.layout(), &bank.illumination, placement, height, width)?;
-    let data = blurred.data.iter().zip(&map.data).map(|(l, m)| (l * m).max(0.0)).collect();
-    Ok(LinearImage { data, ..blurred })
+    Ok(light_on_pixels(geometry, &bank, &picture, bands.distortion, &window, bands.samples)?)
 }

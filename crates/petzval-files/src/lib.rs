@@ -5,6 +5,7 @@ mod decimal;
 mod draft;
 mod encoding;
 mod export;
+mod exr_layers;
 mod float_file;
 mod glass_file;
 mod glass_toml;
@@ -32,7 +33,7 @@ pub use lens_toml::{Expect, Expected, ExpectedSpots, LensFile, lens_schema, pars
 pub use loss::{Effect, Loss};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{
-    ImageError, encoded_png_bytes, load_image, load_image_bytes, png_bytes, save_png, save_png16,
+    ImageError, Picture, encoded_png_bytes, load_image, load_image_bytes, png_bytes, save_png, save_png16,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

@@ -72,6 +72,11 @@ impl Context {
         Self { command, ..self }
     }
 
+    /// The same context, whose reports nobody sees.
+    pub fn silent(&self) -> Self {
+        Self { watcher: Arc::new(Silent), ..self.clone() }
+    }
+
     /// The command line that called the jobs; may be empty.
     pub fn command(&self) -> &str {
         &self.command

@@ -1,5 +1,6 @@
 //! `design`: the joint optimisation of a camera, and the comparison with its controls.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -170,7 +171,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(Response { run: folder.root().to_path_buf(), ending })
 }
 
-/// Lists the training, held-out and skipped pictures.
+/// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed.
 fn report_pictures(setup: &Setup, context: &Context) {
     let (training, held_out) = (setup.photos.training(), setup.photos.held_out());
     let list = |what: &str, names: Vec<&str>| {
@@ -185,6 +186,19 @@ fn report_pictures(setup: &Setup, context: &Context) {
         context
             .warning(format!("{skipped} of {all} pictures cannot be used and are skipped; {first}{reason}"));
         list("skipped", setup.skipped_photos.iter().map(|(name, _)| name.as_str()).collect());
+    }
+    // One line for each note, with the first picture.
+    let mut noted: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (name, note) in &setup.photo_notes {
+        noted.entry(note).or_default().push(name);
+    }
+    for (note, names) in noted {
+        let others = match names.len() - 1 {
+            0 => String::new(),
+            1 => " and another picture".to_owned(),
+            n => format!(" and {n} other pictures"),
+        };
+        context.warning(format!("{}{others}: {note}", names[0]));
     }
 }
 

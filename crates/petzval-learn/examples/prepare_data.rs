@@ -38,7 +38,7 @@ fn reduce_photo(from: &str, to: &str, factor: &str) -> Outcome<()> {
     if !(1.0..=8.0).contains(&factor) {
         return Err(format!("factor {factor} is outside 1..8").into());
     }
-    let photo = load_image(from.as_ref())?;
+    let photo = load_image(from.as_ref())?.light;
     let (height, width) = ((photo.height as f64 / factor) as usize, (photo.width as f64 / factor) as usize);
 
     // Weight each source row or column by its overlap with the target pixel.

@@ -94,6 +94,24 @@ fn a_folder_is_read_in_order_and_a_damaged_file_is_named() {
 }
 
 #[test]
+fn what_a_picture_of_a_folder_says_and_is_not_obeyed_is_noted_by_name() {
+    use image::ImageEncoder;
+    let folder = tempfile::tempdir().unwrap();
+    for (name, profile) in [("a.png", None), ("b.png", Some(vec![7; 300]))] {
+        let mut encoder =
+            image::codecs::png::PngEncoder::new(fs::File::create(folder.path().join(name)).unwrap());
+        if let Some(profile) = profile {
+            encoder.set_icc_profile(profile).unwrap();
+        }
+        encoder.write_image(&[100; 12], 2, 2, image::ExtendedColorType::Rgb8).unwrap();
+    }
+    let found = load_folder(folder.path()).unwrap();
+    assert_eq!((found.photos.len(), found.notes.len()), (2, 1));
+    let (name, note) = &found.notes[0];
+    assert!(name == "b.png" && note.contains("ICC profile"), "{name}: {note}");
+}
+
+#[test]
 fn a_training_crop_depends_on_its_arguments_only() {
     let (plan, photos) = (CropPlan::on_1920x1200(128, 12), three());
     let later = training_crop(&plan, &photos, 4, 900, 2).unwrap();

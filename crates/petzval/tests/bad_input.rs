@@ -318,6 +318,14 @@ fn bad_photographs_are_skipped_and_named() {
     std::fs::write(here.join("mine/b.png"), &coffee[..1000]).unwrap();
     std::fs::write(here.join("mine/copy.png"), &coffee).unwrap();
     image::RgbImage::new(40, 50).save(here.join("mine/small.png")).unwrap();
+    // A colour profile that is not obeyed.
+    for photo in ["astronaut.png", "chelsea.png"] {
+        let picture = image::open(data("photos").join(photo)).unwrap().into_rgb8();
+        let file = std::fs::File::create(here.join("mine").join(photo)).unwrap();
+        let mut encoder = image::codecs::png::PngEncoder::new(file);
+        image::ImageEncoder::set_icc_profile(&mut encoder, vec![7; 300]).unwrap();
+        picture.write_with_encoder(encoder).unwrap();
+    }
     let done = run_ok(here, &["design", "tiny.toml", "--photos", "mine", "--steps", "1", "--out", "run"]);
     for needle in [
         "warning: 3 of 6 pictures cannot be used and are skipped; the first: ",
@@ -325,6 +333,7 @@ fn bad_photographs_are_skipped_and_named() {
         "training pictures (2): astronaut.png, chelsea.png",
         "held-out pictures (1): coffee.png",
         "skipped pictures (3): b.png, small.png, copy.png",
+        "warning: astronaut.png and another picture: its ICC profile (that cannot be read) is ignored",
     ] {
         assert!(done.says(needle), "{needle}: {}", done.stderr);
     }

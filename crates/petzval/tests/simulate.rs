@@ -72,8 +72,16 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
     for empty in ["shots/captures.toml", "done/captures.toml", "done/psf-calibration/psfs.toml"] {
         std::fs::write(folder.path().join(empty), "").unwrap();
     }
+    let wide = std::fs::read_to_string(data("sensors/imx249-fitted.toml")).unwrap();
+    std::fs::write(folder.path().join("wide.toml"), wide.replace("width = 1920", "width = 4000")).unwrap();
     for (args, needles) in [
-        (&["notes.png"][..], ["notes.png: cannot decode the picture", "hint: give a PNG, JPEG or TIFF"]),
+        (
+            &["notes.png"][..],
+            [
+                "notes.png: cannot decode the picture",
+                "hint: give a PNG, JPEG, TIFF, OpenEXR or Radiance HDR file",
+            ],
+        ),
         (&[&good, "cut.png"], ["cut.png: cannot decode", "it is cut off"]),
         (&[&good, "--psfs", "shots"], ["--psfs shots: these are captures", "petzval psf-calibrate shots"]),
         (&[&good, "--psfs", "done"], ["--psfs done: these are captures", "are in done/psf-calibration"]),
@@ -84,6 +92,9 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
         (&[&good, "--lens", "no-such"], ["no lens called `no-such`", "cooke-triplet-nominal"]),
         (&[&good, "--sensor", "no-such"], ["no sensor called `no-such`", "imx249-fitted"]),
         (&[&good, "--white-e=-1"], ["--white-e -1", "a positive number"]),
+        (&[&good, "--samples", "0"], ["--samples 0: not between 1 and 8", "4 x 4 samples"]),
+        (&[&good, "--samples", "9"], ["--samples 9: not between 1 and 8", "4 x 4 samples"]),
+        (&[&good, "--samples", "8", "--sensor", "wide.toml"], ["--samples 8: a scene of", "take fewer"]),
         (&[&good, "--gain", "nan"], ["--gain", "positive"]),
         (&[], ["IMAGE", "Usage"]),
     ] {
@@ -225,4 +236,90 @@ fn a_long_thin_picture_is_laid_on_the_sensor() {
     };
     let (left, right) = (mean(400..500), mean(1420..1520));
     assert!(right - 119.0 > 5.0 * (left - 119.0), "{left} {right}");
+}
+
+/// A developed picture in linear light, red plane, row by row.
+fn red(path: &Path) -> Vec<f32> {
+    let bytes = std::fs::read(path).unwrap();
+    let array = npyz::NpyFile::new(&bytes[..]).unwrap();
+    let pixels = (array.shape()[1] * array.shape()[2]) as usize;
+    array.into_vec::<f32>().unwrap()[..pixels].to_vec()
+}
+
+#[test]
+fn an_exr_picture_is_linear_light_and_what_files_say_beyond_it_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let (height, width) = (120, 192);
+    // Light of 0.2, and a highlight of 40 in the middle.
+    let mut light = petzval::camera::image::LinearImage::filled(3, height, width, 0.2);
+    for (row, col) in (50..70).flat_map(|row| (86..106).map(move |col| (row, col))) {
+        (0..3).for_each(|c| light.set(c, row, col, 40.0));
+    }
+    petzval::files::save_exr(&light, &folder.path().join("light.exr")).unwrap();
+    let options =
+        ["--place", "centre", "--size", "120x192", "--no-noise", "--picture-format", "npy", "--json"];
+    let taken = run_ok(folder.path(), &[&["simulate", "light.exr"], &options[..]].concat());
+    assert!(taken.stderr.contains("the scene is brighter than white there"), "{}", taken.stderr);
+    let developed = red(&folder.path().join("light-developed.npy"));
+    let even: f32 = developed[10 * width + 20..][..40].iter().sum::<f32>() / 40.0;
+    assert!((even - 0.2).abs() < 0.004, "{even}");
+    assert!(developed[60 * width + 96] > 1.2);
+
+    // A PNG of linear light.
+    let file = std::fs::File::create(folder.path().join("gamma.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, 64, 48);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_source_gamma(png::ScaledFloat::new(1.0));
+    encoder.write_header().unwrap().write_image_data(&[90; 64 * 48 * 3]).unwrap();
+    for more in [&[][..], &["--qe", "imx219"]] {
+        let args = ["simulate", "gamma.png", "--size", "32x32"];
+        let said = run_ok(folder.path(), &[&args[..], more].concat()).stderr;
+        let note = "warning: gamma.png: its gamma of 1.0000 (gAMA) is ignored: values are taken as sRGB";
+        assert_eq!(said.matches(note).count(), 1, "{said}");
+    }
+}
+
+#[test]
+fn detail_finer_than_the_pixels_aliases() {
+    let folder = tempfile::tempdir().unwrap();
+    // A grating of 0.8 cycles a pixel, at four samples a pixel.
+    let samples = 4;
+    let (height, width) = (64 * samples, 96 * samples);
+    let value = |col: usize| {
+        let pixels = (col as f32 + 0.5) / samples as f32 - 48.0;
+        0.3 + 0.3 * (std::f32::consts::TAU * 0.8 * pixels).cos()
+    };
+    let plane: Vec<f32> = (0..height * width).map(|i| value(i % width)).collect();
+    let grating = petzval::camera::image::LinearImage::from_data(3, height, width, plane.repeat(3)).unwrap();
+    petzval::files::save_exr(&grating, &folder.path().join("grating.exr")).unwrap();
+    std::fs::write(folder.path().join("small.toml"), {
+        let text = std::fs::read_to_string(data("sensors/imx249-fitted.toml")).unwrap();
+        text.replace("height = 1200", "height = 64").replace("width = 1920", "width = 96")
+    })
+    .unwrap();
+    let take = |more: &[&str]| {
+        let options = ["--no-distortion", "--no-noise", "--sensor", "small.toml"];
+        run_ok(folder.path(), &[&["simulate", "grating.exr"], &options[..], more].concat());
+        let raw = image::open(folder.path().join("grating-raw.tiff")).unwrap().into_luma16();
+        // Green pixels of a row in the middle: every second column. 0.8 cycles a pixel are 1.6 between them, which
+        // is seen as 0.4.
+        let row: Vec<f64> = (17..80).step_by(2).map(|x| f64::from(raw.get_pixel(x, 32)[0])).collect();
+        let mean = row.iter().sum::<f64>() / row.len() as f64;
+        // Amplitude at a frequency in cycles per sample, over 30 of them: whole periods of 0.4.
+        let amplitude = |frequency: f64| {
+            let part = |turn: f64| {
+                let phase = |i: usize| std::f64::consts::TAU * (frequency * i as f64 + turn);
+                (0..30).map(|i| (row[i] - mean) * phase(i).cos()).sum::<f64>()
+            };
+            part(0.0).hypot(part(0.25)) / 15.0 / (mean - 119.0)
+        };
+        (amplitude(0.4), amplitude(0.2))
+    };
+    let (alias, other) = take(&["--samples", "4"]);
+    // The squares of the pixels pass sinc(0.8) = 0.23 of the contrast, the lens a part of it.
+    assert!(alias > 0.005 && alias < 0.23, "{alias}");
+    assert!(other < 0.3 * alias, "{alias} {other}");
+    // Over the spectrum the samples are collected likewise.
+    let (over_bands, _) = take(&["--samples", "4", "--qe", "imx219", "--three-band"]);
+    assert!(over_bands > 0.005 && over_bands < 0.23, "{over_bands}");
 }

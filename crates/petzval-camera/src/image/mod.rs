@@ -134,15 +134,23 @@ impl LinearImage {
     /// Halves the resolution: each output pixel is the mean of a 2x2 block, as a sensor with pixels of twice the pitch
     /// would collect it. An odd last row or column is dropped.
     pub fn box_half(&self) -> Self {
-        let (height, width) = (self.height / 2, self.width / 2);
+        self.box_mean(2)
+    }
+
+    /// Each output pixel is the mean of a block of `side` x `side` pixels. Rows and columns that fill no block are dropped.
+    pub fn box_mean(&self, side: usize) -> Self {
+        let (height, width) = (self.height / side, self.width / side);
         let mut out = Self::zeros(self.channels, height, width);
+        let share = 1.0 / (side * side) as f32;
         for c in 0..self.channels {
             let source = self.plane(c);
             for (r, line) in out.plane_mut(c).chunks_exact_mut(width.max(1)).enumerate() {
-                let (upper, lower) = source[2 * r * self.width..].split_at(self.width);
-                for (x, value) in line.iter_mut().enumerate() {
-                    *value = 0.25 * ((upper[2 * x] + upper[2 * x + 1]) + (lower[2 * x] + lower[2 * x + 1]));
+                for row in (r * side..(r + 1) * side).map(|row| &source[row * self.width..]) {
+                    for (value, block) in line.iter_mut().zip(row.chunks_exact(side)) {
+                        *value += block.iter().sum::<f32>();
+                    }
                 }
+                line.iter_mut().for_each(|value| *value *= share);
             }
         }
         out

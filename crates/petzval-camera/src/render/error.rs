@@ -28,7 +28,8 @@ pub enum RenderError {
     },
     /// The PSF covers more pixels than can be convolved.
     #[error(
-        "the PSF grid reaches {radius} pixels; at most {MAX_RADIUS} are possible; hint: check pitch and pixel size"
+        "the PSF grid reaches {radius} pixels; at most {MAX_RADIUS} are possible; hint: check pitch and pixel size, \
+         or take fewer samples a pixel"
     )]
     PsfTooLarge {
         /// Reach in pixels.

@@ -60,6 +60,16 @@ impl Window {
         Some(Self { placement: Placement { row, col }, height, width })
     }
 
+    /// The same part of the sensor where `samples` x `samples` pixels stand in place of each.
+    pub fn finer(&self, samples: usize) -> Self {
+        let Placement { row, col } = self.placement;
+        Self {
+            placement: Placement { row: row * samples, col: col * samples },
+            height: self.height * samples,
+            width: self.width * samples,
+        }
+    }
+
     /// Cuts the scene that [`render`](super::render) needs for this window out of a picture of the whole sensor: the window and
     /// `border` pixels around it. Outside the sensor the picture's edge is repeated.
     pub fn scene(&self, sensor_picture: &LinearImage, border: usize) -> LinearImage {
@@ -101,6 +111,16 @@ impl RenderGeometry {
         let row = patch_centre(self.sensor_height, rows, patch / cols);
         let col = patch_centre(self.sensor_width, cols, patch % cols);
         self.position_um(row, col)
+    }
+
+    /// The same sensor and patches with `samples` x `samples` pixels in place of each.
+    pub fn finer(&self, samples: usize) -> Self {
+        Self {
+            sensor_height: self.sensor_height.saturating_mul(samples),
+            sensor_width: self.sensor_width.saturating_mul(samples),
+            pixel_um: self.pixel_um / samples as f64,
+            patches: self.patches,
+        }
     }
 
     /// Marks the patches that have a weight somewhere in a window.

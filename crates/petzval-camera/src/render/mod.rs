@@ -8,7 +8,8 @@
 //!
 //! [`render`] convolves tile by tile: directly where the kernels are small, else with FFTs. [`render_direct`] is the readable reference, [`render_adjoint`] the exact
 //! transpose. Relative illumination is a separate factor, see [`illumination_map`]. The scene lies on the image as
-//! the lens projects it: [`Distortion`] resamples a rectilinear picture to it.
+//! the lens projects it: [`Distortion`] resamples a rectilinear picture to it. [`light_on_pixels`] does all of this, also for scenes
+//! that are sampled more finely than the pixels.
 
 mod adjoint;
 mod blend;
@@ -19,6 +20,7 @@ mod error;
 mod geometry;
 mod illumination;
 mod kernel;
+mod light;
 mod limits;
 mod spatial;
 mod spectrum;
@@ -32,6 +34,7 @@ pub use error::RenderError;
 pub use geometry::{Placement, RenderGeometry, Window};
 pub use illumination::{RadialWeight, illumination_adjoint, illumination_map, illumination_weights};
 pub use kernel::{PatchKernels, PsfGradient, kernel_radius, patch_kernels, patch_kernels_adjoint};
+pub use light::light_on_pixels;
 pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
 
 use crate::image::LinearImage;

@@ -159,14 +159,6 @@ impl Camera {
         self.expose(Tensor::from_data(data, device), illumination, &[capture], noise)
     }
 
-    /// Irradiance of a single shot on the host, three planes.
-    pub fn irradiance(&self, shots: &[Shot; 1]) -> Result<LinearImage, DesignError> {
-        let psfs = PsfLeaves::new(self.psfs.bank(), &self.body.device);
-        let (irradiance, _) = self.image(&psfs, shots)?;
-        let [_, channels, height, width] = irradiance.dims();
-        Ok(LinearImage { channels, height, width, data: to_host(irradiance)? })
-    }
-
     /// From light on the pixels to finished pictures.
     fn expose(
         &self,

@@ -1,47 +1,24 @@
 //! Spectral images as OpenEXR files with a channel per band.
 
-use std::io::Cursor;
+use std::path::Path;
 
 use exr::meta::MetaData;
-use exr::prelude::*;
+use exr::prelude::{AttributeValue, FlatSamples, Text, Vec2};
 
-use super::limits::MAX_VALUES;
 use crate::exr_bytes;
+use crate::exr_layers::{Wrong, channel_names, read_layers};
 use petzval_camera::spectral::SpectralImage;
 
-type Wrong = (String, &'static str);
-
-const HINT: &str = "name the channels by their wavelength: `S0.450,5nm`, `450.5nm` or `w450`";
-
-/// Largest compression of an OpenEXR image. A header that claims more is damaged.
-const MOST_COMPRESSED: usize = 2000;
+const HINT: &str = "name the channels by their wavelength: `S0.450,5nm`, `450.5nm` or `w450`; those of a picture in three colours `R`, `G` and `B`";
 
 /// Attribute that holds the unit of radiance.
 const UNIT_ATTRIBUTE: &str = "emissiveUnits";
 
 /// Reads the channels that are named by a wavelength, from the first layer that has any. Values are multiplied by `scale`.
 /// Without a scale the file's unit, if it states one, must be that of all spectral images.
-pub fn read(bytes: &[u8], scale: Option<f64>) -> std::result::Result<SpectralImage, Wrong> {
-    let damaged =
-        |e: Error| (format!("not a readable OpenEXR file: {e}"), "give an OpenEXR file of plain pixels");
-    // Check that the size in the header is possible before memory is allocated for it.
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(damaged)?;
-    let claimed = meta.headers.iter().try_fold(0usize, |sum, header| {
-        let pixels = header.layer_size.0.checked_mul(header.layer_size.1)?;
-        sum.checked_add(pixels.checked_mul(header.channels.list.len())?)
-    });
-    let possible = MAX_VALUES.min(bytes.len().saturating_mul(MOST_COMPRESSED));
-    if claimed.is_none_or(|n| n > possible) {
-        let reason = format!("{} bytes cannot hold what the header claims, or it is too large", bytes.len());
-        return Err((reason, "give an OpenEXR file of at most 2 GiB of pixels"));
-    }
+pub fn read(bytes: &[u8], scale: Option<f64>) -> Result<SpectralImage, Wrong> {
     // Read the pixels, and find the first layer with channels named by wavelengths.
-    let picture = read_layers(bytes).map_err(damaged)?;
-    let names: Vec<String> = picture
-        .layer_data
-        .iter()
-        .flat_map(|l| l.channel_data.list.iter().map(|c| c.name.to_string()))
-        .collect();
+    let picture = read_layers(bytes)?;
     for layer in &picture.layer_data {
         let mut bands: Vec<(f64, &FlatSamples)> = layer
             .channel_data
@@ -75,7 +52,8 @@ pub fn read(bytes: &[u8], scale: Option<f64>) -> std::result::Result<SpectralIma
         let wavelength_um = bands.iter().map(|(um, _)| *um).collect();
         return Ok(SpectralImage { wavelength_um, height, width, data });
     }
-    let found: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
+    let mut found = channel_names(&picture);
+    found.truncate(12);
     Err((format!("no channel is named by a wavelength (there are {})", found.join(", ")), HINT))
 }
 
@@ -97,15 +75,14 @@ fn is_radiance_per_nm(unit: &str) -> bool {
     matches!(plain.as_str(), "wm-2sr-1" | "wm-2sr-1nm-1" | "wm-2nm-1sr-1")
 }
 
-fn read_layers(bytes: &[u8]) -> Result<Image<Layers<AnyChannels<FlatSamples>>>> {
-    exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
+/// Whether a file holds a picture, in red, green and blue or gray, and no band.
+pub fn is_picture(path: &Path) -> bool {
+    let Ok(meta) = MetaData::read_from_file(path, true) else { return false };
+    let names: Vec<String> =
+        meta.headers.iter().flat_map(|h| &h.channels.list).map(|c| c.name.to_string()).collect();
+    let has = |name: &str| names.iter().any(|n| n == name);
+    !names.iter().any(|name| wavelength_um(name).is_some())
+        && (has("Y") || ["R", "G", "B"].into_iter().all(has))
 }
 
 /// Wavelength, um, in the name of a channel; `None` for other names. Of the Stokes components only the intensity S0 is read.
@@ -119,7 +96,7 @@ pub fn wavelength_um(name: &str) -> Option<f64> {
 }
 
 /// The image as float channels `S0.<nm>nm` with a decimal comma, the layout of Fichet et al.
-pub fn bytes(image: &SpectralImage) -> std::result::Result<Vec<u8>, String> {
+pub fn bytes(image: &SpectralImage) -> Result<Vec<u8>, String> {
     let names: Vec<String> = (image.wavelength_um.iter())
         .map(|um| format!("S0.{}nm", format!("{:.6}", um * 1000.0).replace('.', ",")))
         .collect();

@@ -98,10 +98,11 @@ fn kind(path: &Path) -> Option<Kind> {
     }
 }
 
-/// Whether a file is a spectral image, by its name: `.npy`, `.exr`, or a TIFF with a sidecar.
+/// Whether a file is a spectral image: `.npy`, an `.exr` whose channels are not those of a picture, or a TIFF with a sidecar.
 pub fn is_spectral(path: &Path) -> bool {
     match kind(path) {
-        Some(Kind::Npy | Kind::Exr) => true,
+        Some(Kind::Npy) => true,
+        Some(Kind::Exr) => !exr_file::is_picture(path),
         Some(Kind::Tiff) => sidecar_path(path).is_file(),
         None => false,
     }

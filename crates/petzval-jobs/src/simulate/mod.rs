@@ -11,6 +11,7 @@ mod spectral;
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};
+use self::rig::MOST_SAMPLES;
 use crate::context::Context;
 use crate::error::JobError;
 
@@ -35,6 +36,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let message = format!("not between 0 and {max}");
             return Err(JobError::setting(key, value, message, "a positive number"));
         }
+    }
+    if !(1..=MOST_SAMPLES).contains(&request.samples) {
+        let message = format!("not between 1 and {MOST_SAMPLES}");
+        let hint = "with 4, a pixel collects the light of 4 x 4 samples of the scene";
+        return Err(JobError::setting("samples", request.samples, message, hint));
     }
     // Results are named by their image: two of one name would overwrite each other.
     let mut names = std::collections::BTreeSet::new();

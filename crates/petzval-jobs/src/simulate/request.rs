@@ -15,7 +15,7 @@ pub enum Place {
     /// Scaled to cover the sensor, the rest cut off.
     #[default]
     Fill,
-    /// One photograph pixel per sensor pixel, around the axis.
+    /// One photograph pixel per sensor pixel, or per sample of one, around the axis.
     Centre,
 }
 
@@ -23,7 +23,7 @@ pub enum Place {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Photographs (PNG, JPEG, TIFF), spectral images, or `scene:NAME`.
+    /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`.
     pub images: Vec<PathBuf>,
     /// Lens file, or a built-in name.
     pub lens: String,
@@ -33,6 +33,8 @@ pub struct Request {
     pub sensor: String,
     /// How a photograph lands on the sensor.
     pub place: Place,
+    /// Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of them.
+    pub samples: usize,
     /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
     /// scene in front of the lens, and its distortion is rendered.
     pub no_distortion: bool,
@@ -67,6 +69,7 @@ impl Default for Request {
             psfs: None,
             sensor: "imx249-fitted".to_owned(),
             place: Place::Fill,
+            samples: 1,
             no_distortion: false,
             white_e: None,
             size: None,

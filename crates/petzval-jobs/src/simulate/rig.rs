@@ -8,7 +8,8 @@ use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    Distortion, Placement, RenderGeometry, Window, kernel_radius, with_patches_for,
+    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius, light_on_pixels,
+    with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
@@ -26,8 +27,12 @@ use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
 
-/// Most pixels of a simulated frame: the largest sensors have 150 million, and each pixel takes about 150 bytes.
+/// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
+/// 150 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
+
+/// Most samples of a scene along a side of a pixel.
+pub const MOST_SAMPLES: usize = 8;
 
 /// Everything that all photographs of a simulation share.
 pub struct Rig {
@@ -39,7 +44,9 @@ pub struct Rig {
     border: usize,
     /// Where the points of a scene land, if its distortion is rendered.
     pub distortion: Option<Distortion>,
-    /// Rows and columns of the pictures that [`Rig::shot`] takes: those of the sensor, or what the lens projects onto it.
+    /// Samples of a scene along a side of a pixel.
+    pub samples: usize,
+    /// Rows and columns, in samples, of the pictures that are taken: those of the sensor, or what the lens projects onto it.
     pub frame: (usize, usize),
     psfs: Arc<Psfs>,
     /// The lens and how its PSFs are traced; none behind measured PSFs.
@@ -54,6 +61,19 @@ impl Rig {
             return Err(JobError::input(
                 format!("{}: a frame of {}x{} pixels", request.sensor, sensor.height, sensor.width),
                 format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
+            ));
+        }
+        let samples = request.samples;
+        let sides = [sensor.height, sensor.width].map(|side| side * samples);
+        if sides[0].saturating_mul(sides[1]) > MOST_PIXELS || sides.into_iter().any(|side| side > MAX_SIDE) {
+            return Err(JobError::input(
+                format!(
+                    "--samples {samples}: a scene of {}x{} samples on {}",
+                    sides[0], sides[1], request.sensor
+                ),
+                format!(
+                    "a scene may have {MOST_PIXELS} samples, at most {MAX_SIDE} along a side: take fewer"
+                ),
             ));
         }
         rehearse(request, &sensor)?;
@@ -95,7 +115,8 @@ impl Rig {
             Some(distortion) => distortion.ideal_frame(&geometry).map_err(DesignError::from)?,
             None => (sensor.height, sensor.width),
         };
-        Ok(Self { geometry, sensor, window, border, distortion, frame, psfs, traced })
+        let frame = (frame.0 * samples, frame.1 * samples);
+        Ok(Self { geometry, sensor, window, border, distortion, samples, frame, psfs, traced })
     }
 
     /// A camera of these PSFs with a sensor, at the exposure of the request where white gives `white_e` electrons.
@@ -111,7 +132,13 @@ impl Rig {
         Camera::new(Arc::new(Body { sensor, geometry, exposure, isp, device }), self.psfs.clone())
     }
 
-    /// A picture of [`Rig::frame`] as a shot of the window.
+    /// The light of a picture of [`Rig::frame`] on the pixels of the window.
+    pub fn light(&self, picture: &LinearImage) -> Result<LinearImage, RenderError> {
+        let (bank, distortion) = (self.psfs.bank(), self.distortion.as_ref());
+        light_on_pixels(&self.geometry, bank, picture, distortion, &self.window, self.samples)
+    }
+
+    /// A picture of [`Rig::frame`], of one sample a pixel, as a shot of the window.
     pub fn shot(&self, picture: &LinearImage, frame: u64) -> Result<Shot, DesignError> {
         let scene = match &self.distortion {
             Some(distortion) => distortion.project(&self.geometry, picture, &self.window, self.border)?,

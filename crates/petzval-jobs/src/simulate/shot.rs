@@ -1,17 +1,21 @@
 //! One shot: the frame that the camera takes, what is developed from it, and the files of both.
 
+use std::path::Path;
+
 use petzval_camera::develop::saturated_share;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw};
 use petzval_camera::tape::Frames;
 use petzval_design::camera::{Camera, to_host};
 use petzval_design::error::DesignError;
+use petzval_files::load_image;
 use serde_json::json;
 
 use super::highlights::Saturation;
 use super::output::{self, Facts};
 use super::request::{Place, Request};
 use super::rig::Rig;
+use crate::context::Context;
 use crate::error::JobError;
 
 /// The noise of a request.
@@ -20,7 +24,16 @@ pub fn noise(request: &Request) -> Noise {
     Noise { mode, seed: request.seed }
 }
 
-/// A picture laid on a frame of pixels as large as the sensor's.
+/// The light of a picture file; warns of what the file says that is not obeyed.
+pub fn photograph(path: &Path, context: &Context) -> Result<LinearImage, JobError> {
+    let picture = load_image(path).map_err(DesignError::from)?;
+    for note in picture.notes {
+        context.warning(format!("{}: {note}", path.display()));
+    }
+    Ok(picture.light)
+}
+
+/// A picture laid on a frame of so many rows and columns.
 pub fn placed(request: &Request, picture: &LinearImage, (height, width): (usize, usize)) -> LinearImage {
     if (picture.height, picture.width) == (height, width) {
         return picture.clone();

@@ -10,7 +10,6 @@ use petzval_camera::isp::LinearIsp;
 use petzval_camera::spectral::{ColourElectrons, SceneKind, SpectralScene};
 use petzval_design::error::DesignError;
 use petzval_design::spectral_light::{Bands, render_spectral};
-use petzval_files::load_image;
 use petzval_files::spectral_file::load_spectral;
 
 use self::conditions::Conditions;
@@ -18,7 +17,7 @@ use self::light::Light;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
 use super::rig::Rig;
-use super::shot::{Taken, placed, write_shot};
+use super::shot::{Taken, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 
@@ -36,19 +35,21 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     // Every image is read before anything is written; only one of them at a time is in memory.
     let mut first = None;
     for path in &request.images {
-        first = Some(open(request, path, &conditions, &rig, &shared)?);
+        first = Some(open(request, path, &conditions, &rig, &shared, context)?);
     }
     first = first.filter(|_| request.images.len() == 1);
     if request.images.iter().any(|path| kind(path) != Kind::Spectral) {
         shared.warn(&conditions, &rig, None, context);
     }
     make_folder(&request.out)?;
+    // Warnings about files have been shown.
+    let silent = context.silent();
     let mut written = Vec::new();
     let mut last_note = String::new();
     for (frame, path) in request.images.iter().enumerate() {
         let (opened, own) = match first.take() {
             Some(opened) => opened,
-            None => open(request, path, &conditions, &rig, &shared)?,
+            None => open(request, path, &conditions, &rig, &shared, &silent)?,
         };
         let light = own.as_ref().unwrap_or(&shared);
         if let Some(own) = &own {
@@ -57,7 +58,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         let name = result_name(path);
         let electrons = match &opened {
             Opened::Bands(scene) => over_bands(request, &rig, &conditions, light, scene, &name, context),
-            Opened::ThreeBands(photo) => in_three_bands(request, &rig, light, photo),
+            // The matrix is the integral over the spectrum, only the PSFs are those of three wavelengths.
+            Opened::ThreeBands(photo) => (rig.light(photo).map_err(DesignError::from))
+                .map(|on_pixels| ColourElectrons::of_rgb(&on_pixels, &light.white)),
         }
         .map_err(|error| named(path, error))?;
         let white_e = light.white.white_e();
@@ -143,10 +146,11 @@ fn open(
     conditions: &Conditions,
     rig: &Rig,
     shared: &Light,
+    context: &Context,
 ) -> Result<(Opened, Option<Light>), JobError> {
     let (illuminant, lux, band_um) = (&conditions.illuminant, conditions.lux, &shared.band_um);
     if let Some(name) = scene_name(path) {
-        let drawn = scene(name)?.draw(rig.sensor.height, rig.sensor.width);
+        let drawn = scene(name)?.draw(rig.sensor.height * rig.samples, rig.sensor.width * rig.samples);
         return Ok((Opened::Bands(SpectralScene::surfaces(drawn, illuminant, lux, band_um)), None));
     }
     if kind(path) == Kind::Spectral {
@@ -154,7 +158,7 @@ fn open(
         let light = Light::in_file(request, conditions, rig, path, &image.wavelength_um)?;
         return Ok((Opened::Bands(SpectralScene::image(image)), Some(light)));
     }
-    let photo = placed(request, &load_image(path).map_err(DesignError::from)?, rig.frame);
+    let photo = placed(request, &photograph(path, context)?, rig.frame);
     let opened = match request.spectral.three_band {
         true => Opened::ThreeBands(photo),
         false => Opened::Bands(SpectralScene::print(photo, illuminant, lux, band_um)),
@@ -175,6 +179,7 @@ fn over_bands(
     let bands = Bands {
         um: &scene.band_um,
         weights: &light.weights,
+        samples: rig.samples,
         planes: &|three| placed(request, &scene.planes(three), rig.frame),
         distortion: rig.distortion.as_ref(),
     };
@@ -186,18 +191,6 @@ fn over_bands(
         context.progress(count.get(), total, name);
     };
     render_spectral(&conditions.lens, &conditions.plan, &rig.geometry, &bands, rig.window, &done)
-}
-
-/// Electrons of a photograph whose three planes go through the lens: the matrix is the integral over the spectrum, only the
-/// PSFs are those of three wavelengths.
-fn in_three_bands(
-    request: &Request,
-    rig: &Rig,
-    light: &Light,
-    photo: &LinearImage,
-) -> Result<ColourElectrons, DesignError> {
-    let camera = rig.camera(request, rig.sensor.clone(), 1.0, LinearIsp::default())?;
-    Ok(ColourElectrons::of_rgb(&camera.irradiance(&[rig.shot(photo, 0)?])?, &light.white))
 }
 
 /// A failure with the name of the scene in which it arose.

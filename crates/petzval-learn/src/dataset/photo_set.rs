@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fs, path::Path};
 
 use petzval_camera::image::LinearImage;
-use petzval_files::load_image;
+use petzval_files::{Picture, load_image};
 use serde::{Deserialize, Serialize};
 
 use super::DatasetError;
@@ -113,6 +113,8 @@ pub struct Folder {
     pub photos: Vec<NamedPhoto>,
     /// Names of the others, each with the reason.
     pub skipped: Vec<(String, DatasetError)>,
+    /// What files say that was not obeyed ([`Picture::notes`](petzval_files::Picture::notes)), with the name of the picture.
+    pub notes: Vec<(String, String)>,
 }
 
 impl Folder {
@@ -169,7 +171,10 @@ pub fn load_folder(folder: impl AsRef<Path>) -> Result<Folder, DatasetError> {
     for path in paths {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         match load_image(&path) {
-            Ok(image) => found.photos.push(NamedPhoto { name, image }),
+            Ok(Picture { light, notes }) => {
+                found.notes.extend(notes.into_iter().map(|note| (name.clone(), note)));
+                found.photos.push(NamedPhoto { name, image: light });
+            }
             Err(error) => found.skipped.push((name, error.into())),
         }
     }

@@ -14,7 +14,7 @@ use super::terminal::{Terminal, print_json};
 enum Place {
     /// Scaled to cover the sensor, the rest cut off.
     Fill,
-    /// One photograph pixel per sensor pixel, around the axis.
+    /// One photograph pixel per sensor pixel, or per sample of one, around the axis.
     Centre,
 }
 
@@ -80,7 +80,10 @@ struct SpectralArgs {
 /// For each image NAME three files are written: NAME-raw.tiff, 16 bit, the mosaic in digital numbers; NAME-raw.tiff.toml,
 /// its camera and exposure; and NAME-developed.png, 8 bit sRGB. Networks are trained on pictures with the same development.
 ///
-/// Spectral images (.npy, .exr, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
+/// OpenEXR pictures with the channels R, G and B, or Y, and Radiance HDR pictures hold linear light of Rec. 709 colours, 1 for
+/// white; brighter highlights are kept. What a file says about its colours and is not obeyed, such as an ICC profile, is reported.
+///
+/// Spectral images (.npy, .exr with a channel per band, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
 /// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
 /// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 ///
@@ -92,7 +95,7 @@ struct SpectralArgs {
 /// at 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Photographs (PNG, JPEG, TIFF), spectral images, or scene:NAME
+    /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or scene:NAME
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// Lens file, or a built-in name
@@ -109,6 +112,11 @@ pub struct Args {
     /// Position and scale of a photograph on the sensor
     #[arg(long, value_enum, default_value = "fill")]
     place: Place,
+    /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel, and
+    /// each pixel collects the light that the lens brings to its square, so that detail finer than a pixel blurs and aliases
+    /// as in a camera. Time and memory grow with K x K
+    #[arg(long, default_value_t = 1, value_name = "K")]
+    samples: usize,
     /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the
     /// scene without distortion that a pinhole would show, larger than the sensor where the lens has barrel distortion, and
     /// the lens distorts it
@@ -163,6 +171,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             Place::Fill => simulate::Place::Fill,
             Place::Centre => simulate::Place::Centre,
         },
+        samples: args.samples,
         white_e: args.white_e,
         size: args.size,
         time_s: args.time_s,

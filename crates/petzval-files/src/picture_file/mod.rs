@@ -1,14 +1,20 @@
-//! Reads pictures from PNG, JPEG and TIFF files, and writes PNG.
+//! Reads pictures from PNG, JPEG, TIFF, OpenEXR and Radiance HDR files, and writes PNG.
+
+mod exr_file;
+mod ignored;
 
 use std::error::Error;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use ::image::error::UnsupportedErrorKind;
-use ::image::{DynamicImage, ExtendedColorType, GenericImageView, ImageFormat, ImageReader};
+use ::image::codecs::hdr::HdrDecoder;
+use ::image::error::{ImageResult, UnsupportedErrorKind};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use petzval_base::write_whole;
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
+
+use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
 
 /// Why a picture could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -21,8 +27,10 @@ pub enum ImageError {
         /// The error of the system.
         source: std::io::Error,
     },
-    /// The content is not a PNG, JPEG or TIFF picture that we can decode.
-    #[error("{name}: cannot decode the picture: {reason}; hint: give a PNG, JPEG or TIFF file")]
+    /// The content is not a picture that we can decode.
+    #[error(
+        "{name}: cannot decode the picture: {reason}; hint: give a PNG, JPEG, TIFF, OpenEXR or Radiance HDR file"
+    )]
     Decode {
         /// The file or the name of the buffer.
         name: String,
@@ -43,38 +51,122 @@ pub enum ImageError {
         /// The file or the name of the buffer.
         name: String,
         /// Rows.
-        height: u32,
+        height: usize,
         /// Columns.
-        width: u32,
+        width: usize,
+    },
+    /// A floating-point picture holds infinity or no number.
+    #[error(
+        "{name}: the light in row {row}, column {column} is {value}; hint: write a finite number of at least 0, white is 1"
+    )]
+    NotFinite {
+        /// The file or the name of the buffer.
+        name: String,
+        /// The value.
+        value: f32,
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
     },
 }
 
-/// Reads a picture file into linear light, three planes.
+/// A picture, and what its file says that was not obeyed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Linear light, three planes, 1 = white; every value is finite and at least 0.
+    pub light: LinearImage,
+    /// Statements of the file that are ignored, such as its colour profile; one clause each, without the name of the file.
+    pub notes: Vec<String>,
+}
+
+/// Reads a picture file into linear light, three planes, the right way up.
 ///
-/// Integer samples are taken as sRGB-encoded, floating-point samples as linear. Gray is copied to three planes; alpha is
-/// composited over black in linear light. Embedded colour profiles are ignored.
-pub fn load_image(path: &Path) -> Result<LinearImage, ImageError> {
+/// Integer samples are taken as sRGB-encoded. Floating-point samples (TIFF, OpenEXR, Radiance HDR) are linear and may exceed 1;
+/// below zero they are taken as 0, which is noted, and values that are not finite are refused. Gray is copied to three planes; alpha
+/// is composited over black in linear light. Of a file with several pages or layers one is read. The orientation of EXIF and TIFF is
+/// obeyed, colour profiles and other statements about colour are not; the notes name them.
+pub fn load_image(path: &Path) -> Result<Picture, ImageError> {
     let bytes = std::fs::read(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
     load_image_bytes(&bytes, &path.display().to_string())
 }
 
 /// Reads a picture from memory as [`load_image`] does; `name` appears in errors.
-pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<LinearImage, ImageError> {
+pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError> {
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
+    let undecodable = |e: ::image::ImageError| decode(undecoded(&e));
     let reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
-    let picture = reader.decode().map_err(|e| decode(undecoded(&e)))?;
-    let (width, height) = picture.dimensions();
+    let mut picture = match reader.format() {
+        Some(ImageFormat::OpenExr) => {
+            let (light, notes) = exr_file::read(bytes).map_err(decode)?;
+            Picture { light, notes }
+        }
+        Some(ImageFormat::Hdr) => read_hdr(bytes).map_err(undecodable)?,
+        // The signature of older Radiance files.
+        None if bytes.starts_with(b"#?RGBE") => read_hdr(bytes).map_err(undecodable)?,
+        format => {
+            let mut notes = match format {
+                Some(ImageFormat::Png) => png_notes(bytes),
+                Some(ImageFormat::Tiff) => tiff_notes(bytes),
+                _ => Vec::new(),
+            };
+            let mut decoder = reader.into_decoder().map_err(undecodable)?;
+            match decoder.icc_profile() {
+                Ok(profile) => notes.extend(profile.and_then(|profile| profile_note(&profile))),
+                Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
+            }
+            Picture { light: decoded(decoder).map_err(undecodable)?, notes }
+        }
+    };
+    let LinearImage { height, width, .. } = picture.light;
     if width == 0 || height == 0 {
         return Err(ImageError::Empty { name: name.to_owned(), height, width });
     }
+    let plane = height * width;
+    if let Some(at) = picture.light.data.iter().position(|v| !v.is_finite()) {
+        let (row, column) = (at % plane / width, at % width);
+        return Err(ImageError::NotFinite {
+            name: name.to_owned(),
+            value: picture.light.data[at],
+            row,
+            column,
+        });
+    }
+    let below = picture.light.data.iter().filter(|v| **v < 0.0).count();
+    if below > 0 {
+        let lowest = picture.light.data.iter().copied().fold(0.0, f32::min);
+        picture.light.data.iter_mut().for_each(|v| *v = v.max(0.0));
+        picture.notes.push(format!(
+            "{below} of its {} values are negative, down to {lowest}, and taken as 0",
+            CHANNELS * plane
+        ));
+    }
+    Ok(picture)
+}
+
+/// Reads a Radiance HDR file: linear light with a common exponent.
+fn read_hdr(bytes: &[u8]) -> ImageResult<Picture> {
+    let is_strict = bytes.starts_with(b"#?RADIANCE");
+    let decoder = HdrDecoder::with_strictness(Cursor::new(bytes), is_strict)?;
+    let notes = hdr_notes(&decoder.metadata());
+    Ok(Picture { light: decoded(decoder)?, notes })
+}
+
+/// The light of a picture, turned the right way up.
+fn decoded(mut decoder: impl ImageDecoder) -> ImageResult<LinearImage> {
+    // Refuse a size in the header that would take too much memory.
+    Limits::default().reserve(decoder.total_bytes())?;
+    let orientation = decoder.orientation()?;
+    let mut picture = DynamicImage::from_decoder(decoder)?;
+    picture.apply_orientation(orientation);
 
     // Undo the display curve of integer samples; floating-point files already hold linear light.
     let linear_file = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
     let eight_bit = picture.color().bytes_per_pixel() == picture.color().channel_count();
     let table: Vec<f32> = (0..256).map(|v| srgb_decode(v as f32 / 255.0)).collect();
     let light = |v: f32| if linear_file { v } else { srgb_decode(v) };
-    let (width, height) = (width as usize, height as usize);
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     let plane = height * width;
     if eight_bit {
@@ -174,61 +266,4 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
 }
 
 #[cfg(test)]
-mod tests {
-    use ::image::ImageBuffer;
-
-    use super::*;
-
-    #[test]
-    fn png_round_trip_keeps_eight_bits() {
-        let data = (0..3 * 4 * 5).map(|i| srgb_decode(((i * 4) % 256) as f32 / 255.0)).collect();
-        let image = LinearImage::from_data(3, 4, 5, data).unwrap();
-        let back = load_image_bytes(&png_bytes(&image).unwrap(), "round trip").unwrap();
-        for (a, b) in image.data.iter().zip(&back.data) {
-            assert!((a - b).abs() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn a_sixteen_bit_png_keeps_differences_below_one_of_256_levels() {
-        let folder = tempfile::tempdir().unwrap();
-        let data: Vec<f32> = (0..3 * 8 * 8).map(|i| srgb_decode(0.2 + i as f32 / 2000.0)).collect();
-        let image = LinearImage::from_data(3, 8, 8, data).unwrap();
-        let path = folder.path().join("fine.png");
-        save_png16(&image, &path).unwrap();
-        let back = load_image(&path).unwrap();
-        for (a, b) in image.to_srgb().iter().zip(back.to_srgb()) {
-            assert!((a - b).abs() <= 0.6 / 65535.0, "{a} {b}");
-        }
-        let samples = ::image::open(&path).unwrap();
-        assert_eq!(samples.color(), ::image::ColorType::Rgb16);
-    }
-
-    #[test]
-    fn the_error_of_a_truncated_picture_says_that_it_is_cut_off() {
-        let noise = (0..3 * 64 * 64).map(|i| (i * 7919 % 1000) as f32 / 1000.0).collect();
-        let bytes = png_bytes(&LinearImage::from_data(3, 64, 64, noise).unwrap()).unwrap();
-        let error = load_image_bytes(&bytes[..bytes.len() / 2], "half.png").unwrap_err().to_string();
-        assert!(error.contains("half.png") && error.contains("it is cut off"), "{error}");
-    }
-
-    #[test]
-    fn gray_and_alpha_become_three_planes() {
-        let mut bytes = Cursor::new(Vec::new());
-        let gray = ::image::LumaA([255u8, 51]);
-        DynamicImage::ImageLumaA8(ImageBuffer::from_pixel(2, 1, gray))
-            .write_to(&mut bytes, ImageFormat::Png)
-            .unwrap();
-        let image = load_image_bytes(bytes.get_ref(), "gray").unwrap();
-        assert_eq!((image.channels, image.height, image.width), (3, 1, 2));
-        assert!(image.data.iter().all(|v| (v - 0.2).abs() < 1e-6));
-    }
-
-    #[test]
-    fn errors_name_the_file_and_the_reason() {
-        let missing = load_image(Path::new("no/such/picture.png")).unwrap_err().to_string();
-        assert!(missing.starts_with("no/such/picture.png: "), "{missing}");
-        let garbage = load_image_bytes(b"not a picture", "note.txt").unwrap_err().to_string();
-        assert!(garbage.starts_with("note.txt: cannot decode"), "{garbage}");
-    }
-}
+mod tests;

@@ -1,0 +1,379 @@
+//! Pictures by format: what is read, what is obeyed, what is noted and what is refused.
+
+use ::image::codecs::hdr::HdrEncoder;
+use ::image::codecs::jpeg::JpegEncoder;
+use ::image::codecs::png::PngEncoder;
+use ::image::metadata::Orientation;
+use ::image::{ImageBuffer, ImageEncoder, RgbImage};
+use exr::meta::attribute::Chromaticities;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2, WritableImage,
+};
+use moxcms::{ColorProfile, ToneReprCurve};
+use png::{ScaledFloat, SourceChromaticities, SrgbRenderingIntent};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tiff::encoder::{TiffEncoder, colortype};
+use tiff::tags::Tag;
+
+use super::*;
+use crate::save_exr;
+use crate::spectral_file::is_spectral;
+
+fn read(bytes: &[u8]) -> Picture {
+    load_image_bytes(bytes, "test").unwrap()
+}
+
+fn light(bytes: &[u8]) -> LinearImage {
+    read(bytes).light
+}
+
+/// The only note of a picture.
+fn note(bytes: &[u8]) -> String {
+    let notes = read(bytes).notes;
+    assert_eq!(notes.len(), 1, "{notes:?}");
+    notes[0].clone()
+}
+
+#[test]
+fn png_round_trip_keeps_eight_bits() {
+    let data = (0..3 * 4 * 5).map(|i| srgb_decode(((i * 4) % 256) as f32 / 255.0)).collect();
+    let image = LinearImage::from_data(3, 4, 5, data).unwrap();
+    let back = light(&png_bytes(&image).unwrap());
+    for (a, b) in image.data.iter().zip(&back.data) {
+        assert!((a - b).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn a_sixteen_bit_png_keeps_differences_below_one_of_256_levels() {
+    let folder = tempfile::tempdir().unwrap();
+    let data: Vec<f32> = (0..3 * 8 * 8).map(|i| srgb_decode(0.2 + i as f32 / 2000.0)).collect();
+    let image = LinearImage::from_data(3, 8, 8, data).unwrap();
+    let path = folder.path().join("fine.png");
+    save_png16(&image, &path).unwrap();
+    let back = load_image(&path).unwrap().light;
+    for (a, b) in image.to_srgb().iter().zip(back.to_srgb()) {
+        assert!((a - b).abs() <= 0.6 / 65535.0, "{a} {b}");
+    }
+    let samples = ::image::open(&path).unwrap();
+    assert_eq!(samples.color(), ::image::ColorType::Rgb16);
+}
+
+#[test]
+fn the_error_of_a_truncated_picture_says_that_it_is_cut_off() {
+    let noise = (0..3 * 64 * 64).map(|i| (i * 7919 % 1000) as f32 / 1000.0).collect();
+    let bytes = png_bytes(&LinearImage::from_data(3, 64, 64, noise).unwrap()).unwrap();
+    let error = load_image_bytes(&bytes[..bytes.len() / 2], "half.png").unwrap_err().to_string();
+    assert!(error.contains("half.png") && error.contains("it is cut off"), "{error}");
+}
+
+#[test]
+fn gray_and_alpha_become_three_planes() {
+    let mut bytes = Cursor::new(Vec::new());
+    let gray = ::image::LumaA([255u8, 51]);
+    DynamicImage::ImageLumaA8(ImageBuffer::from_pixel(2, 1, gray))
+        .write_to(&mut bytes, ImageFormat::Png)
+        .unwrap();
+    let image = light(bytes.get_ref());
+    assert_eq!((image.channels, image.height, image.width), (3, 1, 2));
+    assert!(image.data.iter().all(|v| (v - 0.2).abs() < 1e-6));
+}
+
+#[test]
+fn errors_name_the_file_and_the_reason() {
+    let missing = load_image(Path::new("no/such/picture.png")).unwrap_err().to_string();
+    assert!(missing.starts_with("no/such/picture.png: "), "{missing}");
+    let garbage = load_image_bytes(b"not a picture", "note.txt").unwrap_err().to_string();
+    assert!(garbage.starts_with("note.txt: cannot decode"), "{garbage}");
+}
+
+/// A picture of 32 x 16 pixels, black but for its upper left quarter, encoded by `write`.
+fn corner(write: impl FnOnce(&RgbImage, &mut Cursor<Vec<u8>>)) -> Vec<u8> {
+    let is_white = |x: u32, y: u32| x < 16 && y < 8;
+    let picture = RgbImage::from_fn(32, 16, |x, y| ::image::Rgb([if is_white(x, y) { 255 } else { 0 }; 3]));
+    let mut out = Cursor::new(Vec::new());
+    write(&picture, &mut out);
+    out.into_inner()
+}
+
+/// EXIF data that only holds an orientation.
+fn exif(orientation: Orientation) -> Vec<u8> {
+    // A little-endian TIFF directory of one entry: tag 0x112, a SHORT.
+    let head = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0";
+    [&head[..], &[orientation.to_exif(), 0, 0, 0], &[0; 4]].concat()
+}
+
+#[test]
+fn the_orientation_of_exif_and_tiff_is_obeyed() {
+    // "Rotate 90" means that the stored picture is to be turned clockwise: its upper left goes to the upper right.
+    let turn = Orientation::Rotate90;
+    let write = |encoder: &mut dyn FnMut(&RgbImage, &mut Cursor<Vec<u8>>)| corner(encoder);
+    let png = write(&mut |picture, out| {
+        let mut encoder = PngEncoder::new(out);
+        encoder.set_exif_metadata(exif(turn)).unwrap();
+        encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+    });
+    let jpeg = write(&mut |picture, out| {
+        let mut encoder = JpegEncoder::new_with_quality(out, 98);
+        encoder.set_exif_metadata(exif(turn)).unwrap();
+        encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+    });
+    let tiff = write(&mut |picture, out| {
+        let mut encoder = TiffEncoder::new(out).unwrap();
+        let mut page = encoder.new_image::<colortype::RGB8>(32, 16).unwrap();
+        page.encoder().write_tag(Tag::Orientation, u16::from(turn.to_exif())).unwrap();
+        page.write_data(picture).unwrap();
+    });
+    for bytes in [png, jpeg, tiff] {
+        let Picture { light, notes } = read(&bytes);
+        assert_eq!((light.height, light.width, notes.len()), (32, 16, 0));
+        for (row, col, bright) in [(4, 12, true), (4, 4, false), (24, 12, false), (24, 4, false)] {
+            assert_eq!(light.get(1, row, col) > 0.5, bright, "{row} {col}");
+        }
+    }
+}
+
+#[test]
+fn further_pages_of_a_tiff_are_noted() {
+    let tiff = |pages: usize| {
+        corner(|picture, out| {
+            let mut encoder = TiffEncoder::new(out).unwrap();
+            for _ in 0..pages {
+                encoder.write_image::<colortype::RGB8>(32, 16, picture).unwrap();
+            }
+        })
+    };
+    assert_eq!(note(&tiff(3)), "it has several pages, of which only the first is used");
+    assert!(read(&tiff(1)).notes.is_empty());
+}
+
+#[test]
+fn gamma_and_primaries_of_a_png_are_noted_unless_they_are_those_of_srgb() {
+    let png = |change: &dyn Fn(&mut png::Info)| {
+        let mut info = png::Info::with_size(1, 1);
+        info.color_type = png::ColorType::Rgb;
+        change(&mut info);
+        let mut out = Vec::new();
+        let mut writer = png::Encoder::with_info(&mut out, info).unwrap().write_header().unwrap();
+        writer.write_image_data(&[1, 2, 3]).unwrap();
+        writer.finish().unwrap();
+        out
+    };
+    let (srgb_gamma, linear) = (ScaledFloat::from_scaled(45_455), ScaledFloat::new(1.0));
+    let rec_2020 = SourceChromaticities::new((0.3127, 0.329), (0.708, 0.292), (0.17, 0.797), (0.131, 0.046));
+    let rec_709 = SourceChromaticities::new((0.3127, 0.329), (0.64, 0.33), (0.3, 0.6), (0.15, 0.06));
+    assert!(
+        note(&png(&|i| i.source_gamma = Some(linear))).starts_with("its gamma of 1.0000 (gAMA) is ignored")
+    );
+    let primaries = note(&png(&|i| {
+        (i.source_gamma, i.source_chromaticities) = (Some(srgb_gamma), Some(rec_2020));
+    }));
+    assert!(primaries.contains("red 0.708 0.292") && primaries.contains("Rec. 709"), "{primaries}");
+    assert!(read(&png(&|_| {})).notes.is_empty());
+    assert!(read(&png(&|i| i.source_gamma = Some(srgb_gamma))).notes.is_empty());
+    assert!(read(&png(&|i| i.source_chromaticities = Some(rec_709))).notes.is_empty());
+    // A statement of sRGB stands above the others.
+    let srgb = png(&|i| {
+        (i.source_gamma, i.srgb) = (Some(linear), Some(SrgbRenderingIntent::Perceptual));
+    });
+    assert!(read(&srgb).notes.is_empty());
+}
+
+#[test]
+fn a_profile_is_noted_unless_its_numbers_are_those_of_srgb() {
+    let png = |profile: Vec<u8>| {
+        corner(|picture, out| {
+            let mut encoder = PngEncoder::new(out);
+            encoder.set_icc_profile(profile).unwrap();
+            encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+        })
+    };
+    let jpeg = |profile: Vec<u8>| {
+        corner(|picture, out| {
+            let mut encoder = JpegEncoder::new(out);
+            encoder.set_icc_profile(profile).unwrap();
+            encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+        })
+    };
+    let srgb = ColorProfile::new_srgb();
+    assert!(read(&png(srgb.encode().unwrap())).notes.is_empty());
+    assert!(read(&jpeg(srgb.encode().unwrap())).notes.is_empty());
+    let p3 = ColorProfile::new_display_p3().encode().unwrap();
+    for bytes in [png(p3.clone()), jpeg(p3)] {
+        assert_eq!(note(&bytes), "its ICC profile (Display P3) is ignored: values are taken as sRGB");
+    }
+    // Linear light keeps the name of sRGB.
+    let line = Some(ToneReprCurve::Lut(Vec::new()));
+    let mut linear = srgb.clone();
+    (linear.red_trc, linear.green_trc, linear.blue_trc) = (line.clone(), line.clone(), line);
+    assert!(note(&png(linear.encode().unwrap())).contains("sRGB"));
+    assert!(note(&png(vec![7; 300])).contains("that cannot be read"));
+}
+
+/// An OpenEXR file of one layer of 3 x 2 pixels, with more than [`save_exr`] writes.
+fn exr_file(
+    channels: &[(&str, [f32; 6])],
+    change: impl FnOnce(&mut Image<Layer<AnyChannels<FlatSamples>>>),
+) -> Vec<u8> {
+    let list = channels
+        .iter()
+        .map(|(name, values)| AnyChannel::new(*name, FlatSamples::F32(values.to_vec())))
+        .collect();
+    let layer =
+        Layer::new((3, 2), LayerAttributes::default(), Encoding::UNCOMPRESSED, AnyChannels::sort(list));
+    let mut image = Image::from_layer(layer);
+    change(&mut image);
+    let mut out = Cursor::new(Vec::new());
+    image.write().to_buffered(&mut out).unwrap();
+    out.into_inner()
+}
+
+const RED: (&str, [f32; 6]) = ("R", [0.0, 0.25, 1.0, 12.5, 1e4, 3e-6]);
+const GREEN: (&str, [f32; 6]) = ("G", [0.1; 6]);
+const BLUE: (&str, [f32; 6]) = ("B", [0.2; 6]);
+
+#[test]
+fn an_exr_of_red_green_blue_is_linear_light_with_its_highlights() {
+    let Picture { light, notes } = read(&exr_file(&[RED, GREEN, BLUE], |_| {}));
+    assert_eq!((light.channels, light.height, light.width), (3, 2, 3));
+    assert!(light.plane(0) == RED.1 && light.plane(1) == GREEN.1 && light.plane(2) == BLUE.1);
+    assert_eq!(notes, [""; 0]);
+    // Colours are premultiplied by alpha: over black they stay.
+    let with_alpha = exr_file(&[RED, GREEN, BLUE, ("A", [0.5; 6])], |_| {});
+    assert_eq!(read(&with_alpha), Picture { light, notes });
+    // Gray.
+    let gray = read(&exr_file(&[("Y", RED.1)], |_| {}));
+    assert!((0..3).all(|c| gray.light.plane(c) == RED.1) && gray.notes.is_empty());
+}
+
+#[test]
+fn what_an_exr_says_beyond_its_colours_is_noted() {
+    let rgb = [RED, GREEN, BLUE];
+    assert_eq!(
+        note(&exr_file(&[rgb[0], rgb[1], rgb[2], ("Z", [1.0; 6])], |_| {})),
+        "its channels Z are not used"
+    );
+    let primaries = note(&exr_file(&rgb, |image| {
+        let (red, green, blue) = (Vec2(0.7347, 0.2653), Vec2(0.0, 1.0), Vec2(0.0001, -0.077));
+        image.attributes.chromaticities =
+            Some(Chromaticities { red, green, blue, white: Vec2(0.32168, 0.33767) });
+    }));
+    assert!(primaries.starts_with("its primaries, red 0.735 0.265"), "{primaries}");
+    let window = exr_file(&rgb, |image| image.layer_data.attributes.layer_position = Vec2(4, 0));
+    assert!(note(&window).contains("display window is ignored"));
+    let nits = exr_file(&rgb, |image| image.layer_data.attributes.white_luminance = Some(80.0));
+    assert!(note(&nits).contains("80 cd/m2"));
+    let negative = exr_file(&[RED, GREEN, ("B", [0.1, -0.25, 0.0, -0.0, 0.5, 0.5])], |_| {});
+    assert_eq!(note(&negative), "1 of its 18 values are negative, down to -0.25, and taken as 0");
+    assert_eq!(light(&negative).get(2, 0, 1), 0.0);
+}
+
+#[test]
+fn an_exr_without_light_is_refused() {
+    let error = |bytes: &[u8]| load_image_bytes(bytes, "sky.exr").unwrap_err().to_string();
+    let mut hot = BLUE;
+    hot.1[4] = f32::INFINITY;
+    let infinite = error(&exr_file(&[RED, GREEN, hot], |_| {}));
+    assert!(infinite.starts_with("sky.exr: the light in row 1, column 1 is inf; hint: "), "{infinite}");
+    for channels in [&[("Z", [1.0; 6])][..], &[("Y", [1.0; 6]), ("RY", [0.0; 6]), ("BY", [0.0; 6])]] {
+        let other = error(&exr_file(channels, |_| {}));
+        assert!(
+            other.contains("neither the channels R, G and B nor Y") && other.contains(channels[0].0),
+            "{other}"
+        );
+    }
+}
+
+#[test]
+fn an_exr_is_a_picture_or_spectral_by_its_channels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let band = ("S0.550nm", [1.0; 6]);
+    for (channels, spectral) in [
+        (&[RED, GREEN, BLUE][..], false),
+        (&[("Y", [1.0; 6])], false),
+        (&[band], true),
+        // A preview beside the bands.
+        (&[RED, GREEN, BLUE, band], true),
+        (&[("Z", [1.0; 6])], true),
+    ] {
+        std::fs::write(&path, exr_file(channels, |_| {})).unwrap();
+        assert_eq!(is_spectral(&path), spectral, "{channels:?}");
+    }
+    // What simulate writes is a picture.
+    save_exr(&LinearImage::zeros(3, 2, 2), &path).unwrap();
+    assert!(!is_spectral(&path));
+}
+
+/// A Radiance file of 2 x 1 pixels with further header lines.
+fn hdr_file(lines: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let pixels = [::image::Rgb([0.25, 0.5, 1.0]), ::image::Rgb([64.0, 32.0, 0.0])];
+    HdrEncoder::new(&mut bytes).encode(&pixels, 2, 1).unwrap();
+    let text = "#?RADIANCE\n";
+    assert!(bytes.starts_with(text.as_bytes()));
+    [text.as_bytes(), lines.as_bytes(), &bytes[text.len()..]].concat()
+}
+
+#[test]
+fn a_radiance_file_is_linear_light_with_its_highlights() {
+    let Picture { light, notes } = read(&hdr_file(""));
+    assert_eq!((light.height, light.width), (1, 2));
+    assert_eq!(light.data, [0.25, 64.0, 0.5, 32.0, 1.0, 0.0]);
+    assert_eq!(notes, [""; 0]);
+    // Older files begin otherwise.
+    let older = [b"#?RGBE\n", &hdr_file("")[b"#?RADIANCE\n".len()..]].concat();
+    assert_eq!(read(&older).light, light);
+    for (lines, needle) in [
+        ("EXPOSURE=2\n", "its EXPOSURE of 2 is ignored: 1 is white"),
+        ("COLORCORR=1 0.5 1\n", "its COLORCORR is ignored"),
+        ("PIXASPECT=0.5\n", "its PIXASPECT of 0.5 is ignored"),
+        ("PRIMARIES=0.708 0.292 0.17 0.797 0.131 0.046 0.3127 0.329\n", "red 0.708 0.292"),
+    ] {
+        assert!(note(&hdr_file(lines)).contains(needle), "{lines}");
+    }
+    assert!(read(&hdr_file("PRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329\n")).notes.is_empty());
+}
+
+#[test]
+fn damaged_pictures_are_refused_or_read_but_never_panic() {
+    let profile = ColorProfile::new_adobe_rgb().encode().unwrap();
+    let png = corner(|picture, out| {
+        let mut encoder = PngEncoder::new(out);
+        encoder.set_icc_profile(profile.clone()).unwrap();
+        encoder.set_exif_metadata(exif(Orientation::Rotate180)).unwrap();
+        encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+    });
+    let jpeg = corner(|picture, out| {
+        let mut encoder = JpegEncoder::new(out);
+        encoder.set_icc_profile(profile.clone()).unwrap();
+        encoder.set_exif_metadata(exif(Orientation::Rotate180)).unwrap();
+        encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+    });
+    let files = [png, jpeg, exr_file(&[RED, GREEN, BLUE], |_| {}), hdr_file("EXPOSURE=2\n")];
+    let count = std::env::var("PETZVAL_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000usize);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for bytes in &files {
+        for _ in 0..count / files.len() {
+            let mut damaged = bytes.clone();
+            for _ in 0..rng.random_range(1..4) {
+                let at = rng.random_range(0..damaged.len());
+                damaged[at] = rng.random();
+            }
+            if rng.random_range(0..4) == 0 {
+                damaged.truncate(rng.random_range(1..=bytes.len()));
+            }
+            let _ = load_image_bytes(&damaged, "damaged");
+            let _ = profile_note(&damaged);
+        }
+        // The profile alone, which the checksums of a PNG protect.
+        let mut damaged = profile.clone();
+        for _ in 0..count / files.len() {
+            let at = rng.random_range(0..damaged.len());
+            let kept = std::mem::replace(&mut damaged[at], rng.random());
+            let _ = profile_note(&damaged);
+            damaged[at] = kept;
+        }
+    }
+}
