@@ -48,6 +48,15 @@ pub enum DesignError {
         /// Field angle, degrees.
         field_deg: f64,
     },
+    /// A place of the sensor on which no chief ray lands.
+    #[error(
+        "no chief ray lands {radius_mm:.3} mm from the axis: the image of this lens ends before, or the lens is out of focus; hint: \
+         take a smaller sensor or another lens"
+    )]
+    OutsideTheImage {
+        /// Distance from the axis, mm.
+        radius_mm: f64,
+    },
     /// The lens sees further than a picture without distortion reaches.
     #[error(
         "the lens images fields to {field_deg:.1} degrees, and a rectilinear picture of a scene ends before 90 degrees; hint: leave \
@@ -207,6 +216,7 @@ impl DesignError {
                 | Self::Electrons(_)
                 | Self::NoLight { .. }
                 | Self::TooWideForAPicture { .. }
+                | Self::OutsideTheImage { .. }
                 | Self::Run { .. }
         )
     }

@@ -25,7 +25,6 @@ const COLOUR: f32 = 0.01;
 pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
     check_colour(setup)?;
     let mut warnings = check_exposure(setup, source)?;
-    warnings.extend(rough_psfs(setup)?);
     warnings.extend(drifting_lenses(setup));
     warnings.extend(unlike_starts(setup));
     warnings.extend(unlike_steps(setup));
@@ -55,22 +54,6 @@ fn is_coloured(photo: &NamedPhoto) -> bool {
     let (green, blue) = rest.split_at(image.height * image.width);
     let differs = |a: &[f32], b: &[f32]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > COLOUR);
     differs(red, green) || differs(green, blue)
-}
-
-/// Lenses whose PSFs no number of pupil cells gives to the error that is asked for.
-fn rough_psfs(setup: &Setup) -> Result<Vec<String>, DesignError> {
-    let (plan, wanted) = (&setup.fixed_plan, setup.experiment.psf.scoring_pupil_error);
-    let mut warnings = Vec::new();
-    for (name, start) in &setup.starts {
-        let (finest, error) = plan.converged(&start.lens_file.lens, wanted)?;
-        if error > wanted {
-            warnings.push(format!(
-                "lens `{name}`: PSFs on {} pupil cells a side have an error of {error:.3} (L1), more than psf.scoring_pupil_error = {wanted}",
-                finest.quadrature.cells
-            ));
-        }
-    }
-    Ok(warnings)
 }
 
 /// White must fit into a green pixel; where it does not fit into one of another colour, it is clipped there.

@@ -9,7 +9,9 @@ use petzval_camera::sensor::SensorModel;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::image_height_per_tangent;
-use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTape, psf, psf_converged, psf_with_tape};
+use petzval_optics::psf::{
+    FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, psf, psf_converged, psf_with_tape,
+};
 use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged_at, pull_back_chief};
 use petzval_optics::trace::Sequence;
 use rayon::prelude::*;
@@ -72,7 +74,8 @@ impl BankWithTape {
 /// Fields at which the number of pupil cells is chosen.
 const CHECKED_FIELDS: usize = 7;
 
-/// Most pupil cells a side that are tried. With them a PSF takes a hundred times as long as with 200.
+/// Pupil cells a side up to which they are doubled, unless a plan begins with more. With so many a PSF takes a hundred times as long as
+/// with 200.
 const MOST_CELLS: usize = 2048;
 
 /// Field, as a share of the outermost, whose image is as good as free of distortion: its share is 1e-6 of that of the corner.
@@ -96,8 +99,7 @@ fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<
     if radius_mm == 0.0 {
         return Ok(0.0);
     }
-    field_imaged_at(reference, radius_mm, guess_rad)
-        .ok_or(DesignError::NoLight { field_deg: guess_rad.to_degrees() })
+    field_imaged_at(reference, radius_mm, guess_rad).ok_or(DesignError::OutsideTheImage { radius_mm })
 }
 
 impl PsfPlan {
@@ -125,9 +127,15 @@ impl PsfPlan {
     /// The error is the sum of absolute differences from the PSF on arbitrarily many cells, both of unit sum, or the relative error of
     /// the illumination: the largest over [`CHECKED_FIELDS`] of the fields and the colours, estimated by doubling the cells. The cells do
     /// not become fewer than they are.
+    ///
+    /// Waves choose their own grid of the pupil: the plan stays, and the error is 0.
     pub fn converged(&self, lens: &Lens, tolerance: f64) -> Result<(Self, f64), DesignError> {
+        if self.options.kind == PsfKind::Diffraction {
+            return Ok((self.clone(), 0.0));
+        }
+        let first_cells = self.quadrature.cells;
         let refinement =
-            PupilRefinement { tolerance, first_cells: self.quadrature.cells, most_cells: MOST_CELLS };
+            PupilRefinement { tolerance, first_cells, most_cells: MOST_CELLS.max(2 * first_cells) };
         let angles = self.field_angles(lens)?;
         let step = angles.len().div_ceil(CHECKED_FIELDS).max(1);
         // From the corner inwards: aberrations are largest there.
@@ -194,7 +202,7 @@ impl PsfPlan {
         let image_mm = angles.iter().map(|field| height(*field)).collect::<Result<Vec<_>, DesignError>>()?;
         // The ideal image has the scale of the real one near the axis.
         let near = angles.last().copied().unwrap_or(0.0) * NEAR_AXIS;
-        let scale_mm = if near > 0.0 { height(near)? / near.tan() } else { 1.0 };
+        let scale_mm = if near != 0.0 { height(near)? / near.tan() } else { 1.0 };
         let ideal_mm = angles.iter().map(|field| scale_mm * field.tan()).collect();
         Ok(Distortion::new(image_mm, ideal_mm).map_err(RenderError::from)?)
     }

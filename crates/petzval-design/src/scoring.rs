@@ -105,7 +105,8 @@ impl Scorer {
             });
         }
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        Ok((camera_metrics(&self.setup, name, lens, captured, scored)?, pictures))
+        let metrics = camera_metrics(&self.setup, name, lens, captured, scored)?;
+        Ok((CameraMetrics { psf_errors: camera.psf_errors(), ..metrics }, pictures))
     }
 }
 
@@ -149,7 +150,11 @@ fn camera_metrics(
     let angles = setup.fixed_plan.field_angles(lens)?;
     // The field of view ends where the light of the sensor's corner comes from.
     let (corner_mm, corner_field) = (setup.corner_mm(), angles.last().copied().unwrap_or(0.0));
-    let ideal_mm = setup.fixed_plan.distortion(lens)?.ideal_mm(corner_mm);
+    let corner_distortion = match setup.fixed_plan.distortion(lens) {
+        Ok(map) => corner_mm / map.ideal_mm(corner_mm) - 1.0,
+        Err(DesignError::TooWideForAPicture { .. }) => -1.0,
+        Err(other) => return Err(other),
+    };
     let rms_spot_by_field_um: Vec<f64> = angles
         .par_iter()
         .map(|field| {
@@ -167,8 +172,9 @@ fn camera_metrics(
         efl_mm: order.efl_mm,
         f_number: order.f_number,
         fov_deg: 2.0 * corner_field.to_degrees(),
-        corner_distortion_percent: 100.0 * (corner_mm / ideal_mm - 1.0),
+        corner_distortion_percent: 100.0 * corner_distortion,
         psf_captured,
+        psf_errors: None,
         white_e: f64::from(setup.experiment.exposure.white_e),
         network_steps: setup.experiment.training.steps,
         rms_spot_by_field_um,

@@ -19,7 +19,7 @@ use serde::Deserialize;
 
 use crate::assets::Assets;
 use crate::block::{BlockName, Blocks, NetworkBlock, OpticsBlock};
-use crate::camera::{Body, Camera, PsfSource};
+use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
 use crate::psf_plan::PsfPlan;
@@ -139,22 +139,19 @@ impl Setup {
     /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with
     /// `psf.scoring_fields` and as many patches as `psf.scoring_blend_error` needs.
     pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
-        let plan = match is_moving {
-            true => self.moving_plan.clone(),
-            false => {
-                let psf = &self.experiment.psf;
-                let plan = self.fixed_plan.with_fields(psf.scoring_fields);
-                plan.converged(&lens, psf.scoring_pupil_error)?.0
-            }
+        let traced = |lens: Lens, plan: PsfPlan| -> Result<Arc<Psfs>, DesignError> {
+            Ok(Arc::new(PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?))
         };
-        let source = PsfSource::Traced { lens: Box::new(lens), plan };
-        let psfs = Arc::new(source.psfs()?);
         if is_moving {
-            return Camera::new(self.body.clone(), psfs);
+            return Camera::new(self.body.clone(), traced(lens, self.moving_plan.clone())?);
         }
-        let error = self.experiment.psf.scoring_blend_error;
-        let (geometry, _) = with_patches_for(&self.body.geometry, psfs.bank(), error)?;
-        Camera::new(Arc::new(Body { geometry, ..(*self.body).clone() }), psfs)
+        let psf = &self.experiment.psf;
+        let plan = self.fixed_plan.with_fields(psf.scoring_fields);
+        let (plan, pupil) = plan.converged(&lens, psf.scoring_pupil_error)?;
+        let psfs = traced(lens, plan)?;
+        let (geometry, blend) = with_patches_for(&self.body.geometry, psfs.bank(), psf.scoring_blend_error)?;
+        let camera = Camera::new(Arc::new(Body { geometry, ..(*self.body).clone() }), psfs)?;
+        Ok(camera.with_psf_errors(PsfErrors { pupil, blend: blend.median }))
     }
 
     /// The objective of the experiment.

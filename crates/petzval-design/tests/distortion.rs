@@ -37,7 +37,8 @@ fn from_axis(at: usize, size: usize) -> f64 {
 }
 
 /// The picture of round sources, rendered as a camera does, against the superposition of the PSFs that are traced for each place,
-/// laid where the chief rays of each source land. Nothing is shared with the map, its resampling and the blend of patches.
+/// laid where the chief rays of each source land. Nothing is shared with the interpolation of the map, its resampling and the blend of
+/// patches; the search for the field of a place is by halving, on traced rays.
 #[test]
 fn sources_land_where_exact_rays_put_their_light() {
     let (lens, plan) = (nominal(), plan(31, 96));
@@ -66,7 +67,13 @@ fn sources_land_where_exact_rays_put_their_light() {
         // The ideal position of a position of the sensor, pixels from the axis: exact rays, no map.
         let ideal = |x: f64, y: f64| {
             let radius_mm = x.hypot(y) * pixel_mm;
-            let stretch = scale_mm * plan.field_angle(&lens, radius_mm).unwrap().tan() / radius_mm;
+            let (mut low, mut high) = (0.0_f64, 0.4_f64);
+            while high - low > 1e-9 {
+                let middle = 0.5 * (low + high);
+                let lands_mm = chief_ray(&reference, middle).unwrap().y_mm;
+                if lands_mm < radius_mm { low = middle } else { high = middle }
+            }
+            let stretch = scale_mm * low.tan() / radius_mm;
             (x * stretch, y * stretch)
         };
         let (source_x, source_y) = ideal(centre_x, centre_y);

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for sigma in [0.0_f32, 0.05] {
         let mut sums = [0.0; 4];
         for (i, path) in files.iter().enumerate() {
-            let mut picture = load_image(path)?;
+            let mut picture = load_image(path)?.light;
             picture.data.iter_mut().for_each(|v| *v = srgb_encode(*v));
             let (height, width) = (picture.height, picture.width);
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(i as u64);

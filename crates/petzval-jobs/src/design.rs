@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment};
+use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PsfConfig};
 use petzval_design::inputs::{check_inputs, keep_inputs};
 use petzval_design::plausible::check;
 use petzval_design::run::{
@@ -159,7 +159,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     context.note(&setup.experiment.name);
     context.note(format!("run folder: {}", folder.root().display()));
     report_pictures(&setup, context);
-    let mut watch = Watch { context, scores: scorer.scores(), total: 0 };
+    let psf = setup.experiment.psf.clone();
+    let mut watch = Watch { context, scores: scorer.scores(), psf, total: 0 };
     let ending = DesignLoop::new(folder.clone(), scorer)?.run(&mut watch, context.cancellation())?;
     let ending = match ending {
         Ending::Stopped(step) => RunEnding::Stopped { step },
@@ -290,6 +291,8 @@ fn default_root(name: &str, experiment: &Experiment) -> PathBuf {
 struct Watch<'a> {
     context: &'a Context,
     scores: Vec<ScoreDescription>,
+    /// The errors that PSFs may have.
+    psf: PsfConfig,
     total: u64,
 }
 
@@ -318,5 +321,27 @@ impl Observer for Watch<'_> {
             })
             .collect();
         self.context.note(format!("{}: {}, RMS spot {:.2} um", m.camera, scores.join(", "), m.rms_spot_um));
+        let Some(errors) = m.psf_errors else { return };
+        for (what, error, key, wanted) in [
+            (
+                "as many pupil cells as are tried",
+                errors.pupil,
+                "scoring_pupil_error",
+                self.psf.scoring_pupil_error,
+            ),
+            (
+                "as many patches as are tried",
+                errors.blend,
+                "scoring_blend_error",
+                self.psf.scoring_blend_error,
+            ),
+        ] {
+            if error > wanted {
+                self.context.warning(format!(
+                    "{}: with {what}, its PSFs have an error of {error:.3} (L1), more than psf.{key} = {wanted}",
+                    m.camera
+                ));
+            }
+        }
     }
 }

@@ -64,7 +64,7 @@ pub struct Axes {
     pub axes: [String; 4],
     /// Field angles, degrees.
     pub field_deg: Vec<f64>,
-    /// Ideal image radii of the fields, mm.
+    /// Image radii of the fields, mm: where their chief rays land.
     pub field_radius_mm: Vec<f64>,
     /// Where the reference chief ray lands across the plane of the fields, mm.
     pub chief_ray_x_mm: Vec<f64>,
@@ -74,6 +74,10 @@ pub struct Axes {
     pub wavelengths_um: [f64; 3],
     /// Cell size, um.
     pub pitch_um: f64,
+    /// Pupil cells a side; diffraction chooses its own.
+    pub pupil_cells: usize,
+    /// Error by the pupil cells: the sum of absolute differences of PSFs of unit sum; 0 of diffraction.
+    pub pupil_error: f64,
     /// Direction of the rows.
     pub row_axis: String,
     /// Share of the light that falls inside the grid, per field and wavelength.
@@ -164,10 +168,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ),
         other => other.into(),
     };
-    let (plan, error) = match request.kind {
-        PsfKind::Geometric => plan.converged(&lens, request.pupil_error).map_err(no_light)?,
-        PsfKind::Diffraction => (plan, 0.0),
-    };
+    let (plan, error) = plan.converged(&lens, request.pupil_error).map_err(no_light)?;
     if error > request.pupil_error {
         context.warning(format!(
             "PSFs on {} pupil cells a side have an error of {error:.3} (L1); larger cells of the PSF have less",
@@ -189,6 +190,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         chief_ray_y_mm: psfs.iter().map(|p| p.chief_y_mm).collect(),
         wavelengths_um: plan.wavelengths_um,
         pitch_um: request.pitch_um,
+        pupil_cells: plan.quadrature.cells,
+        pupil_error: error,
         row_axis: "y, away from the axis".to_owned(),
         captured: psfs.iter().map(|p| p.captured.clone()).collect(),
         method: psfs.iter().map(|p| p.method.iter().map(Method::from).collect()).collect(),

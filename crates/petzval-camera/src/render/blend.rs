@@ -12,7 +12,7 @@ use petzval_base::statistics::median;
 const PLACES: usize = 48;
 
 /// Patch rows that are tried, from few to many.
-const ROWS: [usize; 10] = [7, 9, 11, 13, 17, 21, 27, 33, 41, 51];
+const ROWS: [usize; 13] = [1, 3, 5, 7, 9, 11, 13, 17, 21, 27, 33, 41, 51];
 
 /// Difference between the PSF that the renderer blends at a place and that of the place itself: the sum of absolute differences over
 /// the pixels, both of unit sum, mean of the colours. 2 is the largest possible.

@@ -18,19 +18,30 @@ pub struct Distortion {
     ideal_mm: Vec<f64>,
 }
 
+/// Intervals along the edge of a sensor in which its largest stretch is looked for.
+const EDGE_POINTS: usize = 64;
+
 /// Share of each table value in an interpolated one.
 type Shares = [(usize, f64); 4];
 
 impl Distortion {
-    /// A map by image radii, ascending from 0, and the ideal radius of each, ascending from 0, mm.
+    /// A map by at least two image radii, ascending from 0, and the ideal radius of each, ascending from 0, mm; also beyond the last the
+    /// ideal radius has to grow.
     pub fn new(image_mm: Vec<f64>, ideal_mm: Vec<f64>) -> Result<Self, PsfError> {
         check_len("the distortion table", ideal_mm.len(), image_mm.len())?;
-        if image_mm.is_empty() {
+        if image_mm.len() < 2 {
             return Err(PsfError::NoField);
         }
         check_radii(&image_mm)?;
         check_radii(&ideal_mm)?;
-        Ok(Self { image_mm, ideal_mm })
+        // Beyond its end the map goes on with its last slope, and must not fold back.
+        let map = Self { image_mm, ideal_mm };
+        let last = map.image_mm.len() - 1;
+        let (end_mm, beyond_mm) = (map.image_mm[last], 1.01 * map.image_mm[last]);
+        if map.ideal_mm(beyond_mm) <= map.ideal_mm(end_mm) {
+            return Err(PsfError::Radius { index: last, radius_mm: map.ideal_mm[last] });
+        }
+        Ok(map)
     }
 
     /// The ideal radius of an image radius, mm.
@@ -112,12 +123,15 @@ impl Distortion {
     pub fn ideal_frame(&self, geometry: &RenderGeometry) -> Result<(usize, usize), RenderError> {
         geometry.validate()?;
         let corner_mm = geometry.radius_mm(0, 0);
-        // Barrel distortion shrinks most at the corner; pincushion enlarges least on the axes.
         let side = |pixels: usize| {
             let edge_mm = 0.5e-3 * geometry.pixel_um * pixels as f64;
-            let at_edge = self.ideal_mm(edge_mm);
-            let at_corner = edge_mm * self.ideal_mm(corner_mm) / corner_mm.max(f64::MIN_POSITIVE);
-            let beyond = (at_edge.max(at_corner) - edge_mm) * 1e3 / geometry.pixel_um;
+            // The largest stretch along the edge of the sensor, from its middle to the corner.
+            let along = (0..=EDGE_POINTS).map(|k| {
+                let radius_mm = edge_mm + (corner_mm - edge_mm).max(0.0) * k as f64 / EDGE_POINTS as f64;
+                self.ideal_mm(radius_mm) / radius_mm
+            });
+            let stretch = along.fold(0.0_f64, f64::max);
+            let beyond = edge_mm * (stretch - 1.0) * 1e3 / geometry.pixel_um;
             (pixels as f64 + 2.0 * beyond.ceil()).clamp(1.0, MAX_SIDE as f64) as usize
         };
         Ok((side(geometry.sensor_height), side(geometry.sensor_width)))
@@ -343,7 +357,9 @@ mod tests {
         assert!(map(&[0.1, 1.0], &[0.0, 1.0]).is_err());
         assert!(map(&[0.0, 1.0, 1.5], &[0.0, 1.0, 0.9]).is_err());
         assert!(map(&[0.0, f64::NAN], &[0.0, 1.0]).is_err());
-        assert!(map(&[], &[]).is_err());
+        assert!(map(&[], &[]).is_err() && map(&[0.0], &[0.0]).is_err());
+        // The parabola through the last radii falls at its end: the map would fold back.
+        assert!(map(&[0.0, 1.0, 2.0], &[0.0, 1.0, 1.1]).is_err());
     }
 
     #[test]

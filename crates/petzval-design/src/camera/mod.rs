@@ -20,6 +20,7 @@ use petzval_camera::tape::{
     Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op, srgb_encode_op,
 };
 use petzval_learn::network::PictureNetwork;
+use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
@@ -51,6 +52,15 @@ pub struct Body {
     pub device: Device,
 }
 
+/// How far the PSFs of a camera are from exact ones: sums of absolute differences, of PSFs of unit sum.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PsfErrors {
+    /// By the pupil cells: the largest over fields and colours.
+    pub pupil: f64,
+    /// By the blend between patches: the median over places of the sensor.
+    pub blend: f64,
+}
+
 /// A camera.
 #[derive(Clone)]
 pub struct Camera {
@@ -58,6 +68,7 @@ pub struct Camera {
     psfs: Arc<Psfs>,
     border: usize,
     network: Option<Rc<dyn PictureNetwork>>,
+    psf_errors: Option<PsfErrors>,
 }
 
 /// The PSFs of a camera as tensors that the frames depend on.
@@ -96,7 +107,17 @@ impl Camera {
     /// A camera without a network.
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        Ok(Self { body, psfs, border, network: None })
+        Ok(Self { body, psfs, border, network: None, psf_errors: None })
+    }
+
+    /// The same camera, whose PSFs are known to have these errors.
+    pub fn with_psf_errors(self, errors: PsfErrors) -> Self {
+        Self { psf_errors: Some(errors), ..self }
+    }
+
+    /// The errors of the PSFs, if they were measured.
+    pub fn psf_errors(&self) -> Option<PsfErrors> {
+        self.psf_errors
     }
 
     /// The same camera with a network behind the development.

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
+use crate::camera::PsfErrors;
+
 /// Scores of every camera on held-out pictures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
@@ -39,10 +41,13 @@ pub struct CameraMetrics {
     pub f_number: f64,
     /// Full field of view along the sensor's diagonal, degrees: twice the field whose chief ray lands in the corner.
     pub fov_deg: f64,
-    /// Where the chief ray of the corner's ideal field lands, against the corner, %.
+    /// Image radius of the sensor's corner against that of an image without distortion, %; -100 where no such image reaches the field.
     pub corner_distortion_percent: f64,
     /// Least share of a PSF's light that its grid holds, over fields and wavelengths.
     pub psf_captured: f64,
+    /// Errors of the PSFs that the camera was scored with; absent in runs of versions that did not measure them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psf_errors: Option<PsfErrors>,
     /// Photoelectrons of white.
     pub white_e: f64,
     /// Network steps that the camera got, with those of the variants from which it started.

@@ -31,6 +31,9 @@ use crate::error::JobError;
 /// 150 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
 
+/// Least share of a PSF's light on its grid without a warning.
+const LEAST_CAPTURED: f64 = 0.98;
+
 /// Most samples of a scene along a side of a pixel.
 pub const MOST_SAMPLES: usize = 8;
 
@@ -98,6 +101,14 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
+        if let Some(captured) = psfs.captured().filter(|share| *share < LEAST_CAPTURED) {
+            context.warning(format!(
+                "at some place the PSF's grid of {:.0} um holds {:.0} % of the light, and the picture shows these as if they were all: it \
+                 is too sharp there",
+                psf.grid as f64 * psf.pitch_um,
+                100.0 * captured
+            ));
+        }
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
         if blend.median > psf.scoring_blend_error {
@@ -116,6 +127,17 @@ impl Rig {
             None => (sensor.height, sensor.width),
         };
         let frame = (frame.0 * samples, frame.1 * samples);
+        if frame.0.saturating_mul(frame.1) > MOST_PIXELS {
+            return Err(JobError::input(
+                format!(
+                    "this lens projects a scene of {}x{} samples onto {}",
+                    frame.0, frame.1, request.sensor
+                ),
+                format!(
+                    "a scene may have {MOST_PIXELS}: leave distortion out, or take fewer samples a pixel"
+                ),
+            ));
+        }
         Ok(Self { geometry, sensor, window, border, distortion, samples, frame, psfs, traced })
     }
 

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_number_of_cells_is_kept_and_told() {
+    fn without_convergence_the_finest_grid_and_its_error_are_returned() {
         let wanted = PupilRefinement { tolerance: 1e-3, first_cells: 16, most_cells: 100 };
         let found = refine(&wanted, first_order, |a, b| (a - b).abs()).unwrap();
         assert_eq!((found.cells, found.is_converged), (64, false));

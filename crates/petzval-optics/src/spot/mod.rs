@@ -40,19 +40,23 @@ pub struct FieldSpot {
     pub illumination: Vec<f64>,
 }
 
+/// RMS radius, um, below which a spot is taken for a point.
+const PERFECT_UM: f64 = 1e-3;
+
 /// [`spot`] on the coarsest pupil grid whose error is within the tolerance.
 ///
-/// The error is that of the RMS radius of all wavelengths together or of the illumination of one, relative; see
+/// The error is that of the RMS radius of all wavelengths together or of the illumination of one, relative (radii below 1 nm count as
+/// 1 nm: in them is little but rounding); see
 /// [`PupilRefinement`]. `None` if no light arrives at some wavelength, or the first number of cells is not possible.
 pub fn spot_converged(
     lens: &Lens,
     field_rad: f64,
     refinement: &PupilRefinement,
 ) -> Option<Refined<FieldSpot>> {
-    let relative = |a: f64, b: f64| if a == b { 0.0 } else { (a / b - 1.0).abs() };
     let difference = |a: &FieldSpot, b: &FieldSpot| {
-        let of_light = a.illumination.iter().zip(&b.illumination).map(|(a, b)| relative(*a, *b));
-        of_light.fold(relative(a.rms_poly_um, b.rms_poly_um), f64::max)
+        let of_radius = (a.rms_poly_um - b.rms_poly_um).abs() / b.rms_poly_um.max(PERFECT_UM);
+        let of_light = a.illumination.iter().zip(&b.illumination).map(|(a, b)| (a / b - 1.0).abs());
+        of_light.fold(of_radius, f64::max)
     };
     refine(refinement, |quadrature| spot(lens, field_rad, quadrature), difference)
 }
