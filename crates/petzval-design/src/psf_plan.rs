@@ -78,7 +78,8 @@ const CHECKED_FIELDS: usize = 7;
 /// with 200.
 const MOST_CELLS: usize = 2048;
 
-/// Field, as a share of the outermost, whose image is as good as free of distortion: its share is 1e-6 of that of the corner.
+/// Field, as a share of the outermost, at which the scale of the image is taken. Distortion grows with the square of the field, so there
+/// it is a millionth of that at the corner.
 const NEAR_AXIS: f64 = 1e-3;
 
 /// Field from which the next one is guessed by the angle rather than by its tangent: 45 degrees.
@@ -91,7 +92,7 @@ const WIDEST_PICTURE_RAD: f64 = 85.0 / 180.0 * PI;
 /// paraxial ray of slope 1.
 fn image_scale_mm(lens: &Lens) -> f64 {
     let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
-    // Of a real image of a near object, turned upside down, the field is as far on the other side.
+    // The real image of a near object is upside down; its field at the same distance from the axis on the other side is taken.
     if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() }
 }
 
@@ -207,8 +208,8 @@ impl PsfPlan {
         Ok(Distortion::new(image_mm, ideal_mm).map_err(RenderError::from)?)
     }
 
-    /// The lens gradient of a loss whose derivatives by the ideal radii of [`PsfPlan::distortion`] are given, per mm; the image radii
-    /// stay, so that the fields which land there change.
+    /// The lens gradient of a loss whose derivatives by the ideal radii of [`PsfPlan::distortion`] are given, per mm, for a
+    /// plan without held fields: when the lens changes, the image radii of the table stay, and other fields land there.
     ///
     /// With y(w) the height of the chief ray of field w and r the image radius, `y(w) = r` gives `dw = -dy / y'(w)`, and the ideal
     /// radius is `s tan w` with `s = y(e) / tan e` of a field e near the axis. y' is a central difference.

@@ -14,12 +14,14 @@ use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{PsfCotangent, PsfKind, PsfOptions, psf_traced_with_tape, psf_with_tape};
 use petzval_optics::pupil::{Quadrature, aim_at_pupil, aim_one, chief_ray, paraxial_launch, trace_beam};
 use petzval_optics::solve::with_paraxial_focus;
-use petzval_optics::spot::mean_square_spot;
+use petzval_optics::spot::{mean_square_spot, spot};
 use petzval_optics::trace::{
     ACROSS_FROM_RAD, AimedRays, Fate, Ray, RayBundle, Reaim, Seeds, Sequence, WaveSeeds, aim_at_stop, launch,
     pull_back, push_change, starts_across, trace, trace_ray,
 };
 use petzval_optics::wave::{PupilPlane, opd};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// A lens of spheres: radius (0 for a plane), thickness, index and clear semi-diameter of each surface; the stop is surface 6.
 fn spheres(name: &str, rows: &[(f64, f64, f64, f64)], pupil_mm: f64, fields_deg: &[f64]) -> Lens {
@@ -484,4 +486,74 @@ fn tangent_and_adjoint_are_transposes_for_steep_rays() {
     let mut right = 0.37 * by_stop;
     right += gradient.numbers().iter().zip(change.numbers()).map(|(a, b)| a * b).sum::<f64>();
     assert!((left - right).abs() < 1e-10 * scale, "{left} {right}");
+}
+
+/// Irradiance of the image of a uniform scene in the ring `inner_mm ... outer_mm`, per unit of radiance, and its standard error as a share:
+/// rays thrown at random, from a disc across each direction that is wider than the beam.
+///
+/// All azimuths are alike in a round lens, so every direction lies in one plane. The disc follows the chief ray; a disc that missed a
+/// part of the beam would show as missing light.
+fn thrown(lens: &Lens, fields_deg: [f64; 2], [inner_mm, outer_mm]: [f64; 2], rays: usize) -> (f64, f64) {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let stop_mm = first_order(&sequence).stop_radius_mm;
+    let disc_mm = 1.2 * lens.entrance_pupil_mm;
+    let [from, to] = fields_deg.map(f64::to_radians);
+    // Where the chief rays of some fields start; between them, straight.
+    const KNOTS: usize = 33;
+    let field_of = |k: usize| from + (to - from) * k as f64 / (KNOTS - 1) as f64;
+    let starts: Vec<[f64; 3]> = (0..KNOTS)
+        .map(|k| {
+            let at = aim_one(&sequence, field_of(k), stop_mm, [0.0; 2]).unwrap();
+            launch(&sequence, field_of(k), at).ray.position
+        })
+        .collect();
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for _ in 0..rays {
+        // Evenly over the solid angle of the fields: evenly in their cosine.
+        let field = random.random_range(to.cos()..from.cos()).acos();
+        let (sin, cos) = field.sin_cos();
+        let place = ((field - from) / (to - from) * (KNOTS - 1) as f64).min((KNOTS - 1) as f64 - 1e-9);
+        let (k, t) = (place as usize, place.fract());
+        let centre = [0, 1, 2].map(|i| starts[k][i] + t * (starts[k + 1][i] - starts[k][i]));
+        let (r, turn) =
+            (disc_mm * random.random::<f64>().sqrt(), random.random_range(0.0..std::f64::consts::TAU));
+        let (u, v) = (r * turn.sin(), r * turn.cos());
+        let position = [centre[0] + u, centre[1] + v * cos, centre[2] - v * sin];
+        let path = trace_ray(&sequence, Ray { position, direction: [0.0, sin, cos] });
+        let Some(image) = path.image else { continue };
+        let [x, y, _] = path.passages[lens.stop].point;
+        let landed = image.position[0].hypot(image.position[1]);
+        if x.hypot(y) < stop_mm && landed > inner_mm && landed < outer_mm {
+            sum += path.transmission;
+            squares += path.transmission * path.transmission;
+        }
+    }
+    // Flux = radiance x area of the disc across the direction x solid angle.
+    let pi = std::f64::consts::PI;
+    let etendue = pi * disc_mm * disc_mm * 2.0 * pi * (from.cos() - to.cos());
+    let area = pi * (outer_mm.powi(2) - inner_mm.powi(2));
+    (sum / rays as f64 * etendue / area, squares.sqrt() / sum)
+}
+
+/// Illumination per real image area to 92 degrees, against rays that are thrown at random.
+#[test]
+fn the_light_of_a_fisheye_is_that_of_a_uniform_scene() {
+    let lens = fisheye();
+    let reference = lens.at_wavelength(lens.reference_um);
+    let quadrature = Quadrature::grid(128).unwrap();
+    let light = |field_deg: f64| {
+        let lens = Lens { wavelengths_um: vec![lens.reference_um], ..lens.clone() };
+        spot(&lens, field_deg.to_radians(), &quadrature).unwrap().illumination[0]
+    };
+    let height = |field_deg: f64| chief_ray(&reference, field_deg.to_radians()).unwrap().y_mm;
+    let (on_axis, axis_error) = thrown(&lens, [0.0, 7.0], [0.0, height(4.0)], 400_000);
+    for field_deg in [45.0, 70.0, 85.0, 92.0] {
+        let ring = [height(field_deg - 0.7), height(field_deg + 0.7)];
+        let (found, error) = thrown(&lens, [field_deg - 3.0, field_deg + 3.0], ring, 600_000);
+        let (thrown, error) = (found / on_axis, error.hypot(axis_error));
+        let ratio = light(field_deg) / light(0.0) / thrown;
+        println!("{field_deg} degrees: {:.4} for {thrown:.4} (+- {:.2} %)", ratio * thrown, 100.0 * error);
+        assert!(error < 0.01 && (ratio - 1.0).abs() < 3.0 * error + 0.003, "{field_deg}: {ratio}");
+    }
 }

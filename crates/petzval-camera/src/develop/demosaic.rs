@@ -1,9 +1,9 @@
 //! Bilinear demosaicing: the mean of the nearest pixels of the colour. Arrays other than Bayer's use
-//! [`super::interpolation`].
+//! [`super::linear_interpolation`].
 
 use rayon::prelude::*;
 
-use super::interpolation::Interpolation;
+use super::linear_interpolation::LinearInterpolation;
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
@@ -28,7 +28,7 @@ pub fn demosaic_bilinear(
 ) -> Result<LinearImage, SensorError> {
     check(mosaic.len(), height, width)?;
     if !cfa.is_bayer() {
-        return Ok(Interpolation::new(cfa, placement, height, width)?.fill(mosaic, height, width));
+        return Ok(LinearInterpolation::new(cfa, placement, height, width)?.fill(mosaic, height, width));
     }
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     out.data.par_chunks_exact_mut(width).enumerate().for_each(|(line, values)| {
@@ -58,7 +58,7 @@ pub fn demosaic_bilinear_adjoint(
     }
     check(height * width, height, width)?;
     if !cfa.is_bayer() {
-        return Ok(Interpolation::new(cfa, placement, height, width)?.gather(d_rgb));
+        return Ok(LinearInterpolation::new(cfa, placement, height, width)?.gather(d_rgb));
     }
     // Scatter each plane's cotangent to the pixels that it was interpolated from, then add the planes in fixed order.
     let planes: Vec<Vec<f32>> = (0..CHANNELS)

@@ -5,7 +5,7 @@
 //! every colour at the level of the colour that saturates first: highlights end in neutral white.
 
 use super::dark_mean_dn;
-use super::interpolation::sources;
+use super::linear_interpolation::sources;
 use crate::render::Placement;
 use crate::sensor::{Capture, Colour, Raw, SensorError, SensorModel};
 

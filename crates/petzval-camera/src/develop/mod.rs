@@ -9,13 +9,14 @@
 
 mod demosaic;
 mod highlights;
-mod interpolation;
+mod linear_interpolation;
 
 pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
 pub(crate) use highlights::clip_levels_dn;
 pub use highlights::{clip_highlights, saturated_share, white_capacity_e};
 
 use crate::image::{CHANNELS, LinearImage};
+use crate::isp::Interpolation;
 use crate::render::Placement;
 use crate::sensor::{Capture, CfaPattern, Colour, Exposure, Raw, SensorError, SensorModel};
 
@@ -30,6 +31,21 @@ pub fn dark_mean_dn(sensor: &SensorModel, exposure: &Exposure) -> f64 {
 
 /// Develops a raw frame to linear RGB, 1.0 = white. Noise can make values negative.
 pub fn develop(raw: &Raw, sensor: &SensorModel) -> Result<LinearImage, SensorError> {
+    develop_by(raw, &Interpolation::default(), sensor)
+}
+
+/// [`develop`] with another interpolation of the colours.
+pub fn develop_by(
+    raw: &Raw,
+    interpolation: &Interpolation,
+    sensor: &SensorModel,
+) -> Result<LinearImage, SensorError> {
+    interpolation.apply(&balanced_mosaic(raw, sensor)?, raw.height, sensor, &raw.capture)
+}
+
+/// The light of each pixel of a raw frame, 1 = white: without the dark signal, and scaled by colour so that white light gives equal
+/// values.
+fn balanced_mosaic(raw: &Raw, sensor: &SensorModel) -> Result<Vec<f32>, SensorError> {
     let n = raw.height * raw.width;
     check(sensor, &raw.capture, "raw frame", n, raw.dn.len())?;
     // Subtract the dark signal, then scale each colour so that white light gives equal values.
@@ -41,7 +57,7 @@ pub fn develop(raw: &Raw, sensor: &SensorModel) -> Result<LinearImage, SensorErr
         let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
         *value = ((*dn as f64 - dark) * scale[colour as usize]) as f32;
     }
-    demosaic_bilinear(&mosaic, raw.height, raw.width, sensor.cfa, placement)
+    Ok(mosaic)
 }
 
 /// Transpose of the linear part of [`develop`]: from the cotangent of the picture to the cotangent of the digital numbers.
@@ -52,14 +68,31 @@ pub fn develop_adjoint(
 ) -> Result<Vec<f32>, SensorError> {
     let n = d_rgb.height * d_rgb.width;
     check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
-    let scale = light_per_dn(sensor, &capture.exposure);
-    let placement = capture.placement;
-    let mut d_dn = demosaic_bilinear_adjoint(d_rgb, sensor.cfa, placement)?;
-    for (i, value) in d_dn.iter_mut().enumerate() {
-        let colour = sensor.cfa.colour(placement.row + i / d_rgb.width, placement.col + i % d_rgb.width);
+    let d_mosaic = demosaic_bilinear_adjoint(d_rgb, sensor.cfa, capture.placement)?;
+    Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))
+}
+
+/// The cotangent of the digital numbers of `raw` from that of its picture by [`develop_by`].
+pub fn develop_by_adjoint(
+    d_rgb: &LinearImage,
+    raw: &Raw,
+    interpolation: &Interpolation,
+    sensor: &SensorModel,
+) -> Result<Vec<f32>, SensorError> {
+    let (n, capture) = (d_rgb.height * d_rgb.width, &raw.capture);
+    check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
+    let d_mosaic = interpolation.adjoint(&balanced_mosaic(raw, sensor)?, d_rgb, sensor, capture)?;
+    Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))
+}
+
+/// The cotangent of digital numbers from that of the light of their pixels.
+fn per_dn(mut d_mosaic: Vec<f32>, width: usize, sensor: &SensorModel, capture: &Capture) -> Vec<f32> {
+    let (scale, placement) = (light_per_dn(sensor, &capture.exposure), capture.placement);
+    for (i, value) in d_mosaic.iter_mut().enumerate() {
+        let colour = sensor.cfa.colour(placement.row + i / width, placement.col + i % width);
         *value = (*value as f64 * scale[colour as usize]) as f32;
     }
-    Ok(d_dn)
+    d_mosaic
 }
 
 /// Gradient of a development with respect to the exposure settings that it uses, in stops: of the linear gain, and of the
@@ -93,7 +126,7 @@ pub(crate) fn check_colours(cfa: CfaPattern, height: usize, width: usize) -> Res
     if cfa.is_bayer() {
         return Ok(());
     }
-    interpolation::Interpolation::new(cfa, Placement::default(), height, width).map(|_| ())
+    linear_interpolation::LinearInterpolation::new(cfa, Placement::default(), height, width).map(|_| ())
 }
 
 /// Corrects shading: divides the image by the relative illumination.

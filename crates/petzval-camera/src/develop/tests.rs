@@ -92,7 +92,7 @@ fn interpolation_of_a_bayer_tile_equals_bilinear_demosaicing() {
     for (cfa, origin) in
         [(CfaPattern::RGGB, Placement { row: 0, col: 0 }), (CfaPattern::GBRG, Placement { row: 1, col: 4 })]
     {
-        let interpolation = interpolation::Interpolation::new(cfa, origin, height, width).unwrap();
+        let interpolation = linear_interpolation::LinearInterpolation::new(cfa, origin, height, width).unwrap();
         let filled = interpolation.fill(&mosaic, height, width);
         let bilinear = demosaic_bilinear(&mosaic, height, width, cfa, origin).unwrap();
         for r in 1..height - 1 {

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::develop::{clip_highlights, correct_shading, develop, white_capacity_e};
+use super::Interpolation;
+use crate::develop::{clip_highlights, correct_shading, develop_by, white_capacity_e};
 use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Exposure, Raw, SensorError, SensorModel};
 use crate::spectral::{Matrix3, apply};
@@ -20,13 +21,15 @@ pub const SHADING_FLOOR: f32 = 0.05;
 pub struct LinearIsp {
     /// Relative illumination, in (0, 1], below which shading is not corrected further.
     pub shading_floor: f32,
+    /// How the colours of the mosaic are interpolated.
+    pub interpolation: Interpolation,
     /// Linear sRGB from white-balanced camera colours; none leaves the camera's own colours.
     pub colour_matrix: Option<Matrix3>,
 }
 
 impl Default for LinearIsp {
     fn default() -> Self {
-        Self { shading_floor: SHADING_FLOOR, colour_matrix: None }
+        Self { shading_floor: SHADING_FLOOR, interpolation: Interpolation::default(), colour_matrix: None }
     }
 }
 
@@ -43,7 +46,7 @@ impl LinearIsp {
     ) -> Result<LinearImage, SensorError> {
         // Where one colour saturates, the others end at the level of white too, so that highlights stay neutral.
         let clipped = clip_highlights(raw, sensor)?;
-        let balanced = develop(&clipped, sensor)?;
+        let balanced = develop_by(&clipped, &self.interpolation, sensor)?;
         let mut picture = correct_shading(&balanced, illumination, self.shading_floor)?;
         // The shading gain must not lift the clipped level in the corners above that on the axis.
         let highest = highest_light(sensor, &raw.capture.exposure)?;

@@ -8,8 +8,9 @@ use rayon::prelude::*;
 use super::expose_op::{changed, check_stops};
 use super::host_kernel::{HostKernel, apply, apply_two};
 use super::picture;
-use crate::develop::{check_colours, develop, develop_adjoint, develop_stops_adjoint};
+use crate::develop::{check_colours, develop_by, develop_by_adjoint, develop_stops_adjoint};
 use crate::image::{CHANNELS, LinearImage};
+use crate::isp::Interpolation;
 use crate::sensor::{Capture, Raw, SensorError, SensorModel};
 
 /// Develops a batch: digital numbers `[B,1,H,W]` to linear, white-balanced, demosaiced RGB `[B,3,H,W]`.
@@ -20,7 +21,18 @@ pub fn develop_op(
     sensor: &SensorModel,
     captures: &[Capture],
 ) -> Result<Tensor<4>, SensorError> {
-    Ok(apply(Arc::new(DevelopKernel::new(raw.dims(), sensor, captures)?), raw))
+    develop_by_op(raw, &Interpolation::default(), sensor, captures)
+}
+
+/// [`develop_op`] with another interpolation of the colours. See [`crate::develop::develop_by`].
+pub fn develop_by_op(
+    raw: Tensor<4>,
+    interpolation: &Interpolation,
+    sensor: &SensorModel,
+    captures: &[Capture],
+) -> Result<Tensor<4>, SensorError> {
+    let kernel = DevelopKernel::new(raw.dims(), interpolation, sensor, captures)?;
+    Ok(apply(Arc::new(kernel), raw))
 }
 
 /// [`develop_op`] at differentiable exposures. Development divides by gain and exposure, so it takes the same `stops` as
@@ -32,19 +44,26 @@ pub fn develop_with_stops_op(
     captures: &[Capture],
 ) -> Result<Tensor<4>, SensorError> {
     check_stops(&stops, captures)?;
-    Ok(apply_two(Arc::new(DevelopKernel::new(raw.dims(), sensor, captures)?), raw, stops))
+    let kernel = DevelopKernel::new(raw.dims(), &Interpolation::default(), sensor, captures)?;
+    Ok(apply_two(Arc::new(kernel), raw, stops))
 }
 
 /// Development as a host kernel. Inputs: digital numbers and, for differentiable exposures, stops.
 #[derive(Debug)]
 struct DevelopKernel {
+    interpolation: Interpolation,
     sensor: SensorModel,
     captures: Vec<Capture>,
     shape: [usize; 4],
 }
 
 impl DevelopKernel {
-    fn new(dims: [usize; 4], sensor: &SensorModel, captures: &[Capture]) -> Result<Self, SensorError> {
+    fn new(
+        dims: [usize; 4],
+        interpolation: &Interpolation,
+        sensor: &SensorModel,
+        captures: &[Capture],
+    ) -> Result<Self, SensorError> {
         let [batch, channels, height, width] = dims;
         if channels != 1 || batch != captures.len() || height < 2 || width < 2 {
             let expected = format!("[{}, 1, H, W], one capture each, at least 2x2 pixels", captures.len());
@@ -52,11 +71,12 @@ impl DevelopKernel {
         }
         sensor.validate()?;
         check_colours(sensor.cfa, height, width)?;
+        interpolation.demosaic.check_array(sensor.cfa)?;
         for capture in captures {
             capture.exposure.validate()?;
         }
         let shape = [batch, CHANNELS, height, width];
-        Ok(Self { sensor: sensor.clone(), captures: captures.to_vec(), shape })
+        Ok(Self { interpolation: *interpolation, sensor: sensor.clone(), captures: captures.to_vec(), shape })
     }
 
     /// Picture `i` of the raw frames.
@@ -81,7 +101,7 @@ impl HostKernel for DevelopKernel {
             if capture.exposure.validate().is_err() {
                 return vec![f32::NAN; channels * height * width];
             }
-            develop(&self.raw(i, inputs[0], *capture), &self.sensor).expect(CHECKED).data
+            develop_by(&self.raw(i, inputs[0], *capture), &self.interpolation, &self.sensor).expect(CHECKED).data
         };
         let pictures: Vec<Vec<f32>> =
             changed(&self.captures, inputs).par_iter().enumerate().map(one).collect();
@@ -95,11 +115,13 @@ impl HostKernel for DevelopKernel {
                 return (vec![f32::NAN; height * width], vec![f32::NAN; 2]);
             }
             let gradient: LinearImage = picture(d_output, i, channels, height, width);
-            let d_dn = develop_adjoint(&gradient, &self.sensor, capture).expect(CHECKED);
+            let raw = self.raw(i, inputs[0], *capture);
+            // RCD has no gradient: it is NaN, which no descent mistakes for a step.
+            let d_dn = develop_by_adjoint(&gradient, &raw, &self.interpolation, &self.sensor)
+                .unwrap_or_else(|_| vec![f32::NAN; height * width]);
             if inputs.len() == 1 {
                 return (d_dn, Vec::new());
             }
-            let raw = self.raw(i, inputs[0], *capture);
             let d_stops = develop_stops_adjoint(&gradient, &raw, &self.sensor).expect(CHECKED);
             (d_dn, d_stops.map(|v| v as f32).to_vec())
         };

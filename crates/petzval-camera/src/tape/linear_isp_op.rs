@@ -3,7 +3,7 @@
 use burn::prelude::*;
 use burn::tensor::TensorData;
 
-use super::develop_op;
+use super::develop_op::develop_by_op;
 use crate::develop::clip_levels_dn;
 use crate::isp::LinearIsp;
 use crate::sensor::{Capture, SensorError, SensorModel};
@@ -39,8 +39,8 @@ pub fn linear_isp_op(
     }
     let levels = Tensor::from_data(TensorData::new(levels, [batch, 1, height, width]), &device);
     let clipped = raw.min_pair(levels);
-    // Dark level, white balance and demosaicing are linear.
-    let balanced = develop_op(clipped, sensor, captures)?;
+    // Dark level, white balance, demosaicing.
+    let balanced = develop_by_op(clipped, &isp.interpolation, sensor, captures)?;
     // Lift the dim corners, but nothing above the light at which highlights end.
     let highest = Tensor::<4>::from_data(TensorData::new(highest, [batch, 1, 1, 1]), &device);
     let picture = (balanced / illumination.clamp_min(isp.shading_floor))

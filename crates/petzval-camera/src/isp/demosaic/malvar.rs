@@ -6,6 +6,7 @@
 use super::tile::{Plane, Site, Tile};
 use crate::image::CHANNELS;
 
+/// The strip of a picture.
 pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
     let s = tile.mosaic.stride;
     let v = &tile.mosaic.data;
@@ -31,4 +32,37 @@ pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
         }
     });
     [red, green, blue].map(|plane| tile.inside(&plane))
+}
+
+/// The transpose of [`interpolate`]: the cotangent of the mosaic and its border from those of the picture.
+pub fn adjoint(tile: &Tile, bars: [Plane; CHANNELS]) -> Plane {
+    let s = tile.mosaic.stride;
+    let mut out = Plane::zeros(tile);
+    let m = &mut out.data;
+    let add = |m: &mut [f32], places: [usize; 4], value: f32| places.into_iter().for_each(|i| m[i] += value);
+    tile.each(2, |site, i| {
+        let [red, green, blue] = [0, 1, 2].map(|c: usize| bars[c].data[i]);
+        let diagonal = [i - s - 1, i - s + 1, i + s - 1, i + s + 1];
+        if site.is_green() {
+            let by_red = site == Site::GreenByRed;
+            let (along_row, along_col) = if by_red { (red, blue) } else { (blue, red) };
+            m[i] += green + 0.625 * (along_row + along_col);
+            add(m, [i - 1, i + 1, i - 1, i + 1], 0.25 * along_row);
+            add(m, [i - s, i + s, i - s, i + s], 0.25 * along_col);
+            add(m, diagonal, -0.125 * (along_row + along_col));
+            for far in [i - 2, i + 2] {
+                m[far] += -0.125 * along_row + 0.0625 * along_col;
+            }
+            for far in [i - 2 * s, i + 2 * s] {
+                m[far] += 0.0625 * along_row - 0.125 * along_col;
+            }
+        } else {
+            let (same, opposite) = if site == Site::Red { (red, blue) } else { (blue, red) };
+            m[i] += same + 0.5 * green + 0.75 * opposite;
+            add(m, [i - 1, i + 1, i - s, i + s], 0.25 * green);
+            add(m, diagonal, 0.25 * opposite);
+            add(m, [i - 2, i + 2, i - 2 * s, i + 2 * s], -0.125 * green - 0.1875 * opposite);
+        }
+    });
+    out
 }

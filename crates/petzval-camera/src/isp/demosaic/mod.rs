@@ -11,11 +11,11 @@ mod tile;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::develop::demosaic_bilinear;
+use crate::develop::{demosaic_bilinear, demosaic_bilinear_adjoint};
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
-use tile::Tile;
+use tile::{Plane, Tile};
 
 /// A method of demosaicing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -65,24 +65,11 @@ impl Demosaic {
             Self::Rcd => rcd::interpolate,
             Self::Menon => menon::interpolate,
         };
-        let shape = |expected: &str, got: String| SensorError::Shape {
-            what: "mosaic",
-            expected: expected.into(),
-            got,
-        };
-        if mosaic.len() != height * width || height < 2 || width < 2 {
-            let got = format!("{} values for {height}x{width}", mosaic.len());
-            return Err(shape("height x width values, at least 2x2 pixels", got));
-        }
-        if !cfa.is_bayer() {
-            return Err(shape("a Bayer array; other arrays are interpolated bilinearly", format!("{cfa:?}")));
-        }
+        self.check_array(cfa)?;
+        check(mosaic.len(), height, width)?;
         // Strips of rows, each with a mirrored border as wide as the method reaches.
-        let strips: Vec<(usize, [Vec<f32>; CHANNELS])> = (0..height.div_ceil(tile::STRIP_ROWS))
-            .into_par_iter()
-            .map(|strip| {
-                let first = strip * tile::STRIP_ROWS;
-                let rows = tile::STRIP_ROWS.min(height - first);
+        let strips: Vec<(usize, [Vec<f32>; CHANNELS])> = strips(height)
+            .map(|(first, rows)| {
                 (first, of_tile(&Tile::cut(mosaic, (height, width), (first, rows), cfa, placement)))
             })
             .collect();
@@ -94,6 +81,80 @@ impl Demosaic {
         }
         Ok(out)
     }
+
+    /// Checks that the method interpolates the colours of an array.
+    pub fn check_array(self, cfa: CfaPattern) -> Result<(), SensorError> {
+        if self == Self::Bilinear || cfa.is_bayer() {
+            return Ok(());
+        }
+        Err(SensorError::Shape {
+            what: "colour filter array",
+            expected: format!("a Bayer array for {}; other arrays are interpolated bilinearly", self.name()),
+            got: format!("{} x {} pixels of {:?}", cfa.rows(), cfa.cols(), cfa.colours()),
+        })
+    }
+
+    /// Whether [`Demosaic::adjoint`] exists: not for RCD, whose values are quotients of the mosaic.
+    pub fn is_differentiable(self) -> bool {
+        self != Self::Rcd
+    }
+
+    /// The cotangent of a mosaic from that of its picture: the transpose of [`Demosaic::apply`], where the directions that Menon's method
+    /// takes at `mosaic` stay. Fails as that does, and for RCD.
+    pub fn adjoint(
+        self,
+        mosaic: &[f32],
+        d_rgb: &LinearImage,
+        cfa: CfaPattern,
+        placement: Placement,
+    ) -> Result<Vec<f32>, SensorError> {
+        let (height, width) = (d_rgb.height, d_rgb.width);
+        let of_tile = match self {
+            Self::Bilinear => return demosaic_bilinear_adjoint(d_rgb, cfa, placement),
+            Self::Malvar => malvar::adjoint,
+            Self::Menon => menon::adjoint,
+            Self::Rcd => {
+                return Err(SensorError::Shape {
+                    what: "method of demosaicing",
+                    expected: "bilinear, malvar or menon, which have a gradient".into(),
+                    got: "rcd".into(),
+                });
+            }
+        };
+        self.check_array(cfa)?;
+        check(mosaic.len(), height, width)?;
+        let strips: Vec<(Tile, usize, Plane)> = strips(height)
+            .map(|(first, rows)| {
+                let tile = Tile::cut(mosaic, (height, width), (first, rows), cfa, placement);
+                let bars = [0, 1, 2].map(|c| tile.framed(&d_rgb.plane(c)[first * width..][..rows * width]));
+                let bar = of_tile(&tile, bars);
+                (tile, first, bar)
+            })
+            .collect();
+        // Add the strips in their order: the same bits for any number of threads.
+        let mut d_mosaic = vec![0.0; height * width];
+        for (tile, first, bar) in strips {
+            tile.fold(&bar, first, (height, width), &mut d_mosaic);
+        }
+        Ok(d_mosaic)
+    }
+}
+
+/// First row and number of rows of each strip, in parallel.
+fn strips(height: usize) -> impl IndexedParallelIterator<Item = (usize, usize)> {
+    (0..height.div_ceil(tile::STRIP_ROWS)).into_par_iter().map(move |strip| {
+        let first = strip * tile::STRIP_ROWS;
+        (first, tile::STRIP_ROWS.min(height - first))
+    })
+}
+
+fn check(len: usize, height: usize, width: usize) -> Result<(), SensorError> {
+    let shape = |expected: &str, got: String| SensorError::Shape { what: "mosaic", expected: expected.into(), got };
+    if len != height * width || height < 2 || width < 2 {
+        let got = format!("{len} values for {height}x{width}");
+        return Err(shape("height x width values, at least 2x2 pixels", got));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::image::CHANNELS;
 /// Keeps quotients finite where a picture is flat.
 const EPSILON: f32 = 1e-5;
 
+/// The strip of a picture.
 pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
     let s = tile.mosaic.stride;
     let v = &tile.mosaic.data;

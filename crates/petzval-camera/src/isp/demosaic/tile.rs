@@ -24,6 +24,15 @@ impl Site {
     pub fn is_green(self) -> bool {
         matches!(self, Self::GreenByRed | Self::GreenByBlue)
     }
+
+    /// Of a green pixel, the steps to its red and to its blue neighbours, where `stride` is that to the next row.
+    pub fn chroma_steps(self, stride: usize) -> Option<[usize; 2]> {
+        match self {
+            Self::GreenByRed => Some([1, stride]),
+            Self::GreenByBlue => Some([stride, 1]),
+            Self::Red | Self::Blue => None,
+        }
+    }
 }
 
 /// A plane of values, `stride` to a row.
@@ -99,6 +108,25 @@ impl Tile {
             let sites = self.sites(row);
             for col in margin..stride - margin {
                 f(sites[col % 2], row * stride + col);
+            }
+        }
+    }
+
+    /// A plane of the values of the strip, with a border of zeros.
+    pub fn framed(&self, values: &[f32]) -> Plane {
+        let mut out = Plane::zeros(self);
+        for (row, line) in values.chunks_exact(self.cols).enumerate() {
+            out.data[(row + BORDER) * out.stride + BORDER..][..self.cols].copy_from_slice(line);
+        }
+        out
+    }
+
+    /// Adds the cotangent of strip and border to that of the mosaic: the transpose of [`Tile::cut`] at row `first`.
+    pub fn fold(&self, bar: &Plane, first: usize, (height, width): (usize, usize), mosaic: &mut [f32]) {
+        for (r, line) in bar.data.chunks_exact(bar.stride).enumerate() {
+            let row = mirrored((first + r) as isize - BORDER as isize, height) * width;
+            for (c, value) in line.iter().enumerate() {
+                mosaic[row + mirrored(c as isize - BORDER as isize, width)] += value;
             }
         }
     }

@@ -26,7 +26,7 @@ use crate::sensor::{CfaPattern, Colour, SensorError};
 type Tap = (isize, isize, f32);
 
 /// The taps of each plane of a picture: for each place in the tile, the pixels that it is interpolated from.
-pub(super) struct Interpolation {
+pub(super) struct LinearInterpolation {
     tile: (usize, usize),
     origin: Placement,
     /// Index `(channel * R + tile row) * C + tile column`.
@@ -44,7 +44,7 @@ pub(super) fn sources(cfa: CfaPattern) -> Result<[Colour; CHANNELS], SensorError
     Ok(sources)
 }
 
-impl Interpolation {
+impl LinearInterpolation {
     /// The interpolation of an array whose mosaic has its top-left pixel at `origin`, for a picture of at least one tile.
     pub fn new(cfa: CfaPattern, origin: Placement, height: usize, width: usize) -> Result<Self, SensorError> {
         let (rows, cols) = (cfa.rows(), cfa.cols());
@@ -149,7 +149,7 @@ struct Line {
     miss: f32,
 }
 
-/// Interpolation on a line of the given period between the nearest places on both sides for which `has` holds. If `has(0)`
+/// LinearInterpolation on a line of the given period between the nearest places on both sides for which `has` holds. If `has(0)`
 /// holds, the place itself is the only tap. `None` if `has` holds nowhere.
 fn between(period: usize, has: impl Fn(isize) -> bool) -> Option<Line> {
     if has(0) {

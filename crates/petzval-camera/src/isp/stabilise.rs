@@ -1,0 +1,133 @@
+//! Variance stabilisation: a square root, after which noise is about equal everywhere.
+//!
+//! A pixel of light x (1 = white) that collects n electrons of white, in the dark d of them and with the noise sigma of the readout, has
+//! the variance `(n x + d + sigma^2) / n^2`. After `sqrt(x + (d + sigma^2 + 3/8) / n)` it is about `1 / (4 n)` at any x: the generalised
+//! transform of Anscombe. The square takes the picture back, exactly where nothing was changed in between.
+
+use serde::{Deserialize, Serialize};
+
+use crate::sensor::{Colour, Exposure, SensorModel};
+
+/// The square root of light plus an offset, 1 = white.
+///
+/// Near and below zero, where the root is too steep, it goes on as a straight line, so that every value has an image and comes back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stabiliser {
+    /// Offset, in units of white; positive.
+    offset: f32,
+}
+
+impl Stabiliser {
+    /// The stabiliser of an offset in units of white, which is at least 1e-6.
+    pub fn new(offset: f32) -> Self {
+        Self { offset: if offset > 1e-6 { offset } else { 1e-6 } }
+    }
+
+    /// The stabiliser of a sensor at an exposure: the mean offset of the colours of its array.
+    pub fn of_sensor(sensor: &SensorModel, exposure: &Exposure) -> Self {
+        let gain = sensor.gain_dn_per_e * f64::from(exposure.linear_gain);
+        let dark_e = sensor.dark_current_e_per_s * f64::from(exposure.time_s);
+        let electronics_e = sensor.electronics_noise_dn / gain;
+        let variance = dark_e + sensor.read_noise_e.powi(2) + electronics_e.powi(2);
+        let colours = sensor.cfa.colours();
+        let of_colour = |colour: &Colour| {
+            let white_e = f64::from(exposure.white_e) * sensor.response(*colour).iter().sum::<f64>();
+            (variance + 0.375) / white_e
+        };
+        let mean = colours.iter().map(of_colour).sum::<f64>() / colours.len().max(1) as f64;
+        Self::new(mean as f32)
+    }
+
+    /// Light plus offset below which the line goes on.
+    fn least(self) -> f32 {
+        0.25 * self.offset
+    }
+
+    /// The stabilised value of light.
+    pub fn forward(self, light: f32) -> f32 {
+        let (sum, least) = (light + self.offset, self.least());
+        if sum >= least { sum.sqrt() } else { least.sqrt() + (sum - least) / (2.0 * least.sqrt()) }
+    }
+
+    /// The light of a stabilised value.
+    pub fn inverse(self, value: f32) -> f32 {
+        let (root, least) = (self.least().sqrt(), self.least());
+        let sum = if value >= root { value * value } else { least + 2.0 * root * (value - root) };
+        sum - self.offset
+    }
+
+    /// The derivative of [`Stabiliser::forward`] by the light.
+    pub fn slope(self, light: f32) -> f32 {
+        0.5 / (light + self.offset).max(self.least()).sqrt()
+    }
+
+    /// The derivative of [`Stabiliser::inverse`] by the value.
+    pub fn inverse_slope(self, value: f32) -> f32 {
+        2.0 * value.max(self.least().sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::LinearImage;
+    use crate::render::Placement;
+    use crate::sensor::{Capture, CfaPattern, Noise, NoiseMode, expose};
+
+    fn sensor() -> SensorModel {
+        let sensor: SensorModel =
+            toml::from_str(include_str!("../../../../data/sensors/imx249-fitted.toml")).unwrap();
+        SensorModel { cfa: CfaPattern::RGGB, ..sensor }
+    }
+
+    #[test]
+    fn the_square_takes_every_value_back_and_slopes_are_those_of_differences() {
+        for offset in [1e-5, 1e-3, 0.1] {
+            let s = Stabiliser::new(offset);
+            for light in [-0.3, -0.01, -1e-4, 0.0, 1e-6, 1e-3, 0.5, 1.0, 40.0] {
+                let value = s.forward(light);
+                assert!((s.inverse(value) - light).abs() < 1e-5 * light.abs().max(0.1), "{offset} {light}");
+                assert!((s.slope(light) * s.inverse_slope(value) - 1.0).abs() < 1e-4);
+                let step = 1e-3 * light.abs().max(offset);
+                let difference =
+                    f64::from(s.forward(light + step) - s.forward(light - step)) / f64::from(2.0 * step);
+                let slope = f64::from(s.slope(light));
+                assert!((difference - slope).abs() < 2e-2 * slope, "{offset} {light}: {difference} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn noise_is_equal_after_it() {
+        let sensor = sensor();
+        for white_e in [800.0, 16_000.0] {
+            let exposure = Exposure { white_e, time_s: 0.01, linear_gain: 1.0 };
+            let capture = Capture { exposure, placement: Placement { row: 0, col: 0 }, frame: 0 };
+            let stabiliser = Stabiliser::of_sensor(&sensor, &exposure);
+            let spread_at = |light: f32| {
+                let (height, width) = (120, 120);
+                let scene = LinearImage::from_data(3, height, width, vec![light; 3 * height * width]).unwrap();
+                let raw = expose(&scene, &sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: 3 }).unwrap();
+                let dark = crate::develop::dark_mean_dn(&sensor, &exposure);
+                let scale = 1.0 / (sensor.gain_dn_per_e * f64::from(white_e));
+                let response: f64 = sensor.response(Colour::Green).iter().sum();
+                let values: Vec<f64> = (0..height * width)
+                    .filter(|i| sensor.cfa.colour(i / width, i % width) == Colour::Green)
+                    .map(|i| {
+                        let light = (f64::from(raw.dn[i]) - dark) * scale / response;
+                        f64::from(stabiliser.forward(light as f32))
+                    })
+                    .collect();
+                let mean = values.iter().sum::<f64>() / values.len() as f64;
+                (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+            };
+            let wanted = 0.5 / f64::from(white_e).sqrt();
+            for light in [0.0, 0.01, 0.05, 0.3, 0.8] {
+                let ratio = spread_at(light) / wanted;
+                assert!((0.75..1.25).contains(&ratio), "{white_e} e-, {light}: {ratio}");
+            }
+            // Without it the noise of the light is many times that of the dark.
+            assert!(spread_at(0.8) / spread_at(0.0) < 1.3);
+        }
+    }
+}
