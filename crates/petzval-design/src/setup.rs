@@ -109,11 +109,17 @@ impl Setup {
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
         let exposure = experiment.exposure.exposure();
+        let interpolation = experiment.development;
+        interpolation.demosaic.check_array(sensor.cfa).map_err(|e| {
+            let hint = "write \"bilinear\" for development.demosaic";
+            DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
+        })?;
+        let isp = LinearIsp { interpolation, ..LinearIsp::default() };
         Ok(Self {
             experiment,
             variants,
             starts,
-            body: Arc::new(Body { sensor, geometry, exposure, isp: LinearIsp::default(), device }),
+            body: Arc::new(Body { sensor, geometry, exposure, isp, device }),
             moving_plan,
             fixed_plan,
             photos: PhotoSet::default(),

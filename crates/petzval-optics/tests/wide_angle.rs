@@ -496,7 +496,7 @@ fn tangent_and_adjoint_are_transposes_for_steep_rays() {
 fn thrown(lens: &Lens, fields_deg: [f64; 2], [inner_mm, outer_mm]: [f64; 2], rays: usize) -> (f64, f64) {
     let sequence = lens.at_wavelength(lens.reference_um);
     let stop_mm = first_order(&sequence).stop_radius_mm;
-    let disc_mm = 1.2 * lens.entrance_pupil_mm;
+    let disc_mm = 0.9 * lens.entrance_pupil_mm;
     let [from, to] = fields_deg.map(f64::to_radians);
     // Where the chief rays of some fields start; between them, straight.
     const KNOTS: usize = 33;
@@ -547,13 +547,13 @@ fn the_light_of_a_fisheye_is_that_of_a_uniform_scene() {
         spot(&lens, field_deg.to_radians(), &quadrature).unwrap().illumination[0]
     };
     let height = |field_deg: f64| chief_ray(&reference, field_deg.to_radians()).unwrap().y_mm;
-    let (on_axis, axis_error) = thrown(&lens, [0.0, 7.0], [0.0, height(4.0)], 400_000);
+    let (on_axis, axis_error) = thrown(&lens, [0.0, 9.0], [0.0, height(6.0)], 800_000);
     for field_deg in [45.0, 70.0, 85.0, 92.0] {
-        let ring = [height(field_deg - 0.7), height(field_deg + 0.7)];
-        let (found, error) = thrown(&lens, [field_deg - 3.0, field_deg + 3.0], ring, 600_000);
+        let ring = [height(field_deg - 1.4), height(field_deg + 1.4)];
+        let (found, error) = thrown(&lens, [field_deg - 4.0, field_deg + 4.0], ring, 1_000_000);
         let (thrown, error) = (found / on_axis, error.hypot(axis_error));
         let ratio = light(field_deg) / light(0.0) / thrown;
         println!("{field_deg} degrees: {:.4} for {thrown:.4} (+- {:.2} %)", ratio * thrown, 100.0 * error);
-        assert!(error < 0.01 && (ratio - 1.0).abs() < 3.0 * error + 0.003, "{field_deg}: {ratio}");
+        assert!(error < 0.006 && (ratio - 1.0).abs() < 3.0 * error, "{field_deg}: {ratio}");
     }
 }

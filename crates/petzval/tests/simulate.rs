@@ -323,3 +323,34 @@ fn detail_finer_than_the_pixels_aliases() {
     let (over_bands, _) = take(&["--samples", "4", "--qe", "imx219", "--three-band"]);
     assert!(over_bands > 0.005 && over_bands < 0.23, "{over_bands}");
 }
+
+#[test]
+fn better_demosaicing_is_nearer_to_the_photograph() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = data("photos/china.png").display().to_string();
+    let take = |out: &str, more: &[&str]| {
+        // Neither blur nor noise: what is left is the mosaic.
+        let args = ["simulate", &photo, "--out", out, "--no-noise", "--place", "centre", "--size", "300x400"];
+        run_ok(folder.path(), &[&args[..], more].concat());
+        image::open(folder.path().join(out).join("china-developed.png")).unwrap().to_rgb8()
+    };
+    let default = take("bilinear", &[]);
+    let menon = take("menon", &["--demosaic", "menon", "--domain", "stabilised"]);
+    // Along rows, alternating differences of neighbours are the mosaic's; Menon's picture keeps more true detail and less of them.
+    assert_ne!(default, menon);
+    let colour_noise = |picture: &image::RgbImage| {
+        let (width, height) = picture.dimensions();
+        let at = |x: u32, y: u32| {
+            let p = picture.get_pixel(x, y);
+            f64::from(p[0]) - f64::from(p[1])
+        };
+        let second = |x: u32, y: u32| (2.0 * at(x, y) - at(x - 1, y) - at(x + 1, y)).abs();
+        (1..height - 1)
+            .flat_map(|y| (1..width - 1).map(move |x| (x, y)))
+            .map(|(x, y)| second(x, y))
+            .sum::<f64>()
+    };
+    assert!(colour_noise(&menon) < 0.9 * colour_noise(&default));
+    let wrong = ["simulate", &photo, "--sensor", "imx250-mono", "--demosaic", "menon", "--out", "x"];
+    run_fails(folder.path(), &wrong, 2, &["--demosaic menon", "Bayer", "bilinear"]);
+}

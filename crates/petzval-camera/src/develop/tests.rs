@@ -92,7 +92,8 @@ fn interpolation_of_a_bayer_tile_equals_bilinear_demosaicing() {
     for (cfa, origin) in
         [(CfaPattern::RGGB, Placement { row: 0, col: 0 }), (CfaPattern::GBRG, Placement { row: 1, col: 4 })]
     {
-        let interpolation = linear_interpolation::LinearInterpolation::new(cfa, origin, height, width).unwrap();
+        let interpolation =
+            linear_interpolation::LinearInterpolation::new(cfa, origin, height, width).unwrap();
         let filled = interpolation.fill(&mosaic, height, width);
         let bilinear = demosaic_bilinear(&mosaic, height, width, cfa, origin).unwrap();
         for r in 1..height - 1 {
@@ -236,4 +237,41 @@ fn shading_correction_divides_down_to_the_floor() {
 fn too_small_a_frame_is_an_error() {
     let raw = Raw { height: 1, width: 5, dn: vec![0.0; 5], capture: capture(0, 0) };
     assert!(matches!(develop(&raw, &sensor()), Err(SensorError::Shape { what: "mosaic", .. })));
+}
+
+/// Development by every method with a gradient, in both domains: the adjoint is the derivative of a loss by the digital numbers.
+#[test]
+fn developments_by_other_interpolations_have_the_gradient_of_differences() {
+    use crate::isp::{Demosaic, Domain, Interpolation};
+    let (sensor, capture) = (sensor(), capture(1, 2));
+    let (height, width) = (24, 30);
+    // Mid-tones with strong structure: directions are decided, and nothing is near the bend of the stabiliser.
+    let dn: Vec<f32> = uniform(7, height * width).into_iter().map(|v| 300.0 + 2000.0 * v).collect();
+    let weights = uniform(8, CHANNELS * height * width);
+    let d_rgb = LinearImage::from_data(CHANNELS, height, width, weights.clone()).unwrap();
+    for demosaic in Demosaic::ALL.into_iter().filter(|method| method.is_differentiable()) {
+        for domain in [Domain::Linear, Domain::Stabilised] {
+            let interpolation = Interpolation { demosaic, domain };
+            let raw = |dn: Vec<f32>| Raw { height, width, dn, capture };
+            let loss = |dn: Vec<f32>| -> f64 {
+                let picture = develop_by(&raw(dn), &interpolation, &sensor).unwrap();
+                picture.data.iter().zip(&weights).map(|(v, w)| f64::from(*v) * f64::from(*w)).sum()
+            };
+            let bar = develop_by_adjoint(&d_rgb, &raw(dn.clone()), &interpolation, &sensor).unwrap();
+            let mut wrong = 0;
+            for pixel in (0..height * width).step_by(7) {
+                let moved = |step: f32| {
+                    let mut dn = dn.clone();
+                    dn[pixel] += step;
+                    loss(dn)
+                };
+                let difference = (moved(4.0) - moved(-4.0)) / 8.0;
+                // A step that turns a direction makes a jump; few do.
+                wrong += usize::from(
+                    (difference - f64::from(bar[pixel])).abs() > 0.01 * f64::from(bar[pixel].abs()).max(1e-4),
+                );
+            }
+            assert!(wrong <= 3, "{demosaic:?} {domain:?}: {wrong} of 103");
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! How the colours of a mosaic are interpolated: by which method, and in linear light or after variance stabilisation.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Demosaic, Stabiliser};
@@ -7,7 +8,7 @@ use crate::image::LinearImage;
 use crate::sensor::{Capture, SensorError, SensorModel};
 
 /// The values between which colours are interpolated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Domain {
     /// Light itself.
@@ -18,7 +19,8 @@ pub enum Domain {
 }
 
 /// Interpolation of the colours of white-balanced mosaics, 1 = white.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Interpolation {
     /// The method.
     pub demosaic: Demosaic,
@@ -47,7 +49,8 @@ impl Interpolation {
         capture: &Capture,
     ) -> Result<LinearImage, SensorError> {
         let width = mosaic.len() / height.max(1);
-        let apply = |mosaic: &[f32]| self.demosaic.apply(mosaic, height, width, sensor.cfa, capture.placement);
+        let apply =
+            |mosaic: &[f32]| self.demosaic.apply(mosaic, height, width, sensor.cfa, capture.placement);
         let Some(stabiliser) = self.stabiliser(sensor, capture) else { return apply(mosaic) };
         let values: Vec<f32> = mosaic.iter().map(|v| stabiliser.forward(*v)).collect();
         let mut picture = apply(&values)?;

@@ -106,8 +106,10 @@ mod tests {
             let stabiliser = Stabiliser::of_sensor(&sensor, &exposure);
             let spread_at = |light: f32| {
                 let (height, width) = (120, 120);
-                let scene = LinearImage::from_data(3, height, width, vec![light; 3 * height * width]).unwrap();
-                let raw = expose(&scene, &sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: 3 }).unwrap();
+                let scene =
+                    LinearImage::from_data(3, height, width, vec![light; 3 * height * width]).unwrap();
+                let raw =
+                    expose(&scene, &sensor, &capture, &Noise { mode: NoiseMode::Exact, seed: 3 }).unwrap();
                 let dark = crate::develop::dark_mean_dn(&sensor, &exposure);
                 let scale = 1.0 / (sensor.gain_dn_per_e * f64::from(white_e));
                 let response: f64 = sensor.response(Colour::Green).iter().sum();

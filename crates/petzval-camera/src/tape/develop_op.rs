@@ -101,7 +101,9 @@ impl HostKernel for DevelopKernel {
             if capture.exposure.validate().is_err() {
                 return vec![f32::NAN; channels * height * width];
             }
-            develop_by(&self.raw(i, inputs[0], *capture), &self.interpolation, &self.sensor).expect(CHECKED).data
+            develop_by(&self.raw(i, inputs[0], *capture), &self.interpolation, &self.sensor)
+                .expect(CHECKED)
+                .data
         };
         let pictures: Vec<Vec<f32>> =
             changed(&self.captures, inputs).par_iter().enumerate().map(one).collect();

@@ -234,13 +234,18 @@ fn overexposed(sensor: &SensorModel) -> (Vec<f32>, Vec<Capture>, Vec<f32>) {
 
 #[test]
 fn the_linear_isp_on_the_tape_is_its_reference_to_the_bit() {
-    use crate::isp::LinearIsp;
+    use crate::isp::{Demosaic, Domain, Interpolation, LinearIsp};
     use crate::sensor::Raw;
     let text = include_str!("../../../../data/sensors/imx249-fitted.toml");
     let sensor: SensorModel = toml::from_str(text).unwrap();
     let (dn, captures, light) = overexposed(&sensor);
     let matrix = [[1.6, -0.5, -0.1], [-0.2, 1.4, -0.2], [0.0, -0.6, 1.6]];
-    for isp in [LinearIsp::default(), LinearIsp { colour_matrix: Some(matrix), ..LinearIsp::default() }] {
+    let menon = Interpolation { demosaic: Demosaic::Menon, domain: Domain::Stabilised };
+    for isp in [
+        LinearIsp::default(),
+        LinearIsp { colour_matrix: Some(matrix), ..LinearIsp::default() },
+        LinearIsp { interpolation: menon, ..LinearIsp::default() },
+    ] {
         let raw = tensor(dn.clone(), [2, 1, 12, 14]);
         let found = linear_isp_op(raw, tensor(light.clone(), [2, 3, 12, 14]), &isp, &sensor, &captures);
         let found = values(found.unwrap());

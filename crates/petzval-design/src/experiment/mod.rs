@@ -16,6 +16,7 @@ use std::collections::BTreeSet;
 
 use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, quote};
+use petzval_camera::isp::Interpolation;
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::loss::ImageLoss;
 use schemars::JsonSchema;
@@ -50,6 +51,8 @@ pub struct Experiment {
     pub exposure: ExposureConfig,
     /// Point-spread functions.
     pub psf: PsfConfig,
+    /// How colours are interpolated before the network.
+    pub development: Interpolation,
     /// The network.
     pub network: NetworkConfig,
     /// How the network is trained.
@@ -91,6 +94,7 @@ impl Default for Experiment {
             seed: 1,
             exposure: ExposureConfig::default(),
             psf: PsfConfig::default(),
+            development: Interpolation::default(),
             network: NetworkConfig::default(),
             training: TrainingConfig::default(),
             loss: ImageLoss::default(),
@@ -156,6 +160,14 @@ impl Experiment {
             let error =
                 FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
+        }
+        if !self.development.demosaic.is_differentiable() && self.variants().iter().any(moves_lens_for_task) {
+            let error = FileError::at_key(
+                text,
+                &["development", "demosaic"],
+                "this method has no gradient to the lens",
+            );
+            return Err(error.hint("write \"menon\", \"malvar\" or \"bilinear\", or 0 for optics.steps"));
         }
         variants::check_variants(&self.variant, text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {

@@ -8,6 +8,7 @@ mod rig;
 mod shot;
 mod spectral;
 
+pub use petzval_camera::isp::{Demosaic, Domain, Interpolation};
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};

@@ -1,16 +1,16 @@
 //! `simulate` for photographs in three colours.
 
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::LinearIsp;
 use petzval_design::error::DesignError;
 
 use super::highlights::default_white_e;
 use super::output::Facts;
-use super::request::{Request, result_name};
+use super::request::{Place, Request, result_name};
 use super::rig::Rig;
 use super::shot::{Taken, noise, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
+
 /// Takes all images.
 pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError> {
     // Every image is read before anything is written.
@@ -22,7 +22,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         Some(white_e) => white_e,
         None => default_white_e(request, &rig.sensor)?,
     };
-    let camera = rig.camera(request, rig.sensor.clone(), white_e, LinearIsp::default())?;
+    let camera = rig.camera(request, rig.sensor.clone(), white_e, rig.isp)?;
+    warn_of_small_pictures(request, &rig, &photos, context);
     make_folder(&request.out)?;
     let mut written = Vec::new();
     for (frame, (name, photo)) in photos.iter().enumerate() {
@@ -45,4 +46,20 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
     }
     context.progress(photos.len() as u64, photos.len() as u64, "");
     Ok(written)
+}
+
+/// A picture laid on the axis one pixel to one that is smaller than what the sensor sees is continued by its edge.
+fn warn_of_small_pictures(request: &Request, rig: &Rig, photos: &[(String, LinearImage)], context: &Context) {
+    let (height, width) = rig.frame;
+    let mut small = photos.iter().filter(|(_, photo)| photo.height < height || photo.width < width);
+    if request.place == Place::Centre
+        && rig.distortion.is_some()
+        && let Some((name, photo)) = small.next()
+        && (photo.height, photo.width) == (rig.sensor.height * rig.samples, rig.sensor.width * rig.samples)
+    {
+        context.warning(format!(
+            "{name}: the picture has as many pixels as the sensor, and the lens projects {height}x{width} of a rectilinear scene onto it: \
+             the border repeats the picture's edge; without distortion the picture would fill the frame"
+        ));
+    }
 }

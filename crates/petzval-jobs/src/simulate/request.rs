@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_camera::isp::Interpolation;
 use petzval_files::spectral_file::is_spectral;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +36,8 @@ pub struct Request {
     pub place: Place,
     /// Samples of the scene along a side of a pixel, 1 to 8: a pixel collects the light of `samples` x `samples` of them.
     pub samples: usize,
+    /// How the colours of the mosaic are interpolated.
+    pub development: Interpolation,
     /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
     /// scene in front of the lens, and its distortion is rendered.
     pub no_distortion: bool,
@@ -70,6 +73,7 @@ impl Default for Request {
             sensor: "imx249-fitted".to_owned(),
             place: Place::Fill,
             samples: 1,
+            development: Interpolation::default(),
             no_distortion: false,
             white_e: None,
             size: None,

@@ -51,6 +51,8 @@ pub struct Rig {
     pub samples: usize,
     /// Rows and columns, in samples, of the pictures that are taken: those of the sensor, or what the lens projects onto it.
     pub frame: (usize, usize),
+    /// Development without a colour matrix.
+    pub isp: LinearIsp,
     psfs: Arc<Psfs>,
     /// The lens and how its PSFs are traced; none behind measured PSFs.
     pub traced: Option<(Lens, PsfPlan)>,
@@ -79,6 +81,14 @@ impl Rig {
                 ),
             ));
         }
+        request.development.demosaic.check_array(sensor.cfa).map_err(|error| {
+            JobError::setting(
+                "demosaic",
+                request.development.demosaic.name(),
+                error.to_string(),
+                "take bilinear",
+            )
+        })?;
         rehearse(request, &sensor)?;
         let window = window(request, &sensor)?;
         // As cameras are scored: fields, wavelengths, grids and patches of an experiment by default.
@@ -138,7 +148,8 @@ impl Rig {
                 ),
             ));
         }
-        Ok(Self { geometry, sensor, window, border, distortion, samples, frame, psfs, traced })
+        let isp = LinearIsp { interpolation: request.development, ..LinearIsp::default() };
+        Ok(Self { geometry, sensor, window, border, distortion, samples, frame, isp, psfs, traced })
     }
 
     /// A camera of these PSFs with a sensor, at the exposure of the request where white gives `white_e` electrons.

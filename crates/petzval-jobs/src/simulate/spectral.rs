@@ -66,7 +66,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         let white_e = light.white.white_e();
         let matrix = light.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
         // The sensor balanced for this light, and the matrix fitted to it.
-        let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..LinearIsp::default() };
+        let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..rig.isp };
         let camera = rig.camera(request, light.sensor.clone(), white_e as f32, isp)?;
         let on_pixels = electrons.as_light(&light.sensor, white_e, rig.window.placement);
         let taken = Taken::of_light(request, &rig, &camera, &on_pixels, frame as u64)?;

@@ -117,6 +117,13 @@ pub struct Args {
     /// as in a camera. Time and memory grow with K x K
     #[arg(long, default_value_t = 1, value_name = "K")]
     samples: usize,
+    /// How the two colours that a pixel did not measure are interpolated, from the quickest to the best
+    #[arg(long, value_enum, default_value = "bilinear")]
+    demosaic: Demosaic,
+    /// Values between which they are interpolated. In the square root of light noise is equal everywhere, and the methods
+    /// other than bilinear are several decibels better
+    #[arg(long, value_enum, default_value = "linear")]
+    domain: Domain,
     /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the
     /// scene without distortion that a pinhole would show, larger than the sensor where the lens has barrel distortion, and
     /// the lens distorts it
@@ -159,6 +166,28 @@ pub struct Args {
     json: bool,
 }
 
+/// A method of demosaicing.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Demosaic {
+    /// The mean of the nearest pixels of a colour
+    Bilinear,
+    /// Linear filters with the Laplacian of the measured colour (Malvar, He, Cutler 2004)
+    Malvar,
+    /// Ratios along gradients (ratio-corrected demosaicing)
+    Rcd,
+    /// Along the direction in which the colours vary less, refined (Menon, Andriani, Calvagno 2007)
+    Menon,
+}
+
+/// Values between which colours are interpolated.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Domain {
+    /// Light
+    Linear,
+    /// The square root of light
+    Stabilised,
+}
+
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let over = args.spectral;
@@ -172,6 +201,18 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             Place::Centre => simulate::Place::Centre,
         },
         samples: args.samples,
+        development: simulate::Interpolation {
+            demosaic: match args.demosaic {
+                Demosaic::Bilinear => simulate::Demosaic::Bilinear,
+                Demosaic::Malvar => simulate::Demosaic::Malvar,
+                Demosaic::Rcd => simulate::Demosaic::Rcd,
+                Demosaic::Menon => simulate::Demosaic::Menon,
+            },
+            domain: match args.domain {
+                Domain::Linear => simulate::Domain::Linear,
+                Domain::Stabilised => simulate::Domain::Stabilised,
+            },
+        },
         white_e: args.white_e,
         size: args.size,
         time_s: args.time_s,

@@ -9,6 +9,7 @@ mod rcd;
 mod tile;
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::develop::{demosaic_bilinear, demosaic_bilinear_adjoint};
@@ -18,7 +19,7 @@ use crate::sensor::{CfaPattern, SensorError};
 use tile::{Plane, Tile};
 
 /// A method of demosaicing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Demosaic {
     /// The mean of the nearest pixels of a colour. The only one for arrays other than Bayer's.
@@ -149,7 +150,8 @@ fn strips(height: usize) -> impl IndexedParallelIterator<Item = (usize, usize)> 
 }
 
 fn check(len: usize, height: usize, width: usize) -> Result<(), SensorError> {
-    let shape = |expected: &str, got: String| SensorError::Shape { what: "mosaic", expected: expected.into(), got };
+    let shape =
+        |expected: &str, got: String| SensorError::Shape { what: "mosaic", expected: expected.into(), got };
     if len != height * width || height < 2 || width < 2 {
         let got = format!("{len} values for {height}x{width}");
         return Err(shape("height x width values, at least 2x2 pixels", got));

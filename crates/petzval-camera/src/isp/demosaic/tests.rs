@@ -120,7 +120,8 @@ fn the_adjoint_is_the_transpose() {
             // In noise, directions are far from undecided: a small change turns few of them.
             let at = random(3, height * width);
             let change: Vec<f32> = random(1, height * width).iter().map(|v| 2e-4 * (v - 0.5)).collect();
-            let y = LinearImage::from_data(CHANNELS, height, width, random(2, CHANNELS * height * width)).unwrap();
+            let y = LinearImage::from_data(CHANNELS, height, width, random(2, CHANNELS * height * width))
+                .unwrap();
             let moved: Vec<f32> = at.iter().zip(&change).map(|(a, b)| a + b).collect();
             let apply = |m: &[f32]| method.apply(m, height, width, CfaPattern::GRBG, placement).unwrap();
             // Pixels whose direction turned change by much more than the mosaic did, and are left out.
