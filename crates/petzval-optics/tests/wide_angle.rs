@@ -536,10 +536,12 @@ fn thrown(lens: &Lens, fields_deg: [f64; 2], [inner_mm, outer_mm]: [f64; 2], ray
     (sum / rays as f64 * etendue / area, squares.sqrt() / sum)
 }
 
-/// Illumination per real image area to 92 degrees, against rays that are thrown at random.
+/// Illumination per real image area to 85 degrees, against rays that are thrown at random. Beyond 90 degrees apertures cut the light so
+/// abruptly that blur mixes it from place to place.
 #[test]
 fn the_light_of_a_fisheye_is_that_of_a_uniform_scene() {
-    let lens = fisheye();
+    // Stopped down: blur whose centroid leaves the chief ray moves light from place to place, by 2 % at 85 degrees with the full pupil.
+    let lens = Lens { entrance_pupil_mm: 0.3, ..fisheye() };
     let reference = lens.at_wavelength(lens.reference_um);
     let quadrature = Quadrature::grid(128).unwrap();
     let light = |field_deg: f64| {
@@ -547,10 +549,10 @@ fn the_light_of_a_fisheye_is_that_of_a_uniform_scene() {
         spot(&lens, field_deg.to_radians(), &quadrature).unwrap().illumination[0]
     };
     let height = |field_deg: f64| chief_ray(&reference, field_deg.to_radians()).unwrap().y_mm;
-    let (on_axis, axis_error) = thrown(&lens, [0.0, 9.0], [0.0, height(6.0)], 800_000);
-    for field_deg in [45.0, 70.0, 85.0, 92.0] {
+    let (on_axis, axis_error) = thrown(&lens, [0.0, 7.0], [0.0, height(6.0)], 800_000);
+    for field_deg in [45.0, 70.0, 85.0, 88.0] {
         let ring = [height(field_deg - 1.4), height(field_deg + 1.4)];
-        let (found, error) = thrown(&lens, [field_deg - 4.0, field_deg + 4.0], ring, 1_000_000);
+        let (found, error) = thrown(&lens, [field_deg - 2.5, field_deg + 2.5], ring, 1_500_000);
         let (thrown, error) = (found / on_axis, error.hypot(axis_error));
         let ratio = light(field_deg) / light(0.0) / thrown;
         println!("{field_deg} degrees: {:.4} for {thrown:.4} (+- {:.2} %)", ratio * thrown, 100.0 * error);
