@@ -12,7 +12,7 @@ use std::time::Instant;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::Noise;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::dataset::training_crop;
+use petzval_learn::dataset::{dead_leaves, training_crop};
 use petzval_learn::objective::Objective;
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
@@ -346,13 +346,17 @@ impl DesignLoop {
         (0..batch)
             .map(|item| {
                 let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
-                let window = crops.window();
+                let (window, frame) = (crops.window(), step * batch as u64 + item as u64);
+                let placement = Placement { row: c.sensor_row, col: c.sensor_column };
+                if is_generated(frame, setup.experiment.training.dead_leaves) {
+                    let scene = dead_leaves(window, setup.experiment.seed, step, item as u32);
+                    return Ok(Shot { scene, placement, frame });
+                }
                 let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
                 if c.flip {
                     mirror(&mut scene.data, window);
                 }
-                let placement = Placement { row: c.sensor_row, col: c.sensor_column };
-                Ok(Shot { scene, placement, frame: step * batch as u64 + item as u64 })
+                Ok(Shot { scene, placement, frame })
             })
             .collect()
     }
@@ -465,6 +469,12 @@ impl DesignLoop {
         }
         Ok(())
     }
+}
+
+/// Whether a window of a run is a generated picture: evenly spread over the windows, so that their share is met at any time.
+fn is_generated(window: u64, share: f64) -> bool {
+    let before = |window: u64| (window as f64 * share).floor();
+    before(window + 1) > before(window)
 }
 
 /// Mirrors every row of `width` values.

@@ -74,6 +74,8 @@ parameters! {
         final_learning_rate: f64 = 0.02, "", 0..1, Linear, "a share of the first";
         /// Weight of the network's proximal term.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+        /// Share of the windows that are generated pictures of dead leaves in place of photographs.
+        dead_leaves: f64 = 0.0, "", 0..1, Linear, "0.5 for every other window";
     } also {
         /// How noise is sampled and differentiated.
         noise: NoiseMode = NoiseMode::Dequantised;

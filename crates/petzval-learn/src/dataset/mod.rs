@@ -1,12 +1,14 @@
 //! Photographs for training and for held-out scores.
 //!
 //! A [`NamedPhoto`] is one picture. A [`PhotoSet`] keeps training and held-out pictures apart. [`training_crop`] draws a
-//! window of a picture and its sensor position for each item of a training step.
+//! window of a picture and its sensor position for each item of a training step; [`dead_leaves`] generates pictures that may stand in for it.
 
 mod crop;
+mod dead_leaves;
 mod error;
 mod photo_set;
 
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
+pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;
 pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
