@@ -481,3 +481,21 @@ fn is_generated(window: u64, share: f64) -> bool {
 fn mirror(data: &mut [f32], width: usize) {
     data.chunks_exact_mut(width).for_each(<[f32]>::reverse);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::is_generated;
+
+    #[test]
+    fn generated_windows_have_their_share_at_any_time() {
+        for share in [0.0, 0.3, 1.0 / 3.0, 0.5, 1.0] {
+            let mut count = 0;
+            for window in 0..2000_u64 {
+                count += u64::from(is_generated(window, share));
+                assert!((count as f64 - share * (window + 1) as f64).abs() <= 1.0, "{share} {window}");
+            }
+        }
+        let late = (0..1000).filter(|k| is_generated(1_000_000_000 + k, 0.3)).count();
+        assert!((299..=301).contains(&late), "{late}");
+    }
+}

@@ -9,7 +9,7 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use petzval_camera::image::{CHANNELS, LinearImage, srgb_encode};
+use petzval_camera::image::{LinearImage, srgb_encode};
 use petzval_camera::isp::Demosaic;
 use petzval_camera::quality::psnr;
 use petzval_camera::render::Placement;
@@ -27,6 +27,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::fs::read_dir(&folder)?.map(|entry| Ok(entry?.path())).collect::<Result<_, std::io::Error>>()?;
     files.sort();
     files.retain(|path| path.extension().is_some_and(|e| e == "png"));
+    if files.is_empty() {
+        return Err(format!("{folder} has no PNG file").into());
+    }
     println!("{} pictures of {folder}", files.len());
     println!("| noise | {} |", Demosaic::ALL.map(Demosaic::name).join(" | "));
     println!("|---|---|---|---|---|");
@@ -65,8 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The values of a picture without its border, rounded to 8 bits.
 fn inner(picture: &LinearImage) -> Result<Vec<f32>, Box<dyn Error>> {
-    let (height, width) = (picture.height - 2 * BORDER, picture.width - 2 * BORDER);
+    let [height, width] = [picture.height, picture.width].map(|side| side.saturating_sub(2 * BORDER));
     let inner = picture.crop(BORDER, BORDER, height, width)?;
-    debug_assert_eq!(inner.channels, CHANNELS);
     Ok(inner.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() / 255.0).collect())
 }

@@ -31,7 +31,7 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 17] = [
+const WORKLOADS: [&str; 20] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
@@ -46,6 +46,9 @@ const WORKLOADS: [&str; 17] = [
     "lens_analyze",
     "render_1200x1920",
     "sensor_1200x1920",
+    "malvar_1200x1920",
+    "rcd_1200x1920",
+    "menon_1200x1920",
     "isp_1200x1920",
     "unet_step",
     "joint_step",

@@ -79,7 +79,15 @@ pub fn develop_by_adjoint(
     interpolation: &Interpolation,
     sensor: &SensorModel,
 ) -> Result<Vec<f32>, SensorError> {
-    let (n, capture) = (d_rgb.height * d_rgb.width, &raw.capture);
+    let (n, capture) = (raw.height * raw.width, &raw.capture);
+    if (raw.height, raw.width) != (d_rgb.height, d_rgb.width) {
+        let shape = |height: usize, width: usize| format!("{height} x {width} pixels");
+        return Err(SensorError::Shape {
+            what: "gradient of the developed picture",
+            expected: shape(raw.height, raw.width),
+            got: shape(d_rgb.height, d_rgb.width),
+        });
+    }
     check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
     let d_mosaic = interpolation.adjoint(&balanced_mosaic(raw, sensor)?, d_rgb, sensor, capture)?;
     Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))

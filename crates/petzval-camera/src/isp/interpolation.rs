@@ -14,7 +14,8 @@ pub enum Domain {
     /// Light itself.
     #[default]
     Linear,
-    /// The [square root](Stabiliser) of light, in which noise is equal everywhere and edges are alike in the dark and in the light.
+    /// The [square root](Stabiliser) of light, in which noise is about equal at every level of light. Interpolated values are means of
+    /// roots, and their squares are lower than the means of light: at edges, where the neighbours differ, by up to a quarter of the step.
     Stabilised,
 }
 
@@ -66,6 +67,14 @@ impl Interpolation {
         sensor: &SensorModel,
         capture: &Capture,
     ) -> Result<Vec<f32>, SensorError> {
+        let (n, values) = (d_rgb.height * d_rgb.width, mosaic.len());
+        if n != values {
+            return Err(SensorError::Shape {
+                what: "gradient of the developed picture",
+                expected: format!("{values} pixels"),
+                got: format!("{} x {}", d_rgb.height, d_rgb.width),
+            });
+        }
         let adjoint = |mosaic: &[f32], d_rgb: &LinearImage| {
             self.demosaic.adjoint(mosaic, d_rgb, sensor.cfa, capture.placement)
         };

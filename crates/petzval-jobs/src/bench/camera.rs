@@ -3,8 +3,11 @@
 use petzval_base::simd::level;
 use petzval_base::simd::widest;
 use petzval_camera::image::LinearImage;
+use petzval_camera::isp::Demosaic;
 use petzval_camera::render::{Placement, RenderGeometry, kernel_radius, render, with_patches_for};
-use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose};
+use petzval_camera::sensor::{
+    Capture, CfaPattern, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose,
+};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::psf_plan::PsfPlan;
@@ -22,6 +25,9 @@ pub(super) fn workloads() -> Vec<Workload> {
     vec![
         Workload { name: "render_1200x1920", simd: widest, prepare: rendering },
         Workload { name: "sensor_1200x1920", simd: level, prepare: sensor },
+        Workload { name: "malvar_1200x1920", simd: widest, prepare: || demosaicing(Demosaic::Malvar) },
+        Workload { name: "rcd_1200x1920", simd: widest, prepare: || demosaicing(Demosaic::Rcd) },
+        Workload { name: "menon_1200x1920", simd: widest, prepare: || demosaicing(Demosaic::Menon) },
     ]
 }
 
@@ -55,6 +61,21 @@ fn rendering() -> Result<Prepared, JobError> {
         single_thread: false,
         run: Box::new(move || {
             std::hint::black_box(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?);
+            Ok(())
+        }),
+    })
+}
+
+/// A mosaic of texture, demosaiced.
+fn demosaicing(method: Demosaic) -> Result<Prepared, JobError> {
+    let mosaic = texture(FRAME.0, FRAME.1).plane(1).to_vec();
+    Ok(Prepared {
+        work: format!("1200 x 1920 Bayer mosaic, {}", method.name()),
+        units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
+        single_thread: false,
+        run: Box::new(move || {
+            let picture = method.apply(&mosaic, FRAME.0, FRAME.1, CfaPattern::RGGB, ORIGIN);
+            std::hint::black_box(picture.map_err(DesignError::from)?);
             Ok(())
         }),
     })

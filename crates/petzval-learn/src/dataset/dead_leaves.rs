@@ -2,9 +2,9 @@
 //!
 //! The model of dead leaves (Lee, Mumford, Huang, "Occlusion models for natural images", IJCV 41, 2001): shapes fall one upon the other, their
 //! sizes distributed as `r^-3`, so that the picture looks alike at every distance; it has the edges, the flat parts and the spectrum
-//! of photographs. Colours are drawn in logarithms of opponent colours, whose spread in natural scenes Ruderman, Cronin and Chiao
-//! measured (JOSA A 15, 1998), with some stronger ones, as paint, flowers and skies have. Shapes are shaded by a gradient, and half of
-//! them carry waves as a texture.
+//! of photographs. Colours are drawn as logarithms of light, yellow-blue and red-green, the axes along which natural scenes vary
+//! independently (Ruderman, Cronin and Chiao, JOSA A 15, 1998); their spreads were chosen by eye for linear sRGB, with some strong
+//! colours, as paint, flowers and skies have. Shapes are shaded by a gradient, and half of them carry waves as a texture.
 
 use petzval_camera::image::{CHANNELS, LinearImage};
 use rand::{Rng, RngExt, SeedableRng};
@@ -18,11 +18,14 @@ const SAMPLES: usize = 2;
 const LEAST_RADIUS: f64 = 4.0;
 const LARGEST_RADIUS: f64 = 0.6;
 
-/// Most shapes of a picture; they cover all but the last gaps, in which a background lies.
-const MOST_SHAPES: usize = 6000;
+/// Width of the surroundings in which shapes lie as well, as a share of the side.
+const MARGIN: f64 = 0.5;
 
-/// Words of random numbers that belong to one picture.
-const WORDS: u128 = 1 << 20;
+/// Most shapes for each pixel of a picture; they cover all but the last gaps, in which a background lies.
+const MOST_SHAPES_PER_PIXEL: f64 = 0.25;
+
+/// Words of random numbers that belong to one picture: 90 for each shape of the largest one.
+const WORDS: u128 = 1 << 26;
 
 /// Keeps the pictures apart from all else that is drawn from a seed.
 const OWN: u64 = 0x006c_6561_7665_7321;
@@ -32,16 +35,26 @@ pub fn dead_leaves(side: usize, seed: u64, step: u64, item: u32) -> LinearImage 
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ OWN);
     random.set_stream(step);
     random.set_word_pos(u128::from(item) * WORDS);
+    let (mut picture, _) = leaves(side, &mut random);
+    // Scenes are exposed differently, and end at white.
+    let exposure = 2.0_f32.powf(random.random_range(-1.0..0.7));
+    picture.data.iter_mut().for_each(|v| *v = (*v * exposure).min(1.0));
+    picture.box_mean(SAMPLES)
+}
+
+/// Shapes on `side` x `side` pixels at [`SAMPLES`], and the number of samples that none covered, where the background shows.
+fn leaves(side: usize, random: &mut ChaCha8Rng) -> (LinearImage, usize) {
     let fine = side * SAMPLES;
     let mut picture = LinearImage::zeros(CHANNELS, fine, fine);
     let mut is_open = vec![true; fine * fine];
     let mut open = fine * fine;
     // From front to back: what is covered stays covered.
-    for _ in 0..MOST_SHAPES {
+    let most_shapes = 1 + (MOST_SHAPES_PER_PIXEL * (side * side) as f64) as usize;
+    for _ in 0..most_shapes {
         if open == 0 {
             break;
         }
-        let leaf = Leaf::new(fine as f64, &mut random);
+        let leaf = Leaf::new(fine as f64, random);
         let reach = leaf.radius * Leaf::REACH;
         let range = |centre: f64| {
             let [low, high] =
@@ -60,15 +73,12 @@ pub fn dead_leaves(side: usize, seed: u64, step: u64, item: u32) -> LinearImage 
             }
         }
     }
-    let background = Leaf { radius: fine as f64, ..Leaf::new(fine as f64, &mut random) };
+    let background = Leaf { radius: fine as f64, ..Leaf::new(fine as f64, random) };
     for i in (0..fine * fine).filter(|i| is_open[*i]) {
         let at = [(i / fine) as f64 - background.centre[0], (i % fine) as f64 - background.centre[1]];
         paint(&mut picture, i, &background, at);
     }
-    // Scenes are exposed differently, and end at white.
-    let exposure = 2.0_f32.powf(random.random_range(-1.0..0.7));
-    picture.data.iter_mut().for_each(|v| *v = (*v * exposure).min(1.0));
-    picture.box_mean(SAMPLES)
+    (picture, open)
 }
 
 fn paint(picture: &mut LinearImage, i: usize, leaf: &Leaf, at: [f64; 2]) {
@@ -118,17 +128,18 @@ impl Leaf {
             false => Vec::new(),
             true => (0..3)
                 .map(|_| {
-                    // Coarse waves are stronger, as in natural textures.
                     let period = 3.0 * SAMPLES as f64 * 16.0_f64.powf(random.random());
                     let (sin, cos) = random.random_range(0.0..std::f64::consts::TAU).sin_cos();
-                    let amplitude = normal(random, 0.12);
+                    // Coarse waves are stronger, as in natural textures.
+                    let amplitude = normal(random, 0.06) * (period / (3.0 * SAMPLES as f64)).sqrt();
                     let phase = random.random_range(0.0..std::f64::consts::TAU);
                     (amplitude, phase, [sin / period, cos / period].map(|v| v * std::f64::consts::TAU))
                 })
                 .collect(),
         };
         Self {
-            centre: [random.random_range(0.0..fine), random.random_range(0.0..fine)],
+            // Also beside the picture, as far as a large shape reaches into it.
+            centre: [(); 2].map(|()| random.random_range(-MARGIN * fine..(1.0 + MARGIN) * fine)),
             radius,
             turn: [cos, sin],
             slimness: random.random_range(0.25..1.0),
@@ -190,6 +201,14 @@ mod tests {
             }
         }
         sum / f64::from(count)
+    }
+
+    #[test]
+    fn shapes_cover_large_pictures_too() {
+        for side in [60, 222, 700] {
+            let (_, open) = leaves(side, &mut ChaCha8Rng::seed_from_u64(4));
+            assert!(open * 1000 <= side * side * SAMPLES * SAMPLES, "{side}: {open}");
+        }
     }
 
     #[test]

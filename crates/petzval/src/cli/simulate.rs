@@ -117,11 +117,11 @@ pub struct Args {
     /// as in a camera. Time and memory grow with K x K
     #[arg(long, default_value_t = 1, value_name = "K")]
     samples: usize,
-    /// How the two colours that a pixel did not measure are interpolated, from the quickest to the best
+    /// How the two colours that a pixel did not measure are interpolated
     #[arg(long, value_enum, default_value = "bilinear")]
     demosaic: Demosaic,
-    /// Values between which they are interpolated. In the square root of light noise is equal everywhere, and the methods
-    /// other than bilinear are several decibels better
+    /// Values between which they are interpolated. In the square root of light noise is about equal at every level of light,
+    /// and methods that compare neighbours make fewer mistakes
     #[arg(long, value_enum, default_value = "linear")]
     domain: Domain,
     /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the

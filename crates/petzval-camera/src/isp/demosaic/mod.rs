@@ -1,7 +1,7 @@
 //! Demosaicing: the two colours that each pixel of a Bayer array did not measure.
 //!
-//! Every method here is written for values in which noise is about equal everywhere, such as the square root of light: there, edges are about as steep in the dark as in the light, and the comparison of
-//! neighbours is fair. On linear light the same methods lose several decibels.
+//! The methods that compare neighbours want values in which noise and edges are about alike in the dark and in the light, such as the
+//! [square root](super::Stabiliser) of light.
 
 mod malvar;
 mod menon;
@@ -19,7 +19,7 @@ use crate::sensor::{CfaPattern, SensorError};
 use tile::{Plane, Tile};
 
 /// A method of demosaicing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Demosaic {
     /// The mean of the nearest pixels of a colour. The only one for arrays other than Bayer's.
@@ -29,12 +29,11 @@ pub enum Demosaic {
     /// Directional ratios of a low-pass, weighted by gradients: ratio-corrected demosaicing (Sanz Rodriguez 2017).
     Rcd,
     /// Directional filtering with an a-posteriori decision and refinement (Menon, Andriani, Calvagno 2007).
-    #[default]
     Menon,
 }
 
 impl Demosaic {
-    /// All methods, the quickest first.
+    /// All methods.
     pub const ALL: [Self; 4] = [Self::Bilinear, Self::Malvar, Self::Rcd, Self::Menon];
 
     /// Its name.

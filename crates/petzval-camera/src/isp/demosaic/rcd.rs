@@ -27,7 +27,7 @@ pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
         });
         out.data
     };
-    // The share of a pixel, or the mean of its diagonal neighbours where that is more decided.
+    // The share of a pixel, or the mean of its diagonal neighbours where that is further from one half.
     let decided = |shares: &[f32], i: usize| {
         let around = 0.25 * (shares[i - s - 1] + shares[i - s + 1] + shares[i + s - 1] + shares[i + s + 1]);
         if (0.5 - shares[i]).abs() < (0.5 - around).abs() { around } else { shares[i] }
