@@ -213,10 +213,11 @@ mod tests {
 
     #[test]
     fn differences_grow_slowly_with_distance_as_in_photographs() {
-        // A spectrum of 1 / f^2 gives differences that grow with the logarithm of the distance; white noise has equal ones.
+        // A spectrum of 1 / f^2 gives differences that grow with the logarithm of the distance. White noise has equal ones, and those of
+        // a random walk along the row grow with the distance, 16 times from 1 to 16 pixels.
         let [near, middle, far] = [1, 4, 16].map(variogram);
         assert!(near < 0.75 * middle && middle < 0.85 * far, "{near} {middle} {far}");
-        assert!(far < 4.0 * near, "edges are everywhere: {near} {far}");
+        assert!(far < 12.0 * near, "{near} {far}");
         // The picture is neither flat nor black and white.
         assert!((0.1..2.5).contains(&far), "{far}");
     }
