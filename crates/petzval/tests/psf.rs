@@ -89,7 +89,7 @@ fn wrong_requests_for_psfs_are_refused_and_nothing_is_written() {
         ("--pitch-um", "0", ["--pitch-um: out of range", "um"]),
         ("--pitch-um", "nan", ["--pitch-um: out of range", "um"]),
         ("--pupil-cells", "33", ["--pupil-cells", "even"]),
-        ("--corner-mm", "100", ["no light reaches the image", "larger --grid"]),
+        ("--corner-mm", "100", ["no chief ray lands 16.667 mm from the axis", "smaller sensor"]),
     ] {
         let value = format!("{option}={value}");
         run_fails(folder.path(), &["psf", LENS, "--out", "psf", &value], 2, &needles);

@@ -354,3 +354,37 @@ fn menon_leaves_less_false_colour_than_bilinear() {
     let wrong = ["simulate", &photo, "--sensor", "imx250-mono", "--demosaic", "menon", "--out", "x"];
     run_fails(folder.path(), &wrong, 2, &["--demosaic menon", "Bayer", "bilinear"]);
 }
+
+#[test]
+fn restoration_brings_back_detail_that_the_lens_blurs() {
+    let folder = tempfile::tempdir().unwrap();
+    // A perfect lens 0.06 mm out of focus: a disc of 2.3 pixels.
+    let soft = "name = \"soft\"\nsource = \"this test\"\nunits = \"mm\"\naperture = { entrance_pupil_diameter_mm = 5.7 }\n\
+                object = { distance_mm = inf }\nwavelengths = { um = [0.486, 0.55, 0.62] }\nfields = { angle_deg = [0.0, 15.0] }\n\
+                [[surface]]\nradius_mm = inf\nthickness_mm = 25.10\nsemi_diameter_mm = 2.85\nstop = true\n\
+                thin_lens = { focal_length_mm = 25.04 }\n";
+    std::fs::write(folder.path().join("soft.toml"), soft).unwrap();
+    let photo = data("photos/china.png").display().to_string();
+    let take = |out: &str, more: &[&str]| {
+        let args = ["simulate", &photo, "--out", out, "--place", "centre", "--size", "200x300"];
+        let lens =
+            ["--lens", "soft.toml", "--no-distortion", "--demosaic", "menon", "--domain", "stabilised"];
+        run_ok(folder.path(), &[&args[..], &lens, more].concat());
+        image::open(folder.path().join(out).join("china-developed.png")).unwrap().to_rgb8()
+    };
+    let truth = image::open(&photo).unwrap().to_rgb8();
+    let (left, top) = ((truth.width() - 300) / 2, (truth.height() - 200) / 2);
+    let squares = |picture: &image::RgbImage| -> f64 {
+        let inner = (20..180).flat_map(|y| (20..280).map(move |x| (x, y)));
+        inner
+            .map(|(x, y)| {
+                let (a, b) = (picture.get_pixel(x, y), truth.get_pixel(left + x, top + y));
+                (0..3).map(|c| (f64::from(a[c]) - f64::from(b[c])).powi(2)).sum::<f64>()
+            })
+            .sum()
+    };
+    let (blurred, restored) = (take("blurred", &[]), take("restored", &["--restore"]));
+    assert!(squares(&restored) < 0.9 * squares(&blurred), "{} {}", squares(&restored), squares(&blurred));
+    let wrong = ["simulate", &photo, "--restore=-1", "--out", "x"];
+    run_fails(folder.path(), &wrong, 2, &["--restore", "0.003"]);
+}

@@ -22,6 +22,7 @@ mod illumination;
 mod kernel;
 mod light;
 mod limits;
+mod restore;
 mod spatial;
 mod spectrum;
 mod tiles;
@@ -36,6 +37,7 @@ pub use illumination::{RadialWeight, illumination_adjoint, illumination_map, ill
 pub use kernel::{PatchKernels, PsfGradient, kernel_radius, patch_kernels, patch_kernels_adjoint};
 pub use light::light_on_pixels;
 pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
+pub use restore::Wiener;
 
 use crate::image::LinearImage;
 use crate::psf::PsfBank;

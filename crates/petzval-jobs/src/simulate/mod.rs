@@ -9,6 +9,7 @@ mod shot;
 mod spectral;
 
 pub use petzval_camera::isp::{Demosaic, Domain, Interpolation};
+pub use petzval_camera::render::Wiener;
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};
@@ -37,6 +38,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let message = format!("not between 0 and {max}");
             return Err(JobError::setting(key, value, message, "a positive number"));
         }
+    }
+    if let Some(wiener) = &request.restore
+        && !(wiener.noise > 0.0 && wiener.noise <= 10.0)
+    {
+        let hint = "0.003 suits 16,000 electrons of white; more for less light";
+        return Err(JobError::setting("restore", wiener.noise, "not above 0 and at most 10", hint));
     }
     if !(1..=MOST_SAMPLES).contains(&request.samples) {
         let message = format!("not between 1 and {MOST_SAMPLES}");

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_camera::isp::Interpolation;
+use petzval_camera::render::Wiener;
 use petzval_files::spectral_file::is_spectral;
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +39,8 @@ pub struct Request {
     pub samples: usize,
     /// How the colours of the mosaic are interpolated.
     pub development: Interpolation,
+    /// Restoration of the developed picture with the PSFs of the lens; none leaves its blur.
+    pub restore: Option<Wiener>,
     /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
     /// scene in front of the lens, and its distortion is rendered.
     pub no_distortion: bool,
@@ -74,6 +77,7 @@ impl Default for Request {
             place: Place::Fill,
             samples: 1,
             development: Interpolation::default(),
+            restore: None,
             no_distortion: false,
             white_e: None,
             size: None,

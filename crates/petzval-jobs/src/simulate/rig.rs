@@ -8,8 +8,8 @@ use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius, light_on_pixels,
-    with_patches_for,
+    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Wiener, Window, kernel_radius,
+    light_on_pixels, with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
@@ -169,6 +169,11 @@ impl Rig {
     pub fn light(&self, picture: &LinearImage) -> Result<LinearImage, RenderError> {
         let (bank, distortion) = (self.psfs.bank(), self.distortion.as_ref());
         light_on_pixels(&self.geometry, bank, picture, distortion, &self.window, self.samples)
+    }
+
+    /// The developed picture of the window without the blur of the lens.
+    pub fn restored(&self, wiener: &Wiener, picture: &LinearImage) -> Result<LinearImage, RenderError> {
+        wiener.restore(&self.geometry, self.psfs.bank(), picture, self.window.placement)
     }
 
     /// A picture of [`Rig::frame`], of one sample a pixel, as a shot of the window.

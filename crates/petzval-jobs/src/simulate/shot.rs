@@ -73,6 +73,15 @@ impl Taken {
     }
 }
 
+impl Taken {
+    /// The same with its developed picture restored, if the request asks for it.
+    pub fn restored(self, request: &Request, rig: &Rig) -> Result<Self, DesignError> {
+        let Some(wiener) = &request.restore else { return Ok(self) };
+        let developed = rig.restored(wiener, &self.developed)?;
+        Ok(Self { developed, ..self })
+    }
+}
+
 /// Writes the results of a shot; returns facts about them, and a warning if many pixels are saturated.
 pub fn write_shot(
     request: &Request,
