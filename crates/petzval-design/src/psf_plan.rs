@@ -126,7 +126,7 @@ impl PsfPlan {
     /// The same with as many pupil cells as the PSFs of a lens need for an error of `tolerance`, and the error that is reached.
     ///
     /// The error is the sum of absolute differences from the PSF on arbitrarily many cells, both of unit sum, or the relative error of
-    /// the illumination: the largest over [`CHECKED_FIELDS`] of the fields and the colours, estimated by doubling the cells. The cells do
+    /// the illumination: the largest over seven of the fields and the colours, estimated by doubling the cells. The cells do
     /// not become fewer than they are.
     ///
     /// Waves choose their own grid of the pupil: the plan stays, and the error is 0.
@@ -188,8 +188,8 @@ impl PsfPlan {
         Ok(angles)
     }
 
-    /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land. An error if a field is wider than
-    /// [`WIDEST_PICTURE_RAD`].
+    /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land. An error if a field is wider than 85
+    /// degrees.
     pub fn distortion(&self, lens: &Lens) -> Result<Distortion, DesignError> {
         let angles = self.field_angles(lens)?;
         if let Some(field) = angles.iter().find(|field| field.abs() > WIDEST_PICTURE_RAD) {

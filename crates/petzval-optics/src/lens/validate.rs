@@ -95,8 +95,8 @@ pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
         return Err(LensDefect::Pupil { diameter_mm: lens.entrance_pupil_mm });
     }
     let limit_deg = lens.object.field_limit_deg();
-    // Written so that NaN is outside as well.
-    if let Some(field_deg) = lens.fields_deg.iter().copied().find(|field| !(field.abs() < limit_deg)) {
+    let is_outside = |field: &f64| field.is_nan() || field.abs() >= limit_deg;
+    if let Some(field_deg) = lens.fields_deg.iter().copied().find(is_outside) {
         return Err(LensDefect::Field { field_deg, limit_deg });
     }
     for (i, surface) in lens.surfaces.iter().enumerate() {
