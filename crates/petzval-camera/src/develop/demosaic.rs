@@ -26,7 +26,7 @@ pub fn demosaic_bilinear(
     cfa: CfaPattern,
     placement: Placement,
 ) -> Result<LinearImage, SensorError> {
-    check(mosaic.len(), height, width)?;
+    check_mosaic(mosaic.len(), height, width)?;
     if !cfa.is_bayer() {
         return Ok(LinearInterpolation::new(cfa, placement, height, width)?.fill(mosaic, height, width));
     }
@@ -56,7 +56,7 @@ pub fn demosaic_bilinear_adjoint(
             got,
         });
     }
-    check(height * width, height, width)?;
+    check_mosaic(height * width, height, width)?;
     if !cfa.is_bayer() {
         return Ok(LinearInterpolation::new(cfa, placement, height, width)?.gather(d_rgb));
     }
@@ -109,7 +109,8 @@ fn neighbours(
     }
 }
 
-fn check(len: usize, height: usize, width: usize) -> Result<(), SensorError> {
+/// Checks that a mosaic has the values of its shape, and at least 2x2 pixels.
+pub(crate) fn check_mosaic(len: usize, height: usize, width: usize) -> Result<(), SensorError> {
     if len == height * width && height >= 2 && width >= 2 {
         return Ok(());
     }

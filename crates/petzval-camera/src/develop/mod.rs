@@ -11,6 +11,7 @@ mod demosaic;
 mod highlights;
 mod linear_interpolation;
 
+pub(crate) use demosaic::check_mosaic;
 pub use demosaic::{demosaic_bilinear, demosaic_bilinear_adjoint};
 pub(crate) use highlights::clip_levels_dn;
 pub use highlights::{clip_highlights, saturated_share, white_capacity_e};

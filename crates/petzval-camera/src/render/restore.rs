@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::spectrum::{Scratch, TilePlan, fast_len, forward, plans};
 use super::{
-    PatchKernels, Placement, RenderError, RenderGeometry, Window, kernel_radius, patch_kernels,
+    PatchKernels, Placement, RenderError, RenderGeometry, Window, check_placement, patch_kernels,
     render_kernels,
 };
 use crate::image::LinearImage;
@@ -59,7 +59,8 @@ impl Wiener {
         placement: Placement,
     ) -> Result<LinearImage, RenderError> {
         let layout = bank.layout();
-        kernel_radius(geometry, &layout)?;
+        geometry.validate()?;
+        check_placement(geometry, placement, picture.height, picture.width)?;
         let window = Window { placement, height: picture.height, width: picture.width };
         let active = geometry.active_patches(&window);
         let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
@@ -164,7 +165,7 @@ mod tests {
     use super::*;
     use crate::image::CHANNELS;
     use crate::quality::psnr;
-    use crate::render::render;
+    use crate::render::{kernel_radius, render};
 
     const GEOMETRY: RenderGeometry =
         RenderGeometry { sensor_height: 96, sensor_width: 128, pixel_um: 5.0, patches: (3, 4) };

@@ -74,7 +74,7 @@ impl Taken {
 }
 
 impl Taken {
-    /// The same with its developed picture restored, if the request asks for it.
+    /// This shot with the blur of the lens undone in its developed picture, if the request asks for that.
     pub fn restored(self, request: &Request, rig: &Rig) -> Result<Self, DesignError> {
         let Some(wiener) = &request.restore else { return Ok(self) };
         let developed = rig.restored(wiener, &self.developed)?;

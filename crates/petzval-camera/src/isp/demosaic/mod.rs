@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::develop::{demosaic_bilinear, demosaic_bilinear_adjoint};
+use crate::develop::{check_mosaic, demosaic_bilinear, demosaic_bilinear_adjoint};
 use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
@@ -66,7 +66,7 @@ impl Demosaic {
             Self::Menon => menon::interpolate,
         };
         self.check_array(cfa)?;
-        check(mosaic.len(), height, width)?;
+        check_mosaic(mosaic.len(), height, width)?;
         // Strips of rows, each with a mirrored border as wide as the method reaches.
         let strips: Vec<(usize, [Vec<f32>; CHANNELS])> = strips(height)
             .map(|(first, rows)| {
@@ -122,7 +122,7 @@ impl Demosaic {
             }
         };
         self.check_array(cfa)?;
-        check(mosaic.len(), height, width)?;
+        check_mosaic(mosaic.len(), height, width)?;
         let strips: Vec<(Tile, usize, Plane)> = strips(height)
             .map(|(first, rows)| {
                 let tile = Tile::cut(mosaic, (height, width), (first, rows), cfa, placement);
@@ -146,16 +146,6 @@ fn strips(height: usize) -> impl IndexedParallelIterator<Item = (usize, usize)> 
         let first = strip * tile::STRIP_ROWS;
         (first, tile::STRIP_ROWS.min(height - first))
     })
-}
-
-fn check(len: usize, height: usize, width: usize) -> Result<(), SensorError> {
-    let shape =
-        |expected: &str, got: String| SensorError::Shape { what: "mosaic", expected: expected.into(), got };
-    if len != height * width || height < 2 || width < 2 {
-        let got = format!("{len} values for {height}x{width}");
-        return Err(shape("height x width values, at least 2x2 pixels", got));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

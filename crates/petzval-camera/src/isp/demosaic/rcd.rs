@@ -32,9 +32,6 @@ pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
         let around = 0.25 * (shares[i - s - 1] + shares[i - s + 1] + shares[i + s - 1] + shares[i + s + 1]);
         if (0.5 - shares[i]).abs() < (0.5 - around).abs() { around } else { shares[i] }
     };
-    // Two estimates of opposite neighbours, each weighted by the variation on the other side.
-    let between = |a: f32, of_a: f32, b: f32, of_b: f32| (of_b * a + of_a * b) / (of_a + of_b);
-
     let by_column = share(s, 1, 4);
     let mut low = Plane::zeros(tile);
     tile.each(1, |_, i| {
@@ -59,11 +56,7 @@ pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
             let (here, there) = (low.data[i], low.data[at(2)]);
             (v[at(1)] * (1.0 + (here - there) / (EPSILON + here.abs() + there.abs())), variation)
         };
-        let step = s as isize;
-        let ((n, of_n), (b, of_b)) = (side(-step), side(step));
-        let ((w, of_w), (e, of_e)) = (side(-1), side(1));
-        let weight = decided(&by_column, i);
-        green.data[i] = weight * between(w, of_w, e, of_e) + (1.0 - weight) * between(n, of_n, b, of_b);
+        green.data[i] = of_four_sides(side, [s as isize, 1], decided(&by_column, i));
     });
     let g = &green.data;
 
@@ -82,11 +75,7 @@ pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
                 + (g[i] - g[at(2)]).abs();
             (v[at(1)] - g[at(1)], variation)
         };
-        let (down_right, down_left) = (s as isize + 1, s as isize - 1);
-        let ((a, of_a), (b, of_b)) = (side(-down_right), side(down_right));
-        let ((c, of_c), (d, of_d)) = (side(-down_left), side(down_left));
-        let weight = decided(&falling, i);
-        let value = g[i] + (1.0 - weight) * between(a, of_a, b, of_b) + weight * between(c, of_c, d, of_d);
+        let value = g[i] + of_four_sides(side, [s as isize + 1, s as isize - 1], decided(&falling, i));
         match site {
             Site::Red => blue.data[i] = value,
             _ => red.data[i] = value,
@@ -108,13 +97,20 @@ pub fn interpolate(tile: &Tile) -> [Vec<f32>; CHANNELS] {
                     + (c[at(1)] - c[at(3)]).abs();
                 (c[at(1)] - g[at(1)], variation)
             };
-            let step = s as isize;
-            let ((n, of_n), (b, of_b)) = (side(-step), side(step));
-            let ((w, of_w), (e, of_e)) = (side(-1), side(1));
-            g[i] + (1.0 - weight) * between(n, of_n, b, of_b) + weight * between(w, of_w, e, of_e)
+            g[i] + of_four_sides(side, [s as isize, 1], weight)
         };
         red.data[i] = colour(&red_known.data);
         blue.data[i] = colour(&blue_known.data);
     });
     [red, green, blue].map(|plane| tile.inside(&plane))
+}
+
+/// The value between the estimates of four neighbours: along each of two directions the opposite ones, each weighted by the variation on
+/// the other side, and of the second direction the share `weight`. `side` gives estimate and variation of the neighbour at a step.
+fn of_four_sides(side: impl Fn(isize) -> (f32, f32), steps: [isize; 2], weight: f32) -> f32 {
+    let [first, second] = steps.map(|step| {
+        let ((a, of_a), (b, of_b)) = (side(-step), side(step));
+        (of_b * a + of_a * b) / (of_a + of_b)
+    });
+    (1.0 - weight) * first + weight * second
 }
