@@ -36,6 +36,27 @@ pub struct Parameter {
     pub hint: &'static str,
 }
 
+impl Parameter {
+    /// Where a value lies in its range, 0..1: by equal differences, or by equal ratios if it is best varied so.
+    pub fn unit_of(&self, value: f64) -> f64 {
+        let at = match self.scale {
+            Scale::Linear => (value - self.min) / (self.max - self.min),
+            Scale::Log => (value / self.min).ln() / (self.max / self.min).ln(),
+        };
+        at.clamp(0.0, 1.0)
+    }
+
+    /// The value at a place 0..1 of its range: the inverse of [`Parameter::unit_of`].
+    pub fn value_at(&self, unit: f64) -> f64 {
+        let unit = unit.clamp(0.0, 1.0);
+        let value = match self.scale {
+            Scale::Linear => self.min + unit * (self.max - self.min),
+            Scale::Log => self.min * (self.max / self.min).powf(unit),
+        };
+        value.clamp(self.min, self.max)
+    }
+}
+
 /// The numbers of one table of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterTable {
@@ -69,6 +90,9 @@ pub trait Parameters {
     /// Its present values, in the order of [`ParameterTable::parameters`].
     fn values(&self) -> Vec<Vec<f64>>;
 
+    /// Sets its values, one list for each of [`ParameterTable::parameters`]; numbers that are missing stay as they are.
+    fn set_values(&mut self, values: &[Vec<f64>]);
+
     /// The first value outside its range; a value that is no number is outside every range.
     fn out_of_range(&self) -> Option<OutOfRange> {
         let all = Self::table().parameters.into_iter().zip(self.values());
@@ -101,6 +125,9 @@ pub fn describe<P: Parameters>(schema: &mut Schema) {
 pub trait Numbers {
     /// The numbers.
     fn numbers(&self) -> Vec<f64>;
+
+    /// Takes as many values as it holds from the front of `values`.
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>);
 }
 
 macro_rules! plain_numbers {
@@ -108,6 +135,10 @@ macro_rules! plain_numbers {
         impl Numbers for $kind {
             fn numbers(&self) -> Vec<f64> {
                 vec![*self as f64]
+            }
+
+            fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+                *self = values.next().map_or(*self, |value| value as $kind);
             }
         }
     )*};
@@ -120,11 +151,19 @@ impl Numbers for f32 {
     fn numbers(&self) -> Vec<f64> {
         vec![self.to_string().parse().unwrap_or(f64::from(*self))]
     }
+
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        *self = values.next().map_or(*self, |value| value as f32);
+    }
 }
 
 impl<T: Numbers, const N: usize> Numbers for [T; N] {
     fn numbers(&self) -> Vec<f64> {
         self.iter().flat_map(Numbers::numbers).collect()
+    }
+
+    fn set_numbers(&mut self, values: &mut dyn Iterator<Item = f64>) {
+        self.iter_mut().for_each(|number| number.set_numbers(values));
     }
 }
 
@@ -207,6 +246,13 @@ macro_rules! parameters {
 
             fn values(&self) -> Vec<Vec<f64>> {
                 vec![$($crate::parameter::Numbers::numbers(&self.$name)),*]
+            }
+
+            fn set_values(&mut self, values: &[Vec<f64>]) {
+                let mut values = values.iter();
+                $(if let Some(numbers) = values.next() {
+                    $crate::parameter::Numbers::set_numbers(&mut self.$name, &mut numbers.iter().copied());
+                })*
             }
         }
     };

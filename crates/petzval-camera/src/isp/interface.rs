@@ -1,0 +1,126 @@
+//! The interface of every image signal processor: raw frame and parameters in, picture out.
+//!
+//! Ours, a proxy network, and any external program stand behind it; what tunes an ISP sees nothing else.
+
+use burn::prelude::*;
+use petzval_base::parameter::Parameter;
+
+use super::RawInput;
+
+/// Why a frame cannot be developed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum IspError {
+    /// The frame or its calibration is not what the ISP takes.
+    #[error("{what} is {got}; it must be {need}")]
+    Input {
+        /// What.
+        what: &'static str,
+        /// What was given.
+        got: String,
+        /// What is permitted.
+        need: &'static str,
+    },
+    /// The wrong number of parameters.
+    #[error("the ISP has {expected} parameters, {got} values were given")]
+    Count {
+        /// Parameters of the ISP.
+        expected: usize,
+        /// Values given.
+        got: usize,
+    },
+    /// A parameter is outside its range.
+    #[error("ISP parameter {name} is {value}; it must lie between {min} and {max}")]
+    Parameter {
+        /// Its name, `stage.key`.
+        name: String,
+        /// The value given.
+        value: f64,
+        /// Least value.
+        min: f64,
+        /// Greatest value.
+        max: f64,
+    },
+    /// An ISP outside this program failed.
+    #[error("the external ISP failed: {0}")]
+    External(String),
+}
+
+/// One number of an ISP.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IspParameter {
+    /// Name, `stage.key`, or `stage.key[i]` for a number of an array.
+    pub name: String,
+    /// Unit, range, scale and sentence. The default is that of this number alone.
+    pub about: Parameter,
+}
+
+impl IspParameter {
+    /// The value that it has unless it is set.
+    pub fn default_value(&self) -> f64 {
+        self.about.default.first().copied().unwrap_or(self.about.min)
+    }
+}
+
+/// A developed picture as a display takes it: sRGB-encoded, three planes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RgbPicture {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Bits of a value: 8, 10 or 16.
+    pub bits: u32,
+    /// Red, then green, then blue, each row by row; white is `2^bits - 1`.
+    pub data: Vec<u16>,
+}
+
+impl RgbPicture {
+    /// Its values over that of white, 0..1.
+    pub fn encoded(&self) -> Vec<f32> {
+        let white = ((1_u32 << self.bits) - 1) as f32;
+        self.data.iter().map(|v| f32::from(*v) / white).collect()
+    }
+}
+
+/// An image signal processor.
+pub trait Isp: Send + Sync {
+    /// Its name, for messages and reports.
+    fn name(&self) -> &str;
+
+    /// Its parameters, in the order in which [`Isp::develop`] takes their values.
+    fn parameters(&self) -> Vec<IspParameter>;
+
+    /// Develops a raw frame. `values` holds one number for each parameter, in its own unit.
+    fn develop(&self, frame: &RawInput, values: &[f64]) -> Result<RgbPicture, IspError>;
+
+    /// Its parameters' defaults.
+    fn defaults(&self) -> Vec<f64> {
+        self.parameters().iter().map(IspParameter::default_value).collect()
+    }
+}
+
+/// An image signal processor with a gradient by raw frame and parameters.
+pub trait DifferentiableIsp: Isp {
+    /// Develops one frame on the tape: digital numbers `[1, 1, height, width]` and parameters `[count]`, each in its own unit, to an
+    /// sRGB-encoded picture `[1, 3, height, width]`, about 0..1. `frame` gives everything but the digital numbers.
+    fn develop_on_tape(
+        &self,
+        dn: Tensor<4>,
+        frame: &RawInput,
+        values: Tensor<1>,
+    ) -> Result<Tensor<4>, IspError>;
+}
+
+/// Checks the values of parameters.
+pub fn check_values(parameters: &[IspParameter], values: &[f64]) -> Result<(), IspError> {
+    if parameters.len() != values.len() {
+        return Err(IspError::Count { expected: parameters.len(), got: values.len() });
+    }
+    for (p, value) in parameters.iter().zip(values) {
+        let (min, max) = (p.about.min, p.about.max);
+        if !(*value >= min && *value <= max) {
+            return Err(IspError::Parameter { name: p.name.clone(), value: *value, min, max });
+        }
+    }
+    Ok(())
+}
