@@ -1,16 +1,29 @@
 //! Image signal processors: from a raw frame back to a picture.
 
 mod demosaic;
+mod fixed;
+mod hardware;
 mod input;
 mod interface;
 mod interpolation;
 mod linear;
+mod mesh;
+mod settings;
+mod smooth;
 mod stabilise;
+mod stage;
+mod tape_grid;
+#[cfg(test)]
+mod tests;
 
 pub use demosaic::Demosaic;
+pub use hardware::{HardwareIsp, Watch};
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
 pub use interface::{DifferentiableIsp, Isp, IspError, IspParameter, RgbPicture, check_values};
 pub use interpolation::{Domain, Interpolation};
 pub(crate) use linear::highest_light;
 pub use linear::{LinearIsp, SHADING_FLOOR};
+pub use settings::{GainKnot, IspPreset, IspSettings};
+pub use smooth::SmoothIsp;
 pub use stabilise::Stabiliser;
+pub use stage::output::{BT601, BT709, ycbcr};

@@ -1,0 +1,299 @@
+//! Whole-number arithmetic as a chip does it: number formats, grids of pixels, tables.
+//!
+//! Between stages a value is a whole number of a declared width; what does not fit is cut off at the end of the range. What a chip's
+//! driver would compute once per frame (weights, tables, limits) is computed in floating point and rounded to a format; pixels never are.
+
+use petzval_base::simd::dispatch;
+use rayon::prelude::*;
+
+/// A fixed-point number: `value = whole / 2^fraction`, between `min` and `max`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Format {
+    /// Bits behind the point.
+    pub fraction: u32,
+    /// Least whole number.
+    pub min: i32,
+    /// Greatest whole number.
+    pub max: i32,
+}
+
+/// Light, 1 = white: 25 bits with sign, up to 16 times white, to -1.
+pub const LINEAR: Format = Format { fraction: 20, min: -(1 << 20), max: (1 << 24) - 1 };
+/// The square root of light: 16 bits with sign, up to 4, to -1.
+pub const ROOT: Format = Format { fraction: 13, min: -(1 << 13), max: (1 << 15) - 1 };
+/// Encoded for a display, 1 = white: 16 bits with sign, up to 2, to -1/2.
+pub const ENCODED: Format = Format { fraction: 14, min: -(1 << 13), max: (1 << 15) - 1 };
+/// A factor below 16: 16 bits.
+pub const GAIN: Format = Format { fraction: 12, min: 0, max: (1 << 16) - 1 };
+/// A weight between -8 and 8: 16 bits with sign.
+pub const WEIGHT: Format = Format { fraction: 12, min: -(1 << 15), max: (1 << 15) - 1 };
+/// A binary logarithm between -16 and 16: 16 bits with sign.
+pub const LOG2: Format = Format { fraction: 11, min: -(1 << 15), max: (1 << 15) - 1 };
+
+impl Format {
+    /// The whole number of 1.
+    pub const fn one(self) -> i32 {
+        1 << self.fraction
+    }
+
+    /// Bits of the format, its sign included.
+    pub const fn bits(self) -> u32 {
+        let magnitude = if -(self.min as i64) - 1 > self.max as i64 { -(self.min + 1) } else { self.max };
+        32 - magnitude.leading_zeros() + (self.min < 0) as u32
+    }
+
+    /// The nearest whole number of a value; what is no number is 0.
+    pub fn of(self, value: f64) -> i32 {
+        (value * f64::from(self.one())).round().clamp(self.min.into(), self.max.into()) as i32
+    }
+
+    /// Cuts off what does not fit.
+    #[inline(always)]
+    pub fn clamp(self, value: i32) -> i32 {
+        value.clamp(self.min, self.max)
+    }
+
+    /// Cuts off what does not fit of a wide intermediate.
+    #[inline(always)]
+    pub fn narrow(self, value: i64) -> i32 {
+        value.clamp(self.min.into(), self.max.into()) as i32
+    }
+
+    /// The value of a whole number.
+    pub fn value(self, whole: i32) -> f64 {
+        f64::from(whole) / f64::from(self.one())
+    }
+}
+
+/// `value / 2^bits`, rounded half up. `bits` is at least 1.
+#[inline(always)]
+pub fn shift_round(value: i32, bits: u32) -> i32 {
+    (value + (1 << (bits - 1))) >> bits
+}
+
+/// [`shift_round`] of a wide intermediate.
+#[inline(always)]
+pub fn shift_round_wide(value: i64, bits: u32) -> i64 {
+    (value + (1 << (bits - 1))) >> bits
+}
+
+/// Pixels around a grid that mirror its outermost ones; even, so that they keep the phase of a Bayer array.
+pub const BORDER: usize = 8;
+
+/// Rows that a thread takes at a time.
+const ROWS: usize = 16;
+
+/// A plane of whole numbers with a mirrored border.
+#[derive(Clone)]
+pub struct Grid {
+    pub height: usize,
+    pub width: usize,
+    data: Vec<i32>,
+}
+
+impl Grid {
+    fn stride(&self) -> usize {
+        self.width + 2 * BORDER
+    }
+
+    /// The grid whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone.
+    pub fn from_rows(height: usize, width: usize, fill: impl Fn(usize, &mut [i32]) + Sync) -> Self {
+        let stride = width + 2 * BORDER;
+        let mut data = vec![0; (height + 2 * BORDER) * stride];
+        let inside = &mut data[BORDER * stride..(BORDER + height) * stride];
+        inside.par_chunks_mut(ROWS * stride).enumerate().for_each(|(chunk, lines)| {
+            // Compiled for the widest vectors of the machine.
+            dispatch(|| {
+                for (i, line) in lines.chunks_exact_mut(stride).enumerate() {
+                    fill(chunk * ROWS + i, &mut line[BORDER..BORDER + width]);
+                    mirror_ends(line);
+                }
+            });
+        });
+        Self::mirrored(height, width, data)
+    }
+
+    /// A grid whose rows above and below it are not filled yet.
+    fn mirrored(height: usize, width: usize, mut data: Vec<i32>) -> Self {
+        let (stride, last) = (width + 2 * BORDER, BORDER + height - 1);
+        for k in 1..=BORDER {
+            data.copy_within((BORDER + k) * stride..(BORDER + k + 1) * stride, (BORDER - k) * stride);
+            data.copy_within((last - k) * stride..(last - k + 1) * stride, (last + k) * stride);
+        }
+        Self { height, width, data }
+    }
+
+    /// Three grids at once, whose rows `fill` writes together.
+    pub fn three_from_rows(
+        height: usize,
+        width: usize,
+        fill: impl Fn(usize, [&mut [i32]; 3]) + Sync,
+    ) -> [Self; 3] {
+        let stride = width + 2 * BORDER;
+        let mut grids = [(); 3].map(|()| vec![0; (height + 2 * BORDER) * stride]);
+        {
+            let [a, b, c] = &mut grids;
+            let (a, b, c) = (
+                &mut a[BORDER * stride..(BORDER + height) * stride],
+                &mut b[BORDER * stride..(BORDER + height) * stride],
+                &mut c[BORDER * stride..(BORDER + height) * stride],
+            );
+            let size = ROWS * stride;
+            let chunks = a.par_chunks_mut(size).zip(b.par_chunks_mut(size)).zip(c.par_chunks_mut(size));
+            chunks.enumerate().for_each(|(chunk, ((a, b), c))| {
+                dispatch(|| {
+                    let lines = a
+                        .chunks_exact_mut(stride)
+                        .zip(b.chunks_exact_mut(stride))
+                        .zip(c.chunks_exact_mut(stride));
+                    for (i, ((a, b), c)) in lines.enumerate() {
+                        let inner = BORDER..BORDER + width;
+                        fill(chunk * ROWS + i, [&mut a[inner.clone()], &mut b[inner.clone()], &mut c[inner]]);
+                        [a, b, c].into_iter().for_each(mirror_ends);
+                    }
+                });
+            });
+        }
+        grids.map(|data| Self::mirrored(height, width, data))
+    }
+
+    /// The row `down` rows below `row`, moved by `right` columns: as many values as the grid is wide.
+    ///
+    /// `down` and `right` reach at most [`BORDER`] beyond the grid.
+    #[inline(always)]
+    pub fn near(&self, row: usize, down: isize, right: isize) -> &[i32] {
+        let start =
+            (row + BORDER).wrapping_add_signed(down) * self.stride() + BORDER.wrapping_add_signed(right);
+        &self.data[start..start + self.width]
+    }
+
+    /// A row of the grid.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> &[i32] {
+        self.near(row, 0, 0)
+    }
+}
+
+/// Fills the borders of a row left and right of its pixels.
+#[inline(always)]
+fn mirror_ends(line: &mut [i32]) {
+    let end = line.len() - BORDER;
+    for k in 0..BORDER {
+        line[k] = line[2 * BORDER - k];
+        line[end + k] = line[end - 2 - k];
+    }
+}
+
+/// Bits of the knots of each octave of an [`OctaveTable`].
+const KNOT_BITS: u32 = 5;
+
+/// A function of a whole number from 0, by 32 knots in every octave and straight lines between them.
+#[derive(Clone, Debug)]
+pub struct OctaveTable {
+    knots: Vec<i32>,
+}
+
+impl OctaveTable {
+    /// The table of `function` for whole numbers up to `max`, its values rounded by `to`.
+    pub fn new(max: i32, to: Format, function: impl Fn(f64) -> f64) -> Self {
+        let octaves = 31 - max.leading_zeros().min(30);
+        let count = ((octaves.saturating_sub(KNOT_BITS) + 2) << KNOT_BITS) + 1;
+        let knot = |i: u32| {
+            // Knots 0 to 63 are whole numbers themselves; then every 32 the step doubles.
+            let shift = (i >> KNOT_BITS).saturating_sub(1);
+            let at = u64::from(i - (shift << KNOT_BITS)) << shift;
+            to.of(function(at as f64))
+        };
+        Self { knots: (0..=count).map(knot).collect() }
+    }
+
+    /// The value at a whole number, which is not negative and at most the greatest of the table.
+    #[inline(always)]
+    pub fn at(&self, whole: i32) -> i32 {
+        let whole = whole.max(0) as u32;
+        let shift = (31 - (whole | 1).leading_zeros()).saturating_sub(KNOT_BITS);
+        let index = ((shift << KNOT_BITS) + (whole >> shift)) as usize;
+        let (low, high) = (self.knots[index], self.knots[index + 1]);
+        let rest = whole & ((1 << shift) - 1);
+        low + ((i64::from(high - low) * i64::from(rest)) >> shift) as i32
+    }
+}
+
+/// The influence function of Tukey's biweight, `d (1 - (d / limit)^2)^2` within the limit and 0 beyond.
+///
+/// A mean of neighbours that is weighted by it follows them where they differ as noise does, and ignores them across an edge
+/// (Black, Sapiro, Marimont, Heeger, "Robust anisotropic diffusion", IEEE TIP 1998).
+#[derive(Clone, Copy, Debug)]
+pub struct Influence {
+    limit: i32,
+    /// `2^24 / limit`.
+    inverse: i32,
+}
+
+impl Influence {
+    /// The influence within a limit in [`ROOT`], at least one step of it.
+    pub fn new(limit: f64) -> Self {
+        let limit = ROOT.of(limit).max(1);
+        Self { limit, inverse: (1 << 24) / limit }
+    }
+
+    /// The influence of a difference.
+    #[inline(always)]
+    pub fn of(self, difference: i32) -> i32 {
+        let d = difference.clamp(-self.limit, self.limit);
+        // |d| inverse <= 2^24: the share of the limit with 12 bits.
+        let share = (d * self.inverse) >> 12;
+        let rest = (1 << 12) - ((share * share) >> 12);
+        let weight = (rest * rest) >> 12;
+        shift_round(d * weight, 12)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_have_the_declared_widths_and_cut_off_what_does_not_fit() {
+        let widths = [LINEAR, ROOT, ENCODED, GAIN, WEIGHT, LOG2].map(Format::bits);
+        assert_eq!(widths, [25, 16, 16, 16, 16, 16]);
+        for format in [LINEAR, ROOT, ENCODED, GAIN, WEIGHT, LOG2] {
+            assert_eq!((format.of(1e9), format.of(-1e9), format.of(f64::NAN)), (format.max, format.min, 0));
+            assert_eq!((format.narrow(i64::MAX), format.clamp(i32::MIN)), (format.max, format.min));
+            assert_eq!(format.value(format.one()), 1.0);
+        }
+        assert_eq!((shift_round(3, 1), shift_round(-3, 1), shift_round_wide(5, 2)), (2, -1, 1));
+    }
+
+    #[test]
+    fn a_table_follows_its_function_over_the_whole_range() {
+        let one = f64::from(LINEAR.one());
+        let table = OctaveTable::new(LINEAR.max, ROOT, |v| (v / one).sqrt());
+        for whole in (0..1000).chain((0..=LINEAR.max).step_by(4999)).chain([LINEAR.max]) {
+            let wanted = ROOT.of((f64::from(whole) / one).sqrt());
+            assert!((table.at(whole) - wanted).abs() <= 2, "{whole}: {} {wanted}", table.at(whole));
+        }
+    }
+
+    #[test]
+    fn the_border_mirrors_the_grid() {
+        let grid = Grid::from_rows(20, 24, |r, line| (0..24).for_each(|c| line[c] = (100 * r + c) as i32));
+        assert_eq!(grid.near(0, -2, 0)[..2], [200, 201]);
+        assert_eq!(grid.near(19, 3, 0)[0], 1600);
+        assert_eq!(grid.near(5, 0, -3)[..4], [503, 502, 501, 500]);
+        assert_eq!(grid.near(5, 1, 4)[19..], [623, 622, 621, 620, 619]);
+    }
+
+    #[test]
+    fn the_influence_is_that_of_the_formula() {
+        for limit in [0.0005, 0.01, 0.7] {
+            let influence = Influence::new(limit);
+            let whole = f64::from(ROOT.of(limit).max(1));
+            for d in (-12000..12000).step_by(37) {
+                let share = (f64::from(d) / whole).clamp(-1.0, 1.0);
+                let wanted = f64::from(d) * (1.0 - share * share).powi(2);
+                assert!((f64::from(influence.of(d)) - wanted).abs() < 2.0 + 2e-3 * whole, "{limit} {d}");
+            }
+        }
+    }
+}

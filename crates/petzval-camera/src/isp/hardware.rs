@@ -1,0 +1,209 @@
+//! The automotive ISP as a chip runs it: every stage in whole numbers.
+//!
+//! ```text
+//! raw -> black level -> gain -> root of light -> green equalisation -> defect pixels -> denoise (mosaic)
+//!     -> light -> shading -> white balance -> local tone map -> root of light -> demosaic -> false colours
+//!     -> purple fringes -> denoise (colours, luma) -> light -> colour matrix -> gamma -> sharpen -> dewarp -> output
+//! ```
+
+use super::fixed::{GAIN, Grid, LINEAR, ROOT};
+use super::settings::IspSettings;
+use super::stage::black_level::Registers as Levels;
+use super::stage::colour::mixed;
+use super::stage::gain::amplified;
+use super::stage::stabilise::Stable;
+use super::stage::{colour_denoise, demosaic, gamma, white_balance};
+use super::{Domain, Isp, IspError, IspParameter, RawInput, RgbPicture};
+use crate::sensor::CfaPattern;
+
+/// The automotive ISP in fixed-point arithmetic.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HardwareIsp {
+    /// Methods and the bits of the picture; its numbers are what [`HardwareIsp::develop_as_set`] develops with.
+    pub settings: IspSettings,
+}
+
+/// Someone who looks at the picture after every stage: the stage's name, and the picture as a display would show it.
+pub type Watch<'w> = &'w mut dyn FnMut(&'static str, RgbPicture);
+
+impl Isp for HardwareIsp {
+    fn name(&self) -> &str {
+        "petzval automotive ISP, fixed-point"
+    }
+
+    fn parameters(&self) -> Vec<IspParameter> {
+        IspSettings::parameters()
+    }
+
+    fn develop(&self, frame: &RawInput, values: &[f64]) -> Result<RgbPicture, IspError> {
+        Self { settings: self.settings.with_values(values)? }.develop_as_set(frame)
+    }
+}
+
+impl HardwareIsp {
+    /// Develops a frame with the settings' own numbers.
+    pub fn develop_as_set(&self, frame: &RawInput) -> Result<RgbPicture, IspError> {
+        self.run(frame, None)
+    }
+
+    /// The same, and `watch` sees the picture after every stage.
+    pub fn develop_steps(&self, frame: &RawInput, watch: Watch) -> Result<RgbPicture, IspError> {
+        self.run(frame, Some(watch))
+    }
+
+    fn run(&self, frame: &RawInput, mut watch: Option<Watch>) -> Result<RgbPicture, IspError> {
+        frame.validate()?;
+        let set = &self.settings;
+        super::check_values(&IspSettings::parameters(), &set.values())?;
+        if ![8, 10, 16].contains(&set.bits) {
+            let (what, got) = ("bits of the picture", set.bits.to_string());
+            return Err(IspError::Input { what, got, need: "8, 10 or 16" });
+        }
+        let (height, width, about, cfa) = (frame.height, frame.width, &frame.about, frame.cfa);
+        let stable = set.stabilise.stable(&about.noise, set.gain.factor());
+        let look = Look { stable: &stable, cfa, set };
+
+        // The raw frame becomes light, is amplified, and its root taken.
+        let levels = set.black_level.registers(frame);
+        let mut mosaic = expand_and_root(frame, &levels, set.gain.register(), &stable);
+        look.at_mosaic(&mut watch, "gain", &mosaic);
+        mosaic = set.green_balance.fixed(mosaic, cfa, stable.sigma);
+        look.at_mosaic(&mut watch, "green_balance", &mosaic);
+        mosaic = set.defects.fixed(mosaic);
+        look.at_mosaic(&mut watch, "defects", &mosaic);
+        mosaic = set.bayer_denoise.fixed(mosaic, stable.sigma);
+        look.at_mosaic(&mut watch, "bayer_denoise", &mosaic);
+
+        // Back to light; the lens's shading and the sensor's colours are balanced there.
+        let shading = set.shading.registers(about.shading.as_ref(), (height, width));
+        let balance = set.white_balance.registers(about);
+        let highest = LINEAR.of(white_balance::highest(about, set.gain.factor()));
+        let bias =
+            stable.bias(if set.bayer_denoise.strength > 0.0 { set.bayer_denoise.averaged() } else { 0.0 });
+        let balanced = |row: usize, out: &mut [i32]| {
+            let planes = [0, 1].map(|col| cfa.colour(row, col).plane().unwrap_or(1));
+            let nodes = shading.as_ref().map(|s| s.row(row));
+            for (c, (out, root)) in out.iter_mut().zip(mosaic.row(row)).enumerate() {
+                let plane = planes[c % 2];
+                let mut light = stable.light(*root, bias);
+                if let (Some(shading), Some(nodes)) = (&shading, &nodes) {
+                    light = amplified(light, shading.gain(&nodes[plane], c));
+                }
+                *out = amplified(light, balance[plane]).min(highest);
+            }
+        };
+        // The values that are demosaiced: the root of light, or, for comparison, light itself.
+        let root = |light: i32| match set.domain {
+            Domain::Stabilised => stable.root(light),
+            Domain::Linear => ROOT.clamp(light >> (LINEAR.fraction - ROOT.fraction)),
+        };
+        let light_of = |root: i32| match set.domain {
+            Domain::Stabilised => stable.light(root, 0),
+            Domain::Linear => LINEAR.clamp(root << (LINEAR.fraction - ROOT.fraction)),
+        };
+        let mosaic = if set.tone_map.is_off() {
+            Grid::from_rows(height, width, |row, out| {
+                balanced(row, out);
+                out.iter_mut().for_each(|v| *v = root(*v));
+            })
+        } else {
+            let light = Grid::from_rows(height, width, balanced);
+            let local = super::stage::tone_map::ToneMap::local_light(&light);
+            let tones = set.tone_map.registers(&local);
+            Grid::from_rows(height, width, |row, out| {
+                let cells = tones.row(row);
+                for (c, ((out, v), l)) in out.iter_mut().zip(light.row(row)).zip(local.row(row)).enumerate() {
+                    *out = root(amplified(*v, tones.gain(&cells, c, *l)));
+                }
+            })
+        };
+        look.at_mosaic(&mut watch, "tone_map", &mosaic);
+
+        // Three colours at every pixel, and what demosaicing and noise did to them taken out.
+        let mut rgb = demosaic::fixed(set.demosaic, &mosaic, cfa);
+        drop(mosaic);
+        look.at_colours(&mut watch, "demosaic", &rgb);
+        rgb = set.false_colour.fixed(rgb);
+        look.at_colours(&mut watch, "false_colour", &rgb);
+        rgb = set.purple_fringe.fixed(rgb);
+        look.at_colours(&mut watch, "purple_fringe", &rgb);
+        rgb = colour_denoise::fixed(&set.luma_denoise, &set.chroma_denoise, rgb, stable.sigma);
+        look.at_colours(&mut watch, "luma_denoise", &rgb);
+
+        // Light of the display's colours, encoded.
+        let (matrix, curve) = (set.colours.registers(about.colour_matrix), set.gamma.table());
+        rgb = Grid::three_from_rows(height, width, |row, [r, g, b]| {
+            let roots = rgb.each_ref().map(|grid| &grid.row(row)[..r.len()]);
+            for c in 0..r.len() {
+                let colours = mixed(&matrix, roots.map(|line| light_of(line[c])));
+                [r[c], g[c], b[c]] = colours.map(|v| curve.at(v.clamp(0, LINEAR.one())));
+            }
+        });
+        look.at_encoded(&mut watch, "gamma", &rgb);
+        rgb = set.sharpen.fixed(rgb);
+        look.at_encoded(&mut watch, "sharpen", &rgb);
+        rgb = set.dewarp.fixed(rgb, about.warp.as_ref());
+        look.at_encoded(&mut watch, "dewarp", &rgb);
+        Ok(RgbPicture { height, width, bits: set.bits, data: set.output.fixed(&rgb, set.bits) })
+    }
+}
+
+/// Roots of the light of a raw frame's pixels.
+fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable) -> Grid {
+    let companding = frame.about.companding.as_ref();
+    Grid::from_rows(frame.height, frame.width, |row, out| {
+        let line = &frame.dn[row * frame.width..][..out.len()];
+        for (c, (out, dn)) in out.iter_mut().zip(line).enumerate() {
+            let dn = companding.map_or(*dn, |companding| companding.expand(*dn));
+            let light = levels.light(dn, row % 2 * 2 + c % 2);
+            *out = stable.root(if gain == GAIN.one() { light } else { amplified(light, gain) });
+        }
+    })
+}
+
+/// How pictures between stages are shown: the missing steps in their simplest form.
+struct Look<'a> {
+    stable: &'a Stable,
+    cfa: CfaPattern,
+    set: &'a IspSettings,
+}
+
+impl Look<'_> {
+    fn at_mosaic(&self, watch: &mut Option<Watch>, stage: &'static str, mosaic: &Grid) {
+        if watch.is_some() {
+            let rgb = demosaic::fixed(crate::isp::Demosaic::Bilinear, mosaic, self.cfa);
+            self.at_colours(watch, stage, &rgb);
+        }
+    }
+
+    fn at_colours(&self, watch: &mut Option<Watch>, stage: &'static str, rgb: &[Grid; 3]) {
+        if watch.is_some() {
+            let curve = gamma::Gamma::default().table();
+            let is_light = self.set.domain == Domain::Linear && Self::is_behind_tone_map(stage);
+            let encoded = rgb.each_ref().map(|grid| {
+                Grid::from_rows(grid.height, grid.width, |row, out| {
+                    for (out, root) in out.iter_mut().zip(grid.row(row)) {
+                        let light = match is_light {
+                            true => root << (LINEAR.fraction - ROOT.fraction),
+                            false => self.stable.light(*root, 0),
+                        };
+                        *out = curve.at(light.clamp(0, LINEAR.one()));
+                    }
+                })
+            });
+            self.at_encoded(watch, stage, &encoded);
+        }
+    }
+
+    fn is_behind_tone_map(stage: &str) -> bool {
+        ["tone_map", "demosaic", "false_colour", "purple_fringe", "luma_denoise"].contains(&stage)
+    }
+
+    fn at_encoded(&self, watch: &mut Option<Watch>, stage: &'static str, rgb: &[Grid; 3]) {
+        if let Some(watch) = watch {
+            let (height, width, bits) = (rgb[0].height, rgb[0].width, self.set.bits);
+            let data = super::stage::output::Output::default().fixed(rgb, bits);
+            watch(stage, RgbPicture { height, width, bits, data });
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Dewarp: the distortion of the lens is undone by the camera's own map.
+//!
+//! Each pixel of the result is fetched from `pixel + strength * displacement` of the distorted picture, between pixels by cubic
+//! convolution (R. G. Keys 1981, a = -1/2). The displacements lie on a mesh of the calibration. Beyond the picture its edge is repeated.
+
+use std::sync::Arc;
+
+use burn::prelude::*;
+
+use super::super::fixed::{ENCODED, Grid, shift_round};
+use super::super::mesh::{Axis, spread};
+use super::super::tape_grid::{Theta, constant};
+use crate::isp::Mesh;
+use crate::tape::{HostKernel, apply_two};
+
+petzval_base::parameters! {
+    /// Correction of distortion.
+    pub struct Dewarp {
+        /// Share of the displacement that is undone.
+        strength: f64 = 1.0, "", 0.0..1.0, Linear, "0 keeps the distortion";
+    }
+}
+
+/// Bits behind the point of places between pixels, and of displacements.
+const PLACE_BITS: u32 = 5;
+
+/// Bits behind the point of the weights of the four pixels.
+const WEIGHT_BITS: u32 = 8;
+
+/// Weights of four neighbouring pixels at `t` behind the second one.
+fn weights(t: f64) -> [f64; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
+}
+
+/// Derivatives of [`weights`] by `t`.
+fn slopes(t: f64) -> [f64; 4] {
+    let t2 = t * t;
+    [-1.5 * t2 + 2.0 * t - 0.5, 4.5 * t2 - 5.0 * t, -4.5 * t2 + 4.0 * t + 0.5, 1.5 * t2 - t]
+}
+
+impl Dewarp {
+    /// Encoded values of the three colours.
+    pub fn fixed(&self, rgb: [Grid; 3], mesh: Option<&Mesh>) -> [Grid; 3] {
+        let Some(mesh) = mesh.filter(|_| self.strength > 0.0) else { return rgb };
+        let (height, width) = (rgb[0].height, rgb[0].width);
+        let (rows, cols) = (Axis::corners(height, mesh.rows), Axis::corners(width, mesh.cols));
+        let scale = self.strength * f64::from(1 << PLACE_BITS);
+        let whole = |v: &f32| (f64::from(*v) * scale).round().clamp(-32768.0, 32767.0) as i32;
+        let nodes: Vec<Vec<i32>> =
+            mesh.planes.iter().map(|plane| plane.iter().map(whole).collect()).collect();
+        // Weights of every place between two pixels; they add up to exactly 1.
+        let table: Vec<[i32; 4]> = (0..1 << PLACE_BITS)
+            .map(|k| {
+                let mut whole = weights(f64::from(k) / f64::from(1 << PLACE_BITS))
+                    .map(|w| (w * f64::from(1 << WEIGHT_BITS)).round() as i32);
+                whole[1] += (1 << WEIGHT_BITS) - whole.iter().sum::<i32>();
+                whole
+            })
+            .collect();
+        let inside = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
+        Grid::three_from_rows(height, width, |row, mut outs| {
+            let n = mesh.cols;
+            let line: [Vec<i32>; 2] =
+                std::array::from_fn(|k| (0..n).map(|c| rows.between(row, |r| nodes[k][r * n + c])).collect());
+            for c in 0..width {
+                let [down, right] = [0, 1].map(|k: usize| cols.between(c, |node| line[k][node]));
+                let y = ((row as i32) << PLACE_BITS) + down;
+                let x = ((c as i32) << PLACE_BITS) + right;
+                let of_rows = &table[(y & ((1 << PLACE_BITS) - 1)) as usize];
+                let of_cols = &table[(x & ((1 << PLACE_BITS) - 1)) as usize];
+                let (y, x) = (y >> PLACE_BITS, x >> PLACE_BITS);
+                let at: [usize; 4] = std::array::from_fn(|k| inside(x + k as i32 - 1, width));
+                for (grid, out) in rgb.iter().zip(outs.iter_mut()) {
+                    let mut sum = 0;
+                    for (k, weight) in of_rows.iter().enumerate() {
+                        let line = grid.row(inside(y + k as i32 - 1, height));
+                        let across: i32 = (0..4).map(|j| of_cols[j] * line[at[j]]).sum();
+                        sum += shift_round(across, 4) * weight;
+                    }
+                    out[c] = ENCODED.clamp(shift_round(sum, 2 * WEIGHT_BITS - 4));
+                }
+            }
+        })
+    }
+
+    /// The same on the tape.
+    pub fn smooth(rgb: [Tensor<4>; 3], mesh: Option<&Mesh>, theta: &Theta) -> [Tensor<4>; 3] {
+        let Some(mesh) = mesh else { return rgb };
+        let [_, _, height, width] = rgb[0].dims();
+        let (rows, cols) = (Axis::corners(height, mesh.rows), Axis::corners(width, mesh.cols));
+        let displacement = |k: usize| {
+            let nodes: Tensor<4> = constant(mesh.planes[k].clone(), [1, 1, mesh.rows, mesh.cols], &rgb[0]);
+            spread(nodes, &rows, &cols) * theta.number("dewarp.strength")
+        };
+        let moved = Tensor::cat(vec![displacement(0), displacement(1)], 1);
+        let kernel = Arc::new(Fetch { height, width });
+        rgb.map(|plane| apply_two(kernel.clone(), plane, moved.clone()))
+    }
+}
+
+/// Fetching of displaced pixels as a host kernel of a plane `[1, 1, height, width]` and displacements `[1, 2, height, width]`, pixels.
+#[derive(Debug)]
+struct Fetch {
+    height: usize,
+    width: usize,
+}
+
+impl Fetch {
+    /// Rows, columns and places of the four by four pixels of an output pixel.
+    fn places(&self, i: usize, moved: &[f32]) -> ([usize; 4], [usize; 4], f64, f64) {
+        let n = self.height * self.width;
+        let y = (i / self.width) as f64 + f64::from(moved[i]);
+        let x = (i % self.width) as f64 + f64::from(moved[n + i]);
+        let four = |at: f64, len: usize| {
+            std::array::from_fn(|k| (at.floor() + k as f64 - 1.0).clamp(0.0, len as f64 - 1.0) as usize)
+        };
+        (four(y, self.height), four(x, self.width), y - y.floor(), x - x.floor())
+    }
+}
+
+impl HostKernel for Fetch {
+    fn output_shape(&self) -> Vec<usize> {
+        vec![1, 1, self.height, self.width]
+    }
+
+    fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
+        let value = |i: usize| {
+            let (rows, cols, y, x) = self.places(i, inputs[1]);
+            let (of_rows, of_cols) = (weights(y), weights(x));
+            let mut sum = 0.0;
+            for (row, a) in rows.iter().zip(of_rows) {
+                for (col, b) in cols.iter().zip(of_cols) {
+                    sum += a * b * f64::from(inputs[0][row * self.width + col]);
+                }
+            }
+            sum as f32
+        };
+        (0..self.height * self.width).map(value).collect()
+    }
+
+    fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>> {
+        let n = self.height * self.width;
+        let (mut d_plane, mut d_moved) = (vec![0.0_f64; n], vec![0.0_f32; 2 * n]);
+        for i in 0..n {
+            let (rows, cols, y, x) = self.places(i, inputs[1]);
+            let (of_rows, of_cols, by_y, by_x) = (weights(y), weights(x), slopes(y), slopes(x));
+            let (mut down, mut right) = (0.0, 0.0);
+            for k in 0..4 {
+                for j in 0..4 {
+                    let at = rows[k] * self.width + cols[j];
+                    let v = f64::from(inputs[0][at]);
+                    d_plane[at] += of_rows[k] * of_cols[j] * f64::from(d_output[i]);
+                    down += by_y[k] * of_cols[j] * v;
+                    right += of_rows[k] * by_x[j] * v;
+                }
+            }
+            d_moved[i] = (down * f64::from(d_output[i])) as f32;
+            d_moved[n + i] = (right * f64::from(d_output[i])) as f32;
+        }
+        vec![d_plane.into_iter().map(|v| v as f32).collect(), d_moved]
+    }
+}

@@ -1,0 +1,56 @@
+//! Green equalisation: greens of rows with red and greens of rows with blue answer slightly differently, which demosaicing would turn
+//! into a pattern of squares.
+//!
+//! `g + strength / 2 * influence(other - own)`: own is the local mean of greens of the same rows (weights 4 in the middle, 1 at
+//! distance 2), other that of the four diagonal greens. Differences beyond the threshold are detail and stay.
+
+use burn::prelude::*;
+
+use super::super::fixed::{Grid, Influence, ROOT, WEIGHT, shift_round};
+use super::super::tape_grid::{Stencil, Theta, colour_mask, influence};
+use crate::sensor::{CfaPattern, Colour};
+
+petzval_base::parameters! {
+    /// Green equalisation.
+    pub struct GreenBalance {
+        /// Share of the difference of the two greens that is taken out.
+        strength: f64 = 0.5, "", 0.0..1.0, Linear, "0 leaves them as they are";
+        /// Difference beyond which it is detail.
+        threshold: f64 = 3.0, "sigma", 0.5..8.0, Log, "in standard deviations of the noise";
+    }
+}
+
+impl GreenBalance {
+    /// Roots of a mosaic to roots of a mosaic.
+    pub fn fixed(&self, mosaic: Grid, cfa: CfaPattern, sigma: f64) -> Grid {
+        if self.strength == 0.0 {
+            return mosaic;
+        }
+        let (influence, half) = (Influence::new(self.threshold * sigma), WEIGHT.of(0.5 * self.strength));
+        Grid::from_rows(mosaic.height, mosaic.width, |row, out| {
+            let line = |down, right| &mosaic.near(row, down, right)[..out.len()];
+            let diagonal = [line(-1, -1), line(-1, 1), line(1, -1), line(1, 1)];
+            let beside = [line(-2, 0), line(0, -2), line(0, 2), line(2, 0)];
+            let here = line(0, 0);
+            let first = usize::from(cfa.colour(row, 0) != Colour::Green);
+            for c in 0..out.len() {
+                let other = diagonal[0][c] + diagonal[1][c] + diagonal[2][c] + diagonal[3][c];
+                let own = 4 * here[c] + beside[0][c] + beside[1][c] + beside[2][c] + beside[3][c];
+                let change = influence.of(shift_round(2 * other - own, 3)) * half;
+                let moved = ROOT.clamp(here[c] + shift_round(change, WEIGHT.fraction));
+                out[c] = if c % 2 == first { moved } else { here[c] };
+            }
+        })
+    }
+
+    /// The same on the tape.
+    pub fn smooth(mosaic: Tensor<4>, cfa: CfaPattern, sigma: Tensor<4>, theta: &Theta) -> Tensor<4> {
+        let near = Stencil::new(&mosaic);
+        let other = (near.at(-1, -1) + near.at(-1, 1) + near.at(1, -1) + near.at(1, 1)) * 0.25;
+        let beside = near.at(-2, 0) + near.at(0, -2) + near.at(0, 2) + near.at(2, 0);
+        let own = (mosaic.clone() * 4.0 + beside) * 0.125;
+        let limit = theta.number("green_balance.threshold") * sigma;
+        let change = influence(other - own, limit) * theta.number("green_balance.strength") * 0.5;
+        mosaic.clone() + change * colour_mask(cfa, Colour::Green, &mosaic)
+    }
+}

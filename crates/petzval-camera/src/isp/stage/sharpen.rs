@@ -1,0 +1,114 @@
+//! Sharpening: the luma gets back more of what a Gaussian takes out of it.
+//!
+//! `d = Y - gauss(Y)`; noise below the coring is left out, `c = sign(d) max(|d| - coring, 0)`; all colours get
+//! `clamp(amount c, -under, over)`. Y is `(R + 2 G + B) / 4` of encoded values.
+
+use burn::prelude::*;
+
+use super::super::fixed::{BORDER, ENCODED, Grid, WEIGHT, shift_round};
+use super::super::tape_grid::{Stencil, Theta, between};
+
+petzval_base::parameters! {
+    /// Sharpening.
+    pub struct Sharpen {
+        /// Amount of detail that is added.
+        amount: f64 = 0.5, "", 0.0..4.0, Linear, "0 leaves the picture";
+        /// Standard deviation of the Gaussian.
+        sigma: f64 = 1.0, "px", 0.5..2.5, Log, "about the blur of the lens";
+        /// Detail that counts as noise, of white.
+        coring: f64 = 0.004, "", 0.0..0.125, Linear, "1/255 is 0.004";
+        /// Greatest brightening, of white.
+        over: f64 = 0.1, "", 0.0..1.0, Linear, "small values keep bright halos away";
+        /// Greatest darkening, of white.
+        under: f64 = 0.1, "", 0.0..1.0, Linear, "small values keep dark halos away";
+    }
+}
+
+/// Steps to which the Gaussian reaches on either side.
+const REACH: usize = BORDER;
+
+impl Sharpen {
+    /// Weights of the middle and of each step to the side, [`WEIGHT`]; they add up to exactly 1.
+    fn weights(&self) -> [i32; REACH + 1] {
+        let at = |k: usize| (-0.5 * (k as f64 / self.sigma).powi(2)).exp();
+        let sum = at(0) + 2.0 * (1..=REACH).map(at).sum::<f64>();
+        let mut weights: [i32; REACH + 1] = std::array::from_fn(|k| WEIGHT.of(at(k) / sum));
+        weights[0] += WEIGHT.one() - weights[0] - 2 * weights[1..].iter().sum::<i32>();
+        weights
+    }
+
+    /// Encoded values of the three colours.
+    pub fn fixed(&self, rgb: [Grid; 3]) -> [Grid; 3] {
+        if self.amount == 0.0 {
+            return rgb;
+        }
+        let (height, width) = (rgb[0].height, rgb[0].width);
+        let weights = self.weights();
+        let reach = (1..=REACH).rev().find(|k| weights[*k] != 0).unwrap_or(0) as isize;
+        let luma = Grid::from_rows(height, width, |row, out| {
+            let [r, g, b] = rgb.each_ref().map(|grid| &grid.row(row)[..out.len()]);
+            for c in 0..out.len() {
+                out[c] = shift_round(r[c] + 2 * g[c] + b[c], 2);
+            }
+        });
+        // The Gaussian along the columns, then along the rows.
+        let blur = |from: &Grid, step: (isize, isize), row: usize, out: &mut [i32]| {
+            let width = out.len();
+            out.iter_mut().zip(from.row(row)).for_each(|(out, v)| *out = v * weights[0]);
+            for k in 1..=reach {
+                let (a, b) =
+                    (from.near(row, -k * step.0, -k * step.1), from.near(row, k * step.0, k * step.1));
+                let (a, b, weight) = (&a[..width], &b[..width], weights[k as usize]);
+                for c in 0..width {
+                    out[c] += (a[c] + b[c]) * weight;
+                }
+            }
+            out.iter_mut().for_each(|v| *v = shift_round(*v, WEIGHT.fraction));
+        };
+        let down = Grid::from_rows(height, width, |row, out| blur(&luma, (1, 0), row, out));
+        let (amount, coring) = (WEIGHT.of(self.amount), ENCODED.of(self.coring));
+        let (over, under) = (ENCODED.of(self.over), ENCODED.of(self.under));
+        let detail = Grid::from_rows(height, width, |row, out| {
+            blur(&down, (0, 1), row, out);
+            let y = &luma.row(row)[..out.len()];
+            for c in 0..out.len() {
+                let d = y[c] - out[c];
+                let cored = d - d.clamp(-coring, coring);
+                out[c] = shift_round(cored * (amount >> 2), WEIGHT.fraction - 2).clamp(-under, over);
+            }
+        });
+        Grid::three_from_rows(height, width, |row, outs| {
+            let d = detail.row(row);
+            for (grid, out) in rgb.iter().zip(outs) {
+                out.iter_mut()
+                    .zip(grid.row(row))
+                    .zip(d)
+                    .for_each(|((out, v), d)| *out = ENCODED.clamp(v + d));
+            }
+        })
+    }
+
+    /// The same on the tape.
+    pub fn smooth(rgb: [Tensor<4>; 3], theta: &Theta) -> [Tensor<4>; 3] {
+        let number = |key: &str| theta.number(&format!("sharpen.{key}"));
+        let luma = (rgb[0].clone() + rgb[1].clone() * 2.0 + rgb[2].clone()) * 0.25;
+        let sigma = number("sigma");
+        let falloff = (sigma.clone() * sigma).recip() * -0.5;
+        let weights: Vec<Tensor<4>> = (0..=REACH).map(|k| (falloff.clone() * (k * k) as f64).exp()).collect();
+        let sum = weights[1..].iter().fold(weights[0].clone(), |sum, w| sum + w.clone() * 2.0);
+        let blur = |plane: Tensor<4>, step: (isize, isize)| {
+            let near = Stencil::new(&plane);
+            let mut out = plane * weights[0].clone();
+            for (k, weight) in weights.iter().enumerate().skip(1) {
+                let (d, r) = (k as isize * step.0, k as isize * step.1);
+                out = out + (near.at(-d, -r) + near.at(d, r)) * weight.clone();
+            }
+            out / sum.clone()
+        };
+        let d = luma.clone() - blur(blur(luma, (1, 0)), (0, 1));
+        let coring = number("coring");
+        let cored = d.clone() - between(d, -coring.clone(), coring);
+        let detail = between(cored * number("amount"), -number("under"), number("over"));
+        rgb.map(|plane| plane + detail.clone())
+    }
+}

@@ -1,0 +1,118 @@
+//! Variance stabilisation: the square root of light plus an offset, after which noise is about equal at every level of light.
+//!
+//! Noise of variance `shot * light + read` has after `r = sqrt(light + c)`, `c = read / shot + 3/8 shot`, the standard deviation
+//! `sqrt(shot) / 2` (the generalised transform of Anscombe). Where the root is too steep, below `c / 4`, it goes on as a straight line.
+//! On the way back the mean of a root is squared, which is less than the mean of the light by the variance that was averaged away:
+//! `light = r^2 - c + averaged * shot / 4` (M. Makitalo, A. Foi, IEEE TIP 2013, give the exact series for the full average).
+
+use burn::prelude::*;
+
+use crate::isp::NoiseProfile;
+use crate::isp::fixed::{LINEAR, OctaveTable, ROOT};
+use crate::isp::tape_grid::Theta;
+
+petzval_base::parameters! {
+    /// Variance stabilisation: how much noise the stages after it expect.
+    pub struct Stabilise {
+        /// Standard deviation of the noise over that of the sensor's calibration.
+        noise_scale: f64 = 1.0, "", 0.5..2.0, Log, "1 trusts the calibration";
+    }
+}
+
+/// Least offset, so that the root has a slope that fixed-point numbers can hold.
+const LEAST_OFFSET: f64 = 1.0 / 8192.0;
+
+/// The transform of light with a digital gain.
+pub struct Stable {
+    /// Offset c, units of light.
+    pub offset: f64,
+    /// Standard deviation of the noise after the transform.
+    pub sigma: f64,
+    /// Light that the average of noise adds on the way back, if all of it is averaged away.
+    bias: f64,
+    table: OctaveTable,
+    whole_offset: i32,
+    least: i32,
+    least_root: i32,
+}
+
+impl Stabilise {
+    /// The transform of light of a noise profile after a gain.
+    pub fn stable(&self, noise: &NoiseProfile, gain: f64) -> Stable {
+        let shot = (noise.shot * gain).max(1e-9);
+        let offset = (noise.read * gain * gain / shot + 0.375 * shot).max(LEAST_OFFSET);
+        let one = f64::from(LINEAR.one());
+        let whole_offset = LINEAR.of(offset);
+        Stable {
+            offset,
+            sigma: 0.5 * shot.sqrt() * self.noise_scale,
+            bias: 0.25 * shot,
+            table: OctaveTable::new(LINEAR.max, ROOT, |v| (v / one).sqrt()),
+            whole_offset,
+            least: whole_offset >> 2,
+            least_root: ROOT.of((0.25 * offset).sqrt()),
+        }
+    }
+}
+
+impl Stable {
+    /// Root, [`ROOT`], of light, [`LINEAR`].
+    #[inline(always)]
+    pub fn root(&self, light: i32) -> i32 {
+        let sum = (light + self.whole_offset).min(LINEAR.max);
+        if sum >= self.least {
+            return self.table.at(sum);
+        }
+        // The tangent: a step of light is 1 / (2 root) steps of the root, in other units.
+        let steps = i64::from(sum - self.least) << (2 * ROOT.fraction - LINEAR.fraction - 1);
+        ROOT.narrow(i64::from(self.least_root) + steps / i64::from(self.least_root.max(1)))
+    }
+
+    /// Light, [`LINEAR`], of a root, [`ROOT`], of whose noise a share was averaged away; `bias` is [`Stable::bias`] of that share.
+    #[inline(always)]
+    pub fn light(&self, root: i32, bias: i32) -> i32 {
+        let low = self.least_root;
+        // Steps of the square have 2^6 in a step of light.
+        const SHIFT: u32 = 2 * ROOT.fraction - LINEAR.fraction;
+        let square = if root >= low { root * root } else { low * low + 2 * low * (root - low) };
+        LINEAR.clamp(((square + (1 << (SHIFT - 1))) >> SHIFT) - self.whole_offset + bias)
+    }
+
+    /// What the way back adds where a share of the noise's variance was averaged away, [`LINEAR`].
+    pub fn bias(&self, averaged: f64) -> i32 {
+        LINEAR.of(self.bias * averaged)
+    }
+}
+
+/// The transform on the tape: offset and standard deviation depend on the gain.
+pub struct SmoothStable {
+    pub offset: Tensor<4>,
+    pub sigma: Tensor<4>,
+    shot: Tensor<4>,
+}
+
+impl SmoothStable {
+    pub fn new(noise: &NoiseProfile, gain: Tensor<4>, theta: &Theta) -> Self {
+        let shot = (gain.clone() * noise.shot).clamp_min(1e-9);
+        let offset = gain.clone() * gain * noise.read / shot.clone() + shot.clone() * 0.375;
+        let sigma = shot.clone().sqrt() * theta.number("stabilise.noise_scale") * 0.5;
+        Self { offset: offset.clamp_min(LEAST_OFFSET), sigma, shot }
+    }
+
+    pub fn root(&self, light: Tensor<4>) -> Tensor<4> {
+        let least = self.offset.clone() * 0.25;
+        let sum = (light + self.offset.clone()).clamp_max(LINEAR.value(LINEAR.max));
+        let above = sum.clone().max_pair(least.clone().expand(sum.dims()));
+        // Below the least sum the root goes on along its tangent.
+        let below = (sum - above.clone()) / (least.sqrt() * 2.0);
+        (above.sqrt() + below).clamp(ROOT.value(ROOT.min), ROOT.value(ROOT.max))
+    }
+
+    pub fn light(&self, root: Tensor<4>, averaged: Tensor<4>) -> Tensor<4> {
+        let low = (self.offset.clone() * 0.25).sqrt();
+        let above = root.clone().max_pair(low.clone().expand(root.dims()));
+        let below = (root - above.clone()) * low * 2.0;
+        let light = above.clone() * above + below - self.offset.clone() + averaged * self.shot.clone() * 0.25;
+        light.clamp(LINEAR.value(LINEAR.min), LINEAR.value(LINEAR.max))
+    }
+}

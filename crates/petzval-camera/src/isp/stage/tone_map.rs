@@ -1,0 +1,244 @@
+//! Local tone mapping: dark regions are lifted, and the detail in them kept.
+//!
+//! The logarithm l of the local light splits into a base b and detail. The base is that of a guided filter that is guided by l itself
+//! (K. He, J. Sun, X. Tang, "Guided image filtering", TPAMI 2013; at low resolution as in "Fast guided filter", 2015): smooth over
+//! the reach, but faithful to edges higher than the range, so that no halos appear beside them. All colours of a pixel get the gain
+//! `2^(T(b) + (detail - 1) (l - b))`, with the curve
+//!
+//! `T(b) = strength * (log2 G - log2(1 + (G - 1) 2^(p b)))`, `G = 2^dark`, `p = 2^(2 asymmetry - 1)`,
+//!
+//! which lifts the dark by `dark` stops and leaves white where it is (the shape of E. Reinhard et al., SIGGRAPH 2002).
+
+use burn::prelude::*;
+
+use super::super::fixed::{GAIN, Grid, LINEAR, LOG2, OctaveTable, shift_round};
+use super::super::mesh::{Axis, spread};
+use super::super::tape_grid::{Stencil, Theta, constant};
+
+petzval_base::parameters! {
+    /// Local tone mapping.
+    pub struct ToneMap {
+        /// Strength of the curve.
+        strength: f64 = 0.0, "", 0.0..1.0, Linear, "0 leaves the tones";
+        /// Lift of the darkest tones at full strength.
+        dark: f64 = 2.0, "EV", 0.1..6.0, Linear, "2 makes the dark four times as bright";
+        /// Reach of the base.
+        reach: f64 = 32.0, "px", 8.0..128.0, Log, "regions smaller than this count as detail";
+        /// Step of light above which an edge belongs to the base.
+        range: f64 = 1.0, "EV", 0.1..4.0, Log, "small values keep edges, large ones smooth over them";
+        /// Contrast of the detail.
+        detail: f64 = 1.0, "", 0.0..2.0, Linear, "1 keeps it, 2 doubles it";
+        /// How far the lift reaches into bright tones.
+        asymmetry: f64 = 0.5, "", 0.0..1.0, Linear, "0 also lifts middle tones, 1 only the dark";
+    }
+}
+
+/// Side of the cells of which the base knows the mean and the variance, pixels.
+const CELL: usize = 16;
+
+/// The darkest light whose logarithm is taken, as a power of two.
+const DARKEST_LOG2: i32 = -14;
+
+/// Knots of the curve per stop, as a power of two, and its range in stops.
+const KNOT_BITS: u32 = 3;
+const CURVE_STOPS: std::ops::Range<i32> = DARKEST_LOG2..5;
+
+/// What the stage knows about a frame: gain tables and the base's coefficients at the cells.
+pub struct Registers {
+    /// Slope a of the base, 12 bits, and its offset (1 - a) m, [`LOG2`]: `b = a l + offset`.
+    slope: Vec<i32>,
+    offset: Vec<i32>,
+    rows: Axis,
+    cols: Axis,
+    curve: Vec<i32>,
+    /// Powers of two of fractions, [`GAIN`] times 16.
+    power: Vec<i32>,
+    detail: i32,
+}
+
+impl ToneMap {
+    pub fn is_off(&self) -> bool {
+        self.strength == 0.0 && self.detail == 1.0
+    }
+
+    /// The logarithm of a mosaic's local light, [`LOG2`]: of the tent-weighted mean of 3x3 pixels, in which each colour has the same
+    /// share at every pixel of the array.
+    pub fn local_light(light: &Grid) -> Grid {
+        let one = f64::from(LINEAR.one());
+        let darkest = f64::from(DARKEST_LOG2).exp2();
+        let table = OctaveTable::new(LINEAR.max, LOG2, |v| (v / one).max(darkest).log2());
+        Grid::from_rows(light.height, light.width, |row, out| {
+            let line = |down, right| &light.near(row, down, right)[..out.len()];
+            let rows = [-1, 0, 1].map(|down| [line(down, -1), line(down, 0), line(down, 1)]);
+            for c in 0..out.len() {
+                let [above, here, below] = rows.map(|r| r[0][c] + 2 * r[1][c] + r[2][c]);
+                out[c] = table.at(LINEAR.clamp((above + 2 * here + below + 8) >> 4));
+            }
+        })
+    }
+
+    /// Splits the logarithm of local light into base and detail.
+    pub fn registers(&self, light: &Grid) -> Registers {
+        let (rows, cols) = (Axis::cells(light.height, CELL), Axis::cells(light.width, CELL));
+        let (m, n) = (rows.nodes(), cols.nodes());
+        // Means of cells: of the logarithm, and of its square with 22 bits behind the point.
+        let (mut mean, mut square) = (vec![0_i64; m * n], vec![0_i64; m * n]);
+        for row in 0..m {
+            for col in 0..n {
+                let (mut sum, mut squares, mut count) = (0_i64, 0_i64, 0_i64);
+                for r in row * CELL..((row + 1) * CELL).min(light.height) {
+                    for v in &light.row(r)[col * CELL..((col + 1) * CELL).min(light.width)] {
+                        sum += i64::from(*v);
+                        squares += i64::from(v * v);
+                        count += 1;
+                    }
+                }
+                (mean[row * n + col], square[row * n + col]) = (sum / count, squares / count);
+            }
+        }
+        let weights = [m, n].map(|nodes| self.weights(nodes));
+        let blur = |plane: &[i64]| blurred(plane, (m, n), &weights);
+        let (mean, square) = (blur(&mean), blur(&square));
+        // The guided filter: slope = variance / (variance + range^2).
+        let range = (self.range.powi(2) * f64::from(1 << (2 * LOG2.fraction))).round() as i64;
+        let slope: Vec<i64> = mean
+            .iter()
+            .zip(&square)
+            .map(|(m, s)| {
+                let variance = (s - m * m).max(0);
+                (variance << 12) / (variance + range).max(1)
+            })
+            .collect();
+        let offset: Vec<i64> = slope.iter().zip(&mean).map(|(a, m)| ((4096 - a) * m) >> 12).collect();
+        let narrow = |plane: Vec<i64>| plane.into_iter().map(|v| v as i32).collect();
+        let knots = ((CURVE_STOPS.end - CURVE_STOPS.start) << KNOT_BITS) + 1;
+        let stops = |k: i32| f64::from(CURVE_STOPS.start) + f64::from(k) / f64::from(1 << KNOT_BITS);
+        Registers {
+            slope: narrow(blur(&slope)),
+            offset: narrow(blur(&offset)),
+            rows,
+            cols,
+            curve: (0..=knots).map(|k| LOG2.of(self.curve(stops(k)))).collect(),
+            power: (0..=64)
+                .map(|k| (f64::from(GAIN.one()) * (f64::from(k) / 64.0).exp2() * 16.0).round() as i32)
+                .collect(),
+            detail: ((self.detail - 1.0) * 4096.0).round() as i32,
+        }
+    }
+
+    /// The curve T: stops of gain of a base in stops.
+    fn curve(&self, base: f64) -> f64 {
+        let lift = self.dark.exp2();
+        let power = (2.0 * self.asymmetry - 1.0).exp2();
+        self.strength * (self.dark - (1.0 + (lift - 1.0) * (power * base).exp2()).log2())
+    }
+
+    /// Gaussian weights between the cells of an axis, 16 bits, `[to][from]`.
+    fn weights(&self, nodes: usize) -> Vec<Vec<i64>> {
+        let sigma = self.reach / CELL as f64;
+        let weight = |a: usize, b: usize| (-0.5 * (a.abs_diff(b) as f64 / sigma).powi(2)).exp();
+        let line = |to: usize| {
+            let sum: f64 = (0..nodes).map(|from| weight(to, from)).sum();
+            (0..nodes).map(|from| (weight(to, from) / sum * 65536.0).round() as i64).collect()
+        };
+        (0..nodes).map(line).collect()
+    }
+
+    /// Gains of the pixels of a white-balanced mosaic on the tape.
+    pub fn smooth(light: &Tensor<4>, theta: &Theta) -> Tensor<4> {
+        let number = |key: &str| theta.number(&format!("tone_map.{key}"));
+        let [_, _, height, width] = light.dims();
+        let near = Stencil::new(light);
+        let tent = |down| near.at(down, -1) + near.at(down, 0) * 2.0 + near.at(down, 1);
+        let mean = (tent(-1) + tent(0) * 2.0 + tent(1)) / 16.0;
+        let ln2 = std::f64::consts::LN_2;
+        let l = mean.clamp_min(f64::from(DARKEST_LOG2).exp2()).log() / ln2;
+
+        // Means over cells as products with matrices of ones, then Gaussian blurs as products with matrices that the reach sets.
+        let (rows, cols) = (Axis::cells(height, CELL), Axis::cells(width, CELL));
+        let cells = |len: usize| -> Tensor<4> {
+            let nodes = len.div_ceil(CELL);
+            let share = |i: usize| {
+                let (node, pixel) = (i / len, i % len);
+                let size = CELL.min(len - node * CELL) as f32;
+                if pixel / CELL == node { 1.0 / size } else { 0.0 }
+            };
+            constant((0..nodes * len).map(share).collect(), [1, 1, nodes, len], light)
+        };
+        let (down, right) = (cells(height), cells(width).transpose());
+        let sigma = number("reach") / CELL as f64;
+        let gauss = |nodes: usize| {
+            let square = |i: usize| (i / nodes).abs_diff(i % nodes).pow(2) as f32;
+            let squares: Tensor<4> =
+                constant((0..nodes * nodes).map(square).collect(), [1, 1, nodes, nodes], light);
+            let weights = (squares / (sigma.clone() * sigma.clone()) * -0.5).exp();
+            weights.clone() / weights.sum_dim(3)
+        };
+        let (over_rows, over_cols) = (gauss(rows.nodes()), gauss(cols.nodes()).transpose());
+        let blur = |cells: Tensor<4>| over_rows.clone().matmul(cells).matmul(over_cols.clone());
+        let of_cells = |plane: Tensor<4>| blur(down.clone().matmul(plane).matmul(right.clone()));
+        let (mean, square) = (of_cells(l.clone()), of_cells(l.clone() * l.clone()));
+        let variance = (square - mean.clone() * mean.clone()).clamp_min(0.0);
+        let range = number("range");
+        let slope = variance.clone() / (variance + range.clone() * range);
+        let offset = blur((-slope.clone() + 1.0) * mean);
+        let base = spread(blur(slope), &rows, &cols) * l.clone() + spread(offset, &rows, &cols);
+
+        let dark = number("dark");
+        let lift = (dark.clone() * ln2).exp();
+        let power = ((number("asymmetry") * 2.0 - 1.0) * ln2).exp();
+        let inside = ((base.clone() * power * ln2).exp() * (lift - 1.0) + 1.0).log() / ln2;
+        let curve = (-inside + dark) * number("strength");
+        let stops = curve + (l - base) * (number("detail") - 1.0);
+        (stops * ln2).exp().clamp_max(GAIN.value(GAIN.max))
+    }
+}
+
+/// A plane of cells, blurred by the weights of its rows and of its columns.
+fn blurred(plane: &[i64], (m, n): (usize, usize), [rows, cols]: &[Vec<Vec<i64>>; 2]) -> Vec<i64> {
+    let mut across = vec![0; m * n];
+    for r in 0..m {
+        for (c, weights) in cols.iter().enumerate() {
+            let sum: i64 = weights.iter().zip(&plane[r * n..]).map(|(w, v)| w * v).sum();
+            across[r * n + c] = (sum + (1 << 15)) >> 16;
+        }
+    }
+    let mut out = vec![0; m * n];
+    for (r, weights) in rows.iter().enumerate() {
+        for c in 0..n {
+            let sum: i64 = weights.iter().enumerate().map(|(k, w)| w * across[k * n + c]).sum();
+            out[r * n + c] = (sum + (1 << 15)) >> 16;
+        }
+    }
+    out
+}
+
+impl Registers {
+    /// Slope and offset of the base at the cells of a row of pixels.
+    pub fn row(&self, row: usize) -> [Vec<i32>; 2] {
+        let n = self.cols.nodes();
+        [&self.slope, &self.offset]
+            .map(|plane| (0..n).map(|c| self.rows.between(row, |r| plane[r * n + c])).collect())
+    }
+
+    /// The gain, [`GAIN`], of a pixel of local light l, [`LOG2`].
+    #[inline(always)]
+    pub fn gain(&self, [slope, offset]: &[Vec<i32>; 2], col: usize, l: i32) -> i32 {
+        let (a, b) = (self.cols.between(col, |c| slope[c]), self.cols.between(col, |c| offset[c]));
+        let base = LOG2.clamp(shift_round(a * l, 12) + b);
+        let start = CURVE_STOPS.start << LOG2.fraction;
+        let last = (CURVE_STOPS.end - CURVE_STOPS.start) << LOG2.fraction;
+        let at = (base - start).clamp(0, last);
+        const STEP: u32 = LOG2.fraction - KNOT_BITS;
+        let (knot, rest) = ((at >> STEP) as usize, at & ((1 << STEP) - 1));
+        let stops = self.curve[knot] + (((self.curve[knot + 1] - self.curve[knot]) * rest) >> STEP);
+        let stops = stops + shift_round((l - base) * self.detail, 12);
+        // 2^stops: the table holds the fraction, a shift the whole stops; gains end at 16.
+        let stops = stops.clamp(-(12 << LOG2.fraction), (4 << LOG2.fraction) - 1);
+        let (whole, fraction) = (stops >> LOG2.fraction, stops & (LOG2.one() - 1));
+        const FINE: u32 = LOG2.fraction - 6;
+        let (knot, rest) = ((fraction >> FINE) as usize, fraction & ((1 << FINE) - 1));
+        let power = self.power[knot] + (((self.power[knot + 1] - self.power[knot]) * rest) >> FINE);
+        GAIN.clamp(if whole >= 4 { GAIN.max } else { shift_round(power, (4 - whole) as u32) })
+    }
+}
