@@ -4,6 +4,7 @@
 //! driver would compute once per frame (weights, tables, limits) is computed in floating point and rounded to a format; pixels never are.
 
 use petzval_base::simd::dispatch;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 /// A fixed-point number: `value = whole / 2^fraction`, between `min` and `max`.
@@ -103,12 +104,7 @@ impl Grid {
         let inside = &mut data[BORDER * stride..(BORDER + height) * stride];
         inside.par_chunks_mut(ROWS * stride).enumerate().for_each(|(chunk, lines)| {
             // Compiled for the widest vectors of the machine.
-            dispatch(|| {
-                for (i, line) in lines.chunks_exact_mut(stride).enumerate() {
-                    fill(chunk * ROWS + i, &mut line[BORDER..BORDER + width]);
-                    mirror_ends(line);
-                }
-            });
+            dispatch(FillOne { fill: &fill, first: chunk * ROWS, lines, stride });
         });
         Self::mirrored(height, width, data)
     }
@@ -141,17 +137,7 @@ impl Grid {
             let size = ROWS * stride;
             let chunks = a.par_chunks_mut(size).zip(b.par_chunks_mut(size)).zip(c.par_chunks_mut(size));
             chunks.enumerate().for_each(|(chunk, ((a, b), c))| {
-                dispatch(|| {
-                    let lines = a
-                        .chunks_exact_mut(stride)
-                        .zip(b.chunks_exact_mut(stride))
-                        .zip(c.chunks_exact_mut(stride));
-                    for (i, ((a, b), c)) in lines.enumerate() {
-                        let inner = BORDER..BORDER + width;
-                        fill(chunk * ROWS + i, [&mut a[inner.clone()], &mut b[inner.clone()], &mut c[inner]]);
-                        [a, b, c].into_iter().for_each(mirror_ends);
-                    }
-                });
+                dispatch(FillThree { fill: &fill, first: chunk * ROWS, lines: [a, b, c], stride });
             });
         }
         grids.map(|data| Self::mirrored(height, width, data))
@@ -167,10 +153,74 @@ impl Grid {
         &self.data[start..start + self.width]
     }
 
+    /// The neighbourhood of a row of `width` pixels, all of the grid's: that the length is given makes the compiler see that it is one.
+    #[inline(always)]
+    pub fn around(&self, row: usize, width: usize) -> Around<'_> {
+        Around { grid: self, row, width }
+    }
+
     /// A row of the grid.
     #[inline(always)]
     pub fn row(&self, row: usize) -> &[i32] {
         self.near(row, 0, 0)
+    }
+}
+
+/// The filling of some rows of a grid, as an operation that is compiled for every instruction set.
+struct FillOne<'a, F> {
+    fill: &'a F,
+    first: usize,
+    lines: &'a mut [i32],
+    stride: usize,
+}
+
+impl<F: Fn(usize, &mut [i32])> WithSimd for FillOne<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (i, line) in self.lines.chunks_exact_mut(self.stride).enumerate() {
+            (self.fill)(self.first + i, &mut line[BORDER..self.stride - BORDER]);
+            mirror_ends(line);
+        }
+    }
+}
+
+/// The filling of some rows of three grids.
+struct FillThree<'a, F> {
+    fill: &'a F,
+    first: usize,
+    lines: [&'a mut [i32]; 3],
+    stride: usize,
+}
+
+impl<F: Fn(usize, [&mut [i32]; 3])> WithSimd for FillThree<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let [a, b, c] = self.lines.map(|lines| lines.chunks_exact_mut(self.stride));
+        for (i, ((a, b), c)) in a.zip(b).zip(c).enumerate() {
+            let inner = BORDER..self.stride - BORDER;
+            (self.fill)(self.first + i, [&mut a[inner.clone()], &mut b[inner.clone()], &mut c[inner]]);
+            [a, b, c].into_iter().for_each(mirror_ends);
+        }
+    }
+}
+
+/// The neighbourhood of a row; see [`Grid::around`].
+#[derive(Clone, Copy)]
+pub struct Around<'g> {
+    grid: &'g Grid,
+    row: usize,
+    width: usize,
+}
+
+impl<'g> Around<'g> {
+    /// The row `down` rows below, moved by `right` columns.
+    #[inline(always)]
+    pub fn at(self, down: isize, right: isize) -> &'g [i32] {
+        &self.grid.near(self.row, down, right)[..self.width]
     }
 }
 
@@ -240,7 +290,7 @@ impl Influence {
     /// The influence of a difference.
     #[inline(always)]
     pub fn of(self, difference: i32) -> i32 {
-        let d = difference.clamp(-self.limit, self.limit);
+        let d = difference.max(-self.limit).min(self.limit);
         // |d| inverse <= 2^24: the share of the limit with 12 bits.
         let share = (d * self.inverse) >> 12;
         let rest = (1 << 12) - ((share * share) >> 12);

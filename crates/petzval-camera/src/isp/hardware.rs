@@ -102,20 +102,32 @@ impl HardwareIsp {
             Domain::Linear => LINEAR.clamp(root << (LINEAR.fraction - ROOT.fraction)),
         };
         let mosaic = if set.tone_map.is_off() {
-            Grid::from_rows(height, width, |row, out| {
-                balanced(row, out);
-                out.iter_mut().for_each(|v| *v = root(*v));
-            })
+            Grid::from_rows(
+                height,
+                width,
+                #[inline(always)]
+                |row, out| {
+                    balanced(row, out);
+                    out.iter_mut().for_each(|v| *v = root(*v));
+                },
+            )
         } else {
             let light = Grid::from_rows(height, width, balanced);
             let local = super::stage::tone_map::ToneMap::local_light(&light);
             let tones = set.tone_map.registers(&local);
-            Grid::from_rows(height, width, |row, out| {
-                let cells = tones.row(row);
-                for (c, ((out, v), l)) in out.iter_mut().zip(light.row(row)).zip(local.row(row)).enumerate() {
-                    *out = root(amplified(*v, tones.gain(&cells, c, *l)));
-                }
-            })
+            Grid::from_rows(
+                height,
+                width,
+                #[inline(always)]
+                |row, out| {
+                    let cells = tones.row(row);
+                    for (c, ((out, v), l)) in
+                        out.iter_mut().zip(light.row(row)).zip(local.row(row)).enumerate()
+                    {
+                        *out = root(amplified(*v, tones.gain(&cells, c, *l)));
+                    }
+                },
+            )
         };
         look.at_mosaic(&mut watch, "tone_map", &mosaic);
 
@@ -132,13 +144,24 @@ impl HardwareIsp {
 
         // Light of the display's colours, encoded.
         let (matrix, curve) = (set.colours.registers(about.colour_matrix), set.gamma.table());
-        rgb = Grid::three_from_rows(height, width, |row, [r, g, b]| {
-            let roots = rgb.each_ref().map(|grid| &grid.row(row)[..r.len()]);
-            for c in 0..r.len() {
-                let colours = mixed(&matrix, roots.map(|line| light_of(line[c])));
-                [r[c], g[c], b[c]] = colours.map(|v| curve.at(v.clamp(0, LINEAR.one())));
-            }
-        });
+        rgb = Grid::three_from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, [r, g, b]| {
+                let width = r.len();
+                let (from_r, from_g, from_b) = (rgb[0].row(row), rgb[1].row(row), rgb[2].row(row));
+                let (from_g, from_b, g, b) =
+                    (&from_g[..width], &from_b[..width], &mut g[..width], &mut b[..width]);
+                for c in 0..width {
+                    let lights = [light_of(from_r[c]), light_of(from_g[c]), light_of(from_b[c])];
+                    [r[c], g[c], b[c]] = mixed(&matrix, lights);
+                }
+                for line in [r, g, b] {
+                    line.iter_mut().for_each(|v| *v = curve.at((*v).clamp(0, LINEAR.one())));
+                }
+            },
+        );
         look.at_encoded(&mut watch, "gamma", &rgb);
         rgb = set.sharpen.fixed(rgb);
         look.at_encoded(&mut watch, "sharpen", &rgb);
@@ -151,14 +174,19 @@ impl HardwareIsp {
 /// Roots of the light of a raw frame's pixels.
 fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable) -> Grid {
     let companding = frame.about.companding.as_ref();
-    Grid::from_rows(frame.height, frame.width, |row, out| {
-        let line = &frame.dn[row * frame.width..][..out.len()];
-        for (c, (out, dn)) in out.iter_mut().zip(line).enumerate() {
-            let dn = companding.map_or(*dn, |companding| companding.expand(*dn));
-            let light = levels.light(dn, row % 2 * 2 + c % 2);
-            *out = stable.root(if gain == GAIN.one() { light } else { amplified(light, gain) });
-        }
-    })
+    Grid::from_rows(
+        frame.height,
+        frame.width,
+        #[inline(always)]
+        |row, out| {
+            let line = &frame.dn[row * frame.width..][..out.len()];
+            for (c, (out, dn)) in out.iter_mut().zip(line).enumerate() {
+                let dn = companding.map_or(*dn, |companding| companding.expand(*dn));
+                let light = levels.light(dn, row % 2 * 2 + c % 2);
+                *out = stable.root(if gain == GAIN.one() { light } else { amplified(light, gain) });
+            }
+        },
+    )
 }
 
 /// How pictures between stages are shown: the missing steps in their simplest form.
@@ -181,15 +209,20 @@ impl Look<'_> {
             let curve = gamma::Gamma::default().table();
             let is_light = self.set.domain == Domain::Linear && Self::is_behind_tone_map(stage);
             let encoded = rgb.each_ref().map(|grid| {
-                Grid::from_rows(grid.height, grid.width, |row, out| {
-                    for (out, root) in out.iter_mut().zip(grid.row(row)) {
-                        let light = match is_light {
-                            true => root << (LINEAR.fraction - ROOT.fraction),
-                            false => self.stable.light(*root, 0),
-                        };
-                        *out = curve.at(light.clamp(0, LINEAR.one()));
-                    }
-                })
+                Grid::from_rows(
+                    grid.height,
+                    grid.width,
+                    #[inline(always)]
+                    |row, out| {
+                        for (out, root) in out.iter_mut().zip(grid.row(row)) {
+                            let light = match is_light {
+                                true => root << (LINEAR.fraction - ROOT.fraction),
+                                false => self.stable.light(*root, 0),
+                            };
+                            *out = curve.at(light.clamp(0, LINEAR.one()));
+                        }
+                    },
+                )
             });
             self.at_encoded(watch, stage, &encoded);
         }

@@ -39,12 +39,12 @@ fn frame(height: usize, width: usize, white_e: f32) -> RawInput {
     let noise = Noise { mode: NoiseMode::Exact, seed: 3 };
     let raw: Raw = expose(&scene(height, width), &sensor(), &capture, &noise).unwrap();
     let mut input = RawInput::from_raw(&raw, &sensor()).unwrap();
-    // Hot and dead pixels.
-    for (i, hot) in
-        [(17 * width + 21, 4000), (30 * width + 9, 3800), (9 * width + 30, 3000), (26 * width + 27, 0)]
-    {
-        input.dn[i] = hot;
+    // Hot pixels of many levels, and a dead one.
+    for k in 0..12 {
+        let (row, col) = (4 + 3 * k % (height - 8), 5 + 17 * k % (width - 10));
+        input.dn[row * width + col] = 600 + 280 * k as u32;
     }
+    input.dn[26 * width + 27] = 0;
     let bump = |i: usize| 1.0 - 0.06 * ((i / 5) as f32 - 2.0).powi(2) - 0.05 * ((i % 5) as f32 - 2.0).powi(2);
     let plane: Vec<f32> = (0..25).map(bump).collect();
     let planes = vec![plane.clone(), plane.iter().map(|v| v * v).collect(), plane];
@@ -91,8 +91,8 @@ fn whole_numbers_stay_close_to_the_smooth_version() {
                 let smooth =
                     SmoothIsp { settings: settings.clone() }.develop(&frame, &settings.values()).unwrap();
                 let db = distance(&fixed, &smooth);
-                // The least root of light that is told apart is 2^-13, a step of the encoded value 2^-14.
-                assert!(db > 56.0, "{name} {demosaic:?} {domain:?}: {db:.1} dB");
+                // A step of the root is 2^-13, of the encoded value 2^-14; decisions at single pixels may differ.
+                assert!(db > 54.0, "{name} {demosaic:?} {domain:?}: {db:.1} dB");
             }
         }
     }

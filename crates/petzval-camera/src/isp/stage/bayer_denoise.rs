@@ -64,30 +64,33 @@ impl BayerDenoise {
         let (strength, radial) = (WEIGHT.of(self.strength), WEIGHT.of(self.radial));
         let corner = ((height * height + width * width) as f64).max(1.0);
         let scale = ((1_u64 << 44) as f64 / corner).round() as i64;
-        Grid::from_rows(height, width, |row, out| {
-            let line = |down: isize, right: isize| &mosaic.near(row, down * step, right * step)[..out.len()];
-            let four = [line(-1, 0), line(0, -1), line(0, 1), line(1, 0)];
-            let corners = [line(-1, -1), line(-1, 1), line(1, -1), line(1, 1)];
-            let here = line(0, 0);
-            for c in 0..out.len() {
-                let v = here[c];
-                let (mut near, mut far) = (0, 0);
-                for k in 0..4 {
-                    near += influence.of(four[k][c] - v);
-                    far += influence.of(corners[k][c] - v);
-                }
-                let change = shift_round(near * beside + far * diagonal, WEIGHT.fraction);
-                let share = match radial {
-                    0 => strength,
-                    _ => {
-                        let more =
-                            (radius_squared(row, c, (height, width), scale) * radial) >> WEIGHT.fraction;
-                        (strength + ((strength * more) >> WEIGHT.fraction)).min(WEIGHT.one())
+        Grid::from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, out| {
+                let near = mosaic.around(row, out.len());
+                let four = [near.at(-step, 0), near.at(0, -step), near.at(0, step), near.at(step, 0)];
+                let corners =
+                    [near.at(-step, -step), near.at(-step, step), near.at(step, -step), near.at(step, step)];
+                let here = near.at(0, 0);
+                // One neighbour after the other over the whole row: each loop is a plain one over pixels.
+                out.fill(0);
+                for (weight, lines) in [(beside, four), (diagonal, corners)] {
+                    for line in lines {
+                        for c in 0..out.len() {
+                            out[c] += influence.of(line[c] - here[c]) * weight;
+                        }
                     }
-                };
-                out[c] = ROOT.clamp(v + shift_round(change * share, WEIGHT.fraction));
-            }
-        })
+                }
+                for c in 0..out.len() {
+                    let more = (radius_squared(row, c, (height, width), scale) * radial) >> WEIGHT.fraction;
+                    let share = (strength + ((strength * more) >> WEIGHT.fraction)).min(WEIGHT.one());
+                    let change = shift_round(out[c], WEIGHT.fraction) * share;
+                    out[c] = ROOT.clamp(here[c] + shift_round(change, WEIGHT.fraction));
+                }
+            },
+        )
     }
 
     /// The same on the tape.

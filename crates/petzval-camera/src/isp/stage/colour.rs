@@ -64,8 +64,11 @@ impl Colours {
 /// Colours, [`LINEAR`], by a matrix, [`WEIGHT`].
 #[inline(always)]
 pub fn mixed(matrix: &[[i32; 3]; 3], rgb: [i32; 3]) -> [i32; 3] {
-    matrix.map(|row| {
-        let sum: i64 = (0..3).map(|c| i64::from(row[c]) * i64::from(rgb[c])).sum();
-        LINEAR.narrow(shift_round_wide(sum, WEIGHT.fraction))
-    })
+    let [r, g, b] = [i64::from(rgb[0]), i64::from(rgb[1]), i64::from(rgb[2])];
+    let mut out = [0; 3];
+    for (row, out) in matrix.iter().zip(&mut out) {
+        let sum = i64::from(row[0]) * r + i64::from(row[1]) * g + i64::from(row[2]) * b;
+        *out = LINEAR.narrow(shift_round_wide(sum, WEIGHT.fraction));
+    }
+    out
 }

@@ -10,7 +10,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{Grid, Influence, ROOT, WEIGHT, shift_round};
+use super::super::fixed::{Around, Grid, Influence, ROOT, WEIGHT, shift_round};
 use super::super::tape_grid::{Stencil, Theta, biweight, influence};
 
 petzval_base::parameters! {
@@ -39,6 +39,7 @@ petzval_base::parameters! {
 const NEAR: [(isize, isize); 8] = [(-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
 
 /// Luma and colour differences of three colours.
+#[inline(always)]
 fn split(r: i32, g: i32, b: i32) -> [i32; 3] {
     [shift_round(r + 2 * g + b, 2), r - g, b - g]
 }
@@ -56,30 +57,65 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid; 3], sigma: 
         return rgb;
     }
     let (height, width) = (rgb[0].height, rgb[0].width);
-    let [y, u, v] = Grid::three_from_rows(height, width, |row, [y, u, v]| {
-        let [r, g, b] = rgb.each_ref().map(|grid| &grid.row(row)[..y.len()]);
-        let (u, v) = (&mut u[..y.len()], &mut v[..y.len()]);
-        for c in 0..y.len() {
-            [y[c], u[c], v[c]] = split(r[c], g[c], b[c]);
-        }
-    });
+    let [y, u, v] = Grid::three_from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, [y, u, v]| {
+            let width = y.len();
+            let (r, g, b) = (
+                rgb[0].around(row, width).at(0, 0),
+                rgb[1].around(row, width).at(0, 0),
+                rgb[2].around(row, width).at(0, 0),
+            );
+            let (u, v) = (&mut u[..width], &mut v[..width]);
+            for c in 0..y.len() {
+                [y[c], u[c], v[c]] = split(r[c], g[c], b[c]);
+            }
+        },
+    );
     drop(rgb);
     let [u, v] = chroma.fixed(&y, [u, v], sigma);
     let (strength, limit) = (WEIGHT.of(luma.strength), Influence::new(luma.threshold * sigma));
-    Grid::three_from_rows(height, width, |row, [r, g, b]| {
-        let width = r.len();
-        let near = NEAR.map(|(down, right)| &y.near(row, down, right)[..width]);
-        let [y, u, v] = [&y, &u, &v].map(|grid| &grid.row(row)[..width]);
-        let (g, b) = (&mut g[..width], &mut b[..width]);
-        for c in 0..width {
-            let mut sum = 0;
-            for k in 0..8 {
-                sum += limit.of(near[k][c] - y[c]) << u32::from(k < 4);
+    Grid::three_from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, [r, g, b]| {
+            let width = r.len();
+            let near = eight(y.around(row, width), 1);
+            let (y, u, v) =
+                (y.around(row, width).at(0, 0), u.around(row, width).at(0, 0), v.around(row, width).at(0, 0));
+            let (g, b) = (&mut g[..width], &mut b[..width]);
+            r.fill(0);
+            for (k, line) in near.into_iter().enumerate() {
+                let line = &line[..width];
+                for c in 0..width {
+                    r[c] += limit.of(line[c] - y[c]) << u32::from(k < 4);
+                }
             }
-            let cleaned = ROOT.clamp(y[c] + shift_round(shift_round(sum, 4) * strength, WEIGHT.fraction));
-            [r[c], g[c], b[c]] = joined(cleaned, u[c], v[c]);
-        }
-    })
+            for c in 0..width {
+                let cleaned =
+                    ROOT.clamp(y[c] + shift_round(shift_round(r[c], 4) * strength, WEIGHT.fraction));
+                [r[c], g[c], b[c]] = joined(cleaned, u[c], v[c]);
+            }
+        },
+    )
+}
+
+/// The eight neighbours at a distance, in the order of [`NEAR`].
+#[inline(always)]
+fn eight(near: Around<'_>, step: isize) -> [&[i32]; 8] {
+    [
+        near.at(-step, 0),
+        near.at(0, -step),
+        near.at(0, step),
+        near.at(step, 0),
+        near.at(-step, -step),
+        near.at(-step, step),
+        near.at(step, -step),
+        near.at(step, step),
+    ]
 }
 
 impl ChromaDenoise {
@@ -91,27 +127,38 @@ impl ChromaDenoise {
         let guard = ROOT.of(self.guard * sigma).max(1);
         let inverse = (1 << 24) / guard;
         for step in [2, 4] {
-            let [u, v, _] = Grid::three_from_rows(luma.height, luma.width, |row, [to_u, to_v, _]| {
-                let width = to_u.len();
-                let of = |grid| NEAR.map(|(d, r)| &Grid::near(grid, row, step * d, step * r)[..width]);
-                let (near_y, near_u, near_v) = (of(luma), of(&planes[0]), of(&planes[1]));
-                let [y, u, v] = [luma, &planes[0], &planes[1]].map(|grid| &grid.row(row)[..width]);
-                let to_v = &mut to_v[..width];
-                for c in 0..width {
-                    let (mut sum_u, mut sum_v) = (0, 0);
+            let [u, v, _] = Grid::three_from_rows(
+                luma.height,
+                luma.width,
+                #[inline(always)]
+                |row, [to_u, to_v, _]| {
+                    let width = to_u.len();
+                    let (y, u, v) =
+                        (luma.around(row, width), planes[0].around(row, width), planes[1].around(row, width));
+                    let (near_y, near_u, near_v) = (eight(y, step), eight(u, step), eight(v, step));
+                    let (y, u, v) = (y.at(0, 0), u.at(0, 0), v.at(0, 0));
+                    let to_v = &mut to_v[..width];
+                    to_u.fill(0);
+                    to_v.fill(0);
                     for k in 0..8 {
-                        // Weight by the luma, 12 bits.
-                        let apart = (near_y[k][c] - y[c]).abs().min(guard);
-                        let share = (apart * inverse) >> 12;
-                        let rest = (1 << 12) - ((share * share) >> 12);
-                        let weight = ((rest * rest) >> 12) << u32::from(k < 4);
-                        sum_u += shift_round(limit.of(near_u[k][c] - u[c]) * weight, 12);
-                        sum_v += shift_round(limit.of(near_v[k][c] - v[c]) * weight, 12);
+                        let (line_y, line_u, line_v) =
+                            (&near_y[k][..width], &near_u[k][..width], &near_v[k][..width]);
+                        for c in 0..width {
+                            // Weight by the luma, 12 bits.
+                            let apart = (line_y[c] - y[c]).abs().min(guard);
+                            let share = (apart * inverse) >> 12;
+                            let rest = (1 << 12) - ((share * share) >> 12);
+                            let weight = ((rest * rest) >> 12) << u32::from(k < 4);
+                            to_u[c] += shift_round(limit.of(line_u[c] - u[c]) * weight, 12);
+                            to_v[c] += shift_round(limit.of(line_v[c] - v[c]) * weight, 12);
+                        }
                     }
-                    to_u[c] = u[c] + shift_round(shift_round(sum_u, 4) * strength, WEIGHT.fraction);
-                    to_v[c] = v[c] + shift_round(shift_round(sum_v, 4) * strength, WEIGHT.fraction);
-                }
-            });
+                    for c in 0..width {
+                        to_u[c] = u[c] + shift_round(shift_round(to_u[c], 4) * strength, WEIGHT.fraction);
+                        to_v[c] = v[c] + shift_round(shift_round(to_v[c], 4) * strength, WEIGHT.fraction);
+                    }
+                },
+            );
             planes = [u, v];
         }
         planes

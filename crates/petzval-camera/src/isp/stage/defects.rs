@@ -30,29 +30,39 @@ impl Defects {
         }
         let threshold = ROOT.of(self.threshold).max(1);
         let (inverse, slope) = ((1 << 24) / threshold, WEIGHT.of(self.slope));
-        Grid::from_rows(mosaic.height, mosaic.width, |row, out| {
-            let line = |down, right| &mosaic.near(row, down, right)[..out.len()];
-            let pairs = PAIRS.map(|(down, right)| (line(down, right), line(-down, -right)));
-            let here = line(0, 0);
-            for c in 0..out.len() {
-                let v = here[c];
-                let (mut low, mut high, mut closest, mut sum) = (i32::MAX, i32::MIN, i32::MAX, 0);
-                for (one, across) in &pairs {
-                    let (a, b) = (one[c], across[c]);
-                    (low, high) = (low.min(a).min(b), high.max(a).max(b));
-                    let apart = (a - b).abs();
-                    sum = if apart < closest { a + b } else { sum };
-                    closest = closest.min(apart);
+        Grid::from_rows(
+            mosaic.height,
+            mosaic.width,
+            #[inline(always)]
+            |row, out| {
+                let near = mosaic.around(row, out.len());
+                let pairs = [
+                    [near.at(0, 2), near.at(0, -2)],
+                    [near.at(2, 0), near.at(-2, 0)],
+                    [near.at(2, 2), near.at(-2, -2)],
+                    [near.at(2, -2), near.at(-2, 2)],
+                ];
+                let here = near.at(0, 0);
+                for c in 0..out.len() {
+                    let v = here[c];
+                    let (mut low, mut high, mut closest, mut sum) = (i32::MAX, i32::MIN, i32::MAX, 0);
+                    for [one, across] in pairs {
+                        let (a, b) = (one[c], across[c]);
+                        (low, high) = (low.min(a).min(b), high.max(a).max(b));
+                        let apart = (a - b).abs();
+                        sum = if apart < closest { a + b } else { sum };
+                        closest = closest.min(apart);
+                    }
+                    let excess = (v - high).max(low - v) - threshold;
+                    // Share of the threshold, 12 bits, times the slope.
+                    let share = (excess.max(0).min(threshold) * inverse) >> 12;
+                    let blend = (share * slope) >> 12;
+                    out[c] = ROOT.clamp(
+                        v + shift_round((shift_round(sum, 1) - v).clamp(-65535, 65535) * (blend >> 1), 11),
+                    );
                 }
-                let excess = (v - high).max(low - v) - threshold;
-                // Share of the threshold, 12 bits, times the slope.
-                let share = (excess.clamp(0, threshold) * inverse) >> 12;
-                let blend = (share * slope) >> 12;
-                out[c] = ROOT.clamp(
-                    v + shift_round((shift_round(sum, 1) - v).clamp(-65535, 65535) * (blend >> 1), 11),
-                );
-            }
-        })
+            },
+        )
     }
 
     /// The same on the tape. Which pair differs least is a decision without a gradient.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use burn::prelude::*;
 
-use super::super::fixed::{Grid, ROOT, WEIGHT, shift_round};
+use super::super::fixed::{Around, Grid, ROOT, WEIGHT, shift_round};
 use super::super::tape_grid::{Stencil, Theta};
 use super::demosaic_directional::directional;
 use crate::image::{CHANNELS, LinearImage};
@@ -39,43 +39,52 @@ pub fn fixed(method: Demosaic, mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
 /// Bilinear interpolation, with or without the corrections of Malvar, He and Cutler. Weights are multiples of 1/16.
 fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
     let correction = i32::from(is_corrected);
-    Grid::three_from_rows(mosaic.height, mosaic.width, |row, [red, green, blue]| {
-        let width = red.len();
-        let line = |down, right| &mosaic.near(row, down, right)[..width];
-        let (left, right, up, down) = (line(0, -1), line(0, 1), line(-1, 0), line(1, 0));
-        let corners = [line(-1, -1), line(-1, 1), line(1, -1), line(1, 1)];
-        let (left2, right2, up2, down2) = (line(0, -2), line(0, 2), line(-2, 0), line(2, 0));
-        let here = line(0, 0);
-        let (green, blue) = (&mut green[..width], &mut blue[..width]);
-        // Every row holds green and one other colour, which the row is named after.
-        let green_first = cfa.colour(row, 0) == Colour::Green;
-        let is_red_row = cfa.colour(row, usize::from(green_first)) == Colour::Red;
-        for c in 0..width {
-            let v = here[c];
-            let (beside, above) = (left[c] + right[c], up[c] + down[c]);
-            let diagonal = corners[0][c] + corners[1][c] + corners[2][c] + corners[3][c];
-            let (far_h, far_v) = (left2[c] + right2[c], up2[c] + down2[c]);
-            // At green: the colour of the row, and that of the other rows; 16ths.
-            let of_row = 8 * beside + correction * (10 * v - 2 * diagonal - 2 * far_h + far_v);
-            let of_others = 8 * above + correction * (10 * v - 2 * diagonal - 2 * far_v + far_h);
-            // At red or blue: green, and the opposite colour; 16ths.
-            let of_green = 4 * (beside + above) + correction * (8 * v - 2 * (far_h + far_v));
-            let of_opposite = 4 * diagonal + correction * (12 * v - 3 * (far_h + far_v));
-            let is_green = (c % 2 == 0) == green_first;
-            let own = if is_green { ROOT.clamp(shift_round(of_row, 4)) } else { v };
-            let other = ROOT.clamp(shift_round(if is_green { of_others } else { of_opposite }, 4));
-            green[c] = if is_green { v } else { ROOT.clamp(shift_round(of_green, 4)) };
-            red[c] = if is_red_row { own } else { other };
-            blue[c] = if is_red_row { other } else { own };
-        }
-    })
+    Grid::three_from_rows(
+        mosaic.height,
+        mosaic.width,
+        #[inline(always)]
+        |row, [red, green, blue]| {
+            let width = red.len();
+            let near = mosaic.around(row, width);
+            let (left, right, up, down) = (near.at(0, -1), near.at(0, 1), near.at(-1, 0), near.at(1, 0));
+            let corners = [near.at(-1, -1), near.at(-1, 1), near.at(1, -1), near.at(1, 1)];
+            let (left2, right2, up2, down2) = (near.at(0, -2), near.at(0, 2), near.at(-2, 0), near.at(2, 0));
+            let here = near.at(0, 0);
+            let (green, blue) = (&mut green[..width], &mut blue[..width]);
+            // Every row holds green and one other colour, which the row is named after.
+            let green_first = cfa.colour(row, 0) == Colour::Green;
+            let is_red_row = cfa.colour(row, usize::from(green_first)) == Colour::Red;
+            for c in 0..width {
+                let v = here[c];
+                let (beside, above) = (left[c] + right[c], up[c] + down[c]);
+                let diagonal = corners[0][c] + corners[1][c] + corners[2][c] + corners[3][c];
+                let (far_h, far_v) = (left2[c] + right2[c], up2[c] + down2[c]);
+                // At green: the colour of the row, and that of the other rows; 16ths.
+                let of_row = 8 * beside + correction * (10 * v - 2 * diagonal - 2 * far_h + far_v);
+                let of_others = 8 * above + correction * (10 * v - 2 * diagonal - 2 * far_v + far_h);
+                // At red or blue: green, and the opposite colour; 16ths.
+                let of_green = 4 * (beside + above) + correction * (8 * v - 2 * (far_h + far_v));
+                let of_opposite = 4 * diagonal + correction * (12 * v - 3 * (far_h + far_v));
+                let is_green = (c % 2 == 0) == green_first;
+                let own = if is_green { ROOT.clamp(shift_round(of_row, 4)) } else { v };
+                let other = ROOT.clamp(shift_round(if is_green { of_others } else { of_opposite }, 4));
+                green[c] = if is_green { v } else { ROOT.clamp(shift_round(of_green, 4)) };
+                red[c] = if is_red_row { own } else { other };
+                blue[c] = if is_red_row { other } else { own };
+            }
+        },
+    )
 }
 
 /// The middle one of nine values, by the exchanges of J. L. Smith ("Implementing median filters in XC4000E FPGAs", 1996).
 #[inline(always)]
 fn median(mut p: [i32; 9]) -> i32 {
-    for (a, b) in EXCHANGES {
+    let mut k = 0;
+    // A loop over a constant list, which unrolls into minima and maxima.
+    while k < EXCHANGES.len() {
+        let (a, b) = EXCHANGES[k];
         (p[a], p[b]) = (p[a].min(p[b]), p[a].max(p[b]));
+        k += 1;
     }
     p[4]
 }
@@ -103,6 +112,25 @@ const EXCHANGES: [(usize, usize); 19] = [
     (4, 2),
 ];
 
+/// Moves colours `v` towards the median of the nine differences from green `g` by a share, [`WEIGHT`].
+#[inline(always)]
+fn median_towards(v: Around<'_>, g: Around<'_>, share: i32, out: &mut [i32]) {
+    let [v0, v1, v2] = [v.at(-1, -1), v.at(-1, 0), v.at(-1, 1)];
+    let [v3, v4, v5] = [v.at(0, -1), v.at(0, 0), v.at(0, 1)];
+    let [v6, v7, v8] = [v.at(1, -1), v.at(1, 0), v.at(1, 1)];
+    let [g0, g1, g2] = [g.at(-1, -1), g.at(-1, 0), g.at(-1, 1)];
+    let [g3, g4, g5] = [g.at(0, -1), g.at(0, 0), g.at(0, 1)];
+    let [g6, g7, g8] = [g.at(1, -1), g.at(1, 0), g.at(1, 1)];
+    for c in 0..out.len() {
+        let above = [v0[c] - g0[c], v1[c] - g1[c], v2[c] - g2[c]];
+        let here = [v3[c] - g3[c], v4[c] - g4[c], v5[c] - g5[c]];
+        let below = [v6[c] - g6[c], v7[c] - g7[c], v8[c] - g8[c]];
+        let [a, b, d] = [above, here, below];
+        let change = median([a[0], a[1], a[2], b[0], b[1], b[2], d[0], d[1], d[2]]) - b[1];
+        out[c] = ROOT.clamp(v4[c] + shift_round(change * (share >> 1), 11));
+    }
+}
+
 /// Steps to the neighbours of a 3x3 window, and to its middle.
 const WINDOW: [(isize, isize); 9] =
     [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0), (0, 1), (1, -1), (1, 0), (1, 1)];
@@ -114,18 +142,18 @@ impl FalseColour {
             return [red, green, blue];
         }
         let strength = WEIGHT.of(self.strength);
-        let [red, _, blue] = Grid::three_from_rows(green.height, green.width, |row, [to_red, _, to_blue]| {
-            for (colour, out) in [(&red, to_red), (&blue, to_blue)] {
-                let width = out.len();
-                let of =
-                    WINDOW.map(|(d, r)| (&colour.near(row, d, r)[..width], &green.near(row, d, r)[..width]));
-                for c in 0..width {
-                    let differences = of.map(|(v, g)| v[c] - g[c]);
-                    let change = shift_round((median(differences) - differences[4]) * (strength >> 1), 11);
-                    out[c] = ROOT.clamp(of[4].0[c] + change);
+        let [red, _, blue] = Grid::three_from_rows(
+            green.height,
+            green.width,
+            #[inline(always)]
+            |row, [to_red, _, to_blue]| {
+                for (colour, out) in [(&red, to_red), (&blue, to_blue)] {
+                    let width = out.len();
+                    let (v, g) = (colour.around(row, width), green.around(row, width));
+                    median_towards(v, g, strength, out);
                 }
-            }
-        });
+            },
+        );
         [red, green, blue]
     }
 

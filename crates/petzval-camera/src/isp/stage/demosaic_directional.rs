@@ -3,7 +3,7 @@
 //! The steps are those of the floating-point version, which `isp/demosaic/menon.rs` explains; here each step makes a grid, and a number
 //! per pixel tells whether it looks along its column (1) or its row (0).
 
-use super::super::fixed::{Grid, ROOT, shift_round};
+use super::super::fixed::{Around, Grid, ROOT, shift_round};
 use crate::sensor::{CfaPattern, Colour};
 
 /// A third, 16 bits behind the point.
@@ -18,133 +18,194 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         (green_first, cfa.colour(row, usize::from(green_first)) == Colour::Red)
     };
     // Green at red and blue, along the chosen direction.
-    let green = Grid::from_rows(height, width, |row, out| {
-        let width = out.len();
-        let line = |down, right| &mosaic.near(row, down, right)[..width];
-        let across = [line(0, -2), line(0, -1), line(0, 1), line(0, 2)];
-        let along = [line(-2, 0), line(-1, 0), line(1, 0), line(2, 0)];
-        let (here, column) = (line(0, 0), &columns.row(row)[..width]);
-        let (green_first, _) = row_kind(row);
-        for c in 0..width {
-            let of = |l: [&[i32]; 4]| 2 * (l[1][c] + l[2][c]) + 2 * here[c] - l[0][c] - l[3][c];
-            let value = if column[c] == 1 { of(along) } else { of(across) };
-            let is_green = (c % 2 == 0) == green_first;
-            out[c] = if is_green { here[c] } else { ROOT.clamp(shift_round(value, 2)) };
-        }
-    });
+    let green = Grid::from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, out| {
+            let width = out.len();
+            let near = mosaic.around(row, width);
+            let across = [near.at(0, -2), near.at(0, -1), near.at(0, 1), near.at(0, 2)];
+            let along = [near.at(-2, 0), near.at(-1, 0), near.at(1, 0), near.at(2, 0)];
+            let (here, column) = (near.at(0, 0), &columns.row(row)[..width]);
+            let (green_first, _) = row_kind(row);
+            for c in 0..width {
+                let of = |l: [&[i32]; 4]| 2 * (l[1][c] + l[2][c]) + 2 * here[c] - l[0][c] - l[3][c];
+                let value = if column[c] == 1 { of(along) } else { of(across) };
+                let is_green = (c % 2 == 0) == green_first;
+                out[c] = if is_green { here[c] } else { ROOT.clamp(shift_round(value, 2)) };
+            }
+        },
+    );
     // Colours at green: along the row and the column in which they were measured. `from` gives the colour there.
     let at_green = |green: &Grid, from: [&Grid; 2], keep: Option<[&Grid; 2]>| {
-        let [red, _, blue] = Grid::three_from_rows(height, width, |row, [red, _, blue]| {
-            let width = red.len();
-            let (green_first, is_red_row) = row_kind(row);
-            for (k, out) in [red, blue].into_iter().enumerate() {
-                // The colour of this row has its measured pixels beside, the other one above and below.
-                let (d, r) = if (k == 0) == is_red_row { (0, 1) } else { (1, 0) };
-                let colour = [&from[k].near(row, -d, -r)[..width], &from[k].near(row, d, r)[..width]];
-                let near = [&green.near(row, -d, -r)[..width], &green.near(row, d, r)[..width]];
-                let g = &green.row(row)[..width];
-                let kept = &keep.map_or(mosaic, |kept| kept[k]).row(row)[..width];
-                for c in 0..width {
-                    let mean = colour[0][c] + colour[1][c] - near[0][c] - near[1][c];
-                    let is_green = (c % 2 == 0) == green_first;
-                    out[c] = if is_green { ROOT.clamp(g[c] + shift_round(mean, 1)) } else { kept[c] };
+        let [red, _, blue] = Grid::three_from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, [red, _, blue]| {
+                let width = red.len();
+                let (green_first, is_red_row) = row_kind(row);
+                for (k, out) in [red, blue].into_iter().enumerate() {
+                    // The colour of this row has its measured pixels beside, the other one above and below.
+                    let (d, r) = if (k == 0) == is_red_row { (0, 1) } else { (1, 0) };
+                    let colour = [&from[k].near(row, -d, -r)[..width], &from[k].near(row, d, r)[..width]];
+                    let near = [&green.near(row, -d, -r)[..width], &green.near(row, d, r)[..width]];
+                    let g = &green.row(row)[..width];
+                    let kept = &keep.map_or(mosaic, |kept| kept[k]).row(row)[..width];
+                    for c in 0..width {
+                        let mean = colour[0][c] + colour[1][c] - near[0][c] - near[1][c];
+                        let is_green = (c % 2 == 0) == green_first;
+                        out[c] = if is_green { ROOT.clamp(g[c] + shift_round(mean, 1)) } else { kept[c] };
+                    }
                 }
-            }
-        });
+            },
+        );
         [red, blue]
     };
     let [red, blue] = at_green(&green, [mosaic, mosaic], None);
     // Red at blue and blue at red, along the chosen direction.
-    let [red, _, blue] = Grid::three_from_rows(height, width, |row, [to_red, _, to_blue]| {
-        let width = to_red.len();
-        let (green_first, is_red_row) = row_kind(row);
-        let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
-        let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
-        let [o, u] = [own, other];
-        let (ol, or, oa, ob) = (o.near(row, 0, -1), o.near(row, 0, 1), o.near(row, -1, 0), o.near(row, 1, 0));
-        let (ul, ur, ua, ub) = (u.near(row, 0, -1), u.near(row, 0, 1), u.near(row, -1, 0), u.near(row, 1, 0));
-        let (here, mine, column) = (o.row(row), u.row(row), columns.row(row));
-        for c in 0..width {
-            let along = ua[c] + ub[c] - oa[c] - ob[c];
-            let across = ul[c] + ur[c] - ol[c] - or[c];
-            let mean = if column[c] == 1 { along } else { across };
-            let is_green = (c % 2 == 0) == green_first;
-            to_own[c] = here[c];
-            to_other[c] = if is_green { mine[c] } else { ROOT.clamp(here[c] + shift_round(mean, 1)) };
-        }
-    });
-    // Refine green by the low-pass of its difference from the measured colour along the chosen direction.
-    let third = |a: &Grid, b: &Grid, row: usize, c: usize, is_column: bool| {
-        let (d, r) = if is_column { (1, 0) } else { (0, 1) };
-        let of = |down: isize, right: isize| a.near(row, down, right)[c] - b.near(row, down, right)[c];
-        ((of(-d, -r) + of(0, 0) + of(d, r)) * THIRD + (1 << 15)) >> 16
-    };
-    let refined = Grid::from_rows(height, width, |row, out| {
-        let (green_first, is_red_row) = row_kind(row);
-        let (own, g, column) = (if is_red_row { &red } else { &blue }, green.row(row), columns.row(row));
-        for c in 0..out.len() {
-            out[c] = g[c];
-            if (c % 2 == 0) != green_first {
-                out[c] = ROOT.clamp(own.row(row)[c] - third(own, &green, row, c, column[c] == 1));
+    let [red, _, blue] = Grid::three_from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, [to_red, _, to_blue]| {
+            let width = to_red.len();
+            let (green_first, is_red_row) = row_kind(row);
+            let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
+            let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
+            let [o, u] = [own, other];
+            let (ol, or, oa, ob) =
+                (o.near(row, 0, -1), o.near(row, 0, 1), o.near(row, -1, 0), o.near(row, 1, 0));
+            let (ul, ur, ua, ub) =
+                (u.near(row, 0, -1), u.near(row, 0, 1), u.near(row, -1, 0), u.near(row, 1, 0));
+            let (here, mine, column) = (o.row(row), u.row(row), columns.row(row));
+            for c in 0..width {
+                let along = ua[c] + ub[c] - oa[c] - ob[c];
+                let across = ul[c] + ur[c] - ol[c] - or[c];
+                let mean = if column[c] == 1 { along } else { across };
+                let is_green = (c % 2 == 0) == green_first;
+                to_own[c] = here[c];
+                to_other[c] = if is_green { mine[c] } else { ROOT.clamp(here[c] + shift_round(mean, 1)) };
             }
-        }
-    });
+        },
+    );
+    // Refine green by the low-pass of its difference from the measured colour along the chosen direction.
+    let refined = Grid::from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, out| {
+            let (green_first, is_red_row) = row_kind(row);
+            let own = if is_red_row { &red } else { &blue };
+            let (own, green) = (own.around(row, out.len()), green.around(row, out.len()));
+            let columns = columns.around(row, out.len()).at(0, 0);
+            third(own, green, columns, out);
+            let (measured, known) = (own.at(0, 0), green.at(0, 0));
+            for c in 0..out.len() {
+                let is_green = (c % 2 == 0) == green_first;
+                out[c] = if is_green { known[c] } else { ROOT.clamp(measured[c] - out[c]) };
+            }
+        },
+    );
     // Refine red and blue at green by the mean difference of the measured neighbours.
     let [red, blue] = at_green(&refined, [&red, &blue], Some([&red, &blue]));
     // Refine red at blue and blue at red by the low-pass of their difference along the chosen direction.
-    let [red, _, blue] = Grid::three_from_rows(height, width, |row, [to_red, _, to_blue]| {
-        let (green_first, is_red_row) = row_kind(row);
-        let column = columns.row(row);
-        to_red.copy_from_slice(red.row(row));
-        to_blue.copy_from_slice(blue.row(row));
-        let (own, other, out) = if is_red_row { (&red, &blue, to_blue) } else { (&blue, &red, to_red) };
-        for c in usize::from(green_first)..out.len() {
-            if (c % 2 == 0) != green_first {
-                out[c] = ROOT.clamp(own.row(row)[c] - third(own, other, row, c, column[c] == 1));
+    let [red, _, blue] = Grid::three_from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, [to_red, _, to_blue]| {
+            let width = to_red.len();
+            let (green_first, is_red_row) = row_kind(row);
+            let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
+            let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
+            let (own, other) = (own.around(row, width), other.around(row, width));
+            let (measured, known) = (own.at(0, 0), other.at(0, 0));
+            let to_other = &mut to_other[..width];
+            to_own.copy_from_slice(measured);
+            third(own, other, columns.around(row, width).at(0, 0), to_other);
+            for c in 0..width {
+                let is_green = (c % 2 == 0) == green_first;
+                to_other[c] = if is_green { known[c] } else { ROOT.clamp(measured[c] - to_other[c]) };
             }
-        }
-    });
+        },
+    );
     [red, refined, blue]
+}
+
+/// The mean of three differences of `a` from `b`, along the column where `columns` holds 1, else along the row.
+#[inline(always)]
+fn third(a: Around<'_>, b: Around<'_>, columns: &[i32], out: &mut [i32]) {
+    let (a_above, a_left, a_right, a_below) = (a.at(-1, 0), a.at(0, -1), a.at(0, 1), a.at(1, 0));
+    let (b_above, b_left, b_right, b_below) = (b.at(-1, 0), b.at(0, -1), b.at(0, 1), b.at(1, 0));
+    let (a, b, columns) = (a.at(0, 0), b.at(0, 0), &columns[..out.len()]);
+    for c in 0..out.len() {
+        let along = a_above[c] + a_below[c] - b_above[c] - b_below[c];
+        let across = a_left[c] + a_right[c] - b_left[c] - b_right[c];
+        let sum = if columns[c] == 1 { along } else { across } + a[c] - b[c];
+        // Differences of roots have 17 bits: the third is taken with as many behind the point as fit.
+        out[c] = (sum * (THIRD >> 4) + (1 << 11)) >> 12;
+    }
 }
 
 /// 1 where the differences of the measured colour from green vary less along the column than along the row.
 fn directions(mosaic: &Grid, cfa: CfaPattern) -> Grid {
     let (height, width) = (mosaic.height, mosaic.width);
     // Differences from green by the row and by the column, times 4; 0 at green.
-    let [by_row, by_col, _] = Grid::three_from_rows(height, width, |row, [by_row, by_col, _]| {
-        let width = by_row.len();
-        let line = |down, right| &mosaic.near(row, down, right)[..width];
-        let across = [line(0, -2), line(0, -1), line(0, 1), line(0, 2)];
-        let along = [line(-2, 0), line(-1, 0), line(1, 0), line(2, 0)];
-        let here = line(0, 0);
-        let by_col = &mut by_col[..width];
-        let green_first = cfa.colour(row, 0) == Colour::Green;
-        for c in 0..width {
-            let of = |l: [&[i32]; 4]| 2 * here[c] - 2 * (l[1][c] + l[2][c]) + l[0][c] + l[3][c];
-            let is_green = (c % 2 == 0) == green_first;
-            by_row[c] = if is_green { 0 } else { of(across) };
-            by_col[c] = if is_green { 0 } else { of(along) };
-        }
-    });
-    Grid::from_rows(height, width, |row, out| {
-        let width = out.len();
-        let [r, v] = [&by_row, &by_col];
-        // |d(place) - d(place two steps on)| along rows of the one and columns of the other.
-        let d = |grid: &Grid, at: (isize, isize), step: (isize, isize), c: usize| {
-            (grid.near(row, at.0, at.1)[c] - grid.near(row, at.0 + 2 * step.0, at.1 + 2 * step.1)[c]).abs()
-        };
-        let variation = |grid: &Grid, step: (isize, isize), across: (isize, isize), c: usize| {
-            let back = |at: (isize, isize)| (at.0 - 2 * step.0, at.1 - 2 * step.1);
-            let pair = |at: (isize, isize)| d(grid, at, step, c) + d(grid, back(at), step, c);
-            let one = |sign: isize| (sign * across.0 - step.0, sign * across.1 - step.1);
-            3 * pair((0, 0))
-                + pair((-2 * across.0, -2 * across.1))
-                + pair((2 * across.0, 2 * across.1))
-                + d(grid, one(-1), step, c)
-                + d(grid, one(1), step, c)
-        };
-        for c in 0..width {
-            out[c] = i32::from(variation(v, (1, 0), (0, 1), c) < variation(r, (0, 1), (1, 0), c));
-        }
-    })
+    let [by_row, by_col, _] = Grid::three_from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, [by_row, by_col, _]| {
+            let width = by_row.len();
+            let near = mosaic.around(row, width);
+            let across = [near.at(0, -2), near.at(0, -1), near.at(0, 1), near.at(0, 2)];
+            let along = [near.at(-2, 0), near.at(-1, 0), near.at(1, 0), near.at(2, 0)];
+            let here = near.at(0, 0);
+            let by_col = &mut by_col[..width];
+            let green_first = cfa.colour(row, 0) == Colour::Green;
+            for c in 0..width {
+                let of = |l: [&[i32]; 4]| 2 * here[c] - 2 * (l[1][c] + l[2][c]) + l[0][c] + l[3][c];
+                let is_green = (c % 2 == 0) == green_first;
+                by_row[c] = if is_green { 0 } else { of(across) };
+                by_col[c] = if is_green { 0 } else { of(along) };
+            }
+        },
+    );
+    Grid::from_rows(
+        height,
+        width,
+        #[inline(always)]
+        |row, out| {
+            let (by_row, by_col) = (by_row.around(row, out.len()), by_col.around(row, out.len()));
+            let mut across = vec![0; out.len()];
+            variation(|along, beside| by_row.at(beside, along), &mut across);
+            variation(|along, beside| by_col.at(along, beside), out);
+            for c in 0..out.len() {
+                out[c] = i32::from(out[c] < across[c]);
+            }
+        },
+    )
+}
+
+/// How much differences vary around the pixels of a row along their own direction. `line` gives the row that is a number of pixels
+/// further along the direction, and beside it.
+///
+/// The variations that straddle the pixel count three times, those of the second lines beside it and of the other colour between once.
+#[inline(always)]
+fn variation<'g>(line: impl Fn(isize, isize) -> &'g [i32], out: &mut [i32]) {
+    let [behind, here, ahead] = [line(-2, 0), line(0, 0), line(2, 0)];
+    let [behind_a, here_a, ahead_a] = [line(-2, -2), line(0, -2), line(2, -2)];
+    let [behind_b, here_b, ahead_b] = [line(-2, 2), line(0, 2), line(2, 2)];
+    let [other_a, other_b] = [[line(-1, -1), line(1, -1)], [line(-1, 1), line(1, 1)]];
+    for c in 0..out.len() {
+        let middle = (here[c] - ahead[c]).abs() + (here[c] - behind[c]).abs();
+        let beside = (here_a[c] - ahead_a[c]).abs()
+            + (here_a[c] - behind_a[c]).abs()
+            + (here_b[c] - ahead_b[c]).abs()
+            + (here_b[c] - behind_b[c]).abs();
+        let others = (other_a[0][c] - other_a[1][c]).abs() + (other_b[0][c] - other_b[1][c]).abs();
+        out[c] = 3 * middle + beside + others;
+    }
 }

@@ -33,6 +33,12 @@ fn weights(t: f64) -> [f64; 4] {
     [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
 }
 
+/// The sum of four values times their weights.
+#[inline(always)]
+fn weighted(weights: [i32; 4], values: [i32; 4]) -> i32 {
+    weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3]
+}
+
 /// Derivatives of [`weights`] by `t`.
 fn slopes(t: f64) -> [f64; 4] {
     let t2 = t * t;
@@ -59,29 +65,41 @@ impl Dewarp {
             })
             .collect();
         let inside = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
-        Grid::three_from_rows(height, width, |row, mut outs| {
-            let n = mesh.cols;
-            let line: [Vec<i32>; 2] =
-                std::array::from_fn(|k| (0..n).map(|c| rows.between(row, |r| nodes[k][r * n + c])).collect());
-            for c in 0..width {
-                let [down, right] = [0, 1].map(|k: usize| cols.between(c, |node| line[k][node]));
-                let y = ((row as i32) << PLACE_BITS) + down;
-                let x = ((c as i32) << PLACE_BITS) + right;
-                let of_rows = &table[(y & ((1 << PLACE_BITS) - 1)) as usize];
-                let of_cols = &table[(x & ((1 << PLACE_BITS) - 1)) as usize];
-                let (y, x) = (y >> PLACE_BITS, x >> PLACE_BITS);
-                let at: [usize; 4] = std::array::from_fn(|k| inside(x + k as i32 - 1, width));
-                for (grid, out) in rgb.iter().zip(outs.iter_mut()) {
-                    let mut sum = 0;
-                    for (k, weight) in of_rows.iter().enumerate() {
-                        let line = grid.row(inside(y + k as i32 - 1, height));
-                        let across: i32 = (0..4).map(|j| of_cols[j] * line[at[j]]).sum();
-                        sum += shift_round(across, 4) * weight;
+        Grid::three_from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, mut outs| {
+                let n = mesh.cols;
+                let line: [Vec<i32>; 2] = std::array::from_fn(|k| {
+                    (0..n).map(|c| rows.between(row, |r| nodes[k][r * n + c])).collect()
+                });
+                for c in 0..width {
+                    let [down, right] = [0, 1].map(|k: usize| cols.between(c, |node| line[k][node]));
+                    let y = ((row as i32) << PLACE_BITS) + down;
+                    let x = ((c as i32) << PLACE_BITS) + right;
+                    let of_rows = &table[(y & ((1 << PLACE_BITS) - 1)) as usize];
+                    let of_cols = &table[(x & ((1 << PLACE_BITS) - 1)) as usize];
+                    let (y, x) = (y >> PLACE_BITS, x >> PLACE_BITS);
+                    // Away from the border the four columns lie side by side.
+                    let is_inside = x >= 1 && x + 3 <= width as i32;
+                    let at: [usize; 4] = std::array::from_fn(|k| inside(x + k as i32 - 1, width));
+                    let lines: [usize; 4] = std::array::from_fn(|k| inside(y + k as i32 - 1, height));
+                    for (grid, out) in rgb.iter().zip(outs.iter_mut()) {
+                        let mut sum = 0;
+                        for k in 0..4 {
+                            let line = grid.row(lines[k]);
+                            let four = match is_inside {
+                                true => line[at[0]..].first_chunk().copied().unwrap_or_default(),
+                                false => at.map(|at| line[at]),
+                            };
+                            sum += shift_round(weighted(*of_cols, four), 4) * of_rows[k];
+                        }
+                        out[c] = ENCODED.clamp(shift_round(sum, 2 * WEIGHT_BITS - 4));
                     }
-                    out[c] = ENCODED.clamp(shift_round(sum, 2 * WEIGHT_BITS - 4));
                 }
-            }
-        })
+            },
+        )
     }
 
     /// The same on the tape.

@@ -27,20 +27,25 @@ impl GreenBalance {
             return mosaic;
         }
         let (influence, half) = (Influence::new(self.threshold * sigma), WEIGHT.of(0.5 * self.strength));
-        Grid::from_rows(mosaic.height, mosaic.width, |row, out| {
-            let line = |down, right| &mosaic.near(row, down, right)[..out.len()];
-            let diagonal = [line(-1, -1), line(-1, 1), line(1, -1), line(1, 1)];
-            let beside = [line(-2, 0), line(0, -2), line(0, 2), line(2, 0)];
-            let here = line(0, 0);
-            let first = usize::from(cfa.colour(row, 0) != Colour::Green);
-            for c in 0..out.len() {
-                let other = diagonal[0][c] + diagonal[1][c] + diagonal[2][c] + diagonal[3][c];
-                let own = 4 * here[c] + beside[0][c] + beside[1][c] + beside[2][c] + beside[3][c];
-                let change = influence.of(shift_round(2 * other - own, 3)) * half;
-                let moved = ROOT.clamp(here[c] + shift_round(change, WEIGHT.fraction));
-                out[c] = if c % 2 == first { moved } else { here[c] };
-            }
-        })
+        Grid::from_rows(
+            mosaic.height,
+            mosaic.width,
+            #[inline(always)]
+            |row, out| {
+                let near = mosaic.around(row, out.len());
+                let diagonal = [near.at(-1, -1), near.at(-1, 1), near.at(1, -1), near.at(1, 1)];
+                let beside = [near.at(-2, 0), near.at(0, -2), near.at(0, 2), near.at(2, 0)];
+                let here = near.at(0, 0);
+                let first = usize::from(cfa.colour(row, 0) != Colour::Green);
+                for c in 0..out.len() {
+                    let other = diagonal[0][c] + diagonal[1][c] + diagonal[2][c] + diagonal[3][c];
+                    let own = 4 * here[c] + beside[0][c] + beside[1][c] + beside[2][c] + beside[3][c];
+                    let change = influence.of(shift_round(2 * other - own, 3)) * half;
+                    let moved = ROOT.clamp(here[c] + shift_round(change, WEIGHT.fraction));
+                    out[c] = if c % 2 == first { moved } else { here[c] };
+                }
+            },
+        )
     }
 
     /// The same on the tape.

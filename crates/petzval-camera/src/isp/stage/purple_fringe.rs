@@ -28,21 +28,29 @@ impl PurpleFringe {
             return [red, green, blue];
         }
         let (strength, threshold) = (WEIGHT.of(self.strength), ROOT.of(self.threshold));
-        let [red, _, blue] = Grid::three_from_rows(green.height, green.width, |row, [to_red, _, to_blue]| {
-            let width = to_red.len();
-            let cross = CROSS.map(|(d, r)| &green.near(row, d, r)[..width]);
-            let [r, g, b] = [&red, &green, &blue].map(|grid| &grid.row(row)[..width]);
-            let to_blue = &mut to_blue[..width];
-            for c in 0..width {
-                let high = cross.iter().fold(g[c], |high, line| high.max(line[c]));
-                let low = cross.iter().fold(g[c], |low, line| low.min(line[c]));
-                let edge = (4 * (high - low)).min(ROOT.one());
-                let purple = (r[c].min(b[c]) - g[c] - threshold).max(0);
-                let share = (edge * strength) >> ROOT.fraction;
-                let cut = shift_round(purple * (share >> 1), 11);
-                (to_red[c], to_blue[c]) = (ROOT.clamp(r[c] - cut), ROOT.clamp(b[c] - cut));
-            }
-        });
+        let [red, _, blue] = Grid::three_from_rows(
+            green.height,
+            green.width,
+            #[inline(always)]
+            |row, [to_red, _, to_blue]| {
+                let width = to_red.len();
+                let near = green.around(row, width);
+                let [above, left, right, below] =
+                    [near.at(-2, 0), near.at(0, -2), near.at(0, 2), near.at(2, 0)];
+                let (r, g, b) =
+                    (red.around(row, width).at(0, 0), near.at(0, 0), blue.around(row, width).at(0, 0));
+                let to_blue = &mut to_blue[..width];
+                for c in 0..width {
+                    let high = g[c].max(above[c]).max(left[c]).max(right[c]).max(below[c]);
+                    let low = g[c].min(above[c]).min(left[c]).min(right[c]).min(below[c]);
+                    let edge = (4 * (high - low)).min(ROOT.one());
+                    let purple = (r[c].min(b[c]) - g[c] - threshold).max(0);
+                    let share = (edge * strength) >> ROOT.fraction;
+                    let cut = shift_round(purple * (share >> 1), 11);
+                    (to_red[c], to_blue[c]) = (ROOT.clamp(r[c] - cut), ROOT.clamp(b[c] - cut));
+                }
+            },
+        );
         [red, green, blue]
     }
 

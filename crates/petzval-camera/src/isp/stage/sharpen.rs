@@ -5,7 +5,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{BORDER, ENCODED, Grid, WEIGHT, shift_round};
+use super::super::fixed::{Around, BORDER, ENCODED, Grid, WEIGHT, shift_round};
 use super::super::tape_grid::{Stencil, Theta, between};
 
 petzval_base::parameters! {
@@ -27,6 +27,20 @@ petzval_base::parameters! {
 /// Steps to which the Gaussian reaches on either side.
 const REACH: usize = BORDER;
 
+/// The symmetric weighted mean of a row's neighbourhood along a step.
+#[inline(always)]
+fn blur(near: Around<'_>, (down, right): (isize, isize), weights: &[i32], out: &mut [i32]) {
+    out.iter_mut().zip(near.at(0, 0)).for_each(|(out, v)| *out = v * weights[0]);
+    for (k, weight) in weights.iter().enumerate().skip(1) {
+        let (d, r) = (k as isize * down, k as isize * right);
+        let (a, b) = (near.at(-d, -r), near.at(d, r));
+        for c in 0..out.len() {
+            out[c] += (a[c] + b[c]) * weight;
+        }
+    }
+    out.iter_mut().for_each(|v| *v = shift_round(*v, WEIGHT.fraction));
+}
+
 impl Sharpen {
     /// Weights of the middle and of each step to the side, [`WEIGHT`]; they add up to exactly 1.
     fn weights(&self) -> [i32; REACH + 1] {
@@ -44,48 +58,61 @@ impl Sharpen {
         }
         let (height, width) = (rgb[0].height, rgb[0].width);
         let weights = self.weights();
-        let reach = (1..=REACH).rev().find(|k| weights[*k] != 0).unwrap_or(0) as isize;
-        let luma = Grid::from_rows(height, width, |row, out| {
-            let [r, g, b] = rgb.each_ref().map(|grid| &grid.row(row)[..out.len()]);
-            for c in 0..out.len() {
-                out[c] = shift_round(r[c] + 2 * g[c] + b[c], 2);
-            }
-        });
-        // The Gaussian along the columns, then along the rows.
-        let blur = |from: &Grid, step: (isize, isize), row: usize, out: &mut [i32]| {
-            let width = out.len();
-            out.iter_mut().zip(from.row(row)).for_each(|(out, v)| *out = v * weights[0]);
-            for k in 1..=reach {
-                let (a, b) =
-                    (from.near(row, -k * step.0, -k * step.1), from.near(row, k * step.0, k * step.1));
-                let (a, b, weight) = (&a[..width], &b[..width], weights[k as usize]);
-                for c in 0..width {
-                    out[c] += (a[c] + b[c]) * weight;
+        let reach = (1..=REACH).rev().find(|k| weights[*k] != 0).unwrap_or(0);
+        let luma = Grid::from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, out| {
+                let width = out.len();
+                let (r, g, b) = (
+                    rgb[0].around(row, width).at(0, 0),
+                    rgb[1].around(row, width).at(0, 0),
+                    rgb[2].around(row, width).at(0, 0),
+                );
+                for c in 0..out.len() {
+                    out[c] = shift_round(r[c] + 2 * g[c] + b[c], 2);
                 }
-            }
-            out.iter_mut().for_each(|v| *v = shift_round(*v, WEIGHT.fraction));
-        };
-        let down = Grid::from_rows(height, width, |row, out| blur(&luma, (1, 0), row, out));
+            },
+        );
+        // The Gaussian along the columns, then along the rows.
+        let weights = &weights[..=reach];
+        let down = Grid::from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, out| blur(luma.around(row, out.len()), (1, 0), weights, out),
+        );
         let (amount, coring) = (WEIGHT.of(self.amount), ENCODED.of(self.coring));
         let (over, under) = (ENCODED.of(self.over), ENCODED.of(self.under));
-        let detail = Grid::from_rows(height, width, |row, out| {
-            blur(&down, (0, 1), row, out);
-            let y = &luma.row(row)[..out.len()];
-            for c in 0..out.len() {
-                let d = y[c] - out[c];
-                let cored = d - d.clamp(-coring, coring);
-                out[c] = shift_round(cored * (amount >> 2), WEIGHT.fraction - 2).clamp(-under, over);
-            }
-        });
-        Grid::three_from_rows(height, width, |row, outs| {
-            let d = detail.row(row);
-            for (grid, out) in rgb.iter().zip(outs) {
-                out.iter_mut()
-                    .zip(grid.row(row))
-                    .zip(d)
-                    .for_each(|((out, v), d)| *out = ENCODED.clamp(v + d));
-            }
-        })
+        let detail = Grid::from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, out| {
+                blur(down.around(row, out.len()), (0, 1), weights, out);
+                let y = &luma.row(row)[..out.len()];
+                for c in 0..out.len() {
+                    let d = y[c] - out[c];
+                    let cored = d - d.max(-coring).min(coring);
+                    out[c] = shift_round(cored * (amount >> 2), WEIGHT.fraction - 2).max(-under).min(over);
+                }
+            },
+        );
+        Grid::three_from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, outs| {
+                let d = detail.row(row);
+                for (grid, out) in rgb.iter().zip(outs) {
+                    out.iter_mut()
+                        .zip(grid.row(row))
+                        .zip(d)
+                        .for_each(|((out, v), d)| *out = ENCODED.clamp(v + d));
+                }
+            },
+        )
     }
 
     /// The same on the tape.

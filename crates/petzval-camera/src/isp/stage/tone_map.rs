@@ -67,14 +67,22 @@ impl ToneMap {
         let one = f64::from(LINEAR.one());
         let darkest = f64::from(DARKEST_LOG2).exp2();
         let table = OctaveTable::new(LINEAR.max, LOG2, |v| (v / one).max(darkest).log2());
-        Grid::from_rows(light.height, light.width, |row, out| {
-            let line = |down, right| &light.near(row, down, right)[..out.len()];
-            let rows = [-1, 0, 1].map(|down| [line(down, -1), line(down, 0), line(down, 1)]);
-            for c in 0..out.len() {
-                let [above, here, below] = rows.map(|r| r[0][c] + 2 * r[1][c] + r[2][c]);
-                out[c] = table.at(LINEAR.clamp((above + 2 * here + below + 8) >> 4));
-            }
-        })
+        Grid::from_rows(
+            light.height,
+            light.width,
+            #[inline(always)]
+            |row, out| {
+                let near = light.around(row, out.len());
+                let [a, b, c] = [near.at(-1, -1), near.at(-1, 0), near.at(-1, 1)];
+                let [d, e, f] = [near.at(0, -1), near.at(0, 0), near.at(0, 1)];
+                let [g, h, i] = [near.at(1, -1), near.at(1, 0), near.at(1, 1)];
+                for k in 0..out.len() {
+                    let (above, here, below) =
+                        (a[k] + 2 * b[k] + c[k], d[k] + 2 * e[k] + f[k], g[k] + 2 * h[k] + i[k]);
+                    out[k] = table.at(LINEAR.clamp((above + 2 * here + below + 8) >> 4));
+                }
+            },
+        )
     }
 
     /// Splits the logarithm of local light into base and detail.
