@@ -1,0 +1,3 @@
+//! `isp`: image signal processors, ours and those of others.
+
+pub mod external;
