@@ -1,6 +1,6 @@
 //! The shortest ISP: black level, white balance, exposure, bilinear demosaicing, display curve.
 
-use petzval_base::parameter::{Parameters, ParameterTable};
+use petzval_base::parameter::{ParameterTable, Parameters};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::isp::{Isp, IspError, IspParameter, RawInput, RgbPicture, check_values};
 use petzval_camera::{Placement, develop};
