@@ -27,7 +27,7 @@ fn write_raws(folder: &Path) {
     }
 }
 
-const TRUTH: [&str; 3] = ["gain.exposure=1.4", "gain.red=1.25", "gain.blue=0.8"];
+const TRUTH: [&str; 3] = ["gain.stops=0.6", "white_balance.red=1.25", "white_balance.blue=0.8"];
 
 /// Develops the raws with the true settings as references.
 fn write_references(folder: &Path) {
@@ -66,7 +66,7 @@ fn raw_frames_become_pictures_and_a_strip() {
     let strip = read(&folder.path().join("out/left-strip.html"));
     assert!(strip.contains("left.tiff") && strip.contains("<img") && !strip.contains("http"));
     // 16 bits, brighter, with estimated white.
-    let more = ["--bits", "16", "--set", "gain.exposure=2", "--auto-balance", "--auto-exposure", "--out", "two"];
+    let more = ["--bits", "16", "--set", "gain.stops=1", "--auto-balance", "--auto-exposure", "--out", "two"];
     let two = run_ok(folder.path(), &[&["isp", "develop", "raws/left.tiff"], &more[..]].concat());
     assert_eq!(two.stdout, "two/left.png\n");
     let deep = image::open(folder.path().join("two/left.png")).unwrap();
@@ -79,8 +79,11 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
     write_raws(&folder.path().join("raws"));
     write_references(folder.path());
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write("bad.toml", "[gain]\nred = 99\n");
-    write("lab.toml", "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"a.b\"\nmin = 0\nmax = 1\ndefault = 2\n");
+    write("bad.toml", "[settings.white_balance]\nred = 99.0\n");
+    write(
+        "lab.toml",
+        "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"a.b\"\nmin = 0\nmax = 1\ndefault = 2\n",
+    );
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     std::fs::create_dir(folder.path().join("small")).unwrap();
     for name in ["left", "right"] {
@@ -92,9 +95,12 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
         [&["tune", "raws", "--reference", reference, "--out", "out"], more].concat()
     };
     for (args, needles) in [
-        (develop(&["--set", "gain.rde=2"]), ["--set gain.rde=2", "did you mean gain.red"]),
-        (develop(&["--set", "gain.red=99"]), ["--set gain.red=99", "must lie between"]),
-        (develop(&["--set", "gain.red"]), ["--set gain.red", "stage.key=value"]),
+        (
+            develop(&["--set", "white_balance.rde=2"]),
+            ["--set white_balance.rde=2", "did you mean white_balance.red"],
+        ),
+        (develop(&["--set", "white_balance.red=99"]), ["--set white_balance.red=99", "must lie between"]),
+        (develop(&["--set", "white_balance.red"]), ["--set white_balance.red", "stage.key=value"]),
         (develop(&["--preset", "nowhere"]), ["nowhere", "neither a file nor"]),
         (develop(&["--isp", "bad.toml"]), ["bad.toml:2:7", "must lie between"]),
         (develop(&["--isp", "lab.toml"]), ["lab.toml:3", "the key `sentence` is missing"]),
@@ -120,22 +126,24 @@ fn spoiled_settings_are_tuned_back_and_a_resumed_search_is_the_same() {
     write_raws(&folder.path().join("raws"));
     write_references(folder.path());
     let tune = |out: &str, evaluations: &str| {
-        let args = ["isp", "tune", "raws", "--reference", "reference", "--vary", "gain,tone.gamma"];
-        run_ok(folder.path(), &[&args[..], &["--evaluations", evaluations, "--out", out, "--json"]].concat()).json()
+        let args = ["isp", "tune", "raws", "--reference", "reference", "--vary", "gain,white_balance"];
+        run_ok(folder.path(), &[&args[..], &["--evaluations", evaluations, "--out", out, "--json"]].concat())
+            .json()
     };
     let whole = tune("whole", "320");
     let [start, best] = ["start", "best"].map(|key| whole[key].as_f64().unwrap());
-    assert!(best > start + 15.0 && best > 45.0, "{start} {best}");
+    assert!(best > start + 15.0 && best > 45.0, "{start} {best}: {whole}");
     for p in whole["parameters"].as_array().unwrap() {
         let truth: f64 = TRUTH
             .iter()
             .find_map(|t| t.split_once('=').filter(|(name, _)| *name == p["name"]))
-            .map_or(1.0, |(_, value)| value.parse().unwrap());
+            .map_or(f64::NAN, |(_, value)| value.parse().unwrap());
         let tuned = p["best"].as_f64().unwrap();
-        assert!((tuned / truth - 1.0).abs() < 0.03, "{p}");
+        assert!((tuned - truth).abs() < 0.02, "{p}");
     }
     // The tuned settings give the score again.
-    let args = ["isp", "develop", "raws/left.tiff", "--isp", "whole/tuned.toml", "--bits", "16", "--out", "again"];
+    let args =
+        ["isp", "develop", "raws/left.tiff", "--isp", "whole/tuned.toml", "--bits", "16", "--out", "again"];
     run_ok(folder.path(), &args);
 
     // In two parts.

@@ -124,7 +124,8 @@ mod tests {
 
     /// Weak colours of each zone, gray on average.
     fn patches(row: usize, col: usize, colour: usize) -> f64 {
-        let random = |frame: u64| Stream::new(5, frame, Stage::Search).uniforms(place(row / 8, col / 10), 0)[0];
+        let random =
+            |frame: u64| Stream::new(5, frame, Stage::Search).uniforms(place(row / 8, col / 10), 0)[0];
         (0.1 + 0.5 * random(9)) * (0.8 + 0.4 * random(colour as u64))
     }
 
@@ -145,7 +146,8 @@ mod tests {
             0 => [0.5, 0.5, 0.5][colour],
             _ => [0.12, 0.25, 0.06][colour],
         };
-        let [world, shades] = [gray_world(), BalanceOptions::default()].map(|options| error(gains(meadow, &options)));
+        let [world, shades] =
+            [gray_world(), BalanceOptions::default()].map(|options| error(gains(meadow, &options)));
         assert!(world > 0.2, "{world}");
         assert!(shades < 0.02, "{shades}");
     }

@@ -57,7 +57,11 @@ mod tests {
 
     fn ev(light: impl Fn(usize, usize, usize) -> f64) -> f64 {
         let frame = frame(light);
-        auto_exposure_ev(&Statistics::of_frame(&frame).unwrap(), frame.about.response, &ExposureOptions::default())
+        auto_exposure_ev(
+            &Statistics::of_frame(&frame).unwrap(),
+            frame.about.response,
+            &ExposureOptions::default(),
+        )
     }
 
     #[test]

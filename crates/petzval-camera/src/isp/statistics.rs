@@ -88,7 +88,8 @@ impl Statistics {
     /// Share of the pixels of all colours that are saturated.
     pub fn saturated(&self) -> f64 {
         let first = (SATURATED_SHARE * BINS as f64).round() as usize;
-        let sum = |from: usize| self.histogram.iter().flat_map(|h| &h[from..]).map(|n| f64::from(*n)).sum::<f64>();
+        let sum =
+            |from: usize| self.histogram.iter().flat_map(|h| &h[from..]).map(|n| f64::from(*n)).sum::<f64>();
         sum(first) / sum(0).max(1.0)
     }
 

@@ -44,8 +44,7 @@ impl Distribution {
     /// A round distribution.
     pub fn new(mean: Vec<f64>, size: f64) -> Self {
         let n = mean.len();
-        let identity: Vec<f64> =
-            (0..n * n).map(|i| if i % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
+        let identity: Vec<f64> = (0..n * n).map(|i| if i % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
         Self {
             mean,
             size,
@@ -103,7 +102,8 @@ impl Distribution {
         let n = self.coordinates();
         let dimension = n as f64;
         // Length of white noise, on average.
-        let expected = dimension.sqrt() * (1.0 - 1.0 / (4.0 * dimension) + 1.0 / (21.0 * dimension * dimension));
+        let expected =
+            dimension.sqrt() * (1.0 - 1.0 / (4.0 * dimension) + 1.0 / (21.0 * dimension * dimension));
 
         // Move the mean to the weighted mean of the better half.
         let mut mean_step = vec![0.0; n];
@@ -167,8 +167,10 @@ impl Distribution {
         }
         let eigen = SymmetricEigen::new(DMatrix::from_row_slice(n, n, &self.covariance));
         let values = eigen.eigenvalues.as_slice();
-        let [least, greatest] =
-            [values.iter().copied().fold(f64::INFINITY, f64::min), values.iter().copied().fold(0.0, f64::max)];
+        let [least, greatest] = [
+            values.iter().copied().fold(f64::INFINITY, f64::min),
+            values.iter().copied().fold(0.0, f64::max),
+        ];
         if !(least > 0.0 && greatest < MOST_CONDITION * least) {
             return Ended::Degenerate;
         }

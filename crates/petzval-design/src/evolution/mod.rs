@@ -134,8 +134,7 @@ impl Evolution {
     /// If there is not one value for each point.
     pub fn tell(&mut self, values: &[f64]) {
         assert_eq!(values.len(), self.population, "one value for each point");
-        let values: Vec<f64> =
-            values.iter().map(|v| if v.is_nan() { f64::INFINITY } else { *v }).collect();
+        let values: Vec<f64> = values.iter().map(|v| if v.is_nan() { f64::INFINITY } else { *v }).collect();
         let steps = self.steps();
         // Equal values keep their order, so that the result does not depend on how they were sorted.
         let mut order: Vec<usize> = (0..values.len()).collect();
@@ -157,7 +156,8 @@ impl Evolution {
             self.history.pop_front();
         }
         let is_flat = self.history.len() == kept && self.spread() < self.settings.least_change;
-        if moved == Ended::Degenerate || is_flat || self.distribution.is_narrow(self.settings.least_deviation) {
+        if moved == Ended::Degenerate || is_flat || self.distribution.is_narrow(self.settings.least_deviation)
+        {
             self.restart();
         }
     }

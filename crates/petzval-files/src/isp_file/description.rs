@@ -95,7 +95,11 @@ pub fn parse_external_isp(text: &str) -> Result<ExternalIspFile, FileError> {
         return wrong(&["parallel"], "must lie between 1 and 1024", "1 develops one frame after the other");
     }
     if keys.parameter.is_empty() {
-        return wrong(&["parameter"], "the ISP has no parameters", "describe each below a line [[parameter]]");
+        return wrong(
+            &["parameter"],
+            "the ISP has no parameters",
+            "describe each below a line [[parameter]]",
+        );
     }
     let mut names = BTreeSet::new();
     let mut parameters = Vec::new();
@@ -151,8 +155,9 @@ pub fn parse_external_isp(text: &str) -> Result<ExternalIspFile, FileError> {
 
 /// Whether a text is `stage.key`, so that it is a path of bare TOML keys.
 fn is_name(name: &str) -> bool {
-    let is_key =
-        |key: &str| !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
+    let is_key = |key: &str| {
+        !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'))
+    };
     name.split_once('.').is_some_and(|(stage, key)| is_key(stage) && is_key(key))
 }
 
@@ -205,7 +210,10 @@ sentence = "Strength."
         assert_eq!(names, ["tone.gamma", "denoise.strength"]);
         let [gamma, strength] = [0, 1].map(|i| &isp.parameters[i].about);
         assert_eq!((gamma.name, gamma.unit, gamma.scale, gamma.min), ("gamma", "", Scale::Linear, 1.0));
-        assert_eq!((strength.unit, strength.scale, strength.value_at(0.5)), ("sigma", Scale::Log, 0.31622776601683794));
+        assert_eq!(
+            (strength.unit, strength.scale, strength.value_at(0.5)),
+            ("sigma", Scale::Log, 0.31622776601683794)
+        );
         // Reading it again keeps no further texts.
         let again = parse_external_isp(LAB).unwrap();
         assert!(std::ptr::eq(again.parameters[1].about.unit, strength.unit));

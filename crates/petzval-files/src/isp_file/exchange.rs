@@ -84,7 +84,9 @@ fn decode_image(name: &str, bytes: &[u8]) -> Result<RgbPicture, String> {
         DynamicImage::ImageRgb16(p) => {
             Ok(RgbPicture { height, width, bits: 16, data: planes(&|i| p.as_raw()[i]) })
         }
-        other => Err(format!("a picture of {:?}; it must have red, green and blue of 8 or 16 bits", other.color())),
+        other => {
+            Err(format!("a picture of {:?}; it must have red, green and blue of 8 or 16 bits", other.color()))
+        }
     }
 }
 
@@ -151,8 +153,15 @@ pub fn picture_png_bytes(picture: &RgbPicture, bits: u32) -> Result<Vec<u8>, Str
         16 => ((0..3 * pixels).flat_map(|k| sample(k).to_ne_bytes()).collect(), ExtendedColorType::Rgb16),
         _ => ((0..3 * pixels).map(|k| sample(k) as u8).collect(), ExtendedColorType::Rgb8),
     };
-    ::image::write_buffer_with_format(&mut out, &bytes, width as u32, height as u32, colour, ImageFormat::Png)
-        .map_err(|e| e.to_string())?;
+    ::image::write_buffer_with_format(
+        &mut out,
+        &bytes,
+        width as u32,
+        height as u32,
+        colour,
+        ImageFormat::Png,
+    )
+    .map_err(|e| e.to_string())?;
     Ok(out.into_inner())
 }
 

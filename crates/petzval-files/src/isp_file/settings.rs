@@ -2,56 +2,48 @@
 
 use petzval_base::FileError;
 use petzval_camera::isp::IspParameter;
+use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::{ExternalIspFile, parse_external_isp};
-
-/// A file that names an ISP: the description of an external one, or settings of one that is described elsewhere.
-#[derive(Clone, Debug, PartialEq)]
-pub enum IspFile {
-    /// A description.
-    External(ExternalIspFile),
-    /// Settings.
-    Settings(IspSettingsFile),
-}
-
-/// Values of parameters, in tables by stage: `[tone]`, below it `gamma = 2.2`; the numbers of an array in a list.
+/// Values of parameters of an external ISP, in tables by stage: `[settings.tone]`, below it `gamma = 2.2`; the numbers of an array in a
+/// list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IspSettingsFile {
-    /// The ISP they belong to, by name or by the path of its description; none means the built-in one.
-    pub isp: Option<String>,
+    /// The description of the ISP, relative to this file.
+    pub isp: String,
     tables: Table,
     text: String,
 }
 
-/// Reads a file about an ISP. It is a description if it has the key `command`.
-pub fn parse_isp_file(text: &str) -> Result<IspFile, FileError> {
-    let mut tables: Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-    if tables.contains_key("command") {
-        return parse_external_isp(text).map(IspFile::External);
-    }
-    let isp = match tables.remove("isp") {
-        None => None,
-        Some(Value::String(name)) => Some(name),
-        Some(_) => {
-            let error = FileError::at_key(text, &["isp"], "expected text in quotes");
-            return Err(error.hint("the name of an ISP, or the file that describes it"));
-        }
-    };
-    Ok(IspFile::Settings(IspSettingsFile { isp, tables, text: text.to_owned() }))
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    isp: String,
+    #[serde(default, rename = "about")]
+    _about: String,
+    #[serde(default)]
+    settings: Table,
 }
 
 impl IspSettingsFile {
+    /// Reads settings; their values are checked once the ISP is known.
+    pub(super) fn parse(text: &str) -> Result<Self, FileError> {
+        let keys: Keys = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        Ok(Self { isp: keys.isp, tables: keys.settings, text: text.to_owned() })
+    }
+
     /// The values of all parameters of an ISP; those that the file leaves out have their defaults.
     ///
     /// Fails at the line of a stage or key that the ISP does not have, and of a value outside its range.
     pub fn values(&self, parameters: &[IspParameter]) -> Result<Vec<f64>, FileError> {
         let mut values: Vec<f64> = parameters.iter().map(IspParameter::default_value).collect();
         for (stage, table) in &self.tables {
-            let at = |path: &[&str], message: &str| FileError::at_key(&self.text, path, message);
+            let at = |path: &[&str], message: &str| {
+                FileError::at_key(&self.text, &[&["settings"], path].concat(), message)
+            };
             let Value::Table(table) = table else {
                 let message = "expected a table of parameters";
-                return Err(at(&[stage], message).hint("write [stage], and below it key = value"));
+                return Err(at(&[stage], message).hint("write [settings.stage], and below it key = value"));
             };
             let keys = keys_of(parameters, stage);
             if keys.is_empty() {
@@ -62,7 +54,9 @@ impl IspSettingsFile {
             }
             for (key, value) in table {
                 let numbers: Vec<(Option<usize>, usize)> = (0..parameters.len())
-                    .filter(|i| split(&parameters[*i].name).0 == stage && split(&parameters[*i].name).1 == key)
+                    .filter(|i| {
+                        split(&parameters[*i].name).0 == stage && split(&parameters[*i].name).1 == key
+                    })
                     .map(|i| (split(&parameters[i].name).2, i))
                     .collect();
                 let given: Vec<&Value> = match value {
@@ -107,28 +101,40 @@ fn split(name: &str) -> (&str, &str, Option<usize>) {
     }
 }
 
+/// Stage and key of a name, without the place in an array.
+pub(super) fn key_path(name: &str) -> (&str, &str) {
+    let (stage, key, _) = split(name);
+    (stage, key)
+}
+
 /// Keys of a stage, each once, in their order.
 fn keys_of<'a>(parameters: &'a [IspParameter], stage: &str) -> Vec<&'a str> {
-    let mut keys: Vec<&str> =
-        parameters.iter().map(|p| split(&p.name)).filter(|(s, ..)| *s == stage).map(|(_, key, _)| key).collect();
+    let mut keys: Vec<&str> = parameters
+        .iter()
+        .map(|p| split(&p.name))
+        .filter(|(s, ..)| *s == stage)
+        .map(|(_, key, _)| key)
+        .collect();
     keys.dedup();
     keys
 }
 
-/// The text of a settings file with every parameter, each below its sentence. `isp` names the ISP, where it is not the built-in
-/// one; `head` is a comment of one line.
-pub fn settings_toml(head: &str, isp: Option<&str>, parameters: &[IspParameter], values: &[f64]) -> String {
+/// The text of a settings file of an external ISP with every parameter, each below its sentence. `about` says what it is for.
+pub fn settings_toml(about: &str, isp: &str, parameters: &[IspParameter], values: &[f64]) -> String {
+    let head = format!("about = {}\nisp = {}\n", Value::from(about), Value::from(isp));
+    format!("{head}{}", stages_toml(parameters, values))
+}
+
+/// Tables `[settings.stage]` with every parameter below its sentence.
+pub(super) fn stages_toml(parameters: &[IspParameter], values: &[f64]) -> String {
     let written = |value: f64| Value::Float(value).to_string();
-    let mut text = format!("# {}\n", head.replace(['\n', '\r'], " "));
-    if let Some(isp) = isp {
-        text += &format!("isp = {}\n", Value::from(isp));
-    }
+    let mut text = String::new();
     let mut stage_now = "";
     let mut i = 0;
     while i < parameters.len() {
         let (stage, key, place) = split(&parameters[i].name);
         if stage != stage_now {
-            text += &format!("\n[{stage}]\n");
+            text += &format!("\n[settings.{stage}]\n");
             stage_now = stage;
         }
         let about = &parameters[i].about;
@@ -171,44 +177,49 @@ mod tests {
                 hint: "give a small one",
             },
         };
-        vec![one("gain.red", 1.0), one("gain.blue", 2.0), one("tone.knots[0]", 3.0), one("tone.knots[1]", 4.0)]
+        vec![
+            one("gain.red", 1.0),
+            one("gain.blue", 2.0),
+            one("tone.knots[0]", 3.0),
+            one("tone.knots[1]", 4.0),
+        ]
     }
 
     fn values(text: &str) -> Result<Vec<f64>, FileError> {
-        let IspFile::Settings(file) = parse_isp_file(text)? else { panic!("a description") };
-        file.values(&parameters())
+        IspSettingsFile::parse(text)?.values(&parameters())
     }
 
     #[test]
     fn what_is_written_reads_back() {
-        let written = settings_toml("Tuned.", Some("lab \"7\".toml"), &parameters(), &[0.1, 1.0 / 3.0, 5.0, 6e-7]);
-        let IspFile::Settings(file) = parse_isp_file(&written).unwrap() else { panic!("{written}") };
-        assert_eq!(file.isp.as_deref(), Some("lab \"7\".toml"));
+        let written = settings_toml("Tuned.", "lab \"7\".toml", &parameters(), &[0.1, 1.0 / 3.0, 5.0, 6e-7]);
+        let file = IspSettingsFile::parse(&written).unwrap();
+        assert_eq!(file.isp, "lab \"7\".toml");
         assert_eq!(file.values(&parameters()).unwrap(), [0.1, 1.0 / 3.0, 5.0, 6e-7], "{written}");
         assert!(written.contains("\n# A number. 0..10 dB\nblue = 0.333"), "{written}");
-        assert!(written.contains("\n[tone]\n") && written.contains("knots = [5.0, "), "{written}");
+        assert!(written.contains("\n[settings.tone]\n") && written.contains("knots = [5.0, "), "{written}");
     }
 
     #[test]
     fn keys_that_are_left_out_have_their_defaults() {
-        assert_eq!(values("[gain]\nblue = 7").unwrap(), [1.0, 7.0, 3.0, 4.0]);
-        assert_eq!(values("").unwrap(), [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(values("isp = \"a\"\n[settings.gain]\nblue = 7").unwrap(), [1.0, 7.0, 3.0, 4.0]);
+        assert_eq!(values("isp = \"a\"").unwrap(), [1.0, 2.0, 3.0, 4.0]);
     }
 
     #[test]
     fn errors_name_line_key_and_hint() {
         for (text, line, key, says) in [
-            ("[gian]\nblue = 7", None, "gian", "gain, tone"),
-            ("[gain]\nbleu = 7", Some(2), "bleu", "red, blue"),
-            ("[gain]\nblue = 11", Some(2), "blue", "between 0 and 10"),
-            ("[gain]\nblue = nan", Some(2), "blue", "between 0 and 10"),
-            ("[gain]\nblue = \"x\"", Some(2), "blue", "a number"),
-            ("[gain]\nblue = [1]", Some(2), "blue", "a number"),
-            ("[tone]\nknots = [1]", Some(2), "knots", "2 numbers"),
-            ("[tone]\nknots = 1", Some(2), "knots", "2 numbers"),
-            ("gain = 1", Some(1), "gain", "table"),
+            ("isp = \"a\"\n[settings.gian]\nblue = 7", None, "gian", "gain, tone"),
+            ("isp = \"a\"\n[settings.gain]\nbleu = 7", Some(3), "bleu", "red, blue"),
+            ("isp = \"a\"\n[settings.gain]\nblue = 11", Some(3), "blue", "between 0 and 10"),
+            ("isp = \"a\"\n[settings.gain]\nblue = nan", Some(3), "blue", "between 0 and 10"),
+            ("isp = \"a\"\n[settings.gain]\nblue = \"x\"", Some(3), "blue", "a number"),
+            ("isp = \"a\"\n[settings.gain]\nblue = [1]", Some(3), "blue", "a number"),
+            ("isp = \"a\"\n[settings.tone]\nknots = [1]", Some(3), "knots", "2 numbers"),
+            ("isp = \"a\"\n[settings.tone]\nknots = 1", Some(3), "knots", "2 numbers"),
+            ("isp = \"a\"\nsettings.gain = 1", Some(2), "gain", "table"),
             ("isp = 1", Some(1), "isp", "text"),
-            ("[gain", Some(1), "", ""),
+            ("isp = \"a\"\n[gain", Some(2), "", ""),
+            ("isp = \"a\"\n[gain]\nred = 1", None, "gain", "settings"),
         ] {
             let error = values(text).unwrap_err();
             assert!(line.is_none() || error.line == line, "{text}: {error:?}");

@@ -70,6 +70,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     let mut named = isp_by_name(&request.isp, &context.assets)?;
     named.set(&request.set)?;
+    named.set_bits(request.bits);
     let names = distinct_stems(&request.raws)?;
     let quiet = context.silent();
     for raw in &request.raws {
@@ -81,17 +82,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     for (i, (raw, name)) in request.raws.iter().zip(&names).enumerate() {
         context.progress(i as u64, request.raws.len() as u64, name);
         let frame = read_frame(raw, &request.frame, context)?;
+        let values = named.values(frame.about.gain_ev)?;
         let start = Instant::now();
-        let picture = named.isp.isp().develop(&frame, &named.values).map_err(about_frame(raw))?;
+        let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
         let seconds = start.elapsed().as_secs_f64();
         let path = request.out.join(format!("{name}.png"));
         let png = picture_png_bytes(&picture, request.bits).map_err(JobError::failed)?;
         write(&path, &png)?;
         let strip = match request.strip {
             true => {
-                let steps = named.isp.develop_steps(&frame, &named.values).map_err(about_frame(raw))?;
+                let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
                 let strip_path = request.out.join(format!("{name}-strip.html"));
-                write(&strip_path, page(&strip(raw, &named, &steps)).as_bytes())?;
+                write(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
                 Some(strip_path)
             }
             false => None,
@@ -102,33 +104,33 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(Response { pictures })
 }
 
-/// The page of all stages: each with its own parameters.
-fn strip(raw: &Path, named: &NamedIsp, steps: &[(String, RgbPicture)]) -> Strip {
+/// The page of all stages. A stage without a picture of its own counts to the next one that has one.
+fn strip(raw: &Path, named: &NamedIsp, values: &[f64], steps: &[(String, RgbPicture)]) -> Strip {
     let stage_of = |p: &IspParameter| p.name.split_once('.').map_or("", |(stage, _)| stage).to_owned();
-    let is_alone = steps.len() == 1;
-    let step = |(stage, picture): &(String, RgbPicture)| StripStep {
+    let mut shown = vec![Vec::new(); steps.len()];
+    let mut next = steps.len().saturating_sub(1);
+    for (p, value) in named.parameters.iter().zip(values).rev() {
+        next = steps.iter().position(|(stage, _)| *stage == stage_of(p)).unwrap_or(next);
+        let parameter = StripParameter {
+            name: p.name.clone(),
+            value: *value,
+            unit: p.about.unit.to_owned(),
+            is_default: *value == p.default_value(),
+            sentence: p.about.sentence.clone(),
+        };
+        shown[next].insert(0, parameter);
+    }
+    let step = |((stage, picture), parameters): (&(String, RgbPicture), Vec<StripParameter>)| StripStep {
         stage: stage.clone(),
         height: picture.height,
         width: picture.width,
         encoded: picture.encoded(),
-        parameters: named
-            .parameters
-            .iter()
-            .zip(&named.values)
-            .filter(|(p, _)| is_alone || stage_of(p) == *stage)
-            .map(|(p, value)| StripParameter {
-                name: p.name.clone(),
-                value: *value,
-                unit: p.about.unit.to_owned(),
-                is_default: *value == p.default_value(),
-                sentence: p.about.sentence.clone(),
-            })
-            .collect(),
+        parameters,
     };
     Strip {
         raw: raw.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        isp: named.isp.isp().name().to_owned(),
-        steps: steps.iter().map(step).collect(),
+        isp: named.isp().name().to_owned(),
+        steps: steps.iter().zip(shown).map(step).collect(),
     }
 }
 
@@ -142,7 +144,8 @@ fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
     for raw in raws {
         let name = raw.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if let Some(first) = seen.insert(name.clone(), raw) {
-            let message = format!("{} and {} would give the same picture {name}.png", first.display(), raw.display());
+            let message =
+                format!("{} and {} would give the same picture {name}.png", first.display(), raw.display());
             return Err(JobError::input(message, "develop them into different folders"));
         }
         names.push(name);

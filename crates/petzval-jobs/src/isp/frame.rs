@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use petzval_camera::isp::{FrameData, NoiseProfile, RawInput, Statistics, auto_balance, auto_exposure_ev};
 use petzval_camera::isp::{BalanceOptions, ExposureOptions};
+use petzval_camera::isp::{FrameData, NoiseProfile, RawInput, Statistics, auto_balance, auto_exposure_ev};
 use petzval_camera::sensor::{Colour, Exposure, SensorModel};
 use petzval_design::assets::Assets;
 use petzval_files::raw_file::{RawInfo, load_raw};
@@ -31,7 +31,11 @@ pub struct FrameOptions {
 const UNKNOWN_NOISE: NoiseProfile = NoiseProfile { shot: 1e-4, read: 1.6e-7 };
 
 /// Reads a raw file.
-pub(super) fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput, JobError> {
+pub(super) fn read_frame(
+    path: &Path,
+    options: &FrameOptions,
+    context: &Context,
+) -> Result<RawInput, JobError> {
     let raw = load_raw(path)?;
     let info = &raw.info;
     let missing = |key: &str| {
@@ -86,8 +90,14 @@ pub(super) fn read_frame(path: &Path, options: &FrameOptions, context: &Context)
             warp: None,
         },
     };
-    let mut frame =
-        RawInput { height: raw.height, width: raw.width, dn: raw.dn.iter().map(|v| u32::from(*v)).collect(), bits: bits.max(8), cfa, about };
+    let mut frame = RawInput {
+        height: raw.height,
+        width: raw.width,
+        dn: raw.dn.iter().map(|v| u32::from(*v)).collect(),
+        bits: bits.max(8),
+        cfa,
+        about,
+    };
     estimate(&mut frame, options).map_err(about_frame(path))?;
     Ok(frame)
 }
@@ -118,7 +128,11 @@ fn estimate(frame: &mut RawInput, options: &FrameOptions) -> Result<(), petzval_
 }
 
 /// The sensor that the options name, or the built-in one with the name that the file gives.
-fn sensor_of(info: &RawInfo, options: &FrameOptions, assets: &Assets) -> Result<Option<SensorModel>, JobError> {
+fn sensor_of(
+    info: &RawInfo,
+    options: &FrameOptions,
+    assets: &Assets,
+) -> Result<Option<SensorModel>, JobError> {
     if let Some(name) = &options.sensor {
         return Ok(Some(assets.sensor(name)?));
     }

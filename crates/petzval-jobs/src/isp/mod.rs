@@ -4,10 +4,8 @@ pub mod develop;
 pub mod external;
 mod frame;
 mod named;
-mod plain;
 pub mod show;
 pub mod tune;
 
 pub use frame::FrameOptions;
-pub use named::{AnyIsp, NEUTRAL, NamedIsp, isp_by_name};
-pub use plain::PlainIsp;
+pub use named::{NEUTRAL, NamedIsp, isp_by_name};

@@ -13,6 +13,8 @@ use crate::error::JobError;
 pub struct Request {
     /// Name of a preset, or a file of settings or of the description of an external ISP.
     pub isp: String,
+    /// Gain of the sensor above its lowest at which to show the values of a preset, EV.
+    pub gain_ev: f64,
 }
 
 /// An ISP and its parameters.
@@ -51,7 +53,11 @@ pub struct ShownParameter {
 /// Reads the settings of an ISP.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let named = isp_by_name(&request.isp, &context.assets)?;
-    let shown = named.parameters.iter().zip(&named.values).map(|(p, value)| ShownParameter {
+    if !request.gain_ev.is_finite() {
+        return Err(JobError::setting("gain_ev", request.gain_ev, "is no number", "0 is the lowest gain"));
+    }
+    let values = named.values(request.gain_ev)?;
+    let shown = named.parameters.iter().zip(&values).map(|(p, value)| ShownParameter {
         name: p.name.clone(),
         value: *value,
         default: p.default_value(),
@@ -66,8 +72,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         sentence: p.about.sentence.clone(),
     });
     Ok(Response {
-        name: named.isp.isp().name().to_owned(),
+        name: named.isp().name().to_owned(),
         parameters: shown.collect(),
-        settings: named.settings_toml(&format!("Settings of {}.", request.isp), &named.values),
+        settings: named.settings_toml(&format!("Settings of {}.", request.isp), &values)?,
     })
 }

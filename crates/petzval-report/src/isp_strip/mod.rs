@@ -84,7 +84,11 @@ fn stage(step: &StripStep) -> Markup {
     let (whole, part) = (whole(&picture), centre(&picture));
     let alt = format!("after {}", plain(&step.stage));
     let rows = step.parameters.iter().map(|p| {
-        let value = if p.is_default { html! { (p.value) } } else { html! { strong { (p.value) } } };
+        let value = if p.is_default {
+            html! { (p.value) }
+        } else {
+            html! { strong { (p.value) } }
+        };
         Row::new(plain(&p.name), [value, html! { (plain(&p.unit)) }, html! { (plain(&p.sentence)) }])
     });
     let columns =
@@ -156,7 +160,11 @@ mod tests {
         };
         let page = page(&strip);
         for words in [
-            "1. black", "2. gain", "<th scope=\"row\">gain.red</th>", "<strong>1.5</strong>", "A &lt;sentence&gt;.",
+            "1. black",
+            "2. gain",
+            "<th scope=\"row\">gain.red</th>",
+            "<strong>1.5</strong>",
+            "A &lt;sentence&gt;.",
             "night &lt;1&gt;.tiff",
         ] {
             assert!(page.contains(words), "{words}");

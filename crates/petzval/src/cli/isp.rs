@@ -68,7 +68,7 @@ struct IspArgs {
     /// Preset of the built-in ISP [default: neutral, every parameter at its default]
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
-    /// File of settings, or of the description of an external ISP
+    /// File of a preset, of settings, or of the description of an external ISP
     #[arg(long, value_name = "FILE")]
     isp: Option<PathBuf>,
 }

@@ -73,9 +73,8 @@ impl ExternalIsp {
         let mut command = std::process::Command::new(self.program());
         command.args(&self.about.command[1..]).arg(folder_path).current_dir(&self.home);
         let limit = Duration::from_secs_f64(self.about.timeout_s);
-        let ended = run_within(command, folder_path, limit).map_err(|error| {
-            format!("the command {} cannot be run: {error}", self.program().display())
-        })?;
+        let ended = run_within(command, folder_path, limit)
+            .map_err(|error| format!("the command {} cannot be run: {error}", self.program().display()))?;
         match ended.end {
             End::TimedOut => {
                 let seconds = self.about.timeout_s;

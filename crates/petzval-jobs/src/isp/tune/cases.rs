@@ -56,7 +56,8 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
         let stem = name(&raw);
         let own = stem.strip_suffix(RAW_SUFFIX).unwrap_or(&stem);
         let Some(reference) = references.iter().find(|r| name(r) == stem || name(r) == own) else {
-            let message = format!("{}: {} has no picture of this name", raw.display(), plan.reference.display());
+            let message =
+                format!("{}: {} has no picture of this name", raw.display(), plan.reference.display());
             return Err(JobError::input(message, format!("add {own}.png, as the frame should be developed")));
         };
         found.push(Case { raw, reference: reference.clone() });
@@ -66,7 +67,8 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
 
 /// Files of a folder with one of these endings, by name.
 fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathBuf>, JobError> {
-    let wrong = |message: String| JobError::setting(key, folder.display(), message, "give a folder of frames");
+    let wrong =
+        |message: String| JobError::setting(key, folder.display(), message, "give a folder of frames");
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| wrong(e.to_string()))? {
         let path = entry.map_err(|e| wrong(e.to_string()))?.path();
@@ -83,14 +85,14 @@ fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathB
 }
 
 /// SHA-256 of everything that a score depends on beside the varied values: ISP, other values, frames, sidecars, references.
-pub(super) fn fingerprint(named: &NamedIsp, cases: &[Case]) -> Result<String, JobError> {
+pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Result<String, JobError> {
     let mut hash = Sha256::new();
     let mut add = |bytes: &[u8]| {
         hash.update((bytes.len() as u64).to_le_bytes());
         hash.update(bytes);
     };
-    add(named.isp.isp().name().as_bytes());
-    for (parameter, value) in named.parameters.iter().zip(&named.values) {
+    add(named.isp().name().as_bytes());
+    for (parameter, value) in named.parameters.iter().zip(base) {
         add(format!("{} {} {} {value}", parameter.name, parameter.about.min, parameter.about.max).as_bytes());
     }
     for case in cases {

@@ -138,8 +138,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let device = context.device("cpu")?;
     let score = score_of(&plan.objective, context)?;
     let cases = cases(&plan)?;
-    let inputs = fingerprint(&named, &cases)?;
-    let tuner = Tuner { named, places, plan, cases, score, device, context };
+    let base = base_values(&named, &plan, &cases, context)?;
+    let inputs = fingerprint(&named, &base, &cases)?;
+    let tuner = Tuner { named, base, places, plan, cases, score, device, context };
 
     let (folder, mut kept) = match (resumed, &request.start) {
         (Some((folder, kept)), _) => {
@@ -170,17 +171,44 @@ fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
     }
 }
 
+/// The values at the start: those of the preset at the gain of the frames.
+fn base_values(
+    named: &NamedIsp,
+    plan: &Plan,
+    cases: &[Case],
+    context: &Context,
+) -> Result<Vec<f64>, JobError> {
+    let mut gains_ev = Vec::new();
+    for case in cases {
+        gains_ev.push(read_frame(&case.raw, &plan.frame, &context.silent())?.about.gain_ev);
+    }
+    let first = gains_ev[0];
+    if gains_ev.iter().any(|ev| (ev - first).abs() > 0.1) {
+        context.warning(
+            "the frames have different gains; one setting is tuned for all of them, from that at the first",
+        );
+    }
+    named.values(first)
+}
+
 /// Places of the parameters that vary, each once, in the order of the ISP.
 fn varied(named: &NamedIsp, plan: &Plan) -> Result<Vec<usize>, JobError> {
     let mut places = Vec::new();
     for name in &plan.vary {
         let found = named.places(name);
-        places.extend(found.map_err(|hint| JobError::setting("vary", name, "the ISP has no such parameter", hint))?);
+        places.extend(
+            found.map_err(|hint| JobError::setting("vary", name, "the ISP has no such parameter", hint))?,
+        );
     }
     places.sort_unstable();
     places.dedup();
     match places.is_empty() {
-        true => Err(JobError::setting("vary", "", "no parameter varies", "name parameters or stages, or give all")),
+        true => Err(JobError::setting(
+            "vary",
+            "",
+            "no parameter varies",
+            "name parameters or stages, or give all",
+        )),
         false => Ok(places),
     }
 }
@@ -209,6 +237,8 @@ fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>, JobError> {
 /// Everything that a search needs and does not change.
 struct Tuner<'a> {
     named: NamedIsp,
+    /// Values of all parameters at the start.
+    base: Vec<f64>,
     places: Vec<usize>,
     plan: Plan,
     cases: Vec<Case>,
@@ -224,7 +254,7 @@ impl Tuner<'_> {
 
     /// A new search from the settings of the plan.
     fn search(&self) -> Result<Evolution, JobError> {
-        let unit = |i: &usize| self.named.parameters[*i].about.unit_of(self.named.values[*i]);
+        let unit = |i: &usize| self.named.parameters[*i].about.unit_of(self.base[*i]);
         let start: Vec<f64> = self.places.iter().map(unit).collect();
         let settings = EvolutionSettings {
             seed: self.plan.seed,
@@ -238,7 +268,7 @@ impl Tuner<'_> {
 
     /// All values of a point of the cube.
     fn values(&self, point: &[f64]) -> Vec<f64> {
-        let mut values = self.named.values.clone();
+        let mut values = self.base.clone();
         for (i, unit) in self.places.iter().zip(point) {
             values[*i] = self.named.parameters[*i].about.value_at(*unit);
         }
@@ -272,10 +302,10 @@ impl Tuner<'_> {
     fn tune(&self, budget: usize, folder: &TuneFolder, kept: &mut Checkpoint) -> Result<Response, JobError> {
         let sign = if self.score.higher_is_better() { 1.0 } else { -1.0 };
         if kept.start.is_none()
-            && let Some(scores) = self.scores(&[self.named.values.clone()])?
+            && let Some(scores) = self.scores(&[self.base.clone()])?
         {
             kept.start = Some(scores[0]);
-            folder.save(kept, &self.tuned(kept))?;
+            folder.save(kept, &self.tuned(kept)?)?;
         }
         while let Some(start) = kept.start
             && 1 + kept.search.evaluations() + kept.search.population() <= budget
@@ -298,7 +328,7 @@ impl Tuner<'_> {
                 restarts: kept.search.restarts(),
                 seconds: kept.seconds,
             });
-            folder.save(kept, &self.tuned(kept))?;
+            folder.save(kept, &self.tuned(kept)?)?;
         }
         let Some(start) = kept.start else {
             return Err(JobError::failed("cancelled before the settings at the start were scored"));
@@ -308,7 +338,7 @@ impl Tuner<'_> {
         let parameters = self.places.iter().map(|i| Tuned {
             name: self.named.parameters[*i].name.clone(),
             unit: self.named.parameters[*i].about.unit.to_owned(),
-            start: self.named.values[*i],
+            start: self.base[*i],
             best: values[*i],
         });
         Ok(Response {
@@ -333,12 +363,12 @@ impl Tuner<'_> {
         let start = kept.start.unwrap_or(f64::NAN);
         match kept.search.best() {
             Some(best) if -best.value > sign * start => (-sign * best.value, self.values(&best.at)),
-            _ => (start, self.named.values.clone()),
+            _ => (start, self.base.clone()),
         }
     }
 
     /// The settings file of the best settings.
-    fn tuned(&self, kept: &Checkpoint) -> String {
+    fn tuned(&self, kept: &Checkpoint) -> Result<String, JobError> {
         let (score, values) = self.best(kept);
         let head = format!(
             "Tuned by `petzval isp tune`: {} {score:.4} {}, {:.4} before; {} settings tried on {} frames.",
@@ -374,13 +404,10 @@ impl Tuner<'_> {
             }
             let frame = read_frame(&case.raw, &self.plan.frame, &self.context.silent())?;
             let truth = case.read_reference((frame.height, frame.width))?;
-            let isp = self.named.isp.isp();
+            let isp = self.named.isp();
             let develop = |values: &Vec<f64>| isp.develop(&frame, values);
-            let pictures: Vec<RgbPicture> = points
-                .par_iter()
-                .map(develop)
-                .collect::<Result<_, _>>()
-                .map_err(about_frame(&case.raw))?;
+            let pictures: Vec<RgbPicture> =
+                points.par_iter().map(develop).collect::<Result<_, _>>().map_err(about_frame(&case.raw))?;
             for (sum, picture) in sums.iter_mut().zip(&pictures) {
                 let RgbPicture { height, width, .. } = *picture;
                 if (height, width) != (truth.height, truth.width) {

@@ -15,6 +15,9 @@ pub struct Args {
     /// Preset, or a file of settings or of the description of an external ISP
     #[arg(value_name = "PRESET|FILE", default_value = NEUTRAL)]
     isp: String,
+    /// Gain of the sensor above its lowest, at which to show the values of a preset, EV
+    #[arg(long, value_name = "EV", default_value_t = 0.0)]
+    gain_ev: f64,
     /// Print a settings file with every parameter, to start your own from
     #[arg(long, conflicts_with = "json")]
     raw: bool,
@@ -25,7 +28,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let shown = show::run(&show::Request { isp: args.isp }, &terminal.context())?;
+    let shown = show::run(&show::Request { isp: args.isp, gain_ev: args.gain_ev }, &terminal.context())?;
     if args.json {
         return print_json(&shown);
     }

@@ -77,7 +77,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             }),
             out,
         },
-        _ => return Err(Failure::input("RAWDIR, --reference or --out is missing", "give all three, or --resume")),
+        _ => {
+            return Err(Failure::input(
+                "RAWDIR, --reference or --out is missing",
+                "give all three, or --resume",
+            ));
+        }
     };
     let response = tune::run(&tune::Request { start, evaluations: args.evaluations }, &context)?;
     drop(context);
@@ -107,7 +112,13 @@ fn summary(found: &Response) -> String {
     let width = found.parameters.iter().map(|p| p.name.len()).max().unwrap_or(0).max(9);
     text += &format!("  {:<width$}  {:>12}  {:>12}  unit\n", "parameter", "start", "tuned");
     for p in &found.parameters {
-        text += &format!("  {:<width$}  {:>12}  {:>12}  {}\n", p.name, six_digits(p.start), six_digits(p.best), p.unit);
+        text += &format!(
+            "  {:<width$}  {:>12}  {:>12}  {}\n",
+            p.name,
+            six_digits(p.start),
+            six_digits(p.best),
+            p.unit
+        );
     }
     text += &format!(
         "\n{} settings in {} generations, {} restarts, {:.1} s\n{}\n",
