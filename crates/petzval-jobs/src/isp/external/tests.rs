@@ -54,6 +54,8 @@ fn message(result: Result<RgbPicture, IspError>) -> String {
 
 #[test]
 fn the_script_of_the_manual_develops_a_frame() {
+    let page = include_str!("../../../../../book/src/isp.md");
+    assert!(page.contains(SCRIPT) && page.contains(DESCRIPTION));
     let folder = tempfile::tempdir().unwrap();
     let isp = isp(folder.path(), SCRIPT, "");
     assert_eq!(isp.name(), "Ten-line ISP");
