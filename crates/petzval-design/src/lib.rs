@@ -15,6 +15,7 @@ pub mod block;
 pub mod camera;
 pub mod design_loop;
 pub mod error;
+pub mod evolution;
 pub mod experiment;
 pub mod glass_warnings;
 pub mod inputs;

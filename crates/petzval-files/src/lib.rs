@@ -9,6 +9,7 @@ mod exr_layers;
 mod float_file;
 mod glass_file;
 mod glass_toml;
+pub mod isp_file;
 pub mod lens_toml;
 mod loss;
 mod picture_file;

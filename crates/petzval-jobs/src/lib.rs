@@ -20,6 +20,7 @@ pub mod experiment;
 mod finite;
 mod frames;
 pub mod glass;
+pub mod isp;
 pub mod lens;
 pub mod machine;
 pub mod pinhole;

@@ -8,11 +8,13 @@
 //! | [`lens_sheet`] | the analyses of a lens |
 //! | [`sensor_sheet`] | the characterisation of a sensor |
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
+//! | [`isp_strip`] | the stages of an ISP |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
 //! | [`plot`] | curves and bars over axes |
 
 pub mod design_report;
+pub mod isp_strip;
 pub mod layout;
 pub mod lens_sheet;
 mod number;

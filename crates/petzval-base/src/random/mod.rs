@@ -13,7 +13,7 @@ use elementary::{ln, sin_cos_turns, unit};
 use philox::philox4x32;
 pub use poisson::{PoissonScratch, poisson, poisson_row};
 
-/// The noise source that a stream serves.
+/// What a stream serves: a noise source, or a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Stage {
@@ -35,6 +35,8 @@ pub enum Stage {
     FixedColumn = 8,
     /// Whether a pixel is hot, and its excess dark current.
     Hot = 9,
+    /// A point of a random search; its generation takes the place of the frame.
+    Search = 10,
 }
 
 /// The random numbers of one noise source in one frame.

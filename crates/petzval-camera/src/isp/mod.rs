@@ -1,5 +1,7 @@
 //! Image signal processors: from a raw frame back to a picture.
 
+mod auto_balance;
+mod auto_exposure;
 mod demosaic;
 mod fixed;
 mod hardware;
@@ -12,10 +14,13 @@ mod settings;
 mod smooth;
 mod stabilise;
 mod stage;
+mod statistics;
 mod tape_grid;
 #[cfg(test)]
 mod tests;
 
+pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
+pub use auto_exposure::{ExposureOptions, auto_exposure_ev};
 pub use demosaic::Demosaic;
 pub use hardware::{HardwareIsp, Watch};
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
@@ -27,3 +32,4 @@ pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;
 pub use stabilise::Stabiliser;
 pub use stage::output::{BT601, BT709, ycbcr};
+pub use statistics::{BINS, Statistics, ZONES, Zone};

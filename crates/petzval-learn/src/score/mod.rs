@@ -29,6 +29,17 @@ pub struct ScoredPair {
     pub truth: LinearImage,
 }
 
+impl ScoredPair {
+    /// A pair of sRGB-encoded pictures of one size, three planes each.
+    pub fn new(finished: LinearImage, truth: LinearImage, device: &Device) -> Self {
+        let tensor = |picture: &LinearImage| {
+            let shape = [1, picture.channels, picture.height, picture.width];
+            Tensor::from_data(TensorData::new(picture.data.clone(), shape), device)
+        };
+        Self { finished_tensor: tensor(&finished), truth_tensor: tensor(&truth), finished, truth }
+    }
+}
+
 /// One number that says how good a picture is.
 pub trait Score {
     /// Key in `metrics.json` and in `scoring.scores`, with the unit if there is one: `psnr_db`.

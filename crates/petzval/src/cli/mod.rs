@@ -9,6 +9,7 @@ mod evaluate;
 mod experiment;
 mod failure;
 mod glass;
+mod isp;
 mod lens;
 mod number;
 mod psf;
@@ -84,6 +85,9 @@ enum Verb {
     /// Show raw frames, or write them in another format
     #[command(subcommand)]
     Raw(raw::RawVerb),
+    /// Show image signal processors, develop raw frames, tune parameters
+    #[command(subcommand)]
+    Isp(isp::IspVerb),
     /// Measure standard workloads
     Bench(bench::Args),
     /// Show what this machine and this build offer
@@ -126,6 +130,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Sensor(verb) => sensor::run(verb, &terminal),
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
+        Verb::Isp(verb) => isp::run(verb, &terminal),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args, &terminal),
     }

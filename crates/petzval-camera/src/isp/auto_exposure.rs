@@ -1,0 +1,94 @@
+//! Automatic exposure: by how many stops the next frame should be brighter.
+
+use super::statistics::{Statistics, Zone};
+
+/// What the exposure aims at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExposureOptions {
+    /// Geometric mean of the zones' luminance, 1 = white; 0.18 is a gray card.
+    pub middle: f64,
+    /// Share of the pixels of a colour that may saturate, 0..1.
+    pub highlights: f64,
+    /// Largest change in one frame, stops.
+    pub most_ev: f64,
+}
+
+impl Default for ExposureOptions {
+    fn default() -> Self {
+        Self { middle: 0.18, highlights: 0.005, most_ev: 3.0 }
+    }
+}
+
+/// Luminance that the logarithm of black counts as.
+const LEAST_LUMINANCE: f64 = 1e-5;
+
+/// Share of the range that highlights may reach.
+const HIGHLIGHT_LEVEL: f64 = 0.95;
+
+/// Step back while too many pixels are saturated: how bright they are cannot be known.
+const SATURATED_STEP_EV: f64 = -1.0;
+
+/// Stops by which the next frame should be exposed more (positive) or less.
+///
+/// `ev = log2(middle / exp(mean ln Y))` over the zones, with the luminance `Y = 0.2126 R + 0.7152 G + 0.0722 B` of colours over the
+/// `response` to white, but at most what leaves all but the given share of highlights below the end of the range.
+pub fn auto_exposure_ev(statistics: &Statistics, response: [f64; 3], options: &ExposureOptions) -> f64 {
+    let luminance = |zone: &Zone| {
+        let weights = [0.2126, 0.7152, 0.0722];
+        (0..3).map(|c| weights[c] * zone.mean[c] / response[c]).sum::<f64>().max(LEAST_LUMINANCE)
+    };
+    let logs: f64 = statistics.zones.iter().map(|zone| luminance(zone).ln()).sum();
+    let middle = (logs / statistics.zones.len().max(1) as f64).exp();
+    let wanted = (options.middle / middle).log2();
+
+    // The brightest colour must not pass the end of the range.
+    let brightest = (0..3).map(|c| statistics.quantile(c, options.highlights)).fold(0.0, f64::max);
+    let guard = match brightest >= 0.98 * statistics.full {
+        true => SATURATED_STEP_EV,
+        false => (HIGHLIGHT_LEVEL * statistics.full / brightest.max(f64::MIN_POSITIVE)).log2(),
+    };
+    wanted.min(guard).clamp(-options.most_ev, options.most_ev)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::statistics::tests::frame;
+    use super::*;
+
+    fn ev(light: impl Fn(usize, usize, usize) -> f64) -> f64 {
+        let frame = frame(light);
+        auto_exposure_ev(
+            &Statistics::of_frame(&frame).unwrap(),
+            frame.about.response,
+            &ExposureOptions::default(),
+        )
+    }
+
+    #[test]
+    fn a_gray_scene_comes_to_the_middle() {
+        for stops in [-2.0_f64, -1.0, 0.0, 1.0, 2.0] {
+            let change = ev(|_, _, _| 0.18 * stops.exp2());
+            assert!((change + stops).abs() < 0.02, "{stops}: {change}");
+        }
+        // Half the zones two stops above, half two stops below: the middle of the logarithms. The seventh of fifteen columns is dark.
+        let change = ev(|_, col, _| if col < 80 { 0.045 } else { 0.72 });
+        assert!((change - 4.0 * (8.0 / 15.0 - 0.5)).abs() < 0.02, "{change}");
+    }
+
+    #[test]
+    fn highlights_hold_the_exposure_back() {
+        // A dark scene with a window of 2 % of the pixels at half the range: nearly one stop is free.
+        let change = ev(|row, col, _| if row < 24 && col < 20 { 2.0 } else { 0.01 });
+        assert!((change - (0.95_f64 * 3.995 / 2.0).log2()).abs() < 0.01, "{change}");
+        // A window that saturates takes a stop back at a time, though the scene is dark.
+        assert_eq!(ev(|row, col, _| if row < 24 && col < 20 { 50.0 } else { 0.01 }), -1.0);
+        // A lamp of a few pixels does not count.
+        assert!(ev(|row, col, _| if row < 4 && col < 6 { 50.0 } else { 0.09 }) > 0.9);
+    }
+
+    #[test]
+    fn black_and_white_frames_change_by_the_bound() {
+        assert_eq!(ev(|_, _, _| 0.0), 3.0);
+        assert_eq!(ev(|_, _, _| 1000.0), -3.0);
+    }
+}

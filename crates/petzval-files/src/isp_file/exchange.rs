@@ -1,0 +1,278 @@
+//! The files by which a frame goes to an external ISP, and its picture comes back.
+
+use std::io::Cursor;
+
+use ::image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader};
+use npyz::{Deserialize, NpyFile, Order};
+use petzval_camera::isp::{IspParameter, RawInput, RgbPicture};
+use petzval_camera::sensor::CfaPattern;
+use serde::Serialize;
+
+use crate::undecoded;
+
+/// Version of the exchange: a program refuses one that it does not know.
+const PROTOCOL: u32 = 1;
+
+/// Shape, mosaic, calibration and parameters of a frame.
+pub const FRAME_FILE: &str = "frame.toml";
+
+/// Digital numbers of a frame.
+pub const RAW_FILE: &str = "raw.bin";
+
+/// Names under which a program leaves its picture; the first that exists counts.
+pub const PICTURE_FILES: [&str; 3] = ["rgb.npy", "rgb.png", "rgb.ppm"];
+
+/// Longest header of an array that is read, bytes; NumPy writes 128.
+const MOST_HEADER: usize = 1024;
+
+/// The text of [`FRAME_FILE`].
+pub fn frame_toml(frame: &RawInput, parameters: &[IspParameter], values: &[f64]) -> String {
+    #[derive(Serialize)]
+    struct Shape {
+        protocol: u32,
+        height: usize,
+        width: usize,
+        bits: u32,
+        cfa: CfaPattern,
+    }
+    let RawInput { height, width, bits, cfa, ref about, .. } = *frame;
+    // Structures of numbers and short texts are always TOML.
+    let shape = toml::to_string(&Shape { protocol: PROTOCOL, height, width, bits, cfa }).unwrap_or_default();
+    let values: toml::Table =
+        parameters.iter().zip(values).map(|(p, value)| (p.name.clone(), (*value).into())).collect();
+    let parameters = toml::to_string(&values).unwrap_or_default();
+    let about = toml::Table::try_from(about).unwrap_or_default();
+    let about = toml::to_string(&toml::Table::from_iter([("calibration".to_owned(), about.into())]));
+    format!("{shape}\n[parameters]\n{parameters}\n{}", about.unwrap_or_default())
+}
+
+/// The bytes of [`RAW_FILE`]: each digital number as four bytes, the lowest first, row by row.
+pub fn raw_bytes(frame: &RawInput) -> Vec<u8> {
+    frame.dn.iter().flat_map(|dn| dn.to_le_bytes()).collect()
+}
+
+/// Reads the picture that a program has left under one of [`PICTURE_FILES`], and checks that it has the size of the frame.
+///
+/// `rgb.npy`: an array `(height, width, 3)` of `uint8` or `uint16`, or of floats from 0 to 1; `rgb.png`, `rgb.ppm`: 8 or 16 bits.
+/// Values are sRGB-encoded. A message says what is wrong.
+pub fn decode_picture(
+    name: &str,
+    bytes: &[u8],
+    (height, width): (usize, usize),
+) -> Result<RgbPicture, String> {
+    let picture = if name.ends_with(".npy") { decode_npy(bytes)? } else { decode_image(name, bytes)? };
+    if (picture.height, picture.width) != (height, width) {
+        let (got_height, got_width) = (picture.height, picture.width);
+        return Err(format!("{got_height} x {got_width} pixels; the frame has {height} x {width}"));
+    }
+    Ok(picture)
+}
+
+fn decode_image(name: &str, bytes: &[u8]) -> Result<RgbPicture, String> {
+    let format = if name.ends_with(".png") { ImageFormat::Png } else { ImageFormat::Pnm };
+    let mut reader = ImageReader::new(Cursor::new(bytes));
+    reader.set_format(format);
+    let picture = reader.decode().map_err(|e| undecoded(&e))?;
+    let (height, width) = (picture.height() as usize, picture.width() as usize);
+    let planes = |pixel: &dyn Fn(usize) -> u16| -> Vec<u16> {
+        (0..3).flat_map(|c| (0..height * width).map(move |i| 3 * i + c)).map(pixel).collect()
+    };
+    match picture {
+        DynamicImage::ImageRgb8(p) => {
+            Ok(RgbPicture { height, width, bits: 8, data: planes(&|i| u16::from(p.as_raw()[i])) })
+        }
+        DynamicImage::ImageRgb16(p) => {
+            Ok(RgbPicture { height, width, bits: 16, data: planes(&|i| p.as_raw()[i]) })
+        }
+        other => {
+            Err(format!("a picture of {:?}; it must have red, green and blue of 8 or 16 bits", other.color()))
+        }
+    }
+}
+
+fn decode_npy(bytes: &[u8]) -> Result<RgbPicture, String> {
+    // A long header is not that of a picture, and nested brackets could exhaust its reader.
+    let header = bytes.get(..MOST_HEADER.min(bytes.len())).unwrap_or_default();
+    let end = header.iter().position(|b| *b == b'\n').ok_or("not an array of NumPy")?;
+    if header[..end].iter().filter(|b| matches!(b, b'(' | b'[' | b'{')).count() > 4 {
+        return Err("the header is not that of a picture".to_owned());
+    }
+    let array = NpyFile::new(bytes).map_err(|e| e.to_string())?;
+    let &[height, width, 3] = array.shape() else {
+        return Err(format!("an array of shape {:?}; it must be (height, width, 3)", array.shape()));
+    };
+    if array.order() != Order::C {
+        return Err("an array in Fortran order; save numpy.ascontiguousarray of it".to_owned());
+    }
+    let pixels = usize::try_from(height.saturating_mul(width)).map_err(|e| e.to_string())?;
+    let kind = array.dtype().descr();
+    let kind = kind.trim_matches('\'').trim_start_matches(['<', '>', '|', '=']).to_owned();
+    let each = array.dtype().num_bytes().unwrap_or(0);
+    // Check the length before memory is allocated for it.
+    if array.into_inner().len() != pixels.saturating_mul(3 * each) {
+        return Err("the array is cut off".to_owned());
+    }
+    let (bits, values) = match kind.as_str() {
+        "u1" => (8, array_of::<u8>(bytes)?.into_iter().map(u16::from).collect()),
+        "u2" => (16, array_of::<u16>(bytes)?),
+        "f4" => (16, encoded(array_of::<f32>(bytes)?.into_iter().map(f64::from))?),
+        "f8" => (16, encoded(array_of::<f64>(bytes)?.into_iter())?),
+        other => return Err(format!("an array of {other}; it must be of uint8, uint16 or floats")),
+    };
+    let data = (0..3).flat_map(|c| values.iter().skip(c).step_by(3)).copied().collect();
+    Ok(RgbPicture { height: height as usize, width: width as usize, bits, data })
+}
+
+fn array_of<T: Deserialize>(bytes: &[u8]) -> Result<Vec<T>, String> {
+    NpyFile::new(bytes).and_then(|array| array.into_vec()).map_err(|e| e.to_string())
+}
+
+/// Floats as 16 bits; refuses what is no number, and what lies further outside 0..1 than a filter overshoots.
+fn encoded(values: impl Iterator<Item = f64>) -> Result<Vec<u16>, String> {
+    values
+        .map(|v| match (-1.0..=2.0).contains(&v) {
+            true => Ok((v.clamp(0.0, 1.0) * 65535.0).round() as u16),
+            false => Err(format!("a value of {v}; floats lie between 0 and 1")),
+        })
+        .collect()
+}
+
+/// A developed picture as the bytes of a PNG of 8 bits, or of 16 if it has more than 8 and `bits` is 16.
+pub fn picture_png_bytes(picture: &RgbPicture, bits: u32) -> Result<Vec<u8>, String> {
+    let RgbPicture { height, width, .. } = *picture;
+    let (pixels, white) = (height * width, f64::from((1_u32 << picture.bits) - 1));
+    if pixels == 0 || picture.data.len() != 3 * pixels {
+        return Err(format!("{} values do not fill {height} x {width} pixels", picture.data.len()));
+    }
+    let full = if bits == 16 { 65535.0 } else { 255.0 };
+    let table: Vec<u16> = (0..=white as u32).map(|v| (f64::from(v) / white * full).round() as u16).collect();
+    let highest = table.len() - 1;
+    let sample = |k: usize| table[usize::from(picture.data[k % 3 * pixels + k / 3]).min(highest)];
+    let mut out = Cursor::new(Vec::new());
+    let (bytes, colour): (Vec<u8>, _) = match bits {
+        16 => ((0..3 * pixels).flat_map(|k| sample(k).to_ne_bytes()).collect(), ExtendedColorType::Rgb16),
+        _ => ((0..3 * pixels).map(|k| sample(k) as u8).collect(), ExtendedColorType::Rgb8),
+    };
+    ::image::write_buffer_with_format(
+        &mut out,
+        &bytes,
+        width as u32,
+        height as u32,
+        colour,
+        ImageFormat::Png,
+    )
+    .map_err(|e| e.to_string())?;
+    Ok(out.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_camera::isp::{FrameData, NoiseProfile};
+
+    use super::*;
+
+    fn frame() -> RawInput {
+        RawInput {
+            height: 16,
+            width: 18,
+            dn: (0..16 * 18).map(|i| i * 200_000 / 3).collect(),
+            bits: 24,
+            cfa: CfaPattern::RGGB,
+            about: FrameData {
+                black_dn: 64.0,
+                white_dn: 1e6,
+                response: [0.5, 1.0, 0.7],
+                saturation: 1.2,
+                noise: NoiseProfile { shot: 1e-4, read: 1e-6 },
+                gain_ev: 0.0,
+                colour_matrix: None,
+                companding: None,
+                shading: None,
+                warp: None,
+            },
+        }
+    }
+
+    fn parameter(name: &str) -> IspParameter {
+        let text = format!(
+            "name = \"a\"\ncommand = [\"a\"]\n[[parameter]]\nname = \"{name}\"\nmin = 0\nmax = 9\ndefault = 1\nsentence = \"\""
+        );
+        crate::isp_file::parse_external_isp(&text).unwrap().parameters.remove(0)
+    }
+
+    #[test]
+    fn a_frame_and_its_calibration_are_written_so_that_they_read_back() {
+        let frame = frame();
+        let text = frame_toml(&frame, &[parameter("tone.gamma"), parameter("gain.red")], &[2.2, 1.0 / 3.0]);
+        assert!(text.contains("\n\"tone.gamma\" = 2.2\n"), "{text}");
+        let read: toml::Table = toml::from_str(&text).unwrap();
+        assert_eq!(read["height"].as_integer(), Some(16));
+        assert_eq!(read["cfa"].as_str(), Some("RGGB"));
+        assert_eq!(read["parameters"]["gain.red"].as_float(), Some(1.0 / 3.0));
+        let about: FrameData = read["calibration"].clone().try_into().unwrap();
+        assert_eq!(about, frame.about);
+        let raw = raw_bytes(&frame);
+        assert_eq!(raw.len(), 4 * frame.dn.len());
+        assert_eq!(u32::from_le_bytes([raw[4], raw[5], raw[6], raw[7]]), 66_666);
+    }
+
+    fn npy<T: npyz::AutoSerialize + Copy>(shape: &[u64], values: &[T]) -> Vec<u8> {
+        crate::npy_bytes(shape, values).unwrap()
+    }
+
+    #[test]
+    fn pictures_of_every_kind_read_alike() {
+        let text = "P3\n2 1\n255\n255 0 51  0 102 255\n";
+        let ppm = decode_picture("rgb.ppm", text.as_bytes(), (1, 2)).unwrap();
+        assert_eq!(ppm, RgbPicture { height: 1, width: 2, bits: 8, data: vec![255, 0, 0, 102, 51, 255] });
+        let png = picture_png_bytes(&ppm, 8).unwrap();
+        assert_eq!(decode_picture("rgb.png", &png, (1, 2)).unwrap(), ppm);
+        let deep = decode_picture("rgb.png", &picture_png_bytes(&ppm, 16).unwrap(), (1, 2)).unwrap();
+        assert_eq!((deep.bits, deep.encoded()), (16, ppm.encoded()));
+        let bytes = npy(&[1, 2, 3], &[255_u8, 0, 51, 0, 102, 255]);
+        assert_eq!(decode_picture("rgb.npy", &bytes, (1, 2)).unwrap(), ppm);
+        let floats = npy(&[1, 2, 3], &[1.0_f32, -0.01, 0.2, 0.0, 0.4, 1.3]);
+        let floats = decode_picture("rgb.npy", &floats, (1, 2)).unwrap();
+        assert_eq!(floats.encoded(), ppm.encoded());
+        let words = npy(&[1, 2, 3], &[65535_u16, 0, 13107, 0, 26214, 65535]);
+        assert_eq!(decode_picture("rgb.npy", &words, (1, 2)).unwrap(), deep);
+        // Ten bits become sixteen.
+        let ten = decode_picture("rgb.ppm", b"P3 1 1 1023 1023 0 0", (1, 1)).unwrap();
+        assert_eq!((ten.bits, ten.data), (16, vec![65535, 0, 0]));
+    }
+
+    #[test]
+    fn what_is_no_picture_of_the_frame_is_refused_with_the_reason() {
+        let bytes = |values: &[f32]| npy(&[1, 2, 3], values);
+        for (name, bytes, says) in [
+            ("rgb.npy", bytes(&[0.0, 0.5, f32::NAN, 0.0, 0.0, 0.0]), "NaN"),
+            ("rgb.npy", bytes(&[0.0, 0.5, 255.0, 0.0, 0.0, 0.0]), "255"),
+            ("rgb.npy", bytes(&[0.0, 0.5, f32::INFINITY, 0.0, 0.0, 0.0]), "inf"),
+            ("rgb.npy", npy(&[2, 1, 3], &[0_u8; 6]), "2 x 1 pixels; the frame has 1 x 2"),
+            ("rgb.npy", npy(&[3, 1, 2], &[0_u8; 6]), "(height, width, 3)"),
+            ("rgb.npy", npy(&[1, 2, 3], &[0_i32; 6]), "i4"),
+            ("rgb.npy", npy(&[1, 2, 3], &[0_u8; 6])[..130].to_vec(), "cut off"),
+            ("rgb.npy", Vec::new(), "not an array"),
+            ("rgb.npy", b"garbage\n".to_vec(), ""),
+            ("rgb.png", b"garbage".to_vec(), ""),
+            ("rgb.ppm", b"P3\n2 1\n255\n255 0 51".to_vec(), ""),
+            ("rgb.ppm", b"P2\n2 1\n255\n255 0".to_vec(), "red, green and blue"),
+        ] {
+            let error = decode_picture(name, &bytes, (1, 2)).unwrap_err();
+            assert!(error.contains(says) && !error.is_empty(), "{name}: {error}");
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_bytes_make_the_reader_panic(mut at in 0usize..150, byte in 0u8..=255, cut in 0usize..160) {
+            let mut bytes = npy(&[1, 2, 3], &[7_u16; 6]);
+            at %= bytes.len();
+            bytes[at] = byte;
+            bytes.truncate(cut);
+            for name in PICTURE_FILES {
+                let _ = decode_picture(name, &bytes, (1, 2));
+            }
+        }
+    }
+}

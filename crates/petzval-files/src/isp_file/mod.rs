@@ -1,0 +1,42 @@
+//! Files of image signal processors: presets of the built-in one, the description of an external one, settings of it, and the files by
+//! which frames go to it and pictures come back.
+
+mod description;
+mod exchange;
+mod preset;
+mod settings;
+
+use petzval_base::FileError;
+use petzval_camera::isp::IspPreset;
+use toml::Table;
+
+pub use description::{ExternalIspFile, parse_external_isp};
+pub use exchange::{
+    FRAME_FILE, PICTURE_FILES, RAW_FILE, decode_picture, frame_toml, picture_png_bytes, raw_bytes,
+};
+pub use preset::{parse_isp_preset, preset_toml};
+pub use settings::{IspSettingsFile, settings_toml};
+
+/// A file that names an ISP and its settings.
+#[derive(Clone, Debug, PartialEq)]
+pub enum IspFile {
+    /// A preset of the built-in ISP.
+    Preset(Box<IspPreset>),
+    /// The description of an external ISP.
+    External(ExternalIspFile),
+    /// Settings of an ISP that is described in another file.
+    Settings(IspSettingsFile),
+}
+
+/// Reads a file about an ISP. One with the key `command` is a description, one with the key `isp` holds settings of an external ISP, any
+/// other is a preset.
+pub fn parse_isp_file(text: &str) -> Result<IspFile, FileError> {
+    let table: Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    if table.contains_key("command") {
+        return parse_external_isp(text).map(IspFile::External);
+    }
+    match table.contains_key("isp") {
+        true => IspSettingsFile::parse(text).map(IspFile::Settings),
+        false => parse_isp_preset(text).map(|preset| IspFile::Preset(Box::new(preset))),
+    }
+}

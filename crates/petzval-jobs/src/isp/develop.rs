@@ -1,0 +1,158 @@
+//! `isp develop`: raw frames to pictures.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use petzval_base::write_whole;
+use petzval_camera::isp::{IspParameter, RgbPicture};
+use petzval_design::error::DesignError;
+use petzval_files::isp_file::picture_png_bytes;
+use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
+use serde::{Deserialize, Serialize};
+
+use super::frame::{FrameOptions, read_frame};
+use super::named::{NamedIsp, about_frame, isp_by_name};
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+
+/// Raw frames to develop.
+///
+/// For each `NAME.*` the folder `out` gets `NAME.png` and, with `strip`, `NAME-strip.html`: the picture after every stage, with the
+/// parameters of the stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The frames, in files with sidecars.
+    pub raws: Vec<PathBuf>,
+    /// Name of a preset, or a file of settings or of the description of an external ISP.
+    pub isp: String,
+    /// Further values, each `stage.key=value`.
+    pub set: Vec<String>,
+    /// What the raw files leave open.
+    pub frame: FrameOptions,
+    /// Bits of the pictures, 8 or 16.
+    pub bits: u32,
+    /// Whether to write the page of all stages.
+    pub strip: bool,
+    /// Folder for the pictures.
+    pub out: PathBuf,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// One for each frame, in the order of the request.
+    pub pictures: Vec<Developed>,
+}
+
+/// A developed frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Developed {
+    /// The raw file.
+    pub raw: PathBuf,
+    /// The picture.
+    pub picture: PathBuf,
+    /// The page of all stages.
+    pub strip: Option<PathBuf>,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// How long the development took, s.
+    pub seconds: f64,
+}
+
+/// Develops every frame. All inputs are read before the first picture is written.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if !matches!(request.bits, 8 | 16) {
+        return Err(JobError::setting("bits", request.bits, "out of range", "give 8 or 16"));
+    }
+    let mut named = isp_by_name(&request.isp, &context.assets)?;
+    named.set(&request.set)?;
+    named.set_bits(request.bits);
+    let names = distinct_stems(&request.raws)?;
+    let quiet = context.silent();
+    for raw in &request.raws {
+        read_frame(raw, &request.frame, &quiet)?;
+    }
+    make_folder(&request.out)?;
+
+    let mut pictures = Vec::new();
+    for (i, (raw, name)) in request.raws.iter().zip(&names).enumerate() {
+        context.progress(i as u64, request.raws.len() as u64, name);
+        let frame = read_frame(raw, &request.frame, context)?;
+        let values = named.values(frame.about.gain_ev)?;
+        let start = Instant::now();
+        let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let path = request.out.join(format!("{name}.png"));
+        let png = picture_png_bytes(&picture, request.bits).map_err(JobError::failed)?;
+        write(&path, &png)?;
+        let strip = match request.strip {
+            true => {
+                let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
+                let strip_path = request.out.join(format!("{name}-strip.html"));
+                write(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
+                Some(strip_path)
+            }
+            false => None,
+        };
+        let RgbPicture { height, width, .. } = picture;
+        pictures.push(Developed { raw: raw.clone(), picture: path, strip, height, width, seconds });
+    }
+    Ok(Response { pictures })
+}
+
+/// The page of all stages. A stage without a picture of its own counts to the next one that has one.
+fn strip(raw: &Path, named: &NamedIsp, values: &[f64], steps: &[(String, RgbPicture)]) -> Strip {
+    let stage_of = |p: &IspParameter| p.name.split_once('.').map_or("", |(stage, _)| stage).to_owned();
+    let mut shown = vec![Vec::new(); steps.len()];
+    let mut next = steps.len().saturating_sub(1);
+    for (p, value) in named.parameters.iter().zip(values).rev() {
+        next = steps.iter().position(|(stage, _)| *stage == stage_of(p)).unwrap_or(next);
+        let parameter = StripParameter {
+            name: p.name.clone(),
+            value: *value,
+            unit: p.about.unit.to_owned(),
+            is_default: *value == p.default_value(),
+            sentence: p.about.sentence.clone(),
+        };
+        shown[next].insert(0, parameter);
+    }
+    let step = |((stage, picture), parameters): (&(String, RgbPicture), Vec<StripParameter>)| StripStep {
+        stage: stage.clone(),
+        height: picture.height,
+        width: picture.width,
+        encoded: picture.encoded(),
+        parameters,
+    };
+    Strip {
+        raw: raw.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        isp: named.isp().name().to_owned(),
+        steps: steps.iter().zip(shown).map(step).collect(),
+    }
+}
+
+/// Names of the files without their endings, each of which names a picture.
+fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
+    if raws.is_empty() {
+        return Err(JobError::input("no raw frame is given", "give one or more raw files"));
+    }
+    let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
+    let mut names = Vec::new();
+    for raw in raws {
+        let name = raw.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if let Some(first) = seen.insert(name.clone(), raw) {
+            let message =
+                format!("{} and {} would give the same picture {name}.png", first.display(), raw.display());
+            return Err(JobError::input(message, "develop them into different folders"));
+        }
+        names.push(name);
+    }
+    Ok(names)
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
+    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
+}

@@ -1,0 +1,147 @@
+//! Raw files as an ISP takes them: the frame, with the calibration that sidecar and sensor give.
+
+use std::path::Path;
+
+use petzval_camera::isp::{BalanceOptions, ExposureOptions};
+use petzval_camera::isp::{FrameData, NoiseProfile, RawInput, Statistics, auto_balance, auto_exposure_ev};
+use petzval_camera::sensor::{Colour, Exposure, SensorModel};
+use petzval_design::assets::Assets;
+use petzval_files::raw_file::{RawInfo, load_raw};
+use serde::{Deserialize, Serialize};
+
+use super::named::about_frame;
+use crate::context::Context;
+use crate::error::JobError;
+
+/// What raw files leave open.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameOptions {
+    /// Sensor, a file or a built-in name; none means the built-in sensor that the sidecar names, if any.
+    pub sensor: Option<String>,
+    /// Digital number of white light in a green pixel; none means the level of saturation.
+    pub white_dn: Option<f64>,
+    /// Whether to estimate the white balance from the frame.
+    pub auto_balance: bool,
+    /// Whether to estimate from the frame what is white.
+    pub auto_exposure: bool,
+}
+
+/// Noise of a frame whose sensor is unknown: 10,000 electrons of white, 4 electrons of read noise.
+const UNKNOWN_NOISE: NoiseProfile = NoiseProfile { shot: 1e-4, read: 1.6e-7 };
+
+/// Reads a raw file.
+pub(super) fn read_frame(
+    path: &Path,
+    options: &FrameOptions,
+    context: &Context,
+) -> Result<RawInput, JobError> {
+    let raw = load_raw(path)?;
+    let info = &raw.info;
+    let missing = |key: &str| {
+        let message = format!("{}: neither the file nor its sidecar gives `{key}`", path.display());
+        JobError::input(message, format!("add a line `{key} = ...` to {}.toml", path.display()))
+    };
+    let bits = info.bits.ok_or_else(|| missing("bits"))?;
+    let cfa = info.cfa.ok_or_else(|| missing("cfa"))?;
+    let sensor = sensor_of(info, options, &context.assets)?;
+    if sensor.is_none() {
+        context.warning(format!(
+            "{}: the sensor is unknown: its noise and its answer to white light are assumed; --sensor names it",
+            path.display()
+        ));
+    }
+    let highest = (1_u32 << bits.min(16)) as f64 - 1.0;
+    let black_dn = info.black_level_dn.or(sensor.as_ref().map(|s| s.black_level_dn));
+    let black_dn = black_dn.ok_or_else(|| missing("black_level_dn"))?;
+    let full_dn = info.white_level_dn.unwrap_or(highest);
+    let white_dn = options.white_dn.unwrap_or(full_dn);
+    if !(white_dn > black_dn + 1.0 && white_dn <= 1e7) {
+        return Err(JobError::setting(
+            "white_dn",
+            white_dn,
+            format!("not above the black level of {black_dn} DN in {}", path.display()),
+            "give the digital number of a white surface in a green pixel",
+        ));
+    }
+    let about = match &sensor {
+        Some(sensor) => {
+            let gain = info.linear_gain.unwrap_or(1.0);
+            let green: f64 = sensor.response(Colour::Green).iter().sum();
+            let exposure = Exposure {
+                white_e: ((white_dn - black_dn) / (sensor.gain_dn_per_e * gain * green)) as f32,
+                time_s: info.exposure_s.unwrap_or(0.005) as f32,
+                linear_gain: gain as f32,
+            };
+            let about = FrameData::of_sensor(sensor, &exposure)
+                .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?;
+            FrameData { black_dn, white_dn, ..about }
+        }
+        None => FrameData {
+            black_dn,
+            white_dn,
+            response: [1.0; 3],
+            saturation: (full_dn - black_dn) / (white_dn - black_dn),
+            noise: UNKNOWN_NOISE,
+            gain_ev: info.linear_gain.map_or(0.0, f64::log2),
+            colour_matrix: None,
+            companding: None,
+            shading: None,
+            warp: None,
+        },
+    };
+    let mut frame = RawInput {
+        height: raw.height,
+        width: raw.width,
+        dn: raw.dn.iter().map(|v| u32::from(*v)).collect(),
+        bits: bits.max(8),
+        cfa,
+        about,
+    };
+    estimate(&mut frame, options).map_err(about_frame(path))?;
+    Ok(frame)
+}
+
+/// Changes the calibration of a frame to the light that its statistics suggest.
+fn estimate(frame: &mut RawInput, options: &FrameOptions) -> Result<(), petzval_camera::isp::IspError> {
+    frame.validate()?;
+    if !options.auto_balance && !options.auto_exposure {
+        return Ok(());
+    }
+    let statistics = Statistics::of_frame(frame)?;
+    let about = &mut frame.about;
+    if options.auto_exposure {
+        // The frame is taken already: another digital number becomes white.
+        let ev = auto_exposure_ev(&statistics, about.response, &ExposureOptions::default());
+        let factor = (-ev).exp2();
+        about.white_dn = about.black_dn + (about.white_dn - about.black_dn) * factor;
+        about.saturation /= factor;
+        about.noise.shot /= factor;
+        about.noise.read /= factor * factor;
+    }
+    if options.auto_balance {
+        let gains = auto_balance(&statistics, about.response, &BalanceOptions::default());
+        about.response[0] /= gains.red;
+        about.response[2] /= gains.blue;
+    }
+    Ok(())
+}
+
+/// The sensor that the options name, or the built-in one with the name that the file gives.
+fn sensor_of(
+    info: &RawInfo,
+    options: &FrameOptions,
+    assets: &Assets,
+) -> Result<Option<SensorModel>, JobError> {
+    if let Some(name) = &options.sensor {
+        return Ok(Some(assets.sensor(name)?));
+    }
+    let Some(named) = &info.sensor else { return Ok(None) };
+    for name in assets.names("sensors") {
+        let sensor = assets.sensor(name)?;
+        if sensor.name == *named || name == named {
+            return Ok(Some(sensor));
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,11 @@
+//! `isp`: image signal processors, ours and those of others.
+
+pub mod develop;
+pub mod external;
+mod frame;
+mod named;
+pub mod show;
+pub mod tune;
+
+pub use frame::FrameOptions;
+pub use named::{NEUTRAL, NamedIsp, isp_by_name};

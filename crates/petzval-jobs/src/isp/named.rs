@@ -1,0 +1,205 @@
+//! ISPs by name: a preset of the built-in ISP, a file of settings, or the description of an external ISP.
+
+use std::path::{Path, PathBuf};
+
+use petzval_camera::isp::{
+    HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture,
+};
+use petzval_design::assets::Assets;
+use petzval_design::error::DesignError;
+use petzval_files::isp_file::{ExternalIspFile, IspFile, parse_isp_file, preset_toml, settings_toml};
+
+use super::external::ExternalIsp;
+use crate::error::JobError;
+
+/// Name of the settings in which every parameter of the built-in ISP has its default.
+pub const NEUTRAL: &str = "neutral";
+
+/// An ISP that a name stands for, with values for all of its parameters.
+pub struct NamedIsp {
+    /// Its parameters.
+    pub parameters: Vec<IspParameter>,
+    kind: Kind,
+    /// Places and values that were set beside those of the file.
+    changes: Vec<(usize, f64)>,
+}
+
+enum Kind {
+    /// Ours, with values by the gain of the sensor.
+    BuiltIn { isp: HardwareIsp, preset: IspPreset },
+    /// A command, with the path of its description.
+    External { isp: ExternalIsp, values: Vec<f64>, description: PathBuf },
+}
+
+/// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings or of the description of an external ISP.
+pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
+    if name == NEUTRAL && !Path::new(name).exists() {
+        return Ok(NamedIsp::built_in(IspPreset::default()));
+    }
+    let source = assets.text("ISP", "isp", name)?;
+    let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
+        IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
+        IspFile::External(about) => return NamedIsp::external(about, &source.path),
+        IspFile::Settings(settings) => settings,
+    };
+    // A relative path begins at the file that names it.
+    let path = source.path.parent().unwrap_or(Path::new("")).join(&settings.isp);
+    let wrong = |reason: String| {
+        let message =
+            format!("{}: `isp = \"{}\"`: {}: {reason}", source.path.display(), settings.isp, path.display());
+        JobError::input(
+            message,
+            "give the path of the description of an external ISP, from the folder of the settings",
+        )
+    };
+    let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+    let IspFile::External(about) = parse_isp_file(&text).map_err(DesignError::input(&path))? else {
+        return Err(wrong("no description, which has the key `command`".to_owned()));
+    };
+    let mut named = NamedIsp::external(about, &path)?;
+    if let Kind::External { values, .. } = &mut named.kind {
+        *values = settings.values(&named.parameters).map_err(DesignError::input(&source.path))?;
+    }
+    Ok(named)
+}
+
+impl NamedIsp {
+    fn built_in(preset: IspPreset) -> Self {
+        let isp = HardwareIsp { settings: preset.settings.clone() };
+        Self {
+            parameters: IspSettings::parameters(),
+            kind: Kind::BuiltIn { isp, preset },
+            changes: Vec::new(),
+        }
+    }
+
+    fn external(about: ExternalIspFile, path: &Path) -> Result<Self, JobError> {
+        let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let cache = about.cache.clone().unwrap_or_default();
+        let isp = ExternalIsp::new(about, home).map_err(|e| {
+            let message = format!("{}: `cache = \"{cache}\"`: {e}", path.display());
+            JobError::input(message, "give a folder that can be written")
+        })?;
+        let description =
+            std::path::absolute(path).map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
+        let (parameters, values) = (isp.parameters(), isp.defaults());
+        Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
+    }
+
+    /// The ISP behind its interface.
+    pub fn isp(&self) -> &dyn Isp {
+        match &self.kind {
+            Kind::BuiltIn { isp, .. } => isp,
+            Kind::External { isp, .. } => isp,
+        }
+    }
+
+    /// The values at a gain of the sensor, EV.
+    pub fn values(&self, gain_ev: f64) -> Result<Vec<f64>, JobError> {
+        let mut values = match &self.kind {
+            Kind::BuiltIn { preset, .. } => preset
+                .at_gain(gain_ev)
+                .map_err(|e| JobError::input(e.to_string(), "correct the preset"))?
+                .values(),
+            Kind::External { values, .. } => values.clone(),
+        };
+        for (place, value) in &self.changes {
+            values[*place] = *value;
+        }
+        Ok(values)
+    }
+
+    /// Asks the built-in ISP for pictures of so many bits; an external one decides itself.
+    pub fn set_bits(&mut self, bits: u32) {
+        if let Kind::BuiltIn { isp, .. } = &mut self.kind {
+            isp.settings.bits = bits;
+        }
+    }
+
+    /// The picture after each stage, with the name of the stage; of an external ISP only the result is known.
+    pub fn develop_steps(
+        &self,
+        frame: &RawInput,
+        values: &[f64],
+    ) -> Result<Vec<(String, RgbPicture)>, IspError> {
+        let mut steps = Vec::new();
+        let last = match &self.kind {
+            Kind::BuiltIn { isp, .. } => HardwareIsp { settings: isp.settings.with_values(values)? }
+                .develop_steps(frame, &mut |stage, picture| steps.push((stage.to_owned(), picture)))?,
+            Kind::External { isp, .. } => isp.develop(frame, values)?,
+        };
+        steps.push(("output".to_owned(), last));
+        Ok(steps)
+    }
+
+    /// Changes values by `stage.key=value`, each of which has to be in its range.
+    pub fn set(&mut self, changes: &[String]) -> Result<(), JobError> {
+        for change in changes {
+            let wrong = |message: String, hint: String| Err(JobError::setting("set", change, message, hint));
+            let Some((name, value)) = change.split_once('=') else {
+                return wrong("no value".to_owned(), "write stage.key=value".to_owned());
+            };
+            let i = self
+                .place(name.trim())
+                .map_err(|hint| JobError::setting("set", change, "the ISP has no such parameter", hint))?;
+            let about = &self.parameters[i].about;
+            match value.trim().parse::<f64>() {
+                Ok(value) if (about.min..=about.max).contains(&value) => self.changes.push((i, value)),
+                _ => {
+                    let unit = if about.unit.is_empty() { String::new() } else { format!(" {}", about.unit) };
+                    let message = format!("must lie between {} and {}{unit}", about.min, about.max);
+                    return wrong(message, about.hint.to_owned());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Places of the parameters that a name stands for: a parameter, all numbers of an array, all of a stage, or `all`.
+    pub fn places(&self, name: &str) -> Result<Vec<usize>, String> {
+        let belongs = |p: &IspParameter| {
+            name == "all"
+                || p.name == name
+                || p.name.strip_prefix(name).is_some_and(|rest| rest.starts_with(['.', '[']))
+        };
+        let places: Vec<usize> =
+            (0..self.parameters.len()).filter(|i| belongs(&self.parameters[*i])).collect();
+        if places.is_empty() { self.place(name).map(|i| vec![i]) } else { Ok(places) }
+    }
+
+    /// Place of a parameter; the error is a hint with the nearest name.
+    fn place(&self, name: &str) -> Result<usize, String> {
+        let found = self.parameters.iter().position(|p| p.name == name);
+        found.ok_or_else(|| {
+            let distance = |p: &&IspParameter| strsim::damerau_levenshtein(&p.name, name);
+            match self.parameters.iter().min_by_key(distance) {
+                Some(near) => format!("did you mean {}? `petzval isp show` prints all", near.name),
+                None => "the ISP has no parameters".to_owned(),
+            }
+        })
+    }
+
+    /// A file of these values, which [`isp_by_name`] reads.
+    pub fn settings_toml(&self, about: &str, values: &[f64]) -> Result<String, JobError> {
+        match &self.kind {
+            Kind::BuiltIn { preset, .. } => {
+                let settings = preset.settings.with_values(values);
+                Ok(preset_toml(about, &settings.map_err(|e| JobError::failed(e.to_string()))?))
+            }
+            Kind::External { description, .. } => {
+                Ok(settings_toml(about, &description.display().to_string(), &self.parameters, values))
+            }
+        }
+    }
+}
+
+/// The error of an ISP about the frame of a file.
+pub(super) fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
+    move |error| match error {
+        IspError::Input { .. } => {
+            JobError::input(format!("{}: {error}", file.display()), "correct the frame or its sidecar")
+        }
+        IspError::External(_) => JobError::failed(format!("{}: {error}", file.display())),
+        IspError::Count { .. } | IspError::Parameter { .. } => JobError::input(error.to_string(), ""),
+    }
+}

@@ -1,0 +1,79 @@
+//! `isp show`: the parameters of an ISP.
+
+use petzval_base::parameter::Scale;
+use serde::{Deserialize, Serialize};
+
+use super::named::isp_by_name;
+use crate::context::Context;
+use crate::error::JobError;
+
+/// An ISP to show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Name of a preset, or a file of settings or of the description of an external ISP.
+    pub isp: String,
+    /// Gain of the sensor above its lowest at which to show the values of a preset, EV.
+    pub gain_ev: f64,
+}
+
+/// An ISP and its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Name of the ISP.
+    pub name: String,
+    /// Its parameters, in its order.
+    pub parameters: Vec<ShownParameter>,
+    /// All values as a settings file.
+    #[serde(skip)]
+    pub settings: String,
+}
+
+/// A parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShownParameter {
+    /// Its name, `stage.key`.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its default.
+    pub default: f64,
+    /// Its unit; empty for a plain number.
+    pub unit: String,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+    /// `linear` or `log`: whether it is best varied by differences or by ratios.
+    pub scale: String,
+    /// What it is.
+    pub sentence: String,
+}
+
+/// Reads the settings of an ISP.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let named = isp_by_name(&request.isp, &context.assets)?;
+    if !request.gain_ev.is_finite() {
+        return Err(JobError::setting("gain_ev", request.gain_ev, "is no number", "0 is the lowest gain"));
+    }
+    let values = named.values(request.gain_ev)?;
+    let shown = named.parameters.iter().zip(&values).map(|(p, value)| ShownParameter {
+        name: p.name.clone(),
+        value: *value,
+        default: p.default_value(),
+        unit: p.about.unit.to_owned(),
+        min: p.about.min,
+        max: p.about.max,
+        scale: match p.about.scale {
+            Scale::Linear => "linear",
+            Scale::Log => "log",
+        }
+        .to_owned(),
+        sentence: p.about.sentence.clone(),
+    });
+    Ok(Response {
+        name: named.isp().name().to_owned(),
+        parameters: shown.collect(),
+        settings: named.settings_toml(&format!("Settings of {}.", request.isp), &values)?,
+    })
+}

@@ -1,0 +1,106 @@
+//! Raw frames and the pictures that they should become.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use petzval_camera::image::LinearImage;
+use petzval_design::error::DesignError;
+use petzval_files::load_image;
+use petzval_files::raw_file::sidecar_path;
+use sha2::{Digest, Sha256};
+
+use super::super::named::NamedIsp;
+use super::Plan;
+use crate::error::JobError;
+
+/// A raw frame and its reference.
+pub(super) struct Case {
+    /// File of the frame.
+    pub raw: PathBuf,
+    /// File of the reference.
+    pub reference: PathBuf,
+}
+
+const RAW_ENDINGS: [&str; 7] = ["tif", "tiff", "png", "npy", "raw", "bin", "dng"];
+const PICTURE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
+
+/// Ends of the names of raw files and of references that are no part of the name that both share: those of `simulate` and the like.
+const RAW_SUFFIX: &str = "-raw";
+
+impl Case {
+    /// The reference, sRGB-encoded, which must have the size of its frame.
+    pub fn read_reference(&self, (height, width): (usize, usize)) -> Result<LinearImage, JobError> {
+        let picture = load_image(&self.reference).map_err(DesignError::Image)?.light;
+        if (picture.height, picture.width) != (height, width) {
+            let message = format!(
+                "{}: {} x {} pixels, and {} has {height} x {width}",
+                self.reference.display(),
+                picture.height,
+                picture.width,
+                self.raw.display()
+            );
+            return Err(JobError::input(message, "give references of the size of their frames"));
+        }
+        let data = picture.to_srgb();
+        Ok(LinearImage { data, ..picture })
+    }
+}
+
+/// The frames of a plan, by name, each with its reference.
+pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
+    let raws = files(&plan.raws, "raws", &RAW_ENDINGS)?;
+    let references = files(&plan.reference, "reference", &PICTURE_ENDINGS)?;
+    let name = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut found = Vec::new();
+    for raw in raws {
+        let stem = name(&raw);
+        let own = stem.strip_suffix(RAW_SUFFIX).unwrap_or(&stem);
+        let Some(reference) = references.iter().find(|r| name(r) == stem || name(r) == own) else {
+            let message =
+                format!("{}: {} has no picture of this name", raw.display(), plan.reference.display());
+            return Err(JobError::input(message, format!("add {own}.png, as the frame should be developed")));
+        };
+        found.push(Case { raw, reference: reference.clone() });
+    }
+    Ok(found)
+}
+
+/// Files of a folder with one of these endings, by name.
+fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathBuf>, JobError> {
+    let wrong =
+        |message: String| JobError::setting(key, folder.display(), message, "give a folder of frames");
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(|e| wrong(e.to_string()))? {
+        let path = entry.map_err(|e| wrong(e.to_string()))?.path();
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if path.is_file() && endings.contains(&ending.as_str()) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    match found.is_empty() {
+        true => Err(wrong(format!("holds no file with one of the endings {}", endings.join(", ")))),
+        false => Ok(found),
+    }
+}
+
+/// SHA-256 of everything that a score depends on beside the varied values: ISP, other values, frames, sidecars, references.
+pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Result<String, JobError> {
+    let mut hash = Sha256::new();
+    let mut add = |bytes: &[u8]| {
+        hash.update((bytes.len() as u64).to_le_bytes());
+        hash.update(bytes);
+    };
+    add(named.isp().name().as_bytes());
+    for (parameter, value) in named.parameters.iter().zip(base) {
+        add(format!("{} {} {} {value}", parameter.name, parameter.about.min, parameter.about.max).as_bytes());
+    }
+    for case in cases {
+        for path in [&case.raw, &case.reference] {
+            add(&fs::read(path).map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?);
+        }
+        // A frame may have no sidecar.
+        add(&fs::read(sidecar_path(&case.raw)).unwrap_or_default());
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}

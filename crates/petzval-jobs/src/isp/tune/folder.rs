@@ -1,0 +1,120 @@
+//! The folder of a search: its state, its history, and the best settings.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::write_whole;
+use petzval_design::error::DesignError;
+use petzval_design::evolution::Evolution;
+use serde::{Deserialize, Serialize};
+
+use super::Plan;
+use crate::error::{JobError, json, make_folder};
+
+/// All that a search needs to continue.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Checkpoint {
+    /// What is tuned for what.
+    pub plan: Plan,
+    /// Hash of frames, references and ISP.
+    pub inputs: String,
+    /// Names of the parameters that vary.
+    pub varied: Vec<String>,
+    /// Score of the settings at the start, once it is known.
+    pub start: Option<f64>,
+    /// The search.
+    pub search: Evolution,
+    /// Its generations so far.
+    pub history: Vec<Generation>,
+    /// Time so far, s.
+    pub seconds: f64,
+}
+
+/// A generation of a search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generation {
+    /// Its number, from 1.
+    pub generation: u64,
+    /// Settings tried so far.
+    pub evaluations: usize,
+    /// Its best score.
+    pub best_of_generation: f64,
+    /// The best score so far.
+    pub best: f64,
+    /// Widest standard deviation of the search, as a share of the ranges.
+    pub deviation: f64,
+    /// How many times the search had begun again.
+    pub restarts: usize,
+    /// Time so far, s.
+    pub seconds: f64,
+}
+
+impl Checkpoint {
+    /// A search that has tried nothing yet.
+    pub fn new(plan: Plan, inputs: String, varied: Vec<String>, search: Evolution) -> Self {
+        Self { plan, inputs, varied, start: None, search, history: Vec::new(), seconds: 0.0 }
+    }
+}
+
+/// The folder of a search.
+pub(super) struct TuneFolder(PathBuf);
+
+impl TuneFolder {
+    /// Makes the folder; refuses one that already holds a search.
+    pub fn create(root: &Path) -> Result<Self, JobError> {
+        let folder = Self(root.to_owned());
+        if folder.state().exists() {
+            let hint = "continue it with --resume, or choose another folder";
+            return Err(JobError::setting("out", root.display(), "this folder already holds a search", hint));
+        }
+        make_folder(root)?;
+        Ok(folder)
+    }
+
+    /// Reads the search in a folder.
+    pub fn open(root: &Path) -> Result<(Self, Checkpoint), JobError> {
+        let folder = Self(root.to_owned());
+        let path = folder.state();
+        let wrong = |message: String| {
+            JobError::input(
+                format!("{}: {message}", path.display()),
+                "--resume takes the --out folder of an earlier `isp tune`",
+            )
+        };
+        let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+        let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        Ok((folder, kept))
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.0
+    }
+
+    /// The best settings.
+    pub fn tuned(&self) -> PathBuf {
+        self.0.join("tuned.toml")
+    }
+
+    /// All generations.
+    pub fn history(&self) -> PathBuf {
+        self.0.join("history.json")
+    }
+
+    fn state(&self) -> PathBuf {
+        self.0.join("search.json")
+    }
+
+    /// Writes best settings, history and state. The state comes last: after a failure the folder continues from the generation
+    /// before, which gives the same files again.
+    pub fn save(&self, kept: &Checkpoint, tuned: &str) -> Result<(), JobError> {
+        let state = serde_json::to_string(kept).map_err(|e| JobError::failed(e.to_string()))?;
+        for (path, text) in
+            [(self.tuned(), tuned), (self.history(), &json(&kept.history)?), (self.state(), &state)]
+        {
+            write_whole(&path, text.as_bytes()).map_err(DesignError::io(&path))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,430 @@
+//! `isp tune`: parameters of an ISP that bring its pictures nearest to references, found without a gradient.
+//!
+//! The ISP is seen only through its interface, so that ours, a proxy and real hardware are tuned alike.
+
+mod cases;
+mod folder;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::RgbPicture;
+use petzval_design::evolution::{Evolution, EvolutionSettings};
+use petzval_learn::loss::Lpips;
+use petzval_learn::score::{Score, ScoreDescription, ScoredPair, standard_scores};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use self::cases::{Case, cases, fingerprint};
+use self::folder::{Checkpoint, TuneFolder};
+use super::frame::{FrameOptions, read_frame};
+use super::named::{NamedIsp, about_frame, isp_by_name};
+use crate::context::Context;
+use crate::error::JobError;
+
+pub use self::folder::Generation;
+
+/// A search that begins, or one that is continued, and how far it goes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Where it starts.
+    pub start: Start,
+    /// Settings that are tried in all, those before an interruption included.
+    pub evaluations: usize,
+}
+
+/// Where a search starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Start {
+    /// At the settings of an ISP.
+    New {
+        /// What is tuned for what.
+        plan: Box<Plan>,
+        /// Folder for results and state; it must not hold a search.
+        out: PathBuf,
+    },
+    /// Where the search in a folder ended.
+    Resume {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+/// What is tuned for what.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Folder of raw frames with sidecars.
+    pub raws: PathBuf,
+    /// Folder of the pictures that each should become: a picture of the same name, and of the same size.
+    pub reference: PathBuf,
+    /// Name of a preset, or a file of settings or of the description of an external ISP.
+    pub isp: String,
+    /// Further values, each `stage.key=value`.
+    pub set: Vec<String>,
+    /// Score to raise: `psnr_db`, `ssim` or `one_minus_lpips`; `psnr` and `lpips` mean the same.
+    pub objective: String,
+    /// Parameters that vary: names, stages, or `all`.
+    pub vary: Vec<String>,
+    /// What the raw files leave open.
+    pub frame: FrameOptions,
+    /// Seed of the search.
+    pub seed: u64,
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The score.
+    pub objective: ScoreDescription,
+    /// Mean score of the settings at the start.
+    pub start: f64,
+    /// Mean score of the best settings.
+    pub best: f64,
+    /// The parameters that varied.
+    pub parameters: Vec<Tuned>,
+    /// Frames that each setting was tried on.
+    pub frames: usize,
+    /// Settings that were tried.
+    pub evaluations: usize,
+    /// Generations of the search.
+    pub generations: u64,
+    /// How many times the search began again.
+    pub restarts: usize,
+    /// Time that all of it took, s.
+    pub seconds: f64,
+    /// File of the best settings.
+    pub tuned: PathBuf,
+    /// File of all generations.
+    pub history: PathBuf,
+    /// Whether the job was cancelled before its budget was spent.
+    pub is_cancelled: bool,
+}
+
+/// A parameter that varied.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tuned {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Its value at the start.
+    pub start: f64,
+    /// Its value in the best settings.
+    pub best: f64,
+}
+
+/// Scores are kept within these limits: the PSNR of equal pictures is infinite.
+const MOST_SCORE: f64 = 1e6;
+
+/// Tunes the ISP.
+///
+/// The folder holds the best settings (`tuned.toml`), all generations (`history.json`) and what is needed to continue (`search.json`);
+/// all are written after every generation.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let (plan, resumed) = match &request.start {
+        Start::New { plan, .. } => (Plan::clone(plan), None),
+        Start::Resume { folder } => {
+            let (folder, kept) = TuneFolder::open(folder)?;
+            (kept.plan.clone(), Some((folder, kept)))
+        }
+    };
+    let mut named = isp_by_name(&plan.isp, &context.assets)?;
+    named.set(&plan.set)?;
+    let places = varied(&named, &plan)?;
+    let device = context.device("cpu")?;
+    let score = score_of(&plan.objective, context)?;
+    let cases = cases(&plan)?;
+    let base = base_values(&named, &plan, &cases, context)?;
+    let inputs = fingerprint(&named, &base, &cases)?;
+    let tuner = Tuner { named, base, places, plan, cases, score, device, context };
+
+    let (folder, mut kept) = match (resumed, &request.start) {
+        (Some((folder, kept)), _) => {
+            tuner.check_same(&kept, &inputs, &folder)?;
+            (folder, kept)
+        }
+        (None, Start::New { out, .. }) => {
+            let search = tuner.search()?;
+            check_budget(request.evaluations, 1 + search.population())?;
+            tuner.check_frames()?;
+            let folder = TuneFolder::create(out)?;
+            (folder, Checkpoint::new(tuner.plan.clone(), inputs, tuner.names(), search))
+        }
+        (None, Start::Resume { .. }) => return Err(JobError::failed("the search was not read")),
+    };
+    tuner.tune(request.evaluations, &folder, &mut kept)
+}
+
+fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
+    match evaluations >= least && evaluations <= 10_000_000 {
+        true => Ok(()),
+        false => Err(JobError::setting(
+            "evaluations",
+            evaluations,
+            format!("must lie between {least} and 10000000: the start and one generation at least"),
+            "a hundred for each varied parameter is usual",
+        )),
+    }
+}
+
+/// The values at the start: those of the preset at the gain of the frames.
+fn base_values(
+    named: &NamedIsp,
+    plan: &Plan,
+    cases: &[Case],
+    context: &Context,
+) -> Result<Vec<f64>, JobError> {
+    let mut gains_ev = Vec::new();
+    for case in cases {
+        gains_ev.push(read_frame(&case.raw, &plan.frame, &context.silent())?.about.gain_ev);
+    }
+    let first = gains_ev[0];
+    if gains_ev.iter().any(|ev| (ev - first).abs() > 0.1) {
+        context.warning(
+            "the frames have different gains; one setting is tuned for all of them, from that at the first",
+        );
+    }
+    named.values(first)
+}
+
+/// Places of the parameters that vary, each once, in the order of the ISP.
+fn varied(named: &NamedIsp, plan: &Plan) -> Result<Vec<usize>, JobError> {
+    let mut places = Vec::new();
+    for name in &plan.vary {
+        let found = named.places(name);
+        places.extend(
+            found.map_err(|hint| JobError::setting("vary", name, "the ISP has no such parameter", hint))?,
+        );
+    }
+    places.sort_unstable();
+    places.dedup();
+    match places.is_empty() {
+        true => Err(JobError::setting(
+            "vary",
+            "",
+            "no parameter varies",
+            "name parameters or stages, or give all",
+        )),
+        false => Ok(places),
+    }
+}
+
+/// The score of a name.
+fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>, JobError> {
+    let wanted = match name {
+        "psnr" => "psnr_db",
+        "lpips" => "one_minus_lpips",
+        same => same,
+    };
+    let weights = context.assets.bytes("weights/lpips_alex_f16.safetensors")?;
+    let lpips = Lpips::from_safetensors(weights, &context.device("cpu")?)
+        .map_err(|e| JobError::failed(format!("LPIPS: {e}")))?;
+    let mut all = standard_scores(&lpips);
+    let known: Vec<&str> = all.iter().map(|score| score.name()).collect();
+    match known.iter().position(|known| *known == wanted) {
+        Some(i) => Ok(all.swap_remove(i)),
+        None => {
+            let hint = format!("give one of {}", known.join(", "));
+            Err(JobError::setting("objective", name, "no such score", hint))
+        }
+    }
+}
+
+/// Everything that a search needs and does not change.
+struct Tuner<'a> {
+    named: NamedIsp,
+    /// Values of all parameters at the start.
+    base: Vec<f64>,
+    places: Vec<usize>,
+    plan: Plan,
+    cases: Vec<Case>,
+    score: Box<dyn Score>,
+    device: petzval_learn::Device,
+    context: &'a Context,
+}
+
+impl Tuner<'_> {
+    fn names(&self) -> Vec<String> {
+        self.places.iter().map(|i| self.named.parameters[*i].name.clone()).collect()
+    }
+
+    /// A new search from the settings of the plan.
+    fn search(&self) -> Result<Evolution, JobError> {
+        let unit = |i: &usize| self.named.parameters[*i].about.unit_of(self.base[*i]);
+        let start: Vec<f64> = self.places.iter().map(unit).collect();
+        let settings = EvolutionSettings {
+            seed: self.plan.seed,
+            first_deviation: 0.2,
+            least_deviation: 1e-5,
+            least_change: 1e-9,
+            ..EvolutionSettings::default()
+        };
+        Evolution::new(&start, settings).map_err(|e| JobError::input(e.to_string(), ""))
+    }
+
+    /// All values of a point of the cube.
+    fn values(&self, point: &[f64]) -> Vec<f64> {
+        let mut values = self.base.clone();
+        for (i, unit) in self.places.iter().zip(point) {
+            values[*i] = self.named.parameters[*i].about.value_at(*unit);
+        }
+        values
+    }
+
+    /// Checks that a kept search is one of these inputs.
+    fn check_same(&self, kept: &Checkpoint, inputs: &str, folder: &TuneFolder) -> Result<(), JobError> {
+        match kept.inputs == inputs && kept.varied == self.names() {
+            true => Ok(()),
+            false => Err(JobError::input(
+                format!(
+                    "{}: raw frames, references or the ISP have changed since the search began",
+                    folder.root().display()
+                ),
+                "restore them, or begin a new search in another folder",
+            )),
+        }
+    }
+
+    /// Checks every frame and its reference before anything is written.
+    fn check_frames(&self) -> Result<(), JobError> {
+        for case in &self.cases {
+            let frame = read_frame(&case.raw, &self.plan.frame, self.context)?;
+            case.read_reference((frame.height, frame.width))?;
+        }
+        Ok(())
+    }
+
+    /// Goes on until the budget is spent or the job is cancelled.
+    fn tune(&self, budget: usize, folder: &TuneFolder, kept: &mut Checkpoint) -> Result<Response, JobError> {
+        let sign = if self.score.higher_is_better() { 1.0 } else { -1.0 };
+        if kept.start.is_none()
+            && let Some(scores) = self.scores(&[self.base.clone()])?
+        {
+            kept.start = Some(scores[0]);
+            folder.save(kept, &self.tuned(kept)?)?;
+        }
+        while let Some(start) = kept.start
+            && 1 + kept.search.evaluations() + kept.search.population() <= budget
+            && !self.context.is_cancelled()
+        {
+            self.report(kept, budget, start, sign);
+            let clock = Instant::now();
+            let points: Vec<Vec<f64>> = kept.search.ask().iter().map(|point| self.values(point)).collect();
+            // A generation that is interrupted is made again from the same state.
+            let Some(scores) = self.scores(&points)? else { break };
+            kept.search.tell(&scores.iter().map(|score| -sign * score).collect::<Vec<_>>());
+            kept.seconds += clock.elapsed().as_secs_f64();
+            let best = scores.iter().copied().fold(f64::NEG_INFINITY, |a, b| a.max(sign * b));
+            kept.history.push(Generation {
+                generation: kept.search.generation(),
+                evaluations: 1 + kept.search.evaluations(),
+                best_of_generation: sign * best,
+                best: self.best(kept).0,
+                deviation: kept.search.deviation(),
+                restarts: kept.search.restarts(),
+                seconds: kept.seconds,
+            });
+            folder.save(kept, &self.tuned(kept)?)?;
+        }
+        let Some(start) = kept.start else {
+            return Err(JobError::failed("cancelled before the settings at the start were scored"));
+        };
+        self.report(kept, budget, start, sign);
+        let (best, values) = self.best(kept);
+        let parameters = self.places.iter().map(|i| Tuned {
+            name: self.named.parameters[*i].name.clone(),
+            unit: self.named.parameters[*i].about.unit.to_owned(),
+            start: self.base[*i],
+            best: values[*i],
+        });
+        Ok(Response {
+            objective: ScoreDescription::of(self.score.as_ref()),
+            start,
+            best,
+            parameters: parameters.collect(),
+            frames: self.cases.len(),
+            evaluations: 1 + kept.search.evaluations(),
+            generations: kept.search.generation(),
+            restarts: kept.search.restarts(),
+            seconds: kept.seconds,
+            tuned: folder.tuned(),
+            history: folder.history(),
+            is_cancelled: self.context.is_cancelled(),
+        })
+    }
+
+    /// Score and values of the best settings; those at the start until better ones are found.
+    fn best(&self, kept: &Checkpoint) -> (f64, Vec<f64>) {
+        let sign = if self.score.higher_is_better() { 1.0 } else { -1.0 };
+        let start = kept.start.unwrap_or(f64::NAN);
+        match kept.search.best() {
+            Some(best) if -best.value > sign * start => (-sign * best.value, self.values(&best.at)),
+            _ => (start, self.base.clone()),
+        }
+    }
+
+    /// The settings file of the best settings.
+    fn tuned(&self, kept: &Checkpoint) -> Result<String, JobError> {
+        let (score, values) = self.best(kept);
+        let head = format!(
+            "Tuned by `petzval isp tune`: {} {score:.4} {}, {:.4} before; {} settings tried on {} frames.",
+            self.score.title(),
+            self.score.unit(),
+            kept.start.unwrap_or(f64::NAN),
+            1 + kept.search.evaluations(),
+            self.cases.len()
+        );
+        self.named.settings_toml(&head, &values)
+    }
+
+    fn report(&self, kept: &Checkpoint, budget: usize, start: f64, sign: f64) {
+        let (best, _) = self.best(kept);
+        let decimals = self.score.decimals();
+        let text = format!(
+            "{}: {best:.decimals$} {}, {:+.decimals$} from the start",
+            self.score.title(),
+            self.score.unit(),
+            sign * (best - start)
+        );
+        self.context.progress(1 + kept.search.evaluations() as u64, budget as u64, text);
+    }
+
+    /// Mean score of each list of values over all frames; none if the job is cancelled meanwhile.
+    ///
+    /// Frame after frame, so that only one frame and its pictures are in memory.
+    fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<f64>>, JobError> {
+        let mut sums = vec![0.0; points.len()];
+        for case in &self.cases {
+            if self.context.is_cancelled() {
+                return Ok(None);
+            }
+            let frame = read_frame(&case.raw, &self.plan.frame, &self.context.silent())?;
+            let truth = case.read_reference((frame.height, frame.width))?;
+            let isp = self.named.isp();
+            let develop = |values: &Vec<f64>| isp.develop(&frame, values);
+            let pictures: Vec<RgbPicture> =
+                points.par_iter().map(develop).collect::<Result<_, _>>().map_err(about_frame(&case.raw))?;
+            for (sum, picture) in sums.iter_mut().zip(&pictures) {
+                let RgbPicture { height, width, .. } = *picture;
+                if (height, width) != (truth.height, truth.width) {
+                    return Err(JobError::failed(format!(
+                        "{}: the ISP made {height} x {width} pixels, and the reference has {} x {}",
+                        case.raw.display(),
+                        truth.height,
+                        truth.width
+                    )));
+                }
+                let finished = LinearImage { channels: 3, height, width, data: picture.encoded() };
+                let pair = ScoredPair::new(finished, truth.clone(), &self.device);
+                let score = self.score.of(&pair).map_err(|e| JobError::failed(e.to_string()))?;
+                // The mean over frames shall be finite for settings that are perfect on one of them.
+                *sum += score.clamp(-MOST_SCORE, MOST_SCORE) / self.cases.len() as f64;
+            }
+        }
+        Ok(Some(sums))
+    }
+}

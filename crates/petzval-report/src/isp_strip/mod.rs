@@ -1,0 +1,177 @@
+//! The strip of an ISP: the picture after every stage, with the parameters that made it, on one self-contained page.
+
+use image::imageops::{FilterType, crop_imm, resize};
+use image::{Rgb, RgbImage};
+use maud::{Markup, html};
+
+use crate::page::{Page, caption, section};
+use crate::plot::plain;
+use crate::png;
+use crate::table::{Column, Row, Table};
+
+/// A frame and what each stage made of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Strip {
+    /// Name of the raw file.
+    pub raw: String,
+    /// Name of the ISP.
+    pub isp: String,
+    /// The stages, in the order of the light.
+    pub steps: Vec<StripStep>,
+}
+
+/// The picture after a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StripStep {
+    /// Name of the stage.
+    pub stage: String,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Red, then green, then blue, sRGB-encoded, 0..1.
+    pub encoded: Vec<f32>,
+    /// Its parameters.
+    pub parameters: Vec<StripParameter>,
+}
+
+/// A parameter of a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StripParameter {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit; empty for a plain number.
+    pub unit: String,
+    /// Whether the value is its default.
+    pub is_default: bool,
+    /// What it is.
+    pub sentence: String,
+}
+
+/// Columns of a shown picture, pixels.
+const WIDTH: u32 = 720;
+
+/// Side of the part that is shown pixel by pixel, and the size of its pixels.
+const CROP: u32 = 80;
+const ZOOM: u32 = 3;
+
+/// The page of a strip.
+pub fn page(strip: &Strip) -> String {
+    let main = html! {
+        @for (i, step) in strip.steps.iter().enumerate() {
+            (section(format!("{}. {}", i + 1, step.stage), stage(step)))
+        }
+        (caption(html! {
+            "Left the whole picture, at most " (WIDTH) " pixels wide; right the " (CROP) " × " (CROP) " pixels at its centre. "
+            "Mosaics are shown gray. Values other than the default are marked."
+        }))
+    };
+    Page {
+        title: format!("{} – {}", strip.raw, strip.isp),
+        style: include_str!("page.css"),
+        headline: strip.raw.clone(),
+        subtitle: html! { "After every stage of " (plain(&strip.isp)) "." },
+        main,
+        ..Page::default()
+    }
+    .html()
+}
+
+fn stage(step: &StripStep) -> Markup {
+    let picture = picture(step);
+    let (whole, part) = (whole(&picture), centre(&picture));
+    let alt = format!("after {}", plain(&step.stage));
+    let rows = step.parameters.iter().map(|p| {
+        let value = if p.is_default {
+            html! { (p.value) }
+        } else {
+            html! { strong { (p.value) } }
+        };
+        Row::new(plain(&p.name), [value, html! { (plain(&p.unit)) }, html! { (plain(&p.sentence)) }])
+    });
+    let columns =
+        [Column::new("parameter"), Column::new("value"), Column::new("unit").units(), Column::new("").note()];
+    html! {
+        div.stage {
+            img src=(png::address(&png::encode(&whole))) alt=(alt);
+            img.pixels src=(png::address(&png::encode(&part))) alt=(format!("{alt}, centre"));
+        }
+        @if !step.parameters.is_empty() { (Table::new(columns).rows(rows).html()) }
+    }
+}
+
+/// The picture with 8 bits; missing values are black.
+fn picture(step: &StripStep) -> RgbImage {
+    let pixels = step.height * step.width;
+    let value = |c: usize, i: usize| {
+        let value = step.encoded.get(c * pixels + i).copied().unwrap_or(0.0);
+        (value.clamp(0.0, 1.0) * 255.0).round() as u8
+    };
+    RgbImage::from_fn(step.width as u32, step.height as u32, |col, row| {
+        let i = row as usize * step.width + col as usize;
+        Rgb([0, 1, 2].map(|c| value(c, i)))
+    })
+}
+
+fn whole(picture: &RgbImage) -> RgbImage {
+    let (width, height) = picture.dimensions();
+    if width <= WIDTH {
+        return picture.clone();
+    }
+    resize(picture, WIDTH, (height * WIDTH / width).max(1), FilterType::Triangle)
+}
+
+fn centre(picture: &RgbImage) -> RgbImage {
+    let (width, height) = picture.dimensions();
+    let (wide, high) = (CROP.min(width), CROP.min(height));
+    let part = crop_imm(picture, (width - wide) / 2, (height - high) / 2, wide, high).to_image();
+    resize(&part, ZOOM * wide, ZOOM * high, FilterType::Nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_stage_has_its_picture_and_its_parameters() {
+        let parameter = |name: &str, value: f64, is_default: bool| StripParameter {
+            name: name.into(),
+            value,
+            unit: "dB".into(),
+            is_default,
+            sentence: "A <sentence>.".into(),
+        };
+        let step = |stage: &str, parameters| StripStep {
+            stage: stage.into(),
+            height: 20,
+            width: 1000,
+            encoded: vec![0.5; 60_000],
+            parameters,
+        };
+        let strip = Strip {
+            raw: "night <1>.tiff".into(),
+            isp: "plain".into(),
+            steps: vec![
+                step("black", vec![]),
+                step("gain", vec![parameter("gain.red", 1.5, false), parameter("gain.blue", 1.0, true)]),
+            ],
+        };
+        let page = page(&strip);
+        for words in [
+            "1. black",
+            "2. gain",
+            "<th scope=\"row\">gain.red</th>",
+            "<strong>1.5</strong>",
+            "A &lt;sentence&gt;.",
+            "night &lt;1&gt;.tiff",
+        ] {
+            assert!(page.contains(words), "{words}");
+        }
+        assert_eq!(page.matches("<img").count(), 4);
+        assert!(!page.contains("<strong>1</strong>"));
+        let picture = picture(&strip.steps[0]);
+        assert_eq!((whole(&picture).dimensions(), centre(&picture).dimensions()), ((720, 14), (240, 60)));
+    }
+}

@@ -1,0 +1,207 @@
+//! `petzval isp`.
+
+mod common;
+
+use std::path::Path;
+
+use common::{data, read, read_json, run_fails, run_ok};
+
+/// Writes raw frames of a known sensor: two parts of a photograph behind a GRBG mosaic, with their sidecars.
+fn write_raws(folder: &Path) {
+    let photo = image::open(data("photos/coffee.png")).unwrap().into_rgb8();
+    std::fs::create_dir_all(folder).unwrap();
+    for (name, at) in [("left", (20, 60)), ("right", (240, 120))] {
+        let frame = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(48, 32, |x, y| {
+            let channel = match (x % 2, y % 2) {
+                (1, 0) => 0,
+                (0, 1) => 2,
+                _ => 1,
+            };
+            let encoded = f64::from(photo.get_pixel(at.0 + x, at.1 + y).0[channel]) / 255.0;
+            let response = [0.6, 1.0, 0.7][channel];
+            image::Luma([(119.0 + 3000.0 * response * encoded.powf(2.2)).round() as u16])
+        });
+        frame.save(folder.join(format!("{name}.tiff"))).unwrap();
+        let sidecar = "bits = 12\ncfa = \"GRBG\"\nblack_level_dn = 119\nwhite_level_dn = 4000\nsensor = \"imx249-fitted\"\n";
+        std::fs::write(folder.join(format!("{name}.tiff.toml")), sidecar).unwrap();
+    }
+}
+
+const TRUTH: [&str; 3] = ["gain.stops=0.6", "white_balance.red=1.25", "white_balance.blue=0.8"];
+
+/// Develops the raws with the true settings as references.
+fn write_references(folder: &Path) {
+    let set: Vec<&str> = TRUTH.iter().flat_map(|change| ["--set", change]).collect();
+    let raws = ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--bits", "16", "--out", "reference"];
+    run_ok(folder, &[&raws[..], &set].concat());
+}
+
+#[test]
+fn parameters_are_shown_and_start_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown = run_ok(folder.path(), &["isp", "show", "--json"]).json();
+    let all = shown["parameters"].as_array().unwrap();
+    for p in all {
+        let [value, min, max] = ["value", "min", "max"].map(|key| p[key].as_f64().unwrap());
+        assert!(min <= value && value <= max && p["name"].as_str().unwrap().contains('.'), "{p}");
+        assert!(p["sentence"].as_str().unwrap().ends_with('.'), "{p}");
+    }
+    let text = run_ok(folder.path(), &["isp", "show"]).stdout;
+    assert_eq!(text.lines().count(), all.len() + 3, "{text}");
+    // The file that starts the user's own gives the same values.
+    let settings = run_ok(folder.path(), &["isp", "show", "--raw"]).stdout;
+    std::fs::write(folder.path().join("own.toml"), &settings).unwrap();
+    assert_eq!(run_ok(folder.path(), &["isp", "show", "own.toml", "--json"]).json(), shown);
+}
+
+#[test]
+fn raw_frames_become_pictures_and_a_strip() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    let args = ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--strip", "--out", "out", "--json"];
+    let written = run_ok(folder.path(), &args).json();
+    assert_eq!((&written[0]["height"], &written[0]["width"]), (&32.into(), &48.into()));
+    let picture = image::open(folder.path().join("out/left.png")).unwrap();
+    assert_eq!((picture.color(), picture.width(), picture.height()), (image::ColorType::Rgb8, 48, 32));
+    let strip = read(&folder.path().join("out/left-strip.html"));
+    assert!(strip.contains("left.tiff") && strip.contains("<img") && !strip.contains("http"));
+    // 16 bits, brighter, with estimated white.
+    let more = ["--bits", "16", "--set", "gain.stops=1", "--auto-balance", "--auto-exposure", "--out", "two"];
+    let two = run_ok(folder.path(), &[&["isp", "develop", "raws/left.tiff"], &more[..]].concat());
+    assert_eq!(two.stdout, "two/left.png\n");
+    let deep = image::open(folder.path().join("two/left.png")).unwrap();
+    assert_eq!(deep.color(), image::ColorType::Rgb16);
+}
+
+#[test]
+fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    write_references(folder.path());
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("bad.toml", "[settings.white_balance]\nred = 99.0\n");
+    write(
+        "lab.toml",
+        "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"a.b\"\nmin = 0\nmax = 1\ndefault = 2\n",
+    );
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    std::fs::create_dir(folder.path().join("small")).unwrap();
+    for name in ["left", "right"] {
+        image::RgbImage::new(30, 30).save(folder.path().join(format!("small/{name}.png"))).unwrap();
+    }
+    let raw = "raws/left.tiff";
+    let develop = |more: &[&'static str]| [&["develop", raw, "--out", "out"], more].concat();
+    let tune = |reference: &'static str, more: &[&'static str]| {
+        [&["tune", "raws", "--reference", reference, "--out", "out"], more].concat()
+    };
+    for (args, needles) in [
+        (
+            develop(&["--set", "white_balance.rde=2"]),
+            ["--set white_balance.rde=2", "did you mean white_balance.red"],
+        ),
+        (develop(&["--set", "white_balance.red=99"]), ["--set white_balance.red=99", "must lie between"]),
+        (develop(&["--set", "white_balance.red"]), ["--set white_balance.red", "stage.key=value"]),
+        (develop(&["--preset", "nowhere"]), ["nowhere", "neither a file nor"]),
+        (develop(&["--isp", "bad.toml"]), ["bad.toml:2:7", "must lie between"]),
+        (develop(&["--isp", "lab.toml"]), ["lab.toml:3", "the key `sentence` is missing"]),
+        (develop(&["--bits", "9"]), ["--bits 9", "8 or 16"]),
+        (develop(&["--white-dn", "50"]), ["--white-dn 50", "black level of 119 DN"]),
+        (develop(&["raws/left.tiff.toml"]), ["left.tiff.toml", "gray TIFF or PNG"]),
+        (develop(&["--sensor", "imx999"]), ["imx999", "neither a file nor"]),
+        (tune("empty", &[]), ["--reference empty", "holds no file"]),
+        (tune("small", &[]), ["left.png: 30 x 30 pixels", "32 x 48"]),
+        (tune("reference", &["--vary", "gain.grün"]), ["--vary gain.grün", "did you mean"]),
+        (tune("reference", &["--objective", "beauty"]), ["--objective beauty", "psnr_db"]),
+        (tune("reference", &["--evaluations", "3"]), ["--evaluations 3", "one generation"]),
+        (vec!["tune", "--resume", "empty"], ["search.json", "--out folder"]),
+        (vec!["tune", "raws"], ["--reference", "required"]),
+    ] {
+        run_fails(folder.path(), &[&["isp"], &args[..]].concat(), 2, &needles);
+    }
+}
+
+#[test]
+fn spoiled_settings_are_tuned_back_and_a_resumed_search_is_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    write_references(folder.path());
+    let tune = |out: &str, evaluations: &str| {
+        let args = ["isp", "tune", "raws", "--reference", "reference", "--vary", "gain,white_balance"];
+        run_ok(folder.path(), &[&args[..], &["--evaluations", evaluations, "--out", out, "--json"]].concat())
+            .json()
+    };
+    let whole = tune("whole", "320");
+    let [start, best] = ["start", "best"].map(|key| whole[key].as_f64().unwrap());
+    assert!(best > start + 15.0 && best > 45.0, "{start} {best}: {whole}");
+    for p in whole["parameters"].as_array().unwrap() {
+        let truth: f64 = TRUTH
+            .iter()
+            .find_map(|t| t.split_once('=').filter(|(name, _)| *name == p["name"]))
+            .map_or(f64::NAN, |(_, value)| value.parse().unwrap());
+        let tuned = p["best"].as_f64().unwrap();
+        assert!((tuned - truth).abs() < 0.02, "{p}");
+    }
+    // The tuned settings give the score again.
+    let args =
+        ["isp", "develop", "raws/left.tiff", "--isp", "whole/tuned.toml", "--bits", "16", "--out", "again"];
+    run_ok(folder.path(), &args);
+
+    // In two parts.
+    tune("parts", "130");
+    let more = ["isp", "tune", "--resume", "parts", "--evaluations", "320", "--json"];
+    let parts = run_ok(folder.path(), &more).json();
+    assert_eq!(parts["best"], whole["best"]);
+    let at = |name: &str, file: &str| folder.path().join(name).join(file);
+    assert_eq!(read(&at("parts", "tuned.toml")), read(&at("whole", "tuned.toml")));
+    let without_time = |name: &str| {
+        let mut history = read_json(&at(name, "history.json"));
+        for generation in history.as_array_mut().unwrap() {
+            generation.as_object_mut().unwrap().remove("seconds").unwrap();
+        }
+        history
+    };
+    assert_eq!(without_time("parts"), without_time("whole"));
+
+    // A folder that holds a search, and one whose frames have changed.
+    let again = ["isp", "tune", "raws", "--reference", "reference", "--out", "whole"];
+    run_fails(folder.path(), &again, 2, &["--out whole", "already holds a search"]);
+    write_raws(&folder.path().join("raws"));
+    std::fs::remove_file(folder.path().join("raws/right.tiff")).unwrap();
+    run_fails(folder.path(), &more, 2, &["have changed since the search began"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_external_isp_is_shown_tuned_and_its_failure_loses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    let lab = folder.path().join("lab");
+    std::fs::create_dir(&lab).unwrap();
+    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/src/examples");
+    for file in ["external-isp.sh", "external-isp.toml"] {
+        std::fs::copy(book.join(file), lab.join(file)).unwrap();
+    }
+    let text = run_ok(folder.path(), &["isp", "show", "lab/external-isp.toml"]).stdout;
+    assert!(text.starts_with("Ten-line ISP: 2 parameters") && text.contains("tone.gamma"), "{text}");
+    let develop = ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--isp", "lab/external-isp.toml"];
+    let set = ["--set", "tone.gain=1.6", "--bits", "16", "--strip", "--out", "reference"];
+    run_ok(folder.path(), &[&develop[..], &set].concat());
+
+    let args = ["isp", "tune", "raws", "--reference", "reference", "--isp", "lab/external-isp.toml"];
+    let more = ["--evaluations", "31", "--out", "out", "--json"];
+    let found = run_ok(folder.path(), &[&args[..], &more].concat()).json();
+    assert!(found["best"].as_f64().unwrap() > found["start"].as_f64().unwrap());
+    // The tuned settings know their ISP, from any folder.
+    let shown = run_ok(&lab, &["isp", "show", "../out/tuned.toml", "--json"]).json();
+    assert_eq!(shown["name"], "Ten-line ISP");
+    assert_eq!(shown["parameters"][0]["value"], found["parameters"][0]["best"]);
+
+    // The device goes away: the search stops with a clear error, and continues once it is back.
+    let script = std::fs::read(lab.join("external-isp.sh")).unwrap();
+    std::fs::write(lab.join("external-isp.sh"), "echo the device is off >&2; exit 4\n").unwrap();
+    let resume = ["isp", "tune", "--resume", "out", "--evaluations", "43", "--json"];
+    run_fails(folder.path(), &resume, 1, &["the device is off", "exit status: 4", "Ten-line ISP"]);
+    std::fs::write(lab.join("external-isp.sh"), script).unwrap();
+    let more = run_ok(folder.path(), &resume).json();
+    assert!(more["evaluations"].as_u64().unwrap() > 31);
+}
