@@ -1,13 +1,14 @@
 //! Networks that improve a developed picture.
 
-mod conv3x3;
+mod conv;
 mod conv_kernel;
+mod cpu_op;
 mod error;
 mod leaky_conv;
 mod planes;
 mod unet;
 
-pub use conv3x3::conv3x3_leaky;
+pub use conv::{conv_leaky, conv3x3_leaky};
 pub use error::NetworkError;
 pub use unet::{UNet, UNetConfig};
 

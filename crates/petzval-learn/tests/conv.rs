@@ -4,7 +4,7 @@ use burn::{
     prelude::*,
     tensor::{DType, activation::leaky_relu, module::conv2d, ops::ConvOptions},
 };
-use petzval_learn::network::conv3x3_leaky;
+use petzval_learn::network::{conv_leaky, conv3x3_leaky};
 
 /// Repeatable values in -1..1.
 fn noise(shape: &[usize], seed: u64) -> Vec<f32> {
@@ -28,6 +28,23 @@ fn largest_difference<const D: usize>(a: Tensor<D>, b: Tensor<D>) -> f32 {
     difference / scale
 }
 
+/// Asserts that both results and all gradients agree, for a random cotangent.
+fn assert_same(case: &str, ours: Tensor<4>, theirs: Tensor<4>, inputs: (&Tensor<4>, &Tensor<4>, &Tensor<1>)) {
+    assert_eq!(ours.dims(), theirs.dims(), "{case}: shape");
+    let d = largest_difference(ours.clone(), theirs.clone());
+    assert!(d < 1e-5, "{case}: values differ by {d}");
+    let probe = random(ours.dims(), 4, &ours.device());
+    let our_gradients = (ours * probe.clone()).sum().backward();
+    let their_gradients = (theirs * probe).sum().backward();
+    let (x, weight, bias) = inputs;
+    let d = largest_difference(x.grad(&our_gradients).unwrap(), x.grad(&their_gradients).unwrap());
+    assert!(d < 1e-5, "{case}: input gradient differs by {d}");
+    let d = largest_difference(weight.grad(&our_gradients).unwrap(), weight.grad(&their_gradients).unwrap());
+    assert!(d < 3e-5, "{case}: weight gradient differs by {d}");
+    let d = largest_difference(bias.grad(&our_gradients).unwrap(), bias.grad(&their_gradients).unwrap());
+    assert!(d < 3e-5, "{case}: bias gradient differs by {d}");
+}
+
 #[test]
 fn agrees_with_the_framework() {
     let device = Device::flex().autodiff();
@@ -42,27 +59,19 @@ fn agrees_with_the_framework() {
         ([1, 4, 8, 9, 1], 0.01),
     ];
     for ([batch, inputs, outputs, height, width], slope) in cases {
-        let x = random([batch, inputs, height, width], 1, &device).require_grad();
-        let weight = random([outputs, inputs, 3, 3], 2, &device).require_grad();
-        let bias = random([outputs], 3, &device).require_grad();
-        let probe = random([batch, outputs, height, width], 4, &device);
+        for (kernel, step) in [(3, 1), (3, 2), (7, 1), (7, 2), (5, 2), (1, 1), (1, 2)] {
+            let x = random([batch, inputs, height, width], 1, &device).require_grad();
+            let weight = random([outputs, inputs, kernel, kernel], 2, &device).require_grad();
+            let bias = random([outputs], 3, &device).require_grad();
 
-        let ours = conv3x3_leaky(x.clone(), weight.clone(), bias.clone(), slope);
-        let options = ConvOptions::new([1, 1], [1, 1], [1, 1], 1);
-        let plain = conv2d(x.clone(), weight.clone(), Some(bias.clone()), options);
-        let theirs = leaky_relu(plain, f64::from(slope));
-        let case = format!("{batch} x {inputs} -> {outputs} x {height} x {width}");
-        assert!(largest_difference(ours.clone(), theirs.clone()) < 1e-5, "{case}: values");
-
-        let our_gradients = (ours * probe.clone()).sum().backward();
-        let their_gradients = (theirs * probe).sum().backward();
-        let d = largest_difference(x.grad(&our_gradients).unwrap(), x.grad(&their_gradients).unwrap());
-        assert!(d < 1e-5, "{case}: input gradient differs by {d}");
-        let d =
-            largest_difference(weight.grad(&our_gradients).unwrap(), weight.grad(&their_gradients).unwrap());
-        assert!(d < 3e-5, "{case}: weight gradient differs by {d}");
-        let d = largest_difference(bias.grad(&our_gradients).unwrap(), bias.grad(&their_gradients).unwrap());
-        assert!(d < 3e-5, "{case}: bias gradient differs by {d}");
+            let ours = conv_leaky(x.clone(), weight.clone(), bias.clone(), step, slope);
+            let options = ConvOptions::new([step; 2], [kernel / 2; 2], [1; 2], 1);
+            let plain = conv2d(x.clone(), weight.clone(), Some(bias.clone()), options);
+            let theirs = leaky_relu(plain, f64::from(slope));
+            let case =
+                format!("{batch} x {inputs} -> {outputs} x {height} x {width}, kernel {kernel} step {step}");
+            assert_same(&case, ours, theirs, (&x, &weight, &bias));
+        }
     }
 }
 
@@ -70,15 +79,19 @@ fn agrees_with_the_framework() {
 fn forward_and_backward_are_adjoint() {
     // With slope 1 the operation is linear in x: <probe, J v> must equal <J^T probe, v>.
     let device = Device::flex().autodiff();
-    let (weight, bias) = (random([12, 7, 3, 3], 5, &device), Tensor::<1>::zeros([12], &device));
-    let x = random([2, 7, 21, 18], 6, &device).require_grad();
-    let v = random([2, 7, 21, 18], 7, &device);
-    let probe = random([2, 12, 21, 18], 8, &device);
-    let forward: f32 =
-        (conv3x3_leaky(v.clone(), weight.clone(), bias.clone(), 1.0) * probe.clone()).sum().into_scalar();
-    let gradients = (conv3x3_leaky(x.clone(), weight, bias, 1.0) * probe).sum().backward();
-    let backward: f32 = (x.grad(&gradients).unwrap() * v.inner()).sum().into_scalar();
-    assert!((forward - backward).abs() < 1e-4 * forward.abs().max(1.0), "{forward} against {backward}");
+    for (kernel, step) in [(3, 1), (3, 2), (7, 1), (1, 1)] {
+        let weight = random([12, 7, kernel, kernel], 5, &device);
+        let bias = Tensor::<1>::zeros([12], &device);
+        let x = random([2, 7, 21, 18], 6, &device).require_grad();
+        let v = random([2, 7, 21, 18], 7, &device);
+        let moved = conv_leaky(v.clone(), weight.clone(), bias.clone(), step, 1.0);
+        let probe = random(moved.dims(), 8, &device);
+        let forward: f32 = (moved * probe.clone()).sum().into_scalar();
+        let gradients = (conv_leaky(x.clone(), weight, bias, step, 1.0) * probe).sum().backward();
+        let backward: f32 = (x.grad(&gradients).unwrap() * v.inner()).sum().into_scalar();
+        let scale = forward.abs().max(1.0);
+        assert!((forward - backward).abs() < 2e-4 * scale, "{kernel}: {forward} against {backward}");
+    }
 }
 
 #[test]
