@@ -12,7 +12,7 @@ use burn::{
 
 use super::{
     conv_kernel::{self, ConvShape},
-    cpu_op::{CpuKernel, View, apply_three, runs_here},
+    cpu_op::{CpuKernel, View, apply, runs_here},
 };
 
 /// `leaky(conv(x, weight) + bias)` with a 3x3 kernel, stride 1 and a border of zeros: [`conv_leaky`] with a step of 1.
@@ -42,7 +42,7 @@ pub fn conv_leaky(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>, step: usize,
     assert!(step == 1 || step == 2, "conv_leaky: step {step} is not 1 or 2");
     assert!(slope > 0.0 && slope <= 1.0, "conv_leaky: slope {slope} is outside 0..1");
     if runs_here(&x) {
-        return apply_three(ConvLeaky { step, slope }, x, weight, bias);
+        return apply(ConvLeaky { step, slope }, x, weight, bias);
     }
     let options = ConvOptions::new([step; 2], [rows / 2; 2], [1; 2], 1);
     leaky_relu(conv2d(x, weight, Some(bias), options), f64::from(slope))

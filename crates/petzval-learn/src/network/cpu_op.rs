@@ -1,6 +1,6 @@
 //! Differentiable operations of the framework from kernels on plain arrays, on the CPU.
 //!
-//! A [`CpuKernel`] is a function of one or three tensors with its hand-written adjoint. The tensors are not copied: a kernel
+//! A [`CpuKernel`] is a function of three tensors, usually a picture, a weight and a bias, with its hand-written adjoint. The tensors are not copied: a kernel
 //! reads the memory of the framework. Each kernel belongs to a function that uses the framework's own operations on other
 //! devices and for other number types; [`runs_here`] decides.
 
@@ -20,6 +20,9 @@ use burn::{
     prelude::*,
     tensor::DType,
 };
+
+/// Inputs of a kernel.
+const INPUTS: usize = 3;
 
 /// Values of a tensor, row-major, and its shape.
 #[derive(Clone, Debug)]
@@ -56,17 +59,8 @@ pub(crate) fn runs_here<const D: usize>(x: &Tensor<D>) -> bool {
     x.device().without_autodiff() == Device::flex() && x.dtype() == DType::F32
 }
 
-/// Applies a kernel to one tensor; `R` must be the rank of its result.
-pub(crate) fn apply<const D: usize, const R: usize>(
-    kernel: impl CpuKernel + 'static,
-    input: Tensor<D>,
-) -> Tensor<R> {
-    let kernel: Arc<dyn CpuKernel> = Arc::new(kernel);
-    Tensor::from_dispatch(<Dispatch as CpuOps>::cpu_one(kernel, input.into_dispatch()))
-}
-
-/// Applies a kernel to three tensors, usually an input, a weight and a bias; `R` must be the rank of its result.
-pub(crate) fn apply_three<const D: usize, const E: usize, const F: usize, const R: usize>(
+/// Applies a kernel to its three inputs; `R` must be the rank of its result.
+pub(crate) fn apply<const D: usize, const E: usize, const F: usize, const R: usize>(
     kernel: impl CpuKernel + 'static,
     first: Tensor<D>,
     second: Tensor<E>,
@@ -74,7 +68,7 @@ pub(crate) fn apply_three<const D: usize, const E: usize, const F: usize, const 
 ) -> Tensor<R> {
     let kernel: Arc<dyn CpuKernel> = Arc::new(kernel);
     let (first, second, third) = (first.into_dispatch(), second.into_dispatch(), third.into_dispatch());
-    Tensor::from_dispatch(<Dispatch as CpuOps>::cpu_three(kernel, first, second, third))
+    Tensor::from_dispatch(<Dispatch as CpuOps>::cpu_kernel(kernel, first, second, third))
 }
 
 /// A backend whose memory the kernels can read.
@@ -129,9 +123,7 @@ fn view(tensor: &FloatTensor<Flex>) -> View<'_> {
 /// Routes a kernel to the backend of its inputs.
 #[backend_extension(Flex, Autodiff)]
 pub(crate) trait CpuOps: Backend {
-    fn cpu_one(kernel: Arc<dyn CpuKernel>, input: FloatTensor<Self>) -> FloatTensor<Self>;
-
-    fn cpu_three(
+    fn cpu_kernel(
         kernel: Arc<dyn CpuKernel>,
         first: FloatTensor<Self>,
         second: FloatTensor<Self>,
@@ -140,11 +132,7 @@ pub(crate) trait CpuOps: Backend {
 }
 
 impl CpuOps for Flex {
-    fn cpu_one(kernel: Arc<dyn CpuKernel>, input: FloatTensor<Self>) -> FloatTensor<Self> {
-        Self::forward(&*kernel, &[input])
-    }
-
-    fn cpu_three(
+    fn cpu_kernel(
         kernel: Arc<dyn CpuKernel>,
         first: FloatTensor<Self>,
         second: FloatTensor<Self>,
@@ -154,14 +142,14 @@ impl CpuOps for Flex {
     }
 }
 
-/// The backward pass of a kernel with `N` inputs.
+/// The backward pass of a kernel.
 #[derive(Debug)]
 struct KernelBackward;
 
-impl<B: CpuBackend, const N: usize> Backward<B, N> for KernelBackward {
-    type State = (Arc<dyn CpuKernel>, [FloatTensor<B>; N], FloatTensor<B>);
+impl<B: CpuBackend> Backward<B, INPUTS> for KernelBackward {
+    type State = (Arc<dyn CpuKernel>, [FloatTensor<B>; INPUTS], FloatTensor<B>);
 
-    fn backward(self, ops: Ops<Self::State, N>, gradients: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(self, ops: Ops<Self::State, INPUTS>, gradients: &mut Gradients, _: &mut Checkpointer) {
         let (kernel, inputs, output) = ops.state;
         let gradient = gradients.consume::<B>(&ops.node);
         // An input that is not tracked has no node.
@@ -176,30 +164,19 @@ impl<B: CpuBackend, const N: usize> Backward<B, N> for KernelBackward {
 }
 
 impl<B: CpuBackend, C: CheckpointStrategy> CpuOps for Autodiff<B, C> {
-    fn cpu_one(kernel: Arc<dyn CpuKernel>, input: FloatTensor<Self>) -> FloatTensor<Self> {
-        track::<B, C, 1>(kernel, [input])
-    }
-
-    fn cpu_three(
+    fn cpu_kernel(
         kernel: Arc<dyn CpuKernel>,
         first: FloatTensor<Self>,
         second: FloatTensor<Self>,
         third: FloatTensor<Self>,
     ) -> FloatTensor<Self> {
-        track::<B, C, 3>(kernel, [first, second, third])
-    }
-}
-
-/// Runs a kernel and records it on the tape.
-fn track<B: CpuBackend, C: CheckpointStrategy, const N: usize>(
-    kernel: Arc<dyn CpuKernel>,
-    inputs: [FloatTensor<Autodiff<B, C>>; N],
-) -> FloatTensor<Autodiff<B, C>> {
-    let nodes = std::array::from_fn(|i| inputs[i].node());
-    let inputs = inputs.map(|input| input.into_primitive());
-    let output = B::forward(&*kernel, &inputs);
-    match <KernelBackward as Backward<B, N>>::prepare::<C>(KernelBackward, nodes).compute_bound().stateful() {
-        OpsKind::Tracked(prepared) => prepared.finish((kernel, inputs, output.clone()), output),
-        OpsKind::UnTracked(prepared) => prepared.finish(output),
+        let inputs = [first, second, third];
+        let nodes = std::array::from_fn(|i| inputs[i].node());
+        let inputs = inputs.map(|input| input.into_primitive());
+        let output = B::forward(&*kernel, &inputs);
+        match KernelBackward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prepared) => prepared.finish((kernel, inputs, output.clone()), output),
+            OpsKind::UnTracked(prepared) => prepared.finish(output),
+        }
     }
 }

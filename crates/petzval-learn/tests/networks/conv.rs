@@ -6,44 +6,7 @@ use burn::{
 };
 use petzval_learn::network::{conv_leaky, conv3x3_leaky};
 
-/// Repeatable values in -1..1.
-fn noise(shape: &[usize], seed: u64) -> Vec<f32> {
-    (0..shape.iter().product::<usize>() as u64)
-        .map(|i| {
-            let mut z =
-                (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
-            z = (z ^ (z >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            (z >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
-        })
-        .collect()
-}
-
-fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Device) -> Tensor<D> {
-    Tensor::from_data(TensorData::new(noise(&shape, seed), shape), device)
-}
-
-fn largest_difference<const D: usize>(a: Tensor<D>, b: Tensor<D>) -> f32 {
-    let scale: f32 = b.clone().abs().max().into_scalar();
-    let difference: f32 = (a - b).abs().max().into_scalar();
-    difference / scale
-}
-
-/// Asserts that both results and all gradients agree, for a random cotangent.
-fn assert_same(case: &str, ours: Tensor<4>, theirs: Tensor<4>, inputs: (&Tensor<4>, &Tensor<4>, &Tensor<1>)) {
-    assert_eq!(ours.dims(), theirs.dims(), "{case}: shape");
-    let d = largest_difference(ours.clone(), theirs.clone());
-    assert!(d < 1e-5, "{case}: values differ by {d}");
-    let probe = random(ours.dims(), 4, &ours.device());
-    let our_gradients = (ours * probe.clone()).sum().backward();
-    let their_gradients = (theirs * probe).sum().backward();
-    let (x, weight, bias) = inputs;
-    let d = largest_difference(x.grad(&our_gradients).unwrap(), x.grad(&their_gradients).unwrap());
-    assert!(d < 1e-5, "{case}: input gradient differs by {d}");
-    let d = largest_difference(weight.grad(&our_gradients).unwrap(), weight.grad(&their_gradients).unwrap());
-    assert!(d < 3e-5, "{case}: weight gradient differs by {d}");
-    let d = largest_difference(bias.grad(&our_gradients).unwrap(), bias.grad(&their_gradients).unwrap());
-    assert!(d < 3e-5, "{case}: bias gradient differs by {d}");
-}
+use crate::support::{assert_same, largest_difference, noise, random};
 
 #[test]
 fn agrees_with_the_framework() {
