@@ -273,7 +273,7 @@ impl WithSimd for WeightBlock<'_> {
         let (lanes, stride, stored) = (S::F32_LANES, shape.stride(), shape.stored());
         let zero = simd.splat_f32s(0.0);
         let mut sums = vec![[[zero; LINES]; BLOCK]; lines.len().div_ceil(LINES)];
-        let mut beside: Vec<[S::f32s; BLOCK]> = Vec::with_capacity(BAND / lanes);
+        let mut beside = vec![[zero; BLOCK]; BAND / lanes];
         for item in 0..x.batch() {
             let gradient = &gradient.item(item)[block * BLOCK * stored..][..BLOCK * stored];
             let x = x.item(item);
@@ -288,8 +288,9 @@ impl WithSimd for WeightBlock<'_> {
                     &S::as_simd_f32s(&gradient[channel * stored..][..stored][start + shape.first()..]).0
                         [..vectors]
                 });
-                beside.clear();
-                beside.extend((0..vectors).map(|i| planes.map(|plane| plane[i])));
+                for (i, beside) in beside[..vectors].iter_mut().enumerate() {
+                    *beside = std::array::from_fn(|channel| planes[channel][i]);
+                }
                 // Correlate the band with three lines at a time. The last lines repeat if there are fewer.
                 for (sums, lines) in sums.iter_mut().zip(lines.chunks(LINES)) {
                     let near: [&[S::f32s]; LINES] = std::array::from_fn(|i| {
@@ -297,7 +298,7 @@ impl WithSimd for WeightBlock<'_> {
                         &S::as_simd_f32s(&x[line + start..]).0[..vectors]
                     });
                     let mut local = *sums;
-                    for (i, gradients) in beside.iter().enumerate() {
+                    for (i, gradients) in beside[..vectors].iter().enumerate() {
                         let values = near.map(|line| line[i]);
                         for channel in 0..BLOCK {
                             let g = gradients[channel];
@@ -311,11 +312,12 @@ impl WithSimd for WeightBlock<'_> {
                 }
             }
         }
-        // Add the lanes of each sum.
-        let mut out = Vec::with_capacity(BLOCK * lines.len());
-        for channel in 0..BLOCK {
-            let sums = sums.iter().flat_map(|place| place[channel]).take(lines.len());
-            out.extend(sums.map(|sum| simd.reduce_sum_f32s(sum)));
+        // Add the lanes of each sum. Loops, because the closure of an iterator is compiled without the vector instructions.
+        let mut out = vec![0.0; BLOCK * lines.len()];
+        for (channel, out) in out.chunks_exact_mut(lines.len()).enumerate() {
+            for (line, out) in out.iter_mut().enumerate() {
+                *out = simd.reduce_sum_f32s(sums[line / LINES][channel][line % LINES]);
+            }
         }
         out
     }
@@ -346,7 +348,10 @@ impl WithSimd for Sum<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f32 {
         let (body, rest) = S::as_simd_f32s(self.0);
-        let sum = body.iter().fold(simd.splat_f32s(0.0), |sum, v| simd.add_f32s(sum, *v));
+        let mut sum = simd.splat_f32s(0.0);
+        for v in body {
+            sum = simd.add_f32s(sum, *v);
+        }
         simd.reduce_sum_f32s(sum) + rest.iter().sum::<f32>()
     }
 }

@@ -129,16 +129,16 @@ impl WithSimd for CorrelatePlane<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { x, shape, lines, weights, bias, out } = self;
         let (lanes, stride) = (S::F32_LANES, shape.stride());
-        let weights: Vec<S::f32s> = weights.iter().map(|w| simd.splat_f32s(*w)).collect();
         for row in (0..shape.height).step_by(2) {
             for column in (0..shape.width).step_by(lanes) {
                 let x = &x[row * stride + column..];
                 let mut sums = [simd.splat_f32s(bias); 2];
-                for (line, weight) in lines.iter().zip(&weights) {
+                for (line, weight) in lines.iter().zip(weights) {
+                    let weight = simd.splat_f32s(*weight);
                     let near = &x[*line..][..stride + lanes];
                     let values = [&near[..lanes], &near[stride..]].map(|row| S::as_simd_f32s(row).0[0]);
                     for r in 0..2 {
-                        sums[r] = simd.mul_add_e_f32s(*weight, values[r], sums[r]);
+                        sums[r] = simd.mul_add_e_f32s(weight, values[r], sums[r]);
                     }
                 }
                 let kept = lanes.min(shape.width - column);
@@ -179,11 +179,14 @@ impl WithSimd for WeightPlane<'_> {
                     sums[v % 2][i] = simd.mul_add_e_f32s(*g, near[i][v], sums[v % 2][i]);
                 }
             }
-            let [even, odd] = sums;
-            let total = |i: usize| simd.reduce_sum_f32s(simd.add_f32s(even[i], odd[i]));
-            out.extend((0..lines.len()).map(total));
+            for i in 0..lines.len() {
+                out.push(simd.reduce_sum_f32s(simd.add_f32s(sums[0][i], sums[1][i])));
+            }
         }
-        let sum = gradient.iter().fold(zero, |sum, g| simd.add_f32s(sum, *g));
+        let mut sum = zero;
+        for g in gradient {
+            sum = simd.add_f32s(sum, *g);
+        }
         out.push(simd.reduce_sum_f32s(sum));
         out
     }

@@ -59,7 +59,7 @@ impl PointwiseShape {
     }
 
     /// The picture of a task, and its first pixel.
-    fn place<'a>(self, x: &'a [f32], task: usize) -> (&'a [f32], usize) {
+    fn place(self, x: &[f32], task: usize) -> (&[f32], usize) {
         let length = self.picture_channels() * self.pixels;
         (&x[task / self.spans() * length..][..length], task % self.spans() * SPAN)
     }
@@ -138,9 +138,9 @@ fn pack(outputs: usize, inputs: usize, weight: impl Fn(usize, usize) -> f32) -> 
     packed
 }
 
-/// A strip with `channels` channels, rounded up to whole blocks.
+/// A strip with `channels` channels, rounded up to whole blocks and whole triples of inputs.
 fn strip(channels: usize) -> Vec<f32> {
-    vec![0.0; channels.next_multiple_of(BLOCK) * STRIDE]
+    vec![0.0; channels.next_multiple_of(BLOCK * INPUTS) * STRIDE]
 }
 
 /// `to[co, p] = sum over ci of packed[co, ci] from[ci, p]` for the first `count` pixels of two strips.
@@ -288,22 +288,18 @@ impl WithSimd for BackwardSpan<'_> {
             }
 
             // Sum the products of cotangent and input into the weight gradient.
-            let vectors = count.div_ceil(lanes);
             for (sums, block) in
                 weight_sums.chunks_exact_mut(triples).zip(pulled.chunks_exact(BLOCK * STRIDE))
             {
-                let gradients: [&[S::f32s]; BLOCK] =
-                    std::array::from_fn(|c| &S::as_simd_f32s(&block[c * STRIDE..]).0[..vectors]);
-                for (triple, sums) in sums.iter_mut().enumerate() {
-                    let lines: [&[S::f32s]; INPUTS] = std::array::from_fn(|i| {
-                        let input = (triple * INPUTS + i).min(inputs - 1);
-                        &S::as_simd_f32s(&from[input * STRIDE..]).0[..vectors]
-                    });
+                for (sums, lines) in sums.iter_mut().zip(from.chunks_exact(INPUTS * STRIDE)) {
                     let mut local = *sums;
-                    for v in 0..vectors {
-                        let values = lines.map(|line| line[v]);
+                    for pixel in (0..count).step_by(lanes) {
+                        let near = &lines[pixel..][..(INPUTS - 1) * STRIDE + lanes];
+                        let values: [S::f32s; INPUTS] =
+                            std::array::from_fn(|i| S::as_simd_f32s(&near[i * STRIDE..][..lanes]).0[0]);
+                        let near = &block[pixel..][..(BLOCK - 1) * STRIDE + lanes];
                         for channel in 0..BLOCK {
-                            let g = gradients[channel][v];
+                            let g = S::as_simd_f32s(&near[channel * STRIDE..][..lanes]).0[0];
                             for i in 0..INPUTS {
                                 local[channel][i] = simd.mul_add_e_f32s(g, values[i], local[channel][i]);
                             }
@@ -313,8 +309,9 @@ impl WithSimd for BackwardSpan<'_> {
                 }
             }
             for (sum, line) in bias_sums.iter_mut().zip(pulled.chunks_exact(STRIDE)) {
-                let line = &S::as_simd_f32s(line).0[..vectors];
-                *sum = line.iter().fold(*sum, |sum, v| simd.add_f32s(sum, *v));
+                for v in &S::as_simd_f32s(line).0[..count.div_ceil(lanes)] {
+                    *sum = simd.add_f32s(*sum, *v);
+                }
             }
 
             // Pull the cotangent back through the weights, then through the prologue.
@@ -336,14 +333,19 @@ impl WithSimd for BackwardSpan<'_> {
             }
         }
 
-        // Add the lanes of each sum.
-        let mut for_weight = Vec::with_capacity(outputs * inputs);
-        for output in 0..outputs {
+        // Add the lanes of each sum. Loops, because the closure of an iterator is compiled without the vector instructions.
+        let mut for_weight = vec![0.0; outputs * inputs];
+        for (output, row) in for_weight.chunks_exact_mut(inputs).enumerate() {
             let sums = &weight_sums[output / BLOCK * triples..][..triples];
-            let sums = sums.iter().flat_map(|triple| triple[output % BLOCK]).take(inputs);
-            for_weight.extend(sums.map(|sum| simd.reduce_sum_f32s(sum)));
+            for (input, out) in row.iter_mut().enumerate() {
+                *out = simd.reduce_sum_f32s(sums[input / INPUTS][output % BLOCK][input % INPUTS]);
+            }
         }
-        (for_weight, bias_sums.into_iter().map(|sum| simd.reduce_sum_f32s(sum)).collect())
+        let mut for_bias = vec![0.0; outputs];
+        for (out, sum) in for_bias.iter_mut().zip(&bias_sums) {
+            *out = simd.reduce_sum_f32s(*sum);
+        }
+        (for_weight, for_bias)
     }
 }
 

@@ -1,6 +1,10 @@
 //! Repeatable tensors, and comparisons.
 
-use burn::prelude::*;
+use burn::{
+    module::{Module, ModuleMapper, Param},
+    prelude::*,
+    tensor::DType,
+};
 
 /// Repeatable values in -1..1.
 pub fn noise(shape: &[usize], seed: u64) -> Vec<f32> {
@@ -52,13 +56,10 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 }
 
 /// A network whose tensors are all moved by repeatable values in -`size`..`size`, so that no layer is 0.
-pub fn shaken<M: burn::module::Module>(network: M, size: f32) -> M {
+pub fn shaken<M: Module>(network: M, size: f32) -> M {
     struct Shake(f32, u64);
-    impl burn::module::ModuleMapper for Shake {
-        fn map_float<const D: usize>(
-            &mut self,
-            parameter: burn::module::Param<Tensor<D>>,
-        ) -> burn::module::Param<Tensor<D>> {
+    impl ModuleMapper for Shake {
+        fn map_float<const D: usize>(&mut self, parameter: Param<Tensor<D>>) -> Param<Tensor<D>> {
             self.1 += 1;
             let (size, seed) = (self.0, self.1);
             parameter.map(|t| {
@@ -70,9 +71,30 @@ pub fn shaken<M: burn::module::Module>(network: M, size: f32) -> M {
     network.map(&mut Shake(size, 100))
 }
 
-/// Asserts that `gradient` is the slope of `loss` at `values`: steps along the sign of the gradient, for all values, every
-/// second and every fifth.
-pub fn assert_slope(values: &[f32], gradient: &[f32], step: f32, loss: impl Fn(Vec<f32>) -> f64) {
+/// The same network in double precision, which takes the framework's operations.
+pub fn doubled<M: Module>(network: M) -> M {
+    struct Double;
+    impl ModuleMapper for Double {
+        fn map_float<const D: usize>(&mut self, parameter: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            parameter.map(|t| t.detach().cast(DType::F64).detach())
+        }
+    }
+    network.no_grad().map(&mut Double)
+}
+
+/// Asserts that `gradient` is the slope of `loss` at `input`, and that the slope in double precision agrees with central
+/// differences: steps along the sign of the gradient for all values, every second and every fifth.
+pub fn assert_slope<const D: usize>(
+    input: Tensor<D>,
+    gradient: Tensor<D>,
+    loss: impl Fn(Tensor<D>) -> Tensor<1>,
+) {
+    let (shape, device) = (gradient.dims(), input.device());
+    let input = input.detach().cast(DType::F64).detach().require_grad();
+    let exact = input.grad(&loss(input.clone()).backward()).unwrap().cast(DType::F32);
+    let d = largest_difference(gradient, exact.clone());
+    assert!(d < 2e-3, "gradient differs by {d} from the one in double precision");
+    let (input, gradient) = (input.detach(), values(exact));
     for period in [1, 2, 5] {
         let direction: Vec<f32> = gradient
             .iter()
@@ -80,9 +102,9 @@ pub fn assert_slope(values: &[f32], gradient: &[f32], step: f32, loss: impl Fn(V
             .map(|(i, g)| if i % period == 0 { g.signum() } else { 0.0 })
             .collect();
         let along: f64 = gradient.iter().zip(&direction).map(|(g, d)| f64::from(g * d)).sum();
-        let moved =
-            |sign: f32| loss(values.iter().zip(&direction).map(|(v, d)| v + sign * step * d).collect());
-        let difference = (moved(1.0) - moved(-1.0)) / f64::from(2.0 * step);
-        assert!((along - difference).abs() < 0.01 * along.abs(), "{along} against {difference}");
+        let direction = Tensor::<D>::from_data(TensorData::new(direction, shape), &device).cast(DType::F64);
+        let moved = |step: f64| loss(input.clone() + direction.clone() * step).into_scalar::<f64>();
+        let difference = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+        assert!((along - difference).abs() < 1e-4 * along.abs(), "{along} against {difference}");
     }
 }
