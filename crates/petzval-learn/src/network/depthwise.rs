@@ -1,6 +1,8 @@
 //! A convolution of each channel with a kernel of its own, as one differentiable operation.
 //!
 //! Every plane is a task: it is copied into a zero-bordered plane that stays in the cache, and convolved there.
+//! Measured against the framework, CPU time, batch 4, 32 channels, 96 x 96, forward and backward: 3x3 7 against 26 ms, 7x7 15
+//! against 84 ms.
 
 use burn::{
     prelude::*,

@@ -185,6 +185,9 @@ struct Up {
 ///
 /// A pixel depends only on the pixels within [`reach`](Self::reach). A frame may therefore be restored in tiles that start
 /// at multiples of [`unit`](Self::unit) and overlap by the reach.
+///
+/// Measured, CPU time, batch 4, 8 planes of 96 x 96, forward and backward: 83 ms in the default size, against 106 ms of a
+/// U-Net with as many channels and levels, which has more weights; 165 ms with 24 channels.
 #[derive(Module, Debug)]
 pub struct Naf {
     first: Conv,
