@@ -1,0 +1,8 @@
+//! Tests of the networks and of the operations below them.
+
+mod conv;
+mod isp_proxy;
+mod naf;
+mod pointwise;
+mod support;
+mod unet;
