@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use realfft::num_complex::Complex32;
 
 use super::geometry::Window;
+use super::kernel::checked_window;
 use super::spectrum::{Scratch, TransformSize};
 use super::tiles::TileSet;
 use super::{
@@ -57,6 +58,19 @@ pub fn render_adjoint_kernels(
     let window = geometry::output_window(geometry, scene, radius, placement)?;
     let set = TileSet::new(geometry, &window, radius, None);
     Ok(transpose(geometry, &set, &window, scene, d_output)?.0)
+}
+
+/// Transpose of [`super::render_kernels`] in both its inputs: the gradients with respect to the kernels and to the scene, border included.
+pub fn render_kernels_adjoint(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+    d_output: &LinearImage,
+) -> Result<(PatchKernels, LinearImage), RenderError> {
+    let window = checked_window(geometry, kernels, scene, placement)?;
+    let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
+    transpose(geometry, &set, &window, scene, d_output)
 }
 
 /// Number of tiles whose spectra are held at once. It bounds memory and fixes the order of summation.

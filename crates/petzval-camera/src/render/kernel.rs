@@ -30,6 +30,15 @@ impl PatchKernels {
         let start = (patch * CHANNELS + channel) * n;
         &self.values[start..start + n]
     }
+
+    /// Adds kernels of the same radius, those of the patches marked in `active` alone.
+    pub(crate) fn add(&mut self, other: &Self, active: &[bool]) {
+        let n = CHANNELS * self.size() * self.size();
+        let pairs = self.values.chunks_exact_mut(n).zip(other.values.chunks_exact(n)).zip(active);
+        for ((sum, part), _) in pairs.filter(|(_, active)| **active) {
+            sum.iter_mut().zip(part).for_each(|(a, b)| *a += b);
+        }
+    }
 }
 
 /// Kernel radius in pixels: the distance from the centre to the corner of the PSF grid, which a rotation by 45 degrees
