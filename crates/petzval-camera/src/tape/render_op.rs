@@ -76,7 +76,7 @@ struct RenderKernel {
     radius: usize,
 }
 
-const CHECKED: &str = "sizes were checked when the operation was made";
+pub(super) const CHECKED: &str = "sizes were checked when the operation was made";
 
 impl HostKernel for RenderKernel {
     fn output_shape(&self) -> Vec<usize> {
@@ -105,7 +105,7 @@ impl HostKernel for RenderKernel {
         let mut parts = parts.into_iter();
         let mut sum = parts.next().expect("at least one scene");
         for part in parts {
-            sum.values.iter_mut().zip(&part.values).for_each(|(a, b)| *a += b);
+            sum.add(&part, &self.active);
         }
         let by = patch_kernels_adjoint(&self.geometry, &self.layout, inputs[0], &sum, &self.active);
         let by = by.expect(CHECKED);
@@ -179,7 +179,7 @@ impl HostKernel for IlluminationKernel {
     }
 }
 
-fn same<const N: usize>(
+pub(super) fn same<const N: usize>(
     what: &'static str,
     expected: [usize; N],
     got: [usize; N],
