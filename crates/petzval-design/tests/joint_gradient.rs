@@ -48,6 +48,7 @@ fn shots(setup: &Setup) -> Vec<Shot> {
         .map(|(i, (row, col))| Shot {
             scene: scene(side, i as f32),
             placement: Placement { row: *row, col: *col },
+            kept: None,
             frame: i as u64,
         })
         .collect()

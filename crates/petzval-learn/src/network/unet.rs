@@ -3,9 +3,7 @@
 use burn::{
     module::{Module, Param},
     prelude::*,
-    store::ModuleRecord,
     tensor::{
-        Bytes,
         module::{interpolate, max_pool2d},
         ops::{InterpolateMode, InterpolateOptions, MaxPoolOptions, PadMode},
     },
@@ -13,8 +11,9 @@ use burn::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    NetworkError, PictureNetwork,
+    NetworkError, NetworkInput, PictureNetwork,
     leaky_conv::{Initializer, LeakyConv},
+    stored,
 };
 
 /// Size of a [`UNet`].
@@ -163,20 +162,17 @@ impl UNet {
 
     /// All weights as bytes in Burn's format, exact to the bit.
     pub fn to_bytes(&self) -> Result<Vec<u8>, NetworkError> {
-        let bytes = self.clone().into_record().into_bytes();
-        Ok(bytes.map_err(|error| NetworkError::NotStored(error.to_string()))?.to_vec())
+        stored::to_bytes(self)
     }
 
     /// Loads weights that [`to_bytes`](Self::to_bytes) wrote. Fails if they belong to another configuration.
     pub fn load_bytes(self, bytes: Vec<u8>) -> Result<Self, NetworkError> {
-        let refuse = |error: burn::store::RecordError| NetworkError::BadWeights(error.to_string());
-        let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes)).map_err(refuse)?;
-        self.try_load_record(record).map_err(refuse)
+        stored::load_bytes(self, bytes)
     }
 }
 
 impl PictureNetwork for UNet {
-    fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
-        self.forward(developed)
+    fn finish(&self, input: &NetworkInput) -> Tensor<4> {
+        self.forward(input.picture())
     }
 }
