@@ -43,7 +43,7 @@ pub fn render_adjoint(
     let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
     let set = TileSet::new(geometry, &window, radius, Some(&kernels));
     let (d_kernels, d_scene) = transpose(geometry, &set, &window, scene, d_output)?;
-    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels, &active)?;
+    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels)?;
     Ok(RenderGradient { psfs, scene: d_scene })
 }
 
@@ -126,7 +126,8 @@ fn transpose(
             }
         }
     }
-    Ok((kernels_from_spectra(set, geometry, spectra), d_scene))
+    let kernels = kernels_from_spectra(set, &geometry.active_patches(window), spectra);
+    Ok((kernels, d_scene))
 }
 
 /// Correlates the weighted cotangent with the scene (gradient of the kernels) and with the kernels (gradient of the scene).
@@ -193,7 +194,7 @@ fn transpose_tile(
 /// Transforms the summed cross spectra back to pixels and keeps the lags within the kernel.
 fn kernels_from_spectra(
     set: &TileSet,
-    geometry: &RenderGeometry,
+    active: &[bool],
     spectra: BTreeMap<(TransformSize, usize, usize), Vec<Complex32>>,
 ) -> PatchKernels {
     let side = 2 * set.radius + 1;
@@ -208,11 +209,9 @@ fn kernels_from_spectra(
             kernel
         })
         .collect();
-    let values = vec![0.0; geometry.patch_count() * CHANNELS * side * side];
-    let mut out = PatchKernels { radius: set.radius, values };
+    let mut out = PatchKernels::zeros(set.radius, active);
     for (((_, patch, channel), _), part) in spectra.iter().zip(&parts) {
-        let start = (patch * CHANNELS + channel) * side * side;
-        out.values[start..start + side * side].iter_mut().zip(part).for_each(|(a, b)| *a += b);
+        out.kernel_mut(*patch, *channel).iter_mut().zip(part).for_each(|(a, b)| *a += b);
     }
     out
 }

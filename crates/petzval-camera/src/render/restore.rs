@@ -90,7 +90,7 @@ impl Wiener {
         render_kernels(geometry, &filters, &picture.pad_replicate(filters.radius), placement)
     }
 
-    /// The filters of kernels; patches without a kernel have none.
+    /// The filters of kernels.
     pub fn filters(&self, kernels: &PatchKernels) -> PatchKernels {
         let n = side(kernels.radius);
         let plan = &plans(std::iter::once((n, n)))[&(n, n)];
@@ -100,17 +100,14 @@ impl Wiener {
         let mut values = vec![0.0; kernels.values.len() / per_kernel * per_filter];
         let pairs =
             kernels.values.par_chunks_exact(per_kernel).zip(values.par_chunks_exact_mut(per_filter));
-        pairs.enumerate().filter(|(_, (kernel, _))| !is_dark(kernel)).for_each_init(
-            Scratch::default,
-            |scratch, (i, (kernel, filter))| {
-                let mut spectrum = transform(plan, kernel, kernels.radius, scratch);
-                for (k, p) in spectrum.iter_mut().zip(&spectrum_of_noise.values[i % CHANNELS]) {
-                    *k = k.conj() / (k.norm_sqr() + p);
-                }
-                back(plan, &mut spectrum, reach, scratch, filter);
-            },
-        );
-        PatchKernels { radius: reach, values }
+        pairs.enumerate().for_each_init(Scratch::default, |scratch, (i, (kernel, filter))| {
+            let mut spectrum = transform(plan, kernel, kernels.radius, scratch);
+            for (k, p) in spectrum.iter_mut().zip(&spectrum_of_noise.values[i % CHANNELS]) {
+                *k = k.conj() / (k.norm_sqr() + p);
+            }
+            back(plan, &mut spectrum, reach, scratch, filter);
+        });
+        PatchKernels { radius: reach, patches: kernels.patches.clone(), values }
     }
 
     /// The derivatives by kernels and curves from those by their [filters](Wiener::filters).
@@ -145,7 +142,6 @@ impl Wiener {
         };
         let parts: Vec<(usize, [f64; KNOTS])> = (sources.zip(values.par_chunks_exact_mut(per_kernel)))
             .enumerate()
-            .filter(|(_, ((kernel, _), _))| !is_dark(kernel))
             .map_init(Scratch::default, |scratch, (i, ((kernel, bar), out))| {
                 pull(scratch, i, kernel, bar, out)
             })
@@ -156,13 +152,8 @@ impl Wiener {
             sums[colour].iter_mut().zip(by_knot).for_each(|(sum, part)| *sum += part);
         }
         let curves = sums.map(|curve| curve.map(|sum| (sum / (n * n) as f64) as f32));
-        WienerGradient { kernels: PatchKernels { radius: kernels.radius, values }, curves }
+        WienerGradient { kernels: PatchKernels { values, ..kernels.clone() }, curves }
     }
-}
-
-/// Whether a patch has no kernel.
-fn is_dark(kernel: &[f32]) -> bool {
-    kernel.iter().all(|v| *v == 0.0)
 }
 
 /// P of the three colours over a half spectrum, `[column bin][row]`.

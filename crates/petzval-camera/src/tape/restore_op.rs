@@ -1,18 +1,18 @@
 //! Restoration on the tape: the Wiener filters follow the PSFs, and so does their gradient.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use burn::prelude::*;
 use rayon::prelude::*;
 
 use super::host_kernel::{HostKernel, apply_four};
 use super::picture;
-use super::render_op::{CHECKED, same};
+use super::render_op::{CHECKED, checked_kernels, same};
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfLayout;
 use crate::render::{
     Curves, KNOTS, PatchKernels, Placement, RenderError, RenderGeometry, Wiener, check_placement,
-    patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels, render_kernels_adjoint,
+    kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels, render_kernels_adjoint,
     sensor_patches,
 };
 
@@ -25,6 +25,8 @@ pub struct Restoration {
     pub layout: PsfLayout,
     /// Sensor grid, and patches of constant filter.
     pub geometry: RenderGeometry,
+    /// The [kernels](patch_kernels) of the PSFs, where they were made before: of every patch that the pictures need.
+    pub ready: Option<Arc<PatchKernels>>,
     /// Sensor position of each picture's top-left pixel.
     pub placements: Vec<Placement>,
 }
@@ -61,7 +63,9 @@ pub fn restore_op(
         let window = sensor_patches(geometry, placement, height, width);
         active.iter_mut().zip(window).for_each(|(all, one)| *all |= one);
     }
-    let kernel = RestoreKernel { restoration, active, shape: [batch, CHANNELS, height, width] };
+    checked_kernels(restoration.ready.clone(), kernel_radius(geometry, layout)?, &active)?;
+    let shape = [batch, CHANNELS, height, width];
+    let kernel = RestoreKernel { restoration, active, shape, made: OnceLock::new() };
     Ok(apply_four(Arc::new(kernel), (pictures, psf_values, field_radius_mm, curves)))
 }
 
@@ -71,16 +75,33 @@ struct RestoreKernel {
     restoration: Restoration,
     active: Vec<bool>,
     shape: [usize; 4],
+    /// What the forward pass made, for the backward pass with the same inputs.
+    made: OnceLock<Made>,
+}
+
+/// The kernels of the PSFs, and the filters that invert them.
+#[derive(Debug)]
+struct Made {
+    wiener: Wiener,
+    kernels: PatchKernels,
+    filters: PatchKernels,
 }
 
 impl RestoreKernel {
-    /// The Wiener filter with the curves of the tensor, and the kernels of the PSFs.
-    fn kernels(&self, inputs: &[&[f32]]) -> (Wiener, PatchKernels) {
-        let Restoration { wiener, layout, geometry, .. } = &self.restoration;
-        let mut curves: Curves = [[0.0; KNOTS]; CHANNELS];
-        curves.as_flattened_mut().copy_from_slice(inputs[3]);
-        let kernels = patch_kernels(geometry, layout, inputs[1], &self.active).expect(CHECKED);
-        (Wiener { curves, ..*wiener }, kernels)
+    /// The filters of the inputs.
+    fn made(&self, inputs: &[&[f32]]) -> &Made {
+        self.made.get_or_init(|| {
+            let Restoration { wiener, layout, geometry, ready, .. } = &self.restoration;
+            let kernels = match ready {
+                Some(ready) => ready.of_patches(&self.active),
+                None => patch_kernels(geometry, layout, inputs[1], &self.active).expect(CHECKED),
+            };
+            let mut curves: Curves = [[0.0; KNOTS]; CHANNELS];
+            curves.as_flattened_mut().copy_from_slice(inputs[3]);
+            let wiener = Wiener { curves, ..*wiener };
+            let filters = wiener.filters(&kernels);
+            Made { wiener, kernels, filters }
+        })
     }
 
     /// Picture `i` with the surroundings that filters of a radius reach.
@@ -97,11 +118,10 @@ impl HostKernel for RestoreKernel {
 
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
         let Restoration { geometry, placements, .. } = &self.restoration;
-        let (wiener, kernels) = self.kernels(inputs);
-        let filters = wiener.filters(&kernels);
+        let Made { filters, .. } = self.made(inputs);
         let restore = |(i, placement): (usize, &Placement)| {
             let picture = self.surrounded(inputs[0], i, filters.radius);
-            render_kernels(geometry, &filters, &picture, *placement).expect(CHECKED).data
+            render_kernels(geometry, filters, &picture, *placement).expect(CHECKED).data
         };
         let pictures: Vec<Vec<f32>> = placements.par_iter().enumerate().map(restore).collect();
         pictures.concat()
@@ -114,8 +134,7 @@ impl HostKernel for RestoreKernel {
     fn adjoint_of(&self, inputs: &[&[f32]], d_output: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
         let Restoration { layout, geometry, placements, .. } = &self.restoration;
         let [_, channels, height, width] = self.shape;
-        let (wiener, kernels) = self.kernels(inputs);
-        let filters = wiener.filters(&kernels);
+        let Made { wiener, kernels, filters } = self.made(inputs);
         // Transpose the convolutions: by the filters, and by the pictures where that is needed.
         let pull = |(i, placement): (usize, &Placement)| {
             let seen = self.surrounded(inputs[0], i, filters.radius);
@@ -124,27 +143,20 @@ impl HostKernel for RestoreKernel {
                 let by_filters = render_adjoint_kernels(geometry, filters.radius, &seen, *placement, &bar);
                 return (by_filters.expect(CHECKED), Vec::new());
             }
-            let both = render_kernels_adjoint(geometry, &filters, &seen, *placement, &bar);
+            let both = render_kernels_adjoint(geometry, filters, &seen, *placement, &bar);
             let (by_filters, by_seen) = both.expect(CHECKED);
             (by_filters, by_seen.pad_replicate_adjoint(filters.radius).data)
         };
         let parts: Vec<(PatchKernels, Vec<f32>)> = placements.par_iter().enumerate().map(pull).collect();
         // Add the pictures in fixed order.
-        let mut by_filters: Option<PatchKernels> = None;
-        let mut by_pictures = Vec::new();
-        for (part, by_picture) in parts {
-            by_pictures.extend(by_picture);
-            match &mut by_filters {
-                Some(sum) => sum.add(&part, &self.active),
-                None => by_filters = Some(part),
-            }
-        }
-        let Some(by_filters) = by_filters else { return vec![Vec::new(); 4] };
+        let mut by_filters = PatchKernels::zeros(filters.radius, &self.active);
+        parts.iter().for_each(|(part, _)| by_filters.add(part));
+        let by_pictures = parts.into_iter().flat_map(|(_, by_picture)| by_picture).collect();
         // From the filters to their curves and to the kernels, and from these to the PSFs.
-        let by = wiener.filters_adjoint(&kernels, &by_filters);
+        let by = wiener.filters_adjoint(kernels, &by_filters);
         let (mut by_values, mut by_radius) = (Vec::new(), Vec::new());
         if wanted[1] || wanted[2] {
-            let by = patch_kernels_adjoint(geometry, layout, inputs[1], &by.kernels, &self.active);
+            let by = patch_kernels_adjoint(geometry, layout, inputs[1], &by.kernels);
             let by = by.expect(CHECKED);
             by_values = by.values;
             by_radius = by.radius.into_iter().map(|v| v as f32).collect();

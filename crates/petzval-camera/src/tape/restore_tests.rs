@@ -1,10 +1,12 @@
+use std::sync::Arc;
+
 use burn::prelude::*;
 
 use super::tests::{tensor, uniform, values};
 use super::*;
 use crate::image::CHANNELS;
 use crate::psf::PsfBank;
-use crate::render::{KNOTS, Placement, RenderGeometry, Wiener};
+use crate::render::{KNOTS, Placement, RenderGeometry, Wiener, patch_kernels};
 
 const GRID: usize = 16;
 const HEIGHT: usize = 30;
@@ -36,6 +38,7 @@ fn restoration() -> Restoration {
         wiener: Wiener { noise: 0.02, ..Wiener::default() },
         layout: bank().layout(),
         geometry: geometry(),
+        ready: None,
         placements: vec![Placement { row: 0, col: 3 }, Placement { row: 27, col: 50 }],
     }
 }
@@ -58,6 +61,37 @@ fn restored([pictures, psf, radii, curves]: [Tensor<1>; 4]) -> Tensor<4> {
         restoration,
     )
     .unwrap()
+}
+
+#[test]
+fn ready_kernels_change_no_bit() {
+    let active = vec![true; geometry().patch_count()];
+    let ready = patch_kernels(&geometry(), &bank().layout(), &bank().values, &active).unwrap();
+    let [plain, prepared] = [None, Some(Arc::new(ready))].map(|ready| {
+        let [pictures, psf, radii, curves] = inputs();
+        let curves = tensor(curves, [CHANNELS, KNOTS]).require_grad();
+        let out = restore_op(
+            tensor(pictures, [2, CHANNELS, HEIGHT, WIDTH]),
+            tensor(psf, [2, CHANNELS, GRID, GRID]),
+            tensor(radii, [2]),
+            curves.clone(),
+            Restoration { ready, ..restoration() },
+        );
+        let gradients = out.clone().unwrap().square().sum().backward();
+        (values(out.unwrap()), values(curves.grad(&gradients).unwrap()))
+    });
+    assert!(plain == prepared);
+    // Kernels of too few patches are refused.
+    let few = patch_kernels(&geometry(), &bank().layout(), &bank().values, &[true, false, true, true, true, true]);
+    let [pictures, psf, radii, curves] = inputs().map(|v| tensor(v.clone(), [v.len()]));
+    let out = restore_op(
+        pictures.reshape([2, CHANNELS, HEIGHT, WIDTH]),
+        psf.reshape([2, CHANNELS, GRID, GRID]),
+        radii,
+        curves.reshape([CHANNELS, KNOTS]),
+        Restoration { ready: Some(Arc::new(few.unwrap())), ..restoration() },
+    );
+    assert!(out.is_err());
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f64 {

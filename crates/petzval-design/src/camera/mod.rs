@@ -7,14 +7,16 @@
 mod psf_source;
 
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{LinearIsp, stabilised_noise};
 use petzval_camera::psf::PsfBank;
-use petzval_camera::render::{KNOTS, Placement, RenderGeometry, Wiener, Window, kernel_radius};
+use petzval_camera::render::{
+    KNOTS, PatchKernels, Placement, RenderGeometry, Wiener, Window, kernel_radius, patch_kernels,
+};
 use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
 use petzval_camera::tape::{
     Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, render_op, restore_op,
@@ -27,6 +29,9 @@ use serde::{Deserialize, Serialize};
 use crate::error::DesignError;
 
 pub use psf_source::{PsfSource, Psfs};
+
+/// Most values of the kernels of a camera that are kept: 64 MB.
+const MOST_KERNEL_VALUES: usize = 16_000_000;
 
 /// One window of a photograph at a place of the sensor, taken as one frame.
 #[derive(Clone, Debug)]
@@ -73,6 +78,8 @@ pub struct Camera {
     body: Arc<Body>,
     psfs: Arc<Psfs>,
     border: usize,
+    /// The kernels of all patches, made when the first picture is taken.
+    kernels: Arc<OnceLock<Option<Arc<PatchKernels>>>>,
     network: Option<Rc<dyn PictureNetwork>>,
     psf_errors: Option<PsfErrors>,
 }
@@ -113,7 +120,7 @@ impl Camera {
     /// A camera without a network.
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        Ok(Self { body, psfs, border, network: None, psf_errors: None })
+        Ok(Self { body, psfs, border, kernels: Arc::default(), network: None, psf_errors: None })
     }
 
     /// The same camera, whose PSFs are known to have these errors.
@@ -144,6 +151,23 @@ impl Camera {
     /// Pixels of scene that the PSF reaches into around a window.
     pub fn border(&self) -> usize {
         self.border
+    }
+
+    /// The kernels of all patches; none where they would be too large to keep.
+    fn kernels(&self) -> Result<Option<Arc<PatchKernels>>, DesignError> {
+        if let Some(kernels) = self.kernels.get() {
+            return Ok(kernels.clone());
+        }
+        let (geometry, bank) = (&self.body.geometry, self.psfs.bank());
+        let values = geometry.patch_count() * 3 * (2 * self.border + 1).pow(2);
+        let kernels = match values <= MOST_KERNEL_VALUES {
+            true => {
+                let all = vec![true; geometry.patch_count()];
+                Some(Arc::new(patch_kernels(geometry, &bank.layout(), &bank.values, &all)?))
+            }
+            false => None,
+        };
+        Ok(self.kernels.get_or_init(|| kernels).clone())
     }
 
     /// Takes a batch of shots of one size: light, raw frames, developed, restored and finished pictures.
@@ -220,7 +244,8 @@ impl Camera {
         let scenes =
             shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
         let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
-        let blurred = render_op(psfs.values.clone(), psfs.radius_mm.clone(), &layout, geometry, scenes)?;
+        let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());
+        let blurred = render_op(values, radius_mm, &layout, geometry, self.kernels()?, scenes)?;
         let illumination = self.illumination(psfs, &placements, [height, width])?;
         Ok((blurred * illumination.clone(), illumination))
     }
@@ -268,6 +293,7 @@ impl Camera {
             wiener,
             layout: self.psfs.bank().layout(),
             geometry: self.body.geometry.clone(),
+            ready: self.kernels()?,
             placements: captures.iter().map(|c| c.placement).collect(),
         };
         let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());
