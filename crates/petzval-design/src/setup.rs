@@ -26,8 +26,9 @@ use crate::start::Start;
 use crate::study::Study;
 use crate::variant::Variant;
 
-/// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, most of their weight a few.
-const SURROUND: usize = 16;
+/// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, but nearly all of their weight lies within
+/// these, so that the window is restored as it would be in the whole frame.
+const SURROUND: usize = 8;
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {

@@ -247,7 +247,9 @@ fn what_is_exposed_around_a_crop_stays_on_the_sensor() {
     for step in 0..50 {
         let crop = training_crop(&plan, &photos, 3, step, 0).unwrap();
         let (row, column) = plan.exposed_at(crop.sensor_row, crop.sensor_column);
-        assert!((0..=32).contains(&(crop.sensor_row - row)) && (0..=32).contains(&(crop.sensor_column - column)));
+        assert!(
+            (0..=32).contains(&(crop.sensor_row - row)) && (0..=32).contains(&(crop.sensor_column - column))
+        );
         assert!(row + 128 <= 1200 && column + 128 <= 1920);
     }
 }

@@ -27,7 +27,8 @@ impl Electrons {
         let dark_e = sensor.dark_current_e_per_s * f64::from(exposure.time_s);
         let electronics_e = sensor.electronics_noise_dn / gain;
         let colours = sensor.cfa.colours();
-        let white = |colour: &Colour| f64::from(exposure.white_e) * sensor.response(*colour).iter().sum::<f64>();
+        let white =
+            |colour: &Colour| f64::from(exposure.white_e) * sensor.response(*colour).iter().sum::<f64>();
         Self {
             dark: dark_e + sensor.read_noise_e.powi(2) + electronics_e.powi(2),
             white: colours.iter().map(white).collect(),
@@ -50,8 +51,7 @@ impl Wiener {
     /// The filter for pictures of a sensor at an exposure: the variance of middle grey over the power of natural pictures.
     pub fn of_exposure(sensor: &SensorModel, exposure: &Exposure) -> Self {
         let electrons = Electrons::of_sensor(sensor, exposure);
-        let variance =
-            electrons.mean(|white_e| (MEAN_LIGHT * white_e + electrons.dark) / white_e.powi(2));
+        let variance = electrons.mean(|white_e| (MEAN_LIGHT * white_e + electrons.dark) / white_e.powi(2));
         Self { noise: (variance / NATURAL_POWER) as f32, ..Self::default() }
     }
 }

@@ -90,9 +90,9 @@ impl HostKernel for RenderKernel {
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
         let kernels = match &self.ready {
             Some(ready) => ready.clone(),
-            None => Arc::new(
-                patch_kernels(&self.geometry, &self.layout, inputs[0], &self.active).expect(CHECKED),
-            ),
+            None => {
+                Arc::new(patch_kernels(&self.geometry, &self.layout, inputs[0], &self.active).expect(CHECKED))
+            }
         };
         let render =
             |s: &PlacedScene| render_kernels(&self.geometry, &kernels, &s.scene, s.placement).expect(CHECKED);

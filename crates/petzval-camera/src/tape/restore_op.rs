@@ -12,8 +12,8 @@ use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfLayout;
 use crate::render::{
     Curves, KNOTS, PatchKernels, Placement, RenderError, RenderGeometry, Wiener, check_placement,
-    kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels, render_kernels_adjoint,
-    sensor_patches,
+    kernel_radius, patch_kernels, patch_kernels_adjoint, render_adjoint_kernels, render_kernels,
+    render_kernels_adjoint, sensor_patches,
 };
 
 /// What a restoration of a batch depends on beside its tensors.

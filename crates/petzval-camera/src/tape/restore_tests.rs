@@ -82,7 +82,8 @@ fn ready_kernels_change_no_bit() {
     });
     assert!(plain == prepared);
     // Kernels of too few patches are refused.
-    let few = patch_kernels(&geometry(), &bank().layout(), &bank().values, &[true, false, true, true, true, true]);
+    let few =
+        patch_kernels(&geometry(), &bank().layout(), &bank().values, &[true, false, true, true, true, true]);
     let [pictures, psf, radii, curves] = inputs().map(|v| tensor(v.clone(), [v.len()]));
     let out = restore_op(
         pictures.reshape([2, CHANNELS, HEIGHT, WIDTH]),
@@ -115,9 +116,7 @@ fn restoration_on_the_tape_is_its_reference() {
 #[test]
 fn restoration_has_the_gradient_of_differences_in_every_input() {
     let weight: Vec<f32> = uniform(9, 2 * CHANNELS * HEIGHT * WIDTH).into_iter().map(|v| v - 0.5).collect();
-    let loss = |at: [Vec<f32>; 4]| {
-        dot(&values(restored(at.map(|v| tensor(v.clone(), [v.len()])))), &weight)
-    };
+    let loss = |at: [Vec<f32>; 4]| dot(&values(restored(at.map(|v| tensor(v.clone(), [v.len()])))), &weight);
     let leaves = inputs().map(|v| tensor(v.clone(), [v.len()]).require_grad());
     let weighted = restored(leaves.clone()) * tensor(weight.clone(), [2, CHANNELS, HEIGHT, WIDTH]);
     let gradients = weighted.sum().backward();

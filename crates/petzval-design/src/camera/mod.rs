@@ -369,12 +369,7 @@ fn cut(frames: Tensor<4>, captures: &[Capture], kept: &[Window]) -> Tensor<4> {
     }
     let windows = captures.iter().zip(kept).enumerate().map(|(i, (capture, window))| {
         let (down, right) = inset(capture.placement, window);
-        frames.clone().slice([
-            i..i + 1,
-            0..channels,
-            down..down + window.height,
-            right..right + window.width,
-        ])
+        frames.clone().slice([i..i + 1, 0..channels, down..down + window.height, right..right + window.width])
     });
     Tensor::cat(windows.collect(), 0)
 }

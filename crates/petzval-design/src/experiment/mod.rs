@@ -170,7 +170,8 @@ impl Experiment {
             return Err(error.hint("write \"menon\", \"malvar\" or \"bilinear\", or 0 for optics.steps"));
         }
         if self.network.kind == NetworkKind::Restoration && !self.development.restore {
-            let error = FileError::at_key(text, &["network", "kind"], "this network needs a restored picture");
+            let error =
+                FileError::at_key(text, &["network", "kind"], "this network needs a restored picture");
             return Err(error.hint("write true for development.restore, or \"u-net\""));
         }
         variants::check_variants(&self.variant, text)?;

@@ -8,8 +8,8 @@ use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius,
-    light_on_pixels, with_patches_for,
+    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius, light_on_pixels,
+    with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};

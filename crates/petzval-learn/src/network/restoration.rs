@@ -18,11 +18,12 @@ const NOISE_SCALE: f32 = 40.0;
 /// The curves bend by this times their parameter, so that the learning rate of the weights suits them.
 const CURVE_SCALE: f32 = 4.0;
 
-/// Adds what it finds missing to the restored picture: `output = restored + U(restored, developed, field, noise)`.
+/// Mixes the restored with the developed picture and adds what it finds missing:
+/// `output = restored + share (developed - restored) + missing`, with `(share, missing) = U(restored, developed, field, noise)`.
 ///
 /// The restoration in front of it has divided out the blur with the PSFs of the place; its regularisation, a curve over frequency for each
-/// colour, is trained with the weights. The network sees both pictures, so that it can fall back on the developed one where the
-/// restoration rings, its place in the field and the noise.
+/// colour, is trained with the weights. Restoration rings beside strong edges, most visibly in the dark, and where the lens is sharp there
+/// is little to restore: there the developed picture is the better one, and the network finds its share pixel by pixel and colour by colour.
 #[derive(Module, Debug)]
 pub struct RestorationNetwork {
     curves: Param<Tensor<2>>,
@@ -37,7 +38,8 @@ impl RestorationNetwork {
         seed: u64,
         device: &Device,
     ) -> Result<Self, NetworkError> {
-        let config = UNetConfig { base_channels, levels, in_channels: IN_CHANNELS, out_channels: CHANNELS };
+        let out_channels = 2 * CHANNELS;
+        let config = UNetConfig { base_channels, levels, in_channels: IN_CHANNELS, out_channels };
         // Another seed than the weights': their numbers under which an optimiser keeps its state differ.
         let mut initializer = Initializer::new(!seed, device);
         Ok(Self { curves: initializer.zeros([CHANNELS, KNOTS]), correction: config.init(seed, device)? })
@@ -46,14 +48,13 @@ impl RestorationNetwork {
 
 impl PictureNetwork for RestorationNetwork {
     fn finish(&self, input: &NetworkInput) -> Tensor<4> {
-        let seen = vec![
-            input.picture(),
-            input.developed.clone(),
-            input.field.clone(),
-            input.noise.clone() * NOISE_SCALE,
-        ];
-        // The U-Net adds its output to its first channels, which are the restored picture.
-        self.correction.forward(Tensor::cat(seen, 1))
+        let (restored, developed) = (input.picture(), input.developed.clone());
+        let pictures = Tensor::cat(vec![restored.clone(), developed.clone()], 1);
+        let seen = vec![pictures.clone(), input.field.clone(), input.noise.clone() * NOISE_SCALE];
+        // The U-Net adds what it finds to its first channels, which are the two pictures.
+        let found = (self.correction.forward(Tensor::cat(seen, 1)) - pictures).chunk(2, 1);
+        let [missing, share] = found.try_into().expect("two halves");
+        restored.clone() + share * (developed - restored) + missing
     }
 
     fn curves(&self) -> Option<Tensor<2>> {
