@@ -18,7 +18,7 @@ use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
 use crate::block::{Batch, BlockName, Blocks};
-use crate::camera::{Camera, Shot};
+use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
 use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, SPOT_EVENT, latest_checkpoint,
@@ -347,16 +347,18 @@ impl DesignLoop {
             .map(|item| {
                 let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
                 let (window, frame) = (crops.window(), step * batch as u64 + item as u64);
-                let placement = Placement { row: c.sensor_row, col: c.sensor_column };
+                let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);
+                let placement = Placement { row, col };
+                let kept = Some(crop_window(crops, c.sensor_row, c.sensor_column));
                 if is_generated(frame, setup.experiment.training.dead_leaves) {
                     let scene = dead_leaves(window, setup.experiment.seed, step, item as u32);
-                    return Ok(Shot { scene, placement, frame });
+                    return Ok(Shot { scene, placement, kept, frame });
                 }
                 let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
                 if c.flip {
                     mirror(&mut scene.data, window);
                 }
-                Ok(Shot { scene, placement, frame })
+                Ok(Shot { scene, placement, kept, frame })
             })
             .collect()
     }

@@ -16,7 +16,7 @@ use petzval_optics::paraxial::first_order;
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Shot, to_host};
+use crate::camera::{Camera, Shot, crop_window, to_host};
 use crate::error::DesignError;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
 use crate::setup::Setup;
@@ -118,21 +118,26 @@ fn host_image(tensor: Tensor<4>) -> Result<LinearImage, DesignError> {
 /// Held-out windows: every photograph at every place.
 fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
     let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
-    let window = setup.scoring_crops.window();
+    let crops = &setup.scoring_crops;
     let mut shots = Vec::new();
     for photo in setup.photos.held_out() {
         for place in &places {
             // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
-            let row = (photo.image.height - window) / 2;
-            let column = (photo.image.width - window) / 2;
-            let scene = photo.image.crop(row, column, window, window)?;
-            let placement = Placement { row: place.sensor_row, col: place.sensor_column };
+            let (row, col) = crops.exposed_at(place.sensor_row, place.sensor_column);
+            let (placement, window) = (Placement { row, col }, crops.window());
+            let start = |whole: usize, inset: usize| {
+                ((whole - crops.crop) / 2).saturating_sub(crops.margin + inset).min(whole - window)
+            };
+            let from_row = start(photo.image.height, place.sensor_row - row);
+            let from_column = start(photo.image.width, place.sensor_column - col);
+            let scene = photo.image.crop(from_row, from_column, window, window)?;
+            let kept = crop_window(crops, place.sensor_row, place.sensor_column);
             let frame = shots.len() as u64;
-            let middle = camera.body().geometry.radius_mm(
-                placement.row + setup.scoring_crops.crop / 2,
-                placement.col + setup.scoring_crops.crop / 2,
-            );
-            shots.push((photo.name.clone(), middle / setup.corner_mm(), Shot { scene, placement, frame }));
+            let half = crops.crop / 2;
+            let middle =
+                camera.body().geometry.radius_mm(kept.placement.row + half, kept.placement.col + half);
+            let shot = Shot { scene, placement, kept: Some(kept), frame };
+            shots.push((photo.name.clone(), middle / setup.corner_mm(), shot));
         }
     }
     Ok(shots)

@@ -8,11 +8,10 @@ use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfLayout;
-use petzval_camera::render::{kernel_radius, with_patches_for};
+use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_learn::loss::Lpips;
-use petzval_learn::network::UNetConfig;
 use petzval_learn::objective::{ImageQuality, Objective};
 use petzval_optics::lens::Lens;
 use serde::Deserialize;
@@ -26,6 +25,10 @@ use crate::psf_plan::PsfPlan;
 use crate::start::Start;
 use crate::study::Study;
 use crate::variant::Variant;
+
+/// Pixels that are exposed around a window whose picture is restored. The filters reach 31 pixels, but nearly all of their weight lies within
+/// these, so that the window is restored as it would be in the whole frame.
+const SURROUND: usize = 8;
 
 /// Everything that the design loop needs and that does not change during it.
 pub struct Setup {
@@ -103,23 +106,26 @@ impl Setup {
                 "the experiment's psf.grid and psf.pitch_um make the PSF, pixel_um the pixels it covers";
             DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
-        let crops =
-            |crop| CropPlan { crop, margin, sensor_rows: sensor.height, sensor_columns: sensor.width };
+        let development = experiment.development;
+        let surround = if development.restore { SURROUND } else { 0 };
+        let (sensor_rows, sensor_columns) = (sensor.height, sensor.width);
+        let crops = |crop| CropPlan { crop, margin, surround, sensor_rows, sensor_columns };
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
         let exposure = experiment.exposure.exposure();
-        let interpolation = experiment.development;
+        let interpolation = development.interpolation();
         interpolation.demosaic.check_array(sensor.cfa).map_err(|e| {
             let hint = "write \"bilinear\" for development.demosaic";
             DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
         let isp = LinearIsp { interpolation, ..LinearIsp::default() };
+        let restoration = development.restore.then(|| Wiener::of_exposure(&sensor, &exposure));
         Ok(Self {
             experiment,
             variants,
             starts,
-            body: Arc::new(Body { sensor, geometry, exposure, isp, device }),
+            body: Arc::new(Body { sensor, geometry, exposure, isp, restoration, device }),
             moving_plan,
             fixed_plan,
             photos: PhotoSet::default(),
@@ -176,9 +182,8 @@ impl Setup {
 
     /// An untrained network: the same bits for every variant of a run.
     pub fn network(&self) -> Result<NetworkBlock, DesignError> {
-        let NetworkConfig { base_channels, levels } = self.experiment.network;
-        let config = UNetConfig { base_channels, levels, ..Default::default() };
-        Ok(NetworkBlock::new(config.init(self.experiment.seed, &self.body.device)?))
+        let NetworkConfig { kind, base_channels, levels } = self.experiment.network;
+        Ok(NetworkBlock::new(kind.init(base_channels, levels, self.experiment.seed, &self.body.device)?))
     }
 
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.

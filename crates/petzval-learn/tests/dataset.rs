@@ -165,9 +165,9 @@ fn too_small_photos_and_sensors_are_refused() {
         matches!(&error, DatasetError::PhotoTooSmall { name, needed: 184, .. } if name == "c.png"),
         "{error}"
     );
-    let wide = CropPlan { crop: 64, margin: usize::MAX, sensor_rows: 100, sensor_columns: 100 };
+    let wide = CropPlan { crop: 64, margin: usize::MAX, surround: 0, sensor_rows: 100, sensor_columns: 100 };
     assert!(matches!(training_crop(&wide, &photos, 1, 0, 0), Err(DatasetError::PhotoTooSmall { .. })));
-    let tall = CropPlan { crop: 128, margin: 0, sensor_rows: 100, sensor_columns: 500 };
+    let tall = CropPlan { crop: 128, margin: 0, surround: 0, sensor_rows: 100, sensor_columns: 500 };
     assert!(matches!(training_crop(&tall, &photos, 1, 0, 0), Err(DatasetError::SensorTooSmall { .. })));
     assert!(held_out_placements(&tall, 3).is_err());
     assert!(training_crop(&CropPlan::on_1920x1200(128, 0), &[], 1, 0, 0).is_err());
@@ -233,5 +233,23 @@ proptest! {
         let image = &photos[draw.photo].image;
         prop_assert!(image.crop(draw.row, draw.column, plan.window(), plan.window()).is_ok());
         prop_assert!(draw.sensor_row + crop <= 1200 && draw.sensor_column + crop <= 1920);
+    }
+}
+
+#[test]
+fn what_is_exposed_around_a_crop_stays_on_the_sensor() {
+    let plan = CropPlan { surround: 16, ..CropPlan::on_1920x1200(96, 15) };
+    assert_eq!((plan.exposed(), plan.window()), (128, 158));
+    assert_eq!(plan.exposed_at(500, 700), (484, 684));
+    assert_eq!(plan.exposed_at(0, 5), (0, 0));
+    assert_eq!(plan.exposed_at(1200 - 96, 1920 - 100), (1200 - 128, 1920 - 128));
+    let photos = three();
+    for step in 0..50 {
+        let crop = training_crop(&plan, &photos, 3, step, 0).unwrap();
+        let (row, column) = plan.exposed_at(crop.sensor_row, crop.sensor_column);
+        assert!(
+            (0..=32).contains(&(crop.sensor_row - row)) && (0..=32).contains(&(crop.sensor_column - column))
+        );
+        assert!(row + 128 <= 1200 && column + 128 <= 1920);
     }
 }

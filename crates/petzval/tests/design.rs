@@ -317,3 +317,29 @@ fn a_run_is_never_overwritten() {
     std::fs::remove_file(folder.path().join("run/config.toml")).unwrap();
     run_fails(folder.path(), &again, 2, &["run: this folder holds checkpoints", "--out"]);
 }
+
+#[test]
+fn a_camera_that_restores_is_designed_and_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |restore: bool| {
+        let mut table: toml::Table = tiny_experiment().parse().unwrap();
+        let mut set = |section: &str, key: &str, value: toml::Value| {
+            table[section].as_table_mut().unwrap().insert(key.to_owned(), value).unwrap();
+        };
+        set("development", "restore", toml::Value::Boolean(restore));
+        set("network", "kind", toml::Value::String("restoration".to_owned()));
+        std::fs::write(folder.path().join("restoring.toml"), toml::to_string(&table).unwrap()).unwrap();
+    };
+    with(true);
+    run_ok(folder.path(), &["design", "restoring.toml", "--out", "run"]);
+    let again = run_ok(folder.path(), &["evaluate", "run", "--json"]).json();
+    assert_eq!(again["largest_difference_from_run"], 0.0);
+    // A network that needs a restored picture is not put behind a camera that makes none.
+    with(false);
+    run_fails(
+        folder.path(),
+        &["design", "restoring.toml", "--out", "x"],
+        2,
+        &["kind", "development.restore"],
+    );
+}

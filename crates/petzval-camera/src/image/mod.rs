@@ -112,6 +112,27 @@ impl LinearImage {
         &mut self.data[channel * n..(channel + 1) * n]
     }
 
+    /// Transpose of [`LinearImage::pad_replicate`]: adds what a cotangent has in the border to the pixels that it repeats.
+    pub fn pad_replicate_adjoint(&self, border: usize) -> Self {
+        let size = |whole: usize| whole.saturating_sub(2 * border);
+        let (height, width) = (size(self.height), size(self.width));
+        let mut out = Self::zeros(self.channels, height, width);
+        if out.data.is_empty() {
+            return out;
+        }
+        for c in 0..self.channels {
+            let target = out.plane_mut(c);
+            for (r, line) in self.plane(c).chunks_exact(self.width).enumerate() {
+                let row = r.saturating_sub(border).min(height - 1);
+                let seen = &mut target[row * width..(row + 1) * width];
+                seen.iter_mut().zip(&line[border..]).for_each(|(sum, v)| *sum += v);
+                seen[0] += line[..border].iter().sum::<f32>();
+                seen[width - 1] += line[border + width..].iter().sum::<f32>();
+            }
+        }
+        out
+    }
+
     /// The window of `height` x `width` pixels whose top-left pixel is `(row, col)`.
     pub fn crop(&self, row: usize, col: usize, height: usize, width: usize) -> Result<Self, ShapeError> {
         let fits =
@@ -194,6 +215,20 @@ impl LinearImage {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn padding_and_its_transpose_have_one_dot_product() {
+        let value = |i: usize| ((i * 37 + 11) % 101) as f32;
+        let image = LinearImage::from_data(2, 3, 4, (0..24).map(value).collect()).unwrap();
+        let padded = image.pad_replicate(5);
+        let bar = LinearImage { data: (7..7 + padded.data.len()).map(value).collect(), ..padded.clone() };
+        let back = bar.pad_replicate_adjoint(5);
+        let dot = |a: &LinearImage, b: &LinearImage| {
+            a.data.iter().zip(&b.data).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>()
+        };
+        assert_eq!((back.height, back.width), (3, 4));
+        assert_eq!(dot(&padded, &bar), dot(&image, &back));
+    }
 
     fn ramp() -> LinearImage {
         LinearImage::from_data(1, 3, 4, (0..12).map(|v| v as f32).collect()).unwrap()

@@ -10,6 +10,7 @@ mod interface;
 mod interpolation;
 mod linear;
 mod mesh;
+mod noise_level;
 mod settings;
 mod smooth;
 mod stabilise;
@@ -28,6 +29,7 @@ pub use interface::{DifferentiableIsp, Isp, IspError, IspParameter, RgbPicture, 
 pub use interpolation::{Domain, Interpolation};
 pub(crate) use linear::highest_light;
 pub use linear::{LinearIsp, SHADING_FLOOR};
+pub use noise_level::stabilised_noise;
 pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;
 pub use stabilise::Stabiliser;

@@ -5,7 +5,8 @@
 //! transform of Anscombe. n is that of the pixel's colour: colours to which the sensor answers weakly are noisier, at every level alike.
 //! The square takes the picture back, exactly where nothing was changed in between.
 
-use crate::sensor::{Colour, Exposure, SensorModel};
+use super::noise_level::Electrons;
+use crate::sensor::{Exposure, SensorModel};
 
 /// The square root of light plus an offset, 1 = white.
 ///
@@ -24,16 +25,8 @@ impl Stabiliser {
 
     /// The stabiliser of a sensor at an exposure: the mean offset of the colours of its array.
     pub fn of_sensor(sensor: &SensorModel, exposure: &Exposure) -> Self {
-        let gain = sensor.gain_dn_per_e * f64::from(exposure.linear_gain);
-        let dark_e = sensor.dark_current_e_per_s * f64::from(exposure.time_s);
-        let electronics_e = sensor.electronics_noise_dn / gain;
-        let variance = dark_e + sensor.read_noise_e.powi(2) + electronics_e.powi(2);
-        let colours = sensor.cfa.colours();
-        let of_colour = |colour: &Colour| {
-            let white_e = f64::from(exposure.white_e) * sensor.response(*colour).iter().sum::<f64>();
-            (variance + 0.375) / white_e
-        };
-        let mean = colours.iter().map(of_colour).sum::<f64>() / colours.len().max(1) as f64;
+        let electrons = Electrons::of_sensor(sensor, exposure);
+        let mean = electrons.mean(|white_e| (electrons.dark + 0.375) / white_e);
         Self::new(mean as f32)
     }
 
@@ -71,7 +64,7 @@ mod tests {
     use super::*;
     use crate::image::LinearImage;
     use crate::render::Placement;
-    use crate::sensor::{Capture, CfaPattern, Noise, NoiseMode, expose};
+    use crate::sensor::{Capture, CfaPattern, Colour, Noise, NoiseMode, expose};
 
     fn sensor() -> SensorModel {
         let sensor: SensorModel =

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use realfft::num_complex::Complex32;
 
 use super::geometry::Window;
+use super::kernel::checked_window;
 use super::spectrum::{Scratch, TransformSize};
 use super::tiles::TileSet;
 use super::{
@@ -42,7 +43,7 @@ pub fn render_adjoint(
     let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
     let set = TileSet::new(geometry, &window, radius, Some(&kernels));
     let (d_kernels, d_scene) = transpose(geometry, &set, &window, scene, d_output)?;
-    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels, &active)?;
+    let psfs = patch_kernels_adjoint(geometry, &layout, &bank.values, &d_kernels)?;
     Ok(RenderGradient { psfs, scene: d_scene })
 }
 
@@ -57,6 +58,19 @@ pub fn render_adjoint_kernels(
     let window = geometry::output_window(geometry, scene, radius, placement)?;
     let set = TileSet::new(geometry, &window, radius, None);
     Ok(transpose(geometry, &set, &window, scene, d_output)?.0)
+}
+
+/// Transpose of [`super::render_kernels`] in both its inputs: the gradients with respect to the kernels and to the scene, border included.
+pub fn render_kernels_adjoint(
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+    d_output: &LinearImage,
+) -> Result<(PatchKernels, LinearImage), RenderError> {
+    let window = checked_window(geometry, kernels, scene, placement)?;
+    let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
+    transpose(geometry, &set, &window, scene, d_output)
 }
 
 /// Number of tiles whose spectra are held at once. It bounds memory and fixes the order of summation.
@@ -112,7 +126,8 @@ fn transpose(
             }
         }
     }
-    Ok((kernels_from_spectra(set, geometry, spectra), d_scene))
+    let kernels = kernels_from_spectra(set, &geometry.active_patches(window), spectra);
+    Ok((kernels, d_scene))
 }
 
 /// Correlates the weighted cotangent with the scene (gradient of the kernels) and with the kernels (gradient of the scene).
@@ -179,7 +194,7 @@ fn transpose_tile(
 /// Transforms the summed cross spectra back to pixels and keeps the lags within the kernel.
 fn kernels_from_spectra(
     set: &TileSet,
-    geometry: &RenderGeometry,
+    active: &[bool],
     spectra: BTreeMap<(TransformSize, usize, usize), Vec<Complex32>>,
 ) -> PatchKernels {
     let side = 2 * set.radius + 1;
@@ -194,11 +209,9 @@ fn kernels_from_spectra(
             kernel
         })
         .collect();
-    let values = vec![0.0; geometry.patch_count() * CHANNELS * side * side];
-    let mut out = PatchKernels { radius: set.radius, values };
+    let mut out = PatchKernels::zeros(set.radius, active);
     for (((_, patch, channel), _), part) in spectra.iter().zip(&parts) {
-        let start = (patch * CHANNELS + channel) * side * side;
-        out.values[start..start + side * side].iter_mut().zip(part).for_each(|(a, b)| *a += b);
+        out.kernel_mut(*patch, *channel).iter_mut().zip(part).for_each(|(a, b)| *a += b);
     }
     out
 }

@@ -1,5 +1,7 @@
 //! The kernel of a sensor patch: the PSF interpolated to its radius, rotated to its azimuth and integrated over pixels.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::error::RenderError;
@@ -8,27 +10,79 @@ use super::limits::MAX_RADIUS;
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::{PsfLayout, check_len};
 
-/// One kernel per patch and channel, `[patch][channel][row][col]` on the pixel grid. Patches that are not active are zero.
+/// One kernel per channel for some of the patches, `[patch][channel][row][col]` on the pixel grid.
 /// Element `(radius, radius)` is the pixel of the image point; rows are y ascending, columns x ascending.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchKernels {
     /// Pixels from the centre to the edge. The kernel has `2 radius + 1` pixels on a side.
     pub radius: usize,
-    /// Kernel values.
+    /// The patches that have a kernel, ascending.
+    pub patches: Vec<usize>,
+    /// Kernel values of these patches.
     pub values: Vec<f32>,
 }
 
 impl PatchKernels {
+    /// Kernels of zeros for the patches marked in `active`.
+    pub fn zeros(radius: usize, active: &[bool]) -> Self {
+        let patches: Vec<usize> = (0..active.len()).filter(|patch| active[*patch]).collect();
+        let values = vec![0.0; patches.len() * CHANNELS * (2 * radius + 1).pow(2)];
+        Self { radius, patches, values }
+    }
+
     /// Pixels along one side.
     pub fn size(&self) -> usize {
         2 * self.radius + 1
     }
 
+    /// Values of a patch: those of all its channels.
+    fn per_patch(&self) -> usize {
+        CHANNELS * self.size() * self.size()
+    }
+
+    /// Where the values of a patch are, if it has a kernel.
+    fn range(&self, patch: usize) -> Option<Range<usize>> {
+        let (n, slot) = (self.per_patch(), self.patches.binary_search(&patch).ok()?);
+        Some(slot * n..(slot + 1) * n)
+    }
+
     /// The kernel of one patch and channel, row by row.
+    ///
+    /// # Panics
+    /// Panics if the patch has none.
     pub fn kernel(&self, patch: usize, channel: usize) -> &[f32] {
+        let range = self.range(patch).unwrap_or_else(|| panic!("patch {patch} has no kernel"));
         let n = self.size() * self.size();
-        let start = (patch * CHANNELS + channel) * n;
-        &self.values[start..start + n]
+        &self.values[range][channel * n..(channel + 1) * n]
+    }
+
+    /// As [`PatchKernels::kernel`], to change it.
+    pub(super) fn kernel_mut(&mut self, patch: usize, channel: usize) -> &mut [f32] {
+        let range = self.range(patch).unwrap_or_else(|| panic!("patch {patch} has no kernel"));
+        let n = self.size() * self.size();
+        &mut self.values[range][channel * n..(channel + 1) * n]
+    }
+
+    /// Whether every patch marked in `active` has a kernel.
+    pub(crate) fn covers(&self, active: &[bool]) -> bool {
+        (0..active.len()).filter(|patch| active[*patch]).all(|patch| self.range(patch).is_some())
+    }
+
+    /// The kernels of the patches marked in `active`, which must have some.
+    pub(crate) fn of_patches(&self, active: &[bool]) -> Self {
+        let mut some = Self::zeros(self.radius, active);
+        some.add(self);
+        some
+    }
+
+    /// Adds the kernels that another set of the same radius has for these patches.
+    pub(crate) fn add(&mut self, other: &Self) {
+        let n = self.per_patch();
+        for (patch, sum) in self.patches.iter().zip(self.values.chunks_exact_mut(n)) {
+            if let Some(range) = other.range(*patch) {
+                sum.iter_mut().zip(&other.values[range]).for_each(|(a, b)| *a += b);
+            }
+        }
     }
 }
 
@@ -151,17 +205,16 @@ pub fn patch_kernels(
     let radius = kernel_radius(geometry, layout)?;
     check_len("PSF values", values.len(), layout.len())?;
     check_active(geometry, active)?;
-    let pixels = (2 * radius + 1).pow(2);
-    let mut out = vec![0.0f32; geometry.patch_count() * CHANNELS * pixels];
-    out.par_chunks_exact_mut(CHANNELS * pixels).enumerate().filter(|(patch, _)| active[*patch]).for_each(
-        |(patch, kernel)| {
-            let sum = kernel_at(geometry, layout, values, radius, geometry.patch_centre_um(patch));
-            for (k, s) in kernel.iter_mut().zip(sum) {
-                *k = s as f32;
-            }
-        },
-    );
-    Ok(PatchKernels { radius, values: out })
+    let mut out = PatchKernels::zeros(radius, active);
+    let n = out.per_patch();
+    let kernels = out.patches.par_iter().zip(out.values.par_chunks_exact_mut(n));
+    kernels.for_each(|(patch, kernel)| {
+        let sum = kernel_at(geometry, layout, values, radius, geometry.patch_centre_um(*patch));
+        for (k, s) in kernel.iter_mut().zip(sum) {
+            *k = s as f32;
+        }
+    });
+    Ok(out)
 }
 
 /// Derivatives of a loss by the PSFs of a bank.
@@ -173,28 +226,24 @@ pub struct PsfGradient {
     pub radius: Vec<f64>,
 }
 
-/// Transpose of [`patch_kernels`]: from the cotangent of the kernels to those of the PSF `values` and of the field radii.
+/// Transpose of [`patch_kernels`]: from the cotangent of the kernels to those of the PSF `values` and of the field radii. Patches without
+/// a kernel add nothing.
 pub fn patch_kernels_adjoint(
     geometry: &RenderGeometry,
     layout: &PsfLayout,
     values: &[f32],
     d_kernels: &PatchKernels,
-    active: &[bool],
 ) -> Result<PsfGradient, RenderError> {
     let radius = kernel_radius(geometry, layout)?;
     check_len("PSF values", values.len(), layout.len())?;
-    check_active(geometry, active)?;
     let (cells, pixels) = (layout.grid * layout.grid, (2 * radius + 1).pow(2));
-    check_len("kernel gradient", d_kernels.values.len(), geometry.patch_count() * CHANNELS * pixels)?;
+    check_len("kernel gradient", d_kernels.values.len(), d_kernels.patches.len() * CHANNELS * pixels)?;
 
     // Gather the cotangent of each patch's cells in parallel, then add the patches in fixed order.
-    let patches: Vec<usize> = (0..geometry.patch_count()).filter(|&p| active[p]).collect();
-    let parts: Vec<(PatchFrame, Vec<f32>, f64)> = patches
-        .par_iter()
-        .map(|&patch| {
+    let each = d_kernels.patches.par_iter().zip(d_kernels.values.par_chunks_exact(CHANNELS * pixels));
+    let parts: Vec<(PatchFrame, Vec<f32>, f64)> = each
+        .map(|(&patch, kernel)| {
             let frame = PatchFrame::new(geometry, layout, geometry.patch_centre_um(patch));
-            let start = patch * CHANNELS * pixels;
-            let kernel = &d_kernels.values[start..start + CHANNELS * pixels];
             let mut sum = vec![0.0f64; CHANNELS * cells];
             visit_shares(
                 geometry,
@@ -244,10 +293,16 @@ pub(super) fn checked_window(
     scene: &LinearImage,
     placement: Placement,
 ) -> Result<Window, RenderError> {
-    let expected = geometry.patch_count() * CHANNELS * kernels.size() * kernels.size();
+    let expected = kernels.patches.len() * kernels.per_patch();
     if kernels.values.len() != expected {
         let (expected, got) = (expected.to_string(), kernels.values.len().to_string());
         return Err(RenderError::Mismatch { what: "number of kernel values", expected, got });
     }
-    output_window(geometry, scene, kernels.radius, placement)
+    let window = output_window(geometry, scene, kernels.radius, placement)?;
+    if !kernels.covers(&geometry.active_patches(&window)) {
+        let expected = "one of every patch that the window needs".to_owned();
+        let got = format!("those of {} patches", kernels.patches.len());
+        return Err(RenderError::Mismatch { what: "kernels", expected, got });
+    }
+    Ok(window)
 }

@@ -27,7 +27,7 @@ mod spatial;
 mod spectrum;
 mod tiles;
 
-pub use adjoint::{RenderGradient, render_adjoint, render_adjoint_kernels};
+pub use adjoint::{RenderGradient, render_adjoint, render_adjoint_kernels, render_kernels_adjoint};
 pub use blend::{BlendError, blend_error, with_patches_for};
 pub use direct::render_direct;
 pub use distortion::Distortion;
@@ -37,7 +37,7 @@ pub use illumination::{RadialWeight, illumination_adjoint, illumination_map, ill
 pub use kernel::{PatchKernels, PsfGradient, kernel_radius, patch_kernels, patch_kernels_adjoint};
 pub use light::light_on_pixels;
 pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
-pub use restore::Wiener;
+pub use restore::{Curves, KNOTS, Wiener, WienerGradient};
 
 use crate::image::LinearImage;
 use crate::psf::PsfBank;
@@ -86,6 +86,16 @@ pub(crate) fn check_scene(
     placement: Placement,
 ) -> Result<Vec<bool>, RenderError> {
     Ok(geometry.active_patches(&geometry::output_window(geometry, scene, radius, placement)?))
+}
+
+/// Marks the patches that have a weight in a window of the sensor.
+pub(crate) fn sensor_patches(
+    geometry: &RenderGeometry,
+    placement: Placement,
+    height: usize,
+    width: usize,
+) -> Vec<bool> {
+    geometry.active_patches(&Window { placement, height, width })
 }
 
 /// Checks that a window lies on the sensor.

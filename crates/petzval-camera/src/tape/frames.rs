@@ -13,7 +13,9 @@ pub struct Frames {
     pub raw: Tensor<4>,
     /// Developed pictures `[batch, 3, height, width]`: linear light, 1 = white.
     pub developed: Tensor<4>,
-    /// Finished pictures of the same shape, sRGB-encoded, about 0..1: what the network makes of the developed ones, or,
-    /// without a network, the developed ones encoded.
+    /// The same without the blur of the lens, as far as their noise allows; none where the camera does not restore.
+    pub restored: Option<Tensor<4>>,
+    /// Finished pictures of the same shape, sRGB-encoded, about 0..1: what the network makes of them, or, without a
+    /// network, the restored or developed ones encoded.
     pub finished: Tensor<4>,
 }

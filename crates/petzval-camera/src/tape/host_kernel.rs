@@ -12,7 +12,7 @@ use burn::backend::{Backend, Dispatch, Flex, TensorMetadata, backend_extension};
 use burn::prelude::*;
 use burn::tensor::TensorData;
 
-/// A function of one or two tensors with its hand-written adjoint. Tensors arrive flattened, row-major, as f32.
+/// A function of one, two or four tensors with its hand-written adjoint. Tensors arrive flattened, row-major, as f32.
 ///
 /// Both methods must depend on their arguments alone: the same inputs give the same bits.
 pub trait HostKernel: Debug + Send + Sync {
@@ -24,6 +24,12 @@ pub trait HostKernel: Debug + Send + Sync {
 
     /// `J^T d_output` for each input, in the shape of the input.
     fn adjoint(&self, inputs: &[&[f32]], d_output: &[f32]) -> Vec<Vec<f32>>;
+
+    /// [`HostKernel::adjoint`] where only the inputs marked in `wanted` are tracked. What it returns for the others is not looked at: a
+    /// kernel may save the work.
+    fn adjoint_of(&self, inputs: &[&[f32]], d_output: &[f32], _wanted: &[bool]) -> Vec<Vec<f32>> {
+        self.adjoint(inputs, d_output)
+    }
 }
 
 /// Applies a kernel to one tensor of any rank; `R` must be the rank of the kernel's output.
@@ -43,7 +49,17 @@ pub fn apply_two<const D: usize, const E: usize, const R: usize>(
     Tensor::from_dispatch(<Dispatch as HostOps>::host_two(kernel, first, second))
 }
 
-/// Backend operations that [`apply`] and [`apply_two`] call. A new backend needs one entry in the attribute and an empty
+/// Applies a kernel to four tensors of any rank; `R` must be the rank of the kernel's output.
+pub fn apply_four<const A: usize, const B: usize, const C: usize, const D: usize, const R: usize>(
+    kernel: Arc<dyn HostKernel>,
+    (a, b, c, d): (Tensor<A>, Tensor<B>, Tensor<C>, Tensor<D>),
+) -> Tensor<R> {
+    assert_eq!(kernel.output_shape().len(), R, "rank of the output of {kernel:?}");
+    let (a, b, c, d) = (a.into_dispatch(), b.into_dispatch(), c.into_dispatch(), d.into_dispatch());
+    Tensor::from_dispatch(<Dispatch as HostOps>::host_four(kernel, a, b, c, d))
+}
+
+/// Backend operations that [`apply`], [`apply_two`] and [`apply_four`] call. A new backend needs one entry in the attribute and an empty
 /// `impl`: the default bodies copy tensors to the host and back.
 #[backend_extension(Flex, Cube: cfg(any(feature = "wgpu", feature = "cuda")), Autodiff)]
 trait HostOps: Backend {
@@ -59,6 +75,17 @@ trait HostOps: Backend {
     ) -> FloatTensor<Self> {
         let (a, b) = (to_host::<Self>(&first), to_host::<Self>(&second));
         to_device::<Self>(kernel.forward(&[&a, &b]), kernel.output_shape(), &first)
+    }
+
+    fn host_four(
+        kernel: Arc<dyn HostKernel>,
+        first: FloatTensor<Self>,
+        second: FloatTensor<Self>,
+        third: FloatTensor<Self>,
+        fourth: FloatTensor<Self>,
+    ) -> FloatTensor<Self> {
+        let [a, b, c, d] = [&first, &second, &third, &fourth].map(to_host::<Self>);
+        to_device::<Self>(kernel.forward(&[&a, &b, &c, &d]), kernel.output_shape(), &first)
     }
 }
 
@@ -92,7 +119,8 @@ impl<B: Backend, const N: usize> Backward<B, N> for HostBackward {
         let d_output = to_host::<B>(&grads.consume::<B>(&ops.node));
         let values: Vec<Vec<f32>> = inputs.iter().map(to_host::<B>).collect();
         let slices: Vec<&[f32]> = values.iter().map(Vec::as_slice).collect();
-        let gradients = kernel.adjoint(&slices, &d_output);
+        let wanted: Vec<bool> = ops.parents.iter().map(Option::is_some).collect();
+        let gradients = kernel.adjoint_of(&slices, &d_output, &wanted);
         for ((parent, input), gradient) in ops.parents.into_iter().zip(&inputs).zip(gradients) {
             // An input that is not tracked has no node.
             if let Some(node) = parent {
@@ -124,6 +152,23 @@ impl<B: Backend + HostOps, C: CheckpointStrategy> HostOps for Autodiff<B, C> {
         let output = B::host_two(kernel.clone(), first.clone(), second.clone());
         match <HostBackward as Backward<B, 2>>::prepare::<C>(HostBackward, nodes).compute_bound().stateful() {
             OpsKind::Tracked(prep) => prep.finish((kernel, [first, second]), output),
+            OpsKind::UnTracked(prep) => prep.finish(output),
+        }
+    }
+
+    fn host_four(
+        kernel: Arc<dyn HostKernel>,
+        first: FloatTensor<Self>,
+        second: FloatTensor<Self>,
+        third: FloatTensor<Self>,
+        fourth: FloatTensor<Self>,
+    ) -> FloatTensor<Self> {
+        let inputs = [first, second, third, fourth];
+        let nodes = inputs.each_ref().map(|input| input.node());
+        let [a, b, c, d] = inputs.map(|input| input.into_primitive());
+        let output = B::host_four(kernel.clone(), a.clone(), b.clone(), c.clone(), d.clone());
+        match <HostBackward as Backward<B, 4>>::prepare::<C>(HostBackward, nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish((kernel, [a, b, c, d]), output),
             OpsKind::UnTracked(prep) => prep.finish(output),
         }
     }

@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! psf_values [F,3,G,G] --render_op--> [B,3,H,W] --( * illumination_op )--> irradiance
-//!            --expose_op--> raw [B,1,H,W] --linear_isp_op--> linear RGB [B,3,H,W] --> network
+//!            --expose_op--> raw [B,1,H,W] --linear_isp_op--> linear RGB [B,3,H,W]
+//!            --restore_op (with psf_values again)--> linear RGB [B,3,H,W] --> network
 //! ```
 //!
 //! Exposure can be a leaf tensor as well: [`expose_with_stops_op`] and [`develop_with_stops_op`] take `stops [B,2]`, the
@@ -18,14 +19,16 @@ mod frames;
 mod host_kernel;
 mod linear_isp_op;
 mod render_op;
+mod restore_op;
 mod srgb_op;
 
 pub use develop_op::{develop_op, develop_with_stops_op};
 pub use expose_op::{expose_op, expose_with_stops_op};
 pub use frames::Frames;
-pub use host_kernel::{HostKernel, apply, apply_two};
+pub use host_kernel::{HostKernel, apply, apply_four, apply_two};
 pub use linear_isp_op::linear_isp_op;
 pub use render_op::{PlacedScene, illumination_op, render_op};
+pub use restore_op::{Restoration, restore_op};
 pub use srgb_op::srgb_encode_op;
 
 use crate::image::LinearImage;
@@ -38,5 +41,7 @@ fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: u
 
 #[cfg(test)]
 mod exposure_tests;
+#[cfg(test)]
+mod restore_tests;
 #[cfg(test)]
 mod tests;

@@ -26,12 +26,14 @@ pub struct PlacedScene {
 /// Renders a batch of scenes: `[F,3,G,G]` PSF values and `[F]` field radii to `[B,3,H,W]`, differentiable in both. The radii are
 /// those of the layout.
 ///
-/// All scenes have one size. See [`crate::render::render`].
+/// All scenes have one size. `ready` holds the [kernels](patch_kernels) of these PSFs, where they were made before: of every patch that the
+/// scenes need. See [`crate::render::render`].
 pub fn render_op(
     psf_values: Tensor<4>,
     field_radius_mm: Tensor<1>,
     layout: &PsfLayout,
     geometry: &RenderGeometry,
+    ready: Option<Arc<PatchKernels>>,
     scenes: Vec<PlacedScene>,
 ) -> Result<Tensor<4>, RenderError> {
     let radius = kernel_radius(geometry, layout)?;
@@ -57,6 +59,7 @@ pub fn render_op(
     let kernel = RenderKernel {
         geometry: geometry.clone(),
         layout: layout.clone(),
+        ready: checked_kernels(ready, radius, &active)?,
         active,
         shape: [scenes.len(), CHANNELS, height - 2 * radius, width - 2 * radius],
         radius,
@@ -72,11 +75,12 @@ struct RenderKernel {
     layout: PsfLayout,
     scenes: Vec<PlacedScene>,
     active: Vec<bool>,
+    ready: Option<Arc<PatchKernels>>,
     shape: [usize; 4],
     radius: usize,
 }
 
-const CHECKED: &str = "sizes were checked when the operation was made";
+pub(super) const CHECKED: &str = "sizes were checked when the operation was made";
 
 impl HostKernel for RenderKernel {
     fn output_shape(&self) -> Vec<usize> {
@@ -84,7 +88,12 @@ impl HostKernel for RenderKernel {
     }
 
     fn forward(&self, inputs: &[&[f32]]) -> Vec<f32> {
-        let kernels = patch_kernels(&self.geometry, &self.layout, inputs[0], &self.active).expect(CHECKED);
+        let kernels = match &self.ready {
+            Some(ready) => ready.clone(),
+            None => {
+                Arc::new(patch_kernels(&self.geometry, &self.layout, inputs[0], &self.active).expect(CHECKED))
+            }
+        };
         let render =
             |s: &PlacedScene| render_kernels(&self.geometry, &kernels, &s.scene, s.placement).expect(CHECKED);
         let pictures: Vec<LinearImage> = self.scenes.par_iter().map(render).collect();
@@ -102,12 +111,9 @@ impl HostKernel for RenderKernel {
             })
             .collect();
         // Add the scenes in fixed order, then pull the patch kernels back to the PSF values.
-        let mut parts = parts.into_iter();
-        let mut sum = parts.next().expect("at least one scene");
-        for part in parts {
-            sum.values.iter_mut().zip(&part.values).for_each(|(a, b)| *a += b);
-        }
-        let by = patch_kernels_adjoint(&self.geometry, &self.layout, inputs[0], &sum, &self.active);
+        let mut sum = PatchKernels::zeros(self.radius, &self.active);
+        parts.iter().for_each(|part| sum.add(part));
+        let by = patch_kernels_adjoint(&self.geometry, &self.layout, inputs[0], &sum);
         let by = by.expect(CHECKED);
         vec![by.values, by.radius.into_iter().map(|v| v as f32).collect()]
     }
@@ -179,7 +185,22 @@ impl HostKernel for IlluminationKernel {
     }
 }
 
-fn same<const N: usize>(
+/// Ready kernels, if they have the radius and the patches.
+pub(super) fn checked_kernels(
+    ready: Option<Arc<PatchKernels>>,
+    radius: usize,
+    active: &[bool],
+) -> Result<Option<Arc<PatchKernels>>, RenderError> {
+    if let Some(kernels) = &ready {
+        same("radius of the ready kernels", [radius], [kernels.radius])?;
+        if !kernels.covers(active) {
+            return Err(mismatch("ready kernels", "those of every patch", "fewer"));
+        }
+    }
+    Ok(ready)
+}
+
+pub(super) fn same<const N: usize>(
     what: &'static str,
     expected: [usize; N],
     got: [usize; N],

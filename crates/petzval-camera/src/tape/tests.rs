@@ -111,7 +111,7 @@ fn render_op_has_the_gradient_of_render_adjoint() {
     let scenes = scenes(&layout, 15, 20);
     let weight = uniform(3, 2 * CHANNELS * 15 * 20);
     let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]).require_grad();
-    let pictures = render_op(psf.clone(), radii(), &layout, &geometry, scenes.clone()).unwrap();
+    let pictures = render_op(psf.clone(), radii(), &layout, &geometry, None, scenes.clone()).unwrap();
     assert_eq!(pictures.dims(), [2, CHANNELS, 15, 20]);
     let gradients = (pictures * tensor(weight.clone(), [2, CHANNELS, 15, 20])).sum().backward();
     let on_tape = values(psf.grad(&gradients).unwrap());
@@ -143,7 +143,7 @@ fn camera_loss(psf: Tensor<4>, illumination: Tensor<2>, noise: &Noise) -> Tensor
             Capture { exposure, placement, frame: i as u64 }
         })
         .collect();
-    let light = render_op(psf, radii(), &layout, &geometry, scenes).unwrap()
+    let light = render_op(psf, radii(), &layout, &geometry, None, scenes).unwrap()
         * illumination_op(illumination, radii(), &layout, &geometry, &placements, 15, 20).unwrap();
     let raw = expose_op(light, &sensor, &captures, noise).unwrap();
     assert_eq!(raw.dims(), [2, 1, 15, 20]);
@@ -208,12 +208,12 @@ fn wrong_shapes_are_typed_errors() {
     let (bank, geometry) = (bank(), geometry());
     let layout = bank.layout();
     let psf = tensor(bank.values.clone(), [1, 2 * CHANNELS, 8, 8]);
-    assert!(render_op(psf, radii(), &layout, &geometry, scenes(&layout, 15, 20)).is_err());
+    assert!(render_op(psf, radii(), &layout, &geometry, None, scenes(&layout, 15, 20)).is_err());
     let psf = tensor(bank.values.clone(), [2, CHANNELS, 8, 8]);
-    assert!(render_op(psf.clone(), radii(), &layout, &geometry, Vec::new()).is_err());
+    assert!(render_op(psf.clone(), radii(), &layout, &geometry, None, Vec::new()).is_err());
     let mut mixed = scenes(&layout, 15, 20);
     mixed.extend(scenes(&layout, 14, 20));
-    assert!(render_op(psf, radii(), &layout, &geometry, mixed).is_err());
+    assert!(render_op(psf, radii(), &layout, &geometry, None, mixed).is_err());
     let table = tensor(bank.illumination, [2, CHANNELS]);
     assert!(
         illumination_op(table, radii(), &layout, &geometry, &[Placement { row: 39, col: 0 }], 15, 20)

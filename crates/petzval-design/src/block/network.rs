@@ -7,7 +7,7 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
 use burn::tensor::Bytes;
-use petzval_learn::network::{PictureNetwork, UNet};
+use petzval_learn::network::{Network, PictureNetwork};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
 use crate::error::DesignError;
@@ -16,17 +16,17 @@ const WEIGHTS: &str = "weights.bin";
 const OPTIMIZER: &str = "optimizer.bin";
 const ANCHOR: &str = "anchor.bin";
 
-/// A U-Net with its optimiser.
+/// A network of any kind with its optimiser.
 pub struct NetworkBlock {
-    network: UNet,
+    network: Network,
     optimizer: ModuleOptimizer,
     /// The weights at the start of the stage: the centre of the proximal term.
-    anchor: UNet,
+    anchor: Network,
 }
 
 impl NetworkBlock {
     /// A network at the start of its training.
-    pub fn new(network: UNet) -> Self {
+    pub fn new(network: Network) -> Self {
         Self { anchor: network.clone(), network, optimizer: AdamConfig::new().init() }
     }
 
@@ -96,18 +96,18 @@ fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {
     DesignError::Unwritable { what: "the network", problem: problem.to_string() }
 }
 
-fn bytes_of(network: &UNet) -> Result<Vec<u8>, DesignError> {
+fn bytes_of(network: &Network) -> Result<Vec<u8>, DesignError> {
     network.to_bytes().map_err(|e| unwritable(&e))
 }
 
 /// A network with the weights of a part of a state.
-fn with_bytes(network: &UNet, state: &BlockState, name: &str) -> Result<UNet, String> {
+fn with_bytes(network: &Network, state: &BlockState, name: &str) -> Result<Network, String> {
     let bytes = part(state, name)?.to_vec();
     network.clone().load_bytes(bytes).map_err(|e| format!("{name}: {e}"))
 }
 
 /// The proximal map of `strength / 2 |theta - anchor|^2`: `theta <- (theta + strength anchor) / (1 + strength)`.
-fn pulled_towards(network: UNet, anchor: &UNet, strength: f64) -> UNet {
+fn pulled_towards(network: Network, anchor: &Network, strength: f64) -> Network {
     let mut centre = Weights(Vec::new());
     anchor.visit(&mut centre);
     network.map(&mut Pull { anchor: centre.0.into_iter(), strength })
@@ -145,9 +145,9 @@ impl ModuleMapper for Pull {
 mod tests {
     use super::*;
     use petzval_learn::Device;
-    use petzval_learn::network::UNetConfig;
+    use petzval_learn::network::NetworkKind;
 
-    fn weights(network: &UNet) -> Vec<f32> {
+    fn weights(network: &Network) -> Vec<f32> {
         let mut all = Weights(Vec::new());
         network.visit(&mut all);
         all.0.into_iter().flat_map(|data| data.try_to_vec::<f32>().unwrap()).collect()
@@ -155,20 +155,20 @@ mod tests {
 
     #[test]
     fn the_proximal_map_moves_weights_towards_the_anchor_by_its_share() {
-        let config = UNetConfig { base_channels: 8, levels: 1, ..Default::default() };
         let device = Device::flex().autodiff();
-        let (network, anchor) = (config.init(1, &device).unwrap(), config.init(2, &device).unwrap());
-        let pulled = weights(&pulled_towards(network.clone(), &anchor, 3.0));
-        for ((w, a), p) in weights(&network).iter().zip(weights(&anchor)).zip(pulled) {
-            assert!((p - (0.25 * w + 0.75 * a)).abs() < 1e-6, "{w} {a} {p}");
+        for kind in [NetworkKind::UNet, NetworkKind::Restoration] {
+            let [network, anchor] = [1, 2].map(|seed| kind.init(8, 1, seed, &device).unwrap());
+            let pulled = weights(&pulled_towards(network.clone(), &anchor, 3.0));
+            for ((w, a), p) in weights(&network).iter().zip(weights(&anchor)).zip(pulled) {
+                assert!((p - (0.25 * w + 0.75 * a)).abs() < 1e-6, "{w} {a} {p}");
+            }
         }
     }
 
     #[test]
     fn a_restored_block_has_the_weights_and_the_anchor_of_the_kept_one() {
-        let config = UNetConfig { base_channels: 8, levels: 1, ..Default::default() };
         let device = Device::flex().autodiff();
-        let network = |seed| config.init(seed, &device).unwrap();
+        let network = |seed| NetworkKind::Restoration.init(8, 1, seed, &device).unwrap();
         // A block that has moved since its stage began.
         let mut kept = NetworkBlock::new(network(1));
         kept.network = network(2);

@@ -7,32 +7,41 @@
 mod psf_source;
 
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::LinearIsp;
+use petzval_camera::isp::{LinearIsp, stabilised_noise};
 use petzval_camera::psf::PsfBank;
-use petzval_camera::render::{Placement, RenderGeometry, kernel_radius};
+use petzval_camera::render::{
+    KNOTS, PatchKernels, Placement, RenderGeometry, Wiener, Window, kernel_radius, patch_kernels,
+};
 use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
 use petzval_camera::tape::{
-    Frames, PlacedScene, expose_op, illumination_op, linear_isp_op, render_op, srgb_encode_op,
+    Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, render_op, restore_op,
+    srgb_encode_op,
 };
-use petzval_learn::network::PictureNetwork;
+use petzval_learn::dataset::CropPlan;
+use petzval_learn::network::{NetworkInput, PictureNetwork};
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
 pub use psf_source::{PsfSource, Psfs};
 
+/// Most values of the kernels of a camera that are kept: 64 MB.
+const MOST_KERNEL_VALUES: usize = 16_000_000;
+
 /// One window of a photograph at a place of the sensor, taken as one frame.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// The scene: the window, and around it the border that the PSF reaches into; linear light.
+    /// The scene: the pixels that are exposed, and around them the border that the PSF reaches into; linear light.
     pub scene: LinearImage,
-    /// Sensor position of the window's top-left pixel.
+    /// Sensor position of the first exposed pixel.
     pub placement: Placement,
+    /// The window of which frames are kept; none keeps all that is exposed. Development reads pixels around it.
+    pub kept: Option<Window>,
     /// Number of the frame; it keys the noise.
     pub frame: u64,
 }
@@ -48,6 +57,8 @@ pub struct Body {
     pub exposure: Exposure,
     /// Development.
     pub isp: LinearIsp,
+    /// Restoration of developed pictures with the PSFs of the camera; none leaves their blur.
+    pub restoration: Option<Wiener>,
     /// Where the tensors live, with automatic differentiation if gradients are needed.
     pub device: Device,
 }
@@ -67,6 +78,8 @@ pub struct Camera {
     body: Arc<Body>,
     psfs: Arc<Psfs>,
     border: usize,
+    /// The kernels of all patches, made when the first picture is taken.
+    kernels: Arc<OnceLock<Option<Arc<PatchKernels>>>>,
     network: Option<Rc<dyn PictureNetwork>>,
     psf_errors: Option<PsfErrors>,
 }
@@ -107,7 +120,7 @@ impl Camera {
     /// A camera without a network.
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        Ok(Self { body, psfs, border, network: None, psf_errors: None })
+        Ok(Self { body, psfs, border, kernels: Arc::default(), network: None, psf_errors: None })
     }
 
     /// The same camera, whose PSFs are known to have these errors.
@@ -140,7 +153,24 @@ impl Camera {
         self.border
     }
 
-    /// Takes a batch of shots of one size: light, raw frames, developed and finished pictures.
+    /// The kernels of all patches; none where they would be too large to keep.
+    fn kernels(&self) -> Result<Option<Arc<PatchKernels>>, DesignError> {
+        if let Some(kernels) = self.kernels.get() {
+            return Ok(kernels.clone());
+        }
+        let (geometry, bank) = (&self.body.geometry, self.psfs.bank());
+        let values = geometry.patch_count() * 3 * (2 * self.border + 1).pow(2);
+        let kernels = match values <= MOST_KERNEL_VALUES {
+            true => {
+                let all = vec![true; geometry.patch_count()];
+                Some(Arc::new(patch_kernels(geometry, &bank.layout(), &bank.values, &all)?))
+            }
+            false => None,
+        };
+        Ok(self.kernels.get_or_init(|| kernels).clone())
+    }
+
+    /// Takes a batch of shots of one size: light, raw frames, developed, restored and finished pictures.
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
     pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
@@ -161,7 +191,8 @@ impl Camera {
         // The lens spreads every point by the PSF of its place and dims it off the axis.
         let (irradiance, illumination) = self.image(psfs, shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
-        self.expose(irradiance, illumination, &captures, noise)
+        let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
+        self.expose(psfs, [irradiance, illumination], &captures, &kept, noise)
     }
 
     /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
@@ -177,34 +208,44 @@ impl Camera {
         let data = TensorData::new(light.data.clone(), [1, channels, height, width]);
         let psfs = PsfLeaves::new(self.psfs.bank(), device);
         let illumination = self.illumination(&psfs, &[capture.placement], [height, width])?;
-        self.expose(Tensor::from_data(data, device), illumination, &[capture], noise)
+        let kept = Window { placement: capture.placement, height, width };
+        let light = [Tensor::from_data(data, device), illumination];
+        self.expose(&psfs, light, &[capture], &[kept], noise)
     }
 
-    /// From light on the pixels to finished pictures.
+    /// From light on the pixels to finished pictures of the windows that are kept.
     fn expose(
         &self,
-        irradiance: Tensor<4>,
-        illumination: Tensor<4>,
+        psfs: &PsfLeaves,
+        [irradiance, illumination]: [Tensor<4>; 2],
         captures: &[Capture],
+        kept: &[Window],
         noise: &Noise,
     ) -> Result<Frames, DesignError> {
         // The sensor turns light into digital numbers behind its colour filters.
         let raw = expose_op(irradiance.clone(), &self.body.sensor, captures, noise)?;
         // Development turns them back into light, balances white and lifts the dim corners.
         let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
+        // The camera's own PSFs tell what the lens has blurred, and restoration divides it out.
+        let restored = self.restore(psfs, developed.clone(), captures)?;
+        // Pixels around the windows have served their neighbours.
+        let cut = |frames: Tensor<4>| cut(frames, captures, kept);
+        let (developed, restored) = (cut(developed), restored.map(cut));
         // The network finishes what a display would show.
-        let finished = self.finish(developed.clone());
-        Ok(Frames { irradiance, illumination, raw, developed, finished })
+        let finished = self.finish(developed.clone(), restored.clone(), kept);
+        let (irradiance, illumination, raw) = (cut(irradiance), cut(illumination), cut(raw));
+        Ok(Frames { irradiance, illumination, raw, developed, restored, finished })
     }
 
     /// Irradiance and relative illumination of a batch of shots.
     fn image(&self, psfs: &PsfLeaves, shots: &[Shot]) -> Result<(Tensor<4>, Tensor<4>), DesignError> {
         let (layout, geometry) = (self.psfs.bank().layout(), &self.body.geometry);
-        let [height, width] = self.window(shots);
+        let [height, width] = self.exposed(shots);
         let scenes =
             shots.iter().map(|s| PlacedScene { scene: s.scene.clone(), placement: s.placement }).collect();
         let placements: Vec<Placement> = shots.iter().map(|s| s.placement).collect();
-        let blurred = render_op(psfs.values.clone(), psfs.radius_mm.clone(), &layout, geometry, scenes)?;
+        let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());
+        let blurred = render_op(values, radius_mm, &layout, geometry, self.kernels()?, scenes)?;
         let illumination = self.illumination(psfs, &placements, [height, width])?;
         Ok((blurred * illumination.clone(), illumination))
     }
@@ -234,24 +275,72 @@ impl Camera {
         Ok(linear_isp_op(raw, illumination, &self.body.isp, &self.body.sensor, captures)?)
     }
 
-    /// What the network makes of developed pictures, sRGB-encoded; without a network, the developed pictures encoded.
-    pub fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
-        let encoded = srgb_encode_op(developed);
-        match &self.network {
-            Some(network) => network.finish(encoded),
-            None => encoded,
-        }
+    /// Takes the blur of the lens out of developed pictures, if the body restores: by the filters of the PSFs, regularised by the curves
+    /// that the network was trained with. The gradient by the PSFs is that of the filters; a lens that moves is filtered otherwise.
+    fn restore(
+        &self,
+        psfs: &PsfLeaves,
+        developed: Tensor<4>,
+        captures: &[Capture],
+    ) -> Result<Option<Tensor<4>>, DesignError> {
+        let Some(wiener) = self.body.restoration else { return Ok(None) };
+        let fixed = || {
+            let curves = TensorData::new(wiener.curves.as_flattened().to_vec(), [3, KNOTS]);
+            Tensor::from_data(curves, &self.body.device)
+        };
+        let curves = self.network.as_ref().and_then(|n| n.curves()).unwrap_or_else(fixed);
+        let restoration = Restoration {
+            wiener,
+            layout: self.psfs.bank().layout(),
+            geometry: self.body.geometry.clone(),
+            ready: self.kernels()?,
+            placements: captures.iter().map(|c| c.placement).collect(),
+        };
+        let (values, radius_mm) = (psfs.values.clone(), psfs.radius_mm.clone());
+        Ok(Some(restore_op(developed, values, radius_mm, curves, restoration)?))
     }
 
-    /// The windows of the scenes, without the border that only the PSFs need: what a perfect camera would take.
+    /// What the network makes of the pictures of windows, sRGB-encoded; without a network, the pictures encoded.
+    fn finish(&self, developed: Tensor<4>, restored: Option<Tensor<4>>, windows: &[Window]) -> Tensor<4> {
+        let [batch, _, height, width] = developed.dims();
+        let body = &self.body;
+        let Some(network) = &self.network else { return srgb_encode_op(restored.unwrap_or(developed)) };
+        let corner_mm = body.geometry.radius_mm(0, 0);
+        let field_of = |window: &Window| {
+            let Placement { row, col } = window.placement;
+            let pixels = (0..height * width).map(move |i| (row + i / width, col + i % width));
+            pixels.map(|(row, col)| (body.geometry.radius_mm(row, col) / corner_mm) as f32)
+        };
+        let field: Vec<f32> = windows.iter().flat_map(field_of).collect();
+        let field = Tensor::from_data(TensorData::new(field, [batch, 1, height, width]), &body.device);
+        let noise = field.zeros_like() + stabilised_noise(&body.sensor, &body.exposure);
+        let encoded = srgb_encode_op(developed);
+        network.finish(&NetworkInput {
+            developed: encoded,
+            restored: restored.map(srgb_encode_op),
+            field,
+            noise,
+        })
+    }
+
+    /// The windows of the scenes that are kept, without what only PSFs and development need: what a perfect camera would take.
     pub fn scenes(&self, shots: &[Shot]) -> Result<Vec<LinearImage>, DesignError> {
-        let [height, width] = self.window(shots);
-        let window = |shot: &Shot| Ok(shot.scene.crop(self.border, self.border, height, width)?);
+        let window = |shot: &Shot| {
+            let kept = self.kept(shot);
+            let (down, right) = inset(shot.placement, &kept);
+            Ok(shot.scene.crop(self.border + down, self.border + right, kept.height, kept.width)?)
+        };
         shots.iter().map(window).collect()
     }
 
-    /// Rows and columns of the shots' windows.
-    fn window(&self, shots: &[Shot]) -> [usize; 2] {
+    /// The window of which a shot's frames are kept.
+    fn kept(&self, shot: &Shot) -> Window {
+        let [height, width] = self.exposed(std::slice::from_ref(shot));
+        shot.kept.unwrap_or(Window { placement: shot.placement, height, width })
+    }
+
+    /// Rows and columns that the shots expose.
+    fn exposed(&self, shots: &[Shot]) -> [usize; 2] {
         let side = |whole: usize| whole.saturating_sub(2 * self.border);
         shots.first().map_or([0, 0], |s| [side(s.scene.height), side(s.scene.width)])
     }
@@ -260,6 +349,29 @@ impl Camera {
     pub fn capture(&self, shot: &Shot) -> Capture {
         Capture { exposure: self.body.exposure, placement: shot.placement, frame: shot.frame }
     }
+}
+
+/// The window of the sensor that a crop covers.
+pub fn crop_window(plan: &CropPlan, row: usize, col: usize) -> Window {
+    Window { placement: Placement { row, col }, height: plan.crop, width: plan.crop }
+}
+
+/// Rows and columns from the first exposed pixel to the first that is kept.
+fn inset(exposed: Placement, kept: &Window) -> (usize, usize) {
+    (kept.placement.row - exposed.row, kept.placement.col - exposed.col)
+}
+
+/// The windows that are kept of exposed frames.
+fn cut(frames: Tensor<4>, captures: &[Capture], kept: &[Window]) -> Tensor<4> {
+    let [_, channels, height, width] = frames.dims();
+    if kept.iter().all(|window| (window.height, window.width) == (height, width)) {
+        return frames;
+    }
+    let windows = captures.iter().zip(kept).enumerate().map(|(i, (capture, window))| {
+        let (down, right) = inset(capture.placement, window);
+        frames.clone().slice([i..i + 1, 0..channels, down..down + window.height, right..right + window.width])
+    });
+    Tensor::cat(windows.collect(), 0)
 }
 
 /// The values of a tensor on the host.

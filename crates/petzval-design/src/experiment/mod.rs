@@ -7,8 +7,8 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
-    CheckpointConfig, ConstraintConfig, ExposureConfig, NetworkConfig, OpticsConfig, PsfConfig,
-    ScoringConfig, SpotConfig, TrainingConfig,
+    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, NetworkConfig, OpticsConfig,
+    PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
 };
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
@@ -16,9 +16,9 @@ use std::collections::BTreeSet;
 
 use petzval_base::parameter::Parameters;
 use petzval_base::{FileError, quote};
-use petzval_camera::isp::Interpolation;
 use petzval_camera::sensor::NoiseMode;
 use petzval_learn::loss::ImageLoss;
+use petzval_learn::network::NetworkKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -51,8 +51,8 @@ pub struct Experiment {
     pub exposure: ExposureConfig,
     /// Point-spread functions.
     pub psf: PsfConfig,
-    /// How colours are interpolated before the network.
-    pub development: Interpolation,
+    /// How raw frames become pictures before the network.
+    pub development: DevelopmentConfig,
     /// The network.
     pub network: NetworkConfig,
     /// How the network is trained.
@@ -94,7 +94,7 @@ impl Default for Experiment {
             seed: 1,
             exposure: ExposureConfig::default(),
             psf: PsfConfig::default(),
-            development: Interpolation::default(),
+            development: DevelopmentConfig::default(),
             network: NetworkConfig::default(),
             training: TrainingConfig::default(),
             loss: ImageLoss::default(),
@@ -168,6 +168,11 @@ impl Experiment {
                 "this method has no gradient to the lens",
             );
             return Err(error.hint("write \"menon\", \"malvar\" or \"bilinear\", or 0 for optics.steps"));
+        }
+        if self.network.kind == NetworkKind::Restoration && !self.development.restore {
+            let error =
+                FileError::at_key(text, &["network", "kind"], "this network needs a restored picture");
+            return Err(error.hint("write true for development.restore, or \"u-net\""));
         }
         variants::check_variants(&self.variant, text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {

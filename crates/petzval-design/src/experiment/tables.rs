@@ -1,11 +1,15 @@
 //! The tables of an experiment: every number with its unit, range, default and sentence.
 
 use petzval_base::parameters;
+use petzval_camera::isp::{Demosaic, Domain, Interpolation};
 use petzval_camera::sensor::{Exposure, NoiseMode};
+use petzval_learn::network::NetworkKind;
 use petzval_optics::constraint::Constraint;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::Limits;
 use petzval_optics::psf::PsfKind;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 parameters! {
     /// Exposure of every camera of the experiment.
@@ -50,12 +54,41 @@ parameters! {
 }
 
 parameters! {
-    /// The network behind the development: a U-Net.
+    /// The network behind the development.
     pub struct NetworkConfig {
         /// Channels of the first level.
         base_channels: usize = 16, "", 1..256, Log, "16 trains in minutes on a CPU";
         /// Levels of halved resolution.
         levels: usize = 3, "", 1..6, Linear, "3 or 4";
+    } also {
+        /// A U-Net that sees the picture alone, or one behind a restoration that is trained with it.
+        kind: NetworkKind = NetworkKind::UNet;
+    }
+}
+
+/// How raw frames become pictures before the network.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct DevelopmentConfig {
+    /// How colours are interpolated.
+    pub demosaic: Demosaic,
+    /// The values between which they are interpolated.
+    pub domain: Domain,
+    /// Whether the blur of the lens is divided out with the PSFs of every place, before the network.
+    pub restore: bool,
+}
+
+impl Default for DevelopmentConfig {
+    fn default() -> Self {
+        let Interpolation { demosaic, domain } = Interpolation::default();
+        Self { demosaic, domain, restore: false }
+    }
+}
+
+impl DevelopmentConfig {
+    /// As the linear ISP takes it.
+    pub fn interpolation(&self) -> Interpolation {
+        Interpolation { demosaic: self.demosaic, domain: self.domain }
     }
 }
 

@@ -9,7 +9,6 @@ mod shot;
 mod spectral;
 
 pub use petzval_camera::isp::{Demosaic, Domain, Interpolation};
-pub use petzval_camera::render::Wiener;
 use serde::{Deserialize, Serialize};
 
 use self::request::{is_over_spectrum, result_name};
@@ -18,7 +17,7 @@ use crate::context::Context;
 use crate::error::JobError;
 
 pub use output::Facts;
-pub use request::{PictureAs, Place, RawAs, Request, Spectral};
+pub use request::{PictureAs, Place, RawAs, Request, Restore, Spectral};
 
 /// What was written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,11 +38,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             return Err(JobError::setting(key, value, message, "a positive number"));
         }
     }
-    if let Some(wiener) = &request.restore
-        && !(wiener.noise > 0.0 && wiener.noise <= 10.0)
+    if let Some(noise) = request.restore.and_then(|restore| restore.noise)
+        && !(noise > 0.0 && noise <= 10.0)
     {
         let hint = "0.003 suits 16,000 electrons of white; more for less light";
-        return Err(JobError::setting("restore", wiener.noise, "not above 0 and at most 10", hint));
+        return Err(JobError::setting("restore", noise, "not above 0 and at most 10", hint));
     }
     if !(1..=MOST_SAMPLES).contains(&request.samples) {
         let message = format!("not between 1 and {MOST_SAMPLES}");

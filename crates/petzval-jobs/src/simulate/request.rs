@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::isp::Interpolation;
 use petzval_camera::render::Wiener;
+use petzval_camera::sensor::{Exposure, SensorModel};
 use petzval_files::spectral_file::is_spectral;
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +41,7 @@ pub struct Request {
     /// How the colours of the mosaic are interpolated.
     pub development: Interpolation,
     /// Restoration of the developed picture with the PSFs of the lens; none leaves its blur.
-    pub restore: Option<Wiener>,
+    pub restore: Option<Restore>,
     /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
     /// scene in front of the lens, and its distortion is rendered.
     pub no_distortion: bool,
@@ -90,6 +91,22 @@ impl Default for Request {
             picture_format: PictureAs::Png,
             out: PathBuf::from("."),
         }
+    }
+}
+
+/// Restoration of a developed picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Restore {
+    /// Power of noise over that of the picture at a tenth of a cycle per pixel; that of sensor and exposure if none is given.
+    pub noise: Option<f32>,
+}
+
+impl Restore {
+    /// The filter for pictures of a sensor at an exposure.
+    pub fn filter(self, sensor: &SensorModel, exposure: &Exposure) -> Wiener {
+        let known = Wiener::of_exposure(sensor, exposure);
+        Wiener { noise: self.noise.unwrap_or(known.noise), ..known }
     }
 }
 

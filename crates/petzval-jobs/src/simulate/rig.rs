@@ -8,8 +8,8 @@ use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::isp::LinearIsp;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Wiener, Window, kernel_radius,
-    light_on_pixels, with_patches_for,
+    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius, light_on_pixels,
+    with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, PsfSource, Psfs, Shot};
@@ -162,7 +162,9 @@ impl Rig {
     ) -> Result<Camera, DesignError> {
         let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
         let (geometry, device) = (self.geometry.clone(), Device::flex());
-        Camera::new(Arc::new(Body { sensor, geometry, exposure, isp, device }), self.psfs.clone())
+        let restoration = request.restore.map(|restore| restore.filter(&sensor, &exposure));
+        let body = Body { sensor, geometry, exposure, isp, restoration, device };
+        Camera::new(Arc::new(body), self.psfs.clone())
     }
 
     /// The light of a picture of [`Rig::frame`] on the pixels of the window.
@@ -171,18 +173,13 @@ impl Rig {
         light_on_pixels(&self.geometry, bank, picture, distortion, &self.window, self.samples)
     }
 
-    /// The developed picture of the window without the blur of the lens.
-    pub fn restored(&self, wiener: &Wiener, picture: &LinearImage) -> Result<LinearImage, RenderError> {
-        wiener.restore(&self.geometry, self.psfs.bank(), picture, self.window.placement)
-    }
-
     /// A picture of [`Rig::frame`], of one sample a pixel, as a shot of the window.
     pub fn shot(&self, picture: &LinearImage, frame: u64) -> Result<Shot, DesignError> {
         let scene = match &self.distortion {
             Some(distortion) => distortion.project(&self.geometry, picture, &self.window, self.border)?,
             None => self.window.scene(picture, self.border),
         };
-        Ok(Shot { scene, placement: self.window.placement, frame })
+        Ok(Shot { scene, placement: self.window.placement, kept: None, frame })
     }
 }
 

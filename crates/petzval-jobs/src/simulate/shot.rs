@@ -51,11 +51,11 @@ pub struct Taken {
 }
 
 impl Taken {
-    /// The first frame of a camera's shots, copied from the device.
+    /// The first frame of a camera's shots, copied from the device. Its picture is the restored one where the camera restores.
     pub fn new(frames: &Frames, capture: Capture) -> Result<Self, DesignError> {
         let [_, channels, height, width] = frames.developed.dims();
         let raw = Raw { height, width, dn: to_host(frames.raw.clone())?, capture };
-        let data = to_host(frames.developed.clone())?;
+        let data = to_host(frames.restored.as_ref().unwrap_or(&frames.developed).clone())?;
         Ok(Self { raw, developed: LinearImage { channels, height, width, data } })
     }
 
@@ -70,15 +70,6 @@ impl Taken {
         let exposure = camera.body().exposure;
         let capture = Capture { exposure, placement: rig.window.placement, frame };
         Self::new(&camera.take_light(light, capture, &noise(request))?, capture)
-    }
-}
-
-impl Taken {
-    /// This shot with the blur of the lens undone in its developed picture, if the request asks for that.
-    pub fn restored(self, request: &Request, rig: &Rig) -> Result<Self, DesignError> {
-        let Some(wiener) = &request.restore else { return Ok(self) };
-        let developed = rig.restored(wiener, &self.developed)?;
-        Ok(Self { developed, ..self })
     }
 }
 

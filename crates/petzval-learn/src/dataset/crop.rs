@@ -8,13 +8,17 @@ use super::{DatasetError, NamedPhoto};
 /// Size of the training windows, and the sensor on which they are placed.
 ///
 /// A photograph has one pixel per sensor pixel. The network receives `crop x crop` sensor pixels. The window of the
-/// photograph extends `margin` pixels further on every side, because the lens blurs light from there into the crop.
+/// photograph extends `margin` pixels further on every side, because the lens blurs light from there into the crop. Where development
+/// reads pixels around the crop, `surround` more of them are exposed on every side; at the border of the sensor, where there are none, as
+/// many more on the other side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CropPlan {
     /// Side of the square that the network receives, pixels.
     pub crop: usize,
     /// Border of the window on every side, at least the kernel radius of the PSF, pixels.
     pub margin: usize,
+    /// Pixels that are exposed around the crop on every side.
+    pub surround: usize,
     /// Rows of the sensor.
     pub sensor_rows: usize,
     /// Columns of the sensor.
@@ -24,21 +28,34 @@ pub struct CropPlan {
 impl CropPlan {
     /// A crop on the 1920 x 1200 sensor.
     pub fn on_1920x1200(crop: usize, margin: usize) -> Self {
-        Self { crop, margin, sensor_rows: 1200, sensor_columns: 1920 }
+        Self { crop, margin, surround: 0, sensor_rows: 1200, sensor_columns: 1920 }
     }
 
-    /// Side of the photograph window, `crop + 2 margin`, pixels.
+    /// Side of the square that is exposed, `crop + 2 surround`, pixels.
+    pub fn exposed(&self) -> usize {
+        self.crop.saturating_add(self.surround.saturating_mul(2))
+    }
+
+    /// Side of the photograph window, `crop + 2 surround + 2 margin`, pixels.
     pub fn window(&self) -> usize {
-        self.crop.saturating_add(self.margin.saturating_mul(2))
+        self.exposed().saturating_add(self.margin.saturating_mul(2))
+    }
+
+    /// First sensor row and column that are exposed for a crop at a row and column: the square around it, moved inside the sensor.
+    pub fn exposed_at(&self, sensor_row: usize, sensor_column: usize) -> (usize, usize) {
+        let start = |at: usize, sensor: usize| {
+            at.saturating_sub(self.surround).min(sensor.saturating_sub(self.exposed()))
+        };
+        (start(sensor_row, self.sensor_rows), start(sensor_column, self.sensor_columns))
     }
 
     /// Checks that the sensor and every photograph can hold the crop. Fails on an empty list.
     pub fn check(&self, photos: &[NamedPhoto]) -> Result<(), DatasetError> {
-        if self.crop == 0 || self.crop > self.sensor_rows || self.crop > self.sensor_columns {
+        if self.crop == 0 || self.exposed() > self.sensor_rows.min(self.sensor_columns) {
             return Err(DatasetError::SensorTooSmall {
                 rows: self.sensor_rows,
                 columns: self.sensor_columns,
-                crop: self.crop,
+                crop: self.exposed(),
             });
         }
         if photos.is_empty() {
@@ -120,11 +137,11 @@ pub struct HeldOutPlacement {
 /// Successive grid places are mirrored into the four quadrants in turn, so that they also differ in direction. `per_side` 1
 /// gives the centre, 0 an empty list. Fails if the sensor cannot hold the crop.
 pub fn held_out_placements(plan: &CropPlan, per_side: usize) -> Result<Vec<HeldOutPlacement>, DatasetError> {
-    if plan.crop == 0 || plan.crop > plan.sensor_rows || plan.crop > plan.sensor_columns {
+    if plan.crop == 0 || plan.exposed() > plan.sensor_rows.min(plan.sensor_columns) {
         return Err(DatasetError::SensorTooSmall {
             rows: plan.sensor_rows,
             columns: plan.sensor_columns,
-            crop: plan.crop,
+            crop: plan.exposed(),
         });
     }
     let quadrants = [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)];

@@ -9,33 +9,44 @@
 //! The operations below them are ours on the CPU and the framework's on other devices: [`conv_leaky`], [`depthwise`],
 //! [`pointwise`].
 
+mod any;
 mod conv;
 mod conv_kernel;
 mod cpu_op;
 mod depthwise;
 mod error;
+mod input;
 mod isp_proxy;
 mod leaky_conv;
 mod naf;
 mod planes;
 mod pointwise;
 mod pointwise_kernel;
+mod restoration;
 mod trunk;
 mod unet;
 mod weights;
 
+pub use any::{Network, NetworkKind};
 pub use conv::{conv_leaky, conv3x3_leaky};
 pub use depthwise::depthwise;
 pub use error::NetworkError;
+pub use input::NetworkInput;
 pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
+pub use restoration::RestorationNetwork;
 pub use unet::{UNet, UNetConfig};
 
 use burn::prelude::*;
 
 /// A network behind the development.
 pub trait PictureNetwork {
-    /// Finishes developed pictures `[batch, 3, height, width]`, sRGB-encoded.
-    fn finish(&self, developed: Tensor<4>) -> Tensor<4>;
+    /// The finished pictures `[batch, 3, height, width]`, sRGB-encoded.
+    fn finish(&self, input: &NetworkInput) -> Tensor<4>;
+
+    /// The curves `[3, KNOTS]` of the [restoration](petzval_camera::render::Wiener::curves) in front of it, if they are trained with it.
+    fn curves(&self) -> Option<Tensor<2>> {
+        None
+    }
 }

@@ -7,7 +7,7 @@ use burn::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    NetworkError, PictureNetwork, pointwise,
+    NetworkError, NetworkInput, PictureNetwork, pointwise,
     trunk::{Trunk, crop, extend},
     weights::{self, Initializer, check_sizes},
 };
@@ -97,7 +97,7 @@ impl UNet {
 }
 
 impl PictureNetwork for UNet {
-    fn finish(&self, developed: Tensor<4>) -> Tensor<4> {
-        self.forward(developed)
+    fn finish(&self, input: &NetworkInput) -> Tensor<4> {
+        self.forward(input.picture())
     }
 }

@@ -125,9 +125,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "linear")]
     domain: Domain,
     /// Undo the blur of the lens in the developed picture by a Wiener filter with the PSF of every place. NOISE is the power of
-    /// noise over that of the picture at a tenth of a cycle per pixel: 0.003 suits 16,000 electrons of white
-    #[arg(long, value_name = "NOISE", num_args = 0..=1, require_equals = true, default_missing_value = "0.003")]
-    restore: Option<f32>,
+    /// noise over that of the picture at a tenth of a cycle per pixel; without it, that of the sensor at this exposure: 0.003 for 16,000
+    /// electrons of white
+    #[arg(long, value_name = "NOISE", num_args = 0..=1, require_equals = true)]
+    restore: Option<Option<f32>>,
     /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the
     /// scene without distortion that a pinhole would show, larger than the sensor where the lens has barrel distortion, and
     /// the lens distorts it
@@ -205,7 +206,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
             Place::Centre => simulate::Place::Centre,
         },
         samples: args.samples,
-        restore: args.restore.map(|noise| simulate::Wiener { noise, ..simulate::Wiener::default() }),
+        restore: args.restore.map(|noise| simulate::Restore { noise }),
         development: simulate::Interpolation {
             demosaic: match args.demosaic {
                 Demosaic::Bilinear => simulate::Demosaic::Bilinear,
