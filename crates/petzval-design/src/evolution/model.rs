@@ -25,7 +25,8 @@ const MOST_COORDINATES_OF_PRODUCTS: usize = 16;
 pub(super) fn proposal(known: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
     let n = known.first()?.0.len();
     let of_products = 1 + n + n * (n + 1) / 2;
-    let enough = |coefficients: usize| known.len() as f64 >= LEAST_POINTS_PER_COEFFICIENT * coefficients as f64;
+    let enough =
+        |coefficients: usize| known.len() as f64 >= LEAST_POINTS_PER_COEFFICIENT * coefficients as f64;
     let has_products = n <= MOST_COORDINATES_OF_PRODUCTS && enough(of_products);
     let coefficients = if has_products { of_products } else { 1 + 2 * n };
     if !enough(coefficients) {
@@ -40,10 +41,8 @@ pub(super) fn proposal(known: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
     if median <= best {
         return None;
     }
-    let pairs: Vec<(usize, usize)> = (0..n)
-        .flat_map(|i| (i..n).map(move |j| (i, j)))
-        .filter(|(i, j)| has_products || i == j)
-        .collect();
+    let pairs: Vec<(usize, usize)> =
+        (0..n).flat_map(|i| (i..n).map(move |j| (i, j))).filter(|(i, j)| has_products || i == j).collect();
     let weight = |k: usize| {
         let share = k as f64 / (used.len() - 1).max(1) as f64;
         (WEIGHT_RATIO + (1.0 - WEIGHT_RATIO) * share).sqrt()
@@ -83,21 +82,32 @@ mod tests {
 
     /// Points on a spiral, the best first.
     fn known(f: impl Fn(&[f64]) -> f64, n: usize, count: usize) -> Vec<(Vec<f64>, f64)> {
-        let point = |k: usize| -> Vec<f64> { (0..n).map(|i| ((k * (2 * i + 3) + i) as f64 * 0.7).sin() * 2.0).collect() };
-        let mut all: Vec<(Vec<f64>, f64)> = (0..count).map(point).map(|z| { let v = f(&z); (z, v) }).collect();
+        let point = |k: usize| -> Vec<f64> {
+            (0..n).map(|i| ((k * (2 * i + 3) + i) as f64 * 0.7).sin() * 2.0).collect()
+        };
+        let mut all: Vec<(Vec<f64>, f64)> = (0..count)
+            .map(point)
+            .map(|z| {
+                let v = f(&z);
+                (z, v)
+            })
+            .collect();
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
         all
     }
 
     #[test]
     fn the_minimum_of_a_quadratic_is_proposed() {
-        let f = |z: &[f64]| 3.0 + (z[0] - 0.5).powi(2) + 40.0 * (z[1] + z[0] - 0.2).powi(2) + 7.0 * (z[2] + 1.0).powi(2);
+        let f = |z: &[f64]| {
+            3.0 + (z[0] - 0.5).powi(2) + 40.0 * (z[1] + z[0] - 0.2).powi(2) + 7.0 * (z[2] + 1.0).powi(2)
+        };
         let step = proposal(&known(f, 3, 24)).unwrap();
         for (got, want) in step.iter().zip([0.5, -0.3, -1.0]) {
             assert!((got - want).abs() < 1e-8, "{step:?}");
         }
         // Without products while points are few.
-        let round = |z: &[f64]| z.iter().zip([0.4, -0.6, 0.1, 0.9]).map(|(z, t)| (z - t).powi(2)).sum::<f64>();
+        let round =
+            |z: &[f64]| z.iter().zip([0.4, -0.6, 0.1, 0.9]).map(|(z, t)| (z - t).powi(2)).sum::<f64>();
         let step = proposal(&known(round, 4, 12)).unwrap();
         assert!((step[3] - 0.9).abs() < 1e-8, "{step:?}");
     }
