@@ -48,7 +48,7 @@ impl Theta {
     pub fn number(&self, name: &str) -> Tensor<4> {
         let at =
             self.names.iter().position(|n| n == name).unwrap_or_else(|| panic!("no ISP parameter {name}"));
-        self.values.clone().slice([at..at + 1]).reshape([1, 1, 1, 1])
+        self.values.clone().narrow(0, at, 1).reshape([1, 1, 1, 1])
     }
 }
 

@@ -74,6 +74,31 @@ impl Distribution {
         self.mean.iter().zip(step).map(|(m, y)| m + self.size * y).collect()
     }
 
+    /// `m`.
+    pub fn mean(&self) -> &[f64] {
+        &self.mean
+    }
+
+    /// The step to a point: the inverse of [`Self::at`].
+    pub fn step_to(&self, point: &[f64]) -> Vec<f64> {
+        self.mean.iter().zip(point).map(|(m, x)| (x - m) / self.size).collect()
+    }
+
+    /// The white noise `z` that would lead to a point.
+    pub fn white(&self, point: &[f64]) -> Vec<f64> {
+        self.along_axes(&self.step_to(point))
+    }
+
+    /// Shortens a step whose white noise is improbably long: beyond `sqrt(n) + 2n / (n + 2)`.
+    pub fn shorten(&self, step: &mut [f64]) {
+        let n = self.coordinates() as f64;
+        let white = self.along_axes(step);
+        let (length, longest) = (dot(&white, &white).sqrt(), n.sqrt() + 2.0 * n / (n + 2.0));
+        if length > longest {
+            step.iter_mut().for_each(|y| *y *= longest / length);
+        }
+    }
+
     /// Standard deviation along the widest axis.
     pub fn widest(&self) -> f64 {
         self.size * self.lengths.iter().copied().fold(0.0, f64::max)
@@ -87,12 +112,18 @@ impl Distribution {
         })
     }
 
+    /// `D^-1 B^T y`.
+    fn along_axes(&self, y: &[f64]) -> Vec<f64> {
+        let n = self.coordinates();
+        (0..n)
+            .map(|axis| (0..n).map(|i| self.axes[i * n + axis] * y[i]).sum::<f64>() / self.lengths[axis])
+            .collect()
+    }
+
     /// `C^(-1/2) y = B D^-1 B^T y`.
     fn whitened(&self, y: &[f64]) -> Vec<f64> {
         let n = self.coordinates();
-        let along: Vec<f64> = (0..n)
-            .map(|axis| (0..n).map(|i| self.axes[i * n + axis] * y[i]).sum::<f64>() / self.lengths[axis])
-            .collect();
+        let along = self.along_axes(y);
         (0..n).map(|i| dot(&self.axes[i * n..(i + 1) * n], &along)).collect()
     }
 

@@ -1,7 +1,9 @@
 //! Minimises a function over the unit cube without its gradient: CMA-ES with restarts.
 //!
 //! `(mu/mu_w, lambda)`-CMA-ES with active covariance after Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv 1604.00772), restarted
-//! with twice the population when it has converged (IPOP, Auger and Hansen 2005). The search proposes points and is given their values:
+//! with twice the population when it has converged (IPOP, Auger and Hansen 2005). One point of each generation is the minimum of a
+//! quadratic model of the values so far, injected after Hansen, "Injecting External Solutions Into CMA-ES" (arXiv 1110.4181): functions
+//! whose axes matter very differently so need far fewer values. The search proposes points and is given their values:
 //! the caller evaluates a whole generation at once, in parallel if it likes, and may keep the state after each.
 //!
 //! The points of a generation are a function of the state alone. A state that is written as JSON and read again continues with the same
@@ -23,6 +25,7 @@
 
 mod cube;
 mod distribution;
+mod model;
 mod weights;
 
 use std::collections::VecDeque;
@@ -30,7 +33,7 @@ use std::collections::VecDeque;
 use petzval_base::random::{Stage, Stream};
 use serde::{Deserialize, Serialize};
 
-use self::cube::folded;
+use self::cube::{folded, held, image_near};
 use self::distribution::{Distribution, Ended};
 use self::weights::Weights;
 
@@ -87,6 +90,8 @@ pub struct Evolution {
     distribution: Distribution,
     /// Best values of the last generations since the restart; infinity is none.
     history: VecDeque<Option<f64>>,
+    /// Points since the restart with their finite values, the latest last.
+    known: VecDeque<(Vec<f64>, f64)>,
     best: Option<Best>,
     generation: u64,
     evaluations: usize,
@@ -114,6 +119,7 @@ impl Evolution {
             population,
             distribution: Distribution::new(start.to_vec(), settings.first_deviation),
             history: VecDeque::new(),
+            known: VecDeque::new(),
             best: None,
             generation: 0,
             evaluations: 0,
@@ -124,7 +130,7 @@ impl Evolution {
 
     /// The points of this generation, in the cube. Asking again gives the same.
     pub fn ask(&self) -> Vec<Vec<f64>> {
-        self.steps().iter().map(|step| folded(&self.distribution.at(step))).collect()
+        self.steps_and_proposal().0.iter().map(|step| folded(&self.distribution.at(step))).collect()
     }
 
     /// Takes the values of the points that [`Evolution::ask`] returned, in their order; the lower the better, and what is no number
@@ -135,21 +141,29 @@ impl Evolution {
     pub fn tell(&mut self, values: &[f64]) {
         assert_eq!(values.len(), self.population, "one value for each point");
         let values: Vec<f64> = values.iter().map(|v| if v.is_nan() { f64::INFINITY } else { *v }).collect();
-        let steps = self.steps();
+        let (mut steps, is_proposed) = self.steps_and_proposal();
+        let points: Vec<Vec<f64>> = steps.iter().map(|step| folded(&self.distribution.at(step))).collect();
         // Equal values keep their order, so that the result does not depend on how they were sorted.
         let mut order: Vec<usize> = (0..values.len()).collect();
         order.sort_by(|a, b| values[*a].total_cmp(&values[*b]).then(a.cmp(b)));
         let first = order[0];
         if values[first] < self.best.as_ref().map_or(f64::INFINITY, |best| best.value) {
-            let at = folded(&self.distribution.at(&steps[first]));
+            let at = points[first].clone();
             self.best = Some(Best { at, value: values[first], evaluation: self.evaluations + first + 1 });
         }
         self.evaluations += values.len();
         self.generation += 1;
 
+        // A proposal may be far away; the distribution follows it no further than its own points.
+        if let (true, Some(step)) = (is_proposed, steps.last_mut()) {
+            self.distribution.shorten(step);
+        }
         let weights = Weights::new(self.distribution.coordinates(), self.population);
         let ranked: Vec<&[f64]> = order.iter().map(|i| steps[*i].as_slice()).collect();
         let moved = self.distribution.update(&ranked, &weights);
+        self.known.extend(points.into_iter().zip(values.iter().copied()).filter(|(_, v)| v.is_finite()));
+        let surplus = self.known.len().saturating_sub(MOST_KNOWN.max(4 * self.population));
+        self.known.drain(..surplus);
         let kept = 10 + (30 * self.distribution.coordinates()).div_ceil(self.population);
         self.history.push_back(Some(values[first]).filter(|v| v.is_finite()));
         if self.history.len() > kept {
@@ -205,6 +219,7 @@ impl Evolution {
         self.restarts += 1;
         self.population = (2 * self.population).min(MOST_POINTS);
         self.history.clear();
+        self.known.clear();
         let stream = Stream::new(self.settings.seed, self.generation, Stage::Search);
         let start = (0..self.distribution.coordinates())
             .map(|i| stream.uniforms(RESTART_PLACE + i as u32, 0)[0])
@@ -212,7 +227,25 @@ impl Evolution {
         self.distribution = Distribution::new(start, self.settings.first_deviation);
     }
 
-    /// The steps of this generation: normal with the covariance of the search, without its mean and size.
+    /// The steps of this generation, without mean and size of the search; the last is that of the model, if there is one.
+    fn steps_and_proposal(&self) -> (Vec<Vec<f64>>, bool) {
+        let mut steps = self.steps();
+        let mean = self.distribution.mean();
+        let mut known: Vec<(Vec<f64>, f64)> = self
+            .known
+            .iter()
+            .map(|(point, value)| (self.distribution.white(&image_near(point, mean)), *value))
+            .collect();
+        known.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let Some(white) = model::proposal(&known) else { return (steps, false) };
+        let point = held(&self.distribution.at(&self.distribution.step(&white)), mean);
+        if let Some(last) = steps.last_mut() {
+            *last = self.distribution.step_to(&point);
+        }
+        (steps, true)
+    }
+
+    /// Random steps: normal with the covariance of the search.
     fn steps(&self) -> Vec<Vec<f64>> {
         let stream = Stream::new(self.settings.seed, self.generation, Stage::Search);
         let coordinates = self.distribution.coordinates();
@@ -230,6 +263,9 @@ impl Evolution {
 /// Largest numbers of coordinates and of points in a generation; each number of a generation has its own place in the stream.
 const MOST_COORDINATES: usize = 1000;
 const MOST_POINTS: usize = 4096;
+
+/// Points that the model may know; more for large populations.
+const MOST_KNOWN: usize = 600;
 
 /// Place of the first random number of a restart, behind those of all points.
 const RESTART_PLACE: u32 = (MOST_COORDINATES * (MOST_POINTS + 1)) as u32;

@@ -71,6 +71,31 @@ fn it_follows_the_valley_of_rosenbrock() {
 }
 
 #[test]
+fn weak_coordinates_are_found_beside_strong_ones() {
+    // Like an ISP: gains of red and blue, exposure and gamma decide most, denoising little, and its best value is the last of its range.
+    let f = |x: &[f64]| {
+        let curve = |light: f64, factor: f64, gamma: f64| (light * factor).min(1.0).powf(1.0 / gamma);
+        let [red, blue] = [x[2], x[3]].map(|x| 0.25 * 16.0_f64.powf(x));
+        let errors = (0..36).map(|i| {
+            let (light, gain) = (0.02 + 0.08 * (i / 3) as f64, [red, 1.0, blue][i % 3]);
+            let factor = (4.0 * x[0]).exp2() * gain;
+            (curve(light, factor, 1.4 + 1.6 * x[5]) - curve(light, 1.0, 2.4)).powi(2)
+        });
+        errors.sum::<f64>() / 36.0 + 1e-4 * (2.0 - x[1]) + 1.2e-4 * x[4] + 1.6e-3 * x[4] * x[4]
+    };
+    let start = [0.175, 0.0, 0.62, 0.37, 0.5, 0.25];
+    let mut needed: Vec<usize> = (1..=9)
+        .map(|s| {
+            let settings = EvolutionSettings { first_deviation: 0.2, ..seed(s) };
+            evaluations(f, &start, settings, 1.05e-4, 2000).unwrap_or(2000)
+        })
+        .collect();
+    needed.sort_unstable();
+    // Without the model the median is above 900.
+    assert!(needed[4] <= 500, "{needed:?}");
+}
+
+#[test]
 fn an_optimum_on_faces_of_the_cube_is_found() {
     let target = [0.0, 1.0, 0.5, -0.4, 1.7, 0.0];
     let nearest = [0.0, 1.0, 0.5, 0.0, 1.0, 0.0];

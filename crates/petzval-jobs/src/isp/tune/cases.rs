@@ -10,7 +10,7 @@ use petzval_files::raw_file::sidecar_path;
 use sha2::{Digest, Sha256};
 
 use super::super::named::NamedIsp;
-use super::Plan;
+use super::plan::Plan;
 use crate::error::JobError;
 
 /// A raw frame and its reference.

@@ -7,7 +7,7 @@ use petzval_design::error::DesignError;
 use petzval_design::evolution::Evolution;
 use serde::{Deserialize, Serialize};
 
-use super::Plan;
+use super::plan::Plan;
 use crate::error::{JobError, json, make_folder};
 
 /// All that a search needs to continue.

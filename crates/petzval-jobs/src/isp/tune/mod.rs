@@ -4,6 +4,7 @@
 
 mod cases;
 mod folder;
+mod plan;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -18,12 +19,13 @@ use serde::{Deserialize, Serialize};
 
 use self::cases::{Case, cases, fingerprint};
 use self::folder::{Checkpoint, TuneFolder};
-use super::frame::{FrameOptions, read_frame};
+use super::frame::read_frame;
 use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
 use crate::error::JobError;
 
 pub use self::folder::Generation;
+pub use self::plan::Plan;
 
 /// A search that begins, or one that is continued, and how far it goes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,28 +53,6 @@ pub enum Start {
         /// The folder.
         folder: PathBuf,
     },
-}
-
-/// What is tuned for what.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Plan {
-    /// Folder of raw frames with sidecars.
-    pub raws: PathBuf,
-    /// Folder of the pictures that each should become: a picture of the same name, and of the same size.
-    pub reference: PathBuf,
-    /// Name of a preset, or a file of settings or of the description of an external ISP.
-    pub isp: String,
-    /// Further values, each `stage.key=value`.
-    pub set: Vec<String>,
-    /// Score to raise: `psnr_db`, `ssim` or `one_minus_lpips`; `psnr` and `lpips` mean the same.
-    pub objective: String,
-    /// Parameters that vary: names, stages, or `all`.
-    pub vary: Vec<String>,
-    /// What the raw files leave open.
-    pub frame: FrameOptions,
-    /// Seed of the search.
-    pub seed: u64,
 }
 
 /// What was found.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use petzval::jobs::isp::develop;
 
-use super::{FrameArgs, IspArgs};
+use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use petzval::jobs::isp::tune::{self, Plan, Response, Start};
 
-use super::{FrameArgs, IspArgs};
+use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::signals;

@@ -1,0 +1,39 @@
+//! What can be wrong with a frame, with parameters, or with an ISP.
+
+/// Why a frame cannot be developed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum IspError {
+    /// The frame or its calibration is not what the ISP takes.
+    #[error("{what} is {got}; it must be {need}")]
+    Input {
+        /// What.
+        what: &'static str,
+        /// What was given.
+        got: String,
+        /// What is permitted.
+        need: &'static str,
+    },
+    /// The wrong number of parameters.
+    #[error("the ISP has {expected} parameters, {got} values were given")]
+    Count {
+        /// Parameters of the ISP.
+        expected: usize,
+        /// Values given.
+        got: usize,
+    },
+    /// A parameter is outside its range.
+    #[error("ISP parameter {name} is {value}; it must lie between {min} and {max}")]
+    Parameter {
+        /// Its name, `stage.key`.
+        name: String,
+        /// The value given.
+        value: f64,
+        /// Least value.
+        min: f64,
+        /// Greatest value.
+        max: f64,
+    },
+    /// An ISP outside this program failed.
+    #[error("the external ISP failed: {0}")]
+    External(String),
+}

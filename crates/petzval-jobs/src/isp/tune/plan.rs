@@ -1,0 +1,29 @@
+//! The plan of a search.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::super::frame::FrameOptions;
+
+/// What is tuned for what.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Folder of raw frames with sidecars.
+    pub raws: PathBuf,
+    /// Folder of the pictures that each should become: a picture of the same name, and of the same size.
+    pub reference: PathBuf,
+    /// Name of a preset, or a file of settings or of the description of an external ISP.
+    pub isp: String,
+    /// Further values, each `stage.key=value`.
+    pub set: Vec<String>,
+    /// Score to raise: `psnr_db`, `ssim` or `one_minus_lpips`; `psnr` and `lpips` mean the same.
+    pub objective: String,
+    /// Parameters that vary: names, stages, or `all`.
+    pub vary: Vec<String>,
+    /// What the raw files leave open.
+    pub frame: FrameOptions,
+    /// Seed of the search.
+    pub seed: u64,
+}
