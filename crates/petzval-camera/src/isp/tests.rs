@@ -40,9 +40,10 @@ fn frame(height: usize, width: usize, white_e: f32) -> RawInput {
     let raw: Raw = expose(&scene(height, width), &sensor(), &capture, &noise).unwrap();
     let mut input = RawInput::from_raw(&raw, &sensor()).unwrap();
     // Hot pixels of many levels, and a dead one.
+    let (black, white) = (input.about.black_dn, input.about.white_dn);
     for k in 0..12 {
         let (row, col) = (4 + 3 * k % (height - 8), 5 + 17 * k % (width - 10));
-        input.dn[row * width + col] = 600 + 280 * k as u32;
+        input.dn[row * width + col] = (black + (0.3 + 0.12 * k as f64) * (white - black)) as u32;
     }
     input.dn[26 * width + 27] = 0;
     let bump = |i: usize| 1.0 - 0.06 * ((i / 5) as f32 - 2.0).powi(2) - 0.05 * ((i % 5) as f32 - 2.0).powi(2);
@@ -92,7 +93,7 @@ fn whole_numbers_stay_close_to_the_smooth_version() {
                     SmoothIsp { settings: settings.clone() }.develop(&frame, &settings.values()).unwrap();
                 let db = distance(&fixed, &smooth);
                 // A step of the root is 2^-13, of the encoded value 2^-14; decisions at single pixels may differ.
-                assert!(db > 54.0, "{name} {demosaic:?} {domain:?}: {db:.1} dB");
+                assert!(db > 52.0, "{name} {demosaic:?} {domain:?}: {db:.1} dB");
             }
         }
     }
