@@ -60,13 +60,13 @@ pub(super) fn proposal(known: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
     let fit = matrix.svd(true, true).solve(&values, 1e-10).ok()?;
 
     let slope = fit.rows(1, n).into_owned();
-    let mut curvature = DMatrix::zeros(n, n);
+    let mut curvature = DMatrix::<f64>::zeros(n, n);
     for ((i, j), c) in pairs.iter().zip(fit.iter().skip(1 + n)) {
         curvature[(*i, *j)] += c;
         curvature[(*j, *i)] += c;
     }
     let axes = SymmetricEigen::new(curvature);
-    let strongest = axes.eigenvalues.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let strongest = axes.eigenvalues.iter().fold(0.0_f64, |a, b: &f64| a.max(b.abs()));
     let along = axes.eigenvectors.transpose() * slope;
     let step = DVector::from_fn(n, |i, _| {
         -along[i] / axes.eigenvalues[i].abs().max(1e-6 * strongest + f64::MIN_POSITIVE)

@@ -26,7 +26,7 @@ pub struct NamedIsp {
 
 enum Kind {
     /// Ours, with values by the gain of the sensor.
-    BuiltIn { isp: HardwareIsp, preset: IspPreset },
+    BuiltIn { isp: Box<HardwareIsp>, preset: Box<IspPreset> },
     /// A command, with the path of its description.
     External { isp: ExternalIsp, values: Vec<f64>, description: PathBuf },
 }
@@ -65,7 +65,8 @@ pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
 
 impl NamedIsp {
     fn built_in(preset: IspPreset) -> Self {
-        let isp = HardwareIsp { settings: preset.settings.clone() };
+        let isp = Box::new(HardwareIsp { settings: preset.settings.clone() });
+        let preset = Box::new(preset);
         Self {
             parameters: IspSettings::parameters(),
             kind: Kind::BuiltIn { isp, preset },
@@ -89,7 +90,7 @@ impl NamedIsp {
     /// The ISP behind its interface.
     pub fn isp(&self) -> &dyn Isp {
         match &self.kind {
-            Kind::BuiltIn { isp, .. } => isp,
+            Kind::BuiltIn { isp, .. } => isp.as_ref(),
             Kind::External { isp, .. } => isp,
         }
     }

@@ -282,7 +282,7 @@ impl Tuner<'_> {
     fn tune(&self, budget: usize, folder: &TuneFolder, kept: &mut Checkpoint) -> Result<Response, JobError> {
         let sign = if self.score.higher_is_better() { 1.0 } else { -1.0 };
         if kept.start.is_none()
-            && let Some(scores) = self.scores(&[self.base.clone()])?
+            && let Some(scores) = self.scores(std::slice::from_ref(&self.base))?
         {
             kept.start = Some(scores[0]);
             folder.save(kept, &self.tuned(kept)?)?;
