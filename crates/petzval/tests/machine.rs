@@ -31,7 +31,7 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 20] = [
+const WORKLOADS: [&str; 21] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",
@@ -50,6 +50,7 @@ const WORKLOADS: [&str; 20] = [
     "rcd_1200x1920",
     "menon_1200x1920",
     "isp_1200x1920",
+    "isp_quality_1200x1920",
     "unet_step",
     "joint_step",
 ];

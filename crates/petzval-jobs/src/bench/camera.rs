@@ -3,7 +3,7 @@
 use petzval_base::simd::level;
 use petzval_base::simd::widest;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::Demosaic;
+use petzval_camera::isp::{Demosaic, Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, kernel_radius, render, with_patches_for};
 use petzval_camera::sensor::{
     Capture, CfaPattern, Exposure, Noise, NoiseMode, NonUniformity, SensorModel, expose,
@@ -17,6 +17,7 @@ use petzval_optics::pupil::Quadrature;
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
 use crate::error::JobError;
+use crate::isp::isp_by_name;
 
 const FRAME: (usize, usize) = (1200, 1920);
 const ORIGIN: Placement = Placement { row: 0, col: 0 };
@@ -28,6 +29,8 @@ pub(super) fn workloads() -> Vec<Workload> {
         Workload { name: "malvar_1200x1920", simd: widest, prepare: || demosaicing(Demosaic::Malvar) },
         Workload { name: "rcd_1200x1920", simd: widest, prepare: || demosaicing(Demosaic::Rcd) },
         Workload { name: "menon_1200x1920", simd: widest, prepare: || demosaicing(Demosaic::Menon) },
+        Workload { name: "isp_1200x1920", simd: level, prepare: || chip("real-time") },
+        Workload { name: "isp_quality_1200x1920", simd: level, prepare: || chip("quality") },
     ]
 }
 
@@ -61,6 +64,40 @@ fn rendering() -> Result<Prepared, JobError> {
         single_thread: false,
         run: Box::new(move || {
             std::hint::black_box(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?);
+            Ok(())
+        }),
+    })
+}
+
+/// A raw frame of texture with noise, developed by the automotive ISP, shading and distortion included.
+fn chip(preset: &str) -> Result<Prepared, JobError> {
+    let sensor = built_in_assets().sensor("imx249-fitted")?;
+    let exposure = Exposure { white_e: 16_000.0, time_s: 0.005, linear_gain: 1.0 };
+    let capture = Capture { exposure, placement: ORIGIN, frame: 0 };
+    let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
+    let light = texture(FRAME.0, FRAME.1);
+    let raw = expose(&light, &sensor, &capture, &noise).map_err(DesignError::from)?;
+    let mut frame = RawInput::from_raw(&raw, &sensor).map_err(DesignError::from)?;
+    // A lens that dims towards the corners and stretches by a few pixels.
+    let mesh = |of: fn(f32, f32) -> f32| {
+        let node = |i: usize| of((i / 33) as f32 / 16.0 - 1.0, (i % 33) as f32 / 16.0 - 1.0);
+        (0..33 * 33).map(node).collect::<Vec<f32>>()
+    };
+    let dimming = mesh(|y, x| 1.0 - 0.25 * (y * y + x * x));
+    frame.about.shading = Some(Mesh { rows: 33, cols: 33, planes: vec![dimming; 3] });
+    let planes = vec![mesh(|y, x| 4.0 * y * (y * y + x * x)), mesh(|y, x| 6.0 * x * (y * y + x * x))];
+    frame.about.warp = Some(Mesh { rows: 33, cols: 33, planes });
+    let isp = isp_by_name(preset, &built_in_assets())?;
+    let values = isp.values(frame.about.gain_ev)?;
+    Ok(Prepared {
+        work: format!(
+            "1200 x 1920 raw, all stages of the preset {preset} of the automotive ISP, fixed-point"
+        ),
+        units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
+        single_thread: false,
+        run: Box::new(move || {
+            let picture = isp.isp().develop(&frame, &values).map_err(|e| JobError::failed(e.to_string()))?;
+            std::hint::black_box(picture);
             Ok(())
         }),
     })

@@ -84,5 +84,9 @@ mod tests {
             // The standard rounds its constants so that its two pieces meet within 4e-5 only.
             assert!((srgb.encode(*x) - wanted).abs() < 6e-4, "{x}: {} {wanted}", srgb.encode(*x));
         }
+        let bt709 = Gamma { exponent: 1.0 / 0.45, toe: 4.5 };
+        for (x, wanted) in linear.iter().zip(list(&reference["bt709_oetf"])) {
+            assert!((bt709.encode(*x) - wanted).abs() < 6e-4, "{x}: {} {wanted}", bt709.encode(*x));
+        }
     }
 }

@@ -46,7 +46,7 @@ impl Output {
     }
 }
 
-/// Luma and colour differences of 8 bits of an encoded pixel 0..1 by a standard, full range.
+/// Luma and colour differences of an encoded pixel, all 0..1, by a standard, full range.
 ///
 /// `Y = kr R + (1 - kr - kb) G + kb B`, `Cb = (B - Y) / (2 (1 - kb))`, `Cr = (R - Y) / (2 (1 - kr))`, chroma about 1/2.
 pub fn ycbcr(rgb: [f64; 3], [kr, kb]: [f64; 2]) -> [f64; 3] {
@@ -59,3 +59,24 @@ pub fn ycbcr(rgb: [f64; 3], [kr, kb]: [f64; 2]) -> [f64; 3] {
 pub const BT601: [f64; 2] = [0.299, 0.114];
 /// Shares of red and blue in the luma of ITU-R BT.709.
 pub const BT709: [f64; 2] = [0.2126, 0.0722];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn luma_and_colour_differences_are_those_of_the_standards() {
+        let reference: serde_json::Value =
+            serde_json::from_str(include_str!("../../../tests/fixtures/isp_reference.json")).unwrap();
+        let triple = |value: &serde_json::Value| [0, 1, 2].map(|c| value[c].as_f64().unwrap());
+        let of = &reference["ycbcr"];
+        for (name, standard) in [("bt601_full", BT601), ("bt709_full", BT709)] {
+            for (rgb, wanted) in of["rgb"].as_array().unwrap().iter().zip(of[name].as_array().unwrap()) {
+                let (found, wanted) = (ycbcr(triple(rgb), standard), triple(wanted));
+                for c in 0..3 {
+                    assert!((found[c] - wanted[c]).abs() < 1e-6, "{name}: {found:?} {wanted:?}");
+                }
+            }
+        }
+    }
+}
