@@ -28,7 +28,7 @@ enum Kind {
     /// Ours, with values by the gain of the sensor.
     BuiltIn { isp: Box<HardwareIsp>, preset: Box<IspPreset> },
     /// A command, with the path of its description.
-    External { isp: ExternalIsp, values: Vec<f64>, description: PathBuf },
+    External { isp: Box<ExternalIsp>, values: Vec<f64>, description: PathBuf },
 }
 
 /// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings or of the description of an external ISP.
@@ -84,6 +84,7 @@ impl NamedIsp {
         let description =
             std::path::absolute(path).map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
         let (parameters, values) = (isp.parameters(), isp.defaults());
+        let isp = Box::new(isp);
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
@@ -91,7 +92,7 @@ impl NamedIsp {
     pub fn isp(&self) -> &dyn Isp {
         match &self.kind {
             Kind::BuiltIn { isp, .. } => isp.as_ref(),
-            Kind::External { isp, .. } => isp,
+            Kind::External { isp, .. } => isp.as_ref(),
         }
     }
 
