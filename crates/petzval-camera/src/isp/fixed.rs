@@ -159,6 +159,16 @@ impl Grid {
         Around { grid: self, row, width }
     }
 
+    /// Four by four pixels, of which `(row, col)`, a pixel of the grid, is the second of the second row.
+    #[inline(always)]
+    pub fn four_by_four(&self, row: i32, col: i32) -> [[i32; 4]; 4] {
+        let start = (row as usize + BORDER - 1) * self.stride() + col as usize + BORDER - 1;
+        std::array::from_fn(
+            #[inline(always)]
+            |k| self.data[start + k * self.stride()..].first_chunk().copied().unwrap_or_default(),
+        )
+    }
+
     /// A row of the grid.
     #[inline(always)]
     pub fn row(&self, row: usize) -> &[i32] {

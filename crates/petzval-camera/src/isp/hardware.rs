@@ -11,7 +11,9 @@ use super::settings::IspSettings;
 use super::stage::black_level::Registers as Levels;
 use super::stage::colour::mixed;
 use super::stage::gain::amplified;
+use super::stage::shading::Registers as Shades;
 use super::stage::stabilise::Stable;
+use super::stage::tone_map::ToneMap;
 use super::stage::{colour_denoise, demosaic, gamma, white_balance};
 use super::{Domain, Isp, IspError, IspParameter, RawInput, RgbPicture};
 use crate::sensor::CfaPattern;
@@ -75,60 +77,48 @@ impl HardwareIsp {
         look.at_mosaic(&mut watch, "bayer_denoise", &mosaic);
 
         // Back to light; the lens's shading and the sensor's colours are balanced there.
-        let shading = set.shading.registers(about.shading.as_ref(), (height, width));
-        let balance = set.white_balance.registers(about);
-        let highest = LINEAR.of(white_balance::highest(about, set.gain.factor()));
-        let bias =
-            stable.bias(if set.bayer_denoise.strength > 0.0 { set.bayer_denoise.averaged() } else { 0.0 });
-        let balanced = |row: usize, out: &mut [i32]| {
-            let planes = [0, 1].map(|col| cfa.colour(row, col).plane().unwrap_or(1));
-            let nodes = shading.as_ref().map(|s| s.row(row));
-            for (c, (out, root)) in out.iter_mut().zip(mosaic.row(row)).enumerate() {
-                let plane = planes[c % 2];
-                let mut light = stable.light(*root, bias);
-                if let (Some(shading), Some(nodes)) = (&shading, &nodes) {
-                    light = amplified(light, shading.gain(&nodes[plane], c));
-                }
-                *out = amplified(light, balance[plane]).min(highest);
-            }
+        let averaged = if set.bayer_denoise.strength > 0.0 { set.bayer_denoise.averaged() } else { 0.0 };
+        let balance = Balance {
+            stable: &stable,
+            bias: stable.bias(averaged),
+            shading: set.shading.registers(about.shading.as_ref(), (height, width)),
+            gains: set.white_balance.registers(about),
+            highest: LINEAR.of(white_balance::highest(about, set.gain.factor())),
+            cfa,
         };
+        let light = Grid::from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, out| balance.row(&mosaic, row, out),
+        );
         // The values that are demosaiced: the root of light, or, for comparison, light itself.
-        let root = |light: i32| match set.domain {
-            Domain::Stabilised => stable.root(light),
-            Domain::Linear => ROOT.clamp(light >> (LINEAR.fraction - ROOT.fraction)),
-        };
-        let light_of = |root: i32| match set.domain {
-            Domain::Stabilised => stable.light(root, 0),
-            Domain::Linear => LINEAR.clamp(root << (LINEAR.fraction - ROOT.fraction)),
-        };
+        let roots = Roots { stable: &stable, domain: set.domain };
         let mosaic = if set.tone_map.is_off() {
             Grid::from_rows(
                 height,
                 width,
                 #[inline(always)]
-                |row, out| {
-                    balanced(row, out);
-                    out.iter_mut().for_each(|v| *v = root(*v));
-                },
+                |row, out| out.iter_mut().zip(light.row(row)).for_each(|(out, v)| *out = roots.root(*v)),
             )
         } else {
-            let light = Grid::from_rows(height, width, balanced);
-            let local = super::stage::tone_map::ToneMap::local_light(&light);
+            let local = ToneMap::local_light(&light);
             let tones = set.tone_map.registers(&local);
             Grid::from_rows(
                 height,
                 width,
                 #[inline(always)]
                 |row, out| {
-                    let cells = tones.row(row);
-                    for (c, ((out, v), l)) in
-                        out.iter_mut().zip(light.row(row)).zip(local.row(row)).enumerate()
-                    {
-                        *out = root(amplified(*v, tones.gain(&cells, c, *l)));
+                    let [slope, offset] = tones.row(row);
+                    let (light, local) = (light.row(row), local.row(row));
+                    for c in 0..out.len() {
+                        let gain = tones.gain((slope[c], offset[c]), local[c]);
+                        out[c] = roots.root(amplified(light[c], gain));
                     }
                 },
             )
         };
+        drop(light);
         look.at_mosaic(&mut watch, "tone_map", &mosaic);
 
         // Three colours at every pixel, and what demosaicing and noise did to them taken out.
@@ -154,7 +144,7 @@ impl HardwareIsp {
                 let (from_g, from_b, g, b) =
                     (&from_g[..width], &from_b[..width], &mut g[..width], &mut b[..width]);
                 for c in 0..width {
-                    let lights = [light_of(from_r[c]), light_of(from_g[c]), light_of(from_b[c])];
+                    let lights = [roots.light(from_r[c]), roots.light(from_g[c]), roots.light(from_b[c])];
                     [r[c], g[c], b[c]] = mixed(&matrix, lights);
                 }
                 for line in [r, g, b] {
@@ -187,6 +177,62 @@ fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable
             }
         },
     )
+}
+
+/// What a driver sets for the way from denoised roots to balanced light.
+struct Balance<'a> {
+    stable: &'a Stable,
+    bias: i32,
+    shading: Option<Shades>,
+    /// Gains of red, green and blue.
+    gains: [i32; 3],
+    highest: i32,
+    cfa: CfaPattern,
+}
+
+impl Balance<'_> {
+    /// The balanced light of a row of roots.
+    #[inline(always)]
+    fn row(&self, mosaic: &Grid, row: usize, out: &mut [i32]) {
+        let planes = [0, 1].map(|col| self.cfa.colour(row, col).plane().unwrap_or(1));
+        for (out, root) in out.iter_mut().zip(mosaic.row(row)) {
+            *out = self.stable.light(*root, self.bias);
+        }
+        if let Some(shading) = &self.shading {
+            let gains = planes.map(|plane| shading.row(plane, row));
+            for (c, out) in out.iter_mut().enumerate() {
+                *out = amplified(*out, if c % 2 == 0 { gains[0][c] } else { gains[1][c] });
+            }
+        }
+        let gains = planes.map(|plane| self.gains[plane]);
+        for (c, out) in out.iter_mut().enumerate() {
+            *out = amplified(*out, if c % 2 == 0 { gains[0] } else { gains[1] }).min(self.highest);
+        }
+    }
+}
+
+/// The values between which colours are interpolated.
+struct Roots<'a> {
+    stable: &'a Stable,
+    domain: Domain,
+}
+
+impl Roots<'_> {
+    #[inline(always)]
+    fn root(&self, light: i32) -> i32 {
+        match self.domain {
+            Domain::Stabilised => self.stable.root(light),
+            Domain::Linear => ROOT.clamp(light >> (LINEAR.fraction - ROOT.fraction)),
+        }
+    }
+
+    #[inline(always)]
+    fn light(&self, root: i32) -> i32 {
+        match self.domain {
+            Domain::Stabilised => self.stable.light(root, 0),
+            Domain::Linear => LINEAR.clamp(root << (LINEAR.fraction - ROOT.fraction)),
+        }
+    }
 }
 
 /// How pictures between stages are shown: the missing steps in their simplest form.

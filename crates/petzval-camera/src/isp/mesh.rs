@@ -9,8 +9,10 @@ const PLACE_BITS: u32 = 12;
 
 /// Where the pixels of an axis lie between nodes.
 pub struct Axis {
-    /// The node before each pixel, and the share of the way to the next, 12 bits.
-    places: Vec<(usize, i32)>,
+    /// The node before each pixel.
+    before: Vec<usize>,
+    /// The share of the way from it to the next, 12 bits.
+    shares: Vec<i32>,
     nodes: usize,
 }
 
@@ -33,17 +35,31 @@ impl Axis {
             let node = (x as usize).min(last);
             (node, ((x - node as f64) * f64::from(1 << PLACE_BITS)).round() as i32)
         };
-        Self { places: (0..len).map(of).collect(), nodes }
+        let (before, shares) = (0..len).map(of).unzip();
+        Self { before, shares, nodes }
     }
 
-    /// The whole number of a pixel from those of the nodes.
-    #[inline(always)]
-    pub fn between(&self, pixel: usize, value: impl Fn(usize) -> i32) -> i32 {
-        let (node, share) = self.places[pixel];
-        let low = value(node);
-        let high = value((node + 1).min(self.nodes - 1));
-        // 16-bit values times a 12-bit share.
-        low + (((high - low) * share + (1 << (PLACE_BITS - 1))) >> PLACE_BITS)
+    /// Whole numbers of the nodes of a row of pixels from those of all nodes, `nodes[row][col]`, along this axis of rows.
+    pub fn row_of_nodes(&self, nodes: &[i32], pixel: usize) -> Vec<i32> {
+        let per_row = nodes.len() / self.nodes;
+        let low = self.before[pixel];
+        let high = (low + 1).min(self.nodes - 1);
+        let line = |node: usize| &nodes[node * per_row..][..per_row];
+        line(low).iter().zip(line(high)).map(|(a, b)| between(*a, *b, self.shares[pixel])).collect()
+    }
+
+    /// Whole numbers of a row of pixels from those of its nodes.
+    pub fn spread_row(&self, nodes: &[i32]) -> Vec<i32> {
+        let mut out = Vec::with_capacity(self.shares.len());
+        while out.len() < self.shares.len() {
+            // All pixels between two nodes.
+            let node = self.before[out.len()];
+            let count = self.before[out.len()..].partition_point(|before| *before == node);
+            let (low, high) = (nodes[node], nodes[(node + 1).min(self.nodes - 1)]);
+            let start = out.len();
+            out.extend(self.shares[start..start + count].iter().map(|share| between(low, high, *share)));
+        }
+        out
     }
 
     /// Nodes of the axis.
@@ -53,14 +69,21 @@ impl Axis {
 
     /// The matrix `[pixels, nodes]` of the interpolation, of the same shares.
     fn matrix(&self, like: &Tensor<4>) -> Tensor<4> {
-        let mut values = vec![0.0; self.places.len() * self.nodes];
-        for (line, (node, share)) in values.chunks_exact_mut(self.nodes).zip(&self.places) {
+        let mut values = vec![0.0; self.shares.len() * self.nodes];
+        let places = self.before.iter().zip(&self.shares);
+        for (line, (node, share)) in values.chunks_exact_mut(self.nodes).zip(places) {
             let share = *share as f32 / (1 << PLACE_BITS) as f32;
             line[*node] += 1.0 - share;
             line[(node + 1).min(self.nodes - 1)] += share;
         }
-        constant(values, [1, 1, self.places.len(), self.nodes], like)
+        constant(values, [1, 1, self.shares.len(), self.nodes], like)
     }
+}
+
+/// The whole number at a share, 12 bits, of the way between two 16-bit numbers.
+#[inline(always)]
+fn between(low: i32, high: i32, share: i32) -> i32 {
+    low + (((high - low) * share + (1 << (PLACE_BITS - 1))) >> PLACE_BITS)
 }
 
 /// Values at nodes `[1, 1, rows, cols]` spread over the pixels of two axes, on the tape.

@@ -91,7 +91,6 @@ fn weak_coordinates_are_found_beside_strong_ones() {
         })
         .collect();
     needed.sort_unstable();
-    // Without the model the median is above 900.
     assert!(needed[4] <= 500, "{needed:?}");
 }
 

@@ -1,7 +1,8 @@
 //! Dewarp: the distortion of the lens is undone by the camera's own map.
 //!
 //! Each pixel of the result is fetched from `pixel + strength * displacement` of the distorted picture, between pixels by cubic
-//! convolution (R. G. Keys 1981, a = -1/2). The displacements lie on a mesh of the calibration. Beyond the picture its edge is repeated.
+//! convolution (R. G. Keys 1981, a = -1/2). The displacements lie on a mesh of the calibration. Places beyond the
+//! picture are those of its edge, around which the picture is mirrored.
 
 use std::sync::Arc;
 
@@ -53,8 +54,7 @@ impl Dewarp {
         let (rows, cols) = (Axis::corners(height, mesh.rows), Axis::corners(width, mesh.cols));
         let scale = self.strength * f64::from(1 << PLACE_BITS);
         let whole = |v: &f32| (f64::from(*v) * scale).round().clamp(-32768.0, 32767.0) as i32;
-        let nodes: Vec<Vec<i32>> =
-            mesh.planes.iter().map(|plane| plane.iter().map(whole).collect()).collect();
+        let nodes = [0, 1].map(|k: usize| mesh.planes[k].iter().map(whole).collect::<Vec<i32>>());
         // Weights of every place between two pixels; they add up to exactly 1.
         let table: Vec<[i32; 4]> = (0..1 << PLACE_BITS)
             .map(|k| {
@@ -64,38 +64,31 @@ impl Dewarp {
                 whole
             })
             .collect();
-        let inside = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
+        let inside = |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
         Grid::three_from_rows(
             height,
             width,
             #[inline(always)]
             |row, mut outs| {
-                let n = mesh.cols;
-                let line: [Vec<i32>; 2] = std::array::from_fn(|k| {
-                    (0..n).map(|c| rows.between(row, |r| nodes[k][r * n + c])).collect()
-                });
+                let [down, right] =
+                    nodes.each_ref().map(|plane| cols.spread_row(&rows.row_of_nodes(plane, row)));
                 for c in 0..width {
-                    let [down, right] = [0, 1].map(|k: usize| cols.between(c, |node| line[k][node]));
-                    let y = ((row as i32) << PLACE_BITS) + down;
-                    let x = ((c as i32) << PLACE_BITS) + right;
+                    // Places beyond the picture are those of its edge, around which the border mirrors it.
+                    let y = inside(((row as i32) << PLACE_BITS) + down[c], height);
+                    let x = inside(((c as i32) << PLACE_BITS) + right[c], width);
                     let of_rows = &table[(y & ((1 << PLACE_BITS) - 1)) as usize];
                     let of_cols = &table[(x & ((1 << PLACE_BITS) - 1)) as usize];
-                    let (y, x) = (y >> PLACE_BITS, x >> PLACE_BITS);
-                    // Away from the border the four columns lie side by side.
-                    let is_inside = x >= 1 && x + 3 <= width as i32;
-                    let at: [usize; 4] = std::array::from_fn(|k| inside(x + k as i32 - 1, width));
-                    let lines: [usize; 4] = std::array::from_fn(|k| inside(y + k as i32 - 1, height));
                     for (grid, out) in rgb.iter().zip(outs.iter_mut()) {
-                        let mut sum = 0;
-                        for k in 0..4 {
-                            let line = grid.row(lines[k]);
-                            let four = match is_inside {
-                                true => line[at[0]..].first_chunk().copied().unwrap_or_default(),
-                                false => at.map(|at| line[at]),
-                            };
-                            sum += shift_round(weighted(*of_cols, four), 4) * of_rows[k];
+                        let four = grid.four_by_four(y >> PLACE_BITS, x >> PLACE_BITS);
+                        // Down the four columns, then across.
+                        let mut columns = [0; 4];
+                        for (line, weight) in four.iter().zip(of_rows) {
+                            for k in 0..4 {
+                                columns[k] += line[k] * weight;
+                            }
                         }
-                        out[c] = ENCODED.clamp(shift_round(sum, 2 * WEIGHT_BITS - 4));
+                        let columns = columns.map(|v| shift_round(v, 4));
+                        out[c] = ENCODED.clamp(shift_round(weighted(*of_cols, columns), 2 * WEIGHT_BITS - 4));
                     }
                 }
             },
@@ -128,11 +121,12 @@ impl Fetch {
     /// Rows, columns and places of the four by four pixels of an output pixel.
     fn places(&self, i: usize, moved: &[f32]) -> ([usize; 4], [usize; 4], f64, f64) {
         let n = self.height * self.width;
-        let y = (i / self.width) as f64 + f64::from(moved[i]);
-        let x = (i % self.width) as f64 + f64::from(moved[n + i]);
-        let four = |at: f64, len: usize| {
-            std::array::from_fn(|k| (at.floor() + k as f64 - 1.0).clamp(0.0, len as f64 - 1.0) as usize)
-        };
+        let inside = |at: f64, len: usize| at.clamp(0.0, len as f64 - 1.0);
+        let y = inside((i / self.width) as f64 + f64::from(moved[i]), self.height);
+        let x = inside((i % self.width) as f64 + f64::from(moved[n + i]), self.width);
+        let mirrored =
+            |at: isize, len: usize| at.unsigned_abs().min((2 * (len as isize - 1) - at).unsigned_abs());
+        let four = |at: f64, len: usize| std::array::from_fn(|k| mirrored(at as isize + k as isize - 1, len));
         (four(y, self.height), four(x, self.width), y - y.floor(), x - x.floor())
     }
 }

@@ -46,13 +46,13 @@ impl Output {
     }
 }
 
-/// Luma and colour differences of an encoded pixel, all 0..1, by a standard, full range.
+/// Luma and colour differences of an encoded pixel 0..1 by a standard, full range: Y 0..1, Cb and Cr -1/2..1/2.
 ///
-/// `Y = kr R + (1 - kr - kb) G + kb B`, `Cb = (B - Y) / (2 (1 - kb))`, `Cr = (R - Y) / (2 (1 - kr))`, chroma about 1/2.
+/// `Y = kr R + (1 - kr - kb) G + kb B`, `Cb = (B - Y) / (2 (1 - kb))`, `Cr = (R - Y) / (2 (1 - kr))`.
 pub fn ycbcr(rgb: [f64; 3], [kr, kb]: [f64; 2]) -> [f64; 3] {
     let [r, g, b] = rgb;
     let y = kr * r + (1.0 - kr - kb) * g + kb * b;
-    [y, (b - y) / (2.0 * (1.0 - kb)) + 0.5, (r - y) / (2.0 * (1.0 - kr)) + 0.5]
+    [y, (b - y) / (2.0 * (1.0 - kb)), (r - y) / (2.0 * (1.0 - kr))]
 }
 
 /// Shares of red and blue in the luma of ITU-R BT.601.

@@ -29,7 +29,6 @@ pub struct Registers {
     planes: [Vec<i32>; 3],
     rows: Axis,
     cols: Axis,
-    nodes_per_row: usize,
 }
 
 impl Shading {
@@ -41,7 +40,6 @@ impl Shading {
             planes: [0, 1, 2].map(|c| mesh.planes[c].iter().map(gain).collect()),
             rows: Axis::corners(height, mesh.rows),
             cols: Axis::corners(width, mesh.cols),
-            nodes_per_row: mesh.cols,
         })
     }
 
@@ -68,17 +66,8 @@ impl Shading {
 }
 
 impl Registers {
-    /// The nodes' gains of the three colours on a row of pixels.
-    pub fn row(&self, row: usize) -> [Vec<i32>; 3] {
-        let n = self.nodes_per_row;
-        self.planes
-            .each_ref()
-            .map(|plane| (0..n).map(|c| self.rows.between(row, |r| plane[r * n + c])).collect())
-    }
-
-    /// The gain of a pixel from those of the nodes of its row.
-    #[inline(always)]
-    pub fn gain(&self, nodes: &[i32], col: usize) -> i32 {
-        self.cols.between(col, |c| nodes[c])
+    /// The gains of a row of pixels of a colour, [`GAIN`].
+    pub fn row(&self, plane: usize, row: usize) -> Vec<i32> {
+        self.cols.spread_row(&self.rows.row_of_nodes(&self.planes[plane], row))
     }
 }

@@ -222,17 +222,14 @@ fn blurred(plane: &[i64], (m, n): (usize, usize), [rows, cols]: &[Vec<Vec<i64>>;
 }
 
 impl Registers {
-    /// Slope and offset of the base at the cells of a row of pixels.
+    /// Slope and offset of the base at a row of pixels.
     pub fn row(&self, row: usize) -> [Vec<i32>; 2] {
-        let n = self.cols.nodes();
-        [&self.slope, &self.offset]
-            .map(|plane| (0..n).map(|c| self.rows.between(row, |r| plane[r * n + c])).collect())
+        [&self.slope, &self.offset].map(|plane| self.cols.spread_row(&self.rows.row_of_nodes(plane, row)))
     }
 
-    /// The gain, [`GAIN`], of a pixel of local light l, [`LOG2`].
+    /// The gain, [`GAIN`], of a pixel of local light l, [`LOG2`], where the base has slope a and offset b.
     #[inline(always)]
-    pub fn gain(&self, [slope, offset]: &[Vec<i32>; 2], col: usize, l: i32) -> i32 {
-        let (a, b) = (self.cols.between(col, |c| slope[c]), self.cols.between(col, |c| offset[c]));
+    pub fn gain(&self, (a, b): (i32, i32), l: i32) -> i32 {
         let base = LOG2.clamp(shift_round(a * l, 12) + b);
         let start = CURVE_STOPS.start << LOG2.fraction;
         let last = (CURVE_STOPS.end - CURVE_STOPS.start) << LOG2.fraction;
