@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::IspError;
+use super::noise_level::Electrons;
 use crate::develop::{dark_mean_dn, white_capacity_e};
 use crate::image::LinearImage;
 use crate::sensor::{CfaPattern, Colour, Exposure, Raw, SensorError, SensorModel};
@@ -169,12 +170,8 @@ impl Companding {
 impl NoiseProfile {
     /// The noise of green pixels of a sensor at an exposure (EMVA 1288, equation of the photon transfer).
     pub fn of_sensor(sensor: &SensorModel, exposure: &Exposure) -> Self {
-        let gain = sensor.gain_dn_per_e * f64::from(exposure.linear_gain);
-        let dark_e = sensor.dark_current_e_per_s * f64::from(exposure.time_s);
-        let electronics_e = sensor.electronics_noise_dn / gain;
-        let variance_e = dark_e + sensor.read_noise_e.powi(2) + electronics_e.powi(2);
         let white_e = f64::from(exposure.white_e) * sensor.response(Colour::Green).iter().sum::<f64>();
-        Self { shot: 1.0 / white_e, read: variance_e / white_e.powi(2) }
+        Self { shot: 1.0 / white_e, read: Electrons::of_sensor(sensor, exposure).dark / white_e.powi(2) }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The interface of every image signal processor: raw frame and parameters in, picture out.
 //!
-//! Ours, a proxy network, and any external program stand behind it; what tunes an ISP sees nothing else.
+//! The built-in ISPs and external programs implement it. Tuning calls an ISP through it alone.
 
 use burn::prelude::*;
 use petzval_base::parameter::Parameter;

@@ -6,8 +6,8 @@
 use super::super::fixed::{Around, Grid, ROOT, shift_round};
 use crate::sensor::{CfaPattern, Colour};
 
-/// A third, 16 bits behind the point.
-const THIRD: i32 = 21_845;
+/// A third, 12 bits behind the point: as many as leave room for three differences of roots.
+const THIRD: i32 = 1365;
 
 /// Roots of the three colours from the roots of a mosaic.
 pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
@@ -37,8 +37,8 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
             }
         },
     );
-    // Colours at green: along the row and the column in which they were measured. `from` gives the colour there.
-    let at_green = |green: &Grid, from: [&Grid; 2], keep: Option<[&Grid; 2]>| {
+    // Colours at green: along the row and the column in which they were measured. `from` gives the colour there, and elsewhere.
+    let at_green = |green: &Grid, from: [&Grid; 2]| {
         let [red, _, blue] = Grid::three_from_rows(
             height,
             width,
@@ -52,7 +52,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
                     let colour = [&from[k].near(row, -d, -r)[..width], &from[k].near(row, d, r)[..width]];
                     let near = [&green.near(row, -d, -r)[..width], &green.near(row, d, r)[..width]];
                     let g = &green.row(row)[..width];
-                    let kept = &keep.map_or(mosaic, |kept| kept[k]).row(row)[..width];
+                    let kept = &from[k].row(row)[..width];
                     for c in 0..width {
                         let mean = colour[0][c] + colour[1][c] - near[0][c] - near[1][c];
                         let is_green = (c % 2 == 0) == green_first;
@@ -63,7 +63,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         );
         [red, blue]
     };
-    let [red, blue] = at_green(&green, [mosaic, mosaic], None);
+    let [red, blue] = at_green(&green, [mosaic, mosaic]);
     // Red at blue and blue at red, along the chosen direction.
     let [red, _, blue] = Grid::three_from_rows(
         height,
@@ -72,9 +72,8 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         |row, [to_red, _, to_blue]| {
             let width = to_red.len();
             let (green_first, is_red_row) = row_kind(row);
-            let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
+            let (o, u) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
             let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
-            let [o, u] = [own, other];
             let (ol, or, oa, ob) =
                 (o.near(row, 0, -1), o.near(row, 0, 1), o.near(row, -1, 0), o.near(row, 1, 0));
             let (ul, ur, ua, ub) =
@@ -109,7 +108,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         },
     );
     // Refine red and blue at green by the mean difference of the measured neighbours.
-    let [red, blue] = at_green(&refined, [&red, &blue], Some([&red, &blue]));
+    let [red, blue] = at_green(&refined, [&red, &blue]);
     // Refine red at blue and blue at red by the low-pass of their difference along the chosen direction.
     let [red, _, blue] = Grid::three_from_rows(
         height,
@@ -144,8 +143,7 @@ fn third(a: Around<'_>, b: Around<'_>, columns: &[i32], out: &mut [i32]) {
         let along = a_above[c] + a_below[c] - b_above[c] - b_below[c];
         let across = a_left[c] + a_right[c] - b_left[c] - b_right[c];
         let sum = if columns[c] == 1 { along } else { across } + a[c] - b[c];
-        // Differences of roots have 17 bits: the third is taken with as many behind the point as fit.
-        out[c] = (sum * (THIRD >> 4) + (1 << 11)) >> 12;
+        out[c] = shift_round(sum * THIRD, 12);
     }
 }
 
