@@ -9,16 +9,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use petzval_camera::render::Placement;
 use petzval_camera::sensor::Noise;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::dataset::{dead_leaves, training_crop};
 use petzval_learn::objective::Objective;
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
 use crate::block::{Batch, BlockName, Blocks};
-use crate::camera::{Camera, Shot, crop_window};
+use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, SPOT_EVENT, latest_checkpoint,
@@ -26,6 +24,7 @@ use crate::run::{
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
+use crate::shots::training_shots;
 use crate::variant::{Schedule, Stage, Variant};
 
 /// Someone who watches a run.
@@ -273,7 +272,7 @@ impl DesignLoop {
         let later = BlockName::ALL.into_iter().filter(|other| *other > block);
         let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
         let offset: usize = later.map(at_end).sum();
-        let shots = self.shots((offset + before + taken) as u64)?;
+        let shots = training_shots(&self.setup, (offset + before + taken) as u64)?;
         let camera = self.camera(variant, moves)?;
         let objective = &self.objective;
         let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
@@ -337,30 +336,6 @@ impl DesignLoop {
         self.camera = None;
         let next = variant.stages.get(self.position.stage);
         self.blocks.begin_stage(|block| next.map_or(0, |stage| stage.task_steps_of(block)));
-    }
-
-    /// The windows of a step: the same for every variant.
-    fn shots(&self, step: u64) -> Result<Vec<Shot>, DesignError> {
-        let (setup, batch) = (&self.setup, self.setup.experiment.training.batch);
-        let (crops, photos) = (&setup.training_crops, setup.photos.training());
-        (0..batch)
-            .map(|item| {
-                let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
-                let (window, frame) = (crops.window(), step * batch as u64 + item as u64);
-                let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);
-                let placement = Placement { row, col };
-                let kept = Some(crop_window(crops, c.sensor_row, c.sensor_column));
-                if is_generated(frame, setup.experiment.training.dead_leaves) {
-                    let scene = dead_leaves(window, setup.experiment.seed, step, item as u32);
-                    return Ok(Shot { scene, placement, kept, frame });
-                }
-                let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
-                if c.flip {
-                    mirror(&mut scene.data, window);
-                }
-                Ok(Shot { scene, placement, kept, frame })
-            })
-            .collect()
     }
 
     fn noise(&self) -> Noise {
@@ -470,34 +445,5 @@ impl DesignLoop {
             self.blocks.begin_stage(|block| first.map_or(0, |stage| stage.task_steps_of(block)));
         }
         Ok(())
-    }
-}
-
-/// Whether a window of a run is a generated picture: evenly spread over the windows, so that their share is met at any time.
-fn is_generated(window: u64, share: f64) -> bool {
-    let before = |window: u64| (window as f64 * share).floor();
-    before(window + 1) > before(window)
-}
-
-/// Mirrors every row of `width` values.
-fn mirror(data: &mut [f32], width: usize) {
-    data.chunks_exact_mut(width).for_each(<[f32]>::reverse);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::is_generated;
-
-    #[test]
-    fn generated_windows_have_their_share_at_any_time() {
-        for share in [0.0, 0.3, 1.0 / 3.0, 0.5, 1.0] {
-            let mut count = 0;
-            for window in 0..2000_u64 {
-                count += u64::from(is_generated(window, share));
-                assert!((count as f64 - share * (window + 1) as f64).abs() <= 1.0, "{share} {window}");
-            }
-        }
-        let late = (0..1000).filter(|k| is_generated(1_000_000_000 + k, 0.3)).count();
-        assert!((299..=301).contains(&late), "{late}");
     }
 }

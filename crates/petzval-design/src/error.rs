@@ -119,6 +119,9 @@ pub enum DesignError {
     /// The network could not be made.
     #[error(transparent)]
     Network(#[from] petzval_learn::network::NetworkError),
+    /// A raw frame could not be developed.
+    #[error(transparent)]
+    Isp(#[from] petzval_camera::isp::IspError),
     /// The experiment names a score that does not exist.
     #[error("scoring.scores: there is no score called `{name}`; there are {known}")]
     UnknownScore {

@@ -5,10 +5,8 @@ use std::sync::Arc;
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
-use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::srgb_encode_op;
-use petzval_learn::dataset::held_out_placements;
 use petzval_learn::objective::Labels;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
@@ -16,10 +14,11 @@ use petzval_optics::paraxial::first_order;
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Shot, crop_window, to_host};
+use crate::camera::{Camera, to_host};
 use crate::error::DesignError;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
 use crate::setup::Setup;
+use crate::shots::held_out_shots;
 
 /// Seed of the noise in scored frames: the same for every camera and every run.
 const SCORING_SEED: u64 = 0x5C0_12E;
@@ -113,34 +112,6 @@ impl Scorer {
 fn host_image(tensor: Tensor<4>) -> Result<LinearImage, DesignError> {
     let [_, channels, height, width] = tensor.dims();
     Ok(LinearImage { channels, height, width, data: to_host(tensor)? })
-}
-
-/// Held-out windows: every photograph at every place.
-fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
-    let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
-    let crops = &setup.scoring_crops;
-    let mut shots = Vec::new();
-    for photo in setup.photos.held_out() {
-        for place in &places {
-            // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
-            let (row, col) = crops.exposed_at(place.sensor_row, place.sensor_column);
-            let (placement, window) = (Placement { row, col }, crops.window());
-            let start = |whole: usize, inset: usize| {
-                ((whole - crops.crop) / 2).saturating_sub(crops.margin + inset).min(whole - window)
-            };
-            let from_row = start(photo.image.height, place.sensor_row - row);
-            let from_column = start(photo.image.width, place.sensor_column - col);
-            let scene = photo.image.crop(from_row, from_column, window, window)?;
-            let kept = crop_window(crops, place.sensor_row, place.sensor_column);
-            let frame = shots.len() as u64;
-            let half = crops.crop / 2;
-            let middle =
-                camera.body().geometry.radius_mm(kept.placement.row + half, kept.placement.col + half);
-            let shot = Shot { scene, placement, kept: Some(kept), frame };
-            shots.push((photo.name.clone(), middle / setup.corner_mm(), shot));
-        }
-    }
-    Ok(shots)
 }
 
 fn camera_metrics(

@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use petzval_design::assets::Assets;
 use petzval_learn::Device;
+use petzval_learn::loss::Lpips;
+use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
 use crate::error::JobError;
@@ -105,6 +107,14 @@ impl Context {
     /// Reports how far the job has come.
     pub fn progress(&self, done: u64, total: u64, text: impl Into<String>) {
         self.watcher.progress(&Progress { done, total, text: text.into() });
+    }
+
+    /// Every score of a picture, computed on the processor.
+    pub fn scores(&self) -> Result<Vec<Box<dyn Score>>, JobError> {
+        let weights = self.assets.bytes("weights/lpips_alex_f16.safetensors")?;
+        let lpips = Lpips::from_safetensors(weights, &self.device("cpu")?)
+            .map_err(|e| JobError::failed(format!("LPIPS: {e}")))?;
+        Ok(standard_scores(&lpips))
     }
 
     /// The tensor device of a name, with automatic differentiation: `cpu`, or one that this build has a feature for.

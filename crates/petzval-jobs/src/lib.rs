@@ -31,6 +31,7 @@ pub mod raw;
 pub mod report;
 pub mod sensor;
 pub mod simulate;
+pub mod train;
 
 pub use built_in::built_in_assets;
 pub use context::{Context, Progress, Silent, Watcher};

@@ -7,6 +7,7 @@
 //! | [`network`] | the network that improves the picture |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
 //! | [`objective`] | what a camera is optimised for: a named loss of what it took |
+//! | [`proxy_isp`] | a network in place of an image signal processor |
 //! | [`score`] | how good a picture is, in the numbers of the literature |
 //! | [`dataset`] | photographs, split into training and held-out pictures |
 //!
@@ -17,6 +18,7 @@ pub mod dataset;
 pub mod loss;
 pub mod network;
 pub mod objective;
+pub mod proxy_isp;
 pub mod score;
 
 pub use burn::prelude::Device;

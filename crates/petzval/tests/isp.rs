@@ -205,3 +205,42 @@ fn an_external_isp_is_shown_tuned_and_its_failure_loses_nothing() {
     let more = run_ok(folder.path(), &resume).json();
     assert!(more["evaluations"].as_u64().unwrap() > 31);
 }
+
+#[test]
+fn a_proxy_is_trained_described_and_developed_with() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    let train = [
+        "train",
+        "isp-proxy",
+        "--vary",
+        "gain.stops,gamma",
+        "--steps",
+        "3",
+        "--base-channels",
+        "8",
+        "--levels",
+        "2",
+    ];
+    let done = run_ok(folder.path(), &[&train[..], &["--out", "proxy", "--json"]].concat()).json();
+    let gap = &done["gap"];
+    assert_eq!((&done["steps"], &done["varied"], &gap["frames"]), (&3.into(), &3.into(), &27.into()));
+    assert!(gap["gradient_cosine"].as_f64().unwrap().abs() <= 1.0, "{gap}");
+    assert_eq!(gap["scores"].as_array().unwrap().len(), 3);
+    let card: toml::Table = read(&folder.path().join("proxy/proxy.toml")).parse().unwrap();
+    assert_eq!(card["gap"]["frames"].as_integer(), Some(27));
+    assert!(read(&folder.path().join("proxy/proxy.html")).contains("proxy, frame 1"));
+
+    // It is an ISP like others, in the parameters that it knows.
+    let develop = ["isp", "develop", "raws/left.tiff", "--isp", "proxy/proxy.toml", "--out", "out"];
+    run_ok(folder.path(), &[&develop[..], &["--set", "gain.stops=0.5"]].concat());
+    assert_eq!(image::open(folder.path().join("out/left.png")).unwrap().width(), 48);
+    let unknown = [&develop[..], &["--set", "sharpen.amount=0.7"]].concat();
+    run_fails(folder.path(), &unknown, 2, &["sharpen.amount"]);
+
+    // A finished training stays as it is, and another does not overwrite it.
+    let again = run_ok(folder.path(), &["train", "isp-proxy", "--resume", "proxy", "--json"]).json();
+    assert_eq!(again["gap"], done["gap"]);
+    run_fails(folder.path(), &[&train[..], &["--out", "proxy"]].concat(), 2, &["already holds a training"]);
+    run_fails(folder.path(), &["train", "isp-proxy", "--resume", "raws"], 2, &["training.json"]);
+}

@@ -215,6 +215,12 @@ impl RawInput {
         })
     }
 
+    /// Digital numbers proportional to light: expanded if the frame is companded.
+    pub fn linear_dn(&self) -> Vec<f32> {
+        let companding = self.about.companding.as_ref();
+        self.dn.iter().map(|dn| companding.map_or(*dn, |c| c.expand(*dn)) as f32).collect()
+    }
+
     /// Checks shape, values and calibration, so that no stage needs to.
     pub fn validate(&self) -> Result<(), IspError> {
         let bad =

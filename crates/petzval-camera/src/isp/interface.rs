@@ -3,6 +3,7 @@
 //! The built-in ISPs and external programs implement it. Tuning calls an ISP through it alone.
 
 use burn::prelude::*;
+use burn::tensor::TensorData;
 use petzval_base::parameter::Parameter;
 
 use super::RawInput;
@@ -64,7 +65,7 @@ pub trait Isp: Send + Sync {
 
 /// An image signal processor with a gradient by raw frame and parameters.
 pub trait DifferentiableIsp: Isp {
-    /// Develops one frame on the tape: digital numbers `[1, 1, height, width]` and parameters `[count]`, each in its own unit, to an
+    /// Develops one frame on the tape: [linear digital numbers](RawInput::linear_dn) `[1, 1, height, width]` and parameters `[count]`, each in its own unit, to an
     /// sRGB-encoded picture `[1, 3, height, width]`, about 0..1. `frame` gives everything but the digital numbers.
     fn develop_on_tape(
         &self,
@@ -72,6 +73,26 @@ pub trait DifferentiableIsp: Isp {
         frame: &RawInput,
         values: Tensor<1>,
     ) -> Result<Tensor<4>, IspError>;
+}
+
+/// What a differentiable ISP makes of a frame where no gradient is needed, rounded to so many bits.
+pub fn developed_without_gradient(
+    isp: &dyn DifferentiableIsp,
+    frame: &RawInput,
+    values: &[f64],
+    bits: u32,
+) -> Result<RgbPicture, IspError> {
+    frame.validate()?;
+    let (device, height, width) = (Device::flex(), frame.height, frame.width);
+    let dn = TensorData::new(frame.linear_dn(), [1, 1, height, width]);
+    let theta = TensorData::new(values.iter().map(|v| *v as f32).collect::<Vec<f32>>(), [values.len()]);
+    let picture =
+        isp.develop_on_tape(Tensor::from_data(dn, &device), frame, Tensor::from_data(theta, &device))?;
+    let encoded =
+        picture.into_data().try_to_vec::<f32>().map_err(|e| IspError::External(format!("{e:?}")))?;
+    let white = ((1_u32 << bits) - 1) as f32;
+    let data = encoded.iter().map(|v| (v.clamp(0.0, 1.0) * white).round() as u16).collect();
+    Ok(RgbPicture { height, width, bits, data })
 }
 
 /// Checks the values of parameters.

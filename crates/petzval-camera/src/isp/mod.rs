@@ -27,7 +27,9 @@ pub use demosaic::Demosaic;
 pub use error::IspError;
 pub use hardware::{HardwareIsp, Watch};
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
-pub use interface::{DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values};
+pub use interface::{
+    DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values, developed_without_gradient,
+};
 pub use interpolation::{Domain, Interpolation};
 pub(crate) use linear::highest_light;
 pub use linear::{LinearIsp, SHADING_FLOOR};

@@ -2,7 +2,6 @@
 //! by the raw frame and by every number.
 
 use burn::prelude::*;
-use burn::tensor::TensorData;
 
 use super::fixed::{LINEAR, ROOT};
 use super::settings::IspSettings;
@@ -23,7 +22,9 @@ use super::stage::stabilise::SmoothStable;
 use super::stage::tone_map::ToneMap;
 use super::stage::white_balance::WhiteBalance;
 use super::tape_grid::{Theta, least};
-use super::{DifferentiableIsp, Domain, Isp, IspError, IspParameter, RawInput, RgbPicture};
+use super::{
+    DifferentiableIsp, Domain, Isp, IspError, IspParameter, RawInput, RgbPicture, developed_without_gradient,
+};
 
 /// The automotive ISP in floating point.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,22 +43,7 @@ impl Isp for SmoothIsp {
     }
 
     fn develop(&self, frame: &RawInput, values: &[f64]) -> Result<RgbPicture, IspError> {
-        frame.validate()?;
-        let device = Device::flex();
-        let expand = |dn: &u32| frame.about.companding.as_ref().map_or(*dn, |c| c.expand(*dn)) as f32;
-        let dn = TensorData::new(
-            frame.dn.iter().map(expand).collect::<Vec<f32>>(),
-            [1, 1, frame.height, frame.width],
-        );
-        let theta = TensorData::new(values.iter().map(|v| *v as f32).collect::<Vec<f32>>(), [values.len()]);
-        let picture =
-            self.develop_on_tape(Tensor::from_data(dn, &device), frame, Tensor::from_data(theta, &device))?;
-        let bits = self.settings.bits;
-        let white = ((1_u32 << bits) - 1) as f32;
-        let encoded =
-            picture.into_data().try_to_vec::<f32>().map_err(|e| IspError::External(format!("{e:?}")))?;
-        let data = encoded.iter().map(|v| (v * white).round() as u16).collect();
-        Ok(RgbPicture { height: frame.height, width: frame.width, bits, data })
+        developed_without_gradient(self, frame, values, self.settings.bits)
     }
 }
 

@@ -128,6 +128,14 @@ impl Camera {
         Self { psf_errors: Some(errors), ..self }
     }
 
+    /// The same camera at another exposure.
+    pub fn with_exposure(&self, exposure: Exposure) -> Self {
+        let mut body = Body { exposure, ..(*self.body).clone() };
+        // The regularisation follows the noise.
+        body.restoration = body.restoration.map(|_| Wiener::of_exposure(&body.sensor, &exposure));
+        Self { body: Arc::new(body), ..self.clone() }
+    }
+
     /// The errors of the PSFs, if they were measured.
     pub fn psf_errors(&self) -> Option<PsfErrors> {
         self.psf_errors

@@ -83,7 +83,7 @@ pub enum TaskKind {
 }
 
 impl Default for Experiment {
-    /// The main job: the nominal Cooke triplet and a small U-Net on a Sony IMX249, against two controls.
+    /// The main job: the nominal Cooke triplet and a small network on a Sony IMX249, against two controls.
     fn default() -> Self {
         Self {
             name: "Camera design".to_owned(),

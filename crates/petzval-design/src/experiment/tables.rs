@@ -62,7 +62,7 @@ parameters! {
         levels: usize = 3, "", 1..6, Linear, "3 or 4";
     } also {
         /// A U-Net that sees the picture alone, or one behind a restoration that is trained with it.
-        kind: NetworkKind = NetworkKind::UNet;
+        kind: NetworkKind = NetworkKind::Restoration;
     }
 }
 
@@ -80,8 +80,7 @@ pub struct DevelopmentConfig {
 
 impl Default for DevelopmentConfig {
     fn default() -> Self {
-        let Interpolation { demosaic, domain } = Interpolation::default();
-        Self { demosaic, domain, restore: false }
+        Self { demosaic: Demosaic::Menon, domain: Domain::Stabilised, restore: true }
     }
 }
 
@@ -96,7 +95,7 @@ parameters! {
     /// Training of the network, the same for every variant.
     pub struct TrainingConfig {
         /// Network steps of a stage that trains the network.
-        steps: usize = 800, "", 1..1e8, Log, "a few hundred on a CPU";
+        steps: usize = 450, "", 1..1e8, Log, "a few hundred on a CPU";
         /// Windows a step.
         batch: usize = 4, "", 1..1024, Log, "2 to 8 on a CPU";
         /// Side of a window.
@@ -108,7 +107,7 @@ parameters! {
         /// Weight of the network's proximal term.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
         /// Share of the windows that are generated pictures of dead leaves in place of photographs.
-        dead_leaves: f64 = 0.0, "", 0..1, Linear, "0.5 for every other window";
+        dead_leaves: f64 = 0.5, "", 0..1, Linear, "0.5 for every other window";
     } also {
         /// How noise is sampled and differentiated.
         noise: NoiseMode = NoiseMode::Dequantised;
@@ -119,7 +118,7 @@ parameters! {
     /// How the lens moves for the task.
     pub struct OpticsConfig {
         /// Lens steps of a stage that moves the lens for the task.
-        steps: usize = 500, "", 0..1e8, Log, "0 keeps the lens";
+        steps: usize = 280, "", 0..1e8, Log, "0 keeps the lens";
         /// Share of the stage's network steps over which the lens steps are spread evenly; then the lens rests.
         moving_share: f64 = 0.7, "", 0..1, Linear, "0.7 leaves the network time to settle";
         /// First learning rate of Adam in the bounded coordinates.
@@ -161,7 +160,7 @@ parameters! {
     /// Scoring on held-out pictures with exact noise.
     pub struct ScoringConfig {
         /// Each held-out picture is scored at this many places squared, from the sensor's centre to its corner.
-        places_per_side: usize = 3, "", 1..15, Linear, "3 gives 9 places";
+        places_per_side: usize = 4, "", 1..15, Linear, "3 gives 9 places";
         /// Side of a scored window.
         crop: usize = 120, "pixels", 64..1200, Linear, "LPIPS needs at least 64 pixels";
     } also {

@@ -4,6 +4,7 @@
 mod description;
 mod exchange;
 mod preset;
+mod proxy;
 mod settings;
 
 use petzval_base::FileError;
@@ -15,6 +16,7 @@ pub use exchange::{
     FRAME_FILE, PICTURE_FILES, RAW_FILE, decode_picture, frame_toml, picture_png_bytes, raw_bytes,
 };
 pub use preset::{parse_isp_preset, preset_toml};
+pub use proxy::IspProxyFile;
 pub use settings::{IspSettingsFile, settings_toml};
 
 /// A file that names an ISP and its settings.
@@ -24,16 +26,21 @@ pub enum IspFile {
     Preset(Box<IspPreset>),
     /// The description of an external ISP.
     External(ExternalIspFile),
+    /// The description of a network that imitates an ISP.
+    Proxy(Box<IspProxyFile>),
     /// Settings of an ISP that is described in another file.
     Settings(IspSettingsFile),
 }
 
-/// Reads a file about an ISP. One with the key `command` is a description, one with the key `isp` holds settings of an external ISP, any
-/// other is a preset.
+/// Reads a file about an ISP. One with the key `command` describes an external ISP, one with the key `isp` holds settings of such an ISP, one
+/// with the key `proxy_of` describes a network that imitates an ISP, any other is a preset.
 pub fn parse_isp_file(text: &str) -> Result<IspFile, FileError> {
     let table: Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
     if table.contains_key("command") {
         return parse_external_isp(text).map(IspFile::External);
+    }
+    if table.contains_key("proxy_of") {
+        return IspProxyFile::parse(text).map(|proxy| IspFile::Proxy(Box::new(proxy)));
     }
     match table.contains_key("isp") {
         true => IspSettingsFile::parse(text).map(IspFile::Settings),

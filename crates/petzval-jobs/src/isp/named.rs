@@ -1,13 +1,18 @@
-//! ISPs by name: a preset of the built-in ISP, a file of settings, or the description of an external ISP.
+//! ISPs by name: a preset of the built-in ISP, a file of settings, or the description of an external ISP or of a proxy.
 
 use std::path::{Path, PathBuf};
 
 use petzval_camera::isp::{
-    HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture,
+    HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture, check_values,
 };
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
-use petzval_files::isp_file::{ExternalIspFile, IspFile, parse_isp_file, preset_toml, settings_toml};
+use petzval_files::isp_file::{
+    ExternalIspFile, IspFile, IspProxyFile, parse_isp_file, preset_toml, settings_toml,
+};
+use petzval_learn::Device;
+use petzval_learn::network::IspProxyConfig;
+use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 
 use super::external::ExternalIsp;
 use crate::error::JobError;
@@ -29,9 +34,12 @@ enum Kind {
     BuiltIn { isp: Box<HardwareIsp>, preset: Box<IspPreset> },
     /// A command, with the path of its description.
     External { isp: Box<ExternalIsp>, values: Vec<f64>, description: PathBuf },
+    /// A network that imitates another.
+    Proxy { isp: Box<ProxyIsp>, values: Vec<f64>, of: Box<NamedIsp> },
 }
 
-/// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings or of the description of an external ISP.
+/// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
+/// ISP or of a proxy.
 pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
     if name == NEUTRAL && !Path::new(name).exists() {
         return Ok(NamedIsp::built_in(IspPreset::default()));
@@ -40,6 +48,7 @@ pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
     let settings = match parse_isp_file(&source.text).map_err(DesignError::input(&source.path))? {
         IspFile::Preset(preset) => return Ok(NamedIsp::built_in(*preset)),
         IspFile::External(about) => return NamedIsp::external(about, &source.path),
+        IspFile::Proxy(about) => return NamedIsp::proxy(&about, &source.path, assets),
         IspFile::Settings(settings) => settings,
     };
     // A relative path begins at the file that names it.
@@ -88,11 +97,44 @@ impl NamedIsp {
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
+    fn proxy(about: &IspProxyFile, path: &Path, assets: &Assets) -> Result<Self, JobError> {
+        let wrong = |message: String| {
+            let hint = "the description and the weights of one `petzval train isp-proxy` belong together";
+            JobError::input(format!("{}: {message}", path.display()), hint)
+        };
+        let of = isp_by_name(&about.proxy_of, assets)?;
+        if matches!(of.kind, Kind::Proxy { .. }) {
+            return Err(wrong(format!("`proxy_of = \"{}\"` is a proxy itself", about.proxy_of)));
+        }
+        let value = |p: &IspParameter| {
+            about.values.get(&p.name).copied().ok_or_else(|| wrong(format!("[values] lacks {}", p.name)))
+        };
+        let values: Vec<f64> = of.parameters.iter().map(value).collect::<Result<_, _>>()?;
+        check_values(&of.parameters, &values).map_err(|e| wrong(e.to_string()))?;
+        let place =
+            |name: &String| of.place(name).map_err(|_| wrong(format!("no parameter is called {name}")));
+        let varied: Vec<usize> = about.varied.iter().map(place).collect::<Result<_, _>>()?;
+        let weights = path.parent().unwrap_or(Path::new("")).join(&about.weights);
+        let bytes = std::fs::read(&weights).map_err(|e| wrong(format!("{}: {e}", weights.display())))?;
+        let config = IspProxyConfig {
+            parameters: varied.len() + FRAME_NUMBERS,
+            base_channels: about.base_channels,
+            levels: about.levels,
+            ..IspProxyConfig::default()
+        };
+        let network = config.init(0, &Device::flex()).and_then(|network| network.load_bytes(bytes));
+        let network = network.map_err(|e| wrong(format!("{}: {e}", weights.display())))?;
+        let isp = Box::new(ProxyIsp::new(of.isp(), varied, values.clone(), network));
+        let parameters = of.parameters.clone();
+        Ok(Self { parameters, kind: Kind::Proxy { isp, values, of: Box::new(of) }, changes: Vec::new() })
+    }
+
     /// The ISP behind its interface.
     pub fn isp(&self) -> &dyn Isp {
         match &self.kind {
             Kind::BuiltIn { isp, .. } => isp.as_ref(),
             Kind::External { isp, .. } => isp.as_ref(),
+            Kind::Proxy { isp, .. } => isp.as_ref(),
         }
     }
 
@@ -103,7 +145,7 @@ impl NamedIsp {
                 .at_gain(gain_ev)
                 .map_err(|e| JobError::input(e.to_string(), "correct the preset"))?
                 .values(),
-            Kind::External { values, .. } => values.clone(),
+            Kind::External { values, .. } | Kind::Proxy { values, .. } => values.clone(),
         };
         for (place, value) in &self.changes {
             values[*place] = *value;
@@ -111,14 +153,14 @@ impl NamedIsp {
         Ok(values)
     }
 
-    /// Asks the built-in ISP for pictures of so many bits; an external one decides itself.
+    /// Asks the built-in ISP for pictures of so many bits; an external one decides itself, and a proxy makes 16.
     pub fn set_bits(&mut self, bits: u32) {
         if let Kind::BuiltIn { isp, .. } = &mut self.kind {
             isp.settings.bits = bits;
         }
     }
 
-    /// The picture after each stage, with the name of the stage; of an external ISP only the result is known.
+    /// The picture after each stage, with the name of the stage; of another ISP only the result is known.
     pub fn develop_steps(
         &self,
         frame: &RawInput,
@@ -128,7 +170,7 @@ impl NamedIsp {
         let last = match &self.kind {
             Kind::BuiltIn { isp, .. } => HardwareIsp { settings: isp.settings.with_values(values)? }
                 .develop_steps(frame, &mut |stage, picture| steps.push((stage.to_owned(), picture)))?,
-            Kind::External { isp, .. } => isp.develop(frame, values)?,
+            Kind::External { .. } | Kind::Proxy { .. } => self.isp().develop(frame, values)?,
         };
         steps.push(("output".to_owned(), last));
         Ok(steps)
@@ -169,6 +211,29 @@ impl NamedIsp {
         if places.is_empty() { self.place(name).map(|i| vec![i]) } else { Ok(places) }
     }
 
+    /// Places of the parameters that several names stand for, each once, in the order of the ISP.
+    pub fn all_places(&self, names: &[String]) -> Result<Vec<usize>, JobError> {
+        let mut places = Vec::new();
+        for name in names {
+            let found = self.places(name);
+            places
+                .extend(found.map_err(|hint| {
+                    JobError::setting("vary", name, "the ISP has no such parameter", hint)
+                })?);
+        }
+        places.sort_unstable();
+        places.dedup();
+        match places.is_empty() {
+            true => Err(JobError::setting(
+                "vary",
+                "",
+                "no parameter varies",
+                "name parameters or stages, or give all",
+            )),
+            false => Ok(places),
+        }
+    }
+
     /// Place of a parameter; the error is a hint with the nearest name.
     fn place(&self, name: &str) -> Result<usize, String> {
         let found = self.parameters.iter().position(|p| p.name == name);
@@ -191,6 +256,8 @@ impl NamedIsp {
             Kind::External { description, .. } => {
                 Ok(settings_toml(about, &description.display().to_string(), &self.parameters, values))
             }
+            // What was found with the proxy is for the ISP that it imitates.
+            Kind::Proxy { of, .. } => of.settings_toml(about, values),
         }
     }
 }

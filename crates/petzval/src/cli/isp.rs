@@ -1,7 +1,7 @@
 //! `petzval isp`: shows image signal processors, develops raw frames, tunes parameters.
 
 mod develop;
-mod inputs;
+pub(crate) mod inputs;
 mod show;
 mod tune;
 

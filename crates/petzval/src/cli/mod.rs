@@ -22,6 +22,7 @@ mod sensor;
 mod signals;
 mod simulate;
 mod terminal;
+mod train;
 mod watcher;
 
 use std::path::PathBuf;
@@ -88,6 +89,9 @@ enum Verb {
     /// Show image signal processors, develop raw frames, tune parameters
     #[command(subcommand)]
     Isp(isp::IspVerb),
+    /// Train networks that stand in for what has no gradient
+    #[command(subcommand)]
+    Train(train::TrainVerb),
     /// Measure standard workloads
     Bench(bench::Args),
     /// Show what this machine and this build offer
@@ -131,6 +135,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Simulate(args) => simulate::run(args, &terminal),
         Verb::Raw(verb) => raw::run(verb, &terminal),
         Verb::Isp(verb) => isp::run(verb, &terminal),
+        Verb::Train(verb) => train::run(verb, &terminal),
         Verb::Bench(args) => bench::run(args),
         Verb::Doctor(args) => doctor::run(args, &terminal),
     }

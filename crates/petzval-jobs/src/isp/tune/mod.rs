@@ -12,8 +12,7 @@ use std::time::Instant;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::RgbPicture;
 use petzval_design::evolution::{Evolution, EvolutionSettings};
-use petzval_learn::loss::Lpips;
-use petzval_learn::score::{Score, ScoreDescription, ScoredPair, standard_scores};
+use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -114,7 +113,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let mut named = isp_by_name(&plan.isp, &context.assets)?;
     named.set(&plan.set)?;
-    let places = varied(&named, &plan)?;
+    let places = named.all_places(&plan.vary)?;
     let device = context.device("cpu")?;
     let score = score_of(&plan.objective, context)?;
     let cases = cases(&plan)?;
@@ -171,28 +170,6 @@ fn base_values(
     named.values(first)
 }
 
-/// Places of the parameters that vary, each once, in the order of the ISP.
-fn varied(named: &NamedIsp, plan: &Plan) -> Result<Vec<usize>, JobError> {
-    let mut places = Vec::new();
-    for name in &plan.vary {
-        let found = named.places(name);
-        places.extend(
-            found.map_err(|hint| JobError::setting("vary", name, "the ISP has no such parameter", hint))?,
-        );
-    }
-    places.sort_unstable();
-    places.dedup();
-    match places.is_empty() {
-        true => Err(JobError::setting(
-            "vary",
-            "",
-            "no parameter varies",
-            "name parameters or stages, or give all",
-        )),
-        false => Ok(places),
-    }
-}
-
 /// The score of a name.
 fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>, JobError> {
     let wanted = match name {
@@ -200,10 +177,7 @@ fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>, JobError> {
         "lpips" => "one_minus_lpips",
         same => same,
     };
-    let weights = context.assets.bytes("weights/lpips_alex_f16.safetensors")?;
-    let lpips = Lpips::from_safetensors(weights, &context.device("cpu")?)
-        .map_err(|e| JobError::failed(format!("LPIPS: {e}")))?;
-    let mut all = standard_scores(&lpips);
+    let mut all = context.scores()?;
     let known: Vec<&str> = all.iter().map(|score| score.name()).collect();
     match known.iter().position(|known| *known == wanted) {
         Some(i) => Ok(all.swap_remove(i)),

@@ -1,0 +1,136 @@
+//! Raw frames on which a proxy is trained and judged: several lenses, gains and scenes.
+
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::{Mesh, RawInput};
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, Raw, expose};
+use petzval_optics::lens::Lens;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::camera::{Camera, Shot, to_host};
+use crate::error::DesignError;
+use crate::setup::Setup;
+use crate::shots::{held_out_shots, training_shots};
+
+/// Lenses beside the experiment's own: its free coordinates moved at random by this standard deviation. A quarter of a coordinate is about
+/// an eighth of its range.
+const OTHER_LENSES: usize = 3;
+const LENS_DEVIATION: f64 = 0.25;
+
+/// Lenses that are drawn until [`OTHER_LENSES`] of them image the whole sensor.
+const MOST_DRAWN: u64 = 60;
+
+/// Least light that a PSF must keep on its grid.
+const LEAST_CAPTURED: f64 = 0.9;
+
+/// Gains of the sensor: at each, white gives as many times fewer electrons.
+const GAINS: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
+
+/// Nodes along a side of the mesh by which the shading of a window is corrected.
+const MESH: usize = 5;
+
+/// Keeps these draws apart from all else that is drawn from a seed.
+const OWN: u64 = 0x0070_726f_7879_2331;
+
+/// A raw frame with its calibration, and what it would be with perfect optics and without noise.
+pub struct Frame {
+    /// What the ISP receives.
+    pub raw: RawInput,
+    /// The frame without blur, shading and noise of photons and electronics. The ISP makes of it the picture that the other should become.
+    pub ideal: RawInput,
+}
+
+/// Cameras that take raw frames.
+pub struct FrameSource {
+    setup: Setup,
+    /// Each lens at each gain.
+    cameras: Vec<Camera>,
+}
+
+impl FrameSource {
+    /// The cameras of an experiment: its lens and others near it, its sensor at several gains.
+    pub fn new(setup: Setup) -> Result<Self, DesignError> {
+        let base = setup.body.exposure;
+        let mut cameras = Vec::new();
+        for lens in lenses(&setup)? {
+            let camera = setup.camera(lens, true)?;
+            let at = |gain: f32| Exposure {
+                white_e: base.white_e / gain,
+                linear_gain: base.linear_gain * gain,
+                ..base
+            };
+            cameras.extend(GAINS.map(|gain| camera.with_exposure(at(gain))));
+        }
+        Ok(Self { setup, cameras })
+    }
+
+    /// The experiment.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// The training frames of a step, all by one camera. They depend on experiment and step alone.
+    pub fn training(&self, step: u64) -> Result<Vec<Frame>, DesignError> {
+        let mut random = ChaCha8Rng::seed_from_u64(self.setup.experiment.seed ^ OWN);
+        random.set_stream(step);
+        let camera = &self.cameras[random.random_range(0..self.cameras.len())];
+        take(camera, &training_shots(&self.setup, step)?, self.setup.experiment.seed)
+    }
+
+    /// Frames of photographs that training never sees: each at every place of the experiment's scoring, by one camera after the other.
+    pub fn held_out(&self) -> Result<Vec<Frame>, DesignError> {
+        let shots = held_out_shots(&self.setup, &self.cameras[0])?;
+        let mut frames = Vec::new();
+        for (i, (_, _, shot)) in shots.into_iter().enumerate() {
+            let camera = &self.cameras[i % self.cameras.len()];
+            frames.extend(take(camera, &[shot], !self.setup.experiment.seed)?);
+        }
+        Ok(frames)
+    }
+}
+
+/// The experiment's lens and others near it.
+fn lenses(setup: &Setup) -> Result<Vec<Lens>, DesignError> {
+    let start = setup.nominal();
+    let mut lenses = vec![start.lens_file.lens.clone()];
+    for draw in 0..MOST_DRAWN {
+        if lenses.len() > OTHER_LENSES || start.space.dimension() == 0 {
+            break;
+        }
+        let mut random = ChaCha8Rng::seed_from_u64(setup.experiment.seed ^ OWN);
+        random.set_stream(u64::MAX - draw);
+        let moved: Vec<f64> = (start.space.start().iter())
+            .map(|x| x + LENS_DEVIATION * Distribution::<f64>::sample(&StandardNormal, &mut random))
+            .collect();
+        // A lens that is no lens, or whose light does not arrive, is left out.
+        let Ok(lens) = start.space.lens_at(&moved) else { continue };
+        let images = |camera: &Camera| camera.psfs().captured().is_some_and(|share| share >= LEAST_CAPTURED);
+        if setup.camera(lens.clone(), true).is_ok_and(|camera| images(&camera)) {
+            lenses.push(lens);
+        }
+    }
+    Ok(lenses)
+}
+
+/// The raw frames of shots, and those of perfect optics.
+fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>, DesignError> {
+    let frames = camera.take(shots, &Noise { mode: NoiseMode::Exact, seed })?;
+    let [_, _, height, width] = frames.raw.dims();
+    let (dn, shades) = (to_host(frames.raw)?, to_host(frames.illumination)?);
+    let (pixels, sensor) = (height * width, &camera.body().sensor);
+    let mut taken = Vec::new();
+    for (i, (shot, scene)) in shots.iter().zip(camera.scenes(shots)?).enumerate() {
+        let placement = shot.kept.map_or(shot.placement, |kept| kept.placement);
+        let capture = Capture { placement, ..camera.capture(shot) };
+        let raw = Raw { height, width, dn: dn[i * pixels..][..pixels].to_vec(), capture };
+        let mut raw = RawInput::from_raw(&raw, sensor)?;
+        let data = shades[3 * i * pixels..][..3 * pixels].to_vec();
+        let shades = LinearImage { channels: 3, height, width, data };
+        raw.about.shading = Some(Mesh::of_picture(&shades, MESH, MESH));
+        let noise = Noise { mode: NoiseMode::Off, seed };
+        let ideal = RawInput::from_raw(&expose(&scene, sensor, &capture, &noise)?, sensor)?;
+        taken.push(Frame { raw, ideal });
+    }
+    Ok(taken)
+}

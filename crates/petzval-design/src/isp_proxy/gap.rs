@@ -1,0 +1,233 @@
+//! How far a proxy is from the ISP that it imitates, on frames and parameters that training has not seen.
+
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::{Isp, IspError, RgbPicture};
+use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp, noise_of};
+use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Frame;
+use super::sampling::{far, near};
+use super::trainer::light_on;
+use crate::camera::to_host;
+use crate::error::DesignError;
+
+/// Half the step of the ISP's difference quotients, as a share of a parameter's range.
+const HALF_STEP: f64 = 0.02;
+
+/// Seed of the parameters on which proxies are judged; training draws others.
+const SEED: u64 = 0x6170_6172_7421;
+
+/// What an imitation costs. Means over frames of scenes that training has not seen. The truth of a frame is what the ISP makes, with the
+/// parameters about which the proxy was trained, of the same scene through perfect optics and without noise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Frames.
+    pub frames: usize,
+    /// PSNR of the proxy's picture against the ISP's with the parameters about which it was trained, dB.
+    pub psnr_at_centre_db: f64,
+    /// The same with parameters near them, drawn for every frame.
+    pub psnr_near_db: f64,
+    /// The same with a quarter of the parameters anywhere in their ranges.
+    pub psnr_far_db: f64,
+    /// What either makes of the scores, with the parameters about which the proxy was trained.
+    pub scores: Vec<ScoreGap>,
+    /// Cosine between the two gradients of the mean squared error of the picture by the place of each parameter in its range: the ISP's
+    /// by central differences, and the proxy's.
+    pub gradient_cosine: f64,
+    /// The two gradients.
+    pub slopes: Vec<ParameterSlope>,
+}
+
+/// A score of the ISP's pictures beside that of the proxy's; the gap is their difference.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScoreGap {
+    /// The score.
+    pub score: ScoreDescription,
+    /// Of the ISP.
+    pub isp: f64,
+    /// Of the proxy.
+    pub proxy: f64,
+}
+
+/// The slope of the mean squared error by the place of a parameter in its range.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterSlope {
+    /// Name of the parameter.
+    pub name: String,
+    /// Through the ISP, by differences.
+    pub isp: f64,
+    /// Through the proxy.
+    pub proxy: f64,
+}
+
+/// Judges proxies of an ISP.
+pub struct Judge<'a> {
+    /// The ISP.
+    pub isp: &'a dyn Isp,
+    /// Frames of scenes that training has not seen.
+    pub frames: &'a [Frame],
+    /// Scores of pictures against their truths.
+    pub scores: &'a [Box<dyn Score>],
+}
+
+impl Judge<'_> {
+    /// Judges a proxy about `values`, one for each parameter of the ISP. `device` has automatic differentiation.
+    pub fn gap(&self, proxy: &ProxyIsp, values: &[f64], device: &Device) -> Result<Gap, DesignError> {
+        let centre = proxy.places(values);
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        let count = self.frames.len();
+        let (mut near_by, mut far_off) = (Vec::new(), Vec::new());
+        for _ in 0..count {
+            near_by.push(near(&centre, &mut random));
+            far_off.push(far(&centre, &mut random));
+        }
+        let same = vec![centre.clone(); count];
+        let truth = |frame: &Frame| -> Result<LinearImage, DesignError> {
+            let picture = self.isp.develop(&frame.ideal, values)?;
+            let (height, width, data) = (picture.height, picture.width, picture.encoded());
+            Ok(LinearImage { channels: 3, height, width, data })
+        };
+        let truths: Vec<LinearImage> = self.frames.iter().map(truth).collect::<Result<_, _>>()?;
+        let scores =
+            self.scores.iter().map(|score| self.score_gap(score.as_ref(), proxy, &truths, &centre, device));
+        let slopes = self.slopes(proxy, &truths, &centre, device)?;
+        Ok(Gap {
+            frames: count,
+            psnr_at_centre_db: self.psnr_db(proxy, &same, device)?,
+            psnr_near_db: self.psnr_db(proxy, &near_by, device)?,
+            psnr_far_db: self.psnr_db(proxy, &far_off, device)?,
+            scores: scores.collect::<Result<_, _>>()?,
+            gradient_cosine: cosine(&slopes),
+            slopes,
+        })
+    }
+
+    /// What the ISP makes of a frame.
+    fn isp_picture(
+        &self,
+        proxy: &ProxyIsp,
+        frame: &Frame,
+        places: &[f64],
+    ) -> Result<RgbPicture, DesignError> {
+        Ok(self.isp.develop(&frame.raw, &proxy.values(places))?)
+    }
+
+    /// Mean PSNR of the proxy's pictures against the ISP's, dB.
+    fn psnr_db(&self, proxy: &ProxyIsp, places: &[Vec<f64>], device: &Device) -> Result<f64, DesignError> {
+        let mut sum = 0.0;
+        for (frame, places) in self.frames.iter().zip(places) {
+            let picture = self.isp_picture(proxy, frame, places)?.encoded();
+            let imitated = to_host(develop(proxy, frame, at(places, device), device)?)?;
+            sum += -10.0 * mean_square(&imitated, &picture).log10();
+        }
+        Ok(sum / self.frames.len() as f64)
+    }
+
+    fn score_gap(
+        &self,
+        score: &dyn Score,
+        proxy: &ProxyIsp,
+        truths: &[LinearImage],
+        centre: &[f64],
+        device: &Device,
+    ) -> Result<ScoreGap, DesignError> {
+        let (mut isp, mut imitated) = (0.0, 0.0);
+        for (frame, truth) in self.frames.iter().zip(truths) {
+            let of = |encoded: Vec<f32>| {
+                let data = encoded.into_iter().map(|v| v.clamp(0.0, 1.0)).collect();
+                let finished = LinearImage { data, ..truth.clone() };
+                score.of(&ScoredPair::new(finished, truth.clone(), device))
+            };
+            isp += of(self.isp_picture(proxy, frame, centre)?.encoded())?;
+            imitated += of(to_host(develop(proxy, frame, at(centre, device), device)?)?)?;
+        }
+        let count = self.frames.len() as f64;
+        Ok(ScoreGap { score: ScoreDescription::of(score), isp: isp / count, proxy: imitated / count })
+    }
+
+    /// Both gradients of the mean squared error of the pictures against their truths, at a point.
+    fn slopes(
+        &self,
+        proxy: &ProxyIsp,
+        truths: &[LinearImage],
+        centre: &[f64],
+        device: &Device,
+    ) -> Result<Vec<ParameterSlope>, DesignError> {
+        let count = self.frames.len() as f64;
+        let mut by_proxy = vec![0.0; centre.len()];
+        for (frame, truth) in self.frames.iter().zip(truths) {
+            let places = at(centre, device).require_grad();
+            let truth = TensorData::new(truth.data.clone(), [1, 3, truth.height, truth.width]);
+            let error = develop(proxy, frame, places.clone(), device)? - Tensor::from_data(truth, device);
+            let gradients = error.square().mean().backward();
+            let by = places.grad(&gradients).ok_or(DesignError::NoGradient("the parameters of the ISP"))?;
+            by_proxy.iter_mut().zip(to_host(by)?).for_each(|(sum, slope)| *sum += f64::from(slope) / count);
+        }
+        let (isp, frames) = (self.isp, self.frames);
+        let mean_square_of = |places: &[f64]| -> Result<f64, IspError> {
+            let values = proxy.values(places);
+            let of = |(frame, truth): (&Frame, &LinearImage)| {
+                let picture = isp.develop(&frame.raw, &values)?;
+                Ok(mean_square(&picture.encoded(), &truth.data))
+            };
+            let errors: Vec<f64> = frames.par_iter().zip(truths).map(of).collect::<Result<_, IspError>>()?;
+            Ok(errors.iter().sum::<f64>() / count)
+        };
+        let mut slopes = Vec::new();
+        for (i, (parameter, by_proxy)) in proxy.varied().zip(by_proxy).enumerate() {
+            let (mut low, mut high) = (centre.to_vec(), centre.to_vec());
+            low[i] = (centre[i] - HALF_STEP).max(0.0);
+            high[i] = (centre[i] + HALF_STEP).min(1.0);
+            let isp = (mean_square_of(&high)? - mean_square_of(&low)?) / (high[i] - low[i]);
+            slopes.push(ParameterSlope { name: parameter.name.clone(), isp, proxy: by_proxy });
+        }
+        Ok(slopes)
+    }
+}
+
+fn at(places: &[f64], device: &Device) -> Tensor<2> {
+    let places: Vec<f32> = places.iter().map(|v| *v as f32).collect();
+    let shape = [1, places.len()];
+    Tensor::from_data(TensorData::new(places, shape), device)
+}
+
+/// What a proxy makes of a frame.
+fn develop(
+    proxy: &ProxyIsp,
+    frame: &Frame,
+    places: Tensor<2>,
+    device: &Device,
+) -> Result<Tensor<4>, DesignError> {
+    let noise = TensorData::new(noise_of(&frame.raw).to_vec(), [1, FRAME_NUMBERS]);
+    Ok(proxy.develop_batch(light_on(&frame.raw, device)?, Tensor::from_data(noise, device), places))
+}
+
+fn mean_square(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64
+}
+
+/// The cosine between the two gradients.
+fn cosine(slopes: &[ParameterSlope]) -> f64 {
+    let sum = |of: &dyn Fn(&ParameterSlope) -> f64| slopes.iter().map(of).sum::<f64>();
+    sum(&|s| s.isp * s.proxy) / (sum(&|s| s.isp * s.isp) * sum(&|s| s.proxy * s.proxy)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cosine_is_one_along_minus_one_against_and_zero_across() {
+        let slope = |isp, proxy| ParameterSlope { name: String::new(), isp, proxy };
+        let close = |slopes: &[ParameterSlope], expected: f64| (cosine(slopes) - expected).abs() < 1e-12;
+        assert!(close(&[slope(3.0, 6.0), slope(-1.0, -2.0)], 1.0));
+        assert!(close(&[slope(3.0, -3.0), slope(-1.0, 1.0)], -1.0));
+        assert!(close(&[slope(1.0, 2.0), slope(2.0, -1.0)], 0.0));
+    }
+}

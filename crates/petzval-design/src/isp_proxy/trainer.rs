@@ -1,0 +1,251 @@
+//! A network learns what an ISP makes of raw frames, and how that changes with the parameters.
+
+use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::prelude::*;
+use burn::tensor::{Bytes, TensorData};
+use petzval_camera::isp::{Isp, RawInput, RgbPicture};
+use petzval_learn::network::IspProxyConfig;
+use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp, balanced_light, noise_of};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Frame;
+use super::sampling::pair;
+use crate::adam::cosine_rate;
+use crate::error::DesignError;
+
+/// Learning rate at the start, and its share at the end.
+const LEARNING_RATE: f64 = 2e-3;
+const FINAL_LEARNING_RATE: f64 = 0.02;
+
+/// Weight of the error in the difference of two pictures of one frame with neighbouring parameters.
+const DIFFERENCE_WEIGHT: f64 = 1.0;
+
+/// How a proxy is trained.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProxyTraining {
+    /// Steps in all.
+    pub steps: usize,
+    /// Seed of weights and parameters.
+    pub seed: u64,
+    /// Channels of the network at its finest resolution, 1..=256.
+    pub base_channels: usize,
+    /// Number of times that the network halves the picture, 1..=6.
+    pub levels: usize,
+}
+
+/// Losses before a step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepLosses {
+    /// Mean absolute difference between the pictures of proxy and ISP.
+    pub picture: f64,
+    /// Mean absolute difference between the changes of the pictures by a change of the parameters.
+    pub difference: f64,
+}
+
+/// A proxy in training.
+pub struct ProxyTrainer<'a> {
+    isp: &'a dyn Isp,
+    training: ProxyTraining,
+    /// Where the parameters lie about which the proxy is wanted, in their ranges.
+    centre: Vec<f64>,
+    proxy: ProxyIsp,
+    optimizer: ModuleOptimizer,
+    device: Device,
+}
+
+impl<'a> ProxyTrainer<'a> {
+    /// An untrained proxy of an ISP in its parameters at the places `varied`, about `values`, of which there is one for each parameter.
+    /// `device` has automatic differentiation.
+    pub fn new(
+        isp: &'a dyn Isp,
+        varied: Vec<usize>,
+        values: Vec<f64>,
+        training: ProxyTraining,
+        device: &Device,
+    ) -> Result<Self, DesignError> {
+        let ProxyTraining { seed, base_channels, levels, .. } = training;
+        let parameters = varied.len() + FRAME_NUMBERS;
+        let config = IspProxyConfig { parameters, base_channels, levels, ..IspProxyConfig::default() };
+        let network = config.init(seed, device)?;
+        let proxy = ProxyIsp::new(isp, varied, values.clone(), network);
+        let (centre, optimizer) = (proxy.places(&values), AdamConfig::new().init());
+        Ok(Self { isp, training, centre, proxy, optimizer, device: device.clone() })
+    }
+
+    /// The proxy as it stands.
+    pub fn proxy(&self) -> &ProxyIsp {
+        &self.proxy
+    }
+
+    /// The same training about other parameters.
+    pub fn recentre(&mut self, values: &[f64]) {
+        self.centre = self.proxy.places(values);
+    }
+
+    /// One step of Adam on raw frames of one size. Each is developed with two neighbouring lists of parameters, drawn for this step.
+    pub fn step(&mut self, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
+        let pairs: Vec<[Vec<f64>; 2]> = (0..frames.len() as u64)
+            .map(|item| pair(&self.centre, self.training.seed, step as u64, item))
+            .collect();
+        // All first points, then all second ones, so that the two halves of the batch are neighbours.
+        let work: Vec<(&RawInput, &Vec<f64>)> = (0..2)
+            .flat_map(|half| frames.iter().zip(&pairs).map(move |(frame, pair)| (&frame.raw, &pair[half])))
+            .collect();
+        let box_pictures = self.box_pictures(&work)?;
+        let pictures = self.proxy_pictures(&work)?;
+
+        let errors = pictures - box_pictures;
+        let [first, second]: [Tensor<4>; 2] = errors.clone().chunk(2, 0).try_into().expect("two halves");
+        let (picture, difference) = (errors.abs().mean(), (second - first).abs().mean());
+        let number = |loss: &Tensor<1>| f64::from(loss.clone().into_scalar::<f32>());
+        let losses = StepLosses { picture: number(&picture), difference: number(&difference) };
+        let value = losses.picture + losses.difference;
+        if !value.is_finite() {
+            let (camera, step) = (self.isp.name().to_owned(), step as u64);
+            return Err(DesignError::Diverged { camera, block: "proxy", step, value });
+        }
+        let loss = picture + difference * DIFFERENCE_WEIGHT;
+        let network = &self.proxy.network;
+        let gradients = GradientsParams::from_grads(loss.backward(), network);
+        let rate = cosine_rate(LEARNING_RATE, FINAL_LEARNING_RATE, step, self.training.steps);
+        self.proxy.network = self.optimizer.step(rate, network.clone(), gradients);
+        Ok(losses)
+    }
+
+    /// What the ISP makes of frames, `[batch, 3, height, width]`.
+    fn box_pictures(&self, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
+        let develop =
+            |(raw, places): &(&RawInput, &Vec<f64>)| self.isp.develop(raw, &self.proxy.values(places));
+        let pictures: Vec<RgbPicture> = work.par_iter().map(develop).collect::<Result<_, _>>()?;
+        let [height, width] = pictures.first().map_or([0, 0], |p| [p.height, p.width]);
+        let encoded: Vec<f32> = pictures.iter().flat_map(RgbPicture::encoded).collect();
+        Ok(Tensor::from_data(TensorData::new(encoded, [work.len(), 3, height, width]), &self.device))
+    }
+
+    /// What the proxy makes of them.
+    fn proxy_pictures(&self, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
+        let light = work.iter().map(|(raw, _)| light_on(raw, &self.device)).collect::<Result<_, _>>()?;
+        let noise: Vec<f32> = work.iter().flat_map(|(raw, _)| noise_of(raw)).collect();
+        let places: Vec<f32> = work.iter().flat_map(|(_, places)| places.iter().map(|v| *v as f32)).collect();
+        let noise = Tensor::from_data(TensorData::new(noise, [work.len(), FRAME_NUMBERS]), &self.device);
+        let places = TensorData::new(places, [work.len(), self.centre.len()]);
+        let places = Tensor::from_data(places, &self.device);
+        Ok(self.proxy.develop_batch(Tensor::cat(light, 0), noise, places))
+    }
+
+    /// Weights and the state of the optimiser, as bytes.
+    pub fn save(&self) -> Result<[Vec<u8>; 2], DesignError> {
+        let optimizer = self.optimizer.into_bytes().map_err(|e| DesignError::Unwritable {
+            what: "the optimiser of the proxy",
+            problem: e.to_string(),
+        })?;
+        Ok([self.proxy.network.to_bytes()?, optimizer.to_vec()])
+    }
+
+    /// Takes over what [`ProxyTrainer::save`] returned.
+    pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<(), DesignError> {
+        self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;
+        self.optimizer =
+            AdamConfig::new().init().from_bytes(Bytes::from_bytes_vec(optimizer)).map_err(|e| {
+                DesignError::Unwritable { what: "the optimiser of the proxy", problem: e.to_string() }
+            })?;
+        Ok(())
+    }
+}
+
+/// The light of a frame as the network takes it.
+pub(super) fn light_on(raw: &RawInput, device: &Device) -> Result<Tensor<4>, DesignError> {
+    let dn = TensorData::new(raw.linear_dn(), [1, 1, raw.height, raw.width]);
+    Ok(balanced_light(Tensor::from_data(dn, device), raw)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_camera::isp::{FrameData, HardwareIsp, IspSettings, NoiseProfile};
+    use petzval_learn::dataset::dead_leaves;
+
+    use super::super::Judge;
+    use super::*;
+
+    const SIDE: usize = 32;
+    const STEPS: usize = 120;
+
+    /// A frame of generated scenes without noise or blur.
+    fn frame(number: u64) -> Frame {
+        let scene = dead_leaves(SIDE, 5, number, 0);
+        let cfa: petzval_camera::sensor::CfaPattern = "RGGB".parse().unwrap();
+        let dn = |i: usize| {
+            let plane = cfa.colour(i / SIDE, i % SIDE).plane().unwrap();
+            (64.0 + 3000.0 * scene.get(plane, i / SIDE, i % SIDE)).round().max(64.0) as u32
+        };
+        let about = FrameData {
+            black_dn: 64.0,
+            white_dn: 3064.0,
+            response: [1.0; 3],
+            saturation: 1.3,
+            noise: NoiseProfile { shot: 1e-4, read: 1e-6 },
+            gain_ev: 0.0,
+            colour_matrix: None,
+            companding: None,
+            shading: None,
+            warp: None,
+        };
+        let dn = (0..SIDE * SIDE).map(dn).collect();
+        let raw = RawInput { height: SIDE, width: SIDE, dn, bits: 12, cfa, about };
+        // What is brighter than it should be has a slope by every parameter of the brightness.
+        let ideal = RawInput { dn: raw.dn.iter().map(|dn| 64 + (dn - 64) / 2).collect(), ..raw.clone() };
+        Frame { raw, ideal }
+    }
+
+    fn frames(step: usize) -> Vec<Frame> {
+        (0..2).map(|item| frame(2 * step as u64 + item)).collect()
+    }
+
+    fn isp() -> HardwareIsp {
+        HardwareIsp { settings: IspSettings { bits: 16, ..IspSettings::default() } }
+    }
+
+    fn trainer<'a>(isp: &'a HardwareIsp, seed: u64, device: &Device) -> ProxyTrainer<'a> {
+        let place = |name: &str| isp.parameters().iter().position(|p| p.name == name).unwrap();
+        let varied = vec![place("gain.stops"), place("gamma.exponent")];
+        let training = ProxyTraining { steps: STEPS, seed, base_channels: 8, levels: 2 };
+        ProxyTrainer::new(isp, varied, isp.defaults(), training, device).unwrap()
+    }
+
+    #[test]
+    fn training_brings_pictures_and_slopes_of_the_proxy_to_those_of_the_isp() {
+        let (isp, device) = (isp(), Device::flex().autodiff());
+        let mut trainer = trainer(&isp, 1, &device);
+        let unseen: Vec<Frame> = (1_000_000..1_000_004).map(frame).collect();
+        let judge = Judge { isp: &isp, frames: &unseen, scores: &[] };
+        let gap = |trainer: &ProxyTrainer| judge.gap(trainer.proxy(), &isp.defaults(), &device).unwrap();
+        let before = gap(&trainer);
+        for step in 0..STEPS {
+            trainer.step(step, &frames(step)).unwrap();
+        }
+        let after = gap(&trainer);
+        assert!(after.psnr_at_centre_db > before.psnr_at_centre_db + 6.0, "{before:?} {after:?}");
+        assert!(after.psnr_far_db > before.psnr_far_db + 3.0, "{before:?} {after:?}");
+        assert!(after.gradient_cosine > 0.9, "{after:?}");
+        // Both slopes through the ISP are real ones.
+        assert!(after.slopes.iter().all(|slope| slope.isp.abs() > 1e-4), "{after:?}");
+    }
+
+    #[test]
+    fn a_restored_training_goes_on_with_the_same_bits() {
+        let (isp, device) = (isp(), Device::flex().autodiff());
+        let mut whole = trainer(&isp, 1, &device);
+        for step in 0..2 {
+            whole.step(step, &frames(step)).unwrap();
+        }
+        let mut restored = trainer(&isp, 7, &device);
+        restored.training.seed = 1;
+        restored.load(whole.save().unwrap()).unwrap();
+        let losses = [&mut whole, &mut restored].map(|trainer| trainer.step(2, &frames(2)).unwrap());
+        assert_eq!(losses[0], losses[1]);
+        assert_eq!(whole.save().unwrap()[0], restored.save().unwrap()[0]);
+        assert!(restored.load([vec![1, 2, 3], Vec::new()]).is_err());
+    }
+}

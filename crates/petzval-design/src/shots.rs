@@ -1,0 +1,90 @@
+//! What cameras take: windows of training pictures, and held-out photographs at fixed places.
+
+use petzval_camera::render::Placement;
+use petzval_learn::dataset::{dead_leaves, held_out_placements, training_crop};
+
+use crate::camera::{Camera, Shot, crop_window};
+use crate::error::DesignError;
+use crate::setup::Setup;
+
+/// The training windows of a step: the same for every variant.
+pub fn training_shots(setup: &Setup, step: u64) -> Result<Vec<Shot>, DesignError> {
+    let batch = setup.experiment.training.batch;
+    let (crops, photos) = (&setup.training_crops, setup.photos.training());
+    (0..batch)
+        .map(|item| {
+            let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
+            let (window, frame) = (crops.window(), step * batch as u64 + item as u64);
+            let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);
+            let placement = Placement { row, col };
+            let kept = Some(crop_window(crops, c.sensor_row, c.sensor_column));
+            if is_generated(frame, setup.experiment.training.dead_leaves) {
+                let scene = dead_leaves(window, setup.experiment.seed, step, item as u32);
+                return Ok(Shot { scene, placement, kept, frame });
+            }
+            let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
+            if c.flip {
+                mirror(&mut scene.data, window);
+            }
+            Ok(Shot { scene, placement, kept, frame })
+        })
+        .collect()
+}
+
+/// The held-out windows, every photograph at every place: name of the photograph, distance of the window from the axis over that of the
+/// sensor's corner, and the shot.
+pub fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
+    let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
+    let crops = &setup.scoring_crops;
+    let mut shots = Vec::new();
+    for photo in setup.photos.held_out() {
+        for place in &places {
+            // The middle of the photograph, wherever it lands on the sensor: places differ by the lens alone.
+            let (row, col) = crops.exposed_at(place.sensor_row, place.sensor_column);
+            let (placement, window) = (Placement { row, col }, crops.window());
+            let start = |whole: usize, inset: usize| {
+                ((whole - crops.crop) / 2).saturating_sub(crops.margin + inset).min(whole - window)
+            };
+            let from_row = start(photo.image.height, place.sensor_row - row);
+            let from_column = start(photo.image.width, place.sensor_column - col);
+            let scene = photo.image.crop(from_row, from_column, window, window)?;
+            let kept = crop_window(crops, place.sensor_row, place.sensor_column);
+            let frame = shots.len() as u64;
+            let half = crops.crop / 2;
+            let middle =
+                camera.body().geometry.radius_mm(kept.placement.row + half, kept.placement.col + half);
+            let shot = Shot { scene, placement, kept: Some(kept), frame };
+            shots.push((photo.name.clone(), middle / setup.corner_mm(), shot));
+        }
+    }
+    Ok(shots)
+}
+
+/// Whether a window of a run is a generated picture: evenly spread over the windows, so that their share is met at any time.
+fn is_generated(window: u64, share: f64) -> bool {
+    let before = |window: u64| (window as f64 * share).floor();
+    before(window + 1) > before(window)
+}
+
+/// Mirrors every row of `width` values.
+fn mirror(data: &mut [f32], width: usize) {
+    data.chunks_exact_mut(width).for_each(<[f32]>::reverse);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_generated;
+
+    #[test]
+    fn generated_windows_have_their_share_at_any_time() {
+        for share in [0.0, 0.3, 1.0 / 3.0, 0.5, 1.0] {
+            let mut count = 0;
+            for window in 0..2000_u64 {
+                count += u64::from(is_generated(window, share));
+                assert!((count as f64 - share * (window + 1) as f64).abs() <= 1.0, "{share} {window}");
+            }
+        }
+        let late = (0..1000).filter(|k| is_generated(1_000_000_000 + k, 0.3)).count();
+        assert!((299..=301).contains(&late), "{late}");
+    }
+}

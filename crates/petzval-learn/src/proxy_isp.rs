@@ -1,0 +1,263 @@
+//! An image signal processor that a network imitates, behind the interface of every ISP and with a gradient.
+
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use petzval_base::parameter::Scale;
+use petzval_camera::isp::{
+    DifferentiableIsp, Isp, IspError, IspParameter, RawInput, RgbPicture, developed_without_gradient,
+};
+use petzval_camera::sensor::Colour;
+
+use crate::network::IspProxy;
+
+/// Bits of its pictures.
+const BITS: u32 = 16;
+
+/// Numbers that the network is told about a frame beside the parameters of the ISP; see [`noise_of`].
+pub const FRAME_NUMBERS: usize = 2;
+
+/// Light less than this share of that on the axis is amplified no further.
+const LEAST_SHADE: f32 = 0.05;
+
+/// A network in place of an ISP.
+///
+/// The network is told where the parameters lie in their ranges, 0..1. Only those that varied in its training may differ from the values
+/// that they had there.
+#[derive(Clone, Debug)]
+pub struct ProxyIsp {
+    name: String,
+    parameters: Vec<IspParameter>,
+    varied: Vec<usize>,
+    fixed: Vec<f64>,
+    /// The network.
+    pub network: IspProxy,
+}
+
+impl ProxyIsp {
+    /// A proxy of an ISP in its parameters at the places `varied`; the others keep the values of `fixed`, which holds one for each.
+    /// The network takes `varied.len() + FRAME_NUMBERS` parameters.
+    pub fn new(of: &dyn Isp, varied: Vec<usize>, fixed: Vec<f64>, network: IspProxy) -> Self {
+        Self { name: format!("proxy of {}", of.name()), parameters: of.parameters(), varied, fixed, network }
+    }
+
+    /// The parameters that may vary.
+    pub fn varied(&self) -> impl Iterator<Item = &IspParameter> {
+        self.varied.iter().map(|i| &self.parameters[*i])
+    }
+
+    /// Where the varied ones among the values of all parameters lie in their ranges, 0..1.
+    pub fn places(&self, values: &[f64]) -> Vec<f64> {
+        self.varied.iter().map(|i| self.parameters[*i].about.unit_of(values[*i])).collect()
+    }
+
+    /// The values of all parameters from the places of the varied ones: the inverse of [`ProxyIsp::places`].
+    pub fn values(&self, places: &[f64]) -> Vec<f64> {
+        let mut values = self.fixed.clone();
+        for (i, place) in self.varied.iter().zip(places) {
+            values[*i] = self.parameters[*i].about.value_at(*place);
+        }
+        values
+    }
+
+    /// Develops a batch on the tape.
+    ///
+    /// `light`: `[batch, 4, height / 2, width / 2]`, as [`balanced_light`] gives it; `frame_numbers`: `[batch, FRAME_NUMBERS]`, as
+    /// [`noise_of`] gives them; `places`: `[batch, varied parameters]`, in their ranges, 0..1. Returns sRGB-encoded pictures `[batch, 3,
+    /// height, width]`, about 0..1.
+    pub fn develop_batch(&self, light: Tensor<4>, frame_numbers: Tensor<2>, places: Tensor<2>) -> Tensor<4> {
+        self.network.forward(light, Tensor::cat(vec![places, frame_numbers], 1))
+    }
+
+    /// Where the varied ones among the values of all parameters lie in their ranges, on the tape: `[1, varied parameters]`.
+    fn places_on_tape(&self, values: &Tensor<1>) -> Tensor<2> {
+        let place = |i: &usize| {
+            let about = &self.parameters[*i].about;
+            let value = values.clone().slice([*i..*i + 1]);
+            match about.scale {
+                Scale::Linear => (value - about.min) / (about.max - about.min),
+                Scale::Log => (value / about.min).log() / (about.max / about.min).ln(),
+            }
+        };
+        Tensor::cat(self.varied.iter().map(place).collect(), 0).unsqueeze()
+    }
+
+    fn check_fixed(&self, values: &[f64]) -> Result<(), IspError> {
+        for (i, p) in self.parameters.iter().enumerate() {
+            let off = (p.about.unit_of(values[i]) - p.about.unit_of(self.fixed[i])).abs();
+            if off > 1e-5 && !self.varied.contains(&i) {
+                let (name, value, only) = (p.name.clone(), values[i], self.fixed[i]);
+                return Err(IspError::Parameter { name, value, min: only, max: only });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Isp for ProxyIsp {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn parameters(&self) -> Vec<IspParameter> {
+        self.parameters.clone()
+    }
+
+    fn develop(&self, frame: &RawInput, values: &[f64]) -> Result<RgbPicture, IspError> {
+        petzval_camera::isp::check_values(&self.parameters, values)?;
+        developed_without_gradient(self, frame, values, BITS)
+    }
+}
+
+impl DifferentiableIsp for ProxyIsp {
+    fn develop_on_tape(
+        &self,
+        dn: Tensor<4>,
+        frame: &RawInput,
+        values: Tensor<1>,
+    ) -> Result<Tensor<4>, IspError> {
+        let host: Vec<f32> = (values.clone().detach().into_data().try_to_vec())
+            .map_err(|e| IspError::External(format!("{e:?}")))?;
+        if host.len() != self.parameters.len() {
+            return Err(IspError::Count { expected: self.parameters.len(), got: host.len() });
+        }
+        self.check_fixed(&host.into_iter().map(f64::from).collect::<Vec<_>>())?;
+        let noise = TensorData::new(noise_of(frame).to_vec(), [1, FRAME_NUMBERS]);
+        let noise = Tensor::from_data(noise, &dn.device());
+        Ok(self.develop_batch(balanced_light(dn, frame)?, noise, self.places_on_tape(&values)))
+    }
+}
+
+/// What a network is told about the noise of a frame: shot and read noise, each about 0..1. These are the logarithms of the variances,
+/// over 16 and 32 powers of two.
+pub fn noise_of(frame: &RawInput) -> [f32; FRAME_NUMBERS] {
+    let place =
+        |variance: f64, powers: f64| (1.0 + variance.max(1e-30).log2() / powers).clamp(-1.0, 2.0) as f32;
+    [place(frame.about.noise.shot, 16.0), place(frame.about.noise.read, 32.0)]
+}
+
+/// Light of a raw frame as the network takes it: 1 is white in every colour, and the shading of the lens is corrected.
+///
+/// Digital numbers `[1, 1, height, width]`, expanded if the frame is companded, become `[1, 4, height / 2, width / 2]`: red, green in the
+/// rows of red, green in the rows of blue, and blue.
+pub fn balanced_light(dn: Tensor<4>, frame: &RawInput) -> Result<Tensor<4>, IspError> {
+    frame.validate()?;
+    let (height, width, about) = (frame.height, frame.width, &frame.about);
+    // How much light one digital number stands for, pixel by pixel.
+    let per_dn = 1.0 / (about.white_dn - about.black_dn) as f32;
+    let mut factors = Vec::with_capacity(height * width);
+    for row in 0..height {
+        for col in 0..width {
+            let plane = frame.cfa.colour(row, col).plane().unwrap_or(1);
+            let shade = about.shading.as_ref().map_or(1.0, |m| m.at(plane, (row, col), (height, width)));
+            factors.push(per_dn / about.response[plane] as f32 / shade.max(LEAST_SHADE));
+        }
+    }
+    let factors = Tensor::from_data(TensorData::new(factors, [1, 1, height, width]), &dn.device());
+    let light = (dn - about.black_dn as f32) * factors;
+
+    // Collect the four pixels of every cell of the filter array, in the order of their colours.
+    let cells = light.reshape([1, height / 2, 2, width / 2, 2]).permute([0, 2, 4, 1, 3]).reshape([
+        1,
+        4,
+        height / 2,
+        width / 2,
+    ]);
+    let is = |place: usize, colour: Colour| frame.cfa.colour(place / 2, place % 2) == colour;
+    let find = |colour| (0..4).find(|place| is(*place, colour)).unwrap_or(0);
+    let (red, blue) = (find(Colour::Red), find(Colour::Blue));
+    // The other pixel of the row.
+    let planes = [red, red ^ 1, blue ^ 1, blue].map(|place| cells.clone().slice([0..1, place..place + 1]));
+    Ok(Tensor::cat(planes.to_vec(), 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_camera::isp::HardwareIsp;
+    use petzval_camera::sensor::CfaPattern;
+
+    use super::*;
+    use crate::network::IspProxyConfig;
+
+    fn frame(cfa: CfaPattern) -> RawInput {
+        let (height, width) = (16, 20);
+        let dn = (0..height * width).map(|i| 300 + (i * 37 % 900) as u32).collect();
+        let about = petzval_camera::isp::FrameData {
+            black_dn: 200.0,
+            white_dn: 1200.0,
+            response: [0.8, 1.0, 1.25],
+            saturation: 3.0,
+            noise: petzval_camera::isp::NoiseProfile { shot: 1e-4, read: 1e-6 },
+            gain_ev: 0.0,
+            colour_matrix: None,
+            companding: None,
+            shading: None,
+            warp: None,
+        };
+        RawInput { height, width, dn, bits: 12, cfa, about }
+    }
+
+    fn proxy(varied: Vec<usize>, device: &Device) -> ProxyIsp {
+        let config = IspProxyConfig {
+            parameters: varied.len() + FRAME_NUMBERS,
+            base_channels: 8,
+            levels: 2,
+            ..Default::default()
+        };
+        let of = HardwareIsp::default();
+        ProxyIsp::new(&of, varied, of.defaults(), config.init(3, device).unwrap())
+    }
+
+    #[test]
+    fn light_is_balanced_and_ordered_by_colour_whatever_the_array() {
+        let device = Device::flex();
+        for cfa in ["RGGB", "GRBG", "GBRG", "BGGR"].map(|name| name.parse::<CfaPattern>().unwrap()) {
+            let frame = frame(cfa);
+            let dn = TensorData::new(frame.linear_dn(), [1, 1, frame.height, frame.width]);
+            let light = balanced_light(Tensor::from_data(dn, &device), &frame).unwrap();
+            let light: Vec<f32> = light.into_data().try_to_vec().unwrap();
+            let cell = frame.height / 2 * frame.width / 2;
+            for row in 0..frame.height {
+                for col in 0..frame.width {
+                    let colour = cfa.colour(row, col);
+                    let red_row = cfa.colour(row, col + 1) == Colour::Red;
+                    let plane = match colour {
+                        Colour::Red => 0,
+                        Colour::Blue => 3,
+                        _ if red_row => 1,
+                        _ => 2,
+                    };
+                    let response = frame.about.response[colour.plane().unwrap()];
+                    let expected = (f64::from(frame.dn[row * frame.width + col]) - 200.0) / 1000.0 / response;
+                    let got = light[plane * cell + row / 2 * (frame.width / 2) + col / 2];
+                    assert!((f64::from(got) - expected).abs() < 1e-5, "{cfa} {row} {col}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_varied_parameters_may_differ_and_values_come_back() {
+        let device = Device::flex();
+        let of = HardwareIsp::default();
+        let at = |name: &str| of.parameters().iter().position(|p| p.name == name).unwrap();
+        let proxy = proxy(vec![at("sharpen.amount"), at("gamma.exponent")], &device);
+        let frame = frame("RGGB".parse().unwrap());
+        let mut values = of.defaults();
+        values[at("sharpen.amount")] = 1.5;
+        let picture = proxy.develop(&frame, &values).unwrap();
+        assert_eq!((picture.height, picture.width, picture.bits), (16, 20, 16));
+        let back = proxy.values(&proxy.places(&values));
+        assert!(back.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-9));
+        values[at("luma_denoise.strength")] = 0.9;
+        let message = proxy.develop(&frame, &values).unwrap_err().to_string();
+        assert!(message.contains("luma_denoise.strength"), "{message}");
+    }
+
+    #[test]
+    fn the_noise_of_a_frame_is_told_to_the_network() {
+        let mut noisy = frame("RGGB".parse().unwrap());
+        let quiet = noise_of(&noisy);
+        noisy.about.noise.shot = 1.0 / 500.0;
+        assert!(noise_of(&noisy)[0] > quiet[0] + 0.1 && quiet[0] > 0.0);
+    }
+}

@@ -1,0 +1,24 @@
+//! `petzval train`: networks that stand in for what has no gradient.
+
+mod isp_proxy;
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+
+use super::failure::Failure;
+use super::terminal::Terminal;
+
+/// What is trained.
+#[derive(Debug, Subcommand)]
+pub enum TrainVerb {
+    /// Train a network that imitates an image signal processor
+    IspProxy(isp_proxy::Args),
+}
+
+/// Runs a verb.
+pub fn run(verb: TrainVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    match verb {
+        TrainVerb::IspProxy(args) => isp_proxy::run(args, terminal),
+    }
+}
