@@ -16,6 +16,10 @@ const BITS: u32 = 16;
 /// Numbers that the network is told about a frame beside the parameters of the ISP; see [`noise_of`].
 pub const FRAME_NUMBERS: usize = 2;
 
+/// The network sees small distances from the middle of its training this many times larger, because most of them are small, and large
+/// ones as their logarithms.
+const MAGNIFICATION: f32 = 15.0;
+
 /// Light less than this share of that on the axis is amplified no further.
 const LEAST_SHADE: f32 = 0.05;
 
@@ -65,7 +69,12 @@ impl ProxyIsp {
     /// [`noise_of`] gives them; `places`: `[batch, varied parameters]`, in their ranges, 0..1. Returns sRGB-encoded pictures `[batch, 3,
     /// height, width]`, about 0..1.
     pub fn develop_batch(&self, light: Tensor<4>, frame_numbers: Tensor<2>, places: Tensor<2>) -> Tensor<4> {
-        self.network.forward(light, Tensor::cat(vec![places, frame_numbers], 1))
+        let centre: Vec<f32> = self.places(&self.fixed).iter().map(|place| *place as f32).collect();
+        let shape = [1, centre.len()];
+        let centre = Tensor::<2>::from_data(TensorData::new(centre, shape), &places.device());
+        let far = (places - centre) * MAGNIFICATION;
+        let logarithmic = (far.clone().abs() + 1.0).log() * far.sign();
+        self.network.forward(light, Tensor::cat(vec![logarithmic, frame_numbers], 1))
     }
 
     /// Where the varied ones among the values of all parameters lie in their ranges, on the tape: `[1, varied parameters]`.

@@ -33,7 +33,7 @@ pub struct Gap {
     pub psnr_at_centre_db: f64,
     /// The same with parameters near them, drawn for every frame.
     pub psnr_near_db: f64,
-    /// The same with a quarter of the parameters anywhere in their ranges.
+    /// The same with a tenth of the parameters anywhere in their ranges.
     pub psnr_far_db: f64,
     /// What either makes of the scores, with the parameters about which the proxy was trained.
     pub scores: Vec<ScoreGap>,
@@ -212,10 +212,11 @@ fn mean_square(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64
 }
 
-/// The cosine between the two gradients.
+/// The cosine between the two gradients; 0 where one of them is 0, as that of an untrained proxy.
 fn cosine(slopes: &[ParameterSlope]) -> f64 {
     let sum = |of: &dyn Fn(&ParameterSlope) -> f64| slopes.iter().map(of).sum::<f64>();
-    sum(&|s| s.isp * s.proxy) / (sum(&|s| s.isp * s.isp) * sum(&|s| s.proxy * s.proxy)).sqrt()
+    let norms = (sum(&|s| s.isp * s.isp) * sum(&|s| s.proxy * s.proxy)).sqrt();
+    if norms > 0.0 { sum(&|s| s.isp * s.proxy) / norms } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -229,5 +230,6 @@ mod tests {
         assert!(close(&[slope(3.0, 6.0), slope(-1.0, -2.0)], 1.0));
         assert!(close(&[slope(3.0, -3.0), slope(-1.0, 1.0)], -1.0));
         assert!(close(&[slope(1.0, 2.0), slope(2.0, -1.0)], 0.0));
+        assert!(close(&[slope(1.0, 0.0)], 0.0));
     }
 }

@@ -21,6 +21,9 @@ const FINAL_LEARNING_RATE: f64 = 0.02;
 /// Weight of the error in the difference of two pictures of one frame with neighbouring parameters.
 const DIFFERENCE_WEIGHT: f64 = 1.0;
 
+/// Pairs of lists of parameters with which a frame is developed in a step: a near and a far one.
+const PAIRS: usize = 2;
+
 /// How a proxy is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,6 +45,8 @@ pub struct StepLosses {
     pub picture: f64,
     /// Mean absolute difference between the changes of the pictures by a change of the parameters.
     pub difference: f64,
+    /// Mean absolute change of the ISP's pictures, beside which the difference is to be seen.
+    pub change: f64,
 }
 
 /// A proxy in training.
@@ -84,23 +89,33 @@ impl<'a> ProxyTrainer<'a> {
         self.centre = self.proxy.places(values);
     }
 
-    /// One step of Adam on raw frames of one size. Each is developed with two neighbouring lists of parameters, drawn for this step.
+    /// One step of Adam on raw frames of one size. Each is developed with [`PAIRS`] pairs of neighbouring lists of parameters, drawn for
+    /// this step.
     pub fn step(&mut self, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
-        let pairs: Vec<[Vec<f64>; 2]> = (0..frames.len() as u64)
+        let pairs: Vec<[Vec<f64>; 2]> = (0..(PAIRS * frames.len()) as u64)
             .map(|item| pair(&self.centre, self.training.seed, step as u64, item))
             .collect();
         // All first points, then all second ones, so that the two halves of the batch are neighbours.
         let work: Vec<(&RawInput, &Vec<f64>)> = (0..2)
-            .flat_map(|half| frames.iter().zip(&pairs).map(move |(frame, pair)| (&frame.raw, &pair[half])))
+            .flat_map(|half| {
+                pairs.iter().enumerate().map(move |(i, pair)| (&frames[i / PAIRS].raw, &pair[half]))
+            })
             .collect();
         let box_pictures = self.box_pictures(&work)?;
         let pictures = self.proxy_pictures(&work)?;
 
-        let errors = pictures - box_pictures;
-        let [first, second]: [Tensor<4>; 2] = errors.clone().chunk(2, 0).try_into().expect("two halves");
-        let (picture, difference) = (errors.abs().mean(), (second - first).abs().mean());
+        let change = |pictures: Tensor<4>| {
+            let [first, second] = pictures.chunk(2, 0).try_into().expect("two halves");
+            (second - first).abs().mean()
+        };
+        let errors = pictures - box_pictures.clone();
+        let (picture, difference) = (errors.clone().abs().mean(), change(errors));
         let number = |loss: &Tensor<1>| f64::from(loss.clone().into_scalar::<f32>());
-        let losses = StepLosses { picture: number(&picture), difference: number(&difference) };
+        let losses = StepLosses {
+            picture: number(&picture),
+            difference: number(&difference),
+            change: number(&change(box_pictures)),
+        };
         let value = losses.picture + losses.difference;
         if !value.is_finite() {
             let (camera, step) = (self.isp.name().to_owned(), step as u64);
@@ -226,9 +241,9 @@ mod tests {
             trainer.step(step, &frames(step)).unwrap();
         }
         let after = gap(&trainer);
-        assert!(after.psnr_at_centre_db > before.psnr_at_centre_db + 6.0, "{before:?} {after:?}");
+        assert!(after.psnr_at_centre_db > before.psnr_at_centre_db + 1.5, "{before:?} {after:?}");
         assert!(after.psnr_far_db > before.psnr_far_db + 3.0, "{before:?} {after:?}");
-        assert!(after.gradient_cosine > 0.9, "{after:?}");
+        assert!(before.gradient_cosine == 0.0 && after.gradient_cosine > 0.97, "{after:?}");
         // Both slopes through the ISP are real ones.
         assert!(after.slopes.iter().all(|slope| slope.isp.abs() > 1e-4), "{after:?}");
     }

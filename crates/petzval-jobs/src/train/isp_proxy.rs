@@ -18,8 +18,11 @@ use crate::error::JobError;
 use crate::isp::{NamedIsp, isp_by_name};
 
 /// Frames of a training step, and their side in pixels.
-const BATCH: usize = 4;
-const SIDE: usize = 128;
+const BATCH: usize = 8;
+const SIDE: usize = 64;
+
+/// Side of the held-out frames, pixels.
+const HELD_OUT_SIDE: usize = 128;
 
 /// Share of generated pictures among the scenes.
 const GENERATED: f64 = 0.5;
@@ -159,7 +162,7 @@ fn setup(plan: &Plan, context: &Context) -> Result<Setup, JobError> {
     experiment.training.batch = BATCH;
     experiment.training.crop = SIDE;
     experiment.training.dead_leaves = GENERATED;
-    experiment.scoring.crop = SIDE;
+    experiment.scoring.crop = HELD_OUT_SIDE;
     experiment.scoring.places_per_side = 3;
     Ok(Setup::new(experiment, &context.assets, context.device("cpu")?)?)
 }
@@ -173,20 +176,30 @@ fn train(
     context: &Context,
 ) -> Result<(), JobError> {
     let steps = kept.plan.training.steps;
-    let (mut sum, mut count) = (StepLosses { picture: 0.0, difference: 0.0 }, 0);
+    let none = StepLosses { picture: 0.0, difference: 0.0, change: 0.0 };
+    let (mut sum, mut count) = (none, 0);
     let mut clock = Instant::now();
     while kept.step < steps {
         let losses = trainer.step(kept.step, &source.training(kept.step as u64)?)?;
         kept.step += 1;
-        (sum.picture, sum.difference) = (sum.picture + losses.picture, sum.difference + losses.difference);
+        sum.picture += losses.picture;
+        sum.difference += losses.difference;
+        sum.change += losses.change;
         count += 1;
         if kept.step % RECORD_EVERY == 0 || kept.step == steps {
             let mean = |sum: f64| sum / f64::from(count);
-            let losses = StepLosses { picture: mean(sum.picture), difference: mean(sum.difference) };
+            let losses = StepLosses {
+                picture: mean(sum.picture),
+                difference: mean(sum.difference),
+                change: mean(sum.change),
+            };
             kept.history.push(Record { step: kept.step, losses });
-            let text = format!("picture {:.4}  change {:.4}", losses.picture, losses.difference);
+            let text = format!(
+                "errors: picture {:.4}, change {:.4} of {:.4}",
+                losses.picture, losses.difference, losses.change
+            );
             context.progress(kept.step as u64, steps as u64, text);
-            (sum, count) = (StepLosses { picture: 0.0, difference: 0.0 }, 0);
+            (sum, count) = (none, 0);
         }
         let is_cancelled = context.is_cancelled();
         if kept.step % KEEP_EVERY == 0 || kept.step == steps || is_cancelled {

@@ -18,7 +18,7 @@ const SHOWN_SLOPES: usize = 10;
 /// Train a network that imitates an image signal processor (ISP), so that lens and parameters can be optimised by gradient with it.
 ///
 /// The ISP is asked for pictures of simulated raw frames: photographs and generated scenes, by lenses near that of the experiment, at
-/// several gains of its sensor, with parameters near the given ones and, in every other frame, a quarter
+/// several gains of its sensor, with parameters near the given ones and, in every other frame, a tenth
 /// of them anywhere in their ranges. Then the network is compared
 /// with it on photographs that it has never seen.
 ///
@@ -106,7 +106,7 @@ fn summary(response: &Response) -> String {
     for (what, psnr) in [
         ("with the given parameters", gap.psnr_at_centre_db),
         ("with parameters near them", gap.psnr_near_db),
-        ("with a quarter anywhere", gap.psnr_far_db),
+        ("with a tenth anywhere", gap.psnr_far_db),
     ] {
         text += &format!("  {what:<26}  {psnr:6.2} dB\n");
     }
