@@ -72,8 +72,9 @@ impl ProxyIsp {
         let centre: Vec<f32> = self.places(&self.fixed).iter().map(|place| *place as f32).collect();
         let shape = [1, centre.len()];
         let centre = Tensor::<2>::from_data(TensorData::new(centre, shape), &places.device());
+        // The area hyperbolic sine.
         let far = (places - centre) * MAGNIFICATION;
-        let logarithmic = (far.clone().abs() + 1.0).log() * far.sign();
+        let logarithmic = (far.clone() + (far.square() + 1.0).sqrt()).log();
         self.network.forward(light, Tensor::cat(vec![logarithmic, frame_numbers], 1))
     }
 

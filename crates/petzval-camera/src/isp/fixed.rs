@@ -99,14 +99,34 @@ impl Grid {
 
     /// The grid whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone.
     pub fn from_rows(height: usize, width: usize, fill: impl Fn(usize, &mut [i32]) + Sync) -> Self {
+        let [grid] = Self::several_from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, [out]| fill(row, out),
+        );
+        grid
+    }
+
+    /// Several grids at once, whose rows `fill` writes together.
+    pub fn several_from_rows<const N: usize>(
+        height: usize,
+        width: usize,
+        fill: impl Fn(usize, [&mut [i32]; N]) + Sync,
+    ) -> [Self; N] {
         let stride = width + 2 * BORDER;
-        let mut data = vec![0; (height + 2 * BORDER) * stride];
-        let inside = &mut data[BORDER * stride..(BORDER + height) * stride];
-        inside.par_chunks_mut(ROWS * stride).enumerate().for_each(|(chunk, lines)| {
+        let mut grids = [(); N].map(|()| vec![0; (height + 2 * BORDER) * stride]);
+        let mut chunks = grids
+            .each_mut()
+            .map(|data| data[BORDER * stride..(BORDER + height) * stride].chunks_mut(ROWS * stride));
+        let work: Vec<[&mut [i32]; N]> = (0..height.div_ceil(ROWS))
+            .map(|_| chunks.each_mut().map(|rows| rows.next().unwrap_or_default()))
+            .collect();
+        work.into_par_iter().enumerate().for_each(|(chunk, lines)| {
             // Compiled for the widest vectors of the machine.
-            dispatch(FillOne { fill: &fill, first: chunk * ROWS, lines, stride });
+            dispatch(Fill { fill: &fill, first: chunk * ROWS, lines, stride });
         });
-        Self::mirrored(height, width, data)
+        grids.map(|data| Self::mirrored(height, width, data))
     }
 
     /// A grid whose rows above and below it are not filled yet.
@@ -117,30 +137,6 @@ impl Grid {
             data.copy_within((last - k) * stride..(last - k + 1) * stride, (last + k) * stride);
         }
         Self { height, width, data }
-    }
-
-    /// Three grids at once, whose rows `fill` writes together.
-    pub fn three_from_rows(
-        height: usize,
-        width: usize,
-        fill: impl Fn(usize, [&mut [i32]; 3]) + Sync,
-    ) -> [Self; 3] {
-        let stride = width + 2 * BORDER;
-        let mut grids = [(); 3].map(|()| vec![0; (height + 2 * BORDER) * stride]);
-        {
-            let [a, b, c] = &mut grids;
-            let (a, b, c) = (
-                &mut a[BORDER * stride..(BORDER + height) * stride],
-                &mut b[BORDER * stride..(BORDER + height) * stride],
-                &mut c[BORDER * stride..(BORDER + height) * stride],
-            );
-            let size = ROWS * stride;
-            let chunks = a.par_chunks_mut(size).zip(b.par_chunks_mut(size)).zip(c.par_chunks_mut(size));
-            chunks.enumerate().for_each(|(chunk, ((a, b), c))| {
-                dispatch(FillThree { fill: &fill, first: chunk * ROWS, lines: [a, b, c], stride });
-            });
-        }
-        grids.map(|data| Self::mirrored(height, width, data))
     }
 
     /// The row `down` rows below `row`, moved by `right` columns: as many values as the grid is wide.
@@ -176,44 +172,28 @@ impl Grid {
     }
 }
 
-/// The filling of some rows of a grid, as an operation that is compiled for every instruction set.
-struct FillOne<'a, F> {
+/// The filling of some rows of grids, as an operation that is compiled for every instruction set.
+struct Fill<'a, F, const N: usize> {
     fill: &'a F,
     first: usize,
-    lines: &'a mut [i32],
+    lines: [&'a mut [i32]; N],
     stride: usize,
 }
 
-impl<F: Fn(usize, &mut [i32])> WithSimd for FillOne<'_, F> {
+impl<F: Fn(usize, [&mut [i32]; N]), const N: usize> WithSimd for Fill<'_, F, N> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        for (i, line) in self.lines.chunks_exact_mut(self.stride).enumerate() {
-            (self.fill)(self.first + i, &mut line[BORDER..self.stride - BORDER]);
-            mirror_ends(line);
-        }
-    }
-}
-
-/// The filling of some rows of three grids.
-struct FillThree<'a, F> {
-    fill: &'a F,
-    first: usize,
-    lines: [&'a mut [i32]; 3],
-    stride: usize,
-}
-
-impl<F: Fn(usize, [&mut [i32]; 3])> WithSimd for FillThree<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let [a, b, c] = self.lines.map(|lines| lines.chunks_exact_mut(self.stride));
-        for (i, ((a, b), c)) in a.zip(b).zip(c).enumerate() {
-            let inner = BORDER..self.stride - BORDER;
-            (self.fill)(self.first + i, [&mut a[inner.clone()], &mut b[inner.clone()], &mut c[inner]]);
-            [a, b, c].into_iter().for_each(mirror_ends);
+    fn with_simd<S: Simd>(mut self, _: S) {
+        let rows = self.lines.first().map_or(0, |lines| lines.len() / self.stride);
+        for i in 0..rows {
+            let line = i * self.stride;
+            let inside = self.lines.each_mut().map(
+                #[inline(always)]
+                |lines| &mut lines[line + BORDER..line + self.stride - BORDER],
+            );
+            (self.fill)(self.first + i, inside);
+            self.lines.iter_mut().for_each(|lines| mirror_ends(&mut lines[line..line + self.stride]));
         }
     }
 }

@@ -6,6 +6,8 @@
 //!     -> purple fringes -> denoise (colours, luma) -> light -> colour matrix -> gamma -> sharpen -> dewarp -> output
 //! ```
 
+use std::time::Instant;
+
 use super::fixed::{GAIN, Grid, LINEAR, ROOT};
 use super::settings::IspSettings;
 use super::stage::black_level::Registers as Levels;
@@ -28,6 +30,16 @@ pub struct HardwareIsp {
 /// Someone who looks at the picture after every stage: the stage's name, and the picture as a display would show it.
 pub type Watch<'w> = &'w mut dyn FnMut(&'static str, RgbPicture);
 
+/// What is noted after every stage.
+enum Notes<'w> {
+    /// Nothing.
+    Nothing,
+    /// The picture.
+    Pictures(Watch<'w>),
+    /// The time since the stage before, s.
+    Times { clock: Instant, times: Vec<(&'static str, f64)> },
+}
+
 impl Isp for HardwareIsp {
     fn name(&self) -> &str {
         "petzval automotive ISP, fixed-point"
@@ -45,15 +57,25 @@ impl Isp for HardwareIsp {
 impl HardwareIsp {
     /// Develops a frame with the settings' own numbers.
     pub fn develop_as_set(&self, frame: &RawInput) -> Result<RgbPicture, IspError> {
-        self.run(frame, None)
+        self.run(frame, &mut Notes::Nothing)
     }
 
     /// The same, and `watch` sees the picture after every stage.
     pub fn develop_steps(&self, frame: &RawInput, watch: Watch) -> Result<RgbPicture, IspError> {
-        self.run(frame, Some(watch))
+        self.run(frame, &mut Notes::Pictures(watch))
     }
 
-    fn run(&self, frame: &RawInput, mut watch: Option<Watch>) -> Result<RgbPicture, IspError> {
+    /// How long each stage takes on a frame, s, in their order.
+    pub fn stage_times(&self, frame: &RawInput) -> Result<Vec<(&'static str, f64)>, IspError> {
+        let mut notes = Notes::Times { clock: Instant::now(), times: Vec::new() };
+        self.run(frame, &mut notes)?;
+        Ok(match notes {
+            Notes::Times { times, .. } => times,
+            _ => Vec::new(),
+        })
+    }
+
+    fn run(&self, frame: &RawInput, notes: &mut Notes) -> Result<RgbPicture, IspError> {
         frame.validate()?;
         let set = &self.settings;
         super::check_values(&IspSettings::parameters(), &set.values())?;
@@ -68,13 +90,13 @@ impl HardwareIsp {
         // The raw frame becomes light, is amplified, and its root taken.
         let levels = set.black_level.registers(frame);
         let mut mosaic = expand_and_root(frame, &levels, set.gain.register(), &stable);
-        look.at_mosaic(&mut watch, "gain", &mosaic);
+        look.at_mosaic(notes, "gain", &mosaic);
         mosaic = set.green_balance.fixed(mosaic, cfa, stable.sigma);
-        look.at_mosaic(&mut watch, "green_balance", &mosaic);
+        look.at_mosaic(notes, "green_balance", &mosaic);
         mosaic = set.defects.fixed(mosaic);
-        look.at_mosaic(&mut watch, "defects", &mosaic);
+        look.at_mosaic(notes, "defects", &mosaic);
         mosaic = set.bayer_denoise.fixed(mosaic, stable.sigma);
-        look.at_mosaic(&mut watch, "bayer_denoise", &mosaic);
+        look.at_mosaic(notes, "bayer_denoise", &mosaic);
 
         // Back to light; the lens's shading and the sensor's colours are balanced there.
         let averaged = if set.bayer_denoise.strength > 0.0 { set.bayer_denoise.averaged() } else { 0.0 };
@@ -119,22 +141,22 @@ impl HardwareIsp {
             )
         };
         drop(light);
-        look.at_mosaic(&mut watch, "tone_map", &mosaic);
+        look.at_mosaic(notes, "tone_map", &mosaic);
 
         // Three colours at every pixel, and what demosaicing and noise did to them taken out.
         let mut rgb = demosaic::fixed(set.demosaic, &mosaic, cfa);
         drop(mosaic);
-        look.at_colours(&mut watch, "demosaic", &rgb);
+        look.at_colours(notes, "demosaic", &rgb);
         rgb = set.false_colour.fixed(rgb);
-        look.at_colours(&mut watch, "false_colour", &rgb);
+        look.at_colours(notes, "false_colour", &rgb);
         rgb = set.purple_fringe.fixed(rgb);
-        look.at_colours(&mut watch, "purple_fringe", &rgb);
+        look.at_colours(notes, "purple_fringe", &rgb);
         rgb = colour_denoise::fixed(&set.luma_denoise, &set.chroma_denoise, rgb, stable.sigma);
-        look.at_colours(&mut watch, "luma_denoise", &rgb);
+        look.at_colours(notes, "luma_denoise", &rgb);
 
         // Light of the display's colours, encoded.
         let (matrix, curve) = (set.colours.registers(about.colour_matrix), set.gamma.table());
-        rgb = Grid::three_from_rows(
+        rgb = Grid::several_from_rows(
             height,
             width,
             #[inline(always)]
@@ -152,12 +174,14 @@ impl HardwareIsp {
                 }
             },
         );
-        look.at_encoded(&mut watch, "gamma", &rgb);
+        look.at_encoded(notes, "gamma", &rgb);
         rgb = set.sharpen.fixed(rgb);
-        look.at_encoded(&mut watch, "sharpen", &rgb);
+        look.at_encoded(notes, "sharpen", &rgb);
         rgb = set.dewarp.fixed(rgb, about.warp.as_ref());
-        look.at_encoded(&mut watch, "dewarp", &rgb);
-        Ok(RgbPicture { height, width, bits: set.bits, data: set.output.fixed(&rgb, set.bits) })
+        look.at_encoded(notes, "dewarp", &rgb);
+        let data = set.output.fixed(&rgb, set.bits);
+        notes.time("output");
+        Ok(RgbPicture { height, width, bits: set.bits, data })
     }
 }
 
@@ -242,16 +266,28 @@ struct Look<'a> {
     set: &'a IspSettings,
 }
 
+impl Notes<'_> {
+    /// Notes the time of a stage, if times are noted.
+    fn time(&mut self, stage: &'static str) {
+        if let Self::Times { clock, times } = self {
+            times.push((stage, clock.elapsed().as_secs_f64()));
+            *clock = Instant::now();
+        }
+    }
+}
+
 impl Look<'_> {
-    fn at_mosaic(&self, watch: &mut Option<Watch>, stage: &'static str, mosaic: &Grid) {
-        if watch.is_some() {
+    fn at_mosaic(&self, notes: &mut Notes, stage: &'static str, mosaic: &Grid) {
+        notes.time(stage);
+        if matches!(notes, Notes::Pictures(_)) {
             let rgb = demosaic::fixed(crate::isp::Demosaic::Bilinear, mosaic, self.cfa);
-            self.at_colours(watch, stage, &rgb);
+            self.at_colours(notes, stage, &rgb);
         }
     }
 
-    fn at_colours(&self, watch: &mut Option<Watch>, stage: &'static str, rgb: &[Grid; 3]) {
-        if watch.is_some() {
+    fn at_colours(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid; 3]) {
+        notes.time(stage);
+        if matches!(notes, Notes::Pictures(_)) {
             let curve = gamma::Gamma::default().table();
             let is_light = self.set.domain == Domain::Linear && Self::is_behind_tone_map(stage);
             let encoded = rgb.each_ref().map(|grid| {
@@ -270,7 +306,7 @@ impl Look<'_> {
                     },
                 )
             });
-            self.at_encoded(watch, stage, &encoded);
+            self.at_encoded(notes, stage, &encoded);
         }
     }
 
@@ -278,8 +314,9 @@ impl Look<'_> {
         ["tone_map", "demosaic", "false_colour", "purple_fringe", "luma_denoise"].contains(&stage)
     }
 
-    fn at_encoded(&self, watch: &mut Option<Watch>, stage: &'static str, rgb: &[Grid; 3]) {
-        if let Some(watch) = watch {
+    fn at_encoded(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid; 3]) {
+        notes.time(stage);
+        if let Notes::Pictures(watch) = notes {
             let (height, width, bits) = (rgb[0].height, rgb[0].width, self.set.bits);
             let data = super::stage::output::Output::default().fixed(rgb, bits);
             watch(stage, RgbPicture { height, width, bits, data });

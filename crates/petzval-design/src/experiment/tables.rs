@@ -95,7 +95,7 @@ parameters! {
     /// Training of the network, the same for every variant.
     pub struct TrainingConfig {
         /// Network steps of a stage that trains the network.
-        steps: usize = 450, "", 1..1e8, Log, "a few hundred on a CPU";
+        steps: usize = 400, "", 1..1e8, Log, "a few hundred on a CPU";
         /// Windows a step.
         batch: usize = 4, "", 1..1024, Log, "2 to 8 on a CPU";
         /// Side of a window.
@@ -118,7 +118,7 @@ parameters! {
     /// How the lens moves for the task.
     pub struct OpticsConfig {
         /// Lens steps of a stage that moves the lens for the task.
-        steps: usize = 280, "", 0..1e8, Log, "0 keeps the lens";
+        steps: usize = 250, "", 0..1e8, Log, "0 keeps the lens";
         /// Share of the stage's network steps over which the lens steps are spread evenly; then the lens rests.
         moving_share: f64 = 0.7, "", 0..1, Linear, "0.7 leaves the network time to settle";
         /// First learning rate of Adam in the bounded coordinates.

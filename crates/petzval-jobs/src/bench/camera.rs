@@ -89,9 +89,12 @@ fn chip(preset: &str) -> Result<Prepared, JobError> {
     frame.about.warp = Some(Mesh { rows: 33, cols: 33, planes });
     let isp = isp_by_name(preset, &built_in_assets())?;
     let values = isp.values(frame.about.gain_ev)?;
+    let stages = isp.stage_times(&frame, &values)?;
+    let stages: Vec<String> = stages.iter().map(|(stage, s)| format!("{stage} {:.1}", 1e3 * s)).collect();
     Ok(Prepared {
         work: format!(
-            "1200 x 1920 raw, all stages of the preset {preset} of the automotive ISP, fixed-point"
+            "1200 x 1920 raw, all stages of the preset {preset} of the automotive ISP, fixed-point; by the clock, ms: {}",
+            stages.join(", ")
         ),
         units: Some(((FRAME.0 * FRAME.1) as f64, "pixels")),
         single_thread: false,

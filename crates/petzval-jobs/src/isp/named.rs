@@ -176,6 +176,23 @@ impl NamedIsp {
         Ok(steps)
     }
 
+    /// How long each stage of the built-in ISP takes on a frame, s: the shortest of five times. Other ISPs have no stages.
+    pub fn stage_times(
+        &self,
+        frame: &RawInput,
+        values: &[f64],
+    ) -> Result<Vec<(&'static str, f64)>, JobError> {
+        let Kind::BuiltIn { isp, .. } = &self.kind else { return Ok(Vec::new()) };
+        let failed = |e: IspError| JobError::failed(e.to_string());
+        let isp = HardwareIsp { settings: isp.settings.with_values(values).map_err(failed)? };
+        let mut shortest = isp.stage_times(frame).map_err(failed)?;
+        for _ in 0..4 {
+            let times = isp.stage_times(frame).map_err(failed)?;
+            shortest.iter_mut().zip(times).for_each(|(best, (_, time))| best.1 = best.1.min(time));
+        }
+        Ok(shortest)
+    }
+
     /// Changes values by `stage.key=value`, each of which has to be in its range.
     pub fn set(&mut self, changes: &[String]) -> Result<(), JobError> {
         for change in changes {

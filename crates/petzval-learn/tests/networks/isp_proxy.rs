@@ -30,11 +30,10 @@ fn starts_as_the_square_root_of_the_raw_for_any_even_size() {
         for item in 0..2 {
             for row in 0..2 * height {
                 for column in 0..2 * width {
-                    let at = |colour: usize| {
-                        let v = raw[((item * 4 + colour) * height + row / 2) * width + column / 2];
-                        (v + 1e-4).sqrt() - 0.01
-                    };
-                    let expected = [at(0), 0.5 * (at(1) + at(2)), at(3)];
+                    let at =
+                        |colour: usize| raw[((item * 4 + colour) * height + row / 2) * width + column / 2];
+                    let light = [at(0), 0.5 * (at(1) + at(2)), at(3)];
+                    let expected = light.map(|v| (v + 1e-4).sqrt() - 0.01);
                     for c in 0..3 {
                         let found = rgb[((item * 3 + c) * 2 * height + row) * 2 * width + column];
                         assert!((found - expected[c]).abs() < 1e-6, "{found} for {}", expected[c]);

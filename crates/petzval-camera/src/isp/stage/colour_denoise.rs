@@ -57,7 +57,7 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid; 3], sigma: 
         return rgb;
     }
     let (height, width) = (rgb[0].height, rgb[0].width);
-    let [y, u, v] = Grid::three_from_rows(
+    let [y, u, v] = Grid::several_from_rows(
         height,
         width,
         #[inline(always)]
@@ -77,7 +77,7 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid; 3], sigma: 
     drop(rgb);
     let [u, v] = chroma.fixed(&y, [u, v], sigma);
     let (strength, limit) = (WEIGHT.of(luma.strength), Influence::new(luma.threshold * sigma));
-    Grid::three_from_rows(
+    Grid::several_from_rows(
         height,
         width,
         #[inline(always)]
@@ -127,11 +127,11 @@ impl ChromaDenoise {
         let guard = ROOT.of(self.guard * sigma).max(1);
         let inverse = (1 << 24) / guard;
         for step in [2, 4] {
-            let [u, v, _] = Grid::three_from_rows(
+            let [u, v] = Grid::several_from_rows(
                 luma.height,
                 luma.width,
                 #[inline(always)]
-                |row, [to_u, to_v, _]| {
+                |row, [to_u, to_v]| {
                     let width = to_u.len();
                     let (y, u, v) =
                         (luma.around(row, width), planes[0].around(row, width), planes[1].around(row, width));

@@ -39,7 +39,7 @@ pub fn fixed(method: Demosaic, mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
 /// Bilinear interpolation, with or without the corrections of Malvar, He and Cutler. Weights are multiples of 1/16.
 fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
     let correction = i32::from(is_corrected);
-    Grid::three_from_rows(
+    Grid::several_from_rows(
         mosaic.height,
         mosaic.width,
         #[inline(always)]
@@ -51,9 +51,7 @@ fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
             let (left2, right2, up2, down2) = (near.at(0, -2), near.at(0, 2), near.at(-2, 0), near.at(2, 0));
             let here = near.at(0, 0);
             let (green, blue) = (&mut green[..width], &mut blue[..width]);
-            // Every row holds green and one other colour, which the row is named after.
-            let green_first = cfa.colour(row, 0) == Colour::Green;
-            let is_red_row = cfa.colour(row, usize::from(green_first)) == Colour::Red;
+            let (green_first, is_red_row) = row_kind(cfa, row);
             for c in 0..width {
                 let v = here[c];
                 let (beside, above) = (left[c] + right[c], up[c] + down[c]);
@@ -74,6 +72,13 @@ fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
             }
         },
     )
+}
+
+/// Whether a row of a Bayer array begins with green, and whether its other colour is red.
+#[inline(always)]
+pub(super) fn row_kind(cfa: CfaPattern, row: usize) -> (bool, bool) {
+    let green_first = cfa.colour(row, 0) == Colour::Green;
+    (green_first, cfa.colour(row, usize::from(green_first)) == Colour::Red)
 }
 
 /// The middle one of nine values, by the exchanges of J. L. Smith ("Implementing median filters in XC4000E FPGAs", 1996).
@@ -142,11 +147,11 @@ impl FalseColour {
             return [red, green, blue];
         }
         let strength = WEIGHT.of(self.strength);
-        let [red, _, blue] = Grid::three_from_rows(
+        let [red, blue] = Grid::several_from_rows(
             green.height,
             green.width,
             #[inline(always)]
-            |row, [to_red, _, to_blue]| {
+            |row, [to_red, to_blue]| {
                 for (colour, out) in [(&red, to_red), (&blue, to_blue)] {
                     let width = out.len();
                     let (v, g) = (colour.around(row, width), green.around(row, width));

@@ -4,7 +4,8 @@
 //! per pixel tells whether it looks along its column (1) or its row (0).
 
 use super::super::fixed::{Around, Grid, ROOT, shift_round};
-use crate::sensor::{CfaPattern, Colour};
+use super::demosaic::row_kind;
+use crate::sensor::CfaPattern;
 
 /// A third, 12 bits behind the point: as many as leave room for three differences of roots.
 const THIRD: i32 = 1365;
@@ -13,10 +14,7 @@ const THIRD: i32 = 1365;
 pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
     let (height, width) = (mosaic.height, mosaic.width);
     let columns = directions(mosaic, cfa);
-    let row_kind = |row: usize| {
-        let green_first = cfa.colour(row, 0) == Colour::Green;
-        (green_first, cfa.colour(row, usize::from(green_first)) == Colour::Red)
-    };
+    let row_kind = |row: usize| row_kind(cfa, row);
     // Green at red and blue, along the chosen direction.
     let green = Grid::from_rows(
         height,
@@ -39,11 +37,11 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
     );
     // Colours at green: along the row and the column in which they were measured. `from` gives the colour there, and elsewhere.
     let at_green = |green: &Grid, from: [&Grid; 2]| {
-        let [red, _, blue] = Grid::three_from_rows(
+        let [red, blue] = Grid::several_from_rows(
             height,
             width,
             #[inline(always)]
-            |row, [red, _, blue]| {
+            |row, [red, blue]| {
                 let width = red.len();
                 let (green_first, is_red_row) = row_kind(row);
                 for (k, out) in [red, blue].into_iter().enumerate() {
@@ -65,11 +63,11 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
     };
     let [red, blue] = at_green(&green, [mosaic, mosaic]);
     // Red at blue and blue at red, along the chosen direction.
-    let [red, _, blue] = Grid::three_from_rows(
+    let [red, blue] = Grid::several_from_rows(
         height,
         width,
         #[inline(always)]
-        |row, [to_red, _, to_blue]| {
+        |row, [to_red, to_blue]| {
             let width = to_red.len();
             let (green_first, is_red_row) = row_kind(row);
             let (o, u) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
@@ -110,11 +108,11 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
     // Refine red and blue at green by the mean difference of the measured neighbours.
     let [red, blue] = at_green(&refined, [&red, &blue]);
     // Refine red at blue and blue at red by the low-pass of their difference along the chosen direction.
-    let [red, _, blue] = Grid::three_from_rows(
+    let [red, blue] = Grid::several_from_rows(
         height,
         width,
         #[inline(always)]
-        |row, [to_red, _, to_blue]| {
+        |row, [to_red, to_blue]| {
             let width = to_red.len();
             let (green_first, is_red_row) = row_kind(row);
             let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
@@ -151,18 +149,18 @@ fn third(a: Around<'_>, b: Around<'_>, columns: &[i32], out: &mut [i32]) {
 fn directions(mosaic: &Grid, cfa: CfaPattern) -> Grid {
     let (height, width) = (mosaic.height, mosaic.width);
     // Differences from green by the row and by the column, times 4; 0 at green.
-    let [by_row, by_col, _] = Grid::three_from_rows(
+    let [by_row, by_col] = Grid::several_from_rows(
         height,
         width,
         #[inline(always)]
-        |row, [by_row, by_col, _]| {
+        |row, [by_row, by_col]| {
             let width = by_row.len();
             let near = mosaic.around(row, width);
             let across = [near.at(0, -2), near.at(0, -1), near.at(0, 1), near.at(0, 2)];
             let along = [near.at(-2, 0), near.at(-1, 0), near.at(1, 0), near.at(2, 0)];
             let here = near.at(0, 0);
             let by_col = &mut by_col[..width];
-            let green_first = cfa.colour(row, 0) == Colour::Green;
+            let (green_first, _) = row_kind(cfa, row);
             for c in 0..width {
                 let of = |l: [&[i32]; 4]| 2 * here[c] - 2 * (l[1][c] + l[2][c]) + l[0][c] + l[3][c];
                 let is_green = (c % 2 == 0) == green_first;

@@ -65,7 +65,7 @@ impl Dewarp {
             })
             .collect();
         let inside = |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
-        Grid::three_from_rows(
+        Grid::several_from_rows(
             height,
             width,
             #[inline(always)]

@@ -28,11 +28,11 @@ impl PurpleFringe {
             return [red, green, blue];
         }
         let (strength, threshold) = (WEIGHT.of(self.strength), ROOT.of(self.threshold));
-        let [red, _, blue] = Grid::three_from_rows(
+        let [red, blue] = Grid::several_from_rows(
             green.height,
             green.width,
             #[inline(always)]
-            |row, [to_red, _, to_blue]| {
+            |row, [to_red, to_blue]| {
                 let width = to_red.len();
                 let near = green.around(row, width);
                 let [above, left, right, below] =

@@ -99,7 +99,7 @@ impl Sharpen {
                 }
             },
         );
-        Grid::three_from_rows(
+        Grid::several_from_rows(
             height,
             width,
             #[inline(always)]
