@@ -82,7 +82,7 @@ impl ProxyIsp {
     fn places_on_tape(&self, values: &Tensor<1>) -> Tensor<2> {
         let place = |i: &usize| {
             let about = &self.parameters[*i].about;
-            let value = values.clone().slice([*i..*i + 1]);
+            let value = values.clone().narrow(0, *i, 1);
             match about.scale {
                 Scale::Linear => (value - about.min) / (about.max - about.min),
                 Scale::Log => (value / about.min).log() / (about.max / about.min).ln(),

@@ -89,7 +89,7 @@ impl<'a> ProxyTrainer<'a> {
         self.centre = self.proxy.places(values);
     }
 
-    /// One step of Adam on raw frames of one size. Each is developed with [`PAIRS`] pairs of neighbouring lists of parameters, drawn for
+    /// One step of Adam on raw frames of one size. Each is developed with two pairs of neighbouring lists of parameters, drawn for
     /// this step.
     pub fn step(&mut self, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
         let pairs: Vec<[Vec<f64>; 2]> = (0..(PAIRS * frames.len()) as u64)

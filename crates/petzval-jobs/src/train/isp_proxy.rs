@@ -186,7 +186,7 @@ fn train(
         sum.difference += losses.difference;
         sum.change += losses.change;
         count += 1;
-        if kept.step % RECORD_EVERY == 0 || kept.step == steps {
+        if kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps {
             let mean = |sum: f64| sum / f64::from(count);
             let losses = StepLosses {
                 picture: mean(sum.picture),
@@ -202,7 +202,7 @@ fn train(
             (sum, count) = (none, 0);
         }
         let is_cancelled = context.is_cancelled();
-        if kept.step % KEEP_EVERY == 0 || kept.step == steps || is_cancelled {
+        if kept.step.is_multiple_of(KEEP_EVERY) || kept.step == steps || is_cancelled {
             kept.seconds += clock.elapsed().as_secs_f64();
             clock = Instant::now();
             folder.keep(kept, &trainer.save()?)?;
