@@ -136,6 +136,13 @@ impl CfaPattern {
         [Self::RGGB, Self::GRBG, Self::GBRG, Self::BGGR].contains(self)
     }
 
+    /// Whether a row of a Bayer array begins with green, and whether its other colour is red.
+    #[inline(always)]
+    pub fn row_kind(&self, row: usize) -> (bool, bool) {
+        let green_first = self.colour(row, 0) == Colour::Green;
+        (green_first, self.colour(row, usize::from(green_first)) == Colour::Red)
+    }
+
     /// The colours that occur, in the order red, green, blue, clear.
     pub fn colours(&self) -> Vec<Colour> {
         let tile = &self.tile[..self.rows * self.cols];

@@ -1,4 +1,3 @@
 //! `train`: networks that stand in for what has no gradient.
 
 pub mod isp_proxy;
-mod isp_proxy_folder;

@@ -15,7 +15,7 @@ use super::demosaic_directional::directional;
 use crate::image::{CHANNELS, LinearImage};
 use crate::isp::Demosaic;
 use crate::render::Placement;
-use crate::sensor::{CfaPattern, Colour};
+use crate::sensor::CfaPattern;
 use crate::tape::{HostKernel, apply};
 
 petzval_base::parameters! {
@@ -51,7 +51,7 @@ fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
             let (left2, right2, up2, down2) = (near.at(0, -2), near.at(0, 2), near.at(-2, 0), near.at(2, 0));
             let here = near.at(0, 0);
             let (green, blue) = (&mut green[..width], &mut blue[..width]);
-            let (green_first, is_red_row) = row_kind(cfa, row);
+            let (green_first, is_red_row) = cfa.row_kind(row);
             for c in 0..width {
                 let v = here[c];
                 let (beside, above) = (left[c] + right[c], up[c] + down[c]);
@@ -72,13 +72,6 @@ fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
             }
         },
     )
-}
-
-/// Whether a row of a Bayer array begins with green, and whether its other colour is red.
-#[inline(always)]
-pub(super) fn row_kind(cfa: CfaPattern, row: usize) -> (bool, bool) {
-    let green_first = cfa.colour(row, 0) == Colour::Green;
-    (green_first, cfa.colour(row, usize::from(green_first)) == Colour::Red)
 }
 
 /// The middle one of nine values, by the exchanges of J. L. Smith ("Implementing median filters in XC4000E FPGAs", 1996).

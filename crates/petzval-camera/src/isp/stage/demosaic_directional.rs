@@ -4,7 +4,6 @@
 //! per pixel tells whether it looks along its column (1) or its row (0).
 
 use super::super::fixed::{Around, Grid, ROOT, shift_round};
-use super::demosaic::row_kind;
 use crate::sensor::CfaPattern;
 
 /// A third, 12 bits behind the point: as many as leave room for three differences of roots.
@@ -14,7 +13,6 @@ const THIRD: i32 = 1365;
 pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
     let (height, width) = (mosaic.height, mosaic.width);
     let columns = directions(mosaic, cfa);
-    let row_kind = |row: usize| row_kind(cfa, row);
     // Green at red and blue, along the chosen direction.
     let green = Grid::from_rows(
         height,
@@ -26,7 +24,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
             let across = [near.at(0, -2), near.at(0, -1), near.at(0, 1), near.at(0, 2)];
             let along = [near.at(-2, 0), near.at(-1, 0), near.at(1, 0), near.at(2, 0)];
             let (here, column) = (near.at(0, 0), &columns.row(row)[..width]);
-            let (green_first, _) = row_kind(row);
+            let (green_first, _) = cfa.row_kind(row);
             for c in 0..width {
                 let of = |l: [&[i32]; 4]| 2 * (l[1][c] + l[2][c]) + 2 * here[c] - l[0][c] - l[3][c];
                 let value = if column[c] == 1 { of(along) } else { of(across) };
@@ -43,7 +41,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
             #[inline(always)]
             |row, [red, blue]| {
                 let width = red.len();
-                let (green_first, is_red_row) = row_kind(row);
+                let (green_first, is_red_row) = cfa.row_kind(row);
                 for (k, out) in [red, blue].into_iter().enumerate() {
                     // The colour of this row has its measured pixels beside, the other one above and below.
                     let (d, r) = if (k == 0) == is_red_row { (0, 1) } else { (1, 0) };
@@ -69,7 +67,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         #[inline(always)]
         |row, [to_red, to_blue]| {
             let width = to_red.len();
-            let (green_first, is_red_row) = row_kind(row);
+            let (green_first, is_red_row) = cfa.row_kind(row);
             let (o, u) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
             let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
             let (ol, or, oa, ob) =
@@ -93,7 +91,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         width,
         #[inline(always)]
         |row, out| {
-            let (green_first, is_red_row) = row_kind(row);
+            let (green_first, is_red_row) = cfa.row_kind(row);
             let own = if is_red_row { &red } else { &blue };
             let (own, green) = (own.around(row, out.len()), green.around(row, out.len()));
             let columns = columns.around(row, out.len()).at(0, 0);
@@ -114,7 +112,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
         #[inline(always)]
         |row, [to_red, to_blue]| {
             let width = to_red.len();
-            let (green_first, is_red_row) = row_kind(row);
+            let (green_first, is_red_row) = cfa.row_kind(row);
             let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
             let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
             let (own, other) = (own.around(row, width), other.around(row, width));
@@ -160,7 +158,7 @@ fn directions(mosaic: &Grid, cfa: CfaPattern) -> Grid {
             let along = [near.at(-2, 0), near.at(-1, 0), near.at(1, 0), near.at(2, 0)];
             let here = near.at(0, 0);
             let by_col = &mut by_col[..width];
-            let (green_first, _) = row_kind(cfa, row);
+            let (green_first, _) = cfa.row_kind(row);
             for c in 0..width {
                 let of = |l: [&[i32]; 4]| 2 * here[c] - 2 * (l[1][c] + l[2][c]) + l[0][c] + l[3][c];
                 let is_green = (c % 2 == 0) == green_first;

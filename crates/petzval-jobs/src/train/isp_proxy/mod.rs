@@ -1,21 +1,26 @@
 //! `train isp-proxy`: a network that imitates an ISP, and what the imitation costs.
 
+mod folder;
+mod plan;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
 use petzval_camera::isp::{Demosaic, Domain, RgbPicture};
 use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::isp_proxy::{Frame, FrameSource, Judge, ProxyTrainer, StepLosses};
-pub use petzval_design::isp_proxy::{Gap, ProxyTraining};
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::IspProxyFile;
 use petzval_report::isp_strip::{Strip, StripStep, page};
 use serde::{Deserialize, Serialize};
 
-use super::isp_proxy_folder::{Kept, ProxyFolder, WEIGHTS};
+use self::folder::{Kept, ProxyFolder, WEIGHTS};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::isp::{NamedIsp, isp_by_name};
+
+pub use self::plan::{Plan, Record};
+pub use petzval_design::isp_proxy::{Gap, ProxyTraining};
 
 /// Frames of a training step, and their side in pixels.
 const BATCH: usize = 8;
@@ -52,22 +57,6 @@ pub enum Request {
     },
 }
 
-/// What is imitated, and how.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Plan {
-    /// Name of a preset, or a file of settings or of the description of an external ISP.
-    pub isp: String,
-    /// Further values, each `stage.key=value`.
-    pub set: Vec<String>,
-    /// Parameters that vary: names, stages, or `all`.
-    pub vary: Vec<String>,
-    /// Experiment that gives lens, sensor, exposure and photographs.
-    pub experiment: String,
-    /// Steps and size of the network.
-    pub training: ProxyTraining,
-}
-
 /// A trained proxy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
@@ -85,15 +74,6 @@ pub struct Response {
     pub proxy: PathBuf,
     /// Page of its pictures beside those of the ISP.
     pub page: PathBuf,
-}
-
-/// The mean losses of some steps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
-    /// Steps taken at its end.
-    pub step: usize,
-    /// Their mean losses.
-    pub losses: StepLosses,
 }
 
 /// Trains a proxy and judges it.

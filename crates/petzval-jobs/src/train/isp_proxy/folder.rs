@@ -7,7 +7,7 @@ use petzval_design::error::DesignError;
 use petzval_files::isp_file::IspProxyFile;
 use serde::{Deserialize, Serialize};
 
-use super::isp_proxy::{Plan, Record};
+use super::plan::{Plan, Record};
 use crate::error::{JobError, json, make_folder};
 
 /// File of the weights.

@@ -1,0 +1,29 @@
+//! The plan of a training, and its record.
+
+use petzval_design::isp_proxy::{ProxyTraining, StepLosses};
+use serde::{Deserialize, Serialize};
+
+/// What is imitated, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Name of a preset, or a file of settings or of the description of an external ISP.
+    pub isp: String,
+    /// Further values, each `stage.key=value`.
+    pub set: Vec<String>,
+    /// Parameters that vary: names, stages, or `all`.
+    pub vary: Vec<String>,
+    /// Experiment that gives lens, sensor, exposure and photographs.
+    pub experiment: String,
+    /// Steps and size of the network.
+    pub training: ProxyTraining,
+}
+
+/// The mean losses of some steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Steps taken at its end.
+    pub step: usize,
+    /// Their mean losses.
+    pub losses: StepLosses,
+}
