@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use petzval_base::statistics::median;
 use petzval_camera::image::LinearImage;
+use petzval_camera::isp::{Demosaic, Domain};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{Batch, Block, OpticsBlock};
 use petzval_design::camera::{Camera, PsfSource, Shot};
+use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
@@ -24,10 +26,10 @@ fn setup() -> Setup {
 fn setup_with(restore: bool) -> Setup {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
     let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
-    experiment.development.restore = restore;
-    if restore {
-        experiment.network.kind = NetworkKind::Restoration;
-    }
+    // Without directions that are chosen pixel by pixel, which differences would step across.
+    experiment.development =
+        DevelopmentConfig { demosaic: Demosaic::Bilinear, domain: Domain::Linear, restore };
+    experiment.network.kind = if restore { NetworkKind::Restoration } else { NetworkKind::UNet };
     experiment.psf.fields = 5;
     experiment.psf.pupil_cells = 32;
     experiment.psf.scoring_pupil_cells = 32;

@@ -9,7 +9,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Window;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_design::camera::{Shot, to_host};
-use petzval_design::experiment::Experiment;
+use petzval_design::experiment::{DevelopmentConfig, Experiment};
 use petzval_design::setup::Setup;
 use petzval_files::save_png;
 use petzval_jobs::{Context, Silent, built_in_assets, simulate};
@@ -49,6 +49,8 @@ fn simulate_and_training_develop_a_raw_frame_to_the_same_bits() {
         // The camera that a network would be trained behind, of the same lens, sensor and exposure.
         let mut experiment = Experiment::default();
         experiment.exposure.white_e = white_e;
+        let simulate::Interpolation { demosaic, domain } = request.development;
+        experiment.development = DevelopmentConfig { demosaic, domain, restore: false };
         let setup = Setup::without_photos(experiment, &context.assets, Device::flex().autodiff()).unwrap();
         let lens = context.assets.lens("cooke-triplet-nominal").unwrap().lens;
         let camera = setup.camera(lens, false).unwrap();

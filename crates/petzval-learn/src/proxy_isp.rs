@@ -2,6 +2,7 @@
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
+use burn::tensor::ops::PadMode;
 use petzval_base::parameter::Scale;
 use petzval_camera::isp::{
     DifferentiableIsp, Isp, IspError, IspParameter, RawInput, RgbPicture, developed_without_gradient,
@@ -63,19 +64,35 @@ impl ProxyIsp {
         values
     }
 
-    /// Develops a batch on the tape.
+    /// Develops frames of one size on the tape.
     ///
-    /// `light`: `[batch, 4, height / 2, width / 2]`, as [`balanced_light`] gives it; `frame_numbers`: `[batch, FRAME_NUMBERS]`, as
-    /// [`noise_of`] gives them; `places`: `[batch, varied parameters]`, in their ranges, 0..1. Returns sRGB-encoded pictures `[batch, 3,
-    /// height, width]`, about 0..1.
-    pub fn develop_batch(&self, light: Tensor<4>, frame_numbers: Tensor<2>, places: Tensor<2>) -> Tensor<4> {
-        let centre: Vec<f32> = self.places(&self.fixed).iter().map(|place| *place as f32).collect();
-        let shape = [1, centre.len()];
-        let centre = Tensor::<2>::from_data(TensorData::new(centre, shape), &places.device());
-        // The area hyperbolic sine.
+    /// Each comes with its [linear digital numbers](RawInput::linear_dn) `[1, 1, height, width]`, which may have a gradient. `places`:
+    /// `[frames, varied parameters]`, in their ranges, 0..1. Returns sRGB-encoded pictures `[frames, 3, height, width]`, about 0..1.
+    pub fn develop_batch(
+        &self,
+        frames: Vec<(Tensor<4>, &RawInput)>,
+        places: Tensor<2>,
+    ) -> Result<Tensor<4>, IspError> {
+        let device = places.device();
+        let row = |values: Vec<f32>, rows: usize| {
+            let shape = [rows, values.len() / rows];
+            Tensor::<2>::from_data(TensorData::new(values, shape), &device)
+        };
+        // What the network is told beside the light.
+        let centre = row(self.places(&self.fixed).iter().map(|place| *place as f32).collect(), 1);
         let far = (places - centre) * MAGNIFICATION;
-        let logarithmic = (far.clone() + (far.square() + 1.0).sqrt()).log();
-        self.network.forward(light, Tensor::cat(vec![logarithmic, frame_numbers], 1))
+        let area_sine = (far.clone() + (far.square() + 1.0).sqrt()).log();
+        let noise = row(frames.iter().flat_map(|(_, frame)| noise_of(frame)).collect(), frames.len());
+
+        let shapes: Vec<_> =
+            frames.iter().map(|(_, frame)| (red_of(frame), frame.height, frame.width)).collect();
+        let light =
+            frames.into_iter().map(|(dn, frame)| balanced_light(dn, frame)).collect::<Result<_, _>>()?;
+        let pictures = self.network.forward(Tensor::cat(light, 0), Tensor::cat(vec![area_sine, noise], 1));
+        let own = |(i, ((down, right), height, width)): (usize, ((usize, usize), usize, usize))| {
+            pictures.clone().slice([i..i + 1, 0..3, down..down + height, right..right + width])
+        };
+        Ok(Tensor::cat(shapes.into_iter().enumerate().map(own).collect(), 0))
     }
 
     /// Where the varied ones among the values of all parameters lie in their ranges, on the tape: `[1, varied parameters]`.
@@ -131,15 +148,13 @@ impl DifferentiableIsp for ProxyIsp {
             return Err(IspError::Count { expected: self.parameters.len(), got: host.len() });
         }
         self.check_fixed(&host.into_iter().map(f64::from).collect::<Vec<_>>())?;
-        let noise = TensorData::new(noise_of(frame).to_vec(), [1, FRAME_NUMBERS]);
-        let noise = Tensor::from_data(noise, &dn.device());
-        Ok(self.develop_batch(balanced_light(dn, frame)?, noise, self.places_on_tape(&values)))
+        self.develop_batch(vec![(dn, frame)], self.places_on_tape(&values))
     }
 }
 
 /// What a network is told about the noise of a frame: shot and read noise, each about 0..1. These are the logarithms of the variances,
 /// over 16 and 32 powers of two.
-pub fn noise_of(frame: &RawInput) -> [f32; FRAME_NUMBERS] {
+fn noise_of(frame: &RawInput) -> [f32; FRAME_NUMBERS] {
     let place =
         |variance: f64, powers: f64| (1.0 + variance.max(1e-30).log2() / powers).clamp(-1.0, 2.0) as f32;
     [place(frame.about.noise.shot, 16.0), place(frame.about.noise.read, 32.0)]
@@ -147,9 +162,10 @@ pub fn noise_of(frame: &RawInput) -> [f32; FRAME_NUMBERS] {
 
 /// Light of a raw frame as the network takes it: 1 is white in every colour, and the shading of the lens is corrected.
 ///
-/// Digital numbers `[1, 1, height, width]`, expanded if the frame is companded, become `[1, 4, height / 2, width / 2]`: red, green in the
-/// rows of red, green in the rows of blue, and blue.
-pub fn balanced_light(dn: Tensor<4>, frame: &RawInput) -> Result<Tensor<4>, IspError> {
+/// Digital numbers `[1, 1, height, width]`, expanded if the frame is companded, become `[1, 4, height / 2 + 1, width / 2 + 1]`: red, green in
+/// the rows of red, green in the rows of blue, and blue. The frame is extended by two rows and columns that mirror its outermost pixels, so
+/// that every cell begins with red, whatever the array: the frame's first pixel lies at [`red_of`].
+fn balanced_light(dn: Tensor<4>, frame: &RawInput) -> Result<Tensor<4>, IspError> {
     frame.validate()?;
     let (height, width, about) = (frame.height, frame.width, &frame.about);
     // How much light one digital number stands for, pixel by pixel.
@@ -165,19 +181,20 @@ pub fn balanced_light(dn: Tensor<4>, frame: &RawInput) -> Result<Tensor<4>, IspE
     let factors = Tensor::from_data(TensorData::new(factors, [1, 1, height, width]), &dn.device());
     let light = (dn - about.black_dn as f32) * factors;
 
-    // Collect the four pixels of every cell of the filter array, in the order of their colours.
-    let cells = light.reshape([1, height / 2, 2, width / 2, 2]).permute([0, 2, 4, 1, 3]).reshape([
-        1,
-        4,
-        height / 2,
-        width / 2,
-    ]);
-    let is = |place: usize, colour: Colour| frame.cfa.colour(place / 2, place % 2) == colour;
-    let find = |colour| (0..4).find(|place| is(*place, colour)).unwrap_or(0);
-    let (red, blue) = (find(Colour::Red), find(Colour::Blue));
-    // The other pixel of the row.
-    let planes = [red, red ^ 1, blue ^ 1, blue].map(|place| cells.clone().slice([0..1, place..place + 1]));
-    Ok(Tensor::cat(planes.to_vec(), 1))
+    // Let every cell begin with red, and collect its pixels.
+    let (down, right) = red_of(frame);
+    let (height, width) = (height + 2, width + 2);
+    let cells = light
+        .pad([(down, 2 - down), (right, 2 - right)], PadMode::Reflect)
+        .reshape([1, height / 2, 2, width / 2, 2])
+        .permute([0, 2, 4, 1, 3]);
+    Ok(cells.reshape([1, 4, height / 2, width / 2]))
+}
+
+/// Row and column of the first red pixel, 0 or 1 each.
+fn red_of(frame: &RawInput) -> (usize, usize) {
+    let place = (0..4).find(|place| frame.cfa.colour(place / 2, place % 2) == Colour::Red).unwrap_or(0);
+    (place / 2, place % 2)
 }
 
 #[cfg(test)]
@@ -225,7 +242,8 @@ mod tests {
             let dn = TensorData::new(frame.linear_dn(), [1, 1, frame.height, frame.width]);
             let light = balanced_light(Tensor::from_data(dn, &device), &frame).unwrap();
             let light: Vec<f32> = light.into_data().try_to_vec().unwrap();
-            let cell = frame.height / 2 * frame.width / 2;
+            let (rows, columns) = (frame.height / 2 + 1, frame.width / 2 + 1);
+            let (down, right) = red_of(&frame);
             for row in 0..frame.height {
                 for col in 0..frame.width {
                     let colour = cfa.colour(row, col);
@@ -238,10 +256,32 @@ mod tests {
                     };
                     let response = frame.about.response[colour.plane().unwrap()];
                     let expected = (f64::from(frame.dn[row * frame.width + col]) - 200.0) / 1000.0 / response;
-                    let got = light[plane * cell + row / 2 * (frame.width / 2) + col / 2];
+                    let got = light[(plane * rows + (row + down) / 2) * columns + (col + right) / 2];
                     assert!((f64::from(got) - expected).abs() < 1e-5, "{cfa} {row} {col}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn frames_of_different_arrays_are_developed_together_as_alone() {
+        let device = Device::flex();
+        let of = HardwareIsp::default();
+        let proxy = proxy(vec![0, 1], &device);
+        let frames = ["RGGB", "GBRG"].map(|name| frame(name.parse().unwrap()));
+        let dn = |frame: &RawInput| {
+            let dn = TensorData::new(frame.linear_dn(), [1, 1, frame.height, frame.width]);
+            Tensor::<4>::from_data(dn, &device)
+        };
+        let places: Vec<f32> = proxy.places(&of.defaults()).iter().map(|v| *v as f32).collect();
+        let places =
+            Tensor::<2>::from_data(TensorData::new([places.clone(), places].concat(), [2, 2]), &device);
+        let both = frames.iter().map(|frame| (dn(frame), frame)).collect();
+        let both: Vec<f32> = proxy.develop_batch(both, places).unwrap().into_data().try_to_vec().unwrap();
+        let pixels = 3 * frames[0].height * frames[0].width;
+        for (frame, picture) in frames.iter().zip(both.chunks(pixels)) {
+            let alone = proxy.develop(frame, &of.defaults()).unwrap().encoded();
+            assert!(alone.iter().zip(picture).all(|(a, b)| (a - b.clamp(0.0, 1.0)).abs() < 1e-4));
         }
     }
 

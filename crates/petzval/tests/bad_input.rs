@@ -120,11 +120,6 @@ fn experiments_that_do_not_fit_together() {
         case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
         case(
-            "\"imx249-fitted\"",
-            "\"imx250-mono\"",
-            &["is monochrome", "photographs are in colour", "help: name a sensor with colour filters"],
-        ),
-        case(
             "white_e = 16000.0",
             "white_e = 30000.0",
             &[
@@ -139,6 +134,21 @@ fn experiments_that_do_not_fit_together() {
         let folder = tempfile::tempdir().unwrap();
         write_changed(folder.path(), "bad.toml", &text, &case);
         run_fails(folder.path(), &["design", "bad.toml", "--out", "run"], 2, case.needles);
+    }
+    // A monochrome sensor: its array first, then what it cannot see.
+    let mono = text.replace("\"imx249-fitted\"", "\"imx250-mono\"");
+    let bilinear = mono.replace("\"menon\"", "\"bilinear\"");
+    for (name, text, needles) in [
+        ("mono.toml", &mono, &["a Bayer array for menon", "help: write \"bilinear\""][..]),
+        (
+            "bilinear.toml",
+            &bilinear,
+            &["is monochrome", "photographs are in colour", "help: name a sensor with colour filters"],
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(name), text).unwrap();
+        run_fails(folder.path(), &["design", name, "--out", "run"], 2, needles);
     }
     // A PSF wider than the renderer takes.
     let folder = tempfile::tempdir().unwrap();

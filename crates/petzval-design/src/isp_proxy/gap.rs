@@ -4,7 +4,7 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{Isp, IspError, RgbPicture};
-use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp, noise_of};
+use petzval_learn::proxy_isp::ProxyIsp;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Frame;
 use super::sampling::{far, near};
-use super::trainer::light_on;
+use super::trainer::dn_on;
 use crate::camera::to_host;
 use crate::error::DesignError;
 
@@ -204,8 +204,7 @@ fn develop(
     places: Tensor<2>,
     device: &Device,
 ) -> Result<Tensor<4>, DesignError> {
-    let noise = TensorData::new(noise_of(&frame.raw).to_vec(), [1, FRAME_NUMBERS]);
-    Ok(proxy.develop_batch(light_on(&frame.raw, device)?, Tensor::from_data(noise, device), places))
+    Ok(proxy.develop_batch(vec![(dn_on(&frame.raw, device), &frame.raw)], places)?)
 }
 
 fn mean_square(a: &[f32], b: &[f32]) -> f64 {

@@ -5,7 +5,7 @@ use burn::prelude::*;
 use burn::tensor::{Bytes, TensorData};
 use petzval_camera::isp::{Isp, RawInput, RgbPicture};
 use petzval_learn::network::IspProxyConfig;
-use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp, balanced_light, noise_of};
+use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -141,13 +141,10 @@ impl<'a> ProxyTrainer<'a> {
 
     /// What the proxy makes of them.
     fn proxy_pictures(&self, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
-        let light = work.iter().map(|(raw, _)| light_on(raw, &self.device)).collect::<Result<_, _>>()?;
-        let noise: Vec<f32> = work.iter().flat_map(|(raw, _)| noise_of(raw)).collect();
+        let frames = work.iter().map(|(raw, _)| (dn_on(raw, &self.device), *raw)).collect();
         let places: Vec<f32> = work.iter().flat_map(|(_, places)| places.iter().map(|v| *v as f32)).collect();
-        let noise = Tensor::from_data(TensorData::new(noise, [work.len(), FRAME_NUMBERS]), &self.device);
         let places = TensorData::new(places, [work.len(), self.centre.len()]);
-        let places = Tensor::from_data(places, &self.device);
-        Ok(self.proxy.develop_batch(Tensor::cat(light, 0), noise, places))
+        Ok(self.proxy.develop_batch(frames, Tensor::from_data(places, &self.device))?)
     }
 
     /// Weights and the state of the optimiser, as bytes.
@@ -170,10 +167,9 @@ impl<'a> ProxyTrainer<'a> {
     }
 }
 
-/// The light of a frame as the network takes it.
-pub(super) fn light_on(raw: &RawInput, device: &Device) -> Result<Tensor<4>, DesignError> {
-    let dn = TensorData::new(raw.linear_dn(), [1, 1, raw.height, raw.width]);
-    Ok(balanced_light(Tensor::from_data(dn, device), raw)?)
+/// The linear digital numbers of a frame as a tensor.
+pub(super) fn dn_on(raw: &RawInput, device: &Device) -> Tensor<4> {
+    Tensor::from_data(TensorData::new(raw.linear_dn(), [1, 1, raw.height, raw.width]), device)
 }
 
 #[cfg(test)]

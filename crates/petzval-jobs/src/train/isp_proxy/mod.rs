@@ -22,12 +22,13 @@ use crate::isp::{NamedIsp, isp_by_name};
 pub use self::plan::{Plan, Record};
 pub use petzval_design::isp_proxy::{Gap, ProxyTraining};
 
-/// Frames of a training step, and their side in pixels.
+/// Frames of a training step, and their side in pixels: with the mirrored pixels around them 32 cells of the filter array, which three
+/// levels halve without a rest.
 const BATCH: usize = 8;
-const SIDE: usize = 64;
+const SIDE: usize = 62;
 
 /// Side of the held-out frames, pixels.
-const HELD_OUT_SIDE: usize = 128;
+const HELD_OUT_SIDE: usize = 126;
 
 /// Share of generated pictures among the scenes.
 const GENERATED: f64 = 0.5;
