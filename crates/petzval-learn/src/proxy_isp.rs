@@ -14,7 +14,7 @@ use crate::network::IspProxy;
 /// Bits of its pictures.
 const BITS: u32 = 16;
 
-/// Numbers that the network is told about a frame beside the parameters of the ISP; see [`noise_of`].
+/// Numbers that the network is told about a frame beside the parameters of the ISP: its noise.
 pub const FRAME_NUMBERS: usize = 2;
 
 /// The network sees small distances from the middle of its training this many times larger, because most of them are small, and large
