@@ -14,7 +14,7 @@ use crate::network::IspProxy;
 /// Bits of its pictures.
 const BITS: u32 = 16;
 
-/// Numbers that the network is told about a frame beside the parameters of the ISP: its noise.
+/// How many numbers the network receives for each frame besides the parameters of the ISP: the strengths of shot noise and read noise.
 pub const FRAME_NUMBERS: usize = 2;
 
 /// The network sees small distances from the middle of its training this many times larger, because most of them are small, and large
@@ -26,8 +26,7 @@ const LEAST_SHADE: f32 = 0.05;
 
 /// A network in place of an ISP.
 ///
-/// The network is told where the parameters lie in their ranges, 0..1. Only those that varied in its training may differ from the values
-/// that they had there.
+/// Only the parameters that varied while the network was trained may be changed; all others must keep the values that they had in training.
 #[derive(Clone, Debug)]
 pub struct ProxyIsp {
     name: String,
@@ -78,7 +77,7 @@ impl ProxyIsp {
             let shape = [rows, values.len() / rows];
             Tensor::<2>::from_data(TensorData::new(values, shape), &device)
         };
-        // What the network is told beside the light.
+        // The inputs of the network besides the light: the parameters, and the strength of the noise.
         let centre = row(self.places(&self.fixed).iter().map(|place| *place as f32).collect(), 1);
         let far = (places - centre) * MAGNIFICATION;
         let area_sine = (far.clone() + (far.square() + 1.0).sqrt()).log();
@@ -152,7 +151,7 @@ impl DifferentiableIsp for ProxyIsp {
     }
 }
 
-/// What a network is told about the noise of a frame: shot and read noise, each about 0..1. These are the logarithms of the variances,
+/// The strengths of shot noise and read noise of a frame as inputs of the network, each about 0..1: the logarithms of the variances,
 /// over 16 and 32 powers of two.
 fn noise_of(frame: &RawInput) -> [f32; FRAME_NUMBERS] {
     let place =

@@ -3,7 +3,7 @@
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{Isp, IspError, RgbPicture};
+use petzval_camera::isp::{Isp, IspError};
 use petzval_learn::proxy_isp::ProxyIsp;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rand::SeedableRng;
@@ -94,61 +94,33 @@ impl Judge<'_> {
             Ok(LinearImage { channels: 3, height, width, data })
         };
         let truths: Vec<LinearImage> = self.frames.iter().map(truth).collect::<Result<_, _>>()?;
-        let scores =
-            self.scores.iter().map(|score| self.score_gap(score.as_ref(), proxy, &truths, &centre, device));
+        let at_centre = self.pictures(proxy, &same, device)?;
+        let scores = self.scores.iter().map(|score| score_gap(score.as_ref(), &at_centre, &truths, device));
         let slopes = self.slopes(proxy, &truths, &centre, device)?;
         Ok(Gap {
             frames: count,
-            psnr_at_centre_db: self.psnr_db(proxy, &same, device)?,
-            psnr_near_db: self.psnr_db(proxy, &near_by, device)?,
-            psnr_far_db: self.psnr_db(proxy, &far_off, device)?,
+            psnr_at_centre_db: psnr_db(&at_centre),
+            psnr_near_db: psnr_db(&self.pictures(proxy, &near_by, device)?),
+            psnr_far_db: psnr_db(&self.pictures(proxy, &far_off, device)?),
             scores: scores.collect::<Result<_, _>>()?,
             gradient_cosine: cosine(&slopes),
             slopes,
         })
     }
 
-    /// What the ISP makes of a frame.
-    fn isp_picture(
+    /// What ISP and proxy make of each frame, with parameters of its own.
+    fn pictures(
         &self,
         proxy: &ProxyIsp,
-        frame: &Frame,
-        places: &[f64],
-    ) -> Result<RgbPicture, DesignError> {
-        Ok(self.isp.develop(&frame.raw, &proxy.values(places))?)
-    }
-
-    /// Mean PSNR of the proxy's pictures against the ISP's, dB.
-    fn psnr_db(&self, proxy: &ProxyIsp, places: &[Vec<f64>], device: &Device) -> Result<f64, DesignError> {
-        let mut sum = 0.0;
-        for (frame, places) in self.frames.iter().zip(places) {
-            let picture = self.isp_picture(proxy, frame, places)?.encoded();
-            let imitated = to_host(develop(proxy, frame, at(places, device), device)?)?;
-            sum += -10.0 * mean_square(&imitated, &picture).log10();
-        }
-        Ok(sum / self.frames.len() as f64)
-    }
-
-    fn score_gap(
-        &self,
-        score: &dyn Score,
-        proxy: &ProxyIsp,
-        truths: &[LinearImage],
-        centre: &[f64],
+        places: &[Vec<f64>],
         device: &Device,
-    ) -> Result<ScoreGap, DesignError> {
-        let (mut isp, mut imitated) = (0.0, 0.0);
-        for (frame, truth) in self.frames.iter().zip(truths) {
-            let of = |encoded: Vec<f32>| {
-                let data = encoded.into_iter().map(|v| v.clamp(0.0, 1.0)).collect();
-                let finished = LinearImage { data, ..truth.clone() };
-                score.of(&ScoredPair::new(finished, truth.clone(), device))
-            };
-            isp += of(self.isp_picture(proxy, frame, centre)?.encoded())?;
-            imitated += of(to_host(develop(proxy, frame, at(centre, device), device)?)?)?;
-        }
-        let count = self.frames.len() as f64;
-        Ok(ScoreGap { score: ScoreDescription::of(score), isp: isp / count, proxy: imitated / count })
+    ) -> Result<Vec<Pictures>, DesignError> {
+        let both = |(frame, places): (&Frame, &Vec<f64>)| {
+            let isp = self.isp.develop(&frame.raw, &proxy.values(places))?.encoded();
+            let proxy = to_host(develop(proxy, frame, at(places, device), device)?)?;
+            Ok(Pictures { isp, proxy })
+        };
+        self.frames.iter().zip(places).map(both).collect()
     }
 
     /// Both gradients of the mean squared error of the pictures against their truths, at a point.
@@ -189,6 +161,37 @@ impl Judge<'_> {
         }
         Ok(slopes)
     }
+}
+
+/// A frame as ISP and proxy develop it, three planes, encoded.
+struct Pictures {
+    isp: Vec<f32>,
+    proxy: Vec<f32>,
+}
+
+/// Mean PSNR of the proxy's pictures against the ISP's, dB.
+fn psnr_db(pictures: &[Pictures]) -> f64 {
+    let psnr = |p: &Pictures| -10.0 * mean_square(&p.proxy, &p.isp).log10();
+    pictures.iter().map(psnr).sum::<f64>() / pictures.len() as f64
+}
+
+/// The mean score of the pictures of either against their truths.
+fn score_gap(
+    score: &dyn Score,
+    pictures: &[Pictures],
+    truths: &[LinearImage],
+    device: &Device,
+) -> Result<ScoreGap, DesignError> {
+    let mean = |of: fn(&Pictures) -> &Vec<f32>| -> Result<f64, DesignError> {
+        let mut sum = 0.0;
+        for (picture, truth) in pictures.iter().map(of).zip(truths) {
+            let data = picture.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+            let finished = LinearImage { data, ..truth.clone() };
+            sum += score.of(&ScoredPair::new(finished, truth.clone(), device))?;
+        }
+        Ok(sum / pictures.len() as f64)
+    };
+    Ok(ScoreGap { score: ScoreDescription::of(score), isp: mean(|p| &p.isp)?, proxy: mean(|p| &p.proxy)? })
 }
 
 fn at(places: &[f64], device: &Device) -> Tensor<2> {

@@ -84,11 +84,6 @@ impl<'a> ProxyTrainer<'a> {
         &self.proxy
     }
 
-    /// The same training about other parameters.
-    pub fn recentre(&mut self, values: &[f64]) {
-        self.centre = self.proxy.places(values);
-    }
-
     /// One step of Adam on raw frames of one size. Each is developed with two pairs of neighbouring lists of parameters, drawn for
     /// this step.
     pub fn step(&mut self, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
