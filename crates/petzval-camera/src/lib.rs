@@ -9,6 +9,7 @@
 //! | digital numbers | [`sensor`] | [`Raw`] |
 //! | linear colour picture | [`mod@develop`] | [`LinearImage`] |
 //! | how good it is | [`quality`] | numbers |
+//! | how good it could be | [`linear_limit`] | the expected squared error |
 //! | all of it on the tape | [`tape`] | tensors |
 //!
 //! Conventions: pictures are channel-major (red, green, blue), linear light, 1.0 = white. Sensor pixel `(r, c)` has its
@@ -58,6 +59,7 @@
 pub mod develop;
 pub mod image;
 pub mod isp;
+pub mod linear_limit;
 pub mod psf;
 pub mod quality;
 pub mod render;

@@ -11,7 +11,7 @@ use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PERFECT_LENS};
 use crate::glass_warnings::glass_warnings;
 use crate::run::{RunFolder, RunRecord, read_config};
 
@@ -207,7 +207,8 @@ impl Assets {
         let folder = source.path.parent().unwrap_or(Path::new(""));
         let variants = experiment.variant.iter_mut().enumerate();
         let own = variants.filter_map(|(i, v)| {
-            Some((vec!["variant".into(), i.to_string(), "lens".into()], v.lens.as_mut()?))
+            let lens = v.lens.as_mut().filter(|name| *name != PERFECT_LENS)?;
+            Some((vec!["variant".into(), i.to_string(), "lens".into()], lens))
         });
         let shared = [
             (vec!["lens".to_owned()], &mut experiment.lens),

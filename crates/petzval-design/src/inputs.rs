@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::Experiment;
+use crate::experiment::{Experiment, PERFECT_LENS};
 use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
 
@@ -44,7 +44,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         ..experiment.clone()
     };
     for variant in &mut kept.variant {
-        if let Some(name) = &mut variant.lens {
+        if let Some(name) = variant.lens.as_mut().filter(|name| *name != PERFECT_LENS) {
             let file = format!("{}-lens.toml", variant.name);
             let lens = assets.import(name)?.file;
             write_file(&run.input(&file), write_lens(&lens).as_bytes())?;

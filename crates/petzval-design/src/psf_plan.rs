@@ -10,7 +10,8 @@ use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::image_height_per_tangent;
 use petzval_optics::psf::{
-    FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, psf, psf_converged, psf_with_tape,
+    FieldPsf, PsfCotangent, PsfKind, PsfOptions, PsfTape, airy_psf, focused_thin_lens_mm, psf_converged,
+    psf_with_tape,
 };
 use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged_at, pull_back_chief};
 use petzval_optics::trace::Sequence;
@@ -39,7 +40,8 @@ pub struct PsfPlan {
 pub struct BankWithTape {
     /// The renderer's input.
     pub bank: PsfBank,
-    fields: Vec<(FieldPsf, PsfTape)>,
+    /// The pattern of a lens without aberrations has no tape: it does not change.
+    fields: Vec<(FieldPsf, Option<PsfTape>)>,
     surfaces: usize,
 }
 
@@ -129,9 +131,9 @@ impl PsfPlan {
     /// the illumination: the largest over seven of the fields and the colours, estimated by doubling the cells. The cells do
     /// not become fewer than they are.
     ///
-    /// Waves choose their own grid of the pupil: the plan stays, and the error is 0.
+    /// Waves choose their own grid of the pupil, and the pattern of a lens without aberrations needs none: the plan stays, and the error is 0.
     pub fn converged(&self, lens: &Lens, tolerance: f64) -> Result<(Self, f64), DesignError> {
-        if self.options.kind == PsfKind::Diffraction {
+        if self.options.kind == PsfKind::Diffraction || focused_thin_lens_mm(lens).is_some() {
             return Ok((self.clone(), 0.0));
         }
         let first_cells = self.quadrature.cells;
@@ -244,13 +246,8 @@ impl PsfPlan {
             return Err(DesignError::NotSymmetric(lens.name.clone()));
         }
         let angles = self.field_angles(lens)?;
-        let traced: Vec<(FieldPsf, PsfTape)> = angles
-            .par_iter()
-            .map(|field| {
-                psf_with_tape(lens, *field, &self.wavelengths_um, &self.quadrature, &self.options)
-                    .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
-            })
-            .collect::<Result<_, _>>()?;
+        let traced: Vec<(FieldPsf, Option<PsfTape>)> =
+            angles.par_iter().map(|field| self.psf(lens, *field)).collect::<Result<_, _>>()?;
         let mut bank = PsfBank {
             field_radius_mm: match self.held_fields_rad {
                 Some(_) => traced.iter().map(|(psf, _)| psf.chief_y_mm).collect(),
@@ -272,13 +269,18 @@ impl PsfPlan {
 
     /// PSFs of every field in double precision, for analysis and for files.
     pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>, DesignError> {
-        self.field_angles(lens)?
-            .par_iter()
-            .map(|field| {
-                psf(lens, *field, &self.wavelengths_um, &self.quadrature, &self.options)
-                    .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
-            })
-            .collect()
+        self.field_angles(lens)?.par_iter().map(|field| Ok(self.psf(lens, *field)?.0)).collect()
+    }
+
+    /// The PSF of a field: by tracing, with its tape, or of a lens without aberrations.
+    fn psf(&self, lens: &Lens, field_rad: f64) -> Result<(FieldPsf, Option<PsfTape>), DesignError> {
+        let (colours, options) = (&self.wavelengths_um, &self.options);
+        if let Some(perfect) = airy_psf(lens, field_rad, colours, options) {
+            return Ok((perfect, None));
+        }
+        let traced = psf_with_tape(lens, field_rad, colours, &self.quadrature, options);
+        let (psf, tape) = traced.ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
+        Ok((psf, Some(tape)))
     }
 
     /// PSFs of every field.
@@ -301,6 +303,7 @@ impl PsfPlan {
             .par_iter()
             .enumerate()
             .map(|(field, (psf, tape))| {
+                let Some(tape) = tape else { return LensGradient::zero(traced.surfaces) };
                 let values = by_values[field * 3 * cells..(field + 1) * 3 * cells]
                     .chunks_exact(cells)
                     .map(|channel| channel.iter().map(|v| f64::from(*v)).collect())

@@ -9,10 +9,11 @@ use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{Apertures, Problem};
 use petzval_optics::pupil::PupilSampling;
+use petzval_optics::solve::thin_equivalent;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::Experiment;
+use crate::experiment::{Experiment, PERFECT_LENS};
 use crate::psf_plan::PsfPlan;
 use crate::requirements::Requirements;
 
@@ -29,7 +30,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// Reads a lens and makes its design space.
+    /// Reads a lens, or makes the [`PERFECT_LENS`], and its design space.
     pub fn new(
         name: &str,
         experiment: &Experiment,
@@ -37,7 +38,10 @@ impl Start {
         sensor: &SensorModel,
         plan: &PsfPlan,
     ) -> Result<Self, DesignError> {
-        let mut lens_file = assets.lens(name)?;
+        let mut lens_file = match name {
+            PERFECT_LENS => LensFile::of(thin_equivalent(&assets.import(&experiment.lens)?.file.lens)),
+            _ => assets.lens(name)?,
+        };
         // Spots and pictures are scored in the same colours.
         let mut colours = experiment.psf.wavelengths_um.to_vec();
         colours.sort_by(f64::total_cmp);

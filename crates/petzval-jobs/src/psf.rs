@@ -99,6 +99,8 @@ pub enum Method {
     },
     /// From one traced ray per pupil cell.
     Traced,
+    /// The pattern of Airy, of a thin lens without aberrations.
+    Airy,
     /// By diffraction, from polynomials of this total degree.
     Wave {
         /// Total degree.
@@ -111,6 +113,7 @@ impl From<&PsfMethod> for Method {
         match *method {
             PsfMethod::Polynomial { degree, residual_um } => Self::Polynomial { degree, residual_um },
             PsfMethod::Traced => Self::Traced,
+            PsfMethod::Airy => Self::Airy,
             PsfMethod::Wave { degree } => Self::Wave { degree },
         }
     }

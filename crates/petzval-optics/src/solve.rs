@@ -1,6 +1,6 @@
 //! Algebra before optimisation: focal length and focus are solved, not searched.
 
-use crate::lens::Lens;
+use crate::lens::{Action, Lens, Surface};
 use crate::paraxial::first_order;
 use crate::pupil::Quadrature;
 use crate::spot::mean_square_spot_traced;
@@ -35,6 +35,19 @@ pub fn with_length(lens: &Lens, surface: usize, length_mm: f64) -> Lens {
 pub fn with_paraxial_focus(lens: &Lens, defocus_mm: f64) -> Lens {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     lens.with_image_distance(order.image_distance_mm + defocus_mm)
+}
+
+/// The thin lens without aberrations of the same focal length and entrance pupil, focused on the same object: the best that any lens
+/// of this f-number could be.
+pub fn thin_equivalent(lens: &Lens) -> Lens {
+    let efl_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
+    let surface = Surface {
+        action: Action::ThinLens { power_per_mm: 1.0 / efl_mm },
+        semi_diameter_mm: 0.5 * lens.entrance_pupil_mm,
+        ..Surface::default()
+    };
+    let name = format!("{}, without aberrations", lens.name);
+    with_paraxial_focus(&Lens { name, surfaces: vec![surface], stop: 0, ..lens.clone() }, 0.0)
 }
 
 /// The lens with its image plane where the mean squared RMS spot over `fields_rad` and all wavelengths is

@@ -34,6 +34,7 @@ pub use interpolation::{Domain, Interpolation};
 pub(crate) use linear::highest_light;
 pub use linear::{LinearIsp, SHADING_FLOOR};
 pub use noise_level::stabilised_noise;
+pub(crate) use noise_level::{Electrons, MEAN_LIGHT, NATURAL_POWER};
 pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;
 pub use stabilise::Stabiliser;

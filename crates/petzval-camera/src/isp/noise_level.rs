@@ -7,14 +7,14 @@ use crate::render::Wiener;
 use crate::sensor::{Colour, Exposure, SensorModel};
 
 /// Light of a natural picture in the mean, 1 = white: middle grey.
-const MEAN_LIGHT: f64 = 0.2;
+pub(crate) const MEAN_LIGHT: f64 = 0.2;
 
 /// Power of natural pictures at a tenth of a cycle per pixel, per square cycle per pixel, white squared: chosen so that the IMX249 at
 /// 16,000 electrons of white has the noise 3e-3 of [`Wiener::default`], which was found on photographs.
-const NATURAL_POWER: f64 = 4.29e-3;
+pub(crate) const NATURAL_POWER: f64 = 4.29e-3;
 
 /// Electrons of a pixel, colour by colour.
-pub(super) struct Electrons {
+pub(crate) struct Electrons {
     /// Variance of a pixel in the dark, with that of the readout, e^2.
     pub dark: f64,
     /// Electrons of white of the colours of the array.

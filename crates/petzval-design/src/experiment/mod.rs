@@ -29,6 +29,10 @@ use crate::variant::Variant;
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
 
+/// The name of a variant's lens that has no aberrations: a thin lens of the focal length and the entrance pupil of the experiment's lens,
+/// whose points of light are those of diffraction. It is the ceiling of what any lens of this f-number could reach.
+pub const PERFECT_LENS: &str = "perfect";
+
 /// A joint design of lens and network, and the two controls it is compared with.
 ///
 /// Names of lenses and sensors are those of the built-in library, or paths of files.

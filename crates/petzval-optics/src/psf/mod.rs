@@ -5,14 +5,16 @@
 //! too much, or if rays through the stop are lost, it traces a ray for every pupil cell, as the reference
 //! [`psf_traced`] always does.
 //!
-//! [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
+//! A thin lens has no aberrations: [`airy_psf`]. [`PsfKind::Diffraction`] adds waves instead of rays, see [`wave`](crate::wave).
 
+mod airy;
 mod converged;
 mod grid;
 mod polynomial;
 mod splat;
 mod traced;
 
+pub use airy::{airy_psf, focused_thin_lens_mm};
 pub use converged::psf_converged;
 pub use grid::{PsfKind, PsfMethod, PsfOptions};
 
