@@ -19,13 +19,13 @@ use crate::block::{Batch, BlockName, Blocks};
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 use crate::run::{
-    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, SPOT_EVENT, latest_checkpoint,
-    load_blocks, save_blocks, save_checkpoint, write_file,
+    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, latest_checkpoint, load_blocks,
+    save_blocks, save_checkpoint, write_file,
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
 use crate::shots::training_shots;
-use crate::variant::{Schedule, Stage, Variant};
+use crate::variant::{LensGoal, Schedule, Stage, Variant};
 
 /// Someone who watches a run.
 pub trait Observer {
@@ -197,8 +197,8 @@ impl DesignLoop {
             let stage = variant.stages.get(self.position.stage);
             let turn = stage.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
             let step = match (stage, turn) {
-                (_, Some((Stage::Spot { iterations }, _))) => {
-                    self.minimise_spots(variant, *iterations, observer)
+                (_, Some((Stage::Lens { goal, iterations }, _))) => {
+                    self.improve_lens(variant, *goal, *iterations, observer)
                 }
                 (_, Some((Stage::Task(moves), block))) => self.step(variant, moves, block),
                 (Some(stage), None) => {
@@ -284,10 +284,11 @@ impl DesignLoop {
         self.took(variant, block, Step { block: block.name(), losses, learning_rate: rule.rate })
     }
 
-    /// Minimises the spots of the lens. Every iteration is an event; all of them are one step, which an interrupted run takes again.
-    fn minimise_spots(
+    /// Improves the lens alone. Every iteration is an event; all of them are one step, which an interrupted run takes again.
+    fn improve_lens(
         &mut self,
         variant: &Variant,
+        goal: LensGoal,
         iterations: usize,
         observer: &mut dyn Observer,
     ) -> Result<Step, DesignError> {
@@ -296,13 +297,13 @@ impl DesignLoop {
         let mut watch = |losses| {
             let seconds = started.elapsed().as_secs_f64();
             started = Instant::now();
-            let (camera, block) = (variant.name.clone(), SPOT_EVENT.to_owned());
+            let (camera, block) = (variant.name.clone(), goal.event().to_owned());
             let event = Event { step, camera, block, losses, learning_rate: 0.0, seconds };
             observer.step(&event);
             log.write(&event)
         };
-        let losses = self.blocks.optics.minimise_spots(iterations, &mut watch)?;
-        self.took(variant, BlockName::Optics, Step { block: SPOT_EVENT, losses, learning_rate: 0.0 })
+        let losses = self.blocks.optics.improve(goal, iterations, &mut watch)?;
+        self.took(variant, BlockName::Optics, Step { block: goal.event(), losses, learning_rate: 0.0 })
     }
 
     /// Counts a step that a block took, and refuses one that led to what is no number.

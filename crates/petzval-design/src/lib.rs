@@ -25,6 +25,7 @@ pub mod pictures;
 pub mod plausible;
 pub mod psf_plan;
 pub mod requirements;
+pub mod restored;
 pub mod run;
 pub mod run_report;
 pub mod scoring;

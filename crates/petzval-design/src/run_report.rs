@@ -17,9 +17,9 @@ use crate::error::DesignError;
 use crate::lens_view;
 use crate::pictures::file_name;
 use crate::psf_plan::PsfPlan;
-use crate::run::{CameraMetrics, Event, Metrics, RunFolder, RunRecord, SPOT_EVENT, read_events};
+use crate::run::{CameraMetrics, Event, Metrics, RunFolder, RunRecord, read_events};
 use crate::setup::Setup;
-use crate::variant::Variant;
+use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, Score, TableRow,
@@ -115,10 +115,11 @@ fn cameras_in_words(variants: &[Variant], events: &[Event]) -> String {
             0 => None,
             n => Some(format!("{n} {} steps", block.name())),
         };
-        let spot = (taken(SPOT_EVENT) > 0).then(|| "least spots".to_owned());
+        let alone = LensGoal::ALL.into_iter().filter(|goal| taken(goal.event()) > 0);
+        let alone = alone.map(|goal| goal.in_words().to_owned());
         let from = v.from.as_ref().map(|name| format!("from {name}"));
         let own = BlockName::ALL.into_iter().filter_map(steps);
-        let all: Vec<String> = from.into_iter().chain(spot).chain(own).collect();
+        let all: Vec<String> = from.into_iter().chain(alone).chain(own).collect();
         format!("{} ({})", v.name, all.join(", "))
     };
     let list: Vec<String> = variants.iter().map(one).collect();
@@ -167,6 +168,8 @@ fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
     TableRow {
         camera: m.camera.clone(),
         scores: in_order(scores, &m.scores),
+        is_ceiling: m.is_ceiling,
+        restored_error_percent: m.restored_error_percent.unwrap_or(f64::NAN),
         rms_spot_um: m.rms_spot_um,
         efl_mm: m.efl_mm,
         f_number: m.f_number,

@@ -11,11 +11,13 @@ use petzval_learn::objective::Labels;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
+use petzval_optics::psf::focused_thin_lens_mm;
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, to_host};
 use crate::error::DesignError;
+use crate::restored::percent;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION};
 use crate::setup::Setup;
 use crate::shots::held_out_shots;
@@ -105,7 +107,13 @@ impl Scorer {
         }
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
         let metrics = camera_metrics(&self.setup, name, lens, captured, scored)?;
-        Ok((CameraMetrics { psf_errors: camera.psf_errors(), ..metrics }, pictures))
+        let limit = self.setup.limit.mean_square(camera.psfs().bank())?;
+        let metrics = CameraMetrics {
+            psf_errors: camera.psf_errors(),
+            restored_error_percent: Some(percent(limit)),
+            ..metrics
+        };
+        Ok((metrics, pictures))
     }
 }
 
@@ -143,6 +151,8 @@ fn camera_metrics(
     let mean = |name: &String| pictures.iter().map(|p| p.scores[name]).sum::<f64>() / pictures.len() as f64;
     Ok(CameraMetrics {
         camera: name.to_owned(),
+        is_ceiling: focused_thin_lens_mm(lens).is_some(),
+        restored_error_percent: None,
         scores: names.into_iter().map(|name| (name.clone(), mean(&name))).collect(),
         rms_spot_um: rms_spot_by_field_um.iter().sum::<f64>() / rms_spot_by_field_um.len() as f64,
         efl_mm: order.efl_mm,

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::isp::LinearIsp;
+use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
 use petzval_files::load_image_bytes;
@@ -44,6 +45,8 @@ pub struct Setup {
     pub moving_plan: PsfPlan,
     /// PSFs of a lens at rest.
     pub fixed_plan: PsfPlan,
+    /// The error of the best linear restoration of raw frames.
+    pub limit: Arc<LinearLimit>,
     /// Training and held-out photographs.
     pub photos: PhotoSet,
     /// Pictures of the folder that cannot be used, each with the reason.
@@ -83,11 +86,13 @@ impl Setup {
         let geometry = psf.geometry(&sensor);
         let moving_plan = psf.plan(&sensor, psf.pupil_cells)?;
         let fixed_plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
+        let exposure = experiment.exposure.exposure();
+        let limit = Arc::new(LinearLimit::new(&sensor, &exposure, NaturalScenes::default()));
         let variants = experiment.variants();
         let mut starts: BTreeMap<String, Arc<Start>> = BTreeMap::new();
         for name in [&experiment.lens].into_iter().chain(variants.iter().map(|v| &v.lens)) {
             if !starts.contains_key(name) {
-                let start = Start::new(name, &experiment, assets, &sensor, &moving_plan)?;
+                let start = Start::new(name, &experiment, assets, &sensor, &moving_plan, &limit)?;
                 starts.insert(name.clone(), Arc::new(start));
             }
         }
@@ -113,7 +118,6 @@ impl Setup {
         let (training_crops, scoring_crops) =
             (crops(experiment.training.crop), crops(experiment.scoring.crop));
         let lpips_weights = assets.bytes("weights/lpips_alex_f16.safetensors")?.to_vec();
-        let exposure = experiment.exposure.exposure();
         let interpolation = development.interpolation();
         interpolation.demosaic.check_array(sensor.cfa).map_err(|e| {
             let hint = "write \"bilinear\" for development.demosaic";
@@ -128,6 +132,7 @@ impl Setup {
             body: Arc::new(Body { sensor, geometry, exposure, isp, restoration, device }),
             moving_plan,
             fixed_plan,
+            limit,
             photos: PhotoSet::default(),
             skipped_photos: Vec::new(),
             photo_notes: Vec::new(),

@@ -1,13 +1,15 @@
 //! Where designs start: a lens, where it may go, and what it must keep.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use petzval_camera::linear_limit::LinearLimit;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, SmoothSpace, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{Apertures, Problem};
+use petzval_optics::optimize::{Apertures, Goal, Problem};
 use petzval_optics::pupil::PupilSampling;
 use petzval_optics::solve::thin_equivalent;
 
@@ -16,6 +18,8 @@ use crate::error::DesignError;
 use crate::experiment::{Experiment, PERFECT_LENS};
 use crate::psf_plan::PsfPlan;
 use crate::requirements::Requirements;
+use crate::restored::RestoredError;
+use crate::variant::LensGoal;
 
 /// A lens from which variants start.
 pub struct Start {
@@ -27,6 +31,10 @@ pub struct Start {
     pub requirements: Requirements,
     /// Field angles of the spot goal, rad: each stands for an equal area of the sensor.
     pub spot_fields_rad: Vec<f64>,
+    /// PSFs of the restored goal.
+    plan: PsfPlan,
+    /// The error of the best linear restoration.
+    limit: Arc<LinearLimit>,
 }
 
 impl Start {
@@ -37,6 +45,7 @@ impl Start {
         assets: &Assets,
         sensor: &SensorModel,
         plan: &PsfPlan,
+        limit: &Arc<LinearLimit>,
     ) -> Result<Self, DesignError> {
         let mut lens_file = match name {
             PERFECT_LENS => LensFile::of(thin_equivalent(&assets.import(&experiment.lens)?.file.lens)),
@@ -74,23 +83,43 @@ impl Start {
             };
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
-        Ok(Self { lens_file, space, requirements, spot_fields_rad })
+        Ok(Self { lens_file, space, requirements, spot_fields_rad, plan: plan.clone(), limit: limit.clone() })
     }
 
-    /// The problem of making the spots of a lens small, within the bounds of the space, with the requirements as limits: a
-    /// violation costs this many um per mm.
-    pub fn spot_problem(&self, lens: Lens, stiffness_um_per_mm: f64) -> Problem {
-        let file = &self.lens_file;
-        // The requirements hold the bounds of the radius that is solved for.
-        let efl = file.efl_solve.map(|solve| EflSolve { radius_mm: None, ..solve });
-        let merit = SpotResiduals {
+    /// The spots of a lens, over fields of equal area.
+    fn spots(&self, lens: &Lens) -> SpotResiduals {
+        SpotResiduals {
             fields_rad: self.spot_fields_rad.clone(),
             field_weights: vec![1.0; self.spot_fields_rad.len()],
             sampling: PupilSampling::Degree(8),
             power: 2.0,
-            ..SpotResiduals::new(&lens)
+            ..SpotResiduals::new(lens)
+        }
+    }
+
+    /// The error of the best linear restoration, from PSFs by a plan.
+    pub fn restored(&self, plan: &PsfPlan) -> RestoredError {
+        let rays = self.spots(&self.lens_file.lens);
+        RestoredError { plan: plan.clone(), limit: self.limit.clone(), rays }
+    }
+
+    /// The problem of a goal of the lens alone, within the bounds of the space, with the requirements as limits: a violation costs this many
+    /// um per mm, where a percent of white counts as one um of spot.
+    pub fn problem(&self, goal: LensGoal, lens: Lens, stiffness_um_per_mm: f64) -> Problem {
+        let file = &self.lens_file;
+        // The requirements hold the bounds of the radius that is solved for.
+        let efl = file.efl_solve.map(|solve| EflSolve { radius_mm: None, ..solve });
+        let merit = self.spots(&lens);
+        let (spot_weight, goals) = match goal {
+            LensGoal::Spot => (1.0, Vec::new()),
+            LensGoal::Restored => {
+                let merit = Arc::new(self.restored(&self.plan));
+                (0.0, vec![Goal { merit, target: 0.0, weight_um: 1.0 }])
+            }
         };
         Problem {
+            spot_weight,
+            goals,
             variables: file.variables.clone(),
             pickups: file.pickups.clone(),
             solves: Solves { efl, length: file.length_solve },

@@ -25,13 +25,45 @@ pub struct Variant {
 /// What a stage does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stage {
-    /// Minimises the RMS spot of the lens, whatever the rest of the camera is. It counts as one step of the lens.
-    Spot {
+    /// Moves the lens alone, for a goal that needs no pictures, by Levenberg and Marquardt's method. It counts as one step of the lens.
+    Lens {
+        /// What becomes small.
+        goal: LensGoal,
         /// Iterations at most.
         iterations: usize,
     },
     /// Moves blocks, each with its schedule, for the objective of the experiment.
     Task(BTreeMap<BlockName, Schedule>),
+}
+
+/// What a lens is improved for without pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LensGoal {
+    /// The RMS spot, whatever the rest of the camera is.
+    Spot,
+    /// The error of the best linear restoration of raw frames.
+    Restored,
+}
+
+impl LensGoal {
+    /// Every goal.
+    pub const ALL: [Self; 2] = [Self::Spot, Self::Restored];
+
+    /// The block of its events.
+    pub fn event(self) -> &'static str {
+        match self {
+            Self::Spot => "spot",
+            Self::Restored => "restored",
+        }
+    }
+
+    /// What a camera has that was made for it.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Spot => "least spots",
+            Self::Restored => "least error after restoration",
+        }
+    }
 }
 
 /// How many steps a block takes in a stage, and how long they are.
@@ -66,7 +98,7 @@ impl Stage {
     /// Steps of a block; 0 for one that does not move.
     pub fn steps_of(&self, block: BlockName) -> usize {
         match self {
-            Self::Spot { .. } => usize::from(block == BlockName::Optics),
+            Self::Lens { .. } => usize::from(block == BlockName::Optics),
             Self::Task(moves) => moves.get(&block).map_or(0, |s| s.steps),
         }
     }
@@ -149,6 +181,6 @@ mod tests {
         assert_eq!(turns(&stage(4, 2, 1.0)), "oonoon");
         assert_eq!(turns(&stage(3, 0, 1.0)), "ooo");
         assert_eq!(turns(&stage(0, 3, 1.0)), "nnn");
-        assert_eq!(turns(&Stage::Spot { iterations: 200 }), "o");
+        assert_eq!(turns(&Stage::Lens { goal: LensGoal::Spot, iterations: 200 }), "o");
     }
 }

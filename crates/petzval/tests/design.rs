@@ -88,8 +88,10 @@ fn a_run_writes_all_its_files() {
         assert!(event["seconds"].as_f64().unwrap() > 0.0);
         assert!(event["learning_rate"].is_number());
     }
-    let iterations = counts.remove(&("spot-optimised", "spot")).unwrap();
-    assert!((4..200).contains(&iterations), "{iterations} events of spots");
+    for stage in [("spot-optimised", "spot"), ("end-to-end", "spot"), ("end-to-end", "restored")] {
+        let iterations = counts.remove(&stage).unwrap();
+        assert!((4..200).contains(&iterations), "{iterations} events of {stage:?}");
+    }
     let mut expected = BTreeMap::from([(("end-to-end", "optics"), LENS_STEPS)]);
     for camera in CAMERAS {
         expected.insert((camera, "network"), NETWORK_STEPS);
@@ -246,8 +248,8 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
 fn fewer_steps_shorten_every_block() {
     let folder = tempfile::tempdir().unwrap();
     let run = tiny_run(folder.path(), "run", &["--steps", "2"]);
-    // Half of 4 network steps, and half of 3 lens steps, rounded up; spots are minimised in one step as before.
-    assert_eq!(events(&run).last().unwrap()["step"], 3 * (2 + 1) + 1 + 2);
+    // Half of 4 network steps, and half of 3 lens steps, rounded up; a lens is improved alone in one step as before.
+    assert_eq!(events(&run).last().unwrap()["step"], 3 * (2 + 1) + LENS_STAGES + 2);
     assert_eq!(read_json(&run.join("metrics.json"))["rows"][0]["network_steps"], 2);
 }
 

@@ -13,14 +13,24 @@ use crate::adam::Adam;
 use crate::camera::to_host;
 use crate::error::DesignError;
 use crate::start::Start;
+use crate::variant::LensGoal;
 
 const COORDINATES: &str = "coordinates.json";
 const PROGRESS: &str = "progress.json";
 const OTHER_VARIABLES: &str = "the lens has other variables; has its file been changed?";
 
-/// The cost of a violated requirement while spots are minimised, um per mm: soft first, because along a stiff penalty a descent
+/// The cost of a violated requirement while a lens is improved alone, um per mm: soft first, because along a stiff penalty a descent
 /// follows a narrow curved valley and ends in a worse minimum; then so stiff that the requirements are kept to 1e-6 mm.
 const STIFFNESS_UM_PER_MM: [f64; 2] = [1e2, 1e4];
+
+/// Gain of an iteration from which on a lens is not improved further, as a share. An error after restoration costs seconds, and its last
+/// thousandth does not show in a picture.
+fn tolerance(goal: LensGoal) -> f64 {
+    match goal {
+        LensGoal::Spot => LevenbergOptions::default().tolerance,
+        LensGoal::Restored => 1e-4,
+    }
+}
 
 /// Name of the sum of squared violations among the losses.
 const PENALTY: &str = "penalty_mm2";
@@ -89,25 +99,26 @@ impl OpticsBlock {
         Ok((losses, self.start.space.pull_back(&self.x, &lens, &gradient)))
     }
 
-    /// Makes the spots as small as the requirements allow, by Levenberg and Marquardt's method, whatever the rest of the camera
-    /// is. `watch` sees the losses before every iteration; those at the end are returned.
-    pub fn minimise_spots(
+    /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method. `watch`
+    /// sees the losses before every iteration; those at the end are returned.
+    pub fn improve(
         &mut self,
+        goal: LensGoal,
         iterations: usize,
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
         let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
         for stiffness_um_per_mm in STIFFNESS_UM_PER_MM {
-            let problem = self.start.spot_problem(lens, stiffness_um_per_mm);
-            let options = LevenbergOptions { iterations: left, ..LevenbergOptions::default() };
+            let problem = self.start.problem(goal, lens, stiffness_um_per_mm);
+            let options = LevenbergOptions { iterations: left, tolerance: tolerance(goal) };
             let mut seen = Ok(());
             let descent = descend(&problem, &options, &mut |_, analysis, _| {
-                seen = watch(spot_losses(analysis));
+                seen = watch(lens_losses(analysis));
                 seen.is_ok()
             })?;
             seen?;
             left -= descent.iterations;
-            losses = spot_losses(&descent.best);
+            losses = lens_losses(&descent.best);
             self.x = self.start.space.free(&descent.at);
             lens = descent.best.lens;
         }
@@ -130,14 +141,14 @@ impl OpticsBlock {
     }
 }
 
-/// The root of the mean square spot over the fields, and the sum of squared violations of the requirements.
-fn spot_losses(analysis: &Analysis) -> BTreeMap<String, f64> {
+/// The root of the mean square spot over the fields, the error after restoration if that is the goal, and the sum of squared violations of the
+/// requirements.
+fn lens_losses(analysis: &Analysis) -> BTreeMap<String, f64> {
     let squares: f64 = analysis.rms_um.iter().map(|rms| rms * rms).sum();
     let penalty_mm2 = analysis.violations.iter().fold(0.0, |sum, (_, mm)| sum + mm * mm);
-    BTreeMap::from([
-        ("rms_spot_um".to_owned(), (squares / analysis.rms_um.len() as f64).sqrt()),
-        (PENALTY.to_owned(), penalty_mm2),
-    ])
+    let restored = analysis.goals.first().map(|percent| ("restored_error_percent".to_owned(), *percent));
+    let spot = ("rms_spot_um".to_owned(), (squares / analysis.rms_um.len() as f64).sqrt());
+    [spot, (PENALTY.to_owned(), penalty_mm2)].into_iter().chain(restored).collect()
 }
 
 impl Block for OpticsBlock {

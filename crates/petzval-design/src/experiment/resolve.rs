@@ -1,6 +1,6 @@
 //! Variants as the loop goes through them, from those of the file.
 
-use super::{Experiment, Goal, ScheduleConfig, StageConfig, VariantConfig};
+use super::{Experiment, ScheduleConfig, StageConfig, VariantConfig};
 use crate::block::BlockName;
 use crate::variant::{Schedule, Stage, Variant};
 
@@ -36,8 +36,8 @@ impl Experiment {
 }
 
 fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
-    if config.goal == Goal::Spot {
-        return Stage::Spot { iterations: experiment.spot.iterations };
+    if let Some(goal) = config.goal.of_lens() {
+        return Stage::Lens { goal, iterations: experiment.spot.iterations };
     }
     let (t, o) = (&experiment.training, &experiment.optics);
     let default = |block: BlockName| match block {

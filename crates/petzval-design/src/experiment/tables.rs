@@ -118,7 +118,7 @@ parameters! {
     /// How the lens moves for the task.
     pub struct OpticsConfig {
         /// Lens steps of a stage that moves the lens for the task.
-        steps: usize = 250, "", 0..1e8, Log, "0 keeps the lens";
+        steps: usize = 150, "", 0..1e8, Log, "0 keeps the lens";
         /// Share of the stage's network steps over which the lens steps are spread evenly; then the lens rests.
         moving_share: f64 = 0.7, "", 0..1, Linear, "0.7 leaves the network time to settle";
         /// First learning rate of Adam in the bounded coordinates.
@@ -133,9 +133,9 @@ parameters! {
 }
 
 parameters! {
-    /// How the RMS spot of the lens alone is minimised, within the same bounds.
+    /// How a lens is improved alone, for its spot or its error after restoration, within the same bounds.
     pub struct SpotConfig {
-        /// Iterations of Levenberg and Marquardt's method after which a stage with the spot goal ends, converged or not.
+        /// Iterations of Levenberg and Marquardt's method after which a stage with the goal spot or restored ends, converged or not.
         iterations: usize = 200, "", 1..1e6, Log, "a few dozen to a few hundred until it converges";
     }
 }

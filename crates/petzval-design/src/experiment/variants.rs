@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::OpticsConfig;
 use crate::block::BlockName;
+use crate::variant::LensGoal;
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -37,6 +38,20 @@ pub enum Goal {
     Task,
     /// The RMS spot of the lens, whatever the rest of the camera is.
     Spot,
+    /// The expected error of the best linear restoration of raw frames, from the PSFs of the lens, the sensor and the exposure; no network
+    /// is trained for it.
+    Restored,
+}
+
+impl Goal {
+    /// The goal of the lens alone, if it is one.
+    pub fn of_lens(self) -> Option<LensGoal> {
+        match self {
+            Self::Task => None,
+            Self::Spot => Some(LensGoal::Spot),
+            Self::Restored => Some(LensGoal::Restored),
+        }
+    }
 }
 
 /// Blocks that move for one goal. What a stage leaves out comes from the experiment's tables.
@@ -80,16 +95,18 @@ pub struct ScheduleConfig {
 }
 
 /// The comparison that makes a gain a gain: the lens of the file, fixed; the same lens optimised for its spot alone, then
-/// fixed; and lens and network together.
+/// fixed; and lens and network together, from the lens whose frames can be restored best.
 pub fn standard_variants() -> Vec<VariantConfig> {
     let stage =
         |goal, moves: &[BlockName]| StageConfig { goal, moves: moves.to_vec(), schedule: BTreeMap::new() };
     let variant = |name: &str, stage| VariantConfig { name: name.to_owned(), lens: None, from: None, stage };
     let network = stage(Goal::Task, &[BlockName::Network]);
+    let [spot, restored] = [Goal::Spot, Goal::Restored].map(|goal| stage(goal, &[BlockName::Optics]));
+    let together = stage(Goal::Task, &[BlockName::Optics, BlockName::Network]);
     vec![
         variant("nominal", vec![network.clone()]),
-        variant("spot-optimised", vec![stage(Goal::Spot, &[BlockName::Optics]), network]),
-        variant("end-to-end", vec![stage(Goal::Task, &[BlockName::Optics, BlockName::Network])]),
+        variant("spot-optimised", vec![spot.clone(), network]),
+        variant("end-to-end", vec![spot, restored, together]),
     ]
 }
 
@@ -168,13 +185,17 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
         let message = format!("`{}` moves twice", twice.1.name());
         return Err((vec!["moves"], message, "name each block once".to_owned()));
     }
-    if stage.goal == Goal::Spot && stage.moves != [BlockName::Optics] {
-        let message = "the spot goal moves the lens alone".to_owned();
-        return Err((vec!["moves"], message, "write `moves = [\"optics\"]`".to_owned()));
-    }
-    if stage.goal == Goal::Spot && !stage.schedule.is_empty() {
-        let hint = "leave it out; the stage ends where it converges, or after `spot.iterations`".to_owned();
-        return Err((vec!["schedule"], "the spot goal takes no schedule".to_owned(), hint));
+    if let Some(goal) = stage.goal.of_lens() {
+        let name = goal.event();
+        if stage.moves != [BlockName::Optics] {
+            let message = format!("the {name} goal moves the lens alone");
+            return Err((vec!["moves"], message, "write `moves = [\"optics\"]`".to_owned()));
+        }
+        if !stage.schedule.is_empty() {
+            let hint =
+                "leave it out; the stage ends where it converges, or after `spot.iterations`".to_owned();
+            return Err((vec!["schedule"], format!("the {name} goal takes no schedule"), hint));
+        }
     }
     for (block, schedule) in &stage.schedule {
         let name = block.name();

@@ -9,9 +9,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
-/// Block of the events of a stage with the spot goal.
-pub const SPOT_EVENT: &str = "spot";
-
 /// One step of one block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
@@ -19,7 +16,7 @@ pub struct Event {
     pub step: u64,
     /// Camera.
     pub camera: String,
-    /// Block that stepped: `spot`, `optics`, `network`; or `score`.
+    /// Block that stepped: `optics`, `network`; the goal of a lens alone, `spot` or `restored`; or `score`.
     pub block: String,
     /// Losses by name, before the step.
     pub losses: BTreeMap<String, f64>,

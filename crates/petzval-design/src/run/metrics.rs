@@ -33,6 +33,12 @@ pub struct CameraMetrics {
     /// Means of the experiment's scores over all pictures, by name.
     #[serde(flatten)]
     pub scores: BTreeMap<String, f64>,
+    /// Whether its lens has no aberrations: then it is the ceiling of the others.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_ceiling: bool,
+    /// Root of the expected squared error after the best linear restoration of raw frames, % of white; absent in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restored_error_percent: Option<f64>,
     /// Mean over the fields of the polychromatic RMS spot radius, um.
     pub rms_spot_um: f64,
     /// Effective focal length, mm.

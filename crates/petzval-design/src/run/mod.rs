@@ -11,7 +11,7 @@ mod metrics;
 mod record;
 
 pub use checkpoint::{Kept, latest_checkpoint, load_blocks, save_blocks, save_checkpoint};
-pub use events::{Event, EventLog, SPOT_EVENT, read_events};
+pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
 pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, read_config};

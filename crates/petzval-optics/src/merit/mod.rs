@@ -4,11 +4,13 @@
 //! [`Merit`].
 
 mod fields;
+mod lifted;
 mod mtf;
 mod residuals;
 mod spot;
 
 pub use fields::FieldSet;
+pub use lifted::lifted_normal_equations;
 pub use mtf::Mtf;
 pub use residuals::SpotResiduals;
 pub(crate) use residuals::{Beams, Landings, MOUNT_MM, Reach};

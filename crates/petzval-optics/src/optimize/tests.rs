@@ -1,14 +1,20 @@
 //! Derivatives of the merit against differences, and descents.
 
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
 use super::analysis::{analyse, linearise};
 use super::*;
 use crate::constraint::Constraint;
 use crate::design_space::{DesignSpaceError, EflSolve, Focus, Pickup, Solves, Variable};
+use crate::gradient::LensGradient;
 use crate::lens::{Departure, Lens, Placement};
-use crate::merit::{Merit, Mtf, SpotResiduals};
+use crate::merit::{Better, Merit, Mtf, SpotResiduals, lifted_normal_equations};
 use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::psf::PsfKind;
+use crate::pupil::PupilSampling;
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -101,6 +107,63 @@ fn the_gradient_is_that_of_the_merit() {
     let fixed = Problem { focus: Focus::Fixed, ..with_merit(problem(), |m| m.power = 4.0) };
     assert_eq!(check_gradient(&fixed), 0);
     assert!(check_gradient(&strict(problem())) >= 10, "{}", check_gradient(&strict(problem())));
+}
+
+/// A merit that hides its residuals, and may be lifted in place of them.
+struct Hidden {
+    spots: SpotResiduals,
+    is_lifted: bool,
+}
+
+impl Merit for Hidden {
+    fn name(&self) -> String {
+        self.spots.name()
+    }
+
+    fn unit(&self) -> &str {
+        self.spots.unit()
+    }
+
+    fn better(&self) -> Better {
+        self.spots.better()
+    }
+
+    fn value(&self, lens: &Lens) -> Option<f64> {
+        self.spots.value(lens)
+    }
+
+    fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
+        self.spots.with_gradient(lens)
+    }
+
+    fn normal_equations(&self, lens: &Lens, numbers: &[(usize, Number)]) -> Option<DMatrix<f64>> {
+        if !self.is_lifted {
+            return None;
+        }
+        let (value, gradient) = self.with_gradient(lens)?;
+        // Other rays than those of the merit.
+        let rays = SpotResiduals { sampling: PupilSampling::Degree(4), ..self.spots.clone() };
+        lifted_normal_equations(&rays, lens, numbers, value * value, &gradient?.scaled(2.0 * value))
+    }
+}
+
+#[test]
+fn a_lifted_merit_has_its_gradient_and_is_minimised_as_by_its_own_residuals() {
+    let own = with_merit(problem(), |m| m.power = 2.0);
+    let hidden = |is_lifted: bool| {
+        let merit = Arc::new(Hidden { spots: own.merit.clone(), is_lifted });
+        Problem { spot_weight: 0.0, goals: vec![Goal { merit, target: 0.0, weight_um: 1.0 }], ..own.clone() }
+    };
+    assert_eq!(check_gradient(&hidden(true)), 0);
+    let reached = |problem: &Problem, iterations: usize| {
+        let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+        descend(problem, &options, &mut |_, _, _| true).unwrap().best.merit.sqrt()
+    };
+    let (start, least) = (reached(&own, 0), reached(&own, 200));
+    // The slope alone, one residual in place of those of the rays, leads hardly anywhere.
+    let (by_lift, by_slope) = (reached(&hidden(true), 30), reached(&hidden(false), 30));
+    assert!(by_lift < least + 0.05 * (start - least), "{start} {least} {by_lift}");
+    assert!(by_slope > least + 0.3 * (start - least), "{start} {least} {by_slope}");
 }
 
 #[test]

@@ -100,6 +100,11 @@ pub(super) fn spot() -> Figure {
     Figure::of_lens("RMS spot", "µm", Some(Better::Lower), 2, |r| r.rms_spot_um)
 }
 
+/// What the best linear restoration of raw frames would leave.
+fn restored() -> Figure {
+    Figure::of_lens("linear limit", "% of white", Some(Better::Lower), 3, |r| r.restored_error_percent)
+}
+
 /// First-order figures, which should be equal for the compared cameras.
 pub(super) fn first_order() -> [Figure; 3] {
     [
@@ -113,6 +118,7 @@ pub(super) fn first_order() -> [Figure; 3] {
 pub(super) fn score_table(scores: &[Score], rows: &[TableRow], cameras: &[CameraView]) -> Markup {
     let Some(baseline) = rows.first() else { return html! {} };
     let mut figures = picture_scores(scores);
+    figures.push(restored());
     figures.push(spot());
     figures.extend(first_order());
     let columns = [Column::new("camera")].into_iter().chain(figures.iter().map(Figure::column));

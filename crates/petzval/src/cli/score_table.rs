@@ -9,7 +9,8 @@ pub fn print(metrics: &Metrics) {
     let columns: Vec<_> = columns.collect();
     print!("\n{:<16}", "camera");
     columns.iter().for_each(|(_, heading, width)| print!(" {heading:>width$}"));
-    println!(" {:>12} {:>8} {:>6} {:>8} {:>14}", "RMS spot um", "EFL mm", "f/#", "FOV deg", "network steps");
+    print!(" {:>14} {:>12} {:>8}", "linear limit %", "RMS spot um", "EFL mm");
+    println!(" {:>6} {:>8} {:>14}", "f/#", "FOV deg", "network steps");
     for r in &metrics.rows {
         print!("{:<16}", r.camera);
         for (score, _, width) in &columns {
@@ -17,8 +18,13 @@ pub fn print(metrics: &Metrics) {
             print!(" {value:>width$.d$}", d = score.decimals);
         }
         println!(
-            " {:>12.2} {:>8.3} {:>6.3} {:>8.2} {:>14}",
-            r.rms_spot_um, r.efl_mm, r.f_number, r.fov_deg, r.network_steps
+            " {:>14.3} {:>12.2} {:>8.3} {:>6.3} {:>8.2} {:>14}",
+            r.restored_error_percent.unwrap_or(f64::NAN),
+            r.rms_spot_um,
+            r.efl_mm,
+            r.f_number,
+            r.fov_deg,
+            r.network_steps
         );
     }
     println!(

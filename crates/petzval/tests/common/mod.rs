@@ -125,8 +125,10 @@ pub fn read_json(path: &Path) -> Value {
 pub const NETWORK_STEPS: usize = 4;
 /// Steps of the end-to-end lens.
 pub const LENS_STEPS: usize = 3;
-/// All steps of the tiny experiment: scoring a camera is one, and minimising the spots of a lens.
-pub const ALL_STEPS: usize = 3 * (NETWORK_STEPS + 1) + 1 + LENS_STEPS;
+/// Stages of the tiny experiment that improve a lens alone; each is one step.
+pub const LENS_STAGES: usize = 3;
+/// All steps of the tiny experiment: scoring a camera is one.
+pub const ALL_STEPS: usize = 3 * (NETWORK_STEPS + 1) + LENS_STAGES + LENS_STEPS;
 
 /// The built-in experiment, made so small that it runs in about a second.
 pub fn tiny_experiment() -> String {
@@ -146,6 +148,7 @@ pub fn tiny_experiment() -> String {
         ("training", "batch", toml::Value::Integer(1)),
         ("training", "crop", toml::Value::Integer(64)),
         ("optics", "steps", toml::Value::Integer(LENS_STEPS as i64)),
+        ("spot", "iterations", toml::Value::Integer(8)),
         ("scoring", "places_per_side", toml::Value::Integer(1)),
         ("scoring", "crop", toml::Value::Integer(64)),
         ("checkpoint", "every", toml::Value::Integer(3)),

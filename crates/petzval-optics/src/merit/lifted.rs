@@ -1,0 +1,57 @@
+//! Gauss and Newton's method for a loss that is no sum of squares: the loss is lifted to the rays.
+//!
+//! Image formation, sensor and network see the lens by where its rays land. Let e be the landing points, J their derivatives by the numbers
+//! of the lens, and g those of a loss L > 0 by e. The residuals `r = sqrt(w) (e - e')` with `e' = e_0 - 2 L g / |g|^2` and
+//! `w = |g|^2 / (4 L)` have the loss as the sum of their squares at e_0, and its gradient there (Côté, Tseng and Heide, 2026, with their
+//! factor 1/2 left out): the loss is replaced by a paraboloid over the rays with the same slope, that just touches zero. Its curvature by the
+//! numbers of the lens is `w J' J`, which knows what a sphere and an aspheric term have in common, and the loss itself does not have to.
+//!
+//! Here g is the smallest vector that explains the gradient by the numbers: what it leaves out no lens can follow. So the whole gradient
+//! counts, that by light, illumination and distortion as well, and J is that of the spots, about the centroid of each field, as the loss
+//! sees PSFs about their chief ray.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Merit, SpotResiduals};
+use crate::gradient::LensGradient;
+use crate::lens::Lens;
+use crate::number::Number;
+
+/// Directions in which rays move by less than this share of the most are not followed.
+const LEAST_SHARE: f64 = 1e-12;
+
+/// The normal equations of the lifted residuals of a loss, laid out as in [`Merit::normal_equations`]: the squares of the residuals add up
+/// to `loss`, and half of the derivatives of that sum are half of `gradient`. `rays` says which rays stand for the beams. `None` if
+/// one of them is lost, or nothing moves.
+pub fn lifted_normal_equations(
+    rays: &SpotResiduals,
+    lens: &Lens,
+    numbers: &[(usize, Number)],
+    loss: f64,
+    gradient: &LensGradient,
+) -> Option<DMatrix<f64>> {
+    let spots = rays.normal_equations(lens, numbers)?;
+    let count = numbers.len();
+    let moved = spots.view((0, 0), (count, count));
+    let half = DVector::from_fn(count, |i, _| 0.5 * gradient[numbers[i]]);
+    // |g|^2 of the smallest g with J' g = gradient, in units in which every number moves the rays alike.
+    let scale =
+        DVector::from_fn(count, |i, _| if moved[(i, i)] > 0.0 { moved[(i, i)].sqrt().recip() } else { 0.0 });
+    let scaled = DMatrix::from_fn(count, count, |r, c| moved[(r, c)] * scale[r] * scale[c]);
+    let eigen = scaled.symmetric_eigen();
+    let most = eigen.eigenvalues.max();
+    let along = eigen.eigenvectors.transpose() * half.component_mul(&scale);
+    let parts = along.iter().zip(eigen.eigenvalues.iter());
+    let square: f64 = parts.filter(|(_, e)| **e > LEAST_SHARE * most).map(|(a, e)| a * a / e).sum();
+    let weight = square / loss;
+    if !(weight.is_finite() && weight > 0.0) {
+        return None;
+    }
+    let mut all = DMatrix::zeros(count + 2, count + 2);
+    all.view_mut((0, 0), (count + 1, count + 1))
+        .copy_from(&(spots.view((0, 0), (count + 1, count + 1)) * weight));
+    all.view_mut((0, count + 1), (count, 1)).copy_from(&half);
+    all.view_mut((count + 1, 0), (1, count)).copy_from(&half.transpose());
+    all[(count + 1, count + 1)] = loss;
+    Some(all)
+}
