@@ -11,12 +11,12 @@ use std::time::Instant;
 
 use petzval_camera::sensor::Noise;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::objective::Objective;
+use petzval_learn::objective::{Labels, Objective};
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Batch, BlockName, Blocks};
-use crate::camera::{Camera, Shot};
+use crate::block::{Batch, BlockName, Blocks, IspBlock, NetworkBlock};
+use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, latest_checkpoint, load_blocks,
@@ -44,6 +44,20 @@ pub enum Ending {
     Finished(Box<Metrics>),
     /// The run was stopped; it left a checkpoint at this step.
     Stopped(u64),
+}
+
+/// The camera of a lens at rest as it is scored: with the network, and the hardware ISP in whole numbers.
+pub fn finished_camera(
+    setup: &Setup,
+    lens: Lens,
+    isp: &IspBlock,
+    network: &NetworkBlock,
+) -> Result<Camera, DesignError> {
+    let camera = setup.camera(lens, false)?.with_network(network.held());
+    Ok(match setup.body.chip.is_some() {
+        true => camera.with_chip(ChipValues::Exact(isp.values())),
+        false => camera,
+    })
 }
 
 /// Where a run stands: what a checkpoint holds apart from its blocks.
@@ -276,7 +290,7 @@ impl DesignLoop {
         let camera = self.camera(variant, moves)?;
         let objective = &self.objective;
         let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
-            let labels = objective.labels(&camera.scenes(shots)?, &camera.body().device);
+            let labels = Labels { picture: camera.truths(shots)? };
             Ok(objective.loss(frames, &labels)?)
         };
         let batch = Batch { camera: &camera, shots: &shots, noise: self.noise(), loss: &loss };
@@ -368,7 +382,16 @@ impl DesignLoop {
             None => self.setup.camera(self.lens(variant)?, is_moving)?,
         };
         self.camera = Some(camera.clone());
-        Ok(camera.with_network(self.blocks.network.held()))
+        Ok(self.held(&camera))
+    }
+
+    /// A camera with ISP and network as they stand, held.
+    fn held(&self, camera: &Camera) -> Camera {
+        let camera = camera.with_network(self.blocks.network.held());
+        match camera.body().chip.is_some() {
+            true => camera.with_chip(self.blocks.isp.held(&camera.body().device)),
+            false => camera,
+        }
     }
 
     fn checkpoint(&self) -> Result<(), DesignError> {
@@ -401,9 +424,11 @@ impl DesignLoop {
     ) -> Result<Step, DesignError> {
         let lens = self.lens(variant)?;
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
-        let camera = self.setup.camera(lens.clone(), false)?.with_network(self.blocks.network.held());
+        let camera = finished_camera(&self.setup, lens.clone(), &self.blocks.isp, &self.blocks.network)?;
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
-        let metrics = CameraMetrics { network_steps: self.position.before(BlockName::Network), ..metrics };
+        let [isp_steps, network_steps] =
+            [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));
+        let metrics = CameraMetrics { isp_steps, network_steps, ..metrics };
         let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {

@@ -130,6 +130,9 @@ pub enum DesignError {
         /// The names that exist.
         known: String,
     },
+    /// The experiment names an ISP parameter that does not exist.
+    #[error("isp.vary: no parameter or stage of the ISP is called `{0}`; `petzval isp show` lists them")]
+    UnknownIspParameter(String),
     /// A tensor could not be brought back from the device.
     #[error("reading a result back from the device failed: {0}")]
     Device(String),
@@ -203,6 +206,7 @@ impl DesignError {
             Self::Input { .. }
                 | Self::Unknown { .. }
                 | Self::UnknownScore { .. }
+                | Self::UnknownIspParameter(_)
                 | Self::NothingToMove(_)
                 | Self::NotSymmetric(_)
                 | Self::Space(_)

@@ -7,7 +7,6 @@ use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::srgb_encode_op;
-use petzval_learn::objective::Labels;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -85,7 +84,7 @@ impl Scorer {
         for (photo, relative_field, shot) in held_out_shots(&self.setup, camera)? {
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
-            let truth_tensor = Labels::of_pictures(&camera.scenes(&shots)?, &camera.body().device).picture;
+            let truth_tensor = camera.truths(&shots)?;
             // As a stored picture would be.
             let finished_tensor = frames.finished.clamp(0.0, 1.0);
             let pair = ScoredPair {
@@ -162,6 +161,7 @@ fn camera_metrics(
         psf_captured,
         psf_errors: None,
         white_e: f64::from(setup.experiment.exposure.white_e),
+        isp_steps: 0,
         network_steps: setup.experiment.training.steps,
         rms_spot_by_field_um,
         pictures,

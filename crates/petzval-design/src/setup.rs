@@ -6,10 +6,12 @@ use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::FileError;
-use petzval_camera::isp::LinearIsp;
+use petzval_camera::isp::{IspParameter, IspSettings, LinearIsp};
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
+use petzval_camera::sensor::SensorModel;
+use petzval_files::isp_file::{IspFile, parse_isp_file};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_learn::loss::Lpips;
@@ -18,7 +20,7 @@ use petzval_optics::lens::Lens;
 use serde::Deserialize;
 
 use crate::assets::Assets;
-use crate::block::{BlockName, Blocks, NetworkBlock, OpticsBlock};
+use crate::block::{BlockName, Blocks, IspBlock, NetworkBlock, OpticsBlock};
 use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs};
 use crate::error::DesignError;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
@@ -112,7 +114,7 @@ impl Setup {
             DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
         let development = experiment.development;
-        let surround = if development.restore { SURROUND } else { 0 };
+        let surround = if development.restore || experiment.isp.is_used() { SURROUND } else { 0 };
         let (sensor_rows, sensor_columns) = (sensor.height, sensor.width);
         let crops = |crop| CropPlan { crop, margin, surround, sensor_rows, sensor_columns };
         let (training_crops, scoring_crops) =
@@ -124,12 +126,15 @@ impl Setup {
             DesignError::misfit(Path::new(&experiment.sensor), &e, hint)
         })?;
         let isp = LinearIsp { interpolation, ..LinearIsp::default() };
-        let restoration = development.restore.then(|| Wiener::of_exposure(&sensor, &exposure));
+        let chip = chip(&experiment, assets, &sensor)?;
+        // Behind a hardware ISP the linear development is for readers of the report alone.
+        let restores = development.restore && chip.is_none();
+        let restoration = restores.then(|| Wiener::of_exposure(&sensor, &exposure));
         Ok(Self {
             experiment,
             variants,
             starts,
-            body: Arc::new(Body { sensor, geometry, exposure, isp, restoration, device }),
+            body: Arc::new(Body { sensor, geometry, exposure, isp, restoration, chip, device }),
             moving_plan,
             fixed_plan,
             limit,
@@ -191,10 +196,30 @@ impl Setup {
         Ok(NetworkBlock::new(kind.init(base_channels, levels, self.experiment.seed, &self.body.device)?))
     }
 
+    /// The parameters of the hardware ISP at the start, of which those that the experiment names may move.
+    pub fn isp(&self) -> Result<IspBlock, DesignError> {
+        let Some(settings) = &self.body.chip else {
+            return Ok(IspBlock::new(Vec::new(), Vec::new(), Vec::new()));
+        };
+        let parameters = IspSettings::parameters();
+        let mut varied = Vec::new();
+        for name in &self.experiment.isp.vary {
+            let is_meant = |p: &IspParameter| p.name == *name || p.name.split('.').next() == Some(name);
+            let found: Vec<usize> = (0..parameters.len()).filter(|i| is_meant(&parameters[*i])).collect();
+            if found.is_empty() {
+                return Err(DesignError::UnknownIspParameter(name.clone()));
+            }
+            varied.extend(found);
+        }
+        varied.sort_unstable();
+        varied.dedup();
+        Ok(IspBlock::new(parameters, settings.values(), varied))
+    }
+
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.
     pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
         let optics = OpticsBlock::new(self.start(variant).clone(), self.experiment.constraints.weight);
-        Ok(Blocks { optics, network: self.network()? })
+        Ok(Blocks { optics, isp: self.isp()?, network: self.network()? })
     }
 
     /// Steps that a block has taken for the task at the end of a variant, with those of the variants that it starts from.
@@ -213,6 +238,33 @@ impl Setup {
     pub fn corner_mm(&self) -> f64 {
         self.fixed_plan.field_radius_mm.last().copied().unwrap_or(0.0)
     }
+}
+
+/// The settings of the experiment's hardware ISP at the gain of its exposure, if it names one.
+fn chip(
+    experiment: &Experiment,
+    assets: &Assets,
+    sensor: &SensorModel,
+) -> Result<Option<IspSettings>, DesignError> {
+    if !experiment.isp.is_used() {
+        return Ok(None);
+    }
+    let source = assets.text("ISP", "isp", &experiment.isp.preset)?;
+    let misfit = |message: &dyn std::fmt::Display| {
+        let hint = "name a preset of the built-in ISP: automotive, low-light, quality or real-time";
+        DesignError::misfit(&source.path, message, hint)
+    };
+    let IspFile::Preset(preset) = parse_isp_file(&source.text).map_err(DesignError::input(&source.path))?
+    else {
+        return Err(misfit(&"is no preset of the built-in ISP"));
+    };
+    let gain_ev = f64::from(experiment.exposure.linear_gain).log2();
+    let settings = preset.at_gain(gain_ev).map_err(|e| misfit(&e))?;
+    if !sensor.cfa.is_bayer() {
+        return Err(misfit(&format!("needs a Bayer array, not {}", sensor.cfa)));
+    }
+    // A truth of 8 bits would be coarser than the differences that are learnt.
+    Ok(Some(IspSettings { bits: 16, ..settings }))
 }
 
 /// The list of built-in photographs, `photos/photos.toml`; provenance is for readers.

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use crate::adam::cosine_rate;
-use crate::block::{BlockName, StepRule};
+use crate::block::{BlockName, StepMethod, StepRule};
 
 /// A camera of the comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,13 +79,15 @@ pub struct Schedule {
     pub share: f64,
     /// Weight of the proximal term.
     pub proximal: f64,
+    /// How steps are found.
+    pub method: StepMethod,
 }
 
 impl Schedule {
     /// How the block takes a step, counted from 0.
     pub fn rule(&self, step: usize) -> StepRule {
         let rate = cosine_rate(self.learning_rate, self.final_learning_rate, step, self.steps);
-        StepRule { rate, proximal: self.proximal }
+        StepRule { method: self.method, rate, proximal: self.proximal }
     }
 }
 
@@ -160,8 +162,14 @@ mod tests {
     use super::*;
 
     fn stage(optics: usize, network: usize, share: f64) -> Stage {
-        let schedule =
-            |steps| Schedule { steps, learning_rate: 0.1, final_learning_rate: 0.1, share, proximal: 0.0 };
+        let schedule = |steps| Schedule {
+            steps,
+            learning_rate: 0.1,
+            final_learning_rate: 0.1,
+            share,
+            proximal: 0.0,
+            method: StepMethod::Gradient,
+        };
         let moves = [(BlockName::Optics, schedule(optics)), (BlockName::Network, schedule(network))];
         Stage::Task(moves.into_iter().filter(|(_, s)| s.steps > 0).collect())
     }

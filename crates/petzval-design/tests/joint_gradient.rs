@@ -17,7 +17,7 @@ use petzval_design::psf_plan::PsfPlan;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
 use petzval_learn::network::NetworkKind;
-use petzval_learn::objective::{NamedLoss, Objective};
+use petzval_learn::objective::{Labels, NamedLoss, Objective};
 
 fn setup() -> Setup {
     setup_with(false)
@@ -80,10 +80,7 @@ fn camera(setup: &Setup, x: &[f64]) -> Camera {
 fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> f64 {
     let camera = camera(setup, x);
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Off, seed: 1 }).unwrap();
-    let parts = objective
-        .loss(&frames, &objective.labels(&camera.scenes(shots).unwrap(), &camera.body().device))
-        .unwrap()
-        .parts;
+    let parts = objective.loss(&frames, &Labels { picture: camera.truths(shots).unwrap() }).unwrap().parts;
     parts.iter().find(|(name, _)| *name == "total").unwrap().1
 }
 
@@ -93,7 +90,7 @@ fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f
     let start = setup.starts[&setup.experiment.lens].clone();
     let camera = camera(setup, start.space.start());
     let loss = |frames: &Frames, shots: &[Shot]| {
-        Ok(objective.loss(frames, &objective.labels(&camera.scenes(shots)?, &camera.body().device))?)
+        Ok(objective.loss(frames, &Labels { picture: camera.truths(shots)? })?)
     };
     let batch = Batch { camera: &camera, shots, noise, loss: &loss };
     let block = OpticsBlock::new(start, setup.experiment.constraints.weight);

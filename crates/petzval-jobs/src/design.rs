@@ -78,7 +78,8 @@ pub struct Changes {
     pub seed: Option<u64>,
     /// Folder of pictures in place of the experiment's.
     pub photos: Option<PathBuf>,
-    /// Network steps of each variant in place of `training.steps`; lens steps in proportion. At least 1.
+    /// Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands; lens steps in
+    /// proportion. At least 1.
     pub steps: Option<usize>,
     /// Make this variant alone, and those from which it starts.
     pub variant: Option<String>,

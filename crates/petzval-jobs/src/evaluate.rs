@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_design::block::Block;
+use petzval_design::design_loop::finished_camera;
 use petzval_design::inputs::check_inputs;
 use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, read_metrics};
@@ -52,12 +53,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut rows: Vec<CameraMetrics> = Vec::new();
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
-        let mut network = setup.network()?;
-        load_blocks(&folder.camera(&row.camera), [&mut network as &mut dyn Block], Kept::Numbers)?;
+        let (mut isp, mut network) = (setup.isp()?, setup.network()?);
+        let blocks: [&mut dyn Block; 2] = [&mut isp, &mut network];
+        load_blocks(&folder.camera(&row.camera), blocks, Kept::Numbers)?;
         let lens = camera_lens(&folder, &row.camera)?.lens;
-        let camera = setup.camera(lens, false)?.with_network(network.held());
+        let camera = finished_camera(setup, lens, &isp, &network)?;
         let found = scorer.score(&row.camera, &camera)?.0;
-        rows.push(CameraMetrics { network_steps: row.network_steps, ..found });
+        rows.push(CameraMetrics { isp_steps: row.isp_steps, network_steps: row.network_steps, ..found });
     }
     let largest = rows.iter().zip(&kept.rows).fold(0.0_f64, |worst, (a, b)| {
         let scores = a.scores.iter().map(|(name, value)| value - b.scores.get(name).unwrap_or(&f64::NAN));

@@ -52,6 +52,7 @@ const WORKLOADS: [&str; 21] = [
     "isp_1200x1920",
     "isp_quality_1200x1920",
     "unet_step",
+    "isp_step",
     "joint_step",
 ];
 

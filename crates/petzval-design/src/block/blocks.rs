@@ -1,30 +1,33 @@
 //! The blocks of a camera in work.
 
-use super::{Block, BlockName, NetworkBlock, OpticsBlock};
+use super::{Block, BlockName, IspBlock, NetworkBlock, OpticsBlock};
 
 /// The blocks of a variant, each with its present numbers.
 pub struct Blocks {
     /// The lens.
     pub optics: OpticsBlock,
+    /// The hardware ISP.
+    pub isp: IspBlock,
     /// The network.
     pub network: NetworkBlock,
 }
 
 impl Blocks {
     /// All blocks, in the order of the light.
-    pub fn all(&self) -> [&dyn Block; 2] {
-        [&self.optics, &self.network]
+    pub fn all(&self) -> [&dyn Block; 3] {
+        [&self.optics, &self.isp, &self.network]
     }
 
     /// All blocks, in the order of the light.
-    pub fn all_mut(&mut self) -> [&mut dyn Block; 2] {
-        [&mut self.optics, &mut self.network]
+    pub fn all_mut(&mut self) -> [&mut dyn Block; 3] {
+        [&mut self.optics, &mut self.isp, &mut self.network]
     }
 
     /// A block by its name.
     pub fn get_mut(&mut self, name: BlockName) -> &mut dyn Block {
         match name {
             BlockName::Optics => &mut self.optics,
+            BlockName::Isp => &mut self.isp,
             BlockName::Network => &mut self.network,
         }
     }

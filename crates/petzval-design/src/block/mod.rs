@@ -5,6 +5,7 @@
 //! alone, which takes one step down its gradient.
 
 mod blocks;
+mod isp;
 mod network;
 mod optics;
 
@@ -14,12 +15,14 @@ use burn::tensor::Gradients;
 use petzval_camera::sensor::Noise;
 use petzval_learn::objective::NamedLoss;
 use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 
 pub use blocks::Blocks;
+pub use isp::IspBlock;
 pub use network::NetworkBlock;
 pub use optics::OpticsBlock;
 
@@ -29,13 +32,15 @@ pub use optics::OpticsBlock;
 pub enum BlockName {
     /// The free numbers of the lens.
     Optics,
+    /// The parameters of the hardware ISP.
+    Isp,
     /// The weights of the network.
     Network,
 }
 
 impl BlockName {
     /// Every block.
-    pub const ALL: [Self; 2] = [Self::Optics, Self::Network];
+    pub const ALL: [Self; 3] = [Self::Optics, Self::Isp, Self::Network];
 
     /// Whether the PSFs of the camera change when the block moves.
     pub fn moves_psfs(self) -> bool {
@@ -46,6 +51,7 @@ impl BlockName {
     pub fn name(self) -> &'static str {
         match self {
             Self::Optics => "optics",
+            Self::Isp => "isp",
             Self::Network => "network",
         }
     }
@@ -54,10 +60,23 @@ impl BlockName {
 /// What a checkpoint keeps of a block: bytes by the name of their part.
 pub type BlockState = BTreeMap<String, Vec<u8>>;
 
+/// How a block finds its step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepMethod {
+    /// Down the gradient of the loss, by Adam.
+    #[default]
+    Gradient,
+    /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers.
+    Evolution,
+}
+
 /// How a block steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepRule {
-    /// Learning rate of this step.
+    /// The method.
+    pub method: StepMethod,
+    /// Learning rate of this step; CMA-ES has none.
     pub rate: f64,
     /// Weight mu of the proximal term `mu / 2 |theta - theta_0|^2`, where theta_0 are the free numbers at the start of the stage.
     pub proximal: f64,
@@ -120,6 +139,11 @@ fn named(loss: &NamedLoss) -> BTreeMap<String, f64> {
 /// A part of a state.
 fn part<'a>(state: &'a BlockState, name: &str) -> Result<&'a [u8], String> {
     state.get(name).map(Vec::as_slice).ok_or_else(|| format!("`{name}` is missing"))
+}
+
+/// A part of a state that is JSON.
+fn parsed<T: DeserializeOwned>(state: &BlockState, name: &str) -> Result<T, String> {
+    serde_json::from_slice(part(state, name)?).map_err(|e| format!("{name}: {e}"))
 }
 
 /// The gradients of a loss.

@@ -5,10 +5,9 @@ use std::sync::Arc;
 
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, descend};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, part};
+use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, parsed};
 use crate::adam::Adam;
 use crate::camera::to_host;
 use crate::error::DesignError;
@@ -206,9 +205,4 @@ impl Block for OpticsBlock {
         self.progress = progress;
         Ok(())
     }
-}
-
-/// A part of a state that is JSON.
-fn parsed<T: DeserializeOwned>(state: &BlockState, name: &str) -> Result<T, String> {
-    serde_json::from_slice(part(state, name)?).map_err(|e| format!("{name}: {e}"))
 }

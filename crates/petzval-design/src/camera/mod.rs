@@ -4,6 +4,7 @@
 //! `simulate` makes. A camera changes by making another: [`Setup`](crate::setup::Setup) makes one from a lens,
 //! [`Camera::with_network`] puts a network behind it.
 
+mod chip;
 mod psf_source;
 
 use std::rc::Rc;
@@ -12,7 +13,7 @@ use std::sync::{Arc, OnceLock};
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{LinearIsp, stabilised_noise};
+use petzval_camera::isp::{IspSettings, LinearIsp, stabilised_noise};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
     KNOTS, PatchKernels, Placement, RenderGeometry, Wiener, Window, kernel_radius, patch_kernels,
@@ -28,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
 
+pub use chip::{ChipValues, ideal_input, raw_inputs};
 pub use psf_source::{PsfSource, Psfs};
 
 /// Most values of the kernels of a camera that are kept: 64 MB.
@@ -59,6 +61,9 @@ pub struct Body {
     pub isp: LinearIsp,
     /// Restoration of developed pictures with the PSFs of the camera; none leaves their blur.
     pub restoration: Option<Wiener>,
+    /// A hardware ISP that makes the finished pictures in place of restoration and network: its methods, and the values with which truths
+    /// are developed and that it has unless others are set.
+    pub chip: Option<IspSettings>,
     /// Where the tensors live, with automatic differentiation if gradients are needed.
     pub device: Device,
 }
@@ -81,6 +86,7 @@ pub struct Camera {
     /// The kernels of all patches, made when the first picture is taken.
     kernels: Arc<OnceLock<Option<Arc<PatchKernels>>>>,
     network: Option<Rc<dyn PictureNetwork>>,
+    chip: Option<ChipValues>,
     psf_errors: Option<PsfErrors>,
 }
 
@@ -120,7 +126,7 @@ impl Camera {
     /// A camera without a network.
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
-        Ok(Self { body, psfs, border, kernels: Arc::default(), network: None, psf_errors: None })
+        Ok(Self { body, psfs, border, kernels: Arc::default(), network: None, chip: None, psf_errors: None })
     }
 
     /// The same camera, whose PSFs are known to have these errors.
@@ -144,6 +150,11 @@ impl Camera {
     /// The same camera with a network behind the development.
     pub fn with_network(&self, network: Rc<dyn PictureNetwork>) -> Self {
         Self { network: Some(network), ..self.clone() }
+    }
+
+    /// The same camera with other values of its hardware ISP.
+    pub fn with_chip(&self, values: ChipValues) -> Self {
+        Self { chip: Some(values), ..self.clone() }
     }
 
     /// Sensor, exposure and device.
@@ -236,11 +247,16 @@ impl Camera {
         let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
         // The camera's own PSFs tell what the lens has blurred, and restoration divides it out.
         let restored = self.restore(psfs, developed.clone(), captures)?;
+        // A hardware ISP makes its picture of the raw frame.
+        let by_chip = self.by_chip(&raw, &illumination, captures)?;
         // Pixels around the windows have served their neighbours.
         let cut = |frames: Tensor<4>| cut(frames, captures, kept);
         let (developed, restored) = (cut(developed), restored.map(cut));
         // The network finishes what a display would show.
-        let finished = self.finish(developed.clone(), restored.clone(), kept);
+        let finished = match by_chip {
+            Some(picture) => cut(picture),
+            None => self.finish(developed.clone(), restored.clone(), kept),
+        };
         let (irradiance, illumination, raw) = (cut(irradiance), cut(illumination), cut(raw));
         Ok(Frames { irradiance, illumination, raw, developed, restored, finished })
     }
@@ -331,6 +347,34 @@ impl Camera {
         })
     }
 
+    /// What the hardware ISP makes of raw frames, if the body has one: in whole numbers unless its values are on the tape.
+    fn by_chip(
+        &self,
+        raw: &Tensor<4>,
+        illumination: &Tensor<4>,
+        captures: &[Capture],
+    ) -> Result<Option<Tensor<4>>, DesignError> {
+        let Some(settings) = &self.body.chip else { return Ok(None) };
+        let inputs = raw_inputs(raw, illumination, captures, &self.body.sensor)?;
+        let values = self.chip.clone().unwrap_or_else(|| ChipValues::Exact(settings.values()));
+        Ok(Some(chip::develop(settings, &values, raw.clone(), illumination, &inputs)?))
+    }
+
+    /// What finished pictures should be, `[batch, 3, height, width]`, sRGB-encoded: the scenes themselves; behind a hardware ISP what it
+    /// makes of them, with its own values, through perfect optics and without noise.
+    pub fn truths(&self, shots: &[Shot]) -> Result<Tensor<4>, DesignError> {
+        let (scenes, device) = (self.scenes(shots)?, &self.body.device);
+        let Some(settings) = &self.body.chip else { return Ok(encoded(&scenes, device)) };
+        let placed = scenes.iter().zip(shots);
+        let inputs = placed.map(|(scene, shot)| {
+            let capture = Capture { placement: self.kept(shot).placement, ..self.capture(shot) };
+            ideal_input(scene, &capture, &self.body.sensor)
+        });
+        let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+        let size = scenes.first().map_or([0, 0], |s| [s.height, s.width]);
+        chip::exact(settings, &settings.values(), &inputs, size, device)
+    }
+
     /// The windows of the scenes that are kept, without what only PSFs and development need: what a perfect camera would take.
     pub fn scenes(&self, shots: &[Shot]) -> Result<Vec<LinearImage>, DesignError> {
         let window = |shot: &Shot| {
@@ -357,6 +401,13 @@ impl Camera {
     pub fn capture(&self, shot: &Shot) -> Capture {
         Capture { exposure: self.body.exposure, placement: shot.placement, frame: shot.frame }
     }
+}
+
+/// Scenes in linear light as a display shows them.
+fn encoded(scenes: &[LinearImage], device: &Device) -> Tensor<4> {
+    let [height, width] = scenes.first().map_or([0, 0], |s| [s.height, s.width]);
+    let data: Vec<f32> = scenes.iter().flat_map(LinearImage::to_srgb).collect();
+    Tensor::from_data(TensorData::new(data, [scenes.len(), 3, height, width]), device)
 }
 
 /// The window of the sensor that a crop covers.

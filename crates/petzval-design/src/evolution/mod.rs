@@ -181,6 +181,11 @@ impl Evolution {
         self.best.as_ref()
     }
 
+    /// The middle of the search, in the cube: where the values are noisy, a better answer than the best point.
+    pub fn middle(&self) -> Vec<f64> {
+        folded(self.distribution.mean())
+    }
+
     /// Points of a generation.
     pub fn population(&self) -> usize {
         self.population

@@ -4,16 +4,17 @@ use petzval_base::parameter::{ParameterTable, Parameters};
 use petzval_learn::loss::ImageLoss;
 
 use super::{
-    CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, NetworkConfig, OpticsConfig, PsfConfig,
-    ScoringConfig, SpotConfig, TrainingConfig,
+    CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
+    PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
 };
 use crate::error::DesignError;
 
 /// The tables of numbers of an experiment, by name.
-pub(super) fn tables() -> [(&'static str, ParameterTable); 10] {
+pub(super) fn tables() -> [(&'static str, ParameterTable); 11] {
     [
         ("exposure", ExposureConfig::table()),
         ("psf", PsfConfig::table()),
+        ("isp", IspConfig::table()),
         ("network", NetworkConfig::table()),
         ("training", TrainingConfig::table()),
         ("loss", ImageLoss::table()),

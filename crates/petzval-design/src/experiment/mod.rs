@@ -7,8 +7,8 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
-    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, NetworkConfig, OpticsConfig,
-    PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
+    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, NO_ISP, NetworkConfig,
+    OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
 };
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
@@ -57,6 +57,8 @@ pub struct Experiment {
     pub psf: PsfConfig,
     /// How raw frames become pictures before the network.
     pub development: DevelopmentConfig,
+    /// A hardware ISP in place of development and network.
+    pub isp: IspConfig,
     /// The network.
     pub network: NetworkConfig,
     /// How the network is trained.
@@ -99,6 +101,7 @@ impl Default for Experiment {
             exposure: ExposureConfig::default(),
             psf: PsfConfig::default(),
             development: DevelopmentConfig::default(),
+            isp: IspConfig::default(),
             network: NetworkConfig::default(),
             training: TrainingConfig::default(),
             loss: ImageLoss::default(),
@@ -144,6 +147,7 @@ impl Experiment {
         let tables = [
             ("exposure", self.exposure.out_of_range()),
             ("psf", self.psf.out_of_range()),
+            ("isp", self.isp.out_of_range()),
             ("network", self.network.out_of_range()),
             ("training", self.training.out_of_range()),
             ("loss", self.loss.out_of_range()),
@@ -179,6 +183,7 @@ impl Experiment {
             return Err(error.hint("write true for development.restore, or \"u-net\""));
         }
         variants::check_variants(&self.variant, text)?;
+        variants::check_blocks(&self.variant, self.isp.is_used(), text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
@@ -206,19 +211,26 @@ impl Experiment {
         Ok(())
     }
 
-    /// Sets the network steps of every stage that trains for `training.steps` steps, and changes all other steps in proportion,
-    /// rounded up.
-    pub fn scale_steps(&mut self, network_steps: usize) {
-        let share = network_steps as f64 / self.training.steps as f64;
+    /// The block behind the lens: the network, or the hardware ISP in its place.
+    pub fn last_block(&self) -> BlockName {
+        if self.isp.is_used() { BlockName::Isp } else { BlockName::Network }
+    }
+
+    /// Sets the steps of the network, or of the hardware ISP, in every stage that has no number of its own, and changes all other steps in
+    /// proportion, rounded up.
+    pub fn scale_steps(&mut self, steps: usize) {
+        let is_isp = self.isp.is_used();
+        let last = if is_isp { &mut self.isp.steps } else { &mut self.training.steps };
+        let share = steps as f64 / (*last).max(1) as f64;
+        *last = steps;
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
-        self.training.steps = network_steps;
         let stages = self.variant.iter_mut().flat_map(|v| &mut v.stage);
         let own = stages.flat_map(|stage| stage.schedule.values_mut());
         own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
     }
 
-    /// The experiment with one more stage for each variant, so that its network takes `network_steps` steps in all; the same blocks
+    /// The experiment with one more stage for each variant, so that its network, or hardware ISP, takes `network_steps` steps in all; the same blocks
     /// move as in the variant's last stage with the network, the lens in proportion. The error is a message and a hint.
     ///
     /// A stage of its own leaves the steps before it as they are: a run that is extended after its end and one that has this
@@ -229,7 +241,7 @@ impl Experiment {
                 format!("`{name}` starts from the finished `{from}`, which an extension would change");
             return Err((message, "start a new run with more --steps".to_owned()));
         }
-        let network = BlockName::Network;
+        let network = self.last_block();
         let mut longer = self.clone();
         for (variant, config) in self.variants().iter().zip(&mut longer.variant) {
             let taken = variant.task_steps_of(network);

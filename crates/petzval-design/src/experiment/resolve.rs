@@ -1,7 +1,7 @@
 //! Variants as the loop goes through them, from those of the file.
 
 use super::{Experiment, ScheduleConfig, StageConfig, VariantConfig};
-use crate::block::BlockName;
+use crate::block::{BlockName, StepMethod};
 use crate::variant::{Schedule, Stage, Variant};
 
 impl Experiment {
@@ -39,7 +39,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
     if let Some(goal) = config.goal.of_lens() {
         return Stage::Lens { goal, iterations: experiment.spot.iterations };
     }
-    let (t, o) = (&experiment.training, &experiment.optics);
+    let (t, o, i) = (&experiment.training, &experiment.optics, &experiment.isp);
     let default = |block: BlockName| match block {
         BlockName::Optics => Schedule {
             steps: o.steps,
@@ -47,6 +47,15 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             final_learning_rate: o.final_learning_rate,
             share: o.moving_share,
             proximal: o.proximal,
+            method: StepMethod::Gradient,
+        },
+        BlockName::Isp => Schedule {
+            steps: i.steps,
+            learning_rate: i.learning_rate,
+            final_learning_rate: i.final_learning_rate,
+            share: 1.0,
+            proximal: i.proximal,
+            method: StepMethod::Gradient,
         },
         BlockName::Network => Schedule {
             steps: t.steps,
@@ -54,6 +63,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             final_learning_rate: t.final_learning_rate,
             share: 1.0,
             proximal: t.proximal,
+            method: StepMethod::Gradient,
         },
     };
     let moves = config.moves.iter().map(|block| {
@@ -65,6 +75,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             final_learning_rate: own.final_learning_rate.unwrap_or(all.final_learning_rate),
             share: own.share.unwrap_or(all.share),
             proximal: own.proximal.unwrap_or(all.proximal),
+            method: own.method.unwrap_or(all.method),
         };
         (*block, schedule)
     });

@@ -92,6 +92,48 @@ impl DevelopmentConfig {
 }
 
 parameters! {
+    /// A hardware ISP in place of linear development and network, the same for every variant.
+    pub struct IspConfig {
+        /// ISP steps of a stage that moves the ISP.
+        steps: usize = 300, "", 0..1e8, Log, "a few hundred on a CPU";
+        /// First learning rate of Adam, as a share of a parameter's range; it falls along a half cosine.
+        learning_rate: f64 = 0.02, "", 1e-8..1, Log, "0.02 of a range of 1";
+        /// Learning rate at the end over that at the start.
+        final_learning_rate: f64 = 0.05, "", 0..1, Linear, "a share of the first";
+        /// Weight of the ISP's proximal term.
+        proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+    } also {
+        /// Name or file of a preset of the built-in automotive ISP; "none" for linear development and a network.
+        preset: String = NO_ISP.to_owned();
+        /// Parameters that move, by name or stage.
+        vary: Vec<String> = VARIED.map(str::to_owned).to_vec();
+    }
+}
+
+/// The preset of an experiment without a hardware ISP.
+pub const NO_ISP: &str = "none";
+
+/// Stages whose parameters an experiment with a hardware ISP moves: those that trade noise and sharpness, and the tones. Levels, balance
+/// and colour matrix come from calibration.
+const VARIED: [&str; 8] = [
+    "bayer_denoise",
+    "luma_denoise",
+    "chroma_denoise",
+    "sharpen",
+    "false_colour",
+    "purple_fringe",
+    "green_balance",
+    "defects",
+];
+
+impl IspConfig {
+    /// Whether there is a hardware ISP.
+    pub fn is_used(&self) -> bool {
+        self.preset != NO_ISP
+    }
+}
+
+parameters! {
     /// Training of the network, the same for every variant.
     pub struct TrainingConfig {
         /// Network steps of a stage that trains the network.

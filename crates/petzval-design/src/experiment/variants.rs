@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::OpticsConfig;
-use crate::block::BlockName;
+use crate::block::{BlockName, StepMethod};
 use crate::variant::LensGoal;
 
 /// A camera of the comparison.
@@ -92,6 +92,9 @@ pub struct ScheduleConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub proximal: Option<f64>,
+    /// How steps are found; a hardware ISP can do without a gradient.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<StepMethod>,
 }
 
 /// The comparison that makes a gain a gain: the lens of the file, fixed; the same lens optimised for its spot alone, then
@@ -126,6 +129,28 @@ pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(
                 let path = [&["variant", &place, "stage", &stage_place], &keys[..]].concat();
                 at(text, &path, format!("variant `{}`: {message}", variant.name)).hint(hint)
             })?;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses stages that move a network behind a hardware ISP, or an ISP that is not there.
+pub(super) fn check_blocks(variants: &[VariantConfig], has_isp: bool, text: &str) -> Result<(), FileError> {
+    let (unused, hint) = match has_isp {
+        true => (
+            BlockName::Network,
+            "a hardware ISP has no network behind it: write \"isp\", or isp.preset = \"none\"",
+        ),
+        false => (BlockName::Isp, "name a preset for isp.preset, or write \"network\""),
+    };
+    for (i, variant) in variants.iter().enumerate() {
+        for (k, stage) in variant.stage.iter().enumerate() {
+            if stage.moves.contains(&unused) {
+                let message =
+                    format!("variant `{}`: the camera has no block `{}`", variant.name, unused.name());
+                let path = ["variant", &i.to_string(), "stage", &k.to_string(), "moves"];
+                return Err(at(text, &path, message).hint(hint));
+            }
         }
     }
     Ok(())
@@ -203,6 +228,11 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             let message = format!("`{name}` has a schedule and does not move");
             let hint = "add it to `moves`, or leave its schedule out".to_owned();
             return Err((vec!["schedule", name], message, hint));
+        }
+        if schedule.method == Some(StepMethod::Evolution) && *block != BlockName::Isp {
+            let message = format!("`{name}` steps by its gradient alone");
+            let hint = "leave `method` out; \"evolution\" is for the hardware ISP".to_owned();
+            return Err((vec!["schedule", name, "method"], message, hint));
         }
         if let Some((key, message)) = schedule.out_of_range() {
             let hint = "leave it out for the experiment's own value".to_owned();

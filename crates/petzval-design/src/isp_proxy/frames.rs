@@ -1,14 +1,13 @@
 //! Raw frames on which a proxy is trained and judged: several lenses, gains and scenes.
 
-use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{Mesh, RawInput};
-use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, Raw, expose};
+use petzval_camera::isp::RawInput;
+use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode};
 use petzval_optics::lens::Lens;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::camera::{Camera, Shot, to_host};
+use crate::camera::{Camera, Shot, ideal_input, raw_inputs};
 use crate::error::DesignError;
 use crate::setup::Setup;
 use crate::shots::{held_out_shots, training_shots};
@@ -26,9 +25,6 @@ const LEAST_CAPTURED: f64 = 0.9;
 
 /// Gains of the sensor: at each, white gives as many times fewer electrons.
 const GAINS: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
-
-/// Nodes along a side of the mesh by which the shading of a window is corrected.
-const MESH: usize = 5;
 
 /// Keeps these draws apart from all else that is drawn from a seed.
 const OWN: u64 = 0x0070_726f_7879_2331;
@@ -116,21 +112,16 @@ fn lenses(setup: &Setup) -> Result<Vec<Lens>, DesignError> {
 /// The raw frames of shots, and those of perfect optics.
 fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>, DesignError> {
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Exact, seed })?;
-    let [_, _, height, width] = frames.raw.dims();
-    let (dn, shades) = (to_host(frames.raw)?, to_host(frames.illumination)?);
-    let (pixels, sensor) = (height * width, &camera.body().sensor);
-    let mut taken = Vec::new();
-    for (i, (shot, scene)) in shots.iter().zip(camera.scenes(shots)?).enumerate() {
+    let sensor = &camera.body().sensor;
+    let capture = |shot: &Shot| {
         let placement = shot.kept.map_or(shot.placement, |kept| kept.placement);
-        let capture = Capture { placement, ..camera.capture(shot) };
-        let raw = Raw { height, width, dn: dn[i * pixels..][..pixels].to_vec(), capture };
-        let mut raw = RawInput::from_raw(&raw, sensor)?;
-        let data = shades[3 * i * pixels..][..3 * pixels].to_vec();
-        let shades = LinearImage { channels: 3, height, width, data };
-        raw.about.shading = Some(Mesh::of_picture(&shades, MESH, MESH));
-        let noise = Noise { mode: NoiseMode::Off, seed };
-        let ideal = RawInput::from_raw(&expose(&scene, sensor, &capture, &noise)?, sensor)?;
-        taken.push(Frame { raw, ideal });
-    }
-    Ok(taken)
+        Capture { placement, ..camera.capture(shot) }
+    };
+    let captures: Vec<Capture> = shots.iter().map(capture).collect();
+    let raws = raw_inputs(&frames.raw, &frames.illumination, &captures, sensor)?;
+    let scenes = camera.scenes(shots)?;
+    let pairs = raws.into_iter().zip(&scenes).zip(&captures);
+    pairs
+        .map(|((raw, scene), capture)| Ok(Frame { raw, ideal: ideal_input(scene, capture, sensor)? }))
+        .collect()
 }

@@ -55,14 +55,14 @@ fn all_checkpoints(root: &Path) -> Result<Vec<(u64, PathBuf)>, DesignError> {
     Ok(found)
 }
 
-/// Writes blocks into a folder: `blocks/NAME/PART`. A finished camera keeps their free numbers; a checkpoint also keeps how far
+/// Writes blocks that have free numbers into a folder: `blocks/NAME/PART`. A finished camera keeps their free numbers; a checkpoint also keeps how far
 /// their stage has come.
 pub fn save_blocks<'b>(
     folder: &Path,
     blocks: impl IntoIterator<Item = &'b dyn Block>,
     kept: Kept,
 ) -> Result<(), DesignError> {
-    for block in blocks {
+    for block in blocks.into_iter().filter(|block| block.free_numbers() > 0) {
         let folder = block_folder(folder, block.name());
         fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         let mut parts = block.save_numbers()?;
@@ -82,7 +82,7 @@ pub fn load_blocks<'b>(
     blocks: impl IntoIterator<Item = &'b mut dyn Block>,
     kept: Kept,
 ) -> Result<(), DesignError> {
-    for block in blocks {
+    for block in blocks.into_iter().filter(|block| block.free_numbers() > 0) {
         let folder = block_folder(folder, block.name());
         let mut state = BlockState::new();
         for entry in fs::read_dir(&folder).map_err(DesignError::io(&folder))? {

@@ -56,6 +56,9 @@ pub struct CameraMetrics {
     pub psf_errors: Option<PsfErrors>,
     /// Photoelectrons of white.
     pub white_e: f64,
+    /// Steps that the hardware ISP of the camera got, with those of the variants from which it started.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub isp_steps: usize,
     /// Network steps that the camera got, with those of the variants from which it started.
     pub network_steps: usize,
     /// Polychromatic RMS spot radius per field, um.
@@ -74,4 +77,8 @@ pub struct PictureScore {
     /// The experiment's scores, by name.
     #[serde(flatten)]
     pub scores: BTreeMap<String, f64>,
+}
+
+fn is_zero(steps: &usize) -> bool {
+    *steps == 0
 }

@@ -1,7 +1,5 @@
 //! A picture for people to look at: pixel differences and LPIPS against the photograph.
 
-use burn::prelude::Device;
-use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
 
 use super::{Labels, NamedLoss, Objective};
@@ -22,10 +20,6 @@ impl ImageQuality {
 }
 
 impl Objective for ImageQuality {
-    fn labels(&self, scenes: &[LinearImage], device: &Device) -> Labels {
-        Labels::of_pictures(scenes, device)
-    }
-
     fn loss(&self, frames: &Frames, labels: &Labels) -> Result<NamedLoss, LossError> {
         let target = self.loss.target(&self.lpips, labels.picture.clone())?;
         let parts = self.loss.evaluate(&self.lpips, frames.finished.clone(), &target)?;

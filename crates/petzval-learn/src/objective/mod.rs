@@ -8,7 +8,6 @@ mod image_quality;
 pub use image_quality::ImageQuality;
 
 use burn::prelude::*;
-use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
 
 use crate::loss::LossError;
@@ -18,16 +17,6 @@ use crate::loss::LossError;
 pub struct Labels {
     /// The scenes as a perfect camera would show them, `[batch, 3, height, width]`, sRGB-encoded, 0..1.
     pub picture: Tensor<4>,
-}
-
-impl Labels {
-    /// The scenes themselves, sRGB-encoded, as labels.
-    pub fn of_pictures(scenes: &[LinearImage], device: &Device) -> Self {
-        let [height, width] = scenes.first().map_or([0, 0], |s| [s.height, s.width]);
-        let data: Vec<f32> = scenes.iter().flat_map(LinearImage::to_srgb).collect();
-        let shape = [scenes.len(), 3, height, width];
-        Self { picture: Tensor::from_data(TensorData::new(data, shape), device) }
-    }
 }
 
 /// A loss with its graph, and its parts by name.
@@ -40,9 +29,6 @@ pub struct NamedLoss {
 
 /// A loss of what a camera took.
 pub trait Objective {
-    /// The labels of a batch of scenes: the windows of linear light that the camera took, all of one size.
-    fn labels(&self, scenes: &[LinearImage], device: &Device) -> Labels;
-
     /// The loss of a batch of frames, the mean over its pictures. Its graph leads to whatever the frames' graph leads to.
     fn loss(&self, frames: &Frames, labels: &Labels) -> Result<NamedLoss, LossError>;
 }

@@ -162,7 +162,7 @@ fn a_lifted_merit_has_its_gradient_and_is_minimised_as_by_its_own_residuals() {
     let (start, least) = (reached(&own, 0), reached(&own, 200));
     // The slope alone, one residual in place of those of the rays, leads hardly anywhere.
     let (by_lift, by_slope) = (reached(&hidden(true), 30), reached(&hidden(false), 30));
-    assert!(by_lift < least + 0.05 * (start - least), "{start} {least} {by_lift}");
+    assert!(by_lift < least + 0.1 * (start - least), "{start} {least} {by_lift}");
     assert!(by_slope > least + 0.3 * (start - least), "{start} {least} {by_slope}");
 }
 

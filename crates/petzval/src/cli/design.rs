@@ -40,7 +40,8 @@ pub struct Args {
     /// Folder of pictures to use in place of the built-in photographs; every fourth, by name, is held out
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
-    /// Network steps of each camera, in place of the experiment's; lens steps are scaled in proportion
+    /// Network steps of each camera, or steps of its hardware ISP, in place of the experiment's; lens steps are scaled in
+    /// proportion
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// Make only this variant of the experiment, and the variants from which it starts

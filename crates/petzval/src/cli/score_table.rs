@@ -10,7 +10,8 @@ pub fn print(metrics: &Metrics) {
     print!("\n{:<16}", "camera");
     columns.iter().for_each(|(_, heading, width)| print!(" {heading:>width$}"));
     print!(" {:>14} {:>12} {:>8}", "linear limit %", "RMS spot um", "EFL mm");
-    println!(" {:>6} {:>8} {:>14}", "f/#", "FOV deg", "network steps");
+    let has_isp = metrics.rows.iter().any(|r| r.isp_steps > 0);
+    println!(" {:>6} {:>8} {:>14}", "f/#", "FOV deg", if has_isp { "ISP steps" } else { "network steps" });
     for r in &metrics.rows {
         print!("{:<16}", r.camera);
         for (score, _, width) in &columns {
@@ -24,7 +25,7 @@ pub fn print(metrics: &Metrics) {
             r.efl_mm,
             r.f_number,
             r.fov_deg,
-            r.network_steps
+            if has_isp { r.isp_steps } else { r.network_steps }
         );
     }
     println!(

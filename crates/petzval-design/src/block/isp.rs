@@ -1,0 +1,210 @@
+//! The hardware ISP as a block: the places of its varied parameters in their ranges, moved by Adam down the gradient of the ISP in floating
+//! point, or by CMA-ES on the ISP in whole numbers.
+
+use std::collections::BTreeMap;
+
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use petzval_camera::isp::IspParameter;
+use serde::{Deserialize, Serialize};
+
+use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward, named, parsed};
+use crate::adam::Adam;
+use crate::camera::{ChipValues, to_host};
+use crate::error::DesignError;
+use crate::evolution::{Evolution, EvolutionSettings};
+
+const PLACES: &str = "places.json";
+const PROGRESS: &str = "progress.json";
+const OTHER_PARAMETERS: &str = "the ISP has other varied parameters; has the experiment been changed?";
+
+/// The parameters of a hardware ISP on their way. Without any, it is a camera without such an ISP.
+pub struct IspBlock {
+    parameters: Vec<IspParameter>,
+    /// The values of all parameters; those of the varied ones are at the start.
+    values: Vec<f64>,
+    varied: Vec<usize>,
+    /// Places of the varied ones in their ranges, 0..1.
+    places: Vec<f64>,
+    progress: Progress,
+}
+
+/// How far a stage has come, beside the places.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Progress {
+    adam: Adam,
+    /// The places at the start of the stage: the centre of the proximal term.
+    anchor: Vec<f64>,
+    /// The search of a stage without gradient, from its first step on.
+    search: Option<Evolution>,
+}
+
+/// First standard deviation of a search, as a share of a parameter's range.
+const FIRST_DEVIATION: f64 = 0.1;
+
+/// Noise of batches keeps the best values of generations apart for ever: a search is not restarted for being flat.
+const NEVER_FLAT: f64 = 0.0;
+
+impl Progress {
+    fn at(places: &[f64]) -> Self {
+        Self { adam: Adam::default(), anchor: places.to_vec(), search: None }
+    }
+}
+
+impl IspBlock {
+    /// An ISP at some values of all its parameters, those at the places `varied` of which may move.
+    pub fn new(parameters: Vec<IspParameter>, values: Vec<f64>, varied: Vec<usize>) -> Self {
+        let places: Vec<f64> = varied.iter().map(|i| parameters[*i].about.unit_of(values[*i])).collect();
+        let progress = Progress::at(&places);
+        Self { parameters, values, varied, places, progress }
+    }
+
+    /// The values of all parameters.
+    pub fn values(&self) -> Vec<f64> {
+        self.values_at(&self.places)
+    }
+
+    /// The values of all parameters where the varied ones lie at some places.
+    fn values_at(&self, places: &[f64]) -> Vec<f64> {
+        let mut values = self.values.clone();
+        for (i, place) in self.varied.iter().zip(places) {
+            values[*i] = self.parameters[*i].about.value_at(*place);
+        }
+        values
+    }
+
+    /// A generation of CMA-ES: every point develops the same noisy frames in whole numbers. The block goes to the middle of the search, since
+    /// every batch says something else. Returns the mean losses of the generation.
+    fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        let mut search = match self.progress.search.take() {
+            Some(search) => search,
+            None => {
+                let settings = EvolutionSettings {
+                    first_deviation: FIRST_DEVIATION,
+                    least_change: NEVER_FLAT,
+                    seed: batch.noise.seed,
+                    ..EvolutionSettings::default()
+                };
+                Evolution::new(&self.places, settings).map_err(|e| DesignError::Device(e.to_string()))?
+            }
+        };
+        let points = search.ask();
+        let (mut sums, mut values) = (BTreeMap::new(), Vec::with_capacity(points.len()));
+        for point in &points {
+            let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
+            let frames = camera.take(batch.shots, &batch.noise)?;
+            let losses = named(&(batch.loss)(&frames, batch.shots)?);
+            let away: f64 = point.iter().zip(&self.progress.anchor).map(|(p, a)| (p - a).powi(2)).sum();
+            values.push(losses["total"] + 0.5 * rule.proximal * away);
+            for (name, value) in losses {
+                *sums.entry(name).or_insert(0.0) += value / points.len() as f64;
+            }
+        }
+        search.tell(&values);
+        self.places = search.middle();
+        self.progress.search = Some(search);
+        Ok(sums)
+    }
+
+    /// The ISP with its values held, on the tape.
+    pub fn held(&self, device: &Device) -> ChipValues {
+        let values: Vec<f32> = self.values().into_iter().map(|v| v as f32).collect();
+        let count = values.len();
+        ChipValues::OnTape(Tensor::from_data(TensorData::new(values, [count]), device))
+    }
+
+    /// The varied parameters: name, value at the start, and now.
+    pub fn changes(&self) -> Vec<(String, f64, f64)> {
+        let now = self.values();
+        self.varied.iter().map(|i| (self.parameters[*i].name.clone(), self.values[*i], now[*i])).collect()
+    }
+
+    /// The derivative of a varied parameter's value by its place.
+    fn slope(&self, k: usize) -> f64 {
+        const STEP: f64 = 1e-5;
+        let (about, place) = (&self.parameters[self.varied[k]].about, self.places[k]);
+        let (low, high) = ((place - STEP).max(0.0), (place + STEP).min(1.0));
+        (about.value_at(high) - about.value_at(low)) / (high - low)
+    }
+
+    /// Losses at the present values, and the derivatives of the batch's loss by the places.
+    pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+        let ChipValues::OnTape(values) = self.held(&batch.camera.body().device) else {
+            return Err(DesignError::NoGradient("the parameters of the ISP"));
+        };
+        let values = values.require_grad();
+        let camera = batch.camera.with_chip(ChipValues::OnTape(values.clone()));
+        let frames = camera.take(batch.shots, &batch.noise)?;
+        let loss = (batch.loss)(&frames, batch.shots)?;
+        let losses = named(&loss);
+        let gradients = backward(loss);
+        let by =
+            to_host(values.grad(&gradients).ok_or(DesignError::NoGradient("the parameters of the ISP"))?)?;
+        let by_place = |(k, i): (usize, &usize)| f64::from(by[*i]) * self.slope(k);
+        Ok((losses, self.varied.iter().enumerate().map(by_place).collect()))
+    }
+}
+
+impl Block for IspBlock {
+    fn name(&self) -> BlockName {
+        BlockName::Isp
+    }
+
+    fn free_numbers(&self) -> usize {
+        self.places.len()
+    }
+
+    fn begin_stage(&mut self, _is_moving: bool) {
+        self.progress = Progress::at(&self.places);
+    }
+
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        if rule.method == StepMethod::Evolution {
+            return self.evolve(batch, rule);
+        }
+        let (losses, gradient) = self.gradient(batch)?;
+        if !gradient.iter().all(|g| g.is_finite()) {
+            self.places[0] = f64::NAN;
+            return Ok(losses);
+        }
+        self.progress.adam.step(&mut self.places, &gradient, rule.rate);
+        let strength = rule.rate * rule.proximal;
+        for (place, anchor) in self.places.iter_mut().zip(&self.progress.anchor) {
+            *place = ((*place + strength * anchor) / (1.0 + strength)).clamp(0.0, 1.0);
+        }
+        Ok(losses)
+    }
+
+    fn is_finite(&self) -> bool {
+        self.places.iter().all(|p| p.is_finite())
+    }
+
+    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the parameters of the ISP", &self.places)?;
+        Ok(BTreeMap::from([(PLACES.to_owned(), text.into_bytes())]))
+    }
+
+    fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
+        let places: Vec<f64> = parsed(state, PLACES)?;
+        if places.len() != self.places.len() {
+            return Err(format!("{PLACES}: {OTHER_PARAMETERS}"));
+        }
+        self.places = places;
+        Ok(())
+    }
+
+    fn save_progress(&self) -> Result<BlockState, DesignError> {
+        let text = DesignError::json("the moments of the ISP", &self.progress)?;
+        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+    }
+
+    fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
+        let progress: Progress = parsed(state, PROGRESS)?;
+        let free = self.places.len();
+        if progress.anchor.len() != free || !progress.adam.fits(free) {
+            return Err(format!("{PROGRESS}: {OTHER_PARAMETERS}"));
+        }
+        self.progress = progress;
+        Ok(())
+    }
+}

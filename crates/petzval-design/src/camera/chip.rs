@@ -1,0 +1,113 @@
+//! A hardware ISP in a camera: on the tape while something is learnt, in whole numbers where pictures are judged.
+
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use petzval_camera::image::LinearImage;
+use petzval_camera::isp::{DifferentiableIsp, HardwareIsp, Isp, IspSettings, Mesh, RawInput, SmoothIsp};
+use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel, expose};
+use rayon::prelude::*;
+
+use super::to_host;
+use crate::error::DesignError;
+
+/// Nodes along a side of the mesh by which the shading of a window is corrected.
+const MESH: usize = 5;
+
+/// The values of the parameters of a camera's hardware ISP.
+#[derive(Clone)]
+pub enum ChipValues {
+    /// On the tape, each in its own unit, for the ISP in floating point, whose gradient goes to raw frames and values.
+    OnTape(Tensor<1>),
+    /// For the ISP in whole numbers, as the chip runs it. No gradient.
+    Exact(Vec<f64>),
+}
+
+/// Raw frames of a batch with what a calibrated camera knows about them. The illumination of the lens serves as calibration of the
+/// shading.
+pub fn raw_inputs(
+    raw: &Tensor<4>,
+    illumination: &Tensor<4>,
+    captures: &[Capture],
+    sensor: &SensorModel,
+) -> Result<Vec<RawInput>, DesignError> {
+    let [_, _, height, width] = raw.dims();
+    let pixels = height * width;
+    let (dn, shades) = (to_host(raw.clone())?, to_host(illumination.clone())?);
+    let one = |(i, capture): (usize, &Capture)| {
+        let dn = dn[i * pixels..][..pixels].to_vec();
+        let mut input = RawInput::from_raw(&Raw { height, width, dn, capture: *capture }, sensor)?;
+        let data = shades[3 * i * pixels..][..3 * pixels].to_vec();
+        let shades = LinearImage { channels: 3, height, width, data };
+        input.about.shading = Some(Mesh::of_picture(&shades, MESH, MESH));
+        Ok(input)
+    };
+    captures.iter().enumerate().map(one).collect()
+}
+
+/// The frame of a scene through perfect optics, without noise.
+pub fn ideal_input(
+    scene: &LinearImage,
+    capture: &Capture,
+    sensor: &SensorModel,
+) -> Result<RawInput, DesignError> {
+    let noise = Noise { mode: NoiseMode::Off, seed: 0 };
+    Ok(RawInput::from_raw(&expose(scene, sensor, capture, &noise)?, sensor)?)
+}
+
+/// Develops a batch of raw frames to sRGB-encoded pictures `[batch, 3, height, width]`.
+pub fn develop(
+    settings: &IspSettings,
+    values: &ChipValues,
+    raw: Tensor<4>,
+    illumination: &Tensor<4>,
+    inputs: &[RawInput],
+) -> Result<Tensor<4>, DesignError> {
+    let [_, _, height, width] = raw.dims();
+    match values {
+        ChipValues::Exact(values) => exact(settings, values, inputs, [height, width], &raw.device()),
+        ChipValues::OnTape(values) => {
+            let isp = SmoothIsp { settings: settings.clone() };
+            let one = |(i, input): (usize, &RawInput)| {
+                let dn = raw.clone().slice([i..i + 1, 0..1, 0..height, 0..width]);
+                let shades = illumination.clone().slice([i..i + 1, 0..3, 0..height, 0..width]);
+                let dn = recalibrated(dn, shades, input, settings.shading.strength);
+                Ok(isp.develop_on_tape(dn, input, values.clone())?)
+            };
+            Ok(Tensor::cat(inputs.iter().enumerate().map(one).collect::<Result<_, DesignError>>()?, 0))
+        }
+    }
+}
+
+/// Digital numbers `[1, 1, height, width]` whose gradient knows that the shading is calibrated for the lens as it is.
+///
+/// The ISP sees its calibration as numbers. For a lens that moves, the correction of the shading moves with the illumination: the digital
+/// numbers are multiplied by the illumination of the calibration over that on the tape, which is 1 and has the gradient of the correction.
+fn recalibrated(dn: Tensor<4>, shades: Tensor<4>, input: &RawInput, strength: f64) -> Tensor<4> {
+    let RawInput { height, width, cfa, .. } = *input;
+    let of_plane = |plane: usize| (0..height * width).map(move |i| (plane, i));
+    let is_plane = |(plane, i): (usize, usize)| {
+        f32::from(u8::from(cfa.colour(i / width, i % width).plane() == Some(plane)))
+    };
+    let masks: Vec<f32> = (0..3).flat_map(of_plane).map(is_plane).collect();
+    let masks: Tensor<4> = Tensor::from_data(TensorData::new(masks, [1, 3, height, width]), &dn.device());
+    let ratio = ((shades.clone().detach() / shades) * masks).sum_dim(1).powf_scalar(strength);
+    let black = input.about.black_dn;
+    (dn - black) * ratio + black
+}
+
+/// What the ISP in whole numbers makes of frames of one size.
+pub fn exact(
+    settings: &IspSettings,
+    values: &[f64],
+    inputs: &[RawInput],
+    [height, width]: [usize; 2],
+    device: &Device,
+) -> Result<Tensor<4>, DesignError> {
+    let isp = HardwareIsp { settings: settings.clone() };
+    let pictures: Vec<Vec<f32>> = inputs
+        .par_iter()
+        .map(|input| Ok(isp.develop(input, values)?.encoded()))
+        .collect::<Result<_, DesignError>>()?;
+    let data = TensorData::new(pictures.concat(), [inputs.len(), 3, height, width]);
+    Ok(Tensor::from_data(data, device))
+}

@@ -1,0 +1,217 @@
+//! A hardware ISP in the loop: gradients through its floating-point form, pictures and scores by its fixed-point form.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use petzval_camera::isp::{HardwareIsp, Isp};
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::tape::Frames;
+use petzval_design::assets::Assets;
+use petzval_design::block::{Batch, Block, IspBlock, OpticsBlock, StepMethod, StepRule};
+use petzval_design::camera::{Camera, ChipValues, PsfSource, Shot, ideal_input, to_host};
+use petzval_design::design_loop::finished_camera;
+use petzval_design::error::DesignError;
+use petzval_design::experiment::Experiment;
+use petzval_design::psf_plan::PsfPlan;
+use petzval_design::setup::Setup;
+use petzval_design::shots::training_shots;
+use petzval_learn::Device;
+use petzval_learn::objective::NamedLoss;
+
+const QUIET: Noise = Noise { mode: NoiseMode::Off, seed: 1 };
+
+fn setup(more: &str) -> Result<Setup, DesignError> {
+    setup_of("quality", more)
+}
+
+fn setup_of(preset: &str, more: &str) -> Result<Setup, DesignError> {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let text = format!(
+        "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
+         [training]\ncrop = 64\nbatch = 3\n[isp]\npreset = \"{preset}\"\n{more}\
+         [[variant]]\nname = \"nominal\"\n[[variant.stage]]\nmoves = [\"optics\", \"isp\"]\n"
+    );
+    Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
+}
+
+/// The mean squared error of the finished pictures: a loss without kinks of its own.
+fn loss_of(camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+    let total = (frames.finished.clone() - camera.truths(shots)?).powi_scalar(2).mean();
+    let value = f64::from(to_host(total.clone())?[0]);
+    Ok(NamedLoss { total, parts: vec![("total", value)] })
+}
+
+fn value(camera: &Camera, shots: &[Shot]) -> f64 {
+    let frames = camera.take(shots, &QUIET).unwrap();
+    loss_of(camera, &frames, shots).unwrap().parts[0].1
+}
+
+#[test]
+fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
+    // Malvar's method chooses no direction pixel by pixel, which differences would step across.
+    let vary = "vary = [\"luma_denoise\", \"chroma_denoise\", \"sharpen\", \"gamma\"]\n";
+    let setup = setup_of("automotive", vary).unwrap();
+    let shots = training_shots(&setup, 3).unwrap();
+    let start = setup.nominal();
+    let camera = setup.camera(start.lens_file.lens.clone(), true).unwrap();
+    let isp = setup.isp().unwrap();
+    let held = camera.with_chip(isp.held(&camera.body().device));
+    let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
+    let batch = Batch { camera: &held, shots: &shots, noise: QUIET, loss: &loss };
+    let (losses, by_place) = isp.gradient(&batch).unwrap();
+    assert!((losses["total"] / value(&held, &shots) - 1.0).abs() < 1e-5);
+    assert_eq!(by_place.len(), isp.free_numbers());
+    let most = by_place.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+    let parameters = HardwareIsp::default().parameters();
+    let mut compared = 0;
+    for ((name, from, _), analytic) in isp.changes().iter().zip(&by_place) {
+        if analytic.abs() < 0.02 * most {
+            continue;
+        }
+        let i = parameters.iter().position(|p| p.name == *name).unwrap();
+        let about = &parameters[i].about;
+        let place = about.unit_of(*from);
+        let (low, high) = ((place - 0.004).max(0.0), (place + 0.004).min(1.0));
+        let moved = |place: f64| {
+            let mut values = isp.values();
+            values[i] = about.value_at(place);
+            let moved = IspBlock::new(parameters.clone(), values, Vec::new());
+            value(&camera.with_chip(moved.held(&camera.body().device)), &shots)
+        };
+        let numeric = (moved(high) - moved(low)) / (high - low);
+        assert!((analytic - numeric).abs() < 0.05 * numeric.abs(), "{name}: {analytic} {numeric}");
+        compared += 1;
+    }
+    assert!(compared >= 3, "{by_place:?}");
+
+    // And by the lens, along the steepest direction, at fixed fields.
+    let x = start.space.start().to_vec();
+    let fields = setup.moving_plan.field_angles(&start.space.lens_at(&x).unwrap()).unwrap();
+    let camera_at = |x: &[f64]| {
+        let plan = PsfPlan { held_fields_rad: Some(fields.clone()), ..setup.moving_plan.clone() };
+        let source = PsfSource::Traced { lens: Box::new(start.space.lens_at(x).unwrap()), plan };
+        Camera::new(setup.body.clone(), Arc::new(source.psfs().unwrap())).unwrap()
+    };
+    let from = camera_at(&x).with_chip(isp.held(&camera.body().device));
+    let batch = Batch { camera: &from, ..batch };
+    let block = OpticsBlock::new(setup.start(&setup.variants[0]).clone(), 0.0);
+    let by_x = block.gradient(&batch).unwrap().1;
+    let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let along = |step: f64| {
+        let moved: Vec<f64> = x.iter().zip(&by_x).map(|(x, g)| x + step * g / norm).collect();
+        let moved = camera_at(&moved);
+        value(&moved.with_chip(isp.held(&moved.body().device)), &shots)
+    };
+    let numeric = (along(2e-3) - along(-2e-3)) / 4e-3;
+    assert!((numeric / norm - 1.0).abs() < 0.05, "{numeric} {norm}");
+    // The chip itself goes the same way, as far as its whole numbers tell.
+    let on_chip = |step: f64| {
+        let moved: Vec<f64> = x.iter().zip(&by_x).map(|(x, g)| x + step * g / norm).collect();
+        value(&camera_at(&moved).with_chip(ChipValues::Exact(isp.values())), &shots)
+    };
+    let of_chip = (on_chip(0.01) - on_chip(-0.01)) / 0.02;
+    assert!((of_chip / norm - 1.0).abs() < 0.15, "{of_chip} {norm}");
+}
+
+#[test]
+fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
+    let setup = setup("").unwrap();
+    let shots = training_shots(&setup, 0).unwrap();
+    let lens = setup.nominal().lens_file.lens.clone();
+    let camera = setup.camera(lens, true).unwrap();
+    let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
+    let mut isp = setup.isp().unwrap();
+    let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
+    let smooth = |isp: &IspBlock| value(&camera.with_chip(isp.held(&camera.body().device)), &shots);
+    let before = (on_chip(&isp), smooth(&isp));
+    // Both forms make the same pictures but for rounding.
+    assert!((before.0 / before.1 - 1.0).abs() < 0.02, "{before:?}");
+    isp.begin_stage(true);
+    for _ in 0..25 {
+        let batch = Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss };
+        isp.step(&batch, rule(StepMethod::Gradient)).unwrap();
+    }
+    let after = (on_chip(&isp), smooth(&isp));
+    assert!(after.0 < 0.97 * before.0 && after.1 < 0.97 * before.1, "{before:?} {after:?}");
+    assert!(isp.changes().iter().any(|(_, from, to)| from != to));
+    // A block that is kept and read has the same values.
+    let mut restored = setup.isp().unwrap();
+    restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
+    restored.load_progress(&isp.save_progress().unwrap()).unwrap();
+    assert_eq!(restored.values(), isp.values());
+    assert!(restored.load_numbers(&BTreeMap::new()).unwrap_err().contains("places.json"));
+}
+
+fn rule(method: StepMethod) -> StepRule {
+    StepRule { method, rate: 0.03, proximal: 0.0 }
+}
+
+#[test]
+fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_same_bits() {
+    let setup = setup("vary = [\"luma_denoise\", \"sharpen\"]\n").unwrap();
+    let shots = training_shots(&setup, 0).unwrap();
+    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
+    let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss };
+    let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
+    let (mut isp, mut losses) = (setup.isp().unwrap(), Vec::new());
+    let before = on_chip(&isp);
+    isp.begin_stage(true);
+    for _ in 0..12 {
+        losses.push(isp.step(&batch(), rule(StepMethod::Evolution)).unwrap()["total"]);
+    }
+    assert!(on_chip(&isp) < 0.97 * before, "{before} {losses:?}");
+    assert!(losses[11] < losses[0], "{losses:?}");
+    let mut restored = setup.isp().unwrap();
+    restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
+    restored.load_progress(&isp.save_progress().unwrap()).unwrap();
+    for block in [&mut isp, &mut restored] {
+        block.step(&batch(), rule(StepMethod::Evolution)).unwrap();
+    }
+    assert_eq!(restored.values(), isp.values());
+}
+
+#[test]
+fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perfect_optics() {
+    let setup = setup("").unwrap();
+    let lens = setup.nominal().lens_file.lens.clone();
+    let (isp, network) = (setup.isp().unwrap(), setup.network().unwrap());
+    let camera = finished_camera(&setup, lens, &isp, &network).unwrap();
+    let shot = Shot { kept: None, ..training_shots(&setup, 0).unwrap().remove(0) };
+    let shots = [Shot { placement: Placement { row: 300, col: 501 }, ..shot }];
+    let finished = to_host(camera.take(&shots, &QUIET).unwrap().finished).unwrap();
+    // Numbers of 16 bits.
+    assert!(finished.iter().all(|v| (v * 65535.0 - (v * 65535.0).round()).abs() < 0.01));
+    let settings = camera.body().chip.clone().unwrap();
+    let scene = camera.scenes(&shots).unwrap().remove(0);
+    let ideal = ideal_input(&scene, &camera.capture(&shots[0]), &camera.body().sensor).unwrap();
+    let wanted = HardwareIsp { settings: settings.clone() }.develop(&ideal, &settings.values()).unwrap();
+    assert_eq!(to_host(camera.truths(&shots).unwrap()).unwrap(), wanted.encoded());
+}
+
+#[test]
+fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
+    let setup = setup("vary = [\"sharpen\", \"sharpness\"]\n").unwrap();
+    let error = setup.isp().err().unwrap();
+    assert!(error.is_input() && error.to_string().contains("`sharpness`"), "{error}");
+    let refused = |text: &str| Experiment::parse(text).unwrap_err().to_string();
+    let moves =
+        |block: &str| format!("[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"{block}\"]\n");
+    assert!(refused(&moves("isp")).contains("the camera has no block `isp`"));
+    let behind = format!("[isp]\npreset = \"quality\"\n{}", moves("network"));
+    assert!(refused(&behind).contains("the camera has no block `network`"));
+    let evolving = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\"]\nschedule.optics.method = \"evolution\"\n";
+    assert!(refused(evolving).contains("steps by its gradient alone"));
+    let missing = not_ready("[isp]\npreset = \"nowhere\"\n");
+    assert!(missing.contains("nowhere") && missing.contains("automotive"), "{missing}");
+}
+
+/// What is said of an experiment that cannot be made ready.
+fn not_ready(isp: &str) -> String {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let text = format!("{isp}[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"isp\"]\n");
+    let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff());
+    setup.err().unwrap().to_string()
+}
