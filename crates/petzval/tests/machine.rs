@@ -31,7 +31,7 @@ fn doctor_describes_the_machine() {
 }
 
 /// Every workload name that programs may rely on; they arrive with their stages.
-const WORKLOADS: [&str; 21] = [
+const WORKLOADS: [&str; 22] = [
     "psf_rgb",
     "psf_rgb_gradient",
     "psf_13_fields",

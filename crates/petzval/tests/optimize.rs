@@ -61,6 +61,29 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
 }
 
 #[test]
+fn a_lens_is_made_for_the_restoration_of_its_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = ["lens", "optimize", LENS, "--goal", "restored", "--iterations", "3", "--out", "run"];
+    let done = run_ok(folder.path(), &[&start[..], &["--json"]].concat());
+    let found: serde_json::Value = serde_json::from_str(&done.stdout).unwrap();
+    let error = |which: &str| found[which]["restored_error_percent"].as_f64().unwrap();
+    assert!(error("best") < 0.99 * error("start") && error("best") > 0.5, "{found}");
+    assert!(done.says("error"), "{}", done.stderr);
+    // It goes on with its goal, which is that of the folder.
+    let again =
+        run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--iterations", "2", "--json"]);
+    let again: serde_json::Value = serde_json::from_str(&again.stdout).unwrap();
+    assert!(again["best"]["restored_error_percent"].as_f64().unwrap() < error("best"), "{again}");
+    let wrong = |more: [&str; 2], says: &[&str]| {
+        let of = ["lens", "optimize", LENS, "--goal", "restored", "--out", "new"];
+        run_fails(folder.path(), &[&of[..], &more[..]].concat(), 2, says);
+        assert!(!folder.path().join("new").exists());
+    };
+    wrong(["--sensor", "imx999"], &["imx999", "help:"]);
+    wrong(["--white-e", "0"], &["white_e", "out of range"]);
+}
+
+#[test]
 fn a_search_beats_the_nominal_lens_and_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let asked =

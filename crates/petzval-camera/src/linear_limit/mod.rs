@@ -1,7 +1,7 @@
 //! How well the scene can be known from raw frames, before any network: the expected squared error that the best linear restoration leaves.
 //!
 //! A scene of three colours x is blurred by the lens, sampled through the colour filter array, and disturbed by noise. Natural scenes have a
-//! known spectrum, so the linear restoration W of least expected error is known too, and so is that error; see [`alias`] for the formulas.
+//! known spectrum, so the linear restoration W of least expected error is known too, and so is that error (`alias.rs` has the formulas).
 //! It undoes blur and mosaic at once, better than a demosaic with a Wiener filter behind it can. The error judges lens, filter array,
 //! exposure and sensor together, in milliseconds, with a gradient by the PSFs: a merit for joint design without training (Robinson and Stork,
 //! "Joint design of lens systems and digital image processing", Proc. SPIE 6342, 2006).

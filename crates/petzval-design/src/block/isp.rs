@@ -110,7 +110,7 @@ impl IspBlock {
     pub fn held(&self, device: &Device) -> ChipValues {
         let values: Vec<f32> = self.values().into_iter().map(|v| v as f32).collect();
         let count = values.len();
-        ChipValues::OnTape(Tensor::from_data(TensorData::new(values, [count]), device))
+        ChipValues::OnTape(Box::new(Tensor::from_data(TensorData::new(values, [count]), device)))
     }
 
     /// The varied parameters: name, value at the start, and now.
@@ -133,7 +133,7 @@ impl IspBlock {
             return Err(DesignError::NoGradient("the parameters of the ISP"));
         };
         let values = values.require_grad();
-        let camera = batch.camera.with_chip(ChipValues::OnTape(values.clone()));
+        let camera = batch.camera.with_chip(ChipValues::OnTape(Box::new(values.clone())));
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&frames, batch.shots)?;
         let losses = named(&loss);

@@ -7,7 +7,7 @@ use petzval_camera::isp::{DifferentiableIsp, HardwareIsp, Isp, IspSettings, Mesh
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel, expose};
 use rayon::prelude::*;
 
-use super::to_host;
+use super::host::to_host;
 use crate::error::DesignError;
 
 /// Nodes along a side of the mesh by which the shading of a window is corrected.
@@ -17,7 +17,7 @@ const MESH: usize = 5;
 #[derive(Clone)]
 pub enum ChipValues {
     /// On the tape, each in its own unit, for the ISP in floating point, whose gradient goes to raw frames and values.
-    OnTape(Tensor<1>),
+    OnTape(Box<Tensor<1>>),
     /// For the ISP in whole numbers, as the chip runs it. No gradient.
     Exact(Vec<f64>),
 }
@@ -71,7 +71,7 @@ pub fn develop(
                 let dn = raw.clone().slice([i..i + 1, 0..1, 0..height, 0..width]);
                 let shades = illumination.clone().slice([i..i + 1, 0..3, 0..height, 0..width]);
                 let dn = recalibrated(dn, shades, input, settings.shading.strength);
-                Ok(isp.develop_on_tape(dn, input, values.clone())?)
+                Ok(isp.develop_on_tape(dn, input, values.as_ref().clone())?)
             };
             Ok(Tensor::cat(inputs.iter().enumerate().map(one).collect::<Result<_, DesignError>>()?, 0))
         }

@@ -5,6 +5,7 @@
 //! [`Camera::with_network`] puts a network behind it.
 
 mod chip;
+mod host;
 mod psf_source;
 
 use std::rc::Rc;
@@ -30,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::DesignError;
 
 pub use chip::{ChipValues, ideal_input, raw_inputs};
+pub use host::to_host;
 pub use psf_source::{PsfSource, Psfs};
 
 /// Most values of the kernels of a camera that are kept: 64 MB.
@@ -431,9 +433,4 @@ fn cut(frames: Tensor<4>, captures: &[Capture], kept: &[Window]) -> Tensor<4> {
         frames.clone().slice([i..i + 1, 0..channels, down..down + window.height, right..right + window.width])
     });
     Tensor::cat(windows.collect(), 0)
-}
-
-/// The values of a tensor on the host.
-pub fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignError> {
-    tensor.detach().into_data().try_to_vec::<f32>().map_err(|e| DesignError::Device(format!("{e:?}")))
 }

@@ -3,22 +3,41 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
+use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
+use petzval_camera::sensor::Exposure;
+use petzval_design::assets::Assets;
+use petzval_design::experiment::{ExposureConfig, PsfConfig};
+use petzval_design::restored::RestoredError;
 use petzval_files::LensFile;
 use petzval_optics::design_space::{EflSolve, Focus, Solves, Variable};
 use petzval_optics::glass::{Catalog, Glass, Status, map_distance};
 use petzval_optics::lens::{Action, Lens};
+use petzval_optics::merit::SpotResiduals;
 use petzval_optics::number::Number;
-use petzval_optics::optimize::{GlassChoice, Limits, Problem};
+use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::PupilSampling;
 use serde::{Deserialize, Serialize};
 
 use crate::error::JobError;
 
+/// The camera whose raw frames should be restored as well as possible.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Restored {
+    /// Sensor, by file or built-in name.
+    pub sensor: String,
+    /// Photoelectrons that white gives in a green pixel on the axis.
+    pub white_e: f32,
+}
+
 /// What an optimised lens has to be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
+    /// The error of the best linear restoration of the frames of a camera is minimised in place of the spots.
+    #[serde(default)]
+    pub restored: Option<Restored>,
     /// Wavelengths, um, all of the same weight; those of the lens if empty.
     pub wavelengths: Vec<f64>,
     /// Field angles, degrees; those of the lens if empty.
@@ -56,6 +75,7 @@ impl Default for Goal {
     /// The smallest mean spot, and no limits.
     fn default() -> Self {
         Self {
+            restored: None,
             wavelengths: Vec::new(),
             fields: Vec::new(),
             power: 1.0,
@@ -77,7 +97,7 @@ impl Default for Goal {
 
 impl Goal {
     /// The problem of bringing a lens there.
-    pub(super) fn problem(&self, file: &LensFile, catalog: &Catalog) -> Result<Problem, JobError> {
+    pub(super) fn problem(&self, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
         let mut problem = Problem::new(file.lens.clone());
         problem.variables =
             if file.variables.is_empty() { usual_variables(&file.lens)? } else { file.variables.clone() };
@@ -146,7 +166,12 @@ impl Goal {
                 "leave it out",
             ));
         }
-        problem.glasses = self.glass_choices(&file.lens, catalog)?;
+        problem.glasses = self.glass_choices(&file.lens, &assets.catalog()?)?;
+        if let Some(restored) = &self.restored {
+            let merit = Arc::new(restored.merit(&problem.merit, assets)?);
+            (problem.spot_weight, problem.goals) =
+                (0.0, vec![MeritGoal { merit, target: 0.0, weight_um: 1.0 }]);
+        }
         Ok(problem)
     }
 
@@ -247,6 +272,27 @@ impl Goal {
         })?;
         let bounds = of_radius(surface).map(|v| [file.variables[v].min, file.variables[v].max]);
         Ok(Some(EflSolve { surface, efl_mm, radius_mm: bounds }))
+    }
+}
+
+impl Restored {
+    /// The error as a merit: PSFs to the corner of the sensor, in the colours in which the spots are judged if these are three.
+    fn merit(&self, spots: &SpotResiduals, assets: &Assets) -> Result<RestoredError, JobError> {
+        check(
+            "white_e",
+            &[f64::from(self.white_e)],
+            |e| (1.0..1e7).contains(&e),
+            "photoelectrons: 16000 is usual",
+        )?;
+        let sensor = assets.sensor(&self.sensor)?;
+        let exposure = Exposure { white_e: self.white_e, ..ExposureConfig::default().exposure() };
+        let mut psf = PsfConfig::default();
+        if let [blue, green, red] = spots.wavelengths_um[..] {
+            psf.wavelengths_um = [red, green, blue];
+        }
+        let plan = psf.plan(&sensor, psf.pupil_cells)?;
+        let limit = Arc::new(LinearLimit::new(&sensor, &exposure, NaturalScenes::default()));
+        Ok(RestoredError { plan, limit, rays: SpotResiduals { power: 2.0, ..spots.clone() } })
     }
 }
 

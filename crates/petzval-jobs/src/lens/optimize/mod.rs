@@ -1,4 +1,4 @@
-//! `lens optimize`: a better lens, by descent or by search.
+//! `lens optimize`: a better lens, by descent or by search, for its spots or for the restoration of its frames.
 
 mod goal;
 mod history;
@@ -6,9 +6,9 @@ mod history;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use petzval_design::assets::Assets;
 use petzval_files::LensFile;
 use petzval_optics::design_space::{DesignSpaceError, Solves};
-use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, Stop, descend};
@@ -21,7 +21,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::finite::finite;
 
-pub use goal::Goal;
+pub use goal::{Goal, Restored};
 
 /// An optimisation that begins, or one that is continued, and how far it goes in this call.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -94,6 +94,9 @@ pub struct Found {
 /// Figures of a lens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Figures {
+    /// Root of the expected squared error after the best linear restoration, % of white; `None` unless that is the goal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restored_error_percent: Option<f64>,
     /// Mean over the fields of the RMS spot radius, um.
     pub mean_rms_spot_um: f64,
     /// RMS spot radius by field, um.
@@ -157,17 +160,17 @@ impl Request {
 /// is needed to continue.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     request.check()?;
-    let catalog = context.assets.catalog()?;
+    let assets = &context.assets;
     let (mut history, config, problem) = match &request.start {
         Start::Resume { folder, rewind } => {
             let (history, config) = History::open(folder, *rewind, context)?;
-            let problem = config.goal.problem(history.start(), &catalog)?;
+            let problem = config.goal.problem(history.start(), assets)?;
             (history, config, problem)
         }
         Start::New { lens, out, goal, global, seed } => {
             let config = Config { goal: Goal::clone(goal), global: *global, seed: *seed };
             let file = context.assets.lens(lens)?;
-            let problem = new_problem(&config, &file, &catalog)?;
+            let problem = new_problem(&config, &file, assets)?;
             // Everything is checked before the folder is made.
             check_trade(request, &config)?;
             (History::create(out, &file, &config)?, config, problem)
@@ -188,7 +191,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ));
     };
     let trades = match request.trade {
-        true => trades(&config, history.start(), &catalog, request, context)?,
+        true => trades(&config, history.start(), request, context)?,
         false => Vec::new(),
     };
     Ok(Response {
@@ -205,11 +208,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The problem of a new optimisation, once the lens, its variables and the goal are known to fit together.
-fn new_problem(config: &Config, file: &LensFile, catalog: &Catalog) -> Result<Problem, JobError> {
+fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
     if !config.global && !config.goal.glass.is_empty() {
         return Err(JobError::setting("glass", "", "a descent leaves glasses as they are", "add --global"));
     }
-    let problem = config.goal.problem(file, catalog)?;
+    let problem = config.goal.problem(file, assets)?;
     if config.global {
         Search::new(&problem, SearchOptions::default()).map_err(|e| not_optimisable(&e))?;
     } else {
@@ -387,9 +390,12 @@ fn line(what: &str, seconds: f64, analysis: &Analysis) -> String {
         0 => String::new(),
         n => format!("; {n} limits violated"),
     };
+    let merit = match analysis.goals.first() {
+        Some(percent) => format!("error {percent:8.4} %"),
+        None => format!("merit {:8.3} um", analysis.merit.sqrt()),
+    };
     format!(
-        "{seconds:8.2} s  {what:<14} merit {:8.3} um  spots {:.3} um ({}){violated}",
-        analysis.merit.sqrt(),
+        "{seconds:8.2} s  {what:<14} {merit}  spots {:.3} um ({}){violated}",
         analysis.mean_rms_um(),
         fields.join(" ")
     )
@@ -399,7 +405,6 @@ fn line(what: &str, seconds: f64, analysis: &Analysis) -> String {
 fn trades(
     config: &Config,
     file: &LensFile,
-    catalog: &Catalog,
     request: &Request,
     context: &Context,
 ) -> Result<Vec<Trade>, JobError> {
@@ -428,7 +433,7 @@ fn trades(
     for (asked, require) in requirements {
         let mut goal = config.goal.clone();
         require(&mut goal);
-        let problem = goal.problem(file, catalog)?;
+        let problem = goal.problem(file, &context.assets)?;
         let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
         let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
         let began = Instant::now();
@@ -468,6 +473,7 @@ impl Figures {
         let distortion = chief
             .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
         Self {
+            restored_error_percent: analysis.goals.first().copied(),
             mean_rms_spot_um: analysis.mean_rms_um(),
             rms_spot_um: analysis.rms_um.clone(),
             focal_length_mm: finite(order.efl_mm),

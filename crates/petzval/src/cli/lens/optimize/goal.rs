@@ -57,6 +57,7 @@ pub struct GoalArgs {
 impl From<GoalArgs> for Goal {
     fn from(args: GoalArgs) -> Self {
         Self {
+            restored: None,
             wavelengths: args.wavelengths,
             fields: args.fields,
             power: args.power,
