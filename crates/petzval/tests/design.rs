@@ -265,7 +265,7 @@ fn the_report_stands_alone_and_is_written_again() {
     // One seed names no winner.
     assert!(
         html.contains("one seed is one sample")
-            && html.contains("+0.0082 ± 0.0009")
+            && html.contains("+0.0154 ± 0.0012")
             && !html.contains("beats")
     );
     // When, how long, from which seed and by which version it was made; the figures hold nothing that a second run would not repeat.
