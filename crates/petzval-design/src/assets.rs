@@ -11,7 +11,7 @@ use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PERFECT_LENS};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NO_ISP, PERFECT_LENS};
 use crate::glass_warnings::glass_warnings;
 use crate::run::{RunFolder, RunRecord, read_config};
 
@@ -215,7 +215,9 @@ impl Assets {
             (vec!["sensor".to_owned()], &mut experiment.sensor),
             (vec!["photos".to_owned()], &mut experiment.photos),
         ];
-        for (key, input) in shared.into_iter().chain(own) {
+        let preset = Some(&mut experiment.isp.preset).filter(|preset| *preset != NO_ISP);
+        let preset = preset.map(|preset| (vec!["isp".to_owned(), "preset".to_owned()], preset));
+        for (key, input) in shared.into_iter().chain(preset).chain(own) {
             let beside = folder.join(input.as_str());
             if beside.exists() {
                 *input = beside.display().to_string();
@@ -236,6 +238,7 @@ impl Assets {
         let folder = match key {
             "lens" => "lenses",
             "sensor" => "sensors",
+            "preset" => "isp",
             _ => {
                 let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();
                 return (!is_there).then(|| "a folder of pictures, or \"built-in\"".to_owned());

@@ -15,9 +15,10 @@ use petzval_learn::objective::{Labels, Objective};
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
-use crate::block::{Batch, BlockName, Blocks, IspBlock, NetworkBlock};
+use crate::block::{Batch, BlockName, Blocks, IspBlock, NetworkBlock, StepMethod};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
+use crate::experiment::PERFECT_LENS;
 use crate::run::{
     CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, latest_checkpoint, load_blocks,
     save_blocks, save_checkpoint, write_file,
@@ -254,13 +255,14 @@ impl DesignLoop {
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
-    /// Takes one step of a block, out of turn, for the first variant in which lens and network move together: for measuring
+    /// Takes one step of a block, out of turn, for the first variant in which several blocks move by their gradients: for measuring
     /// its cost.
     pub fn one_step(&mut self, block: BlockName) -> Result<(), DesignError> {
+        let by_gradient = |schedule: &Schedule| schedule.method == StepMethod::Gradient;
         let setup = self.setup.clone();
         let together = setup.variants.iter().find_map(|variant| {
             let moves = variant.stages.iter().find_map(|stage| match stage {
-                Stage::Task(moves) if moves.len() > 1 => Some(moves),
+                Stage::Task(moves) if moves.len() > 1 && moves.values().all(by_gradient) => Some(moves),
                 _ => None,
             });
             moves.map(|moves| (variant, moves))
@@ -428,7 +430,8 @@ impl DesignLoop {
         let (metrics, pictures) = self.scorer.score(&variant.name, &camera)?;
         let [isp_steps, network_steps] =
             [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));
-        let metrics = CameraMetrics { isp_steps, network_steps, ..metrics };
+        let is_ceiling = variant.lens == PERFECT_LENS;
+        let metrics = CameraMetrics { is_ceiling, isp_steps, network_steps, ..metrics };
         let folder = self.run.camera(&variant.name);
         std::fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         for path in [folder.join("lens.toml"), self.run.lens_at_step(self.position.step)] {

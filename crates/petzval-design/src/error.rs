@@ -130,9 +130,6 @@ pub enum DesignError {
         /// The names that exist.
         known: String,
     },
-    /// The experiment names an ISP parameter that does not exist.
-    #[error("isp.vary: no parameter or stage of the ISP is called `{0}`; `petzval isp show` lists them")]
-    UnknownIspParameter(String),
     /// A tensor could not be brought back from the device.
     #[error("reading a result back from the device failed: {0}")]
     Device(String),
@@ -206,7 +203,6 @@ impl DesignError {
             Self::Input { .. }
                 | Self::Unknown { .. }
                 | Self::UnknownScore { .. }
-                | Self::UnknownIspParameter(_)
                 | Self::NothingToMove(_)
                 | Self::NotSymmetric(_)
                 | Self::Space(_)

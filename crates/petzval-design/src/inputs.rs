@@ -10,13 +10,16 @@ use crate::experiment::{Experiment, PERFECT_LENS};
 use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
 
-/// SHA-256 of the lens with its glasses, the sensor, and every photograph by name and content.
+/// SHA-256 of the lens with its glasses, the sensor, the hardware ISP if there is one, and every photograph by name and content.
 fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
     for variant in &setup.variants {
         hash.update(write_lens(&setup.start(variant).lens_file));
     }
     hash.update(DesignError::json("the sensor", &setup.body.sensor)?);
+    if let Some(settings) = &setup.body.chip {
+        hash.update(DesignError::json("the ISP", settings)?);
+    }
     for (list, photos) in [("training", setup.photos.training()), ("held out", setup.photos.held_out())] {
         for photo in photos {
             hash.update(format!("{list}: {} {}x{}", photo.name, photo.image.height, photo.image.width));
@@ -43,6 +46,11 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         sensor: "inputs/sensor.toml".to_owned(),
         ..experiment.clone()
     };
+    if kept.isp.is_used() {
+        let preset = assets.text("ISP", "isp", &kept.isp.preset)?;
+        write_file(&run.input("isp.toml"), preset.text.as_bytes())?;
+        kept.isp.preset = "inputs/isp.toml".to_owned();
+    }
     for variant in &mut kept.variant {
         if let Some(name) = variant.lens.as_mut().filter(|name| *name != PERFECT_LENS) {
             let file = format!("{}-lens.toml", variant.name);

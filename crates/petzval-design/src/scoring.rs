@@ -10,7 +10,6 @@ use petzval_camera::tape::srgb_encode_op;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
-use petzval_optics::psf::focused_thin_lens_mm;
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
@@ -150,7 +149,7 @@ fn camera_metrics(
     let mean = |name: &String| pictures.iter().map(|p| p.scores[name]).sum::<f64>() / pictures.len() as f64;
     Ok(CameraMetrics {
         camera: name.to_owned(),
-        is_ceiling: focused_thin_lens_mm(lens).is_some(),
+        is_ceiling: false,
         restored_error_percent: None,
         scores: names.into_iter().map(|name| (name.clone(), mean(&name))).collect(),
         rms_spot_um: rms_spot_by_field_um.iter().sum::<f64>() / rms_spot_by_field_um.len() as f64,

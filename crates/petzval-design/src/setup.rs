@@ -1,12 +1,12 @@
 //! An experiment made ready: names turned into values, and everything checked before hours are spent.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
 use burn::prelude::Device;
 use petzval_base::FileError;
-use petzval_camera::isp::{IspParameter, IspSettings, LinearIsp};
+use petzval_camera::isp::{IspSettings, LinearIsp};
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
 use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{Wiener, kernel_radius, with_patches_for};
@@ -23,7 +23,9 @@ use crate::assets::Assets;
 use crate::block::{BlockName, Blocks, IspBlock, NetworkBlock, OpticsBlock};
 use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs};
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NetworkConfig, TaskKind};
+use crate::experiment::{
+    BUILT_IN_PHOTOS, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, TaskKind, places_of,
+};
 use crate::psf_plan::PsfPlan;
 use crate::start::Start;
 use crate::study::Study;
@@ -197,29 +199,19 @@ impl Setup {
     }
 
     /// The parameters of the hardware ISP at the start, of which those that the experiment names may move.
-    pub fn isp(&self) -> Result<IspBlock, DesignError> {
+    pub fn isp(&self) -> IspBlock {
         let Some(settings) = &self.body.chip else {
-            return Ok(IspBlock::new(Vec::new(), Vec::new(), Vec::new()));
+            return IspBlock::new(Vec::new(), Vec::new(), Vec::new());
         };
-        let parameters = IspSettings::parameters();
-        let mut varied = Vec::new();
-        for name in &self.experiment.isp.vary {
-            let is_meant = |p: &IspParameter| p.name == *name || p.name.split('.').next() == Some(name);
-            let found: Vec<usize> = (0..parameters.len()).filter(|i| is_meant(&parameters[*i])).collect();
-            if found.is_empty() {
-                return Err(DesignError::UnknownIspParameter(name.clone()));
-            }
-            varied.extend(found);
-        }
-        varied.sort_unstable();
-        varied.dedup();
-        Ok(IspBlock::new(parameters, settings.values(), varied))
+        let named = self.experiment.isp.vary.iter().flat_map(|name| places_of(name));
+        let varied: BTreeSet<usize> = named.collect();
+        IspBlock::new(IspSettings::parameters(), settings.values(), varied.into_iter().collect())
     }
 
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.
     pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
         let optics = OpticsBlock::new(self.start(variant).clone(), self.experiment.constraints.weight);
-        Ok(Blocks { optics, isp: self.isp()?, network: self.network()? })
+        Ok(Blocks { optics, isp: self.isp(), network: self.network()? })
     }
 
     /// Steps that a block has taken for the task at the end of a variant, with those of the variants that it starts from.
@@ -260,6 +252,9 @@ fn chip(
     };
     let gain_ev = f64::from(experiment.exposure.linear_gain).log2();
     let settings = preset.at_gain(gain_ev).map_err(|e| misfit(&e))?;
+    if settings.bayer_denoise.radial != 0.0 {
+        return Err(misfit(&format!("sets {OF_THE_WHOLE_FRAME}, which windows of a frame do not know")));
+    }
     if !sensor.cfa.is_bayer() {
         return Err(misfit(&format!("needs a Bayer array, not {}", sensor.cfa)));
     }

@@ -7,7 +7,7 @@ use petzval_camera::linear_limit::LinearLimit;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
 use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, SmoothSpace, Solves};
-use petzval_optics::lens::Lens;
+use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{Apertures, Goal, Problem};
 use petzval_optics::pupil::PupilSampling;
@@ -48,7 +48,15 @@ impl Start {
         limit: &Arc<LinearLimit>,
     ) -> Result<Self, DesignError> {
         let mut lens_file = match name {
-            PERFECT_LENS => LensFile::of(thin_equivalent(&assets.import(&experiment.lens)?.file.lens)),
+            PERFECT_LENS => {
+                let lens = assets.import(&experiment.lens)?.file.lens;
+                if lens.object != ObjectDistance::Infinity {
+                    let message = "a lens without aberrations is known for far objects alone";
+                    let hint = "leave the variant of the perfect lens out";
+                    return Err(DesignError::misfit(Path::new(&experiment.lens), &message, hint));
+                }
+                LensFile::of(thin_equivalent(&lens))
+            }
             _ => assets.lens(name)?,
         };
         // Spots and pictures are scored in the same colours.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use petzval_camera::isp::{HardwareIsp, Isp};
-use petzval_camera::render::Placement;
+use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
@@ -56,7 +56,7 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let shots = training_shots(&setup, 3).unwrap();
     let start = setup.nominal();
     let camera = setup.camera(start.lens_file.lens.clone(), true).unwrap();
-    let isp = setup.isp().unwrap();
+    let isp = setup.isp();
     let held = camera.with_chip(isp.held(&camera.body().device));
     let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
     let batch = Batch { camera: &held, shots: &shots, noise: QUIET, loss: &loss };
@@ -122,7 +122,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     let lens = setup.nominal().lens_file.lens.clone();
     let camera = setup.camera(lens, true).unwrap();
     let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
-    let mut isp = setup.isp().unwrap();
+    let mut isp = setup.isp();
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let smooth = |isp: &IspBlock| value(&camera.with_chip(isp.held(&camera.body().device)), &shots);
     let before = (on_chip(&isp), smooth(&isp));
@@ -137,7 +137,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     assert!(after.0 < 0.97 * before.0 && after.1 < 0.97 * before.1, "{before:?} {after:?}");
     assert!(isp.changes().iter().any(|(_, from, to)| from != to));
     // A block that is kept and read has the same values.
-    let mut restored = setup.isp().unwrap();
+    let mut restored = setup.isp();
     restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
     restored.load_progress(&isp.save_progress().unwrap()).unwrap();
     assert_eq!(restored.values(), isp.values());
@@ -156,7 +156,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
     let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss };
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
-    let (mut isp, mut losses) = (setup.isp().unwrap(), Vec::new());
+    let (mut isp, mut losses) = (setup.isp(), Vec::new());
     let before = on_chip(&isp);
     isp.begin_stage(true);
     for _ in 0..12 {
@@ -164,7 +164,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     }
     assert!(on_chip(&isp) < 0.97 * before, "{before} {losses:?}");
     assert!(losses[11] < losses[0], "{losses:?}");
-    let mut restored = setup.isp().unwrap();
+    let mut restored = setup.isp();
     restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
     restored.load_progress(&isp.save_progress().unwrap()).unwrap();
     for block in [&mut isp, &mut restored] {
@@ -177,7 +177,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
 fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perfect_optics() {
     let setup = setup("").unwrap();
     let lens = setup.nominal().lens_file.lens.clone();
-    let (isp, network) = (setup.isp().unwrap(), setup.network().unwrap());
+    let (isp, network) = (setup.isp(), setup.network().unwrap());
     let camera = finished_camera(&setup, lens, &isp, &network).unwrap();
     let shot = Shot { kept: None, ..training_shots(&setup, 0).unwrap().remove(0) };
     let shots = [Shot { placement: Placement { row: 300, col: 501 }, ..shot }];
@@ -189,13 +189,20 @@ fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perf
     let ideal = ideal_input(&scene, &camera.capture(&shots[0]), &camera.body().sensor).unwrap();
     let wanted = HardwareIsp { settings: settings.clone() }.develop(&ideal, &settings.values()).unwrap();
     assert_eq!(to_host(camera.truths(&shots).unwrap()).unwrap(), wanted.encoded());
+    // A window is cut out of what is developed around it.
+    let whole = camera.take(&shots, &QUIET).unwrap().finished.dims();
+    let kept = Some(Window {
+        placement: Placement { row: 308, col: 509 },
+        height: whole[2] - 16,
+        width: whole[3] - 16,
+    });
+    let window = [Shot { kept, ..shots[0].clone() }];
+    let all = camera.truths(&shots).unwrap().slice([0..1, 0..3, 8..whole[2] - 8, 8..whole[3] - 8]);
+    assert_eq!(to_host(camera.truths(&window).unwrap()).unwrap(), to_host(all).unwrap());
 }
 
 #[test]
 fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
-    let setup = setup("vary = [\"sharpen\", \"sharpness\"]\n").unwrap();
-    let error = setup.isp().err().unwrap();
-    assert!(error.is_input() && error.to_string().contains("`sharpness`"), "{error}");
     let refused = |text: &str| Experiment::parse(text).unwrap_err().to_string();
     let moves =
         |block: &str| format!("[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"{block}\"]\n");
@@ -204,6 +211,11 @@ fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
     assert!(refused(&behind).contains("the camera has no block `network`"));
     let evolving = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\"]\nschedule.optics.method = \"evolution\"\n";
     assert!(refused(evolving).contains("steps by its gradient alone"));
+    let isp = |more: &str| refused(&format!("[isp]\npreset = \"quality\"\n{more}{}", moves("isp")));
+    assert!(isp("vary = [\"sharpen\", \"sharpness\"]\n").contains("`sharpness`"));
+    assert!(isp("vary = []\n").contains("names no parameter"));
+    assert!(isp("vary = [\"bayer_denoise.radial\"]\n").contains("the whole frame"));
+    assert!(isp("[training]\ncrop = 97\n").contains("must be even"));
     let missing = not_ready("[isp]\npreset = \"nowhere\"\n");
     assert!(missing.contains("nowhere") && missing.contains("automotive"), "{missing}");
 }

@@ -251,7 +251,8 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
         experiment.photos = absolute(photos)?;
     }
     let own = experiment.variant.iter_mut().filter_map(|v| v.lens.as_mut());
-    for name in [&mut experiment.lens, &mut experiment.sensor].into_iter().chain(own) {
+    let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.isp.preset];
+    for name in shared.into_iter().chain(own) {
         if Path::new(name.as_str()).is_file() {
             *name = absolute(Path::new(name.as_str()))?;
         }

@@ -53,13 +53,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut rows: Vec<CameraMetrics> = Vec::new();
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
-        let (mut isp, mut network) = (setup.isp()?, setup.network()?);
+        let (mut isp, mut network) = (setup.isp(), setup.network()?);
         let blocks: [&mut dyn Block; 2] = [&mut isp, &mut network];
         load_blocks(&folder.camera(&row.camera), blocks, Kept::Numbers)?;
         let lens = camera_lens(&folder, &row.camera)?.lens;
         let camera = finished_camera(setup, lens, &isp, &network)?;
         let found = scorer.score(&row.camera, &camera)?.0;
-        rows.push(CameraMetrics { isp_steps: row.isp_steps, network_steps: row.network_steps, ..found });
+        rows.push(CameraMetrics {
+            is_ceiling: row.is_ceiling,
+            isp_steps: row.isp_steps,
+            network_steps: row.network_steps,
+            ..found
+        });
     }
     let largest = rows.iter().zip(&kept.rows).fold(0.0_f64, |worst, (a, b)| {
         let scores = a.scores.iter().map(|(name, value)| value - b.scores.get(name).unwrap_or(&f64::NAN));

@@ -345,3 +345,82 @@ fn a_camera_that_restores_is_designed_and_evaluated() {
         &["kind", "development.restore"],
     );
 }
+
+/// The tiny experiment with a hardware ISP and a lens without aberrations.
+fn hardware_experiment() -> String {
+    let mut table: toml::Table = tiny_experiment().parse().unwrap();
+    for unused in ["development", "network", "variant"] {
+        table.remove(unused);
+    }
+    let more = r#"
+[isp]
+preset = "mine.toml"
+vary = ["sharpen", "luma_denoise"]
+steps = 4
+[[variant]]
+name = "nominal"
+[[variant.stage]]
+moves = ["isp"]
+[[variant]]
+name = "perfect"
+lens = "perfect"
+[[variant.stage]]
+moves = ["isp"]
+schedule = { isp = { method = "evolution", steps = 2 } }
+[[variant]]
+name = "end-to-end"
+from = "nominal"
+[[variant.stage]]
+moves = ["optics", "isp"]
+"#;
+    toml::to_string(&table).unwrap() + more
+}
+
+#[test]
+fn a_run_with_a_hardware_isp_stands_on_its_own_and_is_scored_again() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    std::fs::write(folder.path().join("in/hardware.toml"), hardware_experiment()).unwrap();
+    let preset = read(&data("isp/quality.toml"));
+    std::fs::write(folder.path().join("in/mine.toml"), &preset).unwrap();
+    let said = run_ok(folder.path(), &["design", "in/hardware.toml", "--out", "run"]);
+    assert!(said.stdout.contains("ISP steps") && said.stdout.contains("Share of the gap"), "{}", said.stdout);
+    std::fs::remove_file(folder.path().join("in/mine.toml")).unwrap();
+    let run = folder.path().join("run");
+    let rows = read_json(&run.join("metrics.json"))["rows"].clone();
+    let of = |row: usize, key: &str| rows[row][key].clone();
+    assert_eq!([of(0, "isp_steps"), of(1, "isp_steps"), of(2, "isp_steps")], [4, 2, 8]);
+    assert_eq!(of(1, "is_ceiling"), true);
+    assert!(of(1, "restored_error_percent").as_f64() < of(0, "restored_error_percent").as_f64());
+    // Once more, from another folder.
+    let again = run_ok(&run, &["evaluate", "."]);
+    assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
+    // Another preset would have other truths.
+    std::fs::write(run.join("inputs/isp.toml"), preset.replace("menon", "malvar")).unwrap();
+    run_fails(folder.path(), &["evaluate", "run"], 2, &["not those that this run began with"]);
+}
+
+#[test]
+fn a_run_of_an_earlier_version_says_nothing_of_an_isp() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    for file in ["config.toml", "run.json"] {
+        let text = read(&run.join(file));
+        let without = match file {
+            "config.toml" => {
+                let mut table: toml::Table = text.parse().unwrap();
+                table.remove("isp").unwrap();
+                toml::to_string(&table).unwrap()
+            }
+            _ => {
+                let mut record: serde_json::Value = serde_json::from_str(&text).unwrap();
+                record["config"].as_object_mut().unwrap().remove("isp").unwrap();
+                serde_json::to_string(&record).unwrap()
+            }
+        };
+        std::fs::write(run.join(file), without).unwrap();
+    }
+    let again = run_ok(folder.path(), &["evaluate", "run"]);
+    assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
+    run_ok(folder.path(), &["report", "run"]);
+}

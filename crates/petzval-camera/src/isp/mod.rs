@@ -39,4 +39,5 @@ pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;
 pub use stabilise::Stabiliser;
 pub use stage::output::{BT601, BT709, ycbcr};
+pub use stage::shading::Shading;
 pub use statistics::{BINS, Statistics, ZONES, Zone};

@@ -145,7 +145,13 @@ impl Mosaic {
                 (0..CHANNELS).map(|b| a[(j, CHANNELS * l + b)] * colours[b][c]).sum::<Complex64>() * power[l]
             });
             let covariance = &scaled * a.adjoint() + &noise;
-            let Some(factor) = covariance.cholesky() else { continue };
+            let Some(factor) = covariance.cholesky() else {
+                // A frame without light and noise says nothing.
+                for x in 0..CHANNELS * count {
+                    limit.mean_square[x % CHANNELS] += twice * per_frequency * power[x / CHANNELS];
+                }
+                continue;
+            };
             // W' = (A S A' + N)^-1 A S
             let restoration = factor.solve(&scaled);
             for x in 0..CHANNELS * count {

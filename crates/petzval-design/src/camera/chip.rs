@@ -3,7 +3,9 @@
 use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::{DifferentiableIsp, HardwareIsp, Isp, IspSettings, Mesh, RawInput, SmoothIsp};
+use petzval_camera::isp::{
+    DifferentiableIsp, HardwareIsp, Isp, IspSettings, Mesh, RawInput, Shading, SmoothIsp,
+};
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel, expose};
 use rayon::prelude::*;
 
@@ -67,10 +69,11 @@ pub fn develop(
         ChipValues::Exact(values) => exact(settings, values, inputs, [height, width], &raw.device()),
         ChipValues::OnTape(values) => {
             let isp = SmoothIsp { settings: settings.clone() };
+            let now = settings.with_values(&in_range(&to_host(values.as_ref().clone())?))?;
             let one = |(i, input): (usize, &RawInput)| {
                 let dn = raw.clone().slice([i..i + 1, 0..1, 0..height, 0..width]);
                 let shades = illumination.clone().slice([i..i + 1, 0..3, 0..height, 0..width]);
-                let dn = recalibrated(dn, shades, input, settings.shading.strength);
+                let dn = recalibrated(dn, shades, input, &now.shading);
                 Ok(isp.develop_on_tape(dn, input, values.as_ref().clone())?)
             };
             Ok(Tensor::cat(inputs.iter().enumerate().map(one).collect::<Result<_, DesignError>>()?, 0))
@@ -78,11 +81,18 @@ pub fn develop(
     }
 }
 
+/// Values of all parameters within their ranges, which single precision may leave by rounding.
+fn in_range(values: &[f32]) -> Vec<f64> {
+    let parameters = IspSettings::parameters();
+    values.iter().zip(&parameters).map(|(v, p)| f64::from(*v).clamp(p.about.min, p.about.max)).collect()
+}
+
 /// Digital numbers `[1, 1, height, width]` whose gradient knows that the shading is calibrated for the lens as it is.
 ///
 /// The ISP sees its calibration as numbers. For a lens that moves, the correction of the shading moves with the illumination: the digital
-/// numbers are multiplied by the illumination of the calibration over that on the tape, which is 1 and has the gradient of the correction.
-fn recalibrated(dn: Tensor<4>, shades: Tensor<4>, input: &RawInput, strength: f64) -> Tensor<4> {
+/// numbers are multiplied by the illumination of the calibration over that on the tape, which is 1 and has the gradient of the correction;
+/// where its gain is capped, it has none.
+fn recalibrated(dn: Tensor<4>, shades: Tensor<4>, input: &RawInput, shading: &Shading) -> Tensor<4> {
     let RawInput { height, width, cfa, .. } = *input;
     let of_plane = |plane: usize| (0..height * width).map(move |i| (plane, i));
     let is_plane = |(plane, i): (usize, usize)| {
@@ -90,7 +100,8 @@ fn recalibrated(dn: Tensor<4>, shades: Tensor<4>, input: &RawInput, strength: f6
     };
     let masks: Vec<f32> = (0..3).flat_map(of_plane).map(is_plane).collect();
     let masks: Tensor<4> = Tensor::from_data(TensorData::new(masks, [1, 3, height, width]), &dn.device());
-    let ratio = ((shades.clone().detach() / shades) * masks).sum_dim(1).powf_scalar(strength);
+    let shades = shades.clamp_min(1.0 / shading.cap);
+    let ratio = ((shades.clone().detach() / shades) * masks).sum_dim(1).powf_scalar(shading.strength);
     let black = input.about.black_dn;
     (dn - black) * ratio + black
 }

@@ -365,16 +365,19 @@ impl Camera {
     /// What finished pictures should be, `[batch, 3, height, width]`, sRGB-encoded: the scenes themselves; behind a hardware ISP what it
     /// makes of them, with its own values, through perfect optics and without noise.
     pub fn truths(&self, shots: &[Shot]) -> Result<Tensor<4>, DesignError> {
-        let (scenes, device) = (self.scenes(shots)?, &self.body.device);
-        let Some(settings) = &self.body.chip else { return Ok(encoded(&scenes, device)) };
-        let placed = scenes.iter().zip(shots);
-        let inputs = placed.map(|(scene, shot)| {
-            let capture = Capture { placement: self.kept(shot).placement, ..self.capture(shot) };
-            ideal_input(scene, &capture, &self.body.sensor)
-        });
-        let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
-        let size = scenes.first().map_or([0, 0], |s| [s.height, s.width]);
-        chip::exact(settings, &settings.values(), &inputs, size, device)
+        let device = &self.body.device;
+        let Some(settings) = &self.body.chip else { return Ok(encoded(&self.scenes(shots)?, device)) };
+        // As the frames: developed with what is exposed around the windows.
+        let size @ [height, width] = self.exposed(shots);
+        let ideal = |shot: &Shot| {
+            let scene = shot.scene.crop(self.border, self.border, height, width)?;
+            ideal_input(&scene, &self.capture(shot), &self.body.sensor)
+        };
+        let inputs = shots.iter().map(ideal).collect::<Result<Vec<_>, DesignError>>()?;
+        let developed = chip::exact(settings, &settings.values(), &inputs, size, device)?;
+        let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
+        let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
+        Ok(cut(developed, &captures, &kept))
     }
 
     /// The windows of the scenes that are kept, without what only PSFs and development need: what a perfect camera would take.

@@ -10,6 +10,7 @@ pub use tables::{
     CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, NO_ISP, NetworkConfig,
     OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
 };
+pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
 
 use std::collections::BTreeSet;
@@ -128,7 +129,11 @@ impl Experiment {
     pub fn parse_complete(text: &str) -> Result<Self, FileError> {
         let experiment = Self::parse(text)?;
         let found: toml::Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-        let whole = toml::Table::try_from(&experiment).unwrap_or_default();
+        let mut whole = toml::Table::try_from(&experiment).unwrap_or_default();
+        // Runs of earlier versions do not say that they have no hardware ISP.
+        if !found.contains_key("isp") {
+            whole.remove("isp");
+        }
         let (found, whole) = (toml::Value::Table(found), toml::Value::Table(whole));
         match missing_key(&found, &whole) {
             None => Ok(experiment),
@@ -182,6 +187,9 @@ impl Experiment {
                 FileError::at_key(text, &["network", "kind"], "this network needs a restored picture");
             return Err(error.hint("write true for development.restore, or \"u-net\""));
         }
+        if self.isp.is_used() {
+            self.check_isp(text)?;
+        }
         variants::check_variants(&self.variant, text)?;
         variants::check_blocks(&self.variant, self.isp.is_used(), text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
@@ -206,6 +214,33 @@ impl Experiment {
             if !value.is_multiple_of(2) {
                 return Err(FileError::at_key(text, &[table, key], "must be even")
                     .hint(format!("take {}", value + 1)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses parameters that cannot move, and windows that a Bayer array does not fill evenly.
+    fn check_isp(&self, text: &str) -> Result<(), FileError> {
+        let vary = |message: String, hint: &'static str| {
+            Err(FileError::at_key(text, &["isp", "vary"], message).hint(hint))
+        };
+        if self.isp.vary.is_empty() {
+            return vary("names no parameter".to_owned(), "name parameters or stages, such as \"sharpen\"");
+        }
+        if self.isp.vary.iter().any(|name| name == OF_THE_WHOLE_FRAME) {
+            let message = format!(
+                "`{OF_THE_WHOLE_FRAME}` depends on the place in the whole frame, and windows have none"
+            );
+            return vary(message, "leave it out; the other parameters of its stage may move");
+        }
+        if let Some(name) = self.isp.vary.iter().find(|name| places_of(name).is_empty()) {
+            let message = format!("no parameter or stage of the ISP is called `{name}`");
+            return vary(message, "`petzval isp show` lists them");
+        }
+        for (table, crop) in [("training", self.training.crop), ("scoring", self.scoring.crop)] {
+            if !crop.is_multiple_of(2) {
+                let error = FileError::at_key(text, &[table, "crop"], "must be even for a hardware ISP");
+                return Err(error.hint(format!("take {}", crop + 1)));
             }
         }
         Ok(())
@@ -250,7 +285,8 @@ impl Experiment {
                 continue;
             };
             if network_steps < taken {
-                let message = format!("the variant `{}` has {taken} network steps already", variant.name);
+                let message =
+                    format!("the variant `{}` has {taken} {} steps already", variant.name, network.name());
                 return Err((message, "give a larger number".to_owned()));
             }
             let further = network_steps - taken;

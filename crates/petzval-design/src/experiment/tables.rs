@@ -1,7 +1,7 @@
 //! The tables of an experiment: every number with its unit, range, default and sentence.
 
 use petzval_base::parameters;
-use petzval_camera::isp::{Demosaic, Domain, Interpolation};
+use petzval_camera::isp::{Demosaic, Domain, Interpolation, IspParameter, IspSettings};
 use petzval_camera::sensor::{Exposure, NoiseMode};
 use petzval_learn::network::NetworkKind;
 use petzval_optics::constraint::Constraint;
@@ -125,6 +125,18 @@ const VARIED: [&str; 8] = [
     "green_balance",
     "defects",
 ];
+
+/// A parameter that no experiment moves: it grows with the distance from the middle of the frame, and experiments develop windows.
+pub(crate) const OF_THE_WHOLE_FRAME: &str = "bayer_denoise.radial";
+
+/// The places, among the parameters of the automotive ISP, that a name stands for: a parameter, or a stage with all of its own.
+pub(crate) fn places_of(name: &str) -> Vec<usize> {
+    let is_meant = |p: &IspParameter| {
+        (p.name == name || p.name.split('.').next() == Some(name)) && p.name != OF_THE_WHOLE_FRAME
+    };
+    let all = IspSettings::parameters();
+    (0..all.len()).filter(|i| is_meant(&all[*i])).collect()
+}
 
 impl IspConfig {
     /// Whether there is a hardware ISP.

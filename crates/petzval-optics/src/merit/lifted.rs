@@ -6,7 +6,7 @@
 //! factor 1/2 left out): the loss is replaced by a paraboloid over the rays with the same slope, that just touches zero. Its curvature by the
 //! numbers of the lens is `w J' J`, which knows what a sphere and an aspheric term have in common, and the loss itself does not have to.
 //!
-//! Here g is the smallest vector that explains the gradient by the numbers: what it leaves out no lens can follow. So the whole gradient
+//! Here g is the smallest vector that explains the gradient by the numbers: of the rest of g no change of these numbers knows. So the whole gradient
 //! counts, that by light, illumination and distortion as well, and J is that of the spots, about the centroid of each field, as the loss
 //! sees PSFs about their chief ray.
 
@@ -17,7 +17,7 @@ use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
 
-/// Directions in which rays move by less than this share of the most are not followed.
+/// Directions in which the mean squared motion of rays is less than this share of the most are not followed.
 const LEAST_SHARE: f64 = 1e-12;
 
 /// The normal equations of the lifted residuals of a loss, laid out as in [`Merit::normal_equations`]: the squares of the residuals add up

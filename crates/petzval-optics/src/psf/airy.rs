@@ -64,12 +64,92 @@ pub fn airy_psf(
     })
 }
 
-/// The focal length of a lens that is one thin lens with the image plane at its focus, mm; `None` of any other.
+/// The focal length of a lens that is one thin lens, as wide as its pupil, with the image plane at its focus, mm; `None` of any other.
 pub fn focused_thin_lens_mm(lens: &Lens) -> Option<f64> {
     let [surface] = lens.surfaces.as_slice() else { return None };
     let Action::ThinLens { power_per_mm } = surface.action else { return None };
     let efl_mm = 1.0 / power_per_mm;
     let is_plain = surface.phase.is_none() && surface.placement.is_none() && surface.glass.is_air();
     let is_focused = (surface.thickness_mm / efl_mm - 1.0).abs() < 1e-9;
-    (is_plain && is_focused && lens.object == ObjectDistance::Infinity).then_some(efl_mm)
+    let is_open = surface.semi_diameter_mm >= 0.5 * lens.entrance_pupil_mm * (1.0 - 1e-9);
+    (is_plain && is_focused && is_open && lens.object == ObjectDistance::Infinity).then_some(efl_mm)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::Surface;
+
+    /// f/8 at 100 mm.
+    fn thin() -> Lens {
+        let surface = Surface {
+            action: Action::ThinLens { power_per_mm: 0.01 },
+            semi_diameter_mm: 6.25,
+            thickness_mm: 100.0,
+            ..Surface::default()
+        };
+        Lens {
+            name: String::new(),
+            source: String::new(),
+            surfaces: vec![surface],
+            stop: 0,
+            entrance_pupil_mm: 12.5,
+            object: ObjectDistance::Infinity,
+            wavelengths_um: vec![0.5],
+            reference_um: 0.5,
+            fields_deg: vec![0.0],
+        }
+    }
+
+    /// Light within a radius, of the whole plane.
+    fn within(psf: &FieldPsf, options: &PsfOptions, radius_um: f64) -> f64 {
+        let centre = 0.5 * (options.grid as f64 - 1.0);
+        let inside = |i: usize| {
+            let [y, x] = [i / options.grid, i % options.grid].map(|k| (k as f64 - centre) * options.pitch_um);
+            x.hypot(y) < radius_um
+        };
+        let light = psf.values[0].iter().enumerate().filter(|(i, _)| inside(*i)).map(|(_, v)| v);
+        psf.captured[0] * light.sum::<f64>()
+    }
+
+    #[test]
+    fn the_dark_rings_hold_the_light_that_is_known_of_them() {
+        let options = PsfOptions { grid: 128, pitch_um: 0.2, ..PsfOptions::default() };
+        let psf = airy_psf(&thin(), 0.0, &[0.5], &options).unwrap();
+        // Dark rings at 1.2197 and 2.2331 wavelengths times f-number, with 83.8 % and 91.0 % of the light inside (Born and Wolf, table 8.2).
+        for (ring, light) in [(1.2197, 0.838), (2.2331, 0.910)] {
+            let found = within(&psf, &options, ring * 0.5 * 8.0);
+            assert!((found - light).abs() < 2e-3, "{ring}: {found}");
+        }
+        let row = &psf.values[0][64 * 128..65 * 128];
+        let dark = (0.5 + 1.2197 * 4.0 / 0.2) as usize;
+        assert!(row[63 + dark] < 2e-3 * row[63] && row.iter().rev().eq(row.iter()));
+    }
+
+    #[test]
+    fn off_the_axis_the_pattern_is_longer_away_from_it_and_darker() {
+        let options = PsfOptions { grid: 128, pitch_um: 0.2, ..PsfOptions::default() };
+        let field = 0.6_f64;
+        let psf = airy_psf(&thin(), field, &[0.5], &options).unwrap();
+        assert!((psf.chief_y_mm - 100.0 * field.tan()).abs() < 1e-9);
+        assert!((psf.illumination[0] - field.cos().powi(4)).abs() < 1e-12);
+        // The variances of the bright core along y and x are as the squares of the stretches.
+        let first_below =
+            |along: &dyn Fn(usize) -> f64| (0..60).find(|k| along(*k) < 0.5 * along(0)).unwrap() as f64;
+        let (y, x) = (
+            first_below(&|k| psf.values[0][(64 + k) * 128 + 64]),
+            first_below(&|k| psf.values[0][64 * 128 + 64 + k]),
+        );
+        assert!((y / x - 1.0 / field.cos().powi(2)).abs() < 0.15, "{y} {x}");
+    }
+
+    #[test]
+    fn another_lens_has_no_such_pattern() {
+        let none = |lens: Lens| focused_thin_lens_mm(&lens).is_none();
+        let lens = thin();
+        assert_eq!(focused_thin_lens_mm(&lens), Some(100.0));
+        assert!(none(Lens { object: ObjectDistance::Finite(500.0), ..lens.clone() }));
+        assert!(none(lens.with_image_distance(99.0)));
+        assert!(none(Lens { entrance_pupil_mm: 13.0, ..lens }));
+    }
 }

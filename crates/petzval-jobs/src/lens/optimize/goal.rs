@@ -169,6 +169,8 @@ impl Goal {
         problem.glasses = self.glass_choices(&file.lens, &assets.catalog()?)?;
         if let Some(restored) = &self.restored {
             let merit = Arc::new(restored.merit(&problem.merit, assets)?);
+            // A lens that does not fill the sensor is refused by its own reason.
+            merit.plan.bank(&problem.base)?;
             (problem.spot_weight, problem.goals) =
                 (0.0, vec![MeritGoal { merit, target: 0.0, weight_um: 1.0 }]);
         }
@@ -287,7 +289,9 @@ impl Restored {
         let sensor = assets.sensor(&self.sensor)?;
         let exposure = Exposure { white_e: self.white_e, ..ExposureConfig::default().exposure() };
         let mut psf = PsfConfig::default();
-        if let [blue, green, red] = spots.wavelengths_um[..] {
+        let mut colours = spots.wavelengths_um.clone();
+        colours.sort_by(|a, b| b.total_cmp(a));
+        if let [red, green, blue] = colours[..] {
             psf.wavelengths_um = [red, green, blue];
         }
         let plan = psf.plan(&sensor, psf.pupil_cells)?;

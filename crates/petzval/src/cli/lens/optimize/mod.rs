@@ -32,12 +32,12 @@ pub struct Args {
     /// Quantity to minimise
     #[arg(long, value_enum, default_value = "spot")]
     goal: Kind,
-    /// Sensor of the goal restored, by file or built-in name
-    #[arg(long, default_value = "imx249-fitted", value_name = "SENSOR")]
-    sensor: String,
-    /// Photoelectrons of white in a green pixel, for the goal restored
-    #[arg(long, default_value_t = 16_000.0, value_name = "E")]
-    white_e: f32,
+    /// Sensor of the goal restored, by file or built-in name [default: imx249-fitted]
+    #[arg(long, value_name = "SENSOR")]
+    sensor: Option<String>,
+    /// Photoelectrons of white in a green pixel, for the goal restored [default: 16000]
+    #[arg(long, value_name = "E")]
+    white_e: Option<f32>,
     #[command(flatten)]
     limits: GoalArgs,
     /// Search the whole range between the bounds, not only downhill from the lens
@@ -85,8 +85,17 @@ enum Kind {
 impl Args {
     fn request(self) -> Result<optimize::Request, Failure> {
         let restored = match self.goal {
+            Kind::Spot if self.sensor.is_some() || self.white_e.is_some() => {
+                return Err(Failure::input(
+                    "--sensor and --white-e belong to the goal restored",
+                    "add --goal restored, or leave them out; --resume has those of its folder",
+                ));
+            }
             Kind::Spot => None,
-            Kind::Restored => Some(Restored { sensor: self.sensor, white_e: self.white_e }),
+            Kind::Restored => Some(Restored {
+                sensor: self.sensor.unwrap_or_else(|| "imx249-fitted".to_owned()),
+                white_e: self.white_e.unwrap_or(16_000.0),
+            }),
         };
         let goal = Goal { restored, ..Goal::from(self.limits) };
         let start = match (self.resume, self.lens, self.out) {
