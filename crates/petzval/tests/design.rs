@@ -143,8 +143,8 @@ fn the_metrics_compare_three_cameras_of_the_same_kind() {
         assert!((1.0..100.0).contains(&figure(row, "rms_spot_um")));
         // The corner is imaged with a few percent of barrel distortion, so its light comes from beyond 29.68.
         assert!((figure(row, "fov_deg") - 31.5).abs() < 0.3, "{}", figure(row, "fov_deg"));
-        // The tiny experiment's grid of 64 cells cuts the outer PSFs.
-        assert!((0.7..=1.0).contains(&figure(row, "psf_captured")), "{}", figure(row, "psf_captured"));
+        // The tiny experiment's grid of 64 cells cuts the outer PSFs, and the halo of those that are made for restoration.
+        assert!((0.5..=1.0).contains(&figure(row, "psf_captured")), "{}", figure(row, "psf_captured"));
         assert_eq!(row["network_steps"], NETWORK_STEPS);
         // Focal length, f-number, field of view and exposure are the same.
         for key in ["efl_mm", "f_number", "white_e"] {
@@ -349,7 +349,7 @@ fn a_camera_that_restores_is_designed_and_evaluated() {
 /// The tiny experiment with a hardware ISP and a lens without aberrations.
 fn hardware_experiment() -> String {
     let mut table: toml::Table = tiny_experiment().parse().unwrap();
-    for unused in ["development", "network", "variant"] {
+    for unused in ["development", "isp", "network", "variant"] {
         table.remove(unused);
     }
     let more = r#"

@@ -79,8 +79,8 @@ fn a_lens_is_made_for_the_restoration_of_its_frames() {
         run_fails(folder.path(), &[&of[..], &more[..]].concat(), 2, says);
         assert!(!folder.path().join("new").exists());
     };
-    wrong(["--sensor", "imx999"], &["imx999", "help:"]);
-    wrong(["--white-e", "0"], &["white_e", "out of range"]);
+    wrong(["--sensor", "imx999"], &["imx999", "neither a file nor"]);
+    wrong(["--white-e", "0"], &["--white-e 0", "out of range"]);
 }
 
 #[test]
