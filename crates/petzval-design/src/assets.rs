@@ -206,9 +206,10 @@ impl Assets {
     fn located(&self, mut experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
         let folder = source.path.parent().unwrap_or(Path::new(""));
         let variants = experiment.variant.iter_mut().enumerate();
-        let own = variants.filter_map(|(i, v)| {
-            let lens = v.lens.as_mut().filter(|name| *name != PERFECT_LENS)?;
-            Some((vec!["variant".into(), i.to_string(), "lens".into()], lens))
+        let own = variants.flat_map(|(i, v)| {
+            let at = |key: &str| vec!["variant".to_owned(), i.to_string(), key.to_owned()];
+            let lens = v.lens.as_mut().filter(|name| *name != PERFECT_LENS).map(|lens| (at("lens"), lens));
+            lens.into_iter().chain(v.optics_proxy.as_mut().map(|proxy| (at("optics_proxy"), proxy)))
         });
         let shared = [
             (vec!["lens".to_owned()], &mut experiment.lens),
@@ -239,6 +240,10 @@ impl Assets {
             "lens" => "lenses",
             "sensor" => "sensors",
             "preset" => "isp",
+            "optics_proxy" => {
+                let hint = "the proxy.toml of a folder that `petzval train optics-proxy` made";
+                return (!Path::new(name).is_file()).then(|| hint.to_owned());
+            }
             _ => {
                 let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();
                 return (!is_there).then(|| "a folder of pictures, or \"built-in\"".to_owned());

@@ -26,7 +26,7 @@ use crate::run::{
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
 use crate::shots::training_shots;
-use crate::variant::{LensGoal, Schedule, Stage, Variant};
+use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant};
 
 /// Someone who watches a run.
 pub trait Observer {
@@ -212,8 +212,8 @@ impl DesignLoop {
             let stage = variant.stages.get(self.position.stage);
             let turn = stage.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
             let step = match (stage, turn) {
-                (_, Some((Stage::Lens { goal, iterations }, _))) => {
-                    self.improve_lens(variant, *goal, *iterations, observer)
+                (_, Some((Stage::Lens { goal, iterations, search }, _))) => {
+                    self.improve_lens(variant, *goal, *iterations, *search, observer)
                 }
                 (_, Some((Stage::Task(moves), block))) => self.step(variant, moves, block),
                 (Some(stage), None) => {
@@ -306,6 +306,7 @@ impl DesignLoop {
         variant: &Variant,
         goal: LensGoal,
         iterations: usize,
+        search: LensSearch,
         observer: &mut dyn Observer,
     ) -> Result<Step, DesignError> {
         let (step, log) = (self.position.step + 1, &mut self.log);
@@ -318,7 +319,7 @@ impl DesignLoop {
             observer.step(&event);
             log.write(&event)
         };
-        let losses = self.blocks.optics.improve(goal, iterations, &mut watch)?;
+        let losses = self.blocks.optics.improve(goal, iterations, search, &mut watch)?;
         self.took(variant, BlockName::Optics, Step { block: goal.event(), losses, learning_rate: 0.0 })
     }
 
@@ -381,7 +382,8 @@ impl DesignLoop {
         // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
         let camera = match self.camera.take() {
             Some(camera) => camera,
-            None => self.setup.camera(self.lens(variant)?, is_moving)?,
+            None if is_moving => self.setup.moving_camera(variant, self.lens(variant)?)?,
+            None => self.setup.camera(self.lens(variant)?, false)?,
         };
         self.camera = Some(camera.clone());
         Ok(self.held(&camera))

@@ -1,16 +1,19 @@
 //! What a run was made from. Its folder keeps lens and sensor, so that it stands on its own; of photographs it keeps a
 //! fingerprint, because a run that went on with other pictures would be worth nothing.
 
+use std::path::{Path, PathBuf};
+
 use petzval_files::write_lens;
 use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
 use crate::experiment::{Experiment, PERFECT_LENS};
+use crate::optics_proxy::FILES;
 use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
 
-/// SHA-256 of the lens with its glasses, the sensor, the hardware ISP if there is one, and every photograph by name and content.
+/// SHA-256 of the lens with its glasses, the sensor, the hardware ISP and the networks in place of tracing if there are any, and every photograph by name and content.
 fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     let mut hash = Sha256::new();
     for variant in &setup.variants {
@@ -19,6 +22,11 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     hash.update(DesignError::json("the sensor", &setup.body.sensor)?);
     if let Some(settings) = &setup.body.chip {
         hash.update(DesignError::json("the ISP", settings)?);
+    }
+    for path in setup.optics_proxies.keys().map(Path::new) {
+        for file in proxy_files(path) {
+            hash.update(std::fs::read(&file).map_err(DesignError::io(&file))?);
+        }
     }
     for (list, photos) in [("training", setup.photos.training()), ("held out", setup.photos.held_out())] {
         for photo in photos {
@@ -58,10 +66,32 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
             write_file(&run.input(&file), write_lens(&lens).as_bytes())?;
             *name = format!("inputs/{file}");
         }
+        if let Some(proxy) = &mut variant.optics_proxy {
+            let folder = format!("{}-optics-proxy", variant.name);
+            for file in proxy_files(Path::new(proxy.as_str())) {
+                let bytes = std::fs::read(&file).map_err(DesignError::io(&file))?;
+                let name = file.file_name().unwrap_or_default().to_string_lossy();
+                let kept = run.input(&folder).join(&*name);
+                make_parent(&kept)?;
+                write_file(&kept, &bytes)?;
+            }
+            *proxy = format!("inputs/{folder}/{}", FILES[0]);
+        }
     }
     let text = kept.to_toml()?;
     RunRecord::begin(kept).write(run)?;
     write_file(&run.config(), text.as_bytes())
+}
+
+/// The files of a network whose description lies here.
+fn proxy_files(description: &Path) -> impl Iterator<Item = PathBuf> {
+    let folder = description.parent().unwrap_or(Path::new("")).to_owned();
+    FILES.into_iter().map(move |file| folder.join(file))
+}
+
+fn make_parent(path: &Path) -> Result<(), DesignError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    std::fs::create_dir_all(folder).map_err(DesignError::io(folder))
 }
 
 /// Refuses to go on with a run, or to score it again, from other inputs than it was made from.

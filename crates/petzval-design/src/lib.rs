@@ -21,6 +21,7 @@ pub mod glass_warnings;
 pub mod inputs;
 pub mod isp_proxy;
 mod lens_view;
+pub mod optics_proxy;
 pub mod pictures;
 pub mod plausible;
 pub mod psf_plan;

@@ -26,6 +26,7 @@ use crate::error::DesignError;
 use crate::experiment::{
     BUILT_IN_PHOTOS, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, TaskKind, places_of,
 };
+use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
 use crate::start::Start;
 use crate::study::Study;
@@ -43,6 +44,8 @@ pub struct Setup {
     pub variants: Vec<Variant>,
     /// Lenses from which variants start, by the name that variants give them; the experiment's is always among them.
     pub starts: BTreeMap<String, Arc<Start>>,
+    /// Networks that take the place of tracing while lenses move, by the path that variants give.
+    pub optics_proxies: BTreeMap<String, Arc<ProxyOptics>>,
     /// Sensor, exposure and device of every camera.
     pub body: Arc<Body>,
     /// PSFs of a lens that moves.
@@ -105,6 +108,12 @@ impl Setup {
                 return Err(DesignError::NothingToMove(variant.lens.clone()));
             }
         }
+        let mut optics_proxies: BTreeMap<String, Arc<ProxyOptics>> = BTreeMap::new();
+        for variant in &variants {
+            let Some(path) = &variant.optics_proxy else { continue };
+            let proxy = read_proxy_optics(Path::new(path), &starts[&variant.lens], &moving_plan, &device)?;
+            optics_proxies.insert(path.clone(), Arc::new(proxy));
+        }
         let layout = PsfLayout {
             field_radius_mm: fixed_plan.field_radius_mm.clone(),
             grid: experiment.psf.grid,
@@ -136,6 +145,7 @@ impl Setup {
             experiment,
             variants,
             starts,
+            optics_proxies,
             body: Arc::new(Body { sensor, geometry, exposure, isp, restoration, chip, device }),
             moving_plan,
             fixed_plan,
@@ -176,6 +186,16 @@ impl Setup {
         let (geometry, blend) = with_patches_for(&self.body.geometry, psfs.bank(), psf.scoring_blend_error)?;
         let camera = Camera::new(Arc::new(Body { geometry, ..(*self.body).clone() }), psfs)?;
         Ok(camera.with_psf_errors(PsfErrors { pupil, blend: blend.median }))
+    }
+
+    /// The camera of a variant's lens on its way, without a network: [`Setup::camera`], or with PSFs from the network that the variant names.
+    pub fn moving_camera(&self, variant: &Variant, lens: Lens) -> Result<Camera, DesignError> {
+        let Some(proxy) = variant.optics_proxy.as_ref().map(|path| self.optics_proxies[path].clone()) else {
+            return self.camera(lens, true);
+        };
+        let field_radius_mm = self.moving_plan.field_radius_mm.clone();
+        let source = PsfSource::Proxy { lens: Box::new(lens), field_radius_mm, proxy };
+        Camera::new(self.body.clone(), Arc::new(source.psfs()?))
     }
 
     /// The objective of the experiment.

@@ -16,6 +16,8 @@ pub struct Variant {
     pub lens: String,
     /// The variant whose finished lens and network it starts from.
     pub from: Option<String>,
+    /// The description of the network from which its PSFs come while its lens moves for the task.
+    pub optics_proxy: Option<String>,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.
@@ -31,9 +33,20 @@ pub enum Stage {
         goal: LensGoal,
         /// Iterations at most.
         iterations: usize,
+        /// The global search before the descent.
+        search: LensSearch,
     },
     /// Moves blocks, each with its schedule, for the objective of the experiment.
     Task(BTreeMap<BlockName, Schedule>),
+}
+
+/// A global search for a lens within its bounds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LensSearch {
+    /// Rounds; 0 for none.
+    pub rounds: usize,
+    /// Seed of its random lenses.
+    pub seed: u64,
 }
 
 /// What a lens is improved for without pictures.
@@ -189,6 +202,9 @@ mod tests {
         assert_eq!(turns(&stage(4, 2, 1.0)), "oonoon");
         assert_eq!(turns(&stage(3, 0, 1.0)), "ooo");
         assert_eq!(turns(&stage(0, 3, 1.0)), "nnn");
-        assert_eq!(turns(&Stage::Lens { goal: LensGoal::Spot, iterations: 200 }), "o");
+        assert_eq!(
+            turns(&Stage::Lens { goal: LensGoal::Spot, iterations: 200, search: LensSearch::default() }),
+            "o"
+        );
     }
 }

@@ -12,6 +12,7 @@ mod glass_toml;
 pub mod isp_file;
 pub mod lens_toml;
 mod loss;
+pub mod optics_proxy_file;
 mod picture_file;
 pub mod quantum_efficiency;
 pub mod raw_file;

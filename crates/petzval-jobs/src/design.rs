@@ -250,7 +250,7 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
     if let Some(photos) = &changes.photos {
         experiment.photos = absolute(photos)?;
     }
-    let own = experiment.variant.iter_mut().filter_map(|v| v.lens.as_mut());
+    let own = experiment.variant.iter_mut().flat_map(|v| v.lens.iter_mut().chain(v.optics_proxy.as_mut()));
     let shared = [&mut experiment.lens, &mut experiment.sensor, &mut experiment.isp.preset];
     for name in shared.into_iter().chain(own) {
         if Path::new(name.as_str()).is_file() {

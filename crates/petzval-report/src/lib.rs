@@ -9,6 +9,7 @@
 //! | [`sensor_sheet`] | the characterisation of a sensor |
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
 //! | [`isp_strip`] | the stages of an ISP |
+//! | [`optics_proxy_sheet`] | PSFs of a network beside exact ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
 //! | [`plot`] | curves and bars over axes |
@@ -18,6 +19,7 @@ pub mod isp_strip;
 pub mod layout;
 pub mod lens_sheet;
 mod number;
+pub mod optics_proxy_sheet;
 mod page;
 mod palette;
 pub mod plot;

@@ -106,11 +106,16 @@ impl IspBlock {
         Ok(sums)
     }
 
-    /// The ISP with its values held, on the tape.
-    pub fn held(&self, device: &Device) -> ChipValues {
+    /// The values of all parameters as a tensor.
+    fn tensor(&self, device: &Device) -> Tensor<1> {
         let values: Vec<f32> = self.values().into_iter().map(|v| v as f32).collect();
         let count = values.len();
-        ChipValues::OnTape(Box::new(Tensor::from_data(TensorData::new(values, [count]), device)))
+        Tensor::from_data(TensorData::new(values, [count]), device)
+    }
+
+    /// The ISP with its values held, on the tape.
+    pub fn held(&self, device: &Device) -> ChipValues {
+        ChipValues::OnTape(Box::new(self.tensor(device)))
     }
 
     /// The varied parameters: name, value at the start, and now.
@@ -129,10 +134,7 @@ impl IspBlock {
 
     /// Losses at the present values, and the derivatives of the batch's loss by the places.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
-        let ChipValues::OnTape(values) = self.held(&batch.camera.body().device) else {
-            return Err(DesignError::NoGradient("the parameters of the ISP"));
-        };
-        let values = values.require_grad();
+        let values = self.tensor(&batch.camera.body().device).require_grad();
         let camera = batch.camera.with_chip(ChipValues::OnTape(Box::new(values.clone())));
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&frames, batch.shots)?;

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use petzval_optics::lens::Lens;
-use petzval_optics::optimize::{Analysis, LevenbergOptions, descend};
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
 use serde::{Deserialize, Serialize};
 
 use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, parsed};
 use crate::adam::Adam;
-use crate::camera::to_host;
+use crate::camera::{ByLens, to_host};
 use crate::error::DesignError;
 use crate::start::Start;
-use crate::variant::LensGoal;
+use crate::variant::{LensGoal, LensSearch};
 
 const COORDINATES: &str = "coordinates.json";
 const PROGRESS: &str = "progress.json";
@@ -74,7 +74,7 @@ impl OpticsBlock {
     /// requirements.
     ///
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
-    /// there by the adjoint of ray tracing.
+    /// there by the adjoint of ray tracing, or through the network that takes its place.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
         let (frames, psfs) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&frames, batch.shots)?;
@@ -86,27 +86,41 @@ impl OpticsBlock {
         let by_illumination =
             to_host(psfs.illumination.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
         let by_radius = to_host(psfs.radius_mm.grad(&gradients).ok_or(DesignError::NoGradient("the PSFs"))?)?;
-        // Ray tracing takes over from the PSFs to the numbers of the lens.
-        let formed = batch.camera.psfs();
-        let pulled = formed.pull_back(&by_values, &by_illumination, &by_radius);
-        let mut gradient = pulled.ok_or(DesignError::NoLens)?;
+        // What forms the PSFs takes over from them to the lens.
+        let by_lens = batch.camera.psfs().pull_back(&by_values, &by_illumination, &by_radius)?;
 
-        let lens = self.lens()?;
+        let (lens, space) = (self.lens()?, &self.start.space);
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
-        gradient += &by_penalty.scaled(self.constraint_weight);
+        let by_penalty = by_penalty.scaled(self.constraint_weight);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
-        Ok((losses, self.start.space.pull_back(&self.x, &lens, &gradient)))
+        let gradient = match by_lens {
+            ByLens::Numbers(mut gradient) => {
+                gradient += &by_penalty;
+                space.pull_back(&self.x, &lens, &gradient)
+            }
+            ByLens::Coordinates(by) => {
+                let penalties = space.pull_back(&self.x, &lens, &by_penalty);
+                let losses = space.pull_back_coordinates(&self.x, &by);
+                losses.iter().zip(penalties).map(|(loss, penalty)| loss + penalty).collect()
+            }
+        };
+        Ok((losses, gradient))
     }
 
-    /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method. `watch`
-    /// sees the losses before every iteration; those at the end are returned.
+    /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
+    /// lens as it stands or from the best that a search finds. `watch` sees the losses after every round and before every iteration; those at
+    /// the end are returned.
     pub fn improve(
         &mut self,
         goal: LensGoal,
         iterations: usize,
+        search: LensSearch,
         watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
         let (mut lens, mut left, mut losses) = (self.lens()?, iterations, BTreeMap::new());
+        if search.rounds > 0 {
+            lens = self.searched(goal, lens, search, watch)?;
+        }
         for stiffness_um_per_mm in STIFFNESS_UM_PER_MM {
             let problem = self.start.problem(goal, lens, stiffness_um_per_mm);
             let options = LevenbergOptions { iterations: left, tolerance: tolerance(goal) };
@@ -122,6 +136,25 @@ impl OpticsBlock {
             lens = descent.best.lens;
         }
         Ok(losses)
+    }
+
+    /// The best lens of a global search within the bounds, `lens` among them.
+    fn searched(
+        &self,
+        goal: LensGoal,
+        lens: Lens,
+        LensSearch { rounds, seed }: LensSearch,
+        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
+    ) -> Result<Lens, DesignError> {
+        let problem = self.start.problem(goal, lens.clone(), STIFFNESS_UM_PER_MM[0]);
+        let mut search = Search::new(&problem, SearchOptions { seed, ..SearchOptions::default() })?;
+        for _ in 0..rounds {
+            search.advance();
+            if let Some(best) = search.best() {
+                watch(lens_losses(&best.analysis))?;
+            }
+        }
+        Ok(search.best().map_or(lens, |best| best.analysis.lens.clone()))
     }
 
     /// One step of Adam and the proximal map. A gradient that is no number must not reach the moments: it shows in the

@@ -32,7 +32,7 @@ use crate::error::DesignError;
 
 pub use chip::{ChipValues, ideal_input, raw_inputs};
 pub use host::to_host;
-pub use psf_source::{PsfSource, Psfs};
+pub use psf_source::{ByLens, PsfSource, Psfs};
 
 /// Most values of the kernels of a camera that are kept: 64 MB.
 const MOST_KERNEL_VALUES: usize = 16_000_000;

@@ -1,14 +1,17 @@
 //! Where the PSFs of a camera come from, and how a loss's derivatives by them go back to the lens.
 
+use std::sync::Arc;
+
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 
 use crate::error::DesignError;
+use crate::optics_proxy::{ProxyOptics, ProxyPsfs};
 use crate::psf_plan::{BankWithTape, PsfPlan};
 
 /// Where the PSFs of a camera come from.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub enum PsfSource {
     /// Exact tracing of the camera's lens: by rays or by diffraction, according to [`PsfPlan::options`].
     Traced {
@@ -17,8 +20,25 @@ pub enum PsfSource {
         /// Fields, wavelengths, grids.
         plan: PsfPlan,
     },
+    /// A network in place of tracing.
+    Proxy {
+        /// The lens.
+        lens: Box<Lens>,
+        /// Image radii of the fields, mm.
+        field_radius_mm: Vec<f64>,
+        /// The network.
+        proxy: Arc<ProxyOptics>,
+    },
     /// PSFs that were measured from captures; no lens is known.
     Measured(PsfBank),
+}
+
+/// The derivatives of a loss by the lens that forms the PSFs.
+pub enum ByLens {
+    /// By every number of the lens: from exact tracing.
+    Numbers(LensGradient),
+    /// By the coordinates of the design space alone, with all that pickups and solves settle: from a network.
+    Coordinates(Vec<f64>),
 }
 
 /// The PSFs of a camera, with what their gradient needs.
@@ -28,6 +48,7 @@ pub struct Psfs {
 
 enum Kind {
     Traced { lens: Box<Lens>, plan: PsfPlan, traced: Box<BankWithTape> },
+    Proxy { lens: Box<Lens>, predicted: Box<ProxyPsfs> },
     Measured(PsfBank),
 }
 
@@ -38,6 +59,10 @@ impl PsfSource {
             Self::Traced { lens, plan } => {
                 let traced = Box::new(plan.trace(&lens)?);
                 Kind::Traced { lens, plan, traced }
+            }
+            Self::Proxy { lens, field_radius_mm, proxy } => {
+                let predicted = Box::new(proxy.psfs(&lens, &field_radius_mm)?);
+                Kind::Proxy { lens, predicted }
             }
             Self::Measured(bank) => Kind::Measured(bank),
         };
@@ -50,6 +75,7 @@ impl Psfs {
     pub fn bank(&self) -> &PsfBank {
         match &self.kind {
             Kind::Traced { traced, .. } => &traced.bank,
+            Kind::Proxy { predicted, .. } => &predicted.bank,
             Kind::Measured(bank) => bank,
         }
     }
@@ -57,32 +83,36 @@ impl Psfs {
     /// The lens that forms them, if it is known.
     pub fn lens(&self) -> Option<&Lens> {
         match &self.kind {
-            Kind::Traced { lens, .. } => Some(lens),
+            Kind::Traced { lens, .. } | Kind::Proxy { lens, .. } => Some(lens),
             Kind::Measured(_) => None,
         }
     }
 
-    /// Least share of a PSF's light that its grid holds, over fields and colours; `None` where no lens forms the PSFs.
+    /// Least share of a PSF's light that its grid holds, over fields and colours; `None` where the PSFs are not traced.
     pub fn captured(&self) -> Option<f64> {
         match &self.kind {
             Kind::Traced { traced, .. } => Some(traced.captured()),
-            Kind::Measured(_) => None,
+            Kind::Proxy { .. } | Kind::Measured(_) => None,
         }
     }
 
-    /// Pulls a loss's derivatives by the PSFs, laid out as in [`PsfBank`], back to the lens by the adjoint of ray tracing; those by
-    /// the radii are the derivatives by where the chief rays land, at fixed fields. `None` where no lens forms the PSFs: then the chain ends at them.
+    /// Pulls a loss's derivatives by the PSFs, laid out as in [`PsfBank`], back to the lens: by the adjoint of ray tracing, where those by
+    /// the radii are the derivatives by where the chief rays land, at fixed fields; or through the network, whose radii are fixed.
+    /// Where no lens forms the PSFs, the chain ends at them, and this is an error.
     pub fn pull_back(
         &self,
         by_values: &[f32],
         by_illumination: &[f32],
         by_radius: &[f32],
-    ) -> Option<LensGradient> {
+    ) -> Result<ByLens, DesignError> {
         match &self.kind {
             Kind::Traced { plan, traced, .. } => {
-                Some(plan.gradient(traced, by_values, by_illumination, by_radius))
+                Ok(ByLens::Numbers(plan.gradient(traced, by_values, by_illumination, by_radius)))
             }
-            Kind::Measured(_) => None,
+            Kind::Proxy { predicted, .. } => {
+                Ok(ByLens::Coordinates(predicted.by_coordinates(by_values, by_illumination)?))
+            }
+            Kind::Measured(_) => Err(DesignError::NoLens),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Experiment, ScheduleConfig, StageConfig, VariantConfig};
 use crate::block::{BlockName, StepMethod};
-use crate::variant::{Schedule, Stage, Variant};
+use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant};
 
 impl Experiment {
     /// The variants in the order of the file, with the experiment's own values for all that they leave out.
@@ -11,6 +11,7 @@ impl Experiment {
             name: v.name.clone(),
             lens: self.origin(v).lens.clone().unwrap_or_else(|| self.lens.clone()),
             from: v.from.clone(),
+            optics_proxy: v.optics_proxy.clone(),
             starts_moved: self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };
@@ -37,7 +38,10 @@ impl Experiment {
 
 fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
     if let Some(goal) = config.goal.of_lens() {
-        return Stage::Lens { goal, iterations: experiment.spot.iterations };
+        // The error after restoration takes too long for a search: it starts from what the spots have found.
+        let rounds = if goal == LensGoal::Spot { experiment.spot.rounds } else { 0 };
+        let search = LensSearch { rounds, seed: experiment.seed };
+        return Stage::Lens { goal, iterations: experiment.spot.iterations, search };
     }
     let (t, o, i) = (&experiment.training, &experiment.optics, &experiment.isp);
     let default = |block: BlockName| match block {

@@ -24,6 +24,10 @@ pub struct VariantConfig {
     /// The variant, earlier in the file, whose finished lens and network it starts from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
+    /// The description of a [network](crate::optics_proxy) from which its PSFs come while its lens moves for the task, in place of exact
+    /// tracing. Lenses at rest and every score are traced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub optics_proxy: Option<String>,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
@@ -102,7 +106,13 @@ pub struct ScheduleConfig {
 pub fn standard_variants() -> Vec<VariantConfig> {
     let stage =
         |goal, moves: &[BlockName]| StageConfig { goal, moves: moves.to_vec(), schedule: BTreeMap::new() };
-    let variant = |name: &str, stage| VariantConfig { name: name.to_owned(), lens: None, from: None, stage };
+    let variant = |name: &str, stage| VariantConfig {
+        name: name.to_owned(),
+        lens: None,
+        from: None,
+        optics_proxy: None,
+        stage,
+    };
     let network = stage(Goal::Task, &[BlockName::Network]);
     let [spot, restored] = [Goal::Spot, Goal::Restored].map(|goal| stage(goal, &[BlockName::Optics]));
     let together = stage(Goal::Task, &[BlockName::Optics, BlockName::Network]);

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     NetworkError,
     leaky_conv::{LeakyConv, SLOPE},
-    trunk::{Trunk, crop, double, extend},
+    trunk::{Trunk, crop, double, extend, shuffle},
     weights::{self, Initializer, check_sizes},
 };
 
@@ -225,16 +225,4 @@ fn mix(weights: Tensor<2>, x: Tensor<4>, outputs: usize) -> Tensor<4> {
 /// Values between 0 and 1 as they are; beyond, with a slope of [`LEAK`].
 fn leaky_clip(x: Tensor<4>) -> Tensor<4> {
     x.clone().clamp(0.0, 1.0) * (1.0 - LEAK) + x * LEAK
-}
-
-/// `y[c, 2 r + i, 2 s + j] = x[4 c + 2 i + j, r, s]`: channels to pixels.
-fn shuffle(x: Tensor<4>) -> Tensor<4> {
-    let [batch, channels, rows, columns] = x.dims();
-    let colours = channels / 4;
-    x.reshape([batch, colours, 2, 2, rows, columns]).permute([0, 1, 4, 2, 5, 3]).reshape([
-        batch,
-        colours,
-        2 * rows,
-        2 * columns,
-    ])
 }

@@ -1,10 +1,11 @@
-//! Networks that restore a picture, improve a developed one, or imitate its development.
+//! Networks that restore a picture, improve a developed one, or imitate its development or a lens.
 //!
 //! | network | input | output |
 //! |---|---|---|
 //! | [`UNet`] | developed picture | the finished picture |
 //! | [`Naf`] | any planes of a picture | the correction of the picture |
 //! | [`IspProxy`] | raw mosaic and parameters | what a black-box image signal processor (ISP) develops |
+//! | [`OpticsProxy`] | numbers of a lens and a field | its point spread functions |
 //!
 //! The operations below them are ours on the CPU and the framework's on other devices: [`conv_leaky`], [`depthwise`],
 //! [`pointwise`].
@@ -19,6 +20,7 @@ mod input;
 mod isp_proxy;
 mod leaky_conv;
 mod naf;
+mod optics_proxy;
 mod planes;
 mod pointwise;
 mod pointwise_kernel;
@@ -34,6 +36,7 @@ pub use error::NetworkError;
 pub use input::NetworkInput;
 pub use isp_proxy::{IspProxy, IspProxyConfig};
 pub use naf::{Naf, NafConfig};
+pub use optics_proxy::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs};
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
 pub use restoration::RestorationNetwork;
 pub use unet::{UNet, UNetConfig};

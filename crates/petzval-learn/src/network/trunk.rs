@@ -115,3 +115,15 @@ pub(crate) fn crop(picture: Tensor<4>, [height, width]: [usize; 2]) -> Tensor<4>
     }
     picture.slice([0..batch, 0..channels, 0..height, 0..width])
 }
+
+/// `y[c, 2 r + i, 2 s + j] = x[4 c + 2 i + j, r, s]`: channels to pixels.
+pub(crate) fn shuffle(x: Tensor<4>) -> Tensor<4> {
+    let [batch, channels, rows, columns] = x.dims();
+    let colours = channels / 4;
+    x.reshape([batch, colours, 2, 2, rows, columns]).permute([0, 1, 4, 2, 5, 3]).reshape([
+        batch,
+        colours,
+        2 * rows,
+        2 * columns,
+    ])
+}

@@ -146,8 +146,12 @@ impl SmoothSpace {
 
     /// Derivatives by the free coordinates, from those by the numbers of `lens`, which is the lens at `x`.
     pub fn pull_back(&self, x: &[f64], lens: &Lens, gradient: &LensGradient) -> Vec<f64> {
-        let by = self.space.pull_back(lens, gradient);
+        self.pull_back_coordinates(x, &self.space.pull_back(lens, gradient))
+    }
+
+    /// Derivatives by the free coordinates, from those by the coordinates of the space under it.
+    pub fn pull_back_coordinates(&self, x: &[f64], by: &[f64]) -> Vec<f64> {
         let maps = self.maps.iter().zip(x).zip(by);
-        maps.map(|((map, x), by)| map.pull_back(*x, map.value(*x), by)).collect()
+        maps.map(|((map, x), by)| map.pull_back(*x, map.value(*x), *by)).collect()
     }
 }

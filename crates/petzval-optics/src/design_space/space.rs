@@ -126,7 +126,11 @@ impl DesignSpace {
 
     /// Coordinates of the lens that the space was made around, moved inside their bounds.
     pub fn start(&self) -> Vec<f64> {
-        let lens = &self.base;
+        self.coordinates(&self.base)
+    }
+
+    /// Coordinates of any lens with the surfaces of this space, moved inside their bounds. What pickups and solves settle is not read.
+    pub fn coordinates(&self, lens: &Lens) -> Vec<f64> {
         let variables = &self.numbers[..self.variables.len()];
         let mut at: Vec<f64> = variables.iter().map(|(s, n)| n.read(lens, *s)).collect();
         match self.focus {

@@ -1,6 +1,7 @@
-//! `petzval train`: networks that stand in for what has no gradient.
+//! `petzval train`: networks that stand in for what has no gradient, or once had none.
 
 mod isp_proxy;
+mod optics_proxy;
 
 use std::process::ExitCode;
 
@@ -14,11 +15,14 @@ use super::terminal::Terminal;
 pub enum TrainVerb {
     /// Train a network that imitates an image signal processor
     IspProxy(isp_proxy::Args),
+    /// Train a network that gives the PSFs of a lens in place of ray tracing
+    OpticsProxy(optics_proxy::Args),
 }
 
 /// Runs a verb.
 pub fn run(verb: TrainVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
         TrainVerb::IspProxy(args) => isp_proxy::run(args, terminal),
+        TrainVerb::OpticsProxy(args) => optics_proxy::run(args, terminal),
     }
 }

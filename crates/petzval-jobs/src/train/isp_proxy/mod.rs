@@ -1,10 +1,8 @@
 //! `train isp-proxy`: a network that imitates an ISP, and what the imitation costs.
 
-mod folder;
 mod plan;
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use petzval_camera::isp::{Demosaic, Domain, RgbPicture};
 use petzval_design::experiment::DevelopmentConfig;
@@ -14,12 +12,12 @@ use petzval_files::isp_file::IspProxyFile;
 use petzval_report::isp_strip::{Strip, StripStep, page};
 use serde::{Deserialize, Serialize};
 
-use self::folder::{Kept, ProxyFolder, WEIGHTS};
+use super::folder::{Kept as AnyKept, Training, TrainingFolder, WEIGHTS, train};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::isp::{NamedIsp, isp_by_name};
 
-pub use self::plan::{Plan, Record};
+pub use self::plan::Plan;
 pub use petzval_design::isp_proxy::{Gap, ProxyTraining};
 
 /// Frames of a training step, and their side in pixels: with the mirrored pixels around them 32 cells of the filter array, which three
@@ -33,12 +31,11 @@ const HELD_OUT_SIDE: usize = 126;
 /// Share of generated pictures among the scenes.
 const GENERATED: f64 = 0.5;
 
-/// Steps between two records of the losses, and between two states from which training can continue.
-const RECORD_EVERY: usize = 50;
-const KEEP_EVERY: usize = 250;
-
 /// Held-out frames on the page.
 const SHOWN: usize = 3;
+
+/// The state of a training.
+type Kept = AnyKept<Plan, StepLosses>;
 
 /// A training that begins, or one that is continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,7 +82,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (plan, resumed) = match request {
         Request::New { plan, .. } => (Plan::clone(plan), None),
         Request::Resume { folder } => {
-            let (folder, kept) = ProxyFolder::open(folder)?;
+            let (folder, kept): (_, Kept) = TrainingFolder::open(folder)?;
             (kept.plan.clone(), Some((folder, kept)))
         }
     };
@@ -103,13 +100,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut trainer = ProxyTrainer::new(named.isp(), varied.clone(), values.clone(), plan.training, &device)?;
     let (folder, mut kept) = match (resumed, request) {
         (Some((folder, kept)), _) => {
-            trainer.load(folder.state(&kept)?)?;
+            trainer.load(folder.state(kept.step)?)?;
             (folder, kept)
         }
-        (None, Request::New { out, .. }) => (ProxyFolder::create(out)?, Kept::new(plan.clone())),
+        (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(plan.clone())),
         (None, Request::Resume { .. }) => return Err(JobError::failed("the training was not read")),
     };
-    train(&mut trainer, &source, &folder, &mut kept, context)?;
+    let mut training = OnFrames { trainer, source };
+    train(&mut training, plan.training.steps, &folder, &mut kept, context)?;
+    let OnFrames { trainer, source } = training;
 
     let response = Response {
         isp: named.isp().name().to_owned(),
@@ -129,7 +128,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let gap = judge.gap(trainer.proxy(), &values, &device)?;
     let description = description(&plan, &named, &varied, &values, &kept, &gap)?;
     let strip = strip(&named, &frames, &trainer, &values)?;
-    folder.finish(&trainer.save()?[0], &description, &page(&strip))?;
+    folder.finish(&trainer.save()?[0], &page(&strip), &[], &description)?;
     Ok(Response { gap: Some(gap), ..response })
 }
 
@@ -148,51 +147,36 @@ fn setup(plan: &Plan, context: &Context) -> Result<Setup, JobError> {
     Ok(Setup::new(experiment, &context.assets, context.device("cpu")?)?)
 }
 
-/// Goes on until the last step or until the job is cancelled.
-fn train(
-    trainer: &mut ProxyTrainer,
-    source: &FrameSource,
-    folder: &ProxyFolder,
-    kept: &mut Kept,
-    context: &Context,
-) -> Result<(), JobError> {
-    let steps = kept.plan.training.steps;
-    let none = StepLosses { picture: 0.0, difference: 0.0, change: 0.0 };
-    let (mut sum, mut count) = (none, 0);
-    let mut clock = Instant::now();
-    while kept.step < steps {
-        let losses = trainer.step(kept.step, &source.training(kept.step as u64)?)?;
-        kept.step += 1;
-        sum.picture += losses.picture;
-        sum.difference += losses.difference;
-        sum.change += losses.change;
-        count += 1;
-        if kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps {
-            let mean = |sum: f64| sum / f64::from(count);
-            let losses = StepLosses {
-                picture: mean(sum.picture),
-                difference: mean(sum.difference),
-                change: mean(sum.change),
-            };
-            kept.history.push(Record { step: kept.step, losses });
-            let text = format!(
-                "errors: picture {:.4}, change {:.4} of {:.4}",
-                losses.picture, losses.difference, losses.change
-            );
-            context.progress(kept.step as u64, steps as u64, text);
-            (sum, count) = (none, 0);
-        }
-        let is_cancelled = context.is_cancelled();
-        if kept.step.is_multiple_of(KEEP_EVERY) || kept.step == steps || is_cancelled {
-            kept.seconds += clock.elapsed().as_secs_f64();
-            clock = Instant::now();
-            folder.keep(kept, &trainer.save()?)?;
-        }
-        if is_cancelled {
-            break;
+/// A proxy in training, and the frames on which it is trained.
+struct OnFrames<'a> {
+    trainer: ProxyTrainer<'a>,
+    source: FrameSource,
+}
+
+impl Training for OnFrames<'_> {
+    type Losses = StepLosses;
+
+    fn step(&mut self, step: usize) -> Result<StepLosses, JobError> {
+        Ok(self.trainer.step(step, &self.source.training(step as u64)?)?)
+    }
+
+    fn mean(losses: &[StepLosses]) -> StepLosses {
+        let mean = |of: fn(&StepLosses) -> f64| losses.iter().map(of).sum::<f64>() / losses.len() as f64;
+        StepLosses {
+            picture: mean(|l| l.picture),
+            difference: mean(|l| l.difference),
+            change: mean(|l| l.change),
         }
     }
-    Ok(())
+
+    fn words(losses: &StepLosses) -> String {
+        let StepLosses { picture, difference, change } = losses;
+        format!("errors: picture {picture:.4}, change {difference:.4} of {change:.4}")
+    }
+
+    fn state(&self) -> Result<[Vec<u8>; 2], JobError> {
+        Ok(self.trainer.save()?)
+    }
 }
 
 fn description(

@@ -1,6 +1,6 @@
-//! The plan of a training, and its record.
+//! The plan of a training.
 
-use petzval_design::isp_proxy::{ProxyTraining, StepLosses};
+use petzval_design::isp_proxy::ProxyTraining;
 use serde::{Deserialize, Serialize};
 
 /// What is imitated, and how.
@@ -17,13 +17,4 @@ pub struct Plan {
     pub experiment: String,
     /// Steps and size of the network.
     pub training: ProxyTraining,
-}
-
-/// The mean losses of some steps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
-    /// Steps taken at its end.
-    pub step: usize,
-    /// Their mean losses.
-    pub losses: StepLosses,
 }

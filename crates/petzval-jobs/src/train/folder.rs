@@ -1,0 +1,199 @@
+//! The folder of a network in training: its state, then its weights and its description. And the loop that goes on with it.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use petzval_base::write_whole;
+use petzval_design::error::DesignError;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::{JobError, json, make_folder};
+
+/// Steps between two records of the losses, and between two states from which training can continue.
+const RECORD_EVERY: usize = 50;
+const KEEP_EVERY: usize = 250;
+
+/// File of the weights.
+pub(super) const WEIGHTS: &str = "weights.bin";
+
+/// All that a training needs to continue, beside weights and optimiser.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Kept<P, L> {
+    /// What is imitated, and how.
+    pub plan: P,
+    /// Steps that were taken.
+    pub step: usize,
+    /// Time that they took, s.
+    pub seconds: f64,
+    /// Losses on the way.
+    pub history: Vec<Record<L>>,
+}
+
+/// The mean losses of some steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record<L> {
+    /// Steps taken at its end.
+    pub step: usize,
+    /// Their mean losses.
+    pub losses: L,
+}
+
+impl<P, L> Kept<P, L> {
+    /// A training that has not begun.
+    pub fn new(plan: P) -> Self {
+        Self { plan, step: 0, seconds: 0.0, history: Vec::new() }
+    }
+}
+
+/// A network in training.
+pub(super) trait Training {
+    /// The losses of a step.
+    type Losses: Copy + Serialize;
+
+    /// Takes a step.
+    fn step(&mut self, step: usize) -> Result<Self::Losses, JobError>;
+
+    /// The mean of the losses of steps, of which there is at least one.
+    fn mean(losses: &[Self::Losses]) -> Self::Losses;
+
+    /// Losses in words.
+    fn words(losses: &Self::Losses) -> String;
+
+    /// Weights and optimiser.
+    fn state(&self) -> Result<[Vec<u8>; 2], JobError>;
+}
+
+/// Goes on until the last step or until the job is cancelled.
+pub(super) fn train<T: Training, P: Serialize>(
+    training: &mut T,
+    steps: usize,
+    folder: &TrainingFolder,
+    kept: &mut Kept<P, T::Losses>,
+    context: &Context,
+) -> Result<(), JobError> {
+    let mut recent = Vec::new();
+    let mut clock = Instant::now();
+    while kept.step < steps {
+        recent.push(training.step(kept.step)?);
+        kept.step += 1;
+        if kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps {
+            let losses = T::mean(&recent);
+            recent.clear();
+            kept.history.push(Record { step: kept.step, losses });
+            context.progress(kept.step as u64, steps as u64, T::words(&losses));
+        }
+        let is_cancelled = context.is_cancelled();
+        if kept.step.is_multiple_of(KEEP_EVERY) || kept.step == steps || is_cancelled {
+            kept.seconds += clock.elapsed().as_secs_f64();
+            clock = Instant::now();
+            folder.keep(kept, kept.step, &training.state()?)?;
+        }
+        if is_cancelled {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// The folder of a training.
+pub(super) struct TrainingFolder(PathBuf);
+
+impl TrainingFolder {
+    /// Makes the folder; refuses one that already holds a training.
+    pub fn create(root: &Path) -> Result<Self, JobError> {
+        let folder = Self(root.to_owned());
+        if folder.training().exists() {
+            let hint = "continue it with --resume, or choose another folder";
+            return Err(JobError::setting(
+                "out",
+                root.display(),
+                "this folder already holds a training",
+                hint,
+            ));
+        }
+        make_folder(root)?;
+        Ok(folder)
+    }
+
+    /// Reads the training in a folder.
+    pub fn open<K: DeserializeOwned>(root: &Path) -> Result<(Self, K), JobError> {
+        let folder = Self(root.to_owned());
+        let path = folder.training();
+        let wrong = |message: String| {
+            let hint = "--resume takes the --out folder of an earlier training of the same kind";
+            JobError::input(format!("{}: {message}", path.display()), hint)
+        };
+        let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
+        let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        Ok((folder, kept))
+    }
+
+    /// Description of the finished network.
+    pub fn description(&self) -> PathBuf {
+        self.0.join("proxy.toml")
+    }
+
+    /// Page of its pictures.
+    pub fn page(&self) -> PathBuf {
+        self.0.join("proxy.html")
+    }
+
+    fn training(&self) -> PathBuf {
+        self.0.join("training.json")
+    }
+
+    /// Files of weights and optimiser after a step.
+    fn parts(&self, step: usize) -> [PathBuf; 2] {
+        ["weights", "optimizer"].map(|part| self.0.join(format!("{part}-{step:07}.bin")))
+    }
+
+    /// Weights and optimiser after a step.
+    pub fn state(&self, step: usize) -> Result<[Vec<u8>; 2], JobError> {
+        let [weights, optimizer] = self.parts(step);
+        let read = |path: PathBuf| std::fs::read(&path).map_err(DesignError::io(&path));
+        Ok([read(weights)?, read(optimizer)?])
+    }
+
+    /// Keeps a state. The record comes last and names the files by its step, so that a folder always holds one whole state.
+    fn keep(&self, kept: &impl Serialize, step: usize, state: &[Vec<u8>; 2]) -> Result<(), JobError> {
+        for (path, bytes) in self.parts(step).iter().zip(state) {
+            write_whole(path, bytes).map_err(DesignError::io(path))?;
+        }
+        write_whole(&self.training(), json(kept)?.as_bytes()).map_err(DesignError::io(&self.training()))?;
+        self.remove_states_but(step)
+    }
+
+    fn remove_states_but(&self, step: usize) -> Result<(), JobError> {
+        let kept = self.parts(step);
+        for entry in std::fs::read_dir(&self.0).map_err(DesignError::io(&self.0))? {
+            let path = entry.map_err(DesignError::io(&self.0))?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let is_state = ["weights-", "optimizer-"].iter().any(|start| name.starts_with(start));
+            if is_state && name.ends_with(".bin") && !kept.contains(&path) {
+                std::fs::remove_file(&path).map_err(DesignError::io(&path))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the finished network, its page and other files by name; the description comes last.
+    pub fn finish(
+        &self,
+        weights: &[u8],
+        page: &str,
+        others: &[(&str, &str)],
+        description: &impl Serialize,
+    ) -> Result<(), JobError> {
+        let text = toml::to_string(description).map_err(|e| JobError::failed(e.to_string()))?;
+        let others = others.iter().map(|(name, text)| (self.0.join(name), text.as_bytes()));
+        let first = [(self.0.join(WEIGHTS), weights), (self.page(), page.as_bytes())];
+        let last = (self.description(), text.as_bytes());
+        for (path, bytes) in first.into_iter().chain(others).chain([last]) {
+            write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+        }
+        Ok(())
+    }
+}

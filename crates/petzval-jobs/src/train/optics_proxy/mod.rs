@@ -1,0 +1,237 @@
+//! `train optics-proxy`: a network in place of ray tracing, as the paper had it, and what it costs.
+
+use std::path::PathBuf;
+
+use cpu_time::ProcessTime;
+use petzval_camera::psf::PsfBank;
+use petzval_design::optics_proxy::{
+    FILES, LensSampler, OpticsGap, OpticsJudge, OpticsLosses, ProxyDomain, ProxyOptics, ProxyOpticsTrainer,
+};
+use petzval_design::setup::Setup;
+use petzval_files::optics_proxy_file::OpticsProxyFile;
+use petzval_files::write_lens;
+use petzval_report::optics_proxy_sheet::{PsfRow, Sheet, page};
+use serde::{Deserialize, Serialize};
+
+use super::folder::{Kept as AnyKept, Training, TrainingFolder, WEIGHTS, train};
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Lenses on which a network is judged.
+const JUDGED_LENSES: usize = 50;
+
+/// Lenses on the page, and fields of each.
+const SHOWN_LENSES: usize = 3;
+const SHOWN_FIELDS: usize = 5;
+
+/// Turns the seed of a training into that of the lenses on which it is judged.
+const UNSEEN: u64 = 0x756e_7365_656e;
+
+/// What is imitated, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Experiment that gives lens, bounds, sensor and PSFs.
+    pub experiment: String,
+    /// Steps and size of the network.
+    pub training: OpticsTraining,
+}
+
+pub use petzval_design::optics_proxy::OpticsTraining;
+
+type Kept = AnyKept<Plan, OpticsLosses>;
+
+/// A training that begins, or one that is continued.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Request {
+    /// From untrained weights.
+    New {
+        /// What is imitated, and how.
+        plan: Plan,
+        /// Folder for results and state; it must not hold a training.
+        out: PathBuf,
+    },
+    /// Where the training in a folder ended.
+    Resume {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+/// A trained network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Name of the lens.
+    pub lens: String,
+    /// Numbers of the lens among the inputs.
+    pub numbers: usize,
+    /// Steps that were taken.
+    pub steps: usize,
+    /// Time that they took, s.
+    pub seconds: f64,
+    /// How far its PSFs are from exact ones; none if the job was cancelled.
+    pub gap: Option<OpticsGap>,
+    /// Description of the network, which a variant of an experiment takes as `optics_proxy`.
+    pub proxy: PathBuf,
+    /// Page of its PSFs beside exact ones.
+    pub page: PathBuf,
+}
+
+impl Training for ProxyOpticsTrainer {
+    type Losses = OpticsLosses;
+
+    fn step(&mut self, step: usize) -> Result<OpticsLosses, JobError> {
+        Ok(Self::step(self, step)?)
+    }
+
+    fn mean(losses: &[OpticsLosses]) -> OpticsLosses {
+        let mean = |of: fn(&OpticsLosses) -> f64| losses.iter().map(of).sum::<f64>() / losses.len() as f64;
+        OpticsLosses {
+            psf: mean(|l| l.psf),
+            slope: mean(|l| l.slope),
+            illumination: mean(|l| l.illumination),
+        }
+    }
+
+    fn words(losses: &OpticsLosses) -> String {
+        let OpticsLosses { psf, slope, illumination } = losses;
+        format!("errors: PSF {psf:.3}, slopes {slope:.3}, illumination {illumination:.4}")
+    }
+
+    fn state(&self) -> Result<[Vec<u8>; 2], JobError> {
+        Ok(self.save()?)
+    }
+}
+
+/// Trains a network and judges it on lenses that it has not seen.
+///
+/// The folder holds the weights, the lens with the bounds within which lenses are drawn, the description with the figures of the
+/// comparison (`proxy.toml`), PSFs of network and tracing side by side (`proxy.html`), and what is needed to continue (`training.json`).
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let (plan, resumed) = match request {
+        Request::New { plan, .. } => (plan.clone(), None),
+        Request::Resume { folder } => {
+            let (folder, kept): (_, Kept) = TrainingFolder::open(folder)?;
+            (kept.plan.clone(), Some((folder, kept)))
+        }
+    };
+    check(&plan.training)?;
+    let device = context.device("cpu")?;
+    let experiment = context.assets.experiment(&plan.experiment)?;
+    let setup = Setup::without_photos(experiment, &context.assets, device.clone())?;
+    let start = setup.starts[&setup.experiment.lens].clone();
+    if start.space.space().variables().is_empty() {
+        let hint = "add [[variable]] entries with bounds to its file, or name another experiment";
+        return Err(JobError::setting("lens", &setup.experiment.lens, "has no variables", hint));
+    }
+    let domain = ProxyDomain::of(&setup.moving_plan).map_err(|(key, hint)| {
+        JobError::setting("experiment", &plan.experiment, format!("{key} cannot be imitated"), hint)
+    })?;
+    let sampler = |seed: u64| LensSampler::new(start.clone(), setup.moving_plan.clone(), seed);
+    let mut trainer =
+        ProxyOpticsTrainer::new(sampler(plan.training.seed), domain.clone(), plan.training, &device)?;
+    let (folder, mut kept) = match (resumed, request) {
+        (Some((folder, kept)), _) => {
+            trainer.load(folder.state(kept.step)?)?;
+            (folder, kept)
+        }
+        (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(plan.clone())),
+        (None, Request::Resume { .. }) => return Err(JobError::failed("the training was not read")),
+    };
+    train(&mut trainer, plan.training.steps, &folder, &mut kept, context)?;
+
+    let response = Response {
+        lens: start.lens_file.lens.name.clone(),
+        numbers: start.space.dimension(),
+        steps: kept.step,
+        seconds: kept.seconds,
+        gap: None,
+        proxy: folder.description(),
+        page: folder.page(),
+    };
+    if kept.step < plan.training.steps {
+        return Ok(response);
+    }
+    context
+        .note(format!("comparing network and tracing on {JUDGED_LENSES} lenses that training has not seen"));
+    let unseen = sampler(plan.training.seed ^ UNSEEN);
+    let clock = || ProcessTime::now().as_duration().as_secs_f64();
+    let judge = OpticsJudge { sampler: &unseen, lenses: JUDGED_LENSES, limit: &setup.limit, clock: &clock };
+    let watch = |done| context.progress(done as u64, JUDGED_LENSES as u64, "comparing");
+    let gap = judge.gap(trainer.proxy(), &watch)?;
+    let sheet = sheet(&unseen, trainer.proxy())?;
+    let description = description(&plan, &setup, &domain, trainer.proxy(), &kept, &gap)?;
+    let lens = write_lens(&start.lens_file);
+    folder.finish(&trainer.save()?[0], &page(&sheet), &[(FILES[1], &lens)], &description)?;
+    Ok(Response { gap: Some(gap), ..response })
+}
+
+fn check(training: &OpticsTraining) -> Result<(), JobError> {
+    let OpticsTraining { steps, batch, .. } = *training;
+    if !(1..=10_000_000).contains(&steps) {
+        let hint = "2000 take about a quarter of an hour on two cores";
+        return Err(JobError::setting("steps", steps, "must lie between 1 and 10000000", hint));
+    }
+    if !(1..=1024).contains(&batch) {
+        return Err(JobError::setting("batch", batch, "must lie between 1 and 1024", "8 is usual"));
+    }
+    Ok(())
+}
+
+fn description(
+    plan: &Plan,
+    setup: &Setup,
+    domain: &ProxyDomain,
+    proxy: &ProxyOptics,
+    kept: &Kept,
+    gap: &OpticsGap,
+) -> Result<OpticsProxyFile, JobError> {
+    let table = |value: toml::ser::Error| JobError::failed(value.to_string());
+    Ok(OpticsProxyFile {
+        about: format!(
+            "A network that gives the PSFs of lenses about \"{}\", trained by `petzval train optics-proxy` in {} steps; [gap] says how \
+             well.",
+            setup.nominal().lens_file.lens.name,
+            kept.step
+        ),
+        lens: FILES[1].to_owned(),
+        weights: WEIGHTS.to_owned(),
+        wavelengths_um: domain.wavelengths_um,
+        grid: domain.grid,
+        pitch_um: domain.pitch_um,
+        corner_mm: domain.corner_mm,
+        defocus_mm: setup.experiment.optics.defocus_mm,
+        hidden: plan.training.hidden,
+        channels: plan.training.channels,
+        mean: proxy.scale().mean.clone(),
+        deviation: proxy.scale().deviation.clone(),
+        training: toml::Table::try_from(plan).map_err(table)?,
+        gap: toml::Table::try_from(gap).map_err(table)?,
+    })
+}
+
+/// PSFs of unseen lenses, exact ones above those of the network.
+fn sheet(unseen: &LensSampler, proxy: &ProxyOptics) -> Result<Sheet, JobError> {
+    let radii = &unseen.plan().field_radius_mm;
+    let last = radii.len() - 1;
+    let shown: Vec<usize> = (0..SHOWN_FIELDS).map(|i| i * last / (SHOWN_FIELDS - 1)).collect();
+    let mut rows = Vec::new();
+    for number in 0..SHOWN_LENSES {
+        let (lens, traced) = unseen.lens(number as u64)?;
+        let predicted = proxy.psfs(&lens, radii)?;
+        for (who, bank) in [("exact", &traced.bank), ("network", &predicted.bank)] {
+            let psfs = shown.iter().map(|field| psf(bank, *field)).collect();
+            rows.push(PsfRow { name: format!("lens {}, {who}", number + 1), psfs });
+        }
+    }
+    let name = unseen.start().lens_file.lens.name.clone();
+    let fields_mm = shown.iter().map(|field| radii[*field]).collect();
+    Ok(Sheet { lens: name, grid: proxy.domain().grid, pitch_um: proxy.domain().pitch_um, fields_mm, rows })
+}
+
+/// The three colours of a field.
+fn psf(bank: &PsfBank, field: usize) -> Vec<f32> {
+    let cells = 3 * bank.grid * bank.grid;
+    bank.values[field * cells..][..cells].to_vec()
+}
