@@ -295,7 +295,10 @@ impl DesignLoop {
             let labels = Labels { picture: camera.truths(shots)? };
             Ok(objective.loss(frames, &labels)?)
         };
-        let batch = Batch { camera: &camera, shots: &shots, noise: self.noise(), loss: &loss };
+        let setup = self.setup.clone();
+        let further = |number: u64| training_shots(&setup, number);
+        let noise = self.noise();
+        let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
         let losses = self.blocks.get_mut(block).step(&batch, rule)?;
         self.took(variant, block, Step { block: block.name(), losses, learning_rate: rule.rate })
     }

@@ -13,6 +13,7 @@ pub mod adam;
 pub mod assets;
 pub mod block;
 pub mod camera;
+pub mod comparison;
 pub mod design_loop;
 pub mod error;
 pub mod evolution;

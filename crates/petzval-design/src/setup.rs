@@ -20,7 +20,7 @@ use petzval_optics::lens::Lens;
 use serde::Deserialize;
 
 use crate::assets::Assets;
-use crate::block::{BlockName, Blocks, IspBlock, NetworkBlock, OpticsBlock};
+use crate::block::{BlockName, Blocks, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
 use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs};
 use crate::error::DesignError;
 use crate::experiment::{
@@ -225,7 +225,17 @@ impl Setup {
         };
         let named = self.experiment.isp.vary.iter().flat_map(|name| places_of(name));
         let varied: BTreeSet<usize> = named.collect();
-        IspBlock::new(IspSettings::parameters(), settings.values(), varied.into_iter().collect())
+        let isp = &self.experiment.isp;
+        let plan = ImitationPlan {
+            settings: settings.clone(),
+            device: self.body.device.clone(),
+            per_step: isp.proxy_steps,
+            warm_up: isp.proxy_warm_up,
+            in_all: isp.proxy_steps * (isp.proxy_warm_up + isp.steps),
+            seed: self.experiment.seed,
+        };
+        let varied = varied.into_iter().collect();
+        IspBlock::new(IspSettings::parameters(), settings.values(), varied).with_imitation(plan)
     }
 
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and of an untrained network.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use petzval_base::FileError;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{SeedDifference, SeedStudy, Spread};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
@@ -40,7 +40,7 @@ pub struct Difference {
 }
 
 /// Mean and standard deviation over the seeds.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeanAndDeviation {
     /// Mean.

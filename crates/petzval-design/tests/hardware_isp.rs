@@ -59,7 +59,8 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let isp = setup.isp();
     let held = camera.with_chip(isp.held(&camera.body().device));
     let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
-    let batch = Batch { camera: &held, shots: &shots, noise: QUIET, loss: &loss };
+    let batch =
+        Batch { camera: &held, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
     let (losses, by_place) = isp.gradient(&batch).unwrap();
     assert!((losses["total"] / value(&held, &shots) - 1.0).abs() < 1e-5);
     assert_eq!(by_place.len(), isp.free_numbers());
@@ -130,7 +131,8 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     assert!((before.0 / before.1 - 1.0).abs() < 0.02, "{before:?}");
     isp.begin_stage(true);
     for _ in 0..25 {
-        let batch = Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss };
+        let batch =
+            Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
         isp.step(&batch, rule(StepMethod::Gradient)).unwrap();
     }
     let after = (on_chip(&isp), smooth(&isp));
@@ -154,7 +156,8 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     let shots = training_shots(&setup, 0).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
     let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
-    let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss };
+    let batch =
+        || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let (mut isp, mut losses) = (setup.isp(), Vec::new());
     let before = on_chip(&isp);
@@ -171,6 +174,71 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
         block.step(&batch(), rule(StepMethod::Evolution)).unwrap();
     }
     assert_eq!(restored.values(), isp.values());
+}
+
+#[test]
+fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the_same_bits() {
+    let isp =
+        "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 25\nproxy_steps = 4\nsteps = 20\n";
+    let setup = setup(isp).unwrap();
+    let shots = training_shots(&setup, 0).unwrap();
+    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    // The darker the better, so that both parameters have somewhere to go.
+    let darkness = |frames: &Frames| {
+        let total = frames.finished.clone().powi_scalar(2).mean();
+        let value = f64::from(to_host(total.clone()).unwrap()[0]);
+        NamedLoss { total, parts: vec![("total", value)] }
+    };
+    let loss = |frames: &Frames, _: &[Shot]| Ok(darkness(frames));
+    let further = |number: u64| training_shots(&setup, number);
+    let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &further };
+    let on_chip = |isp: &IspBlock| {
+        let camera = camera.with_chip(ChipValues::Exact(isp.values()));
+        darkness(&camera.take(&shots, &QUIET).unwrap()).parts[0].1
+    };
+    let mut isp = setup.isp();
+    let (before, start) = (on_chip(&isp), isp.values());
+    isp.begin_stage(true);
+    let step = |isp: &mut IspBlock| isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
+    let first = step(&mut isp);
+    assert!(first.contains_key("imitation_gradient_cosine") && !first.contains_key("total"), "{first:?}");
+    for _ in 1..25 {
+        step(&mut isp);
+    }
+    // So far the network has learnt and the parameters have rested.
+    assert_eq!(isp.values(), start);
+    isp.begin_stage(true);
+    let judged = step(&mut isp);
+    assert!(judged["imitation_psnr_db"] > first["imitation_psnr_db"] + 2.0, "{first:?} {judged:?}");
+    assert!(judged.contains_key("total"), "{judged:?}");
+    let mut restored = setup.isp();
+    restored.load_numbers(&isp.save_numbers().unwrap()).unwrap();
+    restored.load_progress(&isp.save_progress().unwrap()).unwrap();
+    for _ in 0..2 {
+        assert_eq!(step(&mut isp), step(&mut restored));
+    }
+    assert_eq!(restored.values(), isp.values());
+    for _ in 0..10 {
+        step(&mut isp);
+    }
+    // The way of the network is the way of the chip.
+    let after = on_chip(&isp);
+    assert!(after < 0.9 * before, "{before} {after}");
+
+    // The lens moves by it, too: its gradient is near that through the ISP in floating point.
+    let optics = setup.blocks(&setup.variants[0]).unwrap().optics;
+    let gradient = |chip: ChipValues| {
+        let held = camera.with_chip(chip);
+        let batch = Batch { camera: &held, ..batch() };
+        optics.gradient(&batch).unwrap().1
+    };
+    let device = &camera.body().device;
+    let mut smooth = setup.isp();
+    smooth.load_numbers(&isp.save_numbers().unwrap()).unwrap();
+    let (a, b) = (gradient(isp.held(device)), gradient(smooth.held(device)));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let cosine = dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt();
+    assert!(cosine > 0.6 && cosine < 0.99999, "{cosine}");
 }
 
 #[test]

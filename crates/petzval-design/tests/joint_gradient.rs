@@ -92,7 +92,7 @@ fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f
     let loss = |frames: &Frames, shots: &[Shot]| {
         Ok(objective.loss(frames, &Labels { picture: camera.truths(shots)? })?)
     };
-    let batch = Batch { camera: &camera, shots, noise, loss: &loss };
+    let batch = Batch { camera: &camera, shots, noise, loss: &loss, further: &|_| Ok(Vec::new()) };
     let block = OpticsBlock::new(start, setup.experiment.constraints.weight);
     assert_eq!(block.free_numbers(), block.coordinates().len());
     let (losses, by_x) = block.gradient(&batch).unwrap();
@@ -168,7 +168,8 @@ fn smooth_gradient(setup: &Setup, tolerance: f64) {
     let x = start.space.start().to_vec();
     let from = camera(setup, &x);
     let loss = |frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
-    let batch = Batch { camera: &from, shots: &shots, noise: noise(), loss: &loss };
+    let batch =
+        Batch { camera: &from, shots: &shots, noise: noise(), loss: &loss, further: &|_| Ok(Vec::new()) };
     // The penalty of the requirements has its own test.
     let (_, by_x) = OpticsBlock::new(start, 0.0).gradient(&batch).unwrap();
     let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();

@@ -81,6 +81,9 @@ pub struct Changes {
     /// Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands; lens steps in
     /// proportion. At least 1.
     pub steps: Option<usize>,
+    /// Take the budget of a night on a GPU, see [`Experiment::to_full_size`]; then `steps` must be none.
+    #[serde(default)]
+    pub is_full: bool,
     /// Make this variant alone, and those from which it starts.
     pub variant: Option<String>,
 }
@@ -259,6 +262,13 @@ pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError>
     }
     if experiment.photos != BUILT_IN_PHOTOS && Path::new(&experiment.photos).is_dir() {
         experiment.photos = absolute(Path::new(&experiment.photos))?;
+    }
+    if changes.is_full {
+        if let Some(steps) = changes.steps {
+            let hint = "the full size has its own: leave one of the two out";
+            return Err(JobError::setting("steps", steps, "contradicts the full size", hint));
+        }
+        experiment.to_full_size();
     }
     if let Some(steps) = changes.steps {
         if steps == 0 {

@@ -10,6 +10,7 @@
 
 pub mod bench;
 mod built_in;
+pub mod compare;
 mod context;
 pub mod design;
 mod device;
@@ -29,6 +30,7 @@ pub mod psf_calibrate;
 pub mod psf_capture;
 pub mod raw;
 pub mod report;
+pub mod run_all;
 pub mod sensor;
 pub mod simulate;
 pub mod train;

@@ -22,7 +22,7 @@ pub const FRAME_NUMBERS: usize = 2;
 const MAGNIFICATION: f32 = 15.0;
 
 /// Light less than this share of that on the axis is amplified no further.
-const LEAST_SHADE: f32 = 0.05;
+pub const LEAST_SHADE: f32 = 0.05;
 
 /// A network in place of an ISP.
 ///
@@ -95,7 +95,7 @@ impl ProxyIsp {
     }
 
     /// Where the varied ones among the values of all parameters lie in their ranges, on the tape: `[1, varied parameters]`.
-    fn places_on_tape(&self, values: &Tensor<1>) -> Tensor<2> {
+    pub fn places_on_tape(&self, values: &Tensor<1>) -> Tensor<2> {
         let place = |i: &usize| {
             let about = &self.parameters[*i].about;
             let value = values.clone().narrow(0, *i, 1);

@@ -8,12 +8,14 @@
 //! | [`lens_sheet`] | the analyses of a lens |
 //! | [`sensor_sheet`] | the characterisation of a sensor |
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
+//! | [`comparison`] | several runs |
 //! | [`isp_strip`] | the stages of an ISP |
 //! | [`optics_proxy_sheet`] | PSFs of a network beside exact ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
 //! | [`plot`] | curves and bars over axes |
 
+pub mod comparison;
 pub mod design_report;
 pub mod isp_strip;
 pub mod layout;

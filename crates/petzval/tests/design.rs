@@ -401,7 +401,7 @@ fn a_run_with_a_hardware_isp_stands_on_its_own_and_is_scored_again() {
 }
 
 #[test]
-fn a_run_of_an_earlier_version_says_nothing_of_an_isp() {
+fn a_run_of_an_earlier_version_lacks_keys_that_are_younger() {
     let folder = tempfile::tempdir().unwrap();
     let run = tiny_run(folder.path(), "run", &[]);
     for file in ["config.toml", "run.json"] {
@@ -410,11 +410,13 @@ fn a_run_of_an_earlier_version_says_nothing_of_an_isp() {
             "config.toml" => {
                 let mut table: toml::Table = text.parse().unwrap();
                 table.remove("isp").unwrap();
+                table["spot"].as_table_mut().unwrap().remove("rounds").unwrap();
                 toml::to_string(&table).unwrap()
             }
             _ => {
                 let mut record: serde_json::Value = serde_json::from_str(&text).unwrap();
                 record["config"].as_object_mut().unwrap().remove("isp").unwrap();
+                record["config"]["spot"].as_object_mut().unwrap().remove("rounds").unwrap();
                 serde_json::to_string(&record).unwrap()
             }
         };
@@ -423,4 +425,9 @@ fn a_run_of_an_earlier_version_says_nothing_of_an_isp() {
     let again = run_ok(folder.path(), &["evaluate", "run"]);
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
     run_ok(folder.path(), &["report", "run"]);
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    // A key that its record has was lost.
+    let config = read(&run.join("config.toml"));
+    std::fs::write(run.join("config.toml"), config.replace("iterations = 8\n", "")).unwrap();
+    run_fails(folder.path(), &["design", "--resume", "run"], 2, &["spot.iterations", "is missing"]);
 }

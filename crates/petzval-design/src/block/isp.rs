@@ -1,5 +1,5 @@
 //! The hardware ISP as a block: the places of its varied parameters in their ranges, moved by Adam down the gradient of the ISP in floating
-//! point, or by CMA-ES on the ISP in whole numbers.
+//! point or of a network that imitates it, or by CMA-ES on the ISP in whole numbers.
 
 use std::collections::BTreeMap;
 
@@ -8,6 +8,7 @@ use burn::tensor::TensorData;
 use petzval_camera::isp::IspParameter;
 use serde::{Deserialize, Serialize};
 
+use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
 use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward, named, parsed};
 use crate::adam::Adam;
 use crate::camera::{ChipValues, to_host};
@@ -27,6 +28,9 @@ pub struct IspBlock {
     /// Places of the varied ones in their ranges, 0..1.
     places: Vec<f64>,
     progress: Progress,
+    plan: Option<ImitationPlan>,
+    /// The network that leads it, once a step by this method has been taken.
+    imitation: Option<Imitation>,
 }
 
 /// How far a stage has come, beside the places.
@@ -56,7 +60,12 @@ impl IspBlock {
     pub fn new(parameters: Vec<IspParameter>, values: Vec<f64>, varied: Vec<usize>) -> Self {
         let places: Vec<f64> = varied.iter().map(|i| parameters[*i].about.unit_of(values[*i])).collect();
         let progress = Progress::at(&places);
-        Self { parameters, values, varied, places, progress }
+        Self { parameters, values, varied, places, progress, plan: None, imitation: None }
+    }
+
+    /// The same with the training of a network that imitates the ISP where a stage asks for one.
+    pub fn with_imitation(self, plan: ImitationPlan) -> Self {
+        Self { plan: Some(plan), ..self }
     }
 
     /// The values of all parameters.
@@ -115,7 +124,33 @@ impl IspBlock {
 
     /// The ISP with its values held, on the tape.
     pub fn held(&self, device: &Device) -> ChipValues {
-        ChipValues::OnTape(Box::new(self.tensor(device)))
+        self.on_tape(self.tensor(device))
+    }
+
+    /// The ISP at values on the tape: in floating point, or the network that imitates it.
+    fn on_tape(&self, values: Tensor<1>) -> ChipValues {
+        match &self.imitation {
+            Some(imitation) => imitation.chip(values),
+            None => ChipValues::OnTape(Box::new(values)),
+        }
+    }
+
+    /// Trains the imitation for a step by it. Returns its figures, and whether it may lead already.
+    fn imitate(&mut self, batch: &Batch) -> Result<(ImitationFigures, bool), DesignError> {
+        let values = self.values();
+        let mut imitation = match self.imitation.take() {
+            Some(imitation) => imitation,
+            None => self.new_imitation()?,
+        };
+        let figures = imitation.train(batch, &values)?;
+        let is_ready = !imitation.is_warming_up();
+        self.imitation = Some(imitation);
+        Ok((figures, is_ready))
+    }
+
+    fn new_imitation(&self) -> Result<Imitation, DesignError> {
+        let plan = self.plan.clone().ok_or(DesignError::NoGradient("an ISP that nothing imitates"))?;
+        Imitation::new(plan, &self.varied, self.values.clone())
     }
 
     /// The varied parameters: name, value at the start, and now.
@@ -135,7 +170,7 @@ impl IspBlock {
     /// Losses at the present values, and the derivatives of the batch's loss by the places.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
         let values = self.tensor(&batch.camera.body().device).require_grad();
-        let camera = batch.camera.with_chip(ChipValues::OnTape(Box::new(values.clone())));
+        let camera = batch.camera.with_chip(self.on_tape(values.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&frames, batch.shots)?;
         let losses = named(&loss);
@@ -161,10 +196,22 @@ impl Block for IspBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        if rule.method == StepMethod::Evolution {
-            return self.evolve(batch, rule);
-        }
-        let (losses, gradient) = self.gradient(batch)?;
+        let figures = match rule.method {
+            StepMethod::Evolution => return self.evolve(batch, rule),
+            StepMethod::Gradient => {
+                self.imitation = None;
+                ImitationFigures::new()
+            }
+            StepMethod::Proxy => {
+                let (figures, is_ready) = self.imitate(batch)?;
+                if !is_ready {
+                    return Ok(figures.into_iter().map(|(name, value)| (name.to_owned(), value)).collect());
+                }
+                figures
+            }
+        };
+        let (mut losses, gradient) = self.gradient(batch)?;
+        losses.extend(figures.into_iter().map(|(name, value)| (name.to_owned(), value)));
         if !gradient.iter().all(|g| g.is_finite()) {
             self.places[0] = f64::NAN;
             return Ok(losses);
@@ -197,7 +244,11 @@ impl Block for IspBlock {
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
         let text = DesignError::json("the moments of the ISP", &self.progress)?;
-        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
+        let mut state = BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]);
+        if let Some(imitation) = &self.imitation {
+            state.extend(imitation.save()?);
+        }
+        Ok(state)
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
@@ -205,6 +256,11 @@ impl Block for IspBlock {
         let free = self.places.len();
         if progress.anchor.len() != free || !progress.adam.fits(free) {
             return Err(format!("{PROGRESS}: {OTHER_PARAMETERS}"));
+        }
+        if Imitation::is_in(state) {
+            let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;
+            imitation.load(state)?;
+            self.imitation = Some(imitation);
         }
         self.progress = progress;
         Ok(())

@@ -5,6 +5,7 @@
 //! alone, which takes one step down its gradient.
 
 mod blocks;
+mod imitation;
 mod isp;
 mod network;
 mod optics;
@@ -22,6 +23,7 @@ use crate::camera::{Camera, Shot};
 use crate::error::DesignError;
 
 pub use blocks::Blocks;
+pub use imitation::ImitationPlan;
 pub use isp::IspBlock;
 pub use network::NetworkBlock;
 pub use optics::OpticsBlock;
@@ -69,6 +71,8 @@ pub enum StepMethod {
     Gradient,
     /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers.
     Evolution,
+    /// Down the gradient of a network that imitates the hardware ISP as a black box, and learns on while the parameters move.
+    Proxy,
 }
 
 /// How a block steps.
@@ -85,6 +89,9 @@ pub struct StepRule {
 /// The loss of what a camera took, as the objective of the stage defines it.
 pub type LossOf<'a> = dyn Fn(&petzval_camera::tape::Frames, &[Shot]) -> Result<NamedLoss, DesignError> + 'a;
 
+/// Training windows by number.
+pub type Further<'a> = dyn Fn(u64) -> Result<Vec<Shot>, DesignError> + 'a;
+
 /// What a step of a block is taken on.
 pub struct Batch<'a> {
     /// The camera with every block held.
@@ -95,6 +102,8 @@ pub struct Batch<'a> {
     pub noise: Noise,
     /// The loss of the frames.
     pub loss: &'a LossOf<'a>,
+    /// Further training windows by number, for what a block learns besides.
+    pub further: &'a Further<'a>,
 }
 
 /// A part of the camera that a stage may move.

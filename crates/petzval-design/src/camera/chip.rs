@@ -7,6 +7,7 @@ use petzval_camera::isp::{
     DifferentiableIsp, HardwareIsp, Isp, IspSettings, Mesh, RawInput, Shading, SmoothIsp,
 };
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, SensorModel, expose};
+use petzval_learn::proxy_isp::{LEAST_SHADE, ProxyIsp};
 use rayon::prelude::*;
 
 use super::host::to_host;
@@ -20,6 +21,13 @@ const MESH: usize = 5;
 pub enum ChipValues {
     /// On the tape, each in its own unit, for the ISP in floating point, whose gradient goes to raw frames and values.
     OnTape(Box<Tensor<1>>),
+    /// On the tape, each in its own unit, for a network that imitates the ISP; its gradient goes to raw frames and values.
+    Imitated {
+        /// The values.
+        values: Box<Tensor<1>>,
+        /// The network.
+        proxy: Box<ProxyIsp>,
+    },
     /// For the ISP in whole numbers, as the chip runs it. No gradient.
     Exact(Vec<f64>),
 }
@@ -77,6 +85,18 @@ pub fn develop(
                 Ok(isp.develop_on_tape(dn, input, values.as_ref().clone())?)
             };
             Ok(Tensor::cat(inputs.iter().enumerate().map(one).collect::<Result<_, DesignError>>()?, 0))
+        }
+        ChipValues::Imitated { values, proxy } => {
+            // The network receives light whose shading is corrected whole.
+            let whole = Shading { strength: 1.0, cap: 1.0 / f64::from(LEAST_SHADE) };
+            let mut frames = Vec::with_capacity(inputs.len());
+            for (i, input) in inputs.iter().enumerate() {
+                let dn = raw.clone().slice([i..i + 1, 0..1, 0..height, 0..width]);
+                let shades = illumination.clone().slice([i..i + 1, 0..3, 0..height, 0..width]);
+                frames.push((recalibrated(dn, shades, input, &whole), input));
+            }
+            let places = proxy.places_on_tape(values).expand([inputs.len() as i64, -1]);
+            Ok(proxy.develop_batch(frames, places)?)
         }
     }
 }

@@ -30,6 +30,11 @@ use crate::variant::Variant;
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
 
+/// Steps and windows a step of the full size of an experiment, see [`Experiment::to_full_size`].
+pub const FULL_STEPS: usize = 40_000;
+/// See [`FULL_STEPS`].
+pub const FULL_BATCH: usize = 16;
+
 /// The name of a variant's lens that has no aberrations: a thin lens of the focal length and the entrance pupil of the experiment's lens,
 /// whose points of light are those of diffraction. It is the ceiling of what any lens of this f-number could reach.
 pub const PERFECT_LENS: &str = "perfect";
@@ -124,18 +129,13 @@ impl Experiment {
         Ok(experiment)
     }
 
-    /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key: a default in place of a key that was lost
-    /// would make another run of it.
-    pub fn parse_complete(text: &str) -> Result<Self, FileError> {
+    /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key that `complete` holds, or every key there is: a default
+    /// in place of a key that was lost would make another run of it. Keys that are younger than a run are not in its record, the `complete`.
+    pub fn parse_complete(text: &str, complete: Option<&serde_json::Value>) -> Result<Self, FileError> {
         let experiment = Self::parse(text)?;
-        let found: toml::Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-        let mut whole = toml::Table::try_from(&experiment).unwrap_or_default();
-        // Runs of earlier versions do not say that they have no hardware ISP.
-        if !found.contains_key("isp") {
-            whole.remove("isp");
-        }
-        let (found, whole) = (toml::Value::Table(found), toml::Value::Table(whole));
-        match missing_key(&found, &whole) {
+        let found: serde_json::Value = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let own = serde_json::to_value(&experiment).unwrap_or_default();
+        match missing_key(&found, complete.unwrap_or(&own)) {
             None => Ok(experiment),
             Some(key) => Err(FileError::at_key(text, &[&key], "is missing")
                 .hint("the config.toml of a run holds every key; put it back as it was")),
@@ -265,6 +265,15 @@ impl Experiment {
         own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
     }
 
+    /// Gives the experiment the budget of a night on a GPU in place of minutes on two cores: [`FULL_STEPS`] steps of the network or of the
+    /// hardware ISP, lens steps in proportion, batches of [`FULL_BATCH`] windows, twice as wide a network. Nothing else changes.
+    pub fn to_full_size(&mut self) {
+        self.scale_steps(FULL_STEPS);
+        self.training.batch = FULL_BATCH;
+        self.network.base_channels *= 2;
+        self.checkpoint.every *= FULL_STEPS / 1000;
+    }
+
     /// The experiment with one more stage for each variant, so that its network, or hardware ISP, takes `network_steps` steps in all; the same blocks
     /// move as in the variant's last stage with the network, the lens in proportion. The error is a message and a hint.
     ///
@@ -346,19 +355,19 @@ fn differences(
 }
 
 /// The path of the first key of `whole` that `found` does not have: `psf.grid`, `variant.0.name`.
-fn missing_key(found: &toml::Value, whole: &toml::Value) -> Option<String> {
-    use toml::Value;
-    let pairs: Vec<(String, Option<&Value>, &Value)> = match (found, whole) {
-        (Value::Table(found), Value::Table(whole)) => {
-            whole.iter().map(|(key, value)| (key.clone(), found.get(key), value)).collect()
+fn missing_key(found: &serde_json::Value, complete: &serde_json::Value) -> Option<String> {
+    use serde_json::Value;
+    let pairs: Vec<(String, Option<&Value>, &Value)> = match (found, complete) {
+        (Value::Object(found), Value::Object(complete)) => {
+            complete.iter().map(|(key, value)| (key.clone(), found.get(key), value)).collect()
         }
-        (Value::Array(found), Value::Array(whole)) => {
-            whole.iter().enumerate().map(|(i, value)| (i.to_string(), found.get(i), value)).collect()
+        (Value::Array(found), Value::Array(complete)) => {
+            complete.iter().enumerate().map(|(i, value)| (i.to_string(), found.get(i), value)).collect()
         }
         _ => return None,
     };
-    pairs.into_iter().find_map(|(key, found, whole)| match found {
+    pairs.into_iter().find_map(|(key, found, complete)| match found {
         None => Some(key),
-        Some(found) => missing_key(found, whole).map(|below| format!("{key}.{below}")),
+        Some(found) => missing_key(found, complete).map(|below| format!("{key}.{below}")),
     })
 }

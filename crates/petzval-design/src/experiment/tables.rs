@@ -102,6 +102,10 @@ parameters! {
         final_learning_rate: f64 = 0.05, "", 0..1, Linear, "a share of the first";
         /// Weight of the ISP's proximal term.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+        /// Where a network imitates the ISP (the method "proxy"): its training steps before each step of the ISP.
+        proxy_steps: usize = 8, "", 1..1e4, Log, "4 to 20";
+        /// Steps of the ISP, from the first by the method "proxy", in which the network learns and the parameters rest.
+        proxy_warm_up: usize = 150, "", 0..1e6, Log, "with 8 training steps each, 150 are 1200";
     } also {
         /// Name or file of a preset of the built-in automotive ISP; "none" for linear development and a network.
         preset: String = NO_ISP.to_owned();

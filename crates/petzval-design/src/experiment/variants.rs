@@ -239,9 +239,9 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             let hint = "add it to `moves`, or leave its schedule out".to_owned();
             return Err((vec!["schedule", name], message, hint));
         }
-        if schedule.method == Some(StepMethod::Evolution) && *block != BlockName::Isp {
+        if schedule.method.is_some_and(|method| method != StepMethod::Gradient) && *block != BlockName::Isp {
             let message = format!("`{name}` steps by its gradient alone");
-            let hint = "leave `method` out; \"evolution\" is for the hardware ISP".to_owned();
+            let hint = "leave `method` out; the others are for the hardware ISP".to_owned();
             return Err((vec!["schedule", name, "method"], message, hint));
         }
         if let Some((key, message)) = schedule.out_of_range() {

@@ -110,7 +110,7 @@ fn lenses(setup: &Setup) -> Result<Vec<Lens>, DesignError> {
 }
 
 /// The raw frames of shots, and those of perfect optics.
-fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>, DesignError> {
+pub(crate) fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>, DesignError> {
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Exact, seed })?;
     let sensor = &camera.body().sensor;
     let capture = |shot: &Shot| {

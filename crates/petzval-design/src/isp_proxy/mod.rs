@@ -12,6 +12,7 @@ mod gap;
 mod sampling;
 mod trainer;
 
+pub(crate) use frames::take;
 pub use frames::{Frame, FrameSource};
 pub use gap::{Gap, Judge, ParameterSlope, ScoreGap};
 pub use trainer::{ProxyTrainer, ProxyTraining, StepLosses};

@@ -50,8 +50,7 @@ pub struct StepLosses {
 }
 
 /// A proxy in training.
-pub struct ProxyTrainer<'a> {
-    isp: &'a dyn Isp,
+pub struct ProxyTrainer {
     training: ProxyTraining,
     /// Where the parameters lie about which the proxy is wanted, in their ranges.
     centre: Vec<f64>,
@@ -60,11 +59,11 @@ pub struct ProxyTrainer<'a> {
     device: Device,
 }
 
-impl<'a> ProxyTrainer<'a> {
+impl ProxyTrainer {
     /// An untrained proxy of an ISP in its parameters at the places `varied`, about `values`, of which there is one for each parameter.
     /// `device` has automatic differentiation.
     pub fn new(
-        isp: &'a dyn Isp,
+        isp: &dyn Isp,
         varied: Vec<usize>,
         values: Vec<f64>,
         training: ProxyTraining,
@@ -76,7 +75,7 @@ impl<'a> ProxyTrainer<'a> {
         let network = config.init(seed, device)?;
         let proxy = ProxyIsp::new(isp, varied, values.clone(), network);
         let (centre, optimizer) = (proxy.places(&values), AdamConfig::new().init());
-        Ok(Self { isp, training, centre, proxy, optimizer, device: device.clone() })
+        Ok(Self { training, centre, proxy, optimizer, device: device.clone() })
     }
 
     /// The proxy as it stands.
@@ -84,9 +83,14 @@ impl<'a> ProxyTrainer<'a> {
         &self.proxy
     }
 
-    /// One step of Adam on raw frames of one size. Each is developed with two pairs of neighbouring lists of parameters, drawn for
+    /// Learns from now on about these values, of which there is one for each parameter.
+    pub fn recentre(&mut self, values: &[f64]) {
+        self.centre = self.proxy.places(values);
+    }
+
+    /// One step of Adam on raw frames of one size and what the ISP makes of them. Each is developed with two pairs of neighbouring lists of parameters, drawn for
     /// this step.
-    pub fn step(&mut self, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
+    pub fn step(&mut self, isp: &dyn Isp, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
         let pairs: Vec<[Vec<f64>; 2]> = (0..(PAIRS * frames.len()) as u64)
             .map(|item| pair(&self.centre, self.training.seed, step as u64, item))
             .collect();
@@ -96,7 +100,7 @@ impl<'a> ProxyTrainer<'a> {
                 pairs.iter().enumerate().map(move |(i, pair)| (&frames[i / PAIRS].raw, &pair[half]))
             })
             .collect();
-        let box_pictures = self.box_pictures(&work)?;
+        let box_pictures = self.box_pictures(isp, &work)?;
         let pictures = self.proxy_pictures(&work)?;
 
         let change = |pictures: Tensor<4>| {
@@ -113,7 +117,7 @@ impl<'a> ProxyTrainer<'a> {
         };
         let value = losses.picture + losses.difference;
         if !value.is_finite() {
-            let (camera, step) = (self.isp.name().to_owned(), step as u64);
+            let (camera, step) = (isp.name().to_owned(), step as u64);
             return Err(DesignError::Diverged { camera, block: "proxy", step, value });
         }
         let loss = picture + difference * DIFFERENCE_WEIGHT;
@@ -125,9 +129,8 @@ impl<'a> ProxyTrainer<'a> {
     }
 
     /// What the ISP makes of frames, `[batch, 3, height, width]`.
-    fn box_pictures(&self, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
-        let develop =
-            |(raw, places): &(&RawInput, &Vec<f64>)| self.isp.develop(raw, &self.proxy.values(places));
+    fn box_pictures(&self, isp: &dyn Isp, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
+        let develop = |(raw, places): &(&RawInput, &Vec<f64>)| isp.develop(raw, &self.proxy.values(places));
         let pictures: Vec<RgbPicture> = work.par_iter().map(develop).collect::<Result<_, _>>()?;
         let [height, width] = pictures.first().map_or([0, 0], |p| [p.height, p.width]);
         let encoded: Vec<f32> = pictures.iter().flat_map(RgbPicture::encoded).collect();
@@ -213,7 +216,7 @@ mod tests {
         HardwareIsp { settings: IspSettings { bits: 16, ..IspSettings::default() } }
     }
 
-    fn trainer<'a>(isp: &'a HardwareIsp, seed: u64, device: &Device) -> ProxyTrainer<'a> {
+    fn trainer(isp: &HardwareIsp, seed: u64, device: &Device) -> ProxyTrainer {
         let place = |name: &str| isp.parameters().iter().position(|p| p.name == name).unwrap();
         let varied = vec![place("gain.stops"), place("gamma.exponent")];
         let training = ProxyTraining { steps: STEPS, seed, base_channels: 8, levels: 2 };
@@ -229,7 +232,7 @@ mod tests {
         let gap = |trainer: &ProxyTrainer| judge.gap(trainer.proxy(), &isp.defaults(), &device).unwrap();
         let before = gap(&trainer);
         for step in 0..STEPS {
-            trainer.step(step, &frames(step)).unwrap();
+            trainer.step(&isp, step, &frames(step)).unwrap();
         }
         let after = gap(&trainer);
         assert!(after.psnr_at_centre_db > before.psnr_at_centre_db + 1.5, "{before:?} {after:?}");
@@ -244,12 +247,12 @@ mod tests {
         let (isp, device) = (isp(), Device::flex().autodiff());
         let mut whole = trainer(&isp, 1, &device);
         for step in 0..2 {
-            whole.step(step, &frames(step)).unwrap();
+            whole.step(&isp, step, &frames(step)).unwrap();
         }
         let mut restored = trainer(&isp, 7, &device);
         restored.training.seed = 1;
         restored.load(whole.save().unwrap()).unwrap();
-        let losses = [&mut whole, &mut restored].map(|trainer| trainer.step(2, &frames(2)).unwrap());
+        let losses = [&mut whole, &mut restored].map(|trainer| trainer.step(&isp, 2, &frames(2)).unwrap());
         assert_eq!(losses[0], losses[1]);
         assert_eq!(whole.save().unwrap()[0], restored.save().unwrap()[0]);
         assert!(restored.load([vec![1, 2, 3], Vec::new()]).is_err());

@@ -35,6 +35,9 @@ pub struct Finish {
     pub date: String,
     /// Wall-clock seconds of all steps of the run, pauses between sessions left out.
     pub seconds: f64,
+    /// Most memory that the last session took, GB; none where the system does not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory_gb: Option<f64>,
 }
 
 impl RunRecord {
@@ -63,7 +66,8 @@ impl RunRecord {
     pub fn finish(run: &RunFolder, seconds: f64) -> Result<(), DesignError> {
         match Self::read(run)? {
             Some(record) if record.finished.is_none() => {
-                Self { finished: Some(Finish { date: now(), seconds }), ..record }.write(run)
+                let finished = Some(Finish { date: now(), seconds, memory_gb: most_memory_gb() });
+                Self { finished, ..record }.write(run)
             }
             _ => Ok(()),
         }
@@ -72,13 +76,22 @@ impl RunRecord {
     /// Names and values for the reader of a report.
     pub fn facts(&self) -> Vec<(String, String)> {
         let mut facts = vec![("seed", self.config.seed.to_string()), ("begun", self.begun.clone())];
-        if let Some(Finish { date, seconds }) = &self.finished {
+        if let Some(Finish { date, seconds, memory_gb }) = &self.finished {
             let seconds = Duration::from_secs(seconds.max(1.0).round() as u64);
             facts.push(("finished", date.clone()));
             facts.push(("duration", humantime::format_duration(seconds).to_string()));
+            facts.extend(memory_gb.map(|gb| ("memory", format!("{gb:.2} GB"))));
         }
         facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
+}
+
+/// Most memory that this process has taken, GB: `VmHWM` of Linux.
+fn most_memory_gb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024.0 / 1e9)
 }
 
 fn now() -> String {
@@ -88,7 +101,17 @@ fn now() -> String {
 /// The values of a run's `config.toml`.
 pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
     let text = config_text(run)?;
-    Experiment::parse_complete(&text).map_err(DesignError::input(&run.config()))
+    let path = run.record();
+    let complete = match path.exists() {
+        true => {
+            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+            let record: serde_json::Value =
+                serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })?;
+            record.get("config").cloned()
+        }
+        false => None,
+    };
+    Experiment::parse_complete(&text, complete.as_ref()).map_err(DesignError::input(&run.config()))
 }
 
 /// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.

@@ -12,6 +12,8 @@ mod reading;
 mod score_table;
 mod view;
 
+pub(crate) use page::{lenses, over_the_field, over_the_run};
+pub(crate) use picture::pictures;
 pub use view::{
     CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, Score,
     SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,

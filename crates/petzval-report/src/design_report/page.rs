@@ -73,7 +73,7 @@ fn result(report: &Report) -> Markup {
 }
 
 /// Layouts on one scale, with the changes.
-fn lenses(report: &Report) -> Markup {
+pub(crate) fn lenses(report: &Report) -> Markup {
     let baseline = report.cameras.first();
     let section = |i: usize| CrossSection {
         name: &report.cameras[i].name,
@@ -123,7 +123,7 @@ fn lens(camera: &CameraView, i: usize, layout_svg: &str) -> Markup {
 }
 
 /// Spot radius and illumination of every camera from the axis to the full field.
-fn over_the_field(report: &Report) -> Markup {
+pub(crate) fn over_the_field(report: &Report) -> Markup {
     let chart = |what: &str, y_axis: &str, value: fn(&FieldPoint) -> f64| {
         let series = report.cameras.iter().enumerate().map(|(i, camera)| Series {
             name: camera.name.clone(),
@@ -149,7 +149,7 @@ fn over_the_field(report: &Report) -> Markup {
 }
 
 /// One chart for each block and loss, one curve for each camera.
-fn over_the_run(report: &Report) -> Markup {
+pub(crate) fn over_the_run(report: &Report) -> Markup {
     let mut groups: Vec<Vec<&LossCurve>> = Vec::new();
     for curve in &report.losses {
         let is_same = |g: &&mut Vec<&LossCurve>| g[0].block == curve.block && g[0].label == curve.label;

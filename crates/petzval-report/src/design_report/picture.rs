@@ -17,7 +17,7 @@ const ZOOM: f64 = 0.25;
 const UNFOLDED: usize = 6;
 
 /// All pictures. A click enlarges a picture, and arrow keys then switch between the cameras.
-pub(super) fn pictures(report: &Report) -> Markup {
+pub(crate) fn pictures(report: &Report) -> Markup {
     let (shown, all) = (report.pictures.len(), report.pictures_in_all);
     html! {
         @if shown < all {

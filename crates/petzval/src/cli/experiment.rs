@@ -1,12 +1,16 @@
 //! `petzval experiment` and `petzval schema`: the built-in experiments, and the schemas of files.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Subcommand, ValueEnum};
+use petzval::jobs::design::Changes;
 use petzval::jobs::experiment::{self, FileKind};
+use petzval::jobs::run_all::{self, Request};
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::signals;
+use super::terminal::{EXIT_STOPPED, Terminal, print_json};
 
 /// Verbs about experiments.
 #[derive(Debug, Subcommand)]
@@ -24,6 +28,40 @@ pub enum ExperimentVerb {
         /// Experiment file, or the name of a built-in one
         name: String,
     },
+    /// Run all built-in experiments, or some, with several seeds, and compare them on one page
+    ///
+    /// It may take days and be interrupted: what is finished is kept, and the same command goes on with the rest. Every run can also be
+    /// made alone by `petzval design NAME --seed S`. The tables are printed in Markdown.
+    RunAll(RunAllArgs),
+}
+
+/// Arguments of `run-all`.
+#[derive(Debug, clap::Args)]
+pub struct RunAllArgs {
+    /// Folder for the runs and the page
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    out: PathBuf,
+    /// Experiments, by built-in name or file [default: all built-in ones]
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Seeds; all experiments have a run of the first before any has one of the second
+    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "1,2,3")]
+    seeds: Vec<u64>,
+    /// Minutes to half an hour for each run on two cores: the experiments as they are [default]
+    #[arg(long, conflicts_with = "full")]
+    quick: bool,
+    /// A night on a GPU for each run, see `petzval design --help`
+    #[arg(long)]
+    full: bool,
+    /// Network steps of each camera in place of the experiments'; lens steps in proportion
+    #[arg(long, value_name = "N", conflicts_with = "full")]
+    steps: Option<usize>,
+    /// Folder of pictures to use in place of the built-in photographs
+    #[arg(long, value_name = "DIR")]
+    photos: Option<PathBuf>,
+    /// Device for tensors; `petzval doctor` lists them
+    #[arg(long, default_value = "cpu")]
+    device: String,
 }
 
 /// Runs a verb.
@@ -39,8 +77,36 @@ pub fn run(verb: ExperimentVerb, terminal: &Terminal) -> Result<ExitCode, Failur
             }
         }
         ExperimentVerb::Show { name } => print!("{}", experiment::show(&name, &terminal.context())?),
+        ExperimentVerb::RunAll(args) => return run_all(args, terminal),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn run_all(args: RunAllArgs, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
+    let request = Request {
+        out: args.out,
+        experiments: args.only,
+        seeds: args.seeds,
+        changes: Changes { photos: args.photos, steps: args.steps, is_full: args.full, ..Changes::default() },
+        device: args.device,
+    };
+    let response = run_all::run(&request, &context)?;
+    drop(context);
+    if let Some(compared) = &response.compared {
+        println!("{}\npage: {}", compared.markdown, compared.page.display());
+    }
+    for (run, message) in &response.failed {
+        eprintln!("failed: {}: {message}", run.display());
+    }
+    Ok(match (response.is_stopped, response.failed.is_empty()) {
+        (true, _) => {
+            eprintln!("stopped; the same command goes on");
+            ExitCode::from(EXIT_STOPPED)
+        }
+        (false, true) => ExitCode::SUCCESS,
+        (false, false) => ExitCode::FAILURE,
+    })
 }
 
 /// Kinds of files that a user writes.

@@ -3,6 +3,7 @@
 //! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
 
 mod bench;
+mod compare;
 mod design;
 mod doctor;
 mod evaluate;
@@ -57,13 +58,15 @@ pub struct Cli {
 enum Verb {
     /// Design lens and network together, and compare with two controls
     Design(design::Args),
-    /// List the built-in experiments, or print one
+    /// List the built-in experiments, print one, or run them all
     #[command(subcommand)]
     Experiment(experiment::ExperimentVerb),
     /// Print the JSON Schema of experiment, lens or sensor files
     Schema(experiment::SchemaArgs),
     /// Write the report of a run again
     Report(report::Args),
+    /// Put several runs on one page
+    Compare(compare::Args),
     /// Score the cameras of a run again, with exact optics
     Evaluate(evaluate::Args),
     /// Show, analyse, convert, optimise or tolerance a lens
@@ -125,6 +128,7 @@ pub fn run(cli: Cli) -> Result<ExitCode, Failure> {
         Verb::Experiment(verb) => experiment::run(verb, &terminal),
         Verb::Schema(args) => experiment::schema(args),
         Verb::Report(args) => report::run(args, &terminal),
+        Verb::Compare(args) => compare::run(args, &terminal),
         Verb::Evaluate(args) => evaluate::run(args, &terminal),
         Verb::Lens(verb) => lens::run(verb, &terminal),
         Verb::Glass(verb) => glass::run(verb, &terminal),

@@ -4,7 +4,7 @@ mod plan;
 
 use std::path::PathBuf;
 
-use petzval_camera::isp::{Demosaic, Domain, RgbPicture};
+use petzval_camera::isp::{Demosaic, Domain, Isp, RgbPicture};
 use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::isp_proxy::{Frame, FrameSource, Judge, ProxyTrainer, StepLosses};
 use petzval_design::setup::Setup;
@@ -106,9 +106,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(plan.clone())),
         (None, Request::Resume { .. }) => return Err(JobError::failed("the training was not read")),
     };
-    let mut training = OnFrames { trainer, source };
+    let mut training = OnFrames { isp: named.isp(), trainer, source };
     train(&mut training, plan.training.steps, &folder, &mut kept, context)?;
-    let OnFrames { trainer, source } = training;
+    let OnFrames { trainer, source, .. } = training;
 
     let response = Response {
         isp: named.isp().name().to_owned(),
@@ -149,7 +149,8 @@ fn setup(plan: &Plan, context: &Context) -> Result<Setup, JobError> {
 
 /// A proxy in training, and the frames on which it is trained.
 struct OnFrames<'a> {
-    trainer: ProxyTrainer<'a>,
+    isp: &'a dyn Isp,
+    trainer: ProxyTrainer,
     source: FrameSource,
 }
 
@@ -157,7 +158,7 @@ impl Training for OnFrames<'_> {
     type Losses = StepLosses;
 
     fn step(&mut self, step: usize) -> Result<StepLosses, JobError> {
-        Ok(self.trainer.step(step, &self.source.training(step as u64)?)?)
+        Ok(self.trainer.step(self.isp, step, &self.source.training(step as u64)?)?)
     }
 
     fn mean(losses: &[StepLosses]) -> StepLosses {

@@ -1,0 +1,136 @@
+//! A network that imitates the hardware ISP while its parameters move: trained on the camera's own raw frames, about the parameters as they
+//! stand, so that it needs to be right only there.
+
+use burn::prelude::*;
+use petzval_camera::isp::{HardwareIsp, IspSettings};
+use serde::{Deserialize, Serialize};
+
+use super::{Batch, BlockState, part};
+use crate::camera::ChipValues;
+use crate::error::DesignError;
+use crate::isp_proxy::{Frame, Judge, ProxyTrainer, ProxyTraining, take};
+
+const WEIGHTS: &str = "imitation-weights.bin";
+const OPTIMIZER: &str = "imitation-optimizer.bin";
+const STATE: &str = "imitation.json";
+
+/// Size of the network: that of `petzval train isp-proxy`.
+const BASE_CHANNELS: usize = 16;
+const LEVELS: usize = 3;
+
+/// Steps of the ISP between two comparisons with the ISP itself.
+const JUDGED_EVERY: usize = 25;
+
+/// Batches of windows on which it is compared.
+const JUDGED_BATCHES: u64 = 4;
+
+/// The numbers of the windows that it is trained on lie from here on, and of those that it is judged on from the second: beyond those of all
+/// steps of blocks.
+const FIRST_WINDOW: u64 = 1 << 40;
+const FIRST_JUDGED: u64 = 1 << 41;
+
+/// What is imitated, and how the network is kept near it.
+#[derive(Clone)]
+pub struct ImitationPlan {
+    /// The ISP.
+    pub settings: IspSettings,
+    /// Where the network lives, with automatic differentiation.
+    pub device: Device,
+    /// Training steps of the network before each step of the ISP.
+    pub per_step: usize,
+    /// Steps of the ISP, from the first, in which the network is trained and the parameters rest.
+    pub warm_up: usize,
+    /// Training steps over which its learning rate falls.
+    pub in_all: usize,
+    /// Seed of its weights and of the parameters that it learns from.
+    pub seed: u64,
+}
+
+/// The network at work.
+pub struct Imitation {
+    plan: ImitationPlan,
+    isp: HardwareIsp,
+    trainer: ProxyTrainer,
+    age: Age,
+}
+
+/// How long it has learnt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Age {
+    /// Steps of the ISP since it began.
+    isp_steps: usize,
+    /// Training steps.
+    steps: usize,
+}
+
+/// What its training reports: errors of the last step, and now and then what the imitation costs.
+pub type ImitationFigures = Vec<(&'static str, f64)>;
+
+impl Imitation {
+    /// A network that has learnt nothing yet, for an ISP at `values`, whose parameters at the places `varied` move.
+    pub fn new(plan: ImitationPlan, varied: &[usize], values: Vec<f64>) -> Result<Self, DesignError> {
+        let ImitationPlan { in_all: steps, seed, .. } = plan;
+        let training = ProxyTraining { steps, seed, base_channels: BASE_CHANNELS, levels: LEVELS };
+        let isp = HardwareIsp { settings: plan.settings.clone() };
+        let trainer = ProxyTrainer::new(&isp, varied.to_vec(), values, training, &plan.device)?;
+        Ok(Self { plan, isp, trainer, age: Age::default() })
+    }
+
+    /// Whether it is still too young to lead the ISP.
+    pub fn is_warming_up(&self) -> bool {
+        self.age.isp_steps <= self.plan.warm_up
+    }
+
+    /// The ISP at some values, in the form of the network.
+    pub fn chip(&self, values: Tensor<1>) -> ChipValues {
+        ChipValues::Imitated { values: Box::new(values), proxy: Box::new(self.trainer.proxy().clone()) }
+    }
+
+    /// Trains it before a step of the ISP, on fresh windows by the batch's camera, about the values as they stand.
+    pub fn train(&mut self, batch: &Batch, values: &[f64]) -> Result<ImitationFigures, DesignError> {
+        self.trainer.recentre(values);
+        let mut figures = ImitationFigures::new();
+        for _ in 0..self.plan.per_step {
+            let frames = self.frames(batch, FIRST_WINDOW + self.age.steps as u64)?;
+            let losses = self.trainer.step(&self.isp, self.age.steps, &frames)?;
+            figures = vec![("imitation_error", losses.picture)];
+            self.age.steps += 1;
+        }
+        if self.age.isp_steps.is_multiple_of(JUDGED_EVERY) {
+            let mut frames = Vec::new();
+            for number in 0..JUDGED_BATCHES {
+                frames.extend(self.frames(batch, FIRST_JUDGED + number)?);
+            }
+            let judge = Judge { isp: &self.isp, frames: &frames, scores: &[] };
+            let gap = judge.gap(self.trainer.proxy(), values, &batch.camera.body().device)?;
+            figures.push(("imitation_psnr_db", gap.psnr_at_centre_db));
+            figures.push(("imitation_gradient_cosine", gap.gradient_cosine));
+        }
+        self.age.isp_steps += 1;
+        Ok(figures)
+    }
+
+    fn frames(&self, batch: &Batch, number: u64) -> Result<Vec<Frame>, DesignError> {
+        take(batch.camera, &(batch.further)(number)?, batch.noise.seed)
+    }
+
+    /// What it needs to go on with the same bits.
+    pub fn save(&self) -> Result<BlockState, DesignError> {
+        let [weights, optimizer] = self.trainer.save()?;
+        let age = DesignError::json("the imitation of the ISP", &self.age)?.into_bytes();
+        let parts = [(WEIGHTS, weights), (OPTIMIZER, optimizer), (STATE, age)];
+        Ok(parts.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())
+    }
+
+    /// Takes over what [`Imitation::save`] returned.
+    pub fn load(&mut self, state: &BlockState) -> Result<(), String> {
+        let [weights, optimizer] = [part(state, WEIGHTS)?, part(state, OPTIMIZER)?].map(<[u8]>::to_vec);
+        self.age = super::parsed(state, STATE)?;
+        self.trainer.load([weights, optimizer]).map_err(|e| e.to_string())
+    }
+
+    /// Whether a state holds an imitation.
+    pub fn is_in(state: &BlockState) -> bool {
+        state.contains_key(STATE)
+    }
+}

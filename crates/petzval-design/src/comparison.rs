@@ -1,0 +1,218 @@
+//! Runs side by side: of one experiment with several seeds, and of several experiments.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use petzval_base::FileError;
+use petzval_learn::score::ScoreDescription;
+use serde::{Deserialize, Serialize};
+
+use crate::assets::Assets;
+use crate::error::DesignError;
+use crate::experiment::Experiment;
+use crate::run::{CameraMetrics, Metrics, RunFolder, RunRecord, read_config};
+use crate::run_report::read_metrics;
+use crate::study::MeanAndDeviation;
+
+/// Finished runs of one experiment that differ in their seeds alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Title of the experiment.
+    pub title: String,
+    /// The runs' folders.
+    pub runs: Vec<PathBuf>,
+    /// Their seeds.
+    pub seeds: Vec<u64>,
+    /// Steps of the network, or of the hardware ISP, of each camera.
+    pub steps: usize,
+    /// Wall-clock hours of all runs together.
+    pub hours: f64,
+    /// Most memory that a run took, GB; none where the system does not tell.
+    pub memory_gb: Option<f64>,
+    /// The scores.
+    pub scores: Vec<ScoreDescription>,
+    /// The cameras, in the order of the experiment.
+    pub cameras: Vec<ComparedCamera>,
+    /// Scores of the last camera that is no ceiling less those of each other one.
+    pub differences: Vec<ComparedDifference>,
+    /// What the paper prints for the same comparison.
+    pub paper: Option<PaperTable>,
+}
+
+/// A camera over the seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ComparedCamera {
+    /// Its name.
+    pub name: String,
+    /// Whether its lens has no aberrations.
+    pub is_ceiling: bool,
+    /// Its scores.
+    pub scores: Vec<MeanAndDeviation>,
+    /// Share of the gap from the first camera to the ceiling that it closes, by score; none without a ceiling.
+    pub gap_closed: Vec<Option<MeanAndDeviation>>,
+    /// RMS spot radius, um.
+    pub rms_spot_um: MeanAndDeviation,
+    /// Effective focal length, mm.
+    pub efl_mm: f64,
+    /// F-number.
+    pub f_number: f64,
+}
+
+/// The difference between two cameras over the seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ComparedDifference {
+    /// The camera from whose scores the other's are taken.
+    pub camera: String,
+    /// The other.
+    pub against: String,
+    /// By score.
+    pub scores: Vec<MeanAndDeviation>,
+}
+
+/// The figures of the paper for one experiment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaperTable {
+    /// Names of the experiments that repeat it.
+    pub experiments: Vec<String>,
+    /// Where it stands.
+    pub source: String,
+    /// Its rows.
+    pub row: Vec<PaperRow>,
+}
+
+/// A row of a table of the paper.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaperRow {
+    /// The camera, as the paper calls it.
+    pub camera: String,
+    /// Scores by name.
+    pub scores: BTreeMap<String, f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PaperFile {
+    table: Vec<PaperTable>,
+}
+
+/// A finished run.
+struct Finished {
+    root: PathBuf,
+    config: Experiment,
+    record: Option<RunRecord>,
+    metrics: Metrics,
+}
+
+/// Groups finished runs by what they repeat, in the order in which they are given.
+pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, DesignError> {
+    let mut groups: Vec<Vec<Finished>> = Vec::new();
+    for root in runs {
+        let run = finished(root)?;
+        let is_same = |group: &&mut Vec<Finished>| {
+            let seedless = |run: &Finished| Experiment { seed: 0, ..run.config.clone() };
+            seedless(&group[0]) == seedless(&run) && group[0].metrics.scores == run.metrics.scores
+        };
+        match groups.iter_mut().find(is_same) {
+            Some(group) => group.push(run),
+            None => groups.push(vec![run]),
+        }
+    }
+    let source = assets.text("table", "studies", "paper")?;
+    let paper: PaperFile = toml::from_str(&source.text)
+        .map_err(|e| DesignError::input(&source.path)(FileError::from_toml(&source.text, &e)))?;
+    Ok(groups.iter().map(|group| comparison(group, &paper.table)).collect())
+}
+
+fn finished(root: &PathBuf) -> Result<Finished, DesignError> {
+    let run = RunFolder::open(root)?;
+    let metrics = read_metrics(&run)?;
+    let record = RunRecord::read(&run)?;
+    let config = match &record {
+        Some(record) => record.config.clone(),
+        None => read_config(&run)?,
+    };
+    Ok(Finished { root: root.clone(), config, record, metrics })
+}
+
+fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
+    let first = &runs[0];
+    let scores = first.metrics.scores.clone();
+    let rows = &first.metrics.rows;
+    let of = |camera: &str| -> Vec<&CameraMetrics> {
+        runs.iter().filter_map(|run| run.metrics.rows.iter().find(|row| row.camera == camera)).collect()
+    };
+    let value = |row: &CameraMetrics, score: &ScoreDescription| {
+        row.scores.get(&score.name).copied().unwrap_or(f64::NAN)
+    };
+    let baseline = rows.iter().find(|row| !row.is_ceiling);
+    let ceiling = rows.iter().find(|row| row.is_ceiling);
+    let cameras = rows.iter().map(|row| {
+        let seen = of(&row.camera);
+        let gap_closed = |score: &ScoreDescription| {
+            let (from, to) = (of(&baseline?.camera), of(&ceiling?.camera));
+            let share = |((row, from), to): ((&&CameraMetrics, &&CameraMetrics), &&CameraMetrics)| {
+                (value(row, score) - value(from, score)) / (value(to, score) - value(from, score))
+            };
+            spread(seen.iter().zip(&from).zip(&to).map(share))
+        };
+        ComparedCamera {
+            name: row.camera.clone(),
+            is_ceiling: row.is_ceiling,
+            scores: scores.iter().filter_map(|s| spread(seen.iter().map(|row| value(row, s)))).collect(),
+            gap_closed: scores.iter().map(gap_closed).collect(),
+            rms_spot_um: spread(seen.iter().map(|row| row.rms_spot_um)).unwrap_or_default(),
+            efl_mm: row.efl_mm,
+            f_number: row.f_number,
+        }
+    });
+    let design = rows.iter().rev().find(|row| !row.is_ceiling);
+    let others = rows.iter().filter(|row| Some(&row.camera) != design.map(|d| &d.camera) && !row.is_ceiling);
+    let difference = |other: &CameraMetrics| {
+        let (ours, theirs) = (of(&design?.camera), of(&other.camera));
+        let by =
+            |s: &ScoreDescription| spread(ours.iter().zip(&theirs).map(|(a, b)| value(a, s) - value(b, s)));
+        Some(ComparedDifference {
+            camera: design?.camera.clone(),
+            against: other.camera.clone(),
+            scores: scores.iter().filter_map(by).collect(),
+        })
+    };
+    let ends = || runs.iter().filter_map(|run| run.record.as_ref()?.finished.as_ref());
+    Comparison {
+        title: first.config.name.clone(),
+        runs: runs.iter().map(|run| run.root.clone()).collect(),
+        seeds: runs.iter().flat_map(|run| run.metrics.seeds.clone()).collect(),
+        steps: rows.iter().map(|row| row.network_steps.max(row.isp_steps)).max().unwrap_or(0),
+        hours: ends().map(|end| end.seconds).sum::<f64>() / 3600.0,
+        memory_gb: ends().filter_map(|end| end.memory_gb).reduce(f64::max),
+        cameras: cameras.collect(),
+        differences: others.filter_map(difference).collect(),
+        paper: paper.iter().find(|table| table.experiments.contains(&first.config.name)).cloned(),
+        scores,
+    }
+}
+
+/// Mean and standard deviation; the deviation of one value is 0. `None` without values.
+fn spread(values: impl Iterator<Item = f64>) -> Option<MeanAndDeviation> {
+    let values: Vec<f64> = values.collect();
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    let deviation = (squares / (count - 1.0).max(1.0)).sqrt();
+    (!values.is_empty()).then_some(MeanAndDeviation { mean, deviation })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deviations_are_those_of_samples() {
+        let found = spread([1.0, 2.0, 3.0].into_iter()).unwrap();
+        assert_eq!(found, MeanAndDeviation { mean: 2.0, deviation: 1.0 });
+        assert_eq!(spread([4.0].into_iter()).unwrap(), MeanAndDeviation { mean: 4.0, deviation: 0.0 });
+        assert_eq!(spread(std::iter::empty()), None);
+    }
+}

@@ -1,0 +1,153 @@
+//! `compare`: several runs on one page, with means over seeds.
+
+use std::path::PathBuf;
+
+use petzval_base::write_whole;
+use petzval_design::comparison::{Comparison, compare};
+use petzval_design::error::DesignError;
+use petzval_design::run::RunFolder;
+use petzval_design::run_report::report_of_run;
+use petzval_design::setup::Setup;
+use petzval_design::study::MeanAndDeviation;
+use petzval_learn::score::ScoreDescription;
+use petzval_report::comparison::{Group, SHOWN, TextTable, page};
+use serde::{Deserialize, Serialize};
+
+use crate::context::Context;
+use crate::error::JobError;
+
+/// Runs to compare.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Folders of finished runs; those that differ in the seed alone are taken together.
+    pub runs: Vec<PathBuf>,
+    /// The page.
+    pub out: PathBuf,
+}
+
+/// The figures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// One for each experiment.
+    pub comparisons: Vec<Comparison>,
+    /// The page.
+    pub page: PathBuf,
+    /// Its tables in Markdown.
+    pub markdown: String,
+}
+
+/// Compares finished runs and writes the page.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if request.runs.is_empty() {
+        return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
+    }
+    let comparisons = compare(&request.runs, &context.assets)?;
+    let mut groups = Vec::new();
+    for (i, comparison) in comparisons.iter().enumerate() {
+        context.progress(i as u64, comparisons.len() as u64, &comparison.title);
+        groups.push(group(comparison, context)?);
+    }
+    write_whole(&request.out, page(&groups).as_bytes()).map_err(DesignError::io(&request.out))?;
+    let of_group = |group: &Group| {
+        let tables: Vec<String> = group.tables.iter().map(TextTable::markdown).collect();
+        format!("## {}\n\n{}\n\n{}", group.title, group.subtitle, tables.join("\n"))
+    };
+    let markdown = groups.iter().map(of_group).collect::<Vec<_>>().join("\n");
+    Ok(Response { comparisons, page: request.out.clone(), markdown })
+}
+
+/// An experiment on the page: the tables of its comparison, and lenses, curves and pictures of its first run.
+fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> {
+    let folder = RunFolder::open(&comparison.runs[0])?;
+    let experiment = context.assets.experiment_of_run(&folder)?;
+    let setup = Setup::without_photos(experiment, &context.assets, context.device("cpu")?)?;
+    let mut report = report_of_run(&setup, &folder, "")?;
+    report.pictures.truncate(SHOWN);
+    let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();
+    let memory = comparison.memory_gb.map_or_else(String::new, |gb| format!(", at most {gb:.2} GB"));
+    let subtitle = format!(
+        "{} {}, {} steps of network or ISP, {:.2} hours in all{memory}.",
+        if seeds.len() == 1 { "Seed" } else { "Seeds" },
+        seeds.join(", "),
+        comparison.steps,
+        comparison.hours
+    );
+    Ok(Group { title: comparison.title.clone(), subtitle, tables: tables(comparison), report })
+}
+
+/// The tables of a comparison.
+fn tables(comparison: &Comparison) -> Vec<TextTable> {
+    let Comparison { scores, seeds, cameras, differences, paper, .. } = comparison;
+    let is_several = seeds.len() > 1;
+    let headings: Vec<String> = scores.iter().map(ScoreDescription::heading).collect();
+    let head = |first: &str, further: &[String]| {
+        [vec![first.to_owned()], headings.clone(), further.to_vec()].concat()
+    };
+    let cell = |value: &MeanAndDeviation, decimals: usize, is_difference: bool| {
+        let mean = match is_difference {
+            true => format!("{:+.decimals$}", value.mean),
+            false => format!("{:.decimals$}", value.mean),
+        };
+        if is_several { format!("{mean} ± {:.decimals$}", value.deviation) } else { mean }
+    };
+    let all = |values: &[MeanAndDeviation], is_difference: bool| -> Vec<String> {
+        values.iter().zip(scores).map(|(v, s)| cell(v, s.decimals, is_difference)).collect()
+    };
+
+    let closed = |score: &ScoreDescription| format!("gap closed, {} %", score.title);
+    let has_ceiling = cameras.iter().any(|camera| camera.is_ceiling);
+    let shares: Vec<String> = scores.iter().filter(|_| has_ceiling).map(closed).collect();
+    let lens = ["RMS spot um", "EFL mm", "f/#"].map(str::to_owned).to_vec();
+    let rows = cameras.iter().map(|camera| {
+        let percent = |share: &Option<MeanAndDeviation>| {
+            let in_percent = |v: &MeanAndDeviation| MeanAndDeviation {
+                mean: 100.0 * v.mean,
+                deviation: 100.0 * v.deviation,
+            };
+            share.as_ref().map_or_else(|| "-".to_owned(), |v| cell(&in_percent(v), 0, false))
+        };
+        let shares = camera.gap_closed.iter().filter(|_| has_ceiling).map(percent);
+        let lens = [
+            cell(&camera.rms_spot_um, 2, false),
+            format!("{:.2}", camera.efl_mm),
+            format!("{:.2}", camera.f_number),
+        ];
+        let cells = all(&camera.scores, false).into_iter().chain(shares).chain(lens);
+        [camera.name.clone()].into_iter().chain(cells).collect()
+    });
+    let mut tables = vec![TextTable {
+        caption: match has_ceiling {
+            true => "Scores, and the share of the gap from the first camera to a lens without aberrations that is closed.".to_owned(),
+            false => "Scores.".to_owned(),
+        },
+        head: head("camera", &[shares, lens].concat()),
+        rows: rows.collect(),
+    }];
+    if let Some(difference) = differences.first() {
+        tables.push(TextTable {
+            caption: format!("Scores of {} less those of the other camera, seed by seed.", difference.camera),
+            head: head("against", &[]),
+            rows: differences
+                .iter()
+                .map(|d| [vec![d.against.clone()], all(&d.scores, true)].concat())
+                .collect(),
+        });
+    }
+    if let Some(paper) = paper {
+        let value = |score: &ScoreDescription, of: &petzval_design::comparison::PaperRow| {
+            of.scores.get(&score.name).map_or_else(|| "-".to_owned(), |v| v.to_string())
+        };
+        tables.push(TextTable {
+            caption: format!(
+                "What the paper prints ({}), on pictures, networks and an ISP of its own: the order can be compared, the levels cannot.",
+                paper.source
+            ),
+            head: head("camera", &[]),
+            rows: (paper.row.iter())
+                .map(|row| [row.camera.clone()].into_iter().chain(scores.iter().map(|s| value(s, row))).collect())
+                .collect(),
+        });
+    }
+    tables
+}

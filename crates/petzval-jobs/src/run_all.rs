@@ -1,0 +1,109 @@
+//! `experiment run-all`: every built-in experiment with several seeds, and the page that compares them.
+
+use std::path::{Path, PathBuf};
+
+use petzval_design::run::RunFolder;
+use serde::{Deserialize, Serialize};
+
+use crate::compare;
+use crate::context::Context;
+use crate::design::{self, Changes, NewRun, Resume, Run, RunEnding};
+use crate::error::JobError;
+
+/// What to run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
+    pub out: PathBuf,
+    /// Experiments by name or path; all built-in ones if none is named.
+    pub experiments: Vec<String>,
+    /// Seeds. All experiments have a run of the first before any has one of the second.
+    pub seeds: Vec<u64>,
+    /// What differs from the files of the experiments; its seed is ignored.
+    pub changes: Changes,
+    /// Where tensors live.
+    pub device: String,
+}
+
+/// How it went.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Runs that ended with an error, each with its message.
+    pub failed: Vec<(PathBuf, String)>,
+    /// Whether the job was cancelled before all runs were finished.
+    pub is_stopped: bool,
+    /// The comparison of all finished runs; none if there are none.
+    pub compared: Option<compare::Response>,
+}
+
+/// Runs what is not finished yet, then compares all that is.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if request.seeds.is_empty() {
+        return Err(JobError::input("there is no seed", "give one at least"));
+    }
+    let names = match request.experiments.is_empty() {
+        true => context.assets.names("experiments").into_iter().map(str::to_owned).collect(),
+        false => request.experiments.clone(),
+    };
+    let pairs: Vec<(&String, u64)> =
+        request.seeds.iter().flat_map(|seed| names.iter().map(move |name| (name, *seed))).collect();
+    // A name that is wrong shows before hours are spent.
+    for name in &names {
+        context.assets.experiment(name)?;
+    }
+    let (mut finished, mut failed) = (Vec::new(), Vec::new());
+    let mut is_stopped = false;
+    for (i, (name, seed)) in pairs.iter().enumerate() {
+        let root = request.out.join(format!("{}-seed-{seed}", stem(name)));
+        if !is_finished(&root) {
+            if context.is_cancelled() {
+                is_stopped = true;
+                break;
+            }
+            context.note(format!("run {} of {}: {name}, seed {seed}", i + 1, pairs.len()));
+            match design::run(&one(request, name, *seed, &root), context) {
+                Ok(design::Response { ending: RunEnding::Finished { .. }, .. }) => {}
+                Ok(_) => {
+                    is_stopped = true;
+                    break;
+                }
+                Err(error) => {
+                    context.warning(format!("{}: {error}", root.display()));
+                    failed.push((root, error.to_string()));
+                    continue;
+                }
+            }
+        }
+        finished.push(root);
+    }
+    let compared = match finished.is_empty() {
+        true => None,
+        false => {
+            let out = request.out.join("comparison.html");
+            Some(compare::run(&compare::Request { runs: finished, out }, context)?)
+        }
+    };
+    Ok(Response { failed, is_stopped, compared })
+}
+
+/// Begins a run, or goes on with what is there of it.
+fn one(request: &Request, name: &str, seed: u64, root: &Path) -> design::Request {
+    let run = match RunFolder::open(root) {
+        Ok(_) => Run::Resume(Resume { run: root.to_owned(), extend_to: None }),
+        Err(_) => Run::New(NewRun {
+            experiment: name.to_owned(),
+            out: Some(root.to_owned()),
+            changes: Changes { seed: Some(seed), ..request.changes.clone() },
+        }),
+    };
+    design::Request { run, device: request.device.clone() }
+}
+
+fn is_finished(root: &Path) -> bool {
+    RunFolder::open(root).is_ok_and(|run| run.metrics().is_file())
+}
+
+fn stem(name: &str) -> String {
+    Path::new(name).file_stem().map_or_else(|| name.to_owned(), |s| s.to_string_lossy().into_owned())
+}

@@ -1,0 +1,37 @@
+//! `petzval compare`: several runs on one page.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use petzval::jobs::compare::{self, Request};
+
+use super::failure::Failure;
+use super::terminal::{Terminal, print_json};
+
+/// Put finished runs on one page: tables with means over seeds, the share of the gap to perfect optics that is closed, the figures of the
+/// paper, lenses, curves and the same pictures by every camera.
+///
+/// Runs that differ in their seeds alone are taken together. The tables are printed in Markdown.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// The page
+    #[arg(long, value_name = "FILE", default_value = "comparison.html")]
+    out: PathBuf,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let response = compare::run(&Request { runs: args.runs, out: args.out }, &terminal.context())?;
+    if args.json {
+        return print_json(&response.comparisons);
+    }
+    println!("{}", response.markdown);
+    println!("page: {}", response.page.display());
+    Ok(ExitCode::SUCCESS)
+}
