@@ -1,7 +1,7 @@
 //! Runs side by side: of one experiment with several seeds, and of several experiments.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 use petzval_learn::score::ScoreDescription;
@@ -48,7 +48,8 @@ pub struct ComparedCamera {
     pub is_ceiling: bool,
     /// Its scores.
     pub scores: Vec<MeanAndDeviation>,
-    /// Share of the gap from the first camera to the ceiling that it closes, by score; none without a ceiling.
+    /// Share of the gap from the first camera to the ceiling that it closes, by score; none without a ceiling, and where the ceiling does
+    /// not lie above the first camera with every seed.
     pub gap_closed: Vec<Option<MeanAndDeviation>>,
     /// RMS spot radius, um.
     pub rms_spot_um: MeanAndDeviation,
@@ -100,6 +101,8 @@ struct PaperFile {
 /// A finished run.
 struct Finished {
     root: PathBuf,
+    /// Of its inputs.
+    fingerprint: String,
     config: Experiment,
     record: Option<RunRecord>,
     metrics: Metrics,
@@ -112,10 +115,21 @@ pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, Des
         let run = finished(root)?;
         let is_same = |group: &&mut Vec<Finished>| {
             let seedless = |run: &Finished| Experiment { seed: 0, ..run.config.clone() };
-            seedless(&group[0]) == seedless(&run) && group[0].metrics.scores == run.metrics.scores
+            seedless(&group[0]) == seedless(&run)
+                && group[0].fingerprint == run.fingerprint
+                && group[0].metrics.scores == run.metrics.scores
         };
         match groups.iter_mut().find(is_same) {
-            Some(group) => group.push(run),
+            Some(group) => {
+                if let Some(twin) = group.iter().find(|other| other.metrics.seeds == run.metrics.seeds) {
+                    let problem = format!(
+                        "repeats {} with the same seed: one sample would count twice; name one of them",
+                        twin.root.display()
+                    );
+                    return Err(DesignError::Run { path: run.root, problem });
+                }
+                group.push(run);
+            }
             None => groups.push(vec![run]),
         }
     }
@@ -125,7 +139,7 @@ pub fn compare(runs: &[PathBuf], assets: &Assets) -> Result<Vec<Comparison>, Des
     Ok(groups.iter().map(|group| comparison(group, &paper.table)).collect())
 }
 
-fn finished(root: &PathBuf) -> Result<Finished, DesignError> {
+fn finished(root: &Path) -> Result<Finished, DesignError> {
     let run = RunFolder::open(root)?;
     let metrics = read_metrics(&run)?;
     let record = RunRecord::read(&run)?;
@@ -133,7 +147,9 @@ fn finished(root: &PathBuf) -> Result<Finished, DesignError> {
         Some(record) => record.config.clone(),
         None => read_config(&run)?,
     };
-    Ok(Finished { root: root.clone(), config, record, metrics })
+    let path = run.fingerprint();
+    let fingerprint = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    Ok(Finished { root: root.to_owned(), fingerprint, config, record, metrics })
 }
 
 fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
@@ -153,9 +169,12 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
         let gap_closed = |score: &ScoreDescription| {
             let (from, to) = (of(&baseline?.camera), of(&ceiling?.camera));
             let share = |((row, from), to): ((&&CameraMetrics, &&CameraMetrics), &&CameraMetrics)| {
-                (value(row, score) - value(from, score)) / (value(to, score) - value(from, score))
+                let way = value(to, score) - value(from, score);
+                let is_a_way = if score.higher_is_better { way > 0.0 } else { way < 0.0 };
+                is_a_way.then(|| (value(row, score) - value(from, score)) / way)
             };
-            spread(seen.iter().zip(&from).zip(&to).map(share))
+            let shares: Option<Vec<f64>> = seen.iter().zip(&from).zip(&to).map(share).collect();
+            spread(shares?.into_iter())
         };
         ComparedCamera {
             name: row.camera.clone(),

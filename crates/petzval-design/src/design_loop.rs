@@ -20,8 +20,8 @@ use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::DesignError;
 use crate::experiment::PERFECT_LENS;
 use crate::run::{
-    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, latest_checkpoint, load_blocks,
-    save_blocks, save_checkpoint, write_file,
+    CameraMetrics, Event, EventLog, Kept, Metrics, RunFolder, RunRecord, forget_most_memory,
+    latest_checkpoint, load_blocks, save_blocks, save_checkpoint, write_file,
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
@@ -166,6 +166,7 @@ struct Step {
 impl DesignLoop {
     /// Starts a run in an empty folder, or continues one from its latest checkpoint.
     pub fn new(run: RunFolder, scorer: Scorer) -> Result<Self, DesignError> {
+        forget_most_memory();
         let setup = scorer.setup().clone();
         let checkpoint = latest_checkpoint(&run)?;
         let first = setup.variants.first().map(|v| v.name.clone());

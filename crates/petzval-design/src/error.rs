@@ -80,6 +80,17 @@ pub enum DesignError {
          take it (`petzval psf` shows those of its y-z plane)"
     )]
     NotSymmetric(String),
+    /// A design space in which hardly a lens has light.
+    #[error(
+        "none of {draws} random lenses within the bounds keeps {percent} % of its light on the PSF's grid; hint: raise psf.pitch_um, or narrow \
+         the bounds of the variables"
+    )]
+    NoLensInBounds {
+        /// Lenses that were drawn.
+        draws: usize,
+        /// The share that was asked for, %.
+        percent: f64,
+    },
     /// The lens file has no variables.
     #[error("the lens `{0}` has no variables: add [[variable]] entries with bounds to its file")]
     NothingToMove(String),

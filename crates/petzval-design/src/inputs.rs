@@ -23,8 +23,8 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
     if let Some(settings) = &setup.body.chip {
         hash.update(DesignError::json("the ISP", settings)?);
     }
-    for path in setup.optics_proxies.keys().map(Path::new) {
-        for file in proxy_files(path) {
+    for path in setup.variants.iter().filter_map(|v| v.optics_proxy.as_ref()) {
+        for file in proxy_files(Path::new(path)) {
             hash.update(std::fs::read(&file).map_err(DesignError::io(&file))?);
         }
     }
@@ -102,8 +102,8 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
         return Ok(());
     }
     let problem =
-        "the lens, its glasses, the sensor or the photographs are not those that this run began with; \
-                   put them back, or start a new run"
+"lens, glasses, sensor, ISP, networks in place of tracing or photographs are not those that this run began with; put \
+             them back, or start a new run"
             .to_owned();
     Err(DesignError::Run { path, problem })
 }

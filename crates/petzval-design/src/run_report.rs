@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use petzval_camera::isp::IspParameter;
 use petzval_files::lens_toml::parameter_name;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
@@ -17,7 +18,7 @@ use crate::error::DesignError;
 use crate::lens_view;
 use crate::pictures::file_name;
 use crate::psf_plan::PsfPlan;
-use crate::run::{CameraMetrics, Event, Metrics, RunFolder, RunRecord, read_events};
+use crate::run::{CameraMetrics, Event, Kept, Metrics, RunFolder, RunRecord, load_blocks, read_events};
 use crate::setup::Setup;
 use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
@@ -73,6 +74,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
                 false => Vec::new(),
                 true => changes(&setup.start(variant).lens_file, &lens),
             },
+            isp_changes: isp_changes(setup, variant, run)?,
         });
     }
     let e = &setup.experiment;
@@ -95,6 +97,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         wavelengths_um: plan.wavelengths_um.to_vec(),
         half_diagonal_mm: setup.corner_mm(),
         pictures: pictures(run, &metrics)?,
+        has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
         study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
         losses: loss_curves(events),
@@ -174,7 +177,7 @@ fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
         efl_mm: m.efl_mm,
         f_number: m.f_number,
         fov_deg: m.fov_deg,
-        network_steps: m.network_steps,
+        steps: m.network_steps.max(m.isp_steps),
     }
 }
 
@@ -190,6 +193,25 @@ fn score(of: &ScoreDescription) -> Score {
 /// The values of the scores, in their order; NaN for one that is missing.
 fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f64>) -> Vec<f64> {
     scores.iter().map(|score| values.get(&score.name).copied().unwrap_or(f64::NAN)).collect()
+}
+
+/// The parameters of a camera's hardware ISP that moved, before and after.
+fn isp_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
+    if setup.body.chip.is_none() {
+        return Ok(Vec::new());
+    }
+    let mut blocks = setup.blocks(variant)?;
+    load_blocks(&run.camera(&variant.name), blocks.all_mut(), Kept::Numbers)?;
+    let moved = blocks.isp.changes().into_iter().filter(|(_, from, to)| from != to);
+    let change = |(parameter, from, to): (&IspParameter, f64, f64)| Change {
+        parameter: parameter.name.clone(),
+        from,
+        to,
+        unit: parameter.about.unit.to_owned(),
+        min: parameter.about.min,
+        max: parameter.about.max,
+    };
+    Ok(moved.map(change).collect())
 }
 
 /// The variables, before and after, and the radius that keeps the focal length.

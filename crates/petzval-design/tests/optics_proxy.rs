@@ -12,6 +12,7 @@ use petzval_design::optics_proxy::{
 use petzval_design::setup::Setup;
 
 const STEPS: usize = 60;
+const LEARNT_BY_HEART: usize = 400;
 
 fn setup() -> Setup {
     let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
@@ -70,6 +71,18 @@ fn training_brings_the_illumination_nearer_and_continues_with_the_same_bits() {
     }
     assert_eq!(whole.save().unwrap()[0], restored.save().unwrap()[0]);
     assert!(restored.load([vec![1, 2, 3], Vec::new()]).is_err());
+}
+
+#[test]
+fn the_psfs_of_some_lenses_are_learnt_by_heart() {
+    let setup = setup();
+    let mut trainer = trainer(&setup, 1);
+    let first = trainer.step(0).unwrap();
+    let mut last = first;
+    for _ in 0..LEARNT_BY_HEART {
+        last = trainer.step(0).unwrap();
+    }
+    assert!(last.psf < 0.6 * first.psf && last.slope < first.slope + 0.1, "{first:?} {last:?}");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use petzval_design::psf_plan::PsfPlan;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::variant::LensGoal;
+use petzval_design::variant::{LensGoal, LensSearch};
 use petzval_learn::Device;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
 use petzval_optics::merit::Merit;
@@ -182,10 +182,15 @@ fn spots_are_minimised_to_convergence_under_the_requirements() {
     let minimised = || {
         let mut block = OpticsBlock::new(setup.start(&setup.variants[0]).clone(), 1.0);
         let mut iterations = 0;
-        let losses = block.improve(LensGoal::Spot, setup.experiment.spot.iterations, &mut |_| {
-            iterations += 1;
-            Ok(())
-        });
+        let losses = block.improve(
+            LensGoal::Spot,
+            setup.experiment.spot.iterations,
+            LensSearch::default(),
+            &mut |_| {
+                iterations += 1;
+                Ok(())
+            },
+        );
         (losses.unwrap(), iterations, block.lens().unwrap())
     };
     let (losses, iterations, lens) = minimised();
@@ -231,9 +236,9 @@ fn a_lens_is_improved_for_the_restoration_of_its_frames() {
         );
     }
     let mut block = OpticsBlock::new(start.clone(), 1.0);
-    let spot = block.improve(LensGoal::Spot, 100, &mut |_| Ok(())).unwrap();
+    let spot = block.improve(LensGoal::Spot, 100, LensSearch::default(), &mut |_| Ok(())).unwrap();
     let mut course = Vec::new();
-    let restored = block.improve(LensGoal::Restored, 30, &mut |losses| {
+    let restored = block.improve(LensGoal::Restored, 30, LensSearch::default(), &mut |losses| {
         course.push(losses["restored_error_percent"]);
         Ok(())
     });

@@ -95,7 +95,7 @@ fn tables(comparison: &Comparison) -> Vec<TextTable> {
         values.iter().zip(scores).map(|(v, s)| cell(v, s.decimals, is_difference)).collect()
     };
 
-    let closed = |score: &ScoreDescription| format!("gap closed, {} %", score.title);
+    let closed = |score: &ScoreDescription| format!("closed, {} %", score.title);
     let has_ceiling = cameras.iter().any(|camera| camera.is_ceiling);
     let shares: Vec<String> = scores.iter().filter(|_| has_ceiling).map(closed).collect();
     let lens = ["RMS spot um", "EFL mm", "f/#"].map(str::to_owned).to_vec();

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_design::run::RunFolder;
+use petzval_design::experiment::Experiment;
+use petzval_design::run::{RunFolder, RunRecord};
 use serde::{Deserialize, Serialize};
 
 use crate::compare;
@@ -48,14 +49,23 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     };
     let pairs: Vec<(&String, u64)> =
         request.seeds.iter().flat_map(|seed| names.iter().map(move |name| (name, *seed))).collect();
-    // A name that is wrong shows before hours are spent.
-    for name in &names {
-        context.assets.experiment(name)?;
+    // What is wrong shows before hours are spent.
+    for (i, (name, seed)) in pairs.iter().enumerate() {
+        let root = root_of(request, name, *seed);
+        if pairs[..i].iter().any(|(other, seed)| root_of(request, other, *seed) == root) {
+            let message =
+                format!("{name}, seed {seed}: another run of this command has the folder {}", root.display());
+            return Err(JobError::input(
+                message,
+                "give each experiment another file name, and each seed once",
+            ));
+        }
+        refuse_other_run(&root, &new_run(request, name, *seed, &root), context)?;
     }
     let (mut finished, mut failed) = (Vec::new(), Vec::new());
     let mut is_stopped = false;
     for (i, (name, seed)) in pairs.iter().enumerate() {
-        let root = request.out.join(format!("{}-seed-{seed}", stem(name)));
+        let root = root_of(request, name, *seed);
         if !is_finished(&root) {
             if context.is_cancelled() {
                 is_stopped = true;
@@ -81,7 +91,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         true => None,
         false => {
             let out = request.out.join("comparison.html");
-            Some(compare::run(&compare::Request { runs: finished, out }, context)?)
+            match compare::run(&compare::Request { runs: finished, out: out.clone() }, context) {
+                Ok(compared) => Some(compared),
+                Err(error) => {
+                    failed.push((out, error.to_string()));
+                    None
+                }
+            }
         }
     };
     Ok(Response { failed, is_stopped, compared })
@@ -91,13 +107,47 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 fn one(request: &Request, name: &str, seed: u64, root: &Path) -> design::Request {
     let run = match RunFolder::open(root) {
         Ok(_) => Run::Resume(Resume { run: root.to_owned(), extend_to: None }),
-        Err(_) => Run::New(NewRun {
-            experiment: name.to_owned(),
-            out: Some(root.to_owned()),
-            changes: Changes { seed: Some(seed), ..request.changes.clone() },
-        }),
+        Err(_) => Run::New(new_run(request, name, seed, root)),
     };
     design::Request { run, device: request.device.clone() }
+}
+
+fn new_run(request: &Request, name: &str, seed: u64, root: &Path) -> NewRun {
+    NewRun {
+        experiment: name.to_owned(),
+        out: Some(root.to_owned()),
+        changes: Changes { seed: Some(seed), ..request.changes.clone() },
+    }
+}
+
+/// The folder of a run.
+fn root_of(request: &Request, name: &str, seed: u64) -> PathBuf {
+    request.out.join(format!("{}-seed-{seed}", stem(name)))
+}
+
+/// Refuses a folder that holds a run of another experiment, or of the same with another budget: its figures would pass for those that are
+/// asked for. Lens, sensor and other inputs are copies in a run's folder, and so have other names there.
+fn refuse_other_run(root: &Path, new: &NewRun, context: &Context) -> Result<(), JobError> {
+    let Ok(run) = RunFolder::open(root) else { return Ok(()) };
+    let Some(record) = RunRecord::read(&run)? else { return Ok(()) };
+    let unnamed = |mut experiment: Experiment| {
+        experiment.lens.clear();
+        experiment.sensor.clear();
+        experiment.isp.preset.clear();
+        for variant in &mut experiment.variant {
+            variant.lens = variant.lens.as_ref().map(|_| String::new());
+            variant.optics_proxy = variant.optics_proxy.as_ref().map(|_| String::new());
+        }
+        experiment
+    };
+    let asked = unnamed(design::resolved(new, context)?);
+    match asked.differences(&unnamed(record.config)).first() {
+        None => Ok(()),
+        Some((key, there)) => Err(JobError::input(
+            format!("{}: the run there differs from what is asked for: its {key} is {there}", root.display()),
+            "choose another folder with --out, or ask for the same",
+        )),
+    }
 }
 
 fn is_finished(root: &Path) -> bool {

@@ -112,7 +112,7 @@ pub(crate) fn rows() -> Vec<TableRow> {
         efl_mm: 23.01,
         f_number: 4.04,
         fov_deg: 30.0,
-        network_steps: 60,
+        steps: 60,
     };
     vec![
         row(0, 0.9125, 29.84, 0.8710, 12.6),
@@ -195,6 +195,7 @@ fn camera(i: usize) -> CameraView {
         over_field: over_field.into(),
         psfs,
         changes: if i > 0 { vec![change] } else { Vec::new() },
+        isp_changes: Vec::new(),
     }
 }
 
@@ -230,6 +231,7 @@ pub(crate) fn report() -> Report {
         wavelengths_um: WAVELENGTHS_UM.to_vec(),
         half_diagonal_mm: 6.1,
         pictures: vec![picture("centre"), picture("corner, 14.2°")],
+        has_isp: false,
         pictures_in_all: 2,
         study: None,
         losses: vec![curve(0), curve(2)],

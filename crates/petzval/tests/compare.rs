@@ -8,8 +8,7 @@ use common::*;
 fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     write_tiny(folder.path());
-    let other =
-        tiny_experiment().replace("seed = 1", "seed = 1").replace("white_e = 16000", "white_e = 8000");
+    let other = tiny_experiment().replace("white_e = 16000", "white_e = 8000");
     std::fs::write(folder.path().join("dim.toml"), other.replace("name = \"Cooke", "name = \"Dim Cooke"))
         .unwrap();
     let all = ["experiment", "run-all", "--only", "tiny.toml,dim.toml", "--seeds", "1,2", "--out", "all"];
@@ -38,6 +37,9 @@ fn all_experiments_are_run_with_every_seed_and_compared_and_the_same_command_goe
     assert!(said.says("dim.toml, seed 2") && !said.says("tiny.toml, seed"), "{}", said.stderr);
     assert_same_files(&before, &snapshot(&folder.path().join("all/tiny-seed-1")));
 
+    // Runs with another budget, or twice the same sample, would be taken for what they are not.
+    run_fails(folder.path(), &[&all[..], &["--steps", "3"]].concat(), 2, &["training.steps is 4", "--out"]);
+    run_fails(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-1"], 2, &["same seed"]);
     let json = run_ok(folder.path(), &["compare", "all/dim-seed-1", "all/dim-seed-2", "--json"]).json();
     assert_eq!(json[0]["seeds"], serde_json::json!([1, 2]));
     assert!(folder.path().join("comparison.html").is_file());
@@ -94,7 +96,11 @@ fn a_network_in_place_of_tracing_is_trained_described_and_leads_a_lens() {
     assert_eq!(description["gap"]["l1"].as_float(), done["gap"]["l1"].as_f64());
     let page = read(&folder.path().join("proxy/proxy.html"));
     assert_eq!(page.matches("<img").count(), 6);
-    // A finished training stays as it is, and another does not overwrite it.
+    // A finished training stays as it is, another does not overwrite it, and it is not continued for other PSFs.
+    std::fs::write(folder.path().join("tiny.toml"), tiny.replace("pitch_um = 1.0", "pitch_um = 1.5"))
+        .unwrap();
+    run_fails(folder.path(), &["train", "optics-proxy", "--resume", "proxy"], 2, &["no longer", "tiny.toml"]);
+    std::fs::write(folder.path().join("tiny.toml"), &tiny).unwrap();
     let again = run_ok(folder.path(), &["train", "optics-proxy", "--resume", "proxy", "--json"]).json();
     assert_eq!(again["gap"]["l1"], done["gap"]["l1"]);
     run_fails(folder.path(), &[&train[..], &["--out", "proxy"]].concat(), 2, &["already holds a training"]);
@@ -121,6 +127,14 @@ fn a_network_in_place_of_tracing_is_trained_described_and_leads_a_lens() {
         &["design", "mine.toml", "--out", "none"],
         2,
         &["optics_proxy", "train optics-proxy"],
+    );
+    let resting = mine.replace("[\"optics\", \"network\"]", "[\"network\"]");
+    std::fs::write(folder.path().join("resting.toml"), resting).unwrap();
+    run_fails(
+        folder.path(),
+        &["design", "resting.toml", "--out", "none"],
+        2,
+        &["does not move for the task"],
     );
     // One for another lens, other bounds or other PSFs is refused.
     let kept = folder.path().join("run/inputs/through-network-optics-proxy");

@@ -426,6 +426,14 @@ fn a_run_of_an_earlier_version_lacks_keys_that_are_younger() {
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
     run_ok(folder.path(), &["report", "run"]);
     run_ok(folder.path(), &["design", "--resume", "run"]);
+    // One that is finished by this version is still whole.
+    std::fs::remove_file(run.join("metrics.json")).unwrap();
+    let mut record: serde_json::Value = serde_json::from_str(&read(&run.join("run.json"))).unwrap();
+    record["finished"] = serde_json::Value::Null;
+    std::fs::write(run.join("run.json"), serde_json::to_string(&record).unwrap()).unwrap();
+    run_ok(folder.path(), &["design", "--resume", "run"]);
+    assert!(read_json(&run.join("run.json"))["finished"]["seconds"].is_number());
+    run_ok(folder.path(), &["evaluate", "run"]);
     // A key that its record has was lost.
     let config = read(&run.join("config.toml"));
     std::fs::write(run.join("config.toml"), config.replace("iterations = 8\n", "")).unwrap();

@@ -388,3 +388,41 @@ fn restoration_brings_back_detail_that_the_lens_blurs() {
     let wrong = ["simulate", &photo, "--restore=-1", "--out", "x"];
     run_fails(folder.path(), &wrong, 2, &["--restore", "0.003"]);
 }
+
+#[test]
+fn an_image_signal_processor_undoes_shading_and_distortion_of_the_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    // Gray with a white vertical line near the right edge, as a pinhole would show it.
+    let line = image::RgbImage::from_fn(360, 240, |x, _| {
+        image::Rgb([if (330..334).contains(&x) { 230 } else { 110 }; 3])
+    });
+    line.save(folder.path().join("line.png")).unwrap();
+    let take = |more: &[&str]| {
+        let args = ["simulate", "line.png", "--no-noise", "--isp", "neutral", "--out", "out"];
+        run_ok(folder.path(), &[&args, more].concat());
+        image::open(folder.path().join("out/line-isp.png")).unwrap().to_luma8()
+    };
+    let picture = take(&[]);
+    assert_eq!(picture.dimensions(), (1920, 1200));
+    // Its column of the brightest light at the top, in the middle and at the bottom; the line is blurred most in the corners.
+    let column = |picture: &image::GrayImage, row: u32| {
+        let (mut sum, mut all) = (0.0, 0.0);
+        for x in 1650..1920 {
+            let light = (f64::from(picture.get_pixel(x, row)[0]) - 160.0).max(0.0);
+            (sum, all) = (sum + light * f64::from(x), all + light);
+        }
+        assert!(all > 0.0, "no line in row {row}");
+        sum / all
+    };
+    let [top, middle, bottom] = [40, 600, 1160].map(|row| column(&picture, row));
+    assert!((top - middle).abs() < 2.0 && (bottom - middle).abs() < 2.0, "{top} {middle} {bottom}");
+    // Gray is as bright in the corner as in the middle.
+    let gray = |x: u32, y: u32| {
+        let mean: f64 = (0..400).map(|i| f64::from(picture.get_pixel(x + i % 20, y + i / 20)[0])).sum();
+        mean / 400.0
+    };
+    assert!((gray(30, 30) - gray(950, 590)).abs() < 3.0, "{} {}", gray(30, 30), gray(950, 590));
+    let wrong = ["simulate", "line.png", "--isp", "nowhere", "--out", "x"];
+    run_fails(folder.path(), &wrong, 2, &["nowhere", "automotive"]);
+    assert!(!folder.path().join("x").exists());
+}

@@ -111,7 +111,9 @@ impl Imitation {
     }
 
     fn frames(&self, batch: &Batch, number: u64) -> Result<Vec<Frame>, DesignError> {
-        take(batch.camera, &(batch.further)(number)?, batch.noise.seed)
+        // Raw frames are wanted: the ISP in whole numbers makes the picture beside them in the least time.
+        let camera = batch.camera.with_chip(ChipValues::Exact(self.plan.settings.values()));
+        take(&camera, &(batch.further)(number)?, batch.noise.seed)
     }
 
     /// What it needs to go on with the same bits.

@@ -127,11 +127,11 @@ impl IspBlock {
         self.on_tape(self.tensor(device))
     }
 
-    /// The ISP at values on the tape: in floating point, or the network that imitates it.
+    /// The ISP at values on the tape: the network that imitates it, once it has learnt enough, else the ISP in floating point.
     fn on_tape(&self, values: Tensor<1>) -> ChipValues {
         match &self.imitation {
-            Some(imitation) => imitation.chip(values),
-            None => ChipValues::OnTape(Box::new(values)),
+            Some(imitation) if !imitation.is_warming_up() => imitation.chip(values),
+            _ => ChipValues::OnTape(Box::new(values)),
         }
     }
 
@@ -153,10 +153,10 @@ impl IspBlock {
         Imitation::new(plan, &self.varied, self.values.clone())
     }
 
-    /// The varied parameters: name, value at the start, and now.
-    pub fn changes(&self) -> Vec<(String, f64, f64)> {
+    /// The varied parameters: each with its value at the start, and now.
+    pub fn changes(&self) -> Vec<(&IspParameter, f64, f64)> {
         let now = self.values();
-        self.varied.iter().map(|i| (self.parameters[*i].name.clone(), self.values[*i], now[*i])).collect()
+        self.varied.iter().map(|i| (&self.parameters[*i], self.values[*i], now[*i])).collect()
     }
 
     /// The derivative of a varied parameter's value by its place.
@@ -191,13 +191,19 @@ impl Block for IspBlock {
         self.places.len()
     }
 
-    fn begin_stage(&mut self, _is_moving: bool) {
+    fn begin_stage(&mut self, is_moving: bool) {
         self.progress = Progress::at(&self.places);
+        if !is_moving {
+            self.imitation = None;
+        }
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
         let figures = match rule.method {
-            StepMethod::Evolution => return self.evolve(batch, rule),
+            StepMethod::Evolution => {
+                self.imitation = None;
+                return self.evolve(batch, rule);
+            }
             StepMethod::Gradient => {
                 self.imitation = None;
                 ImitationFigures::new()
@@ -230,7 +236,12 @@ impl Block for IspBlock {
 
     fn save_numbers(&self) -> Result<BlockState, DesignError> {
         let text = DesignError::json("the parameters of the ISP", &self.places)?;
-        Ok(BTreeMap::from([(PLACES.to_owned(), text.into_bytes())]))
+        let mut state = BTreeMap::from([(PLACES.to_owned(), text.into_bytes())]);
+        // A later stage goes on with what the network has learnt.
+        if let Some(imitation) = &self.imitation {
+            state.extend(imitation.save()?);
+        }
+        Ok(state)
     }
 
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String> {
@@ -238,17 +249,21 @@ impl Block for IspBlock {
         if places.len() != self.places.len() {
             return Err(format!("{PLACES}: {OTHER_PARAMETERS}"));
         }
+        self.imitation = match Imitation::is_in(state) {
+            true => {
+                let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;
+                imitation.load(state)?;
+                Some(imitation)
+            }
+            false => None,
+        };
         self.places = places;
         Ok(())
     }
 
     fn save_progress(&self) -> Result<BlockState, DesignError> {
         let text = DesignError::json("the moments of the ISP", &self.progress)?;
-        let mut state = BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]);
-        if let Some(imitation) = &self.imitation {
-            state.extend(imitation.save()?);
-        }
-        Ok(state)
+        Ok(BTreeMap::from([(PROGRESS.to_owned(), text.into_bytes())]))
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
@@ -256,11 +271,6 @@ impl Block for IspBlock {
         let free = self.places.len();
         if progress.anchor.len() != free || !progress.adam.fits(free) {
             return Err(format!("{PROGRESS}: {OTHER_PARAMETERS}"));
-        }
-        if Imitation::is_in(state) {
-            let mut imitation = self.new_imitation().map_err(|e| e.to_string())?;
-            imitation.load(state)?;
-            self.imitation = Some(imitation);
         }
         self.progress = progress;
         Ok(())

@@ -30,10 +30,17 @@ use crate::variant::Variant;
 /// The name of the built-in photographs in [`Experiment::photos`].
 pub const BUILT_IN_PHOTOS: &str = "built-in";
 
-/// Steps and windows a step of the full size of an experiment, see [`Experiment::to_full_size`].
+/// Steps of the network, or of the hardware ISP, in the full size of an experiment, see [`Experiment::to_full_size`].
 pub const FULL_STEPS: usize = 40_000;
-/// See [`FULL_STEPS`].
+
+/// Windows a step in the full size.
 pub const FULL_BATCH: usize = 16;
+
+/// Steps between checkpoints in the full size, unless the experiment has more.
+const FULL_CHECKPOINT: usize = 2000;
+
+/// Most channels of a network.
+const MOST_CHANNELS: usize = 256;
 
 /// The name of a variant's lens that has no aberrations: a thin lens of the focal length and the entrance pupil of the experiment's lens,
 /// whose points of light are those of diffraction. It is the ceiling of what any lens of this f-number could reach.
@@ -129,13 +136,12 @@ impl Experiment {
         Ok(experiment)
     }
 
-    /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key that `complete` holds, or every key there is: a default
-    /// in place of a key that was lost would make another run of it. Keys that are younger than a run are not in its record, the `complete`.
-    pub fn parse_complete(text: &str, complete: Option<&serde_json::Value>) -> Result<Self, FileError> {
+    /// [`Experiment::parse`] for the `config.toml` of a run, which must hold every key that `complete` holds: a default in place of a key that
+    /// was lost would make another run of it. Keys that are younger than a run are not in its record, the `complete`.
+    pub fn parse_complete(text: &str, complete: &serde_json::Value) -> Result<Self, FileError> {
         let experiment = Self::parse(text)?;
         let found: serde_json::Value = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-        let own = serde_json::to_value(&experiment).unwrap_or_default();
-        match missing_key(&found, complete.unwrap_or(&own)) {
+        match missing_key(&found, complete) {
             None => Ok(experiment),
             Some(key) => Err(FileError::at_key(text, &[&key], "is missing")
                 .hint("the config.toml of a run holds every key; put it back as it was")),
@@ -260,6 +266,7 @@ impl Experiment {
         *last = steps;
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
+        self.isp.proxy_warm_up = scaled(self.isp.proxy_warm_up);
         let stages = self.variant.iter_mut().flat_map(|v| &mut v.stage);
         let own = stages.flat_map(|stage| stage.schedule.values_mut());
         own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));
@@ -270,8 +277,8 @@ impl Experiment {
     pub fn to_full_size(&mut self) {
         self.scale_steps(FULL_STEPS);
         self.training.batch = FULL_BATCH;
-        self.network.base_channels *= 2;
-        self.checkpoint.every *= FULL_STEPS / 1000;
+        self.network.base_channels = (2 * self.network.base_channels).min(MOST_CHANNELS);
+        self.checkpoint.every = self.checkpoint.every.max(FULL_CHECKPOINT);
     }
 
     /// The experiment with one more stage for each variant, so that its network, or hardware ISP, takes `network_steps` steps in all; the same blocks

@@ -203,6 +203,12 @@ fn check_origin(
             return Err(("from", message, "leave out `lens` or `from`".to_owned()));
         }
     }
+    let moves_for_task = |s: &StageConfig| s.goal == Goal::Task && s.moves.contains(&BlockName::Optics);
+    if variant.optics_proxy.is_some() && !variant.stage.iter().any(moves_for_task) {
+        let message =
+            format!("the lens of `{name}` does not move for the task, so nothing would use the network");
+        return Err(("optics_proxy", message, "leave it out, or add \"optics\" to a stage".to_owned()));
+    }
     if variant.stage.is_empty() {
         let hint = "add a [[variant.stage]] with `moves = [\"network\"]`".to_owned();
         return Err(("stage", format!("`{name}` has no stages"), hint));

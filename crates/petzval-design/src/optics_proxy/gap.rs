@@ -110,7 +110,13 @@ impl OpticsJudge<'_> {
             |of: fn(&OpticsFieldGap) -> f64| fields.iter().map(of).sum::<f64>() / fields.len().max(1) as f64;
         let mut cosines: Vec<f64> = all.iter().map(|one| one.cosine).collect();
         cosines.sort_by(f64::total_cmp);
-        let quantile = |share: f64| cosines[((cosines.len() - 1) as f64 * share) as usize];
+        // Between neighbouring values by straight lines.
+        let quantile = |share: f64| {
+            let at = (cosines.len() - 1) as f64 * share;
+            let below = at as usize;
+            let above = (below + 1).min(cosines.len() - 1);
+            cosines[below] + (at - below as f64) * (cosines[above] - cosines[below])
+        };
         let seconds = |of: fn(&OneLens) -> Seconds| Seconds {
             exact: mean(&|one| of(one).exact),
             proxy: mean(&|one| of(one).proxy),

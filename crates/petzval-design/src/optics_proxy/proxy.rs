@@ -13,7 +13,7 @@ use crate::camera::to_host;
 use crate::error::DesignError;
 use crate::psf_plan::PsfPlan;
 
-/// Mean and standard deviation of the inputs of a network over the lenses that it is trained on: the coordinates of the design space, and
+/// Mean and standard deviation of the inputs of a network over random lenses of its design space: the coordinates of the design space, and
 /// last the image radius of the field, mm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scale {

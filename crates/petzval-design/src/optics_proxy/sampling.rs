@@ -14,11 +14,11 @@ use crate::start::Start;
 /// Widths of the draws about the start, as shares of the way to the bounds: the logarithm is drawn evenly between these.
 const WIDTHS: [f64; 2] = [0.03, 1.0];
 
-/// Share of the light that the grid of a PSF must hold. A lens that misses it anywhere is not drawn.
+/// Share of the light that the grid of a PSF must hold at every field for which a lens is drawn; else another is drawn.
 const LEAST_CAPTURED: f64 = 0.9;
 
 /// Draws after which a space is said to hold no lenses.
-const MOST_DRAWN: usize = 10_000;
+const MOST_DRAWN: usize = 2000;
 
 /// Lenses over which inputs are normalised.
 const SCALED_BY: u64 = 2000;
@@ -67,7 +67,7 @@ impl LensSampler {
         places.collect()
     }
 
-    /// Mean and deviation of the coordinates of the lenses and of the fields.
+    /// Mean and deviation of the coordinates of random lenses, light or no light, and of the fields.
     pub fn scale(&self, domain: &ProxyDomain) -> Scale {
         let space = &self.start.space;
         let mut rows = Vec::new();
@@ -92,7 +92,7 @@ impl LensSampler {
         self.first(number, |_| self.plan.clone())
     }
 
-    /// A lens with its PSF at one field, drawn from the image circle's radius.
+    /// A lens with its PSF at one field, drawn evenly from the axis to the corner; other fields of it may have no light.
     pub fn lens_and_field(&self, number: u64) -> Result<(Lens, BankWithTape), DesignError> {
         let corner_mm = self.plan.field_radius_mm.last().copied().unwrap_or(0.0);
         self.first(number, |random| {
@@ -120,6 +120,6 @@ impl LensSampler {
                 return Ok((lens, traced));
             }
         }
-        Err(DesignError::NoLens)
+        Err(DesignError::NoLensInBounds { draws: MOST_DRAWN, percent: 100.0 * LEAST_CAPTURED })
     }
 }

@@ -14,4 +14,4 @@ pub use checkpoint::{Kept, latest_checkpoint, load_blocks, save_blocks, save_che
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
-pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, read_config};
+pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, forget_most_memory, read_config};

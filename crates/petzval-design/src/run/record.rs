@@ -64,13 +64,14 @@ impl RunRecord {
 
     /// Notes the end of a run, once.
     pub fn finish(run: &RunFolder, seconds: f64) -> Result<(), DesignError> {
-        match Self::read(run)? {
-            Some(record) if record.finished.is_none() => {
-                let finished = Some(Finish { date: now(), seconds, memory_gb: most_memory_gb() });
-                Self { finished, ..record }.write(run)
-            }
-            _ => Ok(()),
+        if Self::read(run)?.is_none_or(|record| record.finished.is_some()) {
+            return Ok(());
         }
+        // The rest stays as it was written: keys that are younger than the run do not come in.
+        let mut record = json_record(run)?;
+        let finish = Finish { date: now(), seconds, memory_gb: most_memory_gb() };
+        record["finished"] = serde_json::to_value(finish).unwrap_or_default();
+        write_file(&run.record(), DesignError::json("the record of the run", &record)?.as_bytes())
     }
 
     /// Names and values for the reader of a report.
@@ -84,6 +85,12 @@ impl RunRecord {
         }
         facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
+}
+
+/// Forgets how much memory this process has taken so far, where the system allows it: one process may make several runs.
+pub fn forget_most_memory() {
+    // Linux: 5 resets the peak. Without it the figure is that of the whole process.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 /// Most memory that this process has taken, GB: `VmHWM` of Linux.
@@ -101,17 +108,18 @@ fn now() -> String {
 /// The values of a run's `config.toml`.
 pub fn read_config(run: &RunFolder) -> Result<Experiment, DesignError> {
     let text = config_text(run)?;
-    let path = run.record();
-    let complete = match path.exists() {
-        true => {
-            let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
-            let record: serde_json::Value =
-                serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })?;
-            record.get("config").cloned()
-        }
-        false => None,
+    let experiment = match run.record().exists() {
+        true => Experiment::parse_complete(&text, &json_record(run)?["config"]),
+        false => Experiment::parse(&text),
     };
-    Experiment::parse_complete(&text, complete.as_ref()).map_err(DesignError::input(&run.config()))
+    experiment.map_err(DesignError::input(&run.config()))
+}
+
+/// The record of a run as it is written.
+fn json_record(run: &RunFolder) -> Result<serde_json::Value, DesignError> {
+    let path = run.record();
+    let text = std::fs::read_to_string(&path).map_err(DesignError::io(&path))?;
+    serde_json::from_str(&text).map_err(|e| DesignError::Run { path, problem: e.to_string() })
 }
 
 /// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.

@@ -1,5 +1,6 @@
 //! `simulate`: photographs and scenes through a lens onto a sensor.
 
+mod chip;
 mod highlights;
 mod output;
 mod photographs;

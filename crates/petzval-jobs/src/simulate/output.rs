@@ -28,7 +28,7 @@ fn file_format(raw: RawAs, bits: u32) -> RawFormat {
 /// How a picture becomes a file.
 type SavePicture = fn(&LinearImage, &Path) -> Result<(), ImageError>;
 
-/// Writes the results of one image as NAME-raw.* and NAME-developed.* and returns their paths. Where one of them cannot be
+/// Writes the results of one image as NAME-raw.*, NAME-developed.* and, if an ISP made a PNG, NAME-isp.png, and returns their paths. Where one of them cannot be
 /// written, none is. Formats for a display show the light `display_white` as white.
 pub fn write(
     (raw_format, picture_format): (RawAs, PictureAs),
@@ -37,6 +37,7 @@ pub fn write(
     raw: &Raw,
     sensor: &SensorModel,
     (developed, display_white): (&LinearImage, f32),
+    by_chip: Option<&[u8]>,
 ) -> Result<Facts, JobError> {
     let format = file_format(raw_format, sensor.bits);
     let (extension, save, white): (_, SavePicture, _) = match picture_format {
@@ -47,7 +48,9 @@ pub fn write(
     };
     let raw_path = folder.join(format!("{name}-raw.{}", format.extension()));
     let developed_path = folder.join(format!("{name}-developed.{extension}"));
-    let files = [raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
+    let chip_path = folder.join(format!("{name}-isp.png"));
+    let mut files = vec![raw_path.clone(), sidecar_path(&raw_path), developed_path.clone()];
+    files.extend(by_chip.map(|_| chip_path.clone()));
     for path in &files {
         if path.is_dir() {
             return Err(not_written(path, "this is a folder"));
@@ -56,7 +59,7 @@ pub fn write(
 
     // All files come to be in a folder of their own, and move where they belong when the last is whole.
     let unfinished = Unfinished::new(folder, name)?;
-    let [raw_part, _, developed_part] = files.each_ref().map(|path| unfinished.part(path));
+    let [raw_part, developed_part] = [&raw_path, &developed_path].map(|path| unfinished.part(path));
     save_raw(&RawFrame::from_raw(raw, sensor), &raw_part, format).map_err(|error| match error {
         RawFileError::Io { source, .. } => not_written(&raw_path, source),
         other => other.into(),
@@ -66,6 +69,9 @@ pub fn write(
         ImageError::Io { source, .. } => not_written(&developed_path, source),
         other => DesignError::from(other).into(),
     })?;
+    if let Some(png) = by_chip {
+        std::fs::write(unfinished.part(&chip_path), png).map_err(|error| not_written(&chip_path, error))?;
+    }
     for path in &files {
         std::fs::rename(unfinished.part(path), path).map_err(|error| not_written(path, error))?;
     }
@@ -77,7 +83,8 @@ pub fn write(
         ("black_level_dn", json!(sensor.black_level_dn)),
         ("cfa", json!(sensor.cfa)),
     ];
-    Ok(facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+    let by_chip = by_chip.map(|_| ("isp", json!(chip_path.display().to_string())));
+    Ok(facts.into_iter().chain(by_chip).map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
 fn not_written(path: &Path, reason: impl std::fmt::Display) -> JobError {

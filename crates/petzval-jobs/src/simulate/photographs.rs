@@ -40,7 +40,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
                 Taken::of_light(request, &rig, &camera, &light, frame)?
             }
         };
-        let (facts, warning) = write_shot(request, &camera, name, &taken)?;
+        let (facts, warning) = write_shot(request, &rig, &camera, name, &taken)?;
         warning.into_iter().for_each(|warning| context.warning(warning));
         written.push(facts);
     }

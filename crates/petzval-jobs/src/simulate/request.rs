@@ -42,6 +42,8 @@ pub struct Request {
     pub development: Interpolation,
     /// Restoration of the developed picture with the PSFs of the lens; none leaves its blur.
     pub restore: Option<Restore>,
+    /// An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`.
+    pub isp: Option<String>,
     /// Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the rectilinear
     /// scene in front of the lens, and its distortion is rendered.
     pub no_distortion: bool,
@@ -79,6 +81,7 @@ impl Default for Request {
             samples: 1,
             development: Interpolation::default(),
             restore: None,
+            isp: None,
             no_distortion: false,
             white_e: None,
             size: None,

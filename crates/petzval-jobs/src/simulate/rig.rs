@@ -22,10 +22,12 @@ use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
 use petzval_optics::lens::Lens;
 
+use super::chip;
 use super::highlights::capacity_e;
 use super::request::Request;
 use crate::context::Context;
 use crate::error::JobError;
+use crate::isp::{NamedIsp, isp_by_name};
 
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
 /// 150 bytes, each further sample 12.
@@ -54,6 +56,8 @@ pub struct Rig {
     /// Development without a colour matrix.
     pub isp: LinearIsp,
     psfs: Arc<Psfs>,
+    /// The image signal processor whose picture is wanted, too.
+    pub chip: Option<NamedIsp>,
     /// The lens and how its PSFs are traced; none behind measured PSFs.
     pub traced: Option<(Lens, PsfPlan)>,
 }
@@ -67,6 +71,14 @@ impl Rig {
                 format!("{}: a frame of {}x{} pixels", request.sensor, sensor.height, sensor.width),
                 format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
             ));
+        }
+        let mut chip = request.isp.as_ref().map(|name| isp_by_name(name, &context.assets)).transpose()?;
+        if let Some(chip) = &mut chip {
+            chip.set_bits(chip::BITS);
+            if !sensor.cfa.is_bayer() {
+                let message = format!("{}: the ISP needs a Bayer array, not {}", request.sensor, sensor.cfa);
+                return Err(JobError::input(message, "leave --isp out, or name another sensor"));
+            }
         }
         let samples = request.samples;
         let sides = [sensor.height, sensor.width].map(|side| side * samples);
@@ -149,7 +161,7 @@ impl Rig {
             ));
         }
         let isp = LinearIsp { interpolation: request.development, ..LinearIsp::default() };
-        Ok(Self { geometry, sensor, window, border, distortion, samples, frame, isp, psfs, traced })
+        Ok(Self { geometry, sensor, window, border, distortion, samples, frame, isp, chip, psfs, traced })
     }
 
     /// A camera of these PSFs with a sensor, at the exposure of the request where white gives `white_e` electrons.

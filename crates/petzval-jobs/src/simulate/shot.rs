@@ -11,6 +11,7 @@ use petzval_design::error::DesignError;
 use petzval_files::load_image;
 use serde_json::json;
 
+use super::chip;
 use super::highlights::Saturation;
 use super::output::{self, Facts};
 use super::request::{Place, Request};
@@ -48,6 +49,7 @@ pub fn placed(request: &Request, picture: &LinearImage, (height, width): (usize,
 pub struct Taken {
     raw: Raw,
     developed: LinearImage,
+    illumination: LinearImage,
 }
 
 impl Taken {
@@ -56,7 +58,9 @@ impl Taken {
         let [_, channels, height, width] = frames.developed.dims();
         let raw = Raw { height, width, dn: to_host(frames.raw.clone())?, capture };
         let data = to_host(frames.restored.as_ref().unwrap_or(&frames.developed).clone())?;
-        Ok(Self { raw, developed: LinearImage { channels, height, width, data } })
+        let developed = LinearImage { channels, height, width, data };
+        let data = to_host(frames.illumination.clone())?;
+        Ok(Self { raw, developed, illumination: LinearImage { channels: 3, height, width, data } })
     }
 
     /// A frame of light that lies on the pixels already.
@@ -76,6 +80,7 @@ impl Taken {
 /// Writes the results of a shot; returns facts about them, and a warning if many pixels are saturated.
 pub fn write_shot(
     request: &Request,
+    rig: &Rig,
     camera: &Camera,
     name: &str,
     taken: &Taken,
@@ -86,7 +91,11 @@ pub fn write_shot(
     let display_white = saturation.display_white();
     let formats = (request.raw_format, request.picture_format);
     let picture = (&taken.developed, display_white);
-    let mut facts = output::write(formats, &request.out, name, &taken.raw, sensor, picture)?;
+    let colour_matrix = camera.body().isp.colour_matrix;
+    let by_chip = |isp| chip::png(isp, rig, sensor, &taken.raw, &taken.illumination, colour_matrix);
+    let by_chip = rig.chip.as_ref().map(by_chip).transpose()?;
+    let mut facts =
+        output::write(formats, &request.out, name, &taken.raw, sensor, picture, by_chip.as_deref())?;
     for (key, value) in [
         ("white_e", json!(white_e)),
         ("saturated_share", json!(saturation.share)),

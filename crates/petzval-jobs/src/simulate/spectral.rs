@@ -70,7 +70,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         let camera = rig.camera(request, light.sensor.clone(), white_e as f32, isp)?;
         let on_pixels = electrons.as_light(&light.sensor, white_e, rig.window.placement);
         let taken = Taken::of_light(request, &rig, &camera, &on_pixels, frame as u64)?;
-        let (mut facts, warning) = write_shot(request, &camera, &name, &taken)?;
+        let (mut facts, warning) = write_shot(request, &rig, &camera, &name, &taken)?;
         warning.into_iter().for_each(|warning| context.warning(warning));
         facts.extend(light.facts(request, &conditions));
         written.push(facts);

@@ -24,6 +24,7 @@ pub(super) fn page(report: &Report) -> String {
         (result(report))
         (section_of("Pictures", !report.pictures.is_empty(), || pictures(report)))
         (section_of("Lenses", !report.cameras.is_empty(), || lenses(report)))
+        (section_of("Image signal processor", report.cameras.iter().any(|c| !c.isp_changes.is_empty()), || isps(report)))
         (section_of("Point-spread functions", has_psfs(report), || psf_table(report)))
         (section_of("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
         (section_of("Over the run", !report.losses.is_empty(), || over_the_run(report)))
@@ -119,6 +120,22 @@ fn lens(camera: &CameraView, i: usize, layout_svg: &str) -> Markup {
                 (prescription(&camera.surfaces))
             }
         }
+    }
+}
+
+/// The parameters of every camera's hardware ISP that moved.
+fn isps(report: &Report) -> Markup {
+    html! {
+        @for (i, camera) in report.cameras.iter().enumerate().filter(|(_, c)| !c.isp_changes.is_empty()) {
+            article.lens {
+                h3 style=(format!("--camera:{}", palette::camera(i))) { (camera.name) }
+                details open {
+                    summary { "Parameters that moved (" (camera.isp_changes.len()) ")" }
+                    (change_table(&camera.isp_changes))
+                }
+            }
+        }
+        (caption("From the values of the preset to those of the finished camera, with which every score was taken in whole numbers."))
     }
 }
 

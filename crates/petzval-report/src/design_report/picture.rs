@@ -32,8 +32,8 @@ pub(crate) fn pictures(report: &Report) -> Markup {
             }
         }
         (caption(
-            "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw frame developed but not yet \
-             processed by the network. Select a picture to see it large; the arrow keys then switch cameras in place.",
+            "Below each picture its middle (the frame) is enlarged without smoothing; the last row is the raw frame in a plain development, \
+             without network or hardware ISP. Select a picture to see it large; the arrow keys then switch cameras in place.",
         ))
     }
 }
@@ -72,7 +72,7 @@ fn camera_column(
     html! {
         div.shot {
             div.shot-name style=(format!("--camera:{}", colour)) { (shot.camera) }
-            (framed(&shot.output_png, &alt("network output"), &shot.camera, group))
+            (framed(&shot.output_png, &alt("finished picture"), &shot.camera, group))
             div.shot-scores {
                 @for (i, (score, value)) in report.scores.iter().zip(&shot.scores).enumerate() {
                     // One picture is worth a digit less than the mean over all.
@@ -80,10 +80,10 @@ fn camera_column(
                     span { @if i == 0 { b { (text) } } @else { (text) } }
                 }
             }
-            (zoomed(&shot.output_png, &alt("network output, enlarged,")))
-            div.shot-note { "after the network" }
+            (zoomed(&shot.output_png, &alt("finished picture, enlarged,")))
+            div.shot-note { (if report.has_isp { "after the ISP" } else { "after the network" }) }
             (zoomed(&shot.developed_png, &alt("developed raw frame, enlarged,")))
-            div.shot-note { "before the network" }
+            div.shot-note { (if report.has_isp { "developed plainly" } else { "before the network" }) }
         }
     }
 }

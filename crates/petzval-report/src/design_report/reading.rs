@@ -148,8 +148,7 @@ fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
                 .then(|| format!("{} {} %", s.name, number::signed(100.0 * share, 1)))
         })
         .collect();
-    let steps = (row.network_steps != baseline.network_steps)
-        .then(|| format!("{} network steps, not {}", row.network_steps, baseline.network_steps));
+    let steps = (row.steps != baseline.steps).then(|| format!("{} steps, not {}", row.steps, baseline.steps));
     let differences: Vec<String> = differences.into_iter().chain(steps).collect();
     (!differences.is_empty()).then(|| {
         format!(
@@ -260,8 +259,8 @@ mod tests {
         let mut rows = rows();
         rows[2].efl_mm *= 1.1;
         assert!(reading(&rows).last().unwrap().contains("EFL +10.0 %"));
-        rows[2].network_steps = 80;
-        assert!(reading(&rows).last().unwrap().ends_with("EFL +10.0 %, 80 network steps, not 60)."));
+        rows[2].steps = 80;
+        assert!(reading(&rows).last().unwrap().ends_with("EFL +10.0 %, 80 steps, not 60)."));
         assert!(reading(&rows[..1]).is_empty() && reading(&[]).is_empty());
     }
 }

@@ -32,6 +32,8 @@ pub struct Report {
     pub pictures: Vec<PictureView>,
     /// Number of all held-out pictures.
     pub pictures_in_all: usize,
+    /// Whether a hardware ISP, not a network, finishes the pictures.
+    pub has_isp: bool,
     /// A study of several seeds, to judge the differences of this run, which has one.
     pub study: Option<SeedStudy>,
     /// Losses over the run; curves of the same block and label share a chart.
@@ -111,8 +113,8 @@ pub struct TableRow {
     pub f_number: f64,
     /// Full diagonal field of view, degrees.
     pub fov_deg: f64,
-    /// Network steps that the camera got.
-    pub network_steps: usize,
+    /// Steps that its network, or its hardware ISP, got.
+    pub steps: usize,
 }
 
 /// One camera: its lens, spots and PSFs.
@@ -133,6 +135,8 @@ pub struct CameraView {
     pub psfs: Vec<PsfView>,
     /// Its numbers that differ from those of the lens from which the design started.
     pub changes: Vec<Change>,
+    /// The parameters of its hardware ISP that moved.
+    pub isp_changes: Vec<Change>,
 }
 
 /// A surface as a line of a prescription.

@@ -129,6 +129,10 @@ pub struct Args {
     /// electrons of white
     #[arg(long, value_name = "NOISE", num_args = 0..=1, require_equals = true)]
     restore: Option<Option<f32>>,
+    /// Write the picture of an image signal processor, too, as NAME-isp.png: a preset (automotive, low-light, quality, real-time), neutral, or a
+    /// file that `isp develop` takes. It is calibrated for the shading and the distortion of the lens, and for the sensor
+    #[arg(long, value_name = "ISP")]
+    isp: Option<String>,
     /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the
     /// scene without distortion that a pinhole would show, larger than the sensor where the lens has barrel distortion, and
     /// the lens distorts it
@@ -207,6 +211,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         },
         samples: args.samples,
         restore: args.restore.map(|noise| simulate::Restore { noise }),
+        isp: args.isp,
         development: simulate::Interpolation {
             demosaic: match args.demosaic {
                 Demosaic::Bilinear => simulate::Demosaic::Bilinear,
@@ -254,8 +259,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         return print_json(&response.images);
     }
     for image in &response.images {
-        for file in ["raw", "developed"] {
-            println!("{}", image[file].as_str().unwrap_or_default());
+        for file in ["raw", "developed", "isp"].iter().filter_map(|file| image.get(*file)?.as_str()) {
+            println!("{file}");
         }
     }
     Ok(ExitCode::SUCCESS)

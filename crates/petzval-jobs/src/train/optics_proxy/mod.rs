@@ -39,7 +39,18 @@ pub struct Plan {
 
 pub use petzval_design::optics_proxy::OpticsTraining;
 
-type Kept = AnyKept<Plan, OpticsLosses>;
+/// A plan with what its experiment meant when the training began.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Begun {
+    plan: Plan,
+    /// The lens file with its bounds.
+    lens: String,
+    domain: ProxyDomain,
+    defocus_mm: f64,
+}
+
+type Kept = AnyKept<Begun, OpticsLosses>;
 
 /// A training that begins, or one that is continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -110,10 +121,10 @@ impl Training for ProxyOpticsTrainer {
 /// comparison (`proxy.toml`), PSFs of network and tracing side by side (`proxy.html`), and what is needed to continue (`training.json`).
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let (plan, resumed) = match request {
-        Request::New { plan, .. } => (plan.clone(), None),
+        Request::New { plan, .. } => (located(plan)?, None),
         Request::Resume { folder } => {
             let (folder, kept): (_, Kept) = TrainingFolder::open(folder)?;
-            (kept.plan.clone(), Some((folder, kept)))
+            (kept.plan.plan.clone(), Some((folder, kept)))
         }
     };
     check(&plan.training)?;
@@ -131,12 +142,26 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let sampler = |seed: u64| LensSampler::new(start.clone(), setup.moving_plan.clone(), seed);
     let mut trainer =
         ProxyOpticsTrainer::new(sampler(plan.training.seed), domain.clone(), plan.training, &device)?;
+    let begun = Begun {
+        plan: plan.clone(),
+        lens: write_lens(&start.lens_file),
+        domain: domain.clone(),
+        defocus_mm: setup.experiment.optics.defocus_mm,
+    };
     let (folder, mut kept) = match (resumed, request) {
         (Some((folder, kept)), _) => {
+            if kept.plan != begun {
+                let message =
+                    "the lens, its bounds or the PSFs are no longer those with which this training began";
+                return Err(JobError::input(
+                    message,
+                    format!("put {} back, or begin another training", plan.experiment),
+                ));
+            }
             trainer.load(folder.state(kept.step)?)?;
             (folder, kept)
         }
-        (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(plan.clone())),
+        (None, Request::New { out, .. }) => (TrainingFolder::create(out)?, Kept::new(begun.clone())),
         (None, Request::Resume { .. }) => return Err(JobError::failed("the training was not read")),
     };
     train(&mut trainer, plan.training.steps, &folder, &mut kept, context)?;
@@ -162,9 +187,18 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let gap = judge.gap(trainer.proxy(), &watch)?;
     let sheet = sheet(&unseen, trainer.proxy())?;
     let description = description(&plan, &setup, &domain, trainer.proxy(), &kept, &gap)?;
-    let lens = write_lens(&start.lens_file);
-    folder.finish(&trainer.save()?[0], &page(&sheet), &[(FILES[1], &lens)], &description)?;
+    folder.finish(&trainer.save()?[0], &page(&sheet), &[(FILES[1], &begun.lens)], &description)?;
     Ok(Response { gap: Some(gap), ..response })
+}
+
+/// The plan with the path of its experiment made absolute, so that the training can be resumed from any folder.
+fn located(plan: &Plan) -> Result<Plan, JobError> {
+    let path = std::path::Path::new(&plan.experiment);
+    if !path.is_file() {
+        return Ok(plan.clone());
+    }
+    let path = std::path::absolute(path).map_err(|e| JobError::failed(e.to_string()))?;
+    Ok(Plan { experiment: path.display().to_string(), ..plan.clone() })
 }
 
 fn check(training: &OpticsTraining) -> Result<(), JobError> {
