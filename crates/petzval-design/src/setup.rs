@@ -232,7 +232,7 @@ impl Setup {
             device: self.body.device.clone(),
             per_step: isp.proxy_steps,
             warm_up: isp.proxy_warm_up,
-            in_all: isp.proxy_steps * steps.max().unwrap_or(0),
+            in_all: isp.proxy_steps * steps.max().unwrap_or(0).max(isp.proxy_warm_up + isp.steps),
             seed: self.experiment.seed,
         };
         let varied = varied.into_iter().collect();

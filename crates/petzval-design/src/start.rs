@@ -95,7 +95,7 @@ impl Start {
     }
 
     /// The spots of a lens, over fields of equal area.
-    fn spots(&self, lens: &Lens) -> SpotResiduals {
+    pub fn spots(&self, lens: &Lens) -> SpotResiduals {
         SpotResiduals {
             fields_rad: self.spot_fields_rad.clone(),
             field_weights: vec![1.0; self.spot_fields_rad.len()],

@@ -10,7 +10,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
-use petzval_design::block::{Batch, Block, OpticsBlock};
+use petzval_design::block::{Batch, Block, OpticsBlock, StepMethod, StepRule};
 use petzval_design::camera::{Camera, PsfSource, Shot};
 use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::psf_plan::PsfPlan;
@@ -194,4 +194,49 @@ fn the_whole_camera_gives_the_same_bits_on_any_number_of_threads() {
     };
     assert_eq!(on(1), on(2));
     assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn steps_by_the_lifted_curvature_lower_the_loss_and_continue_with_the_same_bits() {
+    let setup = setup();
+    let shots = shots(&setup);
+    let noise = || Noise { mode: NoiseMode::Off, seed: 1 };
+    let network = setup.network().unwrap();
+    let error = |camera: &Camera| {
+        let frames = camera.take(&shots, &noise()).unwrap();
+        squared(&frames, camera, &shots).parts[0].1
+    };
+    let block = || OpticsBlock::new(setup.starts[&setup.experiment.lens].clone(), 1.0);
+    let camera_of =
+        |block: &OpticsBlock| setup.camera(block.lens().unwrap(), true).unwrap().with_network(network.held());
+    let step = |block: &mut OpticsBlock, method: StepMethod, rate: f64| {
+        let camera = camera_of(block);
+        let loss = |frames: &Frames, shots: &[Shot]| Ok(squared(frames, &camera, shots));
+        let further = |_| Ok(Vec::new());
+        let batch = Batch { camera: &camera, shots: &shots, noise: noise(), loss: &loss, further: &further };
+        block.step(&batch, StepRule { method, rate, proximal: 0.0 }).unwrap()
+    };
+    let after = |method: StepMethod, rate: f64, steps: usize| {
+        let mut block = block();
+        block.begin_stage(true);
+        (0..steps).for_each(|_| drop(step(&mut block, method, rate)));
+        (error(&camera_of(&block)), block)
+    };
+    let before = error(&camera_of(&block()));
+    let (lifted, mut whole) = after(StepMethod::Levenberg, 0.2, 20);
+    assert!(lifted < 0.85 * before, "{before} {lifted}");
+    let mut restored = block();
+    restored.load_numbers(&whole.save_numbers().unwrap()).unwrap();
+    restored.load_progress(&whole.save_progress().unwrap()).unwrap();
+    for block in [&mut whole, &mut restored] {
+        step(block, StepMethod::Levenberg, 0.2);
+    }
+    assert_eq!(whole.coordinates(), restored.coordinates());
+}
+
+/// The mean squared error of the finished pictures.
+fn squared(frames: &Frames, camera: &Camera, shots: &[Shot]) -> NamedLoss {
+    let total = (frames.finished.clone() - camera.truths(shots).unwrap()).powi_scalar(2).mean();
+    let value = f64::from(petzval_design::camera::to_host(total.clone()).unwrap()[0]);
+    NamedLoss { total, parts: vec![("total", value)] }
 }

@@ -50,6 +50,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let pairs: Vec<(&String, u64)> =
         request.seeds.iter().flat_map(|seed| names.iter().map(move |name| (name, *seed))).collect();
     // What is wrong shows before hours are spent.
+    for name in &names {
+        context.assets.experiment(name)?;
+    }
     for (i, (name, seed)) in pairs.iter().enumerate() {
         let root = root_of(request, name, *seed);
         if pairs[..i].iter().any(|(other, seed)| root_of(request, other, *seed) == root) {

@@ -374,7 +374,7 @@ fn comparisons_that_are_not_like_for_like_are_warned_of() {
     let html = read(&folder.path().join("run/report.html"));
     assert!(
         html.contains("Not like for like: end-to-end differs from nominal")
-            && html.contains("4 network steps, not 2")
+            && html.contains("4 steps, not 2")
     );
 }
 

@@ -204,7 +204,7 @@ impl Block for IspBlock {
                 self.imitation = None;
                 return self.evolve(batch, rule);
             }
-            StepMethod::Gradient => {
+            StepMethod::Gradient | StepMethod::Levenberg => {
                 self.imitation = None;
                 ImitationFigures::new()
             }

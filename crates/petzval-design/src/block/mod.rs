@@ -7,6 +7,7 @@
 mod blocks;
 mod imitation;
 mod isp;
+mod lifted;
 mod network;
 mod optics;
 
@@ -71,6 +72,8 @@ pub enum StepMethod {
     Gradient,
     /// Without a gradient, by a generation of CMA-ES: of the hardware ISP as a black box in whole numbers.
     Evolution,
+    /// By the curvature of the loss as lifted to the rays, after Levenberg and Marquardt: of the lens.
+    Levenberg,
     /// Down the gradient of a network that imitates the hardware ISP as a black box, and learns on while the parameters move.
     Proxy,
 }

@@ -1,13 +1,15 @@
-//! The lens as a block: the free coordinates of its design space, moved by Adam.
+//! The lens as a block: the free coordinates of its design space, moved by Adam or by the curvature of the loss as lifted to the rays.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use petzval_optics::lens::Lens;
+use petzval_optics::merit::lifted_normal_equations;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, Block, BlockName, BlockState, StepRule, backward, named, parsed};
+use super::lifted::Lifted;
+use super::{Batch, Block, BlockName, BlockState, StepMethod, StepRule, backward, named, parsed};
 use crate::adam::Adam;
 use crate::camera::{ByLens, to_host};
 use crate::error::DesignError;
@@ -31,6 +33,9 @@ fn tolerance(goal: LensGoal) -> f64 {
     }
 }
 
+/// Name of the loss itself among its parts.
+const TOTAL: &str = "total";
+
 /// Name of the sum of squared violations among the losses.
 const PENALTY: &str = "penalty_mm2";
 
@@ -45,10 +50,13 @@ pub struct OpticsBlock {
 }
 
 /// How far a stage has come, beside the coordinates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// Moments of the gradient.
     adam: Adam,
+    /// Averages of gradient and curvature, of a stage by the lifted loss.
+    #[serde(default)]
+    lifted: Lifted,
     /// The coordinates at the start of the stage: the centre of the proximal term.
     anchor: Vec<f64>,
 }
@@ -57,7 +65,7 @@ impl OpticsBlock {
     /// The lens from which a design starts.
     pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
         let x = start.space.start().to_vec();
-        Self { start, constraint_weight, progress: Progress { anchor: x.clone(), adam: Adam::default() }, x }
+        Self { start, constraint_weight, progress: Progress { anchor: x.clone(), ..Progress::default() }, x }
     }
 
     /// The lens as it stands.
@@ -76,6 +84,16 @@ impl OpticsBlock {
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
     /// there by the adjoint of ray tracing, or through the network that takes its place.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+        let (losses, by_lens) = self.by_lens(batch)?;
+        let gradient = match by_lens {
+            ByLens::Numbers(gradient) => self.start.space.pull_back(&self.x, &self.lens()?, &gradient),
+            ByLens::Coordinates(by) => by,
+        };
+        Ok((losses, gradient))
+    }
+
+    /// [`OpticsBlock::gradient`] by the numbers of the lens; or, where a network takes the place of tracing, by the free coordinates.
+    fn by_lens(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, ByLens), DesignError> {
         let (frames, psfs) = batch.camera.take_tracking_psfs(batch.shots, &batch.noise)?;
         let loss = (batch.loss)(&frames, batch.shots)?;
         let mut losses = named(&loss);
@@ -93,18 +111,20 @@ impl OpticsBlock {
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
         let by_penalty = by_penalty.scaled(self.constraint_weight);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
-        let gradient = match by_lens {
+        let by_lens = match by_lens {
             ByLens::Numbers(mut gradient) => {
                 gradient += &by_penalty;
-                space.pull_back(&self.x, &lens, &gradient)
+                ByLens::Numbers(gradient)
             }
             ByLens::Coordinates(by) => {
                 let penalties = space.pull_back(&self.x, &lens, &by_penalty);
                 let losses = space.pull_back_coordinates(&self.x, &by);
-                losses.iter().zip(penalties).map(|(loss, penalty)| loss + penalty).collect()
+                ByLens::Coordinates(
+                    losses.iter().zip(penalties).map(|(loss, penalty)| loss + penalty).collect(),
+                )
             }
         };
-        Ok((losses, gradient))
+        Ok((losses, by_lens))
     }
 
     /// Makes the spots, or the error after restoration, as small as the requirements allow, by Levenberg and Marquardt's method from the
@@ -157,19 +177,65 @@ impl OpticsBlock {
         Ok(search.best().map_or(lens, |best| best.analysis.lens.clone()))
     }
 
+    /// A step by the curvature of the batch's loss as lifted to the rays. Where the rays say nothing, because one of them is lost, the lens
+    /// stays.
+    fn step_by_curvature(
+        &mut self,
+        batch: &Batch,
+        rule: StepRule,
+    ) -> Result<BTreeMap<String, f64>, DesignError> {
+        let (losses, by_lens) = self.by_lens(batch)?;
+        let ByLens::Numbers(gradient) = by_lens else {
+            return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
+        };
+        let (lens, space) = (self.lens()?, &self.start.space);
+        let slopes = space.pull_back(&self.x, &lens, &gradient);
+        let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN) + self.constraint_weight * losses[PENALTY];
+        let numbers = space.space().numbers();
+        let rays = self.start.spots(&lens);
+        if !(slopes.iter().all(|s| s.is_finite()) && value > 0.0) {
+            self.x[0] = f64::NAN;
+            return Ok(losses);
+        }
+        let Some(gram) = lifted_normal_equations(&rays, &lens, numbers, value, &gradient) else {
+            return Ok(losses);
+        };
+        let by_coordinates = space.space().map(&space.space().coordinates(&lens))?.slopes;
+        let inner = gram.view((0, 0), (numbers.len() + 1, numbers.len() + 1));
+        // How the coordinates of the space follow the free ones, each its own.
+        let stretch = space.pull_back_coordinates(&self.x, &vec![1.0; self.x.len()]);
+        let mut curvature = by_coordinates.transpose() * inner * &by_coordinates;
+        for (row, a) in stretch.iter().enumerate() {
+            for (column, b) in stretch.iter().enumerate() {
+                curvature[(row, column)] *= a * b;
+            }
+        }
+        // The squares of the residuals add up to the loss: half of its derivatives belong to the curvature.
+        let half: Vec<f64> = slopes.iter().map(|s| 0.5 * s).collect();
+        self.progress.lifted.step(&mut self.x, &half, &curvature, rule.rate);
+        self.pull_to_anchor(rule);
+        Ok(losses)
+    }
+
+    /// The proximal map.
+    fn pull_to_anchor(&mut self, rule: StepRule) {
+        let strength = rule.rate * rule.proximal;
+        if strength > 0.0 {
+            let pairs = self.x.iter_mut().zip(&self.progress.anchor);
+            pairs.for_each(|(x, a)| *x = (*x + strength * *a) / (1.0 + strength));
+        }
+    }
+
     /// One step of Adam and the proximal map. A gradient that is no number must not reach the moments: it shows in the
     /// coordinates instead.
     fn descend(&mut self, gradient: &[f64], rule: StepRule) {
-        let Self { x, progress: Progress { adam, anchor }, .. } = self;
+        let Self { x, progress: Progress { adam, .. }, .. } = self;
         if !gradient.iter().all(|g| g.is_finite()) {
             x[0] = f64::NAN;
             return;
         }
         adam.step(x, gradient, rule.rate);
-        let strength = rule.rate * rule.proximal;
-        if strength > 0.0 {
-            x.iter_mut().zip(anchor).for_each(|(x, a)| *x = (*x + strength * *a) / (1.0 + strength));
-        }
+        self.pull_to_anchor(rule);
     }
 }
 
@@ -193,7 +259,7 @@ impl Block for OpticsBlock {
     }
 
     fn begin_stage(&mut self, is_moving: bool) {
-        self.progress.adam = Adam::default();
+        (self.progress.adam, self.progress.lifted) = (Adam::default(), Lifted::default());
         if is_moving {
             self.x = self.start.space.off_bounds(&self.x);
         }
@@ -201,6 +267,9 @@ impl Block for OpticsBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+        if rule.method == StepMethod::Levenberg {
+            return self.step_by_curvature(batch, rule);
+        }
         let (losses, gradient) = self.gradient(batch)?;
         self.descend(&gradient, rule);
         Ok(losses)
@@ -232,7 +301,7 @@ impl Block for OpticsBlock {
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         let progress: Progress = parsed(state, PROGRESS)?;
         let free = self.x.len();
-        if progress.anchor.len() != free || !progress.adam.fits(free) {
+        if progress.anchor.len() != free || !progress.adam.fits(free) || !progress.lifted.fits(free) {
             return Err(format!("{PROGRESS}: {OTHER_VARIABLES}"));
         }
         self.progress = progress;

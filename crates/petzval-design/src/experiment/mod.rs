@@ -266,7 +266,9 @@ impl Experiment {
         *last = steps;
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
-        self.isp.proxy_warm_up = scaled(self.isp.proxy_warm_up);
+        if is_isp {
+            self.isp.proxy_warm_up = scaled(self.isp.proxy_warm_up);
+        }
         let stages = self.variant.iter_mut().flat_map(|v| &mut v.stage);
         let own = stages.flat_map(|stage| stage.schedule.values_mut());
         own.filter_map(|s| s.steps.as_mut()).for_each(|steps| *steps = scaled(*steps));

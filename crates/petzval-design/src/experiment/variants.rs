@@ -96,7 +96,7 @@ pub struct ScheduleConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub proximal: Option<f64>,
-    /// How steps are found; a hardware ISP can do without a gradient.
+    /// How steps are found; a hardware ISP can do without a gradient, and a lens with curvatures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<StepMethod>,
 }
@@ -245,9 +245,15 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
             let hint = "add it to `moves`, or leave its schedule out".to_owned();
             return Err((vec!["schedule", name], message, hint));
         }
-        if schedule.method.is_some_and(|method| method != StepMethod::Gradient) && *block != BlockName::Isp {
-            let message = format!("`{name}` steps by its gradient alone");
-            let hint = "leave `method` out; the others are for the hardware ISP".to_owned();
+        let fits = match schedule.method {
+            None | Some(StepMethod::Gradient) => true,
+            Some(StepMethod::Evolution | StepMethod::Proxy) => *block == BlockName::Isp,
+            Some(StepMethod::Levenberg) => *block == BlockName::Optics,
+        };
+        if !fits {
+            let message = format!("`{name}` does not step by this method");
+            let hint = "\"evolution\" and \"proxy\" are for the hardware ISP, \"levenberg\" is for the lens"
+                .to_owned();
             return Err((vec!["schedule", name, "method"], message, hint));
         }
         if let Some((key, message)) = schedule.out_of_range() {

@@ -1,13 +1,13 @@
 //! Raw frames on which a proxy is trained and judged: several lenses, gains and scenes.
 
-use petzval_camera::isp::RawInput;
-use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode};
+use petzval_camera::sensor::Exposure;
 use petzval_optics::lens::Lens;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::camera::{Camera, Shot, ideal_input, raw_inputs};
+use super::frame::{Frame, take};
+use crate::camera::Camera;
 use crate::error::DesignError;
 use crate::setup::Setup;
 use crate::shots::{held_out_shots, training_shots};
@@ -28,14 +28,6 @@ const GAINS: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
 
 /// Keeps these draws apart from all else that is drawn from a seed.
 const OWN: u64 = 0x0070_726f_7879_2331;
-
-/// A raw frame with its calibration, and what it would be with perfect optics and without noise.
-pub struct Frame {
-    /// What the ISP receives.
-    pub raw: RawInput,
-    /// The frame without blur, shading and noise of photons and electronics. The ISP makes of it the picture that the other should become.
-    pub ideal: RawInput,
-}
 
 /// Cameras that take raw frames.
 pub struct FrameSource {
@@ -107,21 +99,4 @@ fn lenses(setup: &Setup) -> Result<Vec<Lens>, DesignError> {
         }
     }
     Ok(lenses)
-}
-
-/// The raw frames of shots, and those of perfect optics.
-pub(crate) fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>, DesignError> {
-    let frames = camera.take(shots, &Noise { mode: NoiseMode::Exact, seed })?;
-    let sensor = &camera.body().sensor;
-    let capture = |shot: &Shot| {
-        let placement = shot.kept.map_or(shot.placement, |kept| kept.placement);
-        Capture { placement, ..camera.capture(shot) }
-    };
-    let captures: Vec<Capture> = shots.iter().map(capture).collect();
-    let raws = raw_inputs(&frames.raw, &frames.illumination, &captures, sensor)?;
-    let scenes = camera.scenes(shots)?;
-    let pairs = raws.into_iter().zip(&scenes).zip(&captures);
-    pairs
-        .map(|((raw, scene), capture)| Ok(Frame { raw, ideal: ideal_input(scene, capture, sensor)? }))
-        .collect()
 }

@@ -7,12 +7,13 @@
 //! Source of the method: E. Tseng et al., "Hyperparameter optimization in black-box image processing using differentiable proxies", ACM
 //! TOG 2019.
 
+mod frame;
 mod frames;
 mod gap;
 mod sampling;
 mod trainer;
 
-pub(crate) use frames::take;
-pub use frames::{Frame, FrameSource};
+pub use frame::{Frame, take};
+pub use frames::FrameSource;
 pub use gap::{Gap, Judge, ParameterSlope, ScoreGap};
 pub use trainer::{ProxyTrainer, ProxyTraining, StepLosses};

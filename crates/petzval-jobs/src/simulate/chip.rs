@@ -9,12 +9,9 @@ use petzval_camera::spectral::Matrix3;
 use petzval_design::error::DesignError;
 use petzval_files::isp_file::picture_png_bytes;
 
-use super::rig::Rig;
+use super::rig::{CHIP_BITS, Rig};
 use crate::error::JobError;
 use crate::isp::NamedIsp;
-
-/// Bits of the picture.
-pub const BITS: u32 = 8;
 
 /// Nodes along a side of the calibrated meshes.
 const MESH: usize = 33;
@@ -34,7 +31,7 @@ pub fn png(
     frame.about.colour_matrix = colour_matrix;
     let values = isp.values(frame.about.gain_ev)?;
     let picture = isp.isp().develop(&frame, &values).map_err(DesignError::from)?;
-    picture_png_bytes(&picture, BITS).map_err(JobError::failed)
+    picture_png_bytes(&picture, CHIP_BITS).map_err(JobError::failed)
 }
 
 /// How far from each node the light lies that belongs there without distortion, in rows and columns of pixels.

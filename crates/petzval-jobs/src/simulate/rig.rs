@@ -22,7 +22,6 @@ use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
 use petzval_optics::lens::Lens;
 
-use super::chip;
 use super::highlights::capacity_e;
 use super::request::Request;
 use crate::context::Context;
@@ -38,6 +37,9 @@ const LEAST_CAPTURED: f64 = 0.98;
 
 /// Most samples of a scene along a side of a pixel.
 pub const MOST_SAMPLES: usize = 8;
+
+/// Bits of the pictures of an image signal processor.
+pub const CHIP_BITS: u32 = 8;
 
 /// Everything that all photographs of a simulation share.
 pub struct Rig {
@@ -74,7 +76,7 @@ impl Rig {
         }
         let mut chip = request.isp.as_ref().map(|name| isp_by_name(name, &context.assets)).transpose()?;
         if let Some(chip) = &mut chip {
-            chip.set_bits(chip::BITS);
+            chip.set_bits(CHIP_BITS);
             if !sensor.cfa.is_bayer() {
                 let message = format!("{}: the ISP needs a Bayer array, not {}", request.sensor, sensor.cfa);
                 return Err(JobError::input(message, "leave --isp out, or name another sensor"));
