@@ -108,6 +108,20 @@ fn every_verb_has_help() {
         assert!(run_ok(folder.path(), &[verb, "--help"]).stdout.contains("Usage: petzval"));
     }
     assert!(run_ok(folder.path(), &["--version"]).stdout.contains(env!("CARGO_PKG_VERSION")));
+    // The help of a verb says what it does and writes, not only its name.
+    for (verb, words) in [
+        (&["design"][..], "report.html"),
+        (&["compare"], "Markdown"),
+        (&["simulate"], "NAME-raw.tiff"),
+        (&["lens", "optimize"], "best.toml"),
+        (&["isp", "tune"], "tuned.toml"),
+        (&["train", "isp-proxy"], "proxy.toml"),
+        (&["train", "optics-proxy"], "proxy.html"),
+        (&["experiment", "run-all"], "goes on with the"),
+    ] {
+        let help = run_ok(folder.path(), &[verb, &["--help"]].concat()).stdout;
+        assert!(help.contains(words), "{verb:?} does not say {words:?}:\n{help}");
+    }
 }
 
 #[cfg(unix)]

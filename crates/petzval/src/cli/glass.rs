@@ -17,11 +17,11 @@ use super::terminal::Terminal;
 /// Verbs about glass.
 #[derive(Debug, Subcommand)]
 pub enum GlassVerb {
-    /// Find the glasses nearest to an index and an Abbe number
+    #[command(about = "Find the glasses nearest to an index and an Abbe number")]
     Find(find::Args),
-    /// Show all data of a glass
+    #[command(about = "Show all data of a glass")]
     Show(show::Args),
-    /// List every glass, with its maker, index and Abbe number
+    #[command(about = "List every glass, with its maker, index and Abbe number")]
     List(list::Args),
 }
 

@@ -15,11 +15,11 @@ use super::terminal::Terminal;
 /// Verbs about image signal processors.
 #[derive(Debug, Subcommand)]
 pub enum IspVerb {
-    /// Show the parameters of an ISP
+    #[command(about = "Show the parameters of an ISP")]
     Show(show::Args),
-    /// Develop raw frames to pictures
+    #[command(about = "Develop raw frames to pictures")]
     Develop(develop::Args),
-    /// Find the parameters that bring developed frames nearest to references
+    #[command(about = "Find the parameters that bring developed frames nearest to references")]
     Tune(tune::Args),
 }
 

@@ -18,17 +18,17 @@ use super::terminal::Terminal;
 /// Verbs about a lens.
 #[derive(Debug, Subcommand)]
 pub enum LensVerb {
-    /// Show prescription, first-order properties, Seidel sums and RMS spots
+    #[command(about = "Show prescription, first-order properties, Seidel sums and RMS spots")]
     Show(show::Args),
-    /// Write layout, spots, fans, MTF and further analyses, as pictures and data
+    #[command(about = "Write layout, spots, fans, MTF and further analyses, as pictures and data")]
     Analyze(analyze::Args),
-    /// Convert to another file format, with a report of what is lost
+    #[command(about = "Convert to another file format, with a report of what is lost")]
     Convert(convert::Args),
-    /// Trace one ray through every surface
+    #[command(about = "Trace one ray through every surface")]
     Trace(trace::Args),
-    /// Make the spots smaller within bounds, by descent or by a global search
+    #[command(about = "Make the spots smaller within bounds, by descent or by a global search")]
     Optimize(Box<optimize::Args>),
-    /// Compute how manufacturing errors change a lens: sensitivities, random lenses, yield
+    #[command(about = "Compute how manufacturing errors change a lens: sensitivities, random lenses, yield")]
     Tolerance(tolerance::Args),
 }
 

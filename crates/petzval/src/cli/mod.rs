@@ -56,18 +56,18 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Design lens and network together, and compare with two controls
+    #[command(about = "Design lens and network together, and compare with two controls")]
     Design(design::Args),
     /// List the built-in experiments, print one, or run them all
     #[command(subcommand)]
     Experiment(experiment::ExperimentVerb),
-    /// Print the JSON Schema of experiment, lens or sensor files
+    #[command(about = "Print the JSON Schema of experiment, lens or sensor files")]
     Schema(experiment::SchemaArgs),
-    /// Write the report of a run again
+    #[command(about = "Write the report of a run again")]
     Report(report::Args),
-    /// Put several runs on one page
+    #[command(about = "Put several runs on one page")]
     Compare(compare::Args),
-    /// Score the cameras of a run again, with exact optics
+    #[command(about = "Score the cameras of a run again, with exact optics")]
     Evaluate(evaluate::Args),
     /// Show, analyse, convert, optimise or tolerance a lens
     #[command(subcommand)]
@@ -75,16 +75,16 @@ enum Verb {
     /// Show glasses, or find those with a given index and dispersion
     #[command(subcommand)]
     Glass(glass::GlassVerb),
-    /// Write the point-spread functions of a lens
+    #[command(about = "Write the point-spread functions of a lens")]
     Psf(psf::Args),
-    /// Measure point-spread functions from captures of a pinhole
+    #[command(about = "Measure point-spread functions from captures of a pinhole")]
     PsfCalibrate(psf_calibrate::Args),
-    /// Simulate captures of a pinhole for psf-calibrate
+    #[command(about = "Simulate captures of a pinhole for psf-calibrate")]
     PsfCapture(psf_capture::Args),
     /// Show sensors, measure one from captures, or simulate such captures
     #[command(subcommand)]
     Sensor(sensor::SensorVerb),
-    /// Take photographs through a lens: photograph, raw frame, developed picture
+    #[command(about = "Take photographs through a lens: photograph, raw frame, developed picture")]
     Simulate(simulate::Args),
     /// Show raw frames, or write them in another format
     #[command(subcommand)]
@@ -95,9 +95,9 @@ enum Verb {
     /// Train networks that stand in for what has no gradient
     #[command(subcommand)]
     Train(train::TrainVerb),
-    /// Measure standard workloads
+    #[command(about = "Measure standard workloads")]
     Bench(bench::Args),
-    /// Show what this machine and this build offer
+    #[command(about = "Show what this machine and this build offer")]
     Doctor(doctor::Args),
 }
 

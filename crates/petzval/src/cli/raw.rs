@@ -13,9 +13,9 @@ use super::terminal::Terminal;
 /// Verbs about raw frames.
 #[derive(Debug, Subcommand)]
 pub enum RawVerb {
-    /// Show camera and exposure of a frame, and its digital numbers colour by colour
+    #[command(about = "Show camera and exposure of a frame, and its digital numbers colour by colour")]
     Show(show::Args),
-    /// Write a frame in another format, with its sidecar
+    #[command(about = "Write a frame in another format, with its sidecar")]
     Convert(convert::Args),
 }
 

@@ -15,13 +15,17 @@ use super::terminal::Terminal;
 /// Verbs about a sensor.
 #[derive(Debug, Subcommand)]
 pub enum SensorVerb {
-    /// List the built-in sensors
+    #[command(about = "List the built-in sensors")]
     List(list::Args),
-    /// Show the numbers of a sensor file, and the EMVA 1288 figures that follow
+    #[command(about = "Show the numbers of a sensor file, and the EMVA 1288 figures that follow")]
     Show(show::Args),
-    /// Simulate the calibration series of a sensor: flat and dark frames over gains and exposure times
+    #[command(
+        about = "Simulate the calibration series of a sensor: flat and dark frames over gains and exposure times"
+    )]
     Capture(capture::Args),
-    /// Measure a sensor from captures: EMVA 1288, and the paper's calibration over all gains
+    #[command(
+        about = "Measure a sensor from captures: EMVA 1288, and the paper's calibration over all gains"
+    )]
     Characterize(characterize::Args),
 }
 

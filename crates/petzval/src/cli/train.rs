@@ -13,9 +13,9 @@ use super::terminal::Terminal;
 /// What is trained.
 #[derive(Debug, Subcommand)]
 pub enum TrainVerb {
-    /// Train a network that imitates an image signal processor
+    #[command(about = "Train a network that imitates an image signal processor")]
     IspProxy(isp_proxy::Args),
-    /// Train a network that gives the PSFs of a lens in place of ray tracing
+    #[command(about = "Train a network that gives the PSFs of a lens in place of ray tracing")]
     OpticsProxy(optics_proxy::Args),
 }
 
