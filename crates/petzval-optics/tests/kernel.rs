@@ -142,7 +142,9 @@ fn rays_are_aimed_as_the_reference_aims_them() {
     }
 }
 
-/// In the lenses that are built in the guess of first-order optics works: following the beam changes no bit.
+/// In the lenses that are built in the guess of first-order optics works up to 30 degrees: following the beam changes no bit. Further out it may
+/// lead to another ray through the same point of the stop, as at 34 degrees in the triplet for a larger field of view; then following the beam
+/// is what finds the right one.
 #[test]
 fn rays_near_their_paraxial_guess_are_those_of_newtons_method_alone() {
     for lens in all_lenses().into_iter().map(|file| file.lens) {
@@ -150,7 +152,7 @@ fn rays_near_their_paraxial_guess_are_those_of_newtons_method_alone() {
         for wavelength in &lens.wavelengths_um {
             let sequence = lens.at_wavelength(*wavelength);
             let order = first_order(&sequence);
-            for field_deg in &lens.fields_deg {
+            for field_deg in lens.fields_deg.iter().filter(|field| **field <= 30.0) {
                 let field = field_deg.to_radians();
                 let points: Vec<[f64; 2]> = scattered(203, 0.7).collect();
                 let guesses: Vec<[f64; 2]> =
