@@ -29,3 +29,12 @@ pub fn print_json(value: &impl serde::Serialize) -> Result<ExitCode, Failure> {
     println!("{}", json(value)?);
     Ok(ExitCode::SUCCESS)
 }
+
+/// How a training ended after so many steps, as an exit code. One that was stopped says how to go on.
+pub fn training_ending(is_finished: bool, steps: usize) -> ExitCode {
+    if is_finished {
+        return ExitCode::SUCCESS;
+    }
+    eprintln!("stopped after {steps} steps; --resume continues");
+    ExitCode::from(EXIT_STOPPED)
+}

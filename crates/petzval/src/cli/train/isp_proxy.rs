@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::isp::inputs::IspArgs;
 use crate::cli::number::six_digits;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, training_ending};
 
 /// Parameters whose slopes the summary shows: those of the largest.
 const SHOWN_SLOPES: usize = 10;
@@ -86,13 +86,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         true => drop(print_json(&response)?),
         false => print!("{}", summary(&response)),
     }
-    match response.gap {
-        Some(_) => Ok(ExitCode::SUCCESS),
-        None => {
-            eprintln!("stopped after {} steps; --resume continues", response.steps);
-            Ok(ExitCode::from(EXIT_STOPPED))
-        }
-    }
+    Ok(training_ending(response.gap.is_some(), response.steps))
 }
 
 /// What the imitation costs.

@@ -8,7 +8,7 @@ use petzval::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Re
 
 use crate::cli::failure::Failure;
 use crate::cli::signals;
-use crate::cli::terminal::{EXIT_STOPPED, Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_json, training_ending};
 
 /// Train a network that gives the point spread functions of a lens in place of ray tracing, as the paper did.
 ///
@@ -71,13 +71,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         true => drop(print_json(&response)?),
         false => print!("{}", summary(&response)),
     }
-    match response.gap {
-        Some(_) => Ok(ExitCode::SUCCESS),
-        None => {
-            eprintln!("stopped after {} steps; --resume continues", response.steps);
-            Ok(ExitCode::from(EXIT_STOPPED))
-        }
-    }
+    Ok(training_ending(response.gap.is_some(), response.steps))
 }
 
 /// What the network costs.
