@@ -63,7 +63,7 @@ impl IspBlock {
         Self { parameters, values, varied, places, progress, plan: None, imitation: None }
     }
 
-    /// The same with the training of a network that imitates the ISP where a stage asks for one.
+    /// The same block, which trains a network to imitate its ISP as this plan says if a stage moves it by the method `proxy`.
     pub fn with_imitation(self, plan: ImitationPlan) -> Self {
         Self { plan: Some(plan), ..self }
     }
