@@ -3,6 +3,10 @@
 //! Between stages a value is a whole number of a declared width; what does not fit is cut off at the end of the range. What a chip's
 //! driver would compute once per frame (weights, tables, limits) is computed in floating point and rounded to a format; pixels never are.
 
+use std::cell::RefCell;
+use std::ops::Range;
+use std::thread::LocalKey;
+
 use petzval_base::simd::dispatch;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -22,6 +26,8 @@ pub struct Format {
 pub const LINEAR: Format = Format { fraction: 20, min: -(1 << 20), max: (1 << 24) - 1 };
 /// The square root of light: 16 bits with sign, up to 4, to -1.
 pub const ROOT: Format = Format { fraction: 13, min: -(1 << 13), max: (1 << 15) - 1 };
+/// The difference of two roots of light: 16 bits with sign, from -4 to 4.
+pub const COLOUR: Format = Format { fraction: 13, min: -(1 << 15), max: (1 << 15) - 1 };
 /// Encoded for a display, 1 = white: 16 bits with sign, up to 2, to -1/2.
 pub const ENCODED: Format = Format { fraction: 14, min: -(1 << 13), max: (1 << 15) - 1 };
 /// A factor below 16: 16 bits.
@@ -60,6 +66,12 @@ impl Format {
         value.clamp(self.min.into(), self.max.into()) as i32
     }
 
+    /// Cuts off what does not fit, for a grid of 16-bit numbers; the format has at most 16 bits with its sign.
+    #[inline(always)]
+    pub fn short(self, value: i32) -> i16 {
+        self.clamp(value) as i16
+    }
+
     /// The value of a whole number.
     pub fn value(self, whole: i32) -> f64 {
         f64::from(whole) / f64::from(self.one())
@@ -70,6 +82,14 @@ impl Format {
 #[inline(always)]
 pub fn shift_round(value: i32, bits: u32) -> i32 {
     (value + (1 << (bits - 1))) >> bits
+}
+
+/// `value * factor / 2^12`, rounded half up, in 32 bits: of a value of 25 bits with sign and a factor of 16 bits without, or with, sign.
+///
+/// The upper and the lower 12 bits of the value are multiplied apart; only the lower product has digits to round.
+#[inline(always)]
+pub fn scaled(value: i32, factor: i32) -> i32 {
+    (value >> 12) * factor + shift_round((value & 0xfff) * factor, 12)
 }
 
 /// [`shift_round`] of a wide intermediate.
@@ -84,21 +104,88 @@ pub const BORDER: usize = 8;
 /// Rows that a thread takes at a time.
 const ROWS: usize = 16;
 
-/// A plane of whole numbers with a mirrored border.
-#[derive(Clone)]
-pub struct Grid {
-    pub height: usize,
-    pub width: usize,
-    data: Vec<i32>,
+/// What a pixel of a grid holds: a number of 16 bits where the format allows it, since memory is what most stages wait for.
+pub trait Pixel: Copy + Default + Send + Sync + 'static {
+    /// Buffers of this thread's grids that are no longer used.
+    fn spare() -> &'static Spare<Self>;
 }
 
-impl Grid {
+/// Buffers of a thread.
+type Spare<T> = LocalKey<RefCell<Vec<Vec<T>>>>;
+
+/// Three colours side by side; the fourth number fills up.
+pub type Colours = [i16; 4];
+
+macro_rules! pixels {
+    ($($pixel:ty: $spare:ident),*) => {$(
+        thread_local! {
+            static $spare: RefCell<Vec<Vec<$pixel>>> = const { RefCell::new(Vec::new()) };
+        }
+        impl Pixel for $pixel {
+            fn spare() -> &'static Spare<Self> {
+                &$spare
+            }
+        }
+    )*};
+}
+
+pixels!(i16: SPARE_16, i32: SPARE_32, Colours: SPARE_COLOURS);
+
+/// Gives the memory of this thread's unused grids back.
+pub fn release_spare_memory() {
+    i16::spare().take();
+    i32::spare().take();
+    Colours::spare().take();
+}
+
+/// Pixels that are computed on the stack before they are written; see [`by_blocks`].
+pub const BLOCK: usize = 128;
+
+/// Writes rows block by block: `of` computes some pixels of each.
+///
+/// What is read through a table could lie, for all the compiler knows, in the row that is written, and then it would make no vectors of
+/// the loop; of a loop that writes to the stack it does.
+#[inline(always)]
+pub fn by_blocks<const N: usize>(
+    mut rows: [&mut [i16]; N],
+    of: impl Fn(Range<usize>, &mut [[i32; BLOCK]; N]),
+) {
+    let width = rows.first().map_or(0, |row| row.len());
+    for start in (0..width).step_by(BLOCK) {
+        let pixels = start..(start + BLOCK).min(width);
+        let mut block = [[0; BLOCK]; N];
+        of(pixels.clone(), &mut block);
+        for (row, block) in rows.iter_mut().zip(&block) {
+            for (out, v) in row[pixels.clone()].iter_mut().zip(block) {
+                *out = *v as i16;
+            }
+        }
+    }
+}
+
+/// A plane of whole numbers with a mirrored border.
+///
+/// The memory of a grid that is dropped serves the next one of its size on the same thread: pages that the system must clear first cost
+/// more time than most stages do. [`release_spare_memory`] ends this.
+pub struct Grid<T: Pixel> {
+    pub height: usize,
+    pub width: usize,
+    data: Vec<T>,
+}
+
+impl<T: Pixel> Drop for Grid<T> {
+    fn drop(&mut self) {
+        T::spare().with_borrow_mut(|spare| spare.push(std::mem::take(&mut self.data)));
+    }
+}
+
+impl<T: Pixel> Grid<T> {
     fn stride(&self) -> usize {
         self.width + 2 * BORDER
     }
 
-    /// The grid whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone.
-    pub fn from_rows(height: usize, width: usize, fill: impl Fn(usize, &mut [i32]) + Sync) -> Self {
+    /// The grid whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone and writes every pixel.
+    pub fn from_rows(height: usize, width: usize, fill: impl Fn(usize, &mut [T]) + Sync) -> Self {
         let [grid] = Self::several_from_rows(
             height,
             width,
@@ -112,14 +199,14 @@ impl Grid {
     pub fn several_from_rows<const N: usize>(
         height: usize,
         width: usize,
-        fill: impl Fn(usize, [&mut [i32]; N]) + Sync,
+        fill: impl Fn(usize, [&mut [T]; N]) + Sync,
     ) -> [Self; N] {
         let stride = width + 2 * BORDER;
-        let mut grids = [(); N].map(|()| vec![0; (height + 2 * BORDER) * stride]);
+        let mut grids = [(); N].map(|()| Self::buffer((height + 2 * BORDER) * stride));
         let mut chunks = grids
             .each_mut()
             .map(|data| data[BORDER * stride..(BORDER + height) * stride].chunks_mut(ROWS * stride));
-        let work: Vec<[&mut [i32]; N]> = (0..height.div_ceil(ROWS))
+        let work: Vec<[&mut [T]; N]> = (0..height.div_ceil(ROWS))
             .map(|_| chunks.each_mut().map(|rows| rows.next().unwrap_or_default()))
             .collect();
         work.into_par_iter().enumerate().for_each(|(chunk, lines)| {
@@ -129,8 +216,17 @@ impl Grid {
         grids.map(|data| Self::mirrored(height, width, data))
     }
 
+    /// Memory of `len` numbers, of a former grid if one is left.
+    fn buffer(len: usize) -> Vec<T> {
+        let spare = T::spare().with_borrow_mut(|spare| {
+            let found = spare.iter().position(|buffer| buffer.len() == len);
+            found.map(|i| spare.swap_remove(i))
+        });
+        spare.unwrap_or_else(|| vec![T::default(); len])
+    }
+
     /// A grid whose rows above and below it are not filled yet.
-    fn mirrored(height: usize, width: usize, mut data: Vec<i32>) -> Self {
+    fn mirrored(height: usize, width: usize, mut data: Vec<T>) -> Self {
         let (stride, last) = (width + 2 * BORDER, BORDER + height - 1);
         for k in 1..=BORDER {
             data.copy_within((BORDER + k) * stride..(BORDER + k + 1) * stride, (BORDER - k) * stride);
@@ -143,7 +239,7 @@ impl Grid {
     ///
     /// `down` and `right` reach at most [`BORDER`] beyond the grid.
     #[inline(always)]
-    pub fn near(&self, row: usize, down: isize, right: isize) -> &[i32] {
+    pub fn near(&self, row: usize, down: isize, right: isize) -> &[T] {
         let start =
             (row + BORDER).wrapping_add_signed(down) * self.stride() + BORDER.wrapping_add_signed(right);
         &self.data[start..start + self.width]
@@ -151,13 +247,13 @@ impl Grid {
 
     /// The neighbourhood of a row of `width` pixels, all of the grid's: that the length is given makes the compiler see that it is one.
     #[inline(always)]
-    pub fn around(&self, row: usize, width: usize) -> Around<'_> {
+    pub fn around(&self, row: usize, width: usize) -> Around<'_, T> {
         Around { grid: self, row, width }
     }
 
     /// Four by four pixels, of which `(row, col)`, a pixel of the grid, is the second of the second row.
     #[inline(always)]
-    pub fn four_by_four(&self, row: i32, col: i32) -> [[i32; 4]; 4] {
+    pub fn four_by_four(&self, row: i32, col: i32) -> [[T; 4]; 4] {
         let start = (row as usize + BORDER - 1) * self.stride() + col as usize + BORDER - 1;
         std::array::from_fn(
             #[inline(always)]
@@ -167,20 +263,20 @@ impl Grid {
 
     /// A row of the grid.
     #[inline(always)]
-    pub fn row(&self, row: usize) -> &[i32] {
+    pub fn row(&self, row: usize) -> &[T] {
         self.near(row, 0, 0)
     }
 }
 
 /// The filling of some rows of grids, as an operation that is compiled for every instruction set.
-struct Fill<'a, F, const N: usize> {
+struct Fill<'a, T, F, const N: usize> {
     fill: &'a F,
     first: usize,
-    lines: [&'a mut [i32]; N],
+    lines: [&'a mut [T]; N],
     stride: usize,
 }
 
-impl<F: Fn(usize, [&mut [i32]; N]), const N: usize> WithSimd for Fill<'_, F, N> {
+impl<T: Pixel, F: Fn(usize, [&mut [T]; N]), const N: usize> WithSimd for Fill<'_, T, F, N> {
     type Output = ();
 
     #[inline(always)]
@@ -200,23 +296,23 @@ impl<F: Fn(usize, [&mut [i32]; N]), const N: usize> WithSimd for Fill<'_, F, N> 
 
 /// The neighbourhood of a row; see [`Grid::around`].
 #[derive(Clone, Copy)]
-pub struct Around<'g> {
-    grid: &'g Grid,
+pub struct Around<'g, T: Pixel> {
+    grid: &'g Grid<T>,
     row: usize,
     width: usize,
 }
 
-impl<'g> Around<'g> {
+impl<'g, T: Pixel> Around<'g, T> {
     /// The row `down` rows below, moved by `right` columns.
     #[inline(always)]
-    pub fn at(self, down: isize, right: isize) -> &'g [i32] {
+    pub fn at(self, down: isize, right: isize) -> &'g [T] {
         &self.grid.near(self.row, down, right)[..self.width]
     }
 }
 
 /// Fills the borders of a row left and right of its pixels.
 #[inline(always)]
-fn mirror_ends(line: &mut [i32]) {
+fn mirror_ends<T: Pixel>(line: &mut [T]) {
     let end = line.len() - BORDER;
     for k in 0..BORDER {
         line[k] = line[2 * BORDER - k];
@@ -224,27 +320,61 @@ fn mirror_ends(line: &mut [i32]) {
     }
 }
 
+/// Pixels of a row as a block; beyond its end there are zeros.
+#[inline(always)]
+pub fn block_of(row: &[i16], pixels: &Range<usize>) -> [i32; BLOCK] {
+    let mut block = [0; BLOCK];
+    for (out, v) in block.iter_mut().zip(&row[pixels.clone()]) {
+        *out = i32::from(*v);
+    }
+    block
+}
+
+/// A knot of a table: its value in the lower 16 bits, the step to the next knot in the upper. One access fetches both.
+pub fn packed(value: i32, step: i32) -> i32 {
+    (step << 16) | (value & 0xffff)
+}
+
+/// The value at `rest / 2^bits` of the way from a [`packed`] knot to the next one.
+#[inline(always)]
+pub fn between(knot: i32, rest: i32, bits: u32) -> i32 {
+    i32::from(knot as i16) + (((knot >> 16) * rest) >> bits)
+}
+
 /// Bits of the knots of each octave of an [`OctaveTable`].
 const KNOT_BITS: u32 = 5;
+
+/// Room for the knots of 31 octaves, a power of two: an index of fewer bits needs no check, so that loops over pixels become vectors.
+const KNOTS: usize = 1024;
 
 /// A function of a whole number from 0, by 32 knots in every octave and straight lines between them.
 #[derive(Clone, Debug)]
 pub struct OctaveTable {
-    knots: Vec<i32>,
+    knots: Box<[i32; KNOTS]>,
 }
 
 impl OctaveTable {
-    /// The table of `function` for whole numbers up to `max`, its values rounded by `to`.
+    /// The table of `function` for whole numbers up to `max`, its values rounded by `to`, a format of 16 bits.
     pub fn new(max: i32, to: Format, function: impl Fn(f64) -> f64) -> Self {
         let octaves = 31 - max.leading_zeros().min(30);
-        let count = ((octaves.saturating_sub(KNOT_BITS) + 2) << KNOT_BITS) + 1;
-        let knot = |i: u32| {
-            // Knots 0 to 63 are whole numbers themselves; then every 32 the step doubles.
-            let shift = (i >> KNOT_BITS).saturating_sub(1);
-            let at = u64::from(i - (shift << KNOT_BITS)) << shift;
+        let count = (octaves.saturating_sub(KNOT_BITS) + 2) << KNOT_BITS;
+        // Knots 0 to 63 are whole numbers themselves; then every 32 the step doubles.
+        let shift = |i: u32| (i >> KNOT_BITS).saturating_sub(1);
+        let value = |i: u32| {
+            let at = u64::from(i - (shift(i) << KNOT_BITS)) << shift(i);
             to.of(function(at as f64))
         };
-        Self { knots: (0..=count).map(knot).collect() }
+        let mut knots = Box::new([0; KNOTS]);
+        for i in 0..=count {
+            let (low, step) = (value(i), value(i + 1) - value(i));
+            let fits = i16::try_from(low).is_ok() && i16::try_from(step).is_ok();
+            assert!(
+                fits && i64::from(step.abs()) << shift(i) <= i64::from(i32::MAX),
+                "the function is too steep"
+            );
+            knots[i as usize] = packed(low, step);
+        }
+        Self { knots }
     }
 
     /// The value at a whole number, which is not negative and at most the greatest of the table.
@@ -253,9 +383,7 @@ impl OctaveTable {
         let whole = whole.max(0) as u32;
         let shift = (31 - (whole | 1).leading_zeros()).saturating_sub(KNOT_BITS);
         let index = ((shift << KNOT_BITS) + (whole >> shift)) as usize;
-        let (low, high) = (self.knots[index], self.knots[index + 1]);
-        let rest = whole & ((1 << shift) - 1);
-        low + ((i64::from(high - low) * i64::from(rest)) >> shift) as i32
+        between(self.knots[index % KNOTS], (whole & ((1 << shift) - 1)) as i32, shift)
     }
 }
 
@@ -295,14 +423,24 @@ mod tests {
 
     #[test]
     fn formats_have_the_declared_widths_and_cut_off_what_does_not_fit() {
-        let widths = [LINEAR, ROOT, ENCODED, GAIN, WEIGHT, LOG2].map(Format::bits);
-        assert_eq!(widths, [25, 16, 16, 16, 16, 16]);
-        for format in [LINEAR, ROOT, ENCODED, GAIN, WEIGHT, LOG2] {
+        let widths = [LINEAR, ROOT, COLOUR, ENCODED, GAIN, WEIGHT, LOG2].map(Format::bits);
+        assert_eq!(widths, [25, 16, 16, 16, 16, 16, 16]);
+        for format in [LINEAR, ROOT, COLOUR, ENCODED, GAIN, WEIGHT, LOG2] {
             assert_eq!((format.of(1e9), format.of(-1e9), format.of(f64::NAN)), (format.max, format.min, 0));
             assert_eq!((format.narrow(i64::MAX), format.clamp(i32::MIN)), (format.max, format.min));
             assert_eq!(format.value(format.one()), 1.0);
         }
         assert_eq!((shift_round(3, 1), shift_round(-3, 1), shift_round_wide(5, 2)), (2, -1, 1));
+    }
+
+    #[test]
+    fn a_product_in_two_halves_is_the_wide_one() {
+        for value in (LINEAR.min..=LINEAR.max).step_by(7919).chain([LINEAR.min, -1, 0, 1, LINEAR.max]) {
+            for factor in [GAIN.min, 1, 4095, 4096, 30_001, GAIN.max, WEIGHT.min, -1, WEIGHT.max] {
+                let wide = shift_round_wide(i64::from(value) * i64::from(factor), 12);
+                assert_eq!(i64::from(scaled(value, factor)), wide, "{value} {factor}");
+            }
+        }
     }
 
     #[test]
@@ -317,7 +455,9 @@ mod tests {
 
     #[test]
     fn the_border_mirrors_the_grid() {
-        let grid = Grid::from_rows(20, 24, |r, line| (0..24).for_each(|c| line[c] = (100 * r + c) as i32));
+        let grid = Grid::from_rows(20, 24, |r, line: &mut [i32]| {
+            (0..24).for_each(|c| line[c] = (100 * r + c) as i32)
+        });
         assert_eq!(grid.near(0, -2, 0)[..2], [200, 201]);
         assert_eq!(grid.near(19, 3, 0)[0], 1600);
         assert_eq!(grid.near(5, 0, -3)[..4], [503, 502, 501, 500]);

@@ -8,7 +8,7 @@
 
 use std::time::Instant;
 
-use super::fixed::{GAIN, Grid, LINEAR, ROOT};
+use super::fixed::{BLOCK, GAIN, Grid, LINEAR, ROOT, by_blocks, release_spare_memory};
 use super::settings::IspSettings;
 use super::stage::black_level::Registers as Levels;
 use super::stage::colour::mixed;
@@ -121,7 +121,16 @@ impl HardwareIsp {
                 height,
                 width,
                 #[inline(always)]
-                |row, out| out.iter_mut().zip(light.row(row)).for_each(|(out, v)| *out = roots.root(*v)),
+                |row, out| {
+                    let light = light.row(row);
+                    by_blocks(
+                        [out],
+                        #[inline(always)]
+                        |pixels, [block]| {
+                            block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = roots.root(*v));
+                        },
+                    );
+                },
             )
         } else {
             let local = ToneMap::local_light(&light);
@@ -133,10 +142,18 @@ impl HardwareIsp {
                 |row, out| {
                     let [slope, offset] = tones.row(row);
                     let (light, local) = (light.row(row), local.row(row));
-                    for c in 0..out.len() {
-                        let gain = tones.gain((slope[c], offset[c]), local[c]);
-                        out[c] = roots.root(amplified(light[c], gain));
-                    }
+                    by_blocks(
+                        [out],
+                        #[inline(always)]
+                        |pixels, [block]| {
+                            let [slope, offset] = [&slope, &offset].map(|row| &row[pixels.clone()]);
+                            let (light, local) = (&light[pixels.clone()], &local[pixels]);
+                            for c in 0..slope.len().min(BLOCK) {
+                                let gain = tones.gain((slope[c], offset[c]), local[c].into());
+                                block[c] = roots.root(amplified(light[c], gain));
+                            }
+                        },
+                    );
                 },
             )
         };
@@ -161,17 +178,19 @@ impl HardwareIsp {
             width,
             #[inline(always)]
             |row, [r, g, b]| {
-                let width = r.len();
-                let (from_r, from_g, from_b) = (rgb[0].row(row), rgb[1].row(row), rgb[2].row(row));
-                let (from_g, from_b, g, b) =
-                    (&from_g[..width], &from_b[..width], &mut g[..width], &mut b[..width]);
-                for c in 0..width {
-                    let lights = [roots.light(from_r[c]), roots.light(from_g[c]), roots.light(from_b[c])];
-                    [r[c], g[c], b[c]] = mixed(&matrix, lights);
-                }
-                for line in [r, g, b] {
-                    line.iter_mut().for_each(|v| *v = curve.at((*v).clamp(0, LINEAR.one())));
-                }
+                let from = rgb.each_ref().map(|grid| grid.row(row));
+                by_blocks(
+                    [r, g, b],
+                    #[inline(always)]
+                    |pixels, [r, g, b]| {
+                        let [from_r, from_g, from_b] = from.map(|row| &row[pixels.clone()]);
+                        for c in 0..from_r.len().min(BLOCK) {
+                            let lights = [from_r[c], from_g[c], from_b[c]].map(|root| roots.light(root));
+                            let encoded = mixed(&matrix, lights).map(|v| curve.at(v.clamp(0, LINEAR.one())));
+                            [r[c], g[c], b[c]] = encoded;
+                        }
+                    },
+                );
             },
         );
         look.at_encoded(notes, "gamma", &rgb);
@@ -181,24 +200,42 @@ impl HardwareIsp {
         look.at_encoded(notes, "dewarp", &rgb);
         let data = set.output.fixed(&rgb, set.bits);
         notes.time("output");
+        drop(rgb);
+        release_spare_memory();
         Ok(RgbPicture { height, width, bits: set.bits, data })
     }
 }
 
 /// Roots of the light of a raw frame's pixels.
-fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable) -> Grid {
-    let companding = frame.about.companding.as_ref();
+fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable) -> Grid<i16> {
+    let light = Grid::from_rows(
+        frame.height,
+        frame.width,
+        #[inline(always)]
+        |row, out: &mut [i32]| {
+            let line = &frame.dn[row * frame.width..][..out.len()];
+            match &frame.about.companding {
+                None => levels.row(row, |c| line[c], out),
+                Some(companding) => levels.row(row, |c| companding.expand(line[c]), out),
+            }
+            if gain != GAIN.one() {
+                out.iter_mut().for_each(|v| *v = amplified(*v, gain));
+            }
+        },
+    );
     Grid::from_rows(
         frame.height,
         frame.width,
         #[inline(always)]
         |row, out| {
-            let line = &frame.dn[row * frame.width..][..out.len()];
-            for (c, (out, dn)) in out.iter_mut().zip(line).enumerate() {
-                let dn = companding.map_or(*dn, |companding| companding.expand(*dn));
-                let light = levels.light(dn, row % 2 * 2 + c % 2);
-                *out = stable.root(if gain == GAIN.one() { light } else { amplified(light, gain) });
-            }
+            let light = light.row(row);
+            by_blocks(
+                [out],
+                #[inline(always)]
+                |pixels, [block]| {
+                    block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = stable.root(*v));
+                },
+            );
         },
     )
 }
@@ -217,10 +254,10 @@ struct Balance<'a> {
 impl Balance<'_> {
     /// The balanced light of a row of roots.
     #[inline(always)]
-    fn row(&self, mosaic: &Grid, row: usize, out: &mut [i32]) {
+    fn row(&self, mosaic: &Grid<i16>, row: usize, out: &mut [i32]) {
         let planes = [0, 1].map(|col| self.cfa.colour(row, col).plane().unwrap_or(1));
         for (out, root) in out.iter_mut().zip(mosaic.row(row)) {
-            *out = self.stable.light(*root, self.bias);
+            *out = self.stable.light((*root).into(), self.bias);
         }
         if let Some(shading) = &self.shading {
             let gains = planes.map(|plane| shading.row(plane, row));
@@ -251,10 +288,10 @@ impl Roots<'_> {
     }
 
     #[inline(always)]
-    fn light(&self, root: i32) -> i32 {
+    fn light(&self, root: i16) -> i32 {
         match self.domain {
-            Domain::Stabilised => self.stable.light(root, 0),
-            Domain::Linear => LINEAR.clamp(root << (LINEAR.fraction - ROOT.fraction)),
+            Domain::Stabilised => self.stable.light(root.into(), 0),
+            Domain::Linear => LINEAR.clamp(i32::from(root) << (LINEAR.fraction - ROOT.fraction)),
         }
     }
 }
@@ -277,7 +314,7 @@ impl Notes<'_> {
 }
 
 impl Look<'_> {
-    fn at_mosaic(&self, notes: &mut Notes, stage: &'static str, mosaic: &Grid) {
+    fn at_mosaic(&self, notes: &mut Notes, stage: &'static str, mosaic: &Grid<i16>) {
         notes.time(stage);
         if matches!(notes, Notes::Pictures(_)) {
             let rgb = demosaic::fixed(crate::isp::Demosaic::Bilinear, mosaic, self.cfa);
@@ -285,7 +322,7 @@ impl Look<'_> {
         }
     }
 
-    fn at_colours(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid; 3]) {
+    fn at_colours(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid<i16>; 3]) {
         notes.time(stage);
         if matches!(notes, Notes::Pictures(_)) {
             let curve = gamma::Gamma::default().table();
@@ -298,10 +335,10 @@ impl Look<'_> {
                     |row, out| {
                         for (out, root) in out.iter_mut().zip(grid.row(row)) {
                             let light = match is_light {
-                                true => root << (LINEAR.fraction - ROOT.fraction),
-                                false => self.stable.light(*root, 0),
+                                true => i32::from(*root) << (LINEAR.fraction - ROOT.fraction),
+                                false => self.stable.light((*root).into(), 0),
                             };
-                            *out = curve.at(light.clamp(0, LINEAR.one()));
+                            *out = curve.at(light.clamp(0, LINEAR.one())) as i16;
                         }
                     },
                 )
@@ -314,7 +351,7 @@ impl Look<'_> {
         ["tone_map", "demosaic", "false_colour", "purple_fringe", "luma_denoise"].contains(&stage)
     }
 
-    fn at_encoded(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid; 3]) {
+    fn at_encoded(&self, notes: &mut Notes, stage: &'static str, rgb: &[Grid<i16>; 3]) {
         notes.time(stage);
         if let Notes::Pictures(watch) = notes {
             let (height, width, bits) = (rgb[0].height, rgb[0].width, self.set.bits);

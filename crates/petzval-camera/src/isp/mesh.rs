@@ -49,6 +49,7 @@ impl Axis {
     }
 
     /// Whole numbers of a row of pixels from those of its nodes.
+    #[inline(always)]
     pub fn spread_row(&self, nodes: &[i32]) -> Vec<i32> {
         let mut out = Vec::with_capacity(self.shares.len());
         while out.len() < self.shares.len() {

@@ -49,7 +49,7 @@ impl BayerDenoise {
     }
 
     /// Roots of a mosaic to roots of a mosaic.
-    pub fn fixed(&self, mosaic: Grid, sigma: f64) -> Grid {
+    pub fn fixed(&self, mosaic: Grid<i16>, sigma: f64) -> Grid<i16> {
         if self.strength == 0.0 {
             return mosaic;
         }
@@ -57,7 +57,7 @@ impl BayerDenoise {
         self.scale_fixed(&fine, 4, self.coarse * sigma)
     }
 
-    fn scale_fixed(&self, mosaic: &Grid, step: isize, limit: f64) -> Grid {
+    fn scale_fixed(&self, mosaic: &Grid<i16>, step: isize, limit: f64) -> Grid<i16> {
         let (height, width) = (mosaic.height, mosaic.width);
         let influence = Influence::new(limit);
         let [beside, diagonal] = self.weights().map(|w| WEIGHT.of(w));
@@ -74,20 +74,22 @@ impl BayerDenoise {
                 let corners =
                     [near.at(-step, -step), near.at(-step, step), near.at(step, -step), near.at(step, step)];
                 let here = near.at(0, 0);
-                // One neighbour after the other over the whole row: each loop is a plain one over pixels.
-                out.fill(0);
-                for (weight, lines) in [(beside, four), (diagonal, corners)] {
-                    for line in lines {
-                        for c in 0..out.len() {
-                            out[c] += influence.of(line[c] - here[c]) * weight;
-                        }
-                    }
-                }
                 for c in 0..out.len() {
-                    let more = (radius_squared(row, c, (height, width), scale) * radial) >> WEIGHT.fraction;
-                    let share = (strength + ((strength * more) >> WEIGHT.fraction)).min(WEIGHT.one());
-                    let change = shift_round(out[c], WEIGHT.fraction) * share;
-                    out[c] = ROOT.clamp(here[c] + shift_round(change, WEIGHT.fraction));
+                    let v = i32::from(here[c]);
+                    let of = |line: &[i16]| influence.of(i32::from(line[c]) - v);
+                    let mut sum = 0;
+                    for k in 0..4 {
+                        sum += of(four[k]) * beside + of(corners[k]) * diagonal;
+                    }
+                    let share = if radial == 0 {
+                        strength
+                    } else {
+                        let square = radius_squared(row, c, (height, width), scale);
+                        let more = (square * radial) >> WEIGHT.fraction;
+                        (strength + ((strength * more) >> WEIGHT.fraction)).min(WEIGHT.one())
+                    };
+                    let change = shift_round(sum, WEIGHT.fraction) * share;
+                    out[c] = ROOT.short(v + shift_round(change, WEIGHT.fraction));
                 }
             },
         )

@@ -58,10 +58,13 @@ impl BlackLevel {
 }
 
 impl Registers {
-    /// The light of a digital number at a pixel of the tile, [`LINEAR`].
+    /// The light of a row of digital numbers, [`LINEAR`].
     #[inline(always)]
-    pub fn light(&self, dn: u32, tile: usize) -> i32 {
-        let level = (i64::from(dn) << LEVEL_BITS) - self.black[tile];
-        LINEAR.narrow(shift_round_wide(level * self.scale, self.shift))
+    pub fn row(&self, row: usize, dn: impl Fn(usize) -> u32, out: &mut [i32]) {
+        let black = [self.black[row % 2 * 2], self.black[row % 2 * 2 + 1]];
+        for (c, out) in out.iter_mut().enumerate() {
+            let level = (i64::from(dn(c)) << LEVEL_BITS) - if c % 2 == 0 { black[0] } else { black[1] };
+            *out = LINEAR.narrow(shift_round_wide(level * self.scale, self.shift));
+        }
     }
 }

@@ -5,7 +5,7 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{LINEAR, WEIGHT, shift_round_wide};
+use super::super::fixed::{LINEAR, WEIGHT, shift_round};
 use super::super::tape_grid::Theta;
 use crate::spectral::{Matrix3, product};
 
@@ -64,11 +64,9 @@ impl Colours {
 /// Colours, [`LINEAR`], by a matrix, [`WEIGHT`].
 #[inline(always)]
 pub fn mixed(matrix: &[[i32; 3]; 3], rgb: [i32; 3]) -> [i32; 3] {
-    let [r, g, b] = [i64::from(rgb[0]), i64::from(rgb[1]), i64::from(rgb[2])];
-    let mut out = [0; 3];
-    for (row, out) in matrix.iter().zip(&mut out) {
-        let sum = i64::from(row[0]) * r + i64::from(row[1]) * g + i64::from(row[2]) * b;
-        *out = LINEAR.narrow(shift_round_wide(sum, WEIGHT.fraction));
-    }
-    out
+    // The upper and the lower 12 bits are multiplied apart, so that sums fit 32 bits; only the lower ones have digits to round.
+    let sum = |row: &[i32; 3], [r, g, b]: [i32; 3]| row[0] * r + row[1] * g + row[2] * b;
+    let (upper, lower) = (rgb.map(|v| v >> WEIGHT.fraction), rgb.map(|v| v & (WEIGHT.one() - 1)));
+    let of = |row: &[i32; 3]| LINEAR.clamp(sum(row, upper) + shift_round(sum(row, lower), WEIGHT.fraction));
+    [of(&matrix[0]), of(&matrix[1]), of(&matrix[2])]
 }

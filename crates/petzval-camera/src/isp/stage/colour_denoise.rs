@@ -10,7 +10,9 @@
 
 use burn::prelude::*;
 
-use super::super::fixed::{Around, Grid, Influence, ROOT, WEIGHT, shift_round};
+use super::super::fixed::{
+    Around, BLOCK, COLOUR, Grid, Influence, ROOT, WEIGHT, block_of, by_blocks, shift_round,
+};
 use super::super::tape_grid::{Stencil, Theta, biweight, influence};
 
 petzval_base::parameters! {
@@ -38,21 +40,22 @@ petzval_base::parameters! {
 /// Steps to the neighbours, beside first.
 const NEAR: [(isize, isize); 8] = [(-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
 
-/// Luma and colour differences of three colours.
+/// Luma, [`ROOT`], and colour differences, [`COLOUR`], of three colours.
 #[inline(always)]
-fn split(r: i32, g: i32, b: i32) -> [i32; 3] {
-    [shift_round(r + 2 * g + b, 2), r - g, b - g]
+fn split([r, g, b]: [i16; 3]) -> [i16; 3] {
+    let [r, g, b] = [r, g, b].map(i32::from);
+    [ROOT.short(shift_round(r + 2 * g + b, 2)), COLOUR.short(r - g), COLOUR.short(b - g)]
 }
 
 /// The three colours of luma and colour differences.
 #[inline(always)]
-fn joined(y: i32, u: i32, v: i32) -> [i32; 3] {
+fn joined([y, u, v]: [i32; 3]) -> [i32; 3] {
     let g = y - shift_round(u + v, 2);
     [ROOT.clamp(u + g), ROOT.clamp(g), ROOT.clamp(v + g)]
 }
 
 /// Denoises roots of the three colours.
-pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid; 3], sigma: f64) -> [Grid; 3] {
+pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], sigma: f64) -> [Grid<i16>; 3] {
     if luma.strength == 0.0 && chroma.strength == 0.0 {
         return rgb;
     }
@@ -63,14 +66,10 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid; 3], sigma: 
         #[inline(always)]
         |row, [y, u, v]| {
             let width = y.len();
-            let (r, g, b) = (
-                rgb[0].around(row, width).at(0, 0),
-                rgb[1].around(row, width).at(0, 0),
-                rgb[2].around(row, width).at(0, 0),
-            );
+            let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, width).at(0, 0));
             let (u, v) = (&mut u[..width], &mut v[..width]);
-            for c in 0..y.len() {
-                [y[c], u[c], v[c]] = split(r[c], g[c], b[c]);
+            for c in 0..width {
+                [y[c], u[c], v[c]] = split([r[c], g[c], b[c]]);
             }
         },
     );
@@ -84,28 +83,34 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid; 3], sigma: 
         |row, [r, g, b]| {
             let width = r.len();
             let near = eight(y.around(row, width), 1);
-            let (y, u, v) =
-                (y.around(row, width).at(0, 0), u.around(row, width).at(0, 0), v.around(row, width).at(0, 0));
-            let (g, b) = (&mut g[..width], &mut b[..width]);
-            r.fill(0);
-            for (k, line) in near.into_iter().enumerate() {
-                let line = &line[..width];
-                for c in 0..width {
-                    r[c] += limit.of(line[c] - y[c]) << u32::from(k < 4);
-                }
-            }
-            for c in 0..width {
-                let cleaned =
-                    ROOT.clamp(y[c] + shift_round(shift_round(r[c], 4) * strength, WEIGHT.fraction));
-                [r[c], g[c], b[c]] = joined(cleaned, u[c], v[c]);
-            }
+            let here = [&y, &u, &v].map(|grid| grid.around(row, width).at(0, 0));
+            by_blocks(
+                [r, g, b],
+                #[inline(always)]
+                |pixels, [r, g, b]| {
+                    let y = block_of(here[0], &pixels);
+                    let (u, v) = (block_of(here[1], &pixels), block_of(here[2], &pixels));
+                    let mut sums = [0; BLOCK];
+                    for k in 0..8 {
+                        let (line, doubled) = (block_of(near[k], &pixels), u32::from(k < 4));
+                        for c in 0..BLOCK {
+                            sums[c] += limit.of(line[c] - y[c]) << doubled;
+                        }
+                    }
+                    for c in 0..BLOCK {
+                        let change = shift_round(sums[c], 4) * strength;
+                        let cleaned = ROOT.clamp(y[c] + shift_round(change, WEIGHT.fraction));
+                        [r[c], g[c], b[c]] = joined([cleaned, u[c], v[c]]);
+                    }
+                },
+            );
         },
     )
 }
 
 /// The eight neighbours at a distance, in the order of [`NEAR`].
 #[inline(always)]
-fn eight(near: Around<'_>, step: isize) -> [&[i32]; 8] {
+fn eight(near: Around<'_, i16>, step: isize) -> [&[i16]; 8] {
     [
         near.at(-step, 0),
         near.at(0, -step),
@@ -119,7 +124,7 @@ fn eight(near: Around<'_>, step: isize) -> [&[i32]; 8] {
 }
 
 impl ChromaDenoise {
-    fn fixed(&self, luma: &Grid, mut planes: [Grid; 2], sigma: f64) -> [Grid; 2] {
+    fn fixed(&self, luma: &Grid<i16>, mut planes: [Grid<i16>; 2], sigma: f64) -> [Grid<i16>; 2] {
         if self.strength == 0.0 {
             return planes;
         }
@@ -127,39 +132,48 @@ impl ChromaDenoise {
         let guard = ROOT.of(self.guard * sigma).max(1);
         let inverse = (1 << 24) / guard;
         for step in [2, 4] {
-            let [u, v] = Grid::several_from_rows(
+            planes = Grid::several_from_rows(
                 luma.height,
                 luma.width,
                 #[inline(always)]
                 |row, [to_u, to_v]| {
                     let width = to_u.len();
-                    let (y, u, v) =
-                        (luma.around(row, width), planes[0].around(row, width), planes[1].around(row, width));
+                    let [y, u, v] = [luma, &planes[0], &planes[1]].map(|grid| grid.around(row, width));
                     let (near_y, near_u, near_v) = (eight(y, step), eight(u, step), eight(v, step));
-                    let (y, u, v) = (y.at(0, 0), u.at(0, 0), v.at(0, 0));
-                    let to_v = &mut to_v[..width];
-                    to_u.fill(0);
-                    to_v.fill(0);
-                    for k in 0..8 {
-                        let (line_y, line_u, line_v) =
-                            (&near_y[k][..width], &near_u[k][..width], &near_v[k][..width]);
-                        for c in 0..width {
-                            // Weight by the luma, 12 bits.
-                            let apart = (line_y[c] - y[c]).abs().min(guard);
-                            let share = (apart * inverse) >> 12;
-                            let rest = (1 << 12) - ((share * share) >> 12);
-                            let weight = ((rest * rest) >> 12) << u32::from(k < 4);
-                            to_u[c] += shift_round(limit.of(line_u[c] - u[c]) * weight, 12);
-                            to_v[c] += shift_round(limit.of(line_v[c] - v[c]) * weight, 12);
-                        }
-                    }
-                    for c in 0..width {
-                        to_u[c] = u[c] + shift_round(shift_round(to_u[c], 4) * strength, WEIGHT.fraction);
-                        to_v[c] = v[c] + shift_round(shift_round(to_v[c], 4) * strength, WEIGHT.fraction);
-                    }
+                    let here = [y.at(0, 0), u.at(0, 0), v.at(0, 0)];
+                    by_blocks(
+                        [to_u, to_v],
+                        #[inline(always)]
+                        |pixels, [to_u, to_v]| {
+                            let y = block_of(here[0], &pixels);
+                            let (u, v) = (block_of(here[1], &pixels), block_of(here[2], &pixels));
+                            let (mut of_u, mut of_v) = ([0; BLOCK], [0; BLOCK]);
+                            // One neighbour after the other over the block: each loop is a plain one over pixels.
+                            for k in 0..8 {
+                                let line_y = block_of(near_y[k], &pixels);
+                                let (line_u, line_v) =
+                                    (block_of(near_u[k], &pixels), block_of(near_v[k], &pixels));
+                                let doubled = u32::from(k < 4);
+                                for c in 0..BLOCK {
+                                    // Weight by the luma, 12 bits.
+                                    let apart = (line_y[c] - y[c]).abs().min(guard);
+                                    let share = (apart * inverse) >> 12;
+                                    let rest = (1 << 12) - ((share * share) >> 12);
+                                    let weight = ((rest * rest) >> 12) << doubled;
+                                    of_u[c] += shift_round(limit.of(line_u[c] - u[c]) * weight, 12);
+                                    of_v[c] += shift_round(limit.of(line_v[c] - v[c]) * weight, 12);
+                                }
+                            }
+                            for (at, sums, to) in [(&u, &of_u, to_u), (&v, &of_v, to_v)] {
+                                for c in 0..BLOCK {
+                                    let change = shift_round(sums[c], 4) * strength;
+                                    to[c] = COLOUR.clamp(at[c] + shift_round(change, WEIGHT.fraction));
+                                }
+                            }
+                        },
+                    );
                 },
             );
-            planes = [u, v];
         }
         planes
     }

@@ -24,7 +24,7 @@ const PAIRS: [(isize, isize); 4] = [(0, 2), (2, 0), (2, 2), (2, -2)];
 
 impl Defects {
     /// Roots of a mosaic to roots of a mosaic.
-    pub fn fixed(&self, mosaic: Grid) -> Grid {
+    pub fn fixed(&self, mosaic: Grid<i16>) -> Grid<i16> {
         if self.slope == 0.0 {
             return mosaic;
         }
@@ -44,10 +44,10 @@ impl Defects {
                 ];
                 let here = near.at(0, 0);
                 for c in 0..out.len() {
-                    let v = here[c];
+                    let v = i32::from(here[c]);
                     let (mut low, mut high, mut closest, mut sum) = (i32::MAX, i32::MIN, i32::MAX, 0);
                     for [one, across] in pairs {
-                        let (a, b) = (one[c], across[c]);
+                        let (a, b) = (i32::from(one[c]), i32::from(across[c]));
                         (low, high) = (low.min(a).min(b), high.max(a).max(b));
                         let apart = (a - b).abs();
                         sum = if apart < closest { a + b } else { sum };
@@ -57,7 +57,7 @@ impl Defects {
                     // Share of the threshold, 12 bits, times the slope.
                     let share = (excess.max(0).min(threshold) * inverse) >> 12;
                     let blend = (share * slope) >> 12;
-                    out[c] = ROOT.clamp(
+                    out[c] = ROOT.short(
                         v + shift_round((shift_round(sum, 1) - v).clamp(-65535, 65535) * (blend >> 1), 11),
                     );
                 }

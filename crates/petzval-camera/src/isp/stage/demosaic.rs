@@ -28,7 +28,7 @@ petzval_base::parameters! {
 
 /// Roots of the three colours from the roots of a mosaic. The ratio-corrected method divides pixel by pixel, which this chip does not; it
 /// takes the directional one instead.
-pub fn fixed(method: Demosaic, mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
+pub fn fixed(method: Demosaic, mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     match method {
         Demosaic::Bilinear => linear(mosaic, cfa, false),
         Demosaic::Malvar => linear(mosaic, cfa, true),
@@ -37,7 +37,7 @@ pub fn fixed(method: Demosaic, mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
 }
 
 /// Bilinear interpolation, with or without the corrections of Malvar, He and Cutler. Weights are multiples of 1/16.
-fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
+fn linear(mosaic: &Grid<i16>, cfa: CfaPattern, is_corrected: bool) -> [Grid<i16>; 3] {
     let correction = i32::from(is_corrected);
     Grid::several_from_rows(
         mosaic.height,
@@ -53,10 +53,11 @@ fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
             let (green, blue) = (&mut green[..width], &mut blue[..width]);
             let (green_first, is_red_row) = cfa.row_kind(row);
             for c in 0..width {
-                let v = here[c];
-                let (beside, above) = (left[c] + right[c], up[c] + down[c]);
-                let diagonal = corners[0][c] + corners[1][c] + corners[2][c] + corners[3][c];
-                let (far_h, far_v) = (left2[c] + right2[c], up2[c] + down2[c]);
+                let v = i32::from(here[c]);
+                let sum = |a: &[i16], b: &[i16]| i32::from(a[c]) + i32::from(b[c]);
+                let (beside, above) = (sum(left, right), sum(up, down));
+                let diagonal = sum(corners[0], corners[1]) + sum(corners[2], corners[3]);
+                let (far_h, far_v) = (sum(left2, right2), sum(up2, down2));
                 // At green: the colour of the row, and that of the other rows; 16ths.
                 let of_row = 8 * beside + correction * (10 * v - 2 * diagonal - 2 * far_h + far_v);
                 let of_others = 8 * above + correction * (10 * v - 2 * diagonal - 2 * far_v + far_h);
@@ -64,9 +65,9 @@ fn linear(mosaic: &Grid, cfa: CfaPattern, is_corrected: bool) -> [Grid; 3] {
                 let of_green = 4 * (beside + above) + correction * (8 * v - 2 * (far_h + far_v));
                 let of_opposite = 4 * diagonal + correction * (12 * v - 3 * (far_h + far_v));
                 let is_green = (c % 2 == 0) == green_first;
-                let own = if is_green { ROOT.clamp(shift_round(of_row, 4)) } else { v };
-                let other = ROOT.clamp(shift_round(if is_green { of_others } else { of_opposite }, 4));
-                green[c] = if is_green { v } else { ROOT.clamp(shift_round(of_green, 4)) };
+                let own = if is_green { ROOT.short(shift_round(of_row, 4)) } else { here[c] };
+                let other = ROOT.short(shift_round(if is_green { of_others } else { of_opposite }, 4));
+                green[c] = if is_green { here[c] } else { ROOT.short(shift_round(of_green, 4)) };
                 red[c] = if is_red_row { own } else { other };
                 blue[c] = if is_red_row { other } else { own };
             }
@@ -112,7 +113,7 @@ const EXCHANGES: [(usize, usize); 19] = [
 
 /// Moves colours `v` towards the median of the nine differences from green `g` by a share, [`WEIGHT`].
 #[inline(always)]
-fn median_towards(v: Around<'_>, g: Around<'_>, share: i32, out: &mut [i32]) {
+fn median_towards(v: Around<'_, i16>, g: Around<'_, i16>, share: i32, out: &mut [i16]) {
     let [v0, v1, v2] = [v.at(-1, -1), v.at(-1, 0), v.at(-1, 1)];
     let [v3, v4, v5] = [v.at(0, -1), v.at(0, 0), v.at(0, 1)];
     let [v6, v7, v8] = [v.at(1, -1), v.at(1, 0), v.at(1, 1)];
@@ -120,12 +121,13 @@ fn median_towards(v: Around<'_>, g: Around<'_>, share: i32, out: &mut [i32]) {
     let [g3, g4, g5] = [g.at(0, -1), g.at(0, 0), g.at(0, 1)];
     let [g6, g7, g8] = [g.at(1, -1), g.at(1, 0), g.at(1, 1)];
     for c in 0..out.len() {
-        let above = [v0[c] - g0[c], v1[c] - g1[c], v2[c] - g2[c]];
-        let here = [v3[c] - g3[c], v4[c] - g4[c], v5[c] - g5[c]];
-        let below = [v6[c] - g6[c], v7[c] - g7[c], v8[c] - g8[c]];
+        let apart = |v: &[i16], g: &[i16]| i32::from(v[c]) - i32::from(g[c]);
+        let above = [apart(v0, g0), apart(v1, g1), apart(v2, g2)];
+        let here = [apart(v3, g3), apart(v4, g4), apart(v5, g5)];
+        let below = [apart(v6, g6), apart(v7, g7), apart(v8, g8)];
         let [a, b, d] = [above, here, below];
         let change = median([a[0], a[1], a[2], b[0], b[1], b[2], d[0], d[1], d[2]]) - b[1];
-        out[c] = ROOT.clamp(v4[c] + shift_round(change * (share >> 1), 11));
+        out[c] = ROOT.short(i32::from(v4[c]) + shift_round(change * (share >> 1), 11));
     }
 }
 
@@ -135,7 +137,7 @@ const WINDOW: [(isize, isize); 9] =
 
 impl FalseColour {
     /// Roots of the three colours with less false colour.
-    pub fn fixed(&self, [red, green, blue]: [Grid; 3]) -> [Grid; 3] {
+    pub fn fixed(&self, [red, green, blue]: [Grid<i16>; 3]) -> [Grid<i16>; 3] {
         if self.strength == 0.0 {
             return [red, green, blue];
         }

@@ -10,7 +10,7 @@ use crate::sensor::CfaPattern;
 const THIRD: i32 = 1365;
 
 /// Roots of the three colours from the roots of a mosaic.
-pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
+pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     let (height, width) = (mosaic.height, mosaic.width);
     let columns = directions(mosaic, cfa);
     // Green at red and blue, along the chosen direction.
@@ -26,15 +26,18 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
             let (here, column) = (near.at(0, 0), &columns.row(row)[..width]);
             let (green_first, _) = cfa.row_kind(row);
             for c in 0..width {
-                let of = |l: [&[i32]; 4]| 2 * (l[1][c] + l[2][c]) + 2 * here[c] - l[0][c] - l[3][c];
+                let of = |l: [&[i16]; 4]| {
+                    let [a, b, d, e] = l.map(|line| i32::from(line[c]));
+                    2 * (b + d) + 2 * i32::from(here[c]) - a - e
+                };
                 let value = if column[c] == 1 { of(along) } else { of(across) };
                 let is_green = (c % 2 == 0) == green_first;
-                out[c] = if is_green { here[c] } else { ROOT.clamp(shift_round(value, 2)) };
+                out[c] = if is_green { here[c] } else { ROOT.short(shift_round(value, 2)) };
             }
         },
     );
     // Colours at green: along the row and the column in which they were measured. `from` gives the colour there, and elsewhere.
-    let at_green = |green: &Grid, from: [&Grid; 2]| {
+    let at_green = |green: &Grid<i16>, from: [&Grid<i16>; 2]| {
         let [red, blue] = Grid::several_from_rows(
             height,
             width,
@@ -50,9 +53,10 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
                     let g = &green.row(row)[..width];
                     let kept = &from[k].row(row)[..width];
                     for c in 0..width {
-                        let mean = colour[0][c] + colour[1][c] - near[0][c] - near[1][c];
+                        let mean = difference([colour[0][c], colour[1][c]], [near[0][c], near[1][c]]);
                         let is_green = (c % 2 == 0) == green_first;
-                        out[c] = if is_green { ROOT.clamp(g[c] + shift_round(mean, 1)) } else { kept[c] };
+                        let at = || ROOT.short(i32::from(g[c]) + shift_round(mean, 1));
+                        out[c] = if is_green { at() } else { kept[c] };
                     }
                 }
             },
@@ -76,12 +80,13 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
                 (u.near(row, 0, -1), u.near(row, 0, 1), u.near(row, -1, 0), u.near(row, 1, 0));
             let (here, mine, column) = (o.row(row), u.row(row), columns.row(row));
             for c in 0..width {
-                let along = ua[c] + ub[c] - oa[c] - ob[c];
-                let across = ul[c] + ur[c] - ol[c] - or[c];
+                let along = difference([ua[c], ub[c]], [oa[c], ob[c]]);
+                let across = difference([ul[c], ur[c]], [ol[c], or[c]]);
                 let mean = if column[c] == 1 { along } else { across };
                 let is_green = (c % 2 == 0) == green_first;
                 to_own[c] = here[c];
-                to_other[c] = if is_green { mine[c] } else { ROOT.clamp(here[c] + shift_round(mean, 1)) };
+                let at = || ROOT.short(i32::from(here[c]) + shift_round(mean, 1));
+                to_other[c] = if is_green { mine[c] } else { at() };
             }
         },
     );
@@ -95,12 +100,7 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
             let own = if is_red_row { &red } else { &blue };
             let (own, green) = (own.around(row, out.len()), green.around(row, out.len()));
             let columns = columns.around(row, out.len()).at(0, 0);
-            third(own, green, columns, out);
-            let (measured, known) = (own.at(0, 0), green.at(0, 0));
-            for c in 0..out.len() {
-                let is_green = (c % 2 == 0) == green_first;
-                out[c] = if is_green { known[c] } else { ROOT.clamp(measured[c] - out[c]) };
-            }
+            without_third(own, green, columns, green_first, out);
         },
     );
     // Refine red and blue at green by the mean difference of the measured neighbours.
@@ -116,35 +116,50 @@ pub fn directional(mosaic: &Grid, cfa: CfaPattern) -> [Grid; 3] {
             let (own, other) = if is_red_row { (&red, &blue) } else { (&blue, &red) };
             let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
             let (own, other) = (own.around(row, width), other.around(row, width));
-            let (measured, known) = (own.at(0, 0), other.at(0, 0));
-            let to_other = &mut to_other[..width];
-            to_own.copy_from_slice(measured);
-            third(own, other, columns.around(row, width).at(0, 0), to_other);
-            for c in 0..width {
-                let is_green = (c % 2 == 0) == green_first;
-                to_other[c] = if is_green { known[c] } else { ROOT.clamp(measured[c] - to_other[c]) };
-            }
+            to_own.copy_from_slice(own.at(0, 0));
+            without_third(
+                own,
+                other,
+                columns.around(row, width).at(0, 0),
+                green_first,
+                &mut to_other[..width],
+            );
         },
     );
     [red, refined, blue]
 }
 
-/// The mean of three differences of `a` from `b`, along the column where `columns` holds 1, else along the row.
+/// The sum of two numbers less that of two others.
 #[inline(always)]
-fn third(a: Around<'_>, b: Around<'_>, columns: &[i32], out: &mut [i32]) {
+fn difference(a: [i16; 2], b: [i16; 2]) -> i32 {
+    let [a, b] = [a, b].map(|[one, other]| i32::from(one) + i32::from(other));
+    a - b
+}
+
+/// `a` less the mean of three differences of `a` from `b`, along the column where `columns` holds 1, else along the row; at green, `b`.
+#[inline(always)]
+fn without_third(
+    a: Around<'_, i16>,
+    b: Around<'_, i16>,
+    columns: &[i16],
+    green_first: bool,
+    out: &mut [i16],
+) {
     let (a_above, a_left, a_right, a_below) = (a.at(-1, 0), a.at(0, -1), a.at(0, 1), a.at(1, 0));
     let (b_above, b_left, b_right, b_below) = (b.at(-1, 0), b.at(0, -1), b.at(0, 1), b.at(1, 0));
     let (a, b, columns) = (a.at(0, 0), b.at(0, 0), &columns[..out.len()]);
     for c in 0..out.len() {
-        let along = a_above[c] + a_below[c] - b_above[c] - b_below[c];
-        let across = a_left[c] + a_right[c] - b_left[c] - b_right[c];
-        let sum = if columns[c] == 1 { along } else { across } + a[c] - b[c];
-        out[c] = shift_round(sum * THIRD, 12);
+        let along = difference([a_above[c], a_below[c]], [b_above[c], b_below[c]]);
+        let across = difference([a_left[c], a_right[c]], [b_left[c], b_right[c]]);
+        let (here, known) = (i32::from(a[c]), i32::from(b[c]));
+        let sum = if columns[c] == 1 { along } else { across } + here - known;
+        let is_green = (c % 2 == 0) == green_first;
+        out[c] = if is_green { b[c] } else { ROOT.short(here - shift_round(sum * THIRD, 12)) };
     }
 }
 
 /// 1 where the differences of the measured colour from green vary less along the column than along the row.
-fn directions(mosaic: &Grid, cfa: CfaPattern) -> Grid {
+fn directions(mosaic: &Grid<i16>, cfa: CfaPattern) -> Grid<i16> {
     let (height, width) = (mosaic.height, mosaic.width);
     // Differences from green by the row and by the column, times 4; 0 at green.
     let [by_row, by_col] = Grid::several_from_rows(
@@ -160,7 +175,10 @@ fn directions(mosaic: &Grid, cfa: CfaPattern) -> Grid {
             let by_col = &mut by_col[..width];
             let (green_first, _) = cfa.row_kind(row);
             for c in 0..width {
-                let of = |l: [&[i32]; 4]| 2 * here[c] - 2 * (l[1][c] + l[2][c]) + l[0][c] + l[3][c];
+                let of = |l: [&[i16]; 4]| {
+                    let [a, b, d, e] = l.map(|line| i32::from(line[c]));
+                    2 * i32::from(here[c]) - 2 * (b + d) + a + e
+                };
                 let is_green = (c % 2 == 0) == green_first;
                 by_row[c] = if is_green { 0 } else { of(across) };
                 by_col[c] = if is_green { 0 } else { of(along) };
@@ -175,9 +193,10 @@ fn directions(mosaic: &Grid, cfa: CfaPattern) -> Grid {
             let (by_row, by_col) = (by_row.around(row, out.len()), by_col.around(row, out.len()));
             let mut across = vec![0; out.len()];
             variation(|along, beside| by_row.at(beside, along), &mut across);
-            variation(|along, beside| by_col.at(along, beside), out);
+            let mut along = vec![0; out.len()];
+            variation(|along, beside| by_col.at(along, beside), &mut along);
             for c in 0..out.len() {
-                out[c] = i32::from(out[c] < across[c]);
+                out[c] = i16::from(along[c] < across[c]);
             }
         },
     )

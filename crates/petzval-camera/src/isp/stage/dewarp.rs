@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use burn::prelude::*;
 
-use super::super::fixed::{ENCODED, Grid, shift_round};
+use super::super::fixed::{Colours, ENCODED, Grid, shift_round};
 use super::super::mesh::{Axis, spread};
 use super::super::tape_grid::{Theta, constant};
 use crate::isp::Mesh;
@@ -34,12 +34,6 @@ fn weights(t: f64) -> [f64; 4] {
     [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
 }
 
-/// The sum of four values times their weights.
-#[inline(always)]
-fn weighted(weights: [i32; 4], values: [i32; 4]) -> i32 {
-    weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3]
-}
-
 /// Derivatives of [`weights`] by `t`.
 fn slopes(t: f64) -> [f64; 4] {
     let t2 = t * t;
@@ -48,7 +42,7 @@ fn slopes(t: f64) -> [f64; 4] {
 
 impl Dewarp {
     /// Encoded values of the three colours.
-    pub fn fixed(&self, rgb: [Grid; 3], mesh: Option<&Mesh>) -> [Grid; 3] {
+    pub fn fixed(&self, rgb: [Grid<i16>; 3], mesh: Option<&Mesh>) -> [Grid<i16>; 3] {
         let Some(mesh) = mesh.filter(|_| self.strength > 0.0) else { return rgb };
         let (height, width) = (rgb[0].height, rgb[0].width);
         let (rows, cols) = (Axis::corners(height, mesh.rows), Axis::corners(width, mesh.cols));
@@ -65,11 +59,23 @@ impl Dewarp {
             })
             .collect();
         let inside = |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
+        // The colours of a pixel side by side: one access fetches all of them.
+        let colours = Grid::from_rows(
+            height,
+            width,
+            #[inline(always)]
+            |row, out: &mut [Colours]| {
+                let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, out.len()).at(0, 0));
+                for c in 0..out.len() {
+                    out[c] = [r[c], g[c], b[c], 0];
+                }
+            },
+        );
         Grid::several_from_rows(
             height,
             width,
             #[inline(always)]
-            |row, mut outs| {
+            |row, [r, g, b]| {
                 let [down, right] =
                     nodes.each_ref().map(|plane| cols.spread_row(&rows.row_of_nodes(plane, row)));
                 for c in 0..width {
@@ -78,18 +84,25 @@ impl Dewarp {
                     let x = inside(((c as i32) << PLACE_BITS) + right[c], width);
                     let of_rows = &table[(y & ((1 << PLACE_BITS) - 1)) as usize];
                     let of_cols = &table[(x & ((1 << PLACE_BITS) - 1)) as usize];
-                    for (grid, out) in rgb.iter().zip(outs.iter_mut()) {
-                        let four = grid.four_by_four(y >> PLACE_BITS, x >> PLACE_BITS);
-                        // Down the four columns, then across.
-                        let mut columns = [0; 4];
-                        for (line, weight) in four.iter().zip(of_rows) {
-                            for k in 0..4 {
-                                columns[k] += line[k] * weight;
+                    let four = colours.four_by_four(y >> PLACE_BITS, x >> PLACE_BITS);
+                    // Down the four columns, then across.
+                    let mut columns = [[0; 4]; 4];
+                    for (line, weight) in four.iter().zip(of_rows) {
+                        for k in 0..4 {
+                            for colour in 0..4 {
+                                columns[k][colour] += i32::from(line[k][colour]) * weight;
                             }
                         }
-                        let columns = columns.map(|v| shift_round(v, 4));
-                        out[c] = ENCODED.clamp(shift_round(weighted(*of_cols, columns), 2 * WEIGHT_BITS - 4));
                     }
+                    let mut sums = [0; 4];
+                    for (column, weight) in columns.iter().zip(of_cols) {
+                        for colour in 0..4 {
+                            sums[colour] += shift_round(column[colour], 4) * weight;
+                        }
+                    }
+                    let [red, green, blue, _] =
+                        sums.map(|v| ENCODED.short(shift_round(v, 2 * WEIGHT_BITS - 4)));
+                    (r[c], g[c], b[c]) = (red, green, blue);
                 }
             },
         )

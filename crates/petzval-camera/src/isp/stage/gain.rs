@@ -2,7 +2,7 @@
 
 use burn::prelude::*;
 
-use crate::isp::fixed::{GAIN, LINEAR, shift_round_wide};
+use crate::isp::fixed::{GAIN, LINEAR, scaled};
 use crate::isp::tape_grid::Theta;
 
 petzval_base::parameters! {
@@ -33,7 +33,7 @@ impl Gain {
 /// Light, [`LINEAR`], times a factor, [`GAIN`].
 #[inline(always)]
 pub fn amplified(light: i32, factor: i32) -> i32 {
-    LINEAR.narrow(shift_round_wide(i64::from(light) * i64::from(factor), GAIN.fraction))
+    LINEAR.clamp(scaled(light, factor))
 }
 
 /// Light on the tape times a factor, cut off where [`LINEAR`] ends.

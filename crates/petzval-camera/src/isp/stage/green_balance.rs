@@ -22,7 +22,7 @@ petzval_base::parameters! {
 
 impl GreenBalance {
     /// Roots of a mosaic to roots of a mosaic.
-    pub fn fixed(&self, mosaic: Grid, cfa: CfaPattern, sigma: f64) -> Grid {
+    pub fn fixed(&self, mosaic: Grid<i16>, cfa: CfaPattern, sigma: f64) -> Grid<i16> {
         if self.strength == 0.0 {
             return mosaic;
         }
@@ -38,10 +38,12 @@ impl GreenBalance {
                 let here = near.at(0, 0);
                 let first = usize::from(cfa.colour(row, 0) != Colour::Green);
                 for c in 0..out.len() {
-                    let other = diagonal[0][c] + diagonal[1][c] + diagonal[2][c] + diagonal[3][c];
-                    let own = 4 * here[c] + beside[0][c] + beside[1][c] + beside[2][c] + beside[3][c];
+                    let v = i32::from(here[c]);
+                    let sum =
+                        |lines: &[&[i16]; 4]| -> i32 { lines.iter().map(|line| i32::from(line[c])).sum() };
+                    let (other, own) = (sum(&diagonal), 4 * v + sum(&beside));
                     let change = influence.of(shift_round(2 * other - own, 3)) * half;
-                    let moved = ROOT.clamp(here[c] + shift_round(change, WEIGHT.fraction));
+                    let moved = ROOT.short(v + shift_round(change, WEIGHT.fraction));
                     out[c] = if c % 2 == first { moved } else { here[c] };
                 }
             },

@@ -19,18 +19,19 @@ petzval_base::parameters! {
 
 impl Output {
     /// Whole values of `bits` from encoded ones: red, green, blue, row by row.
-    pub fn fixed(&self, rgb: &[Grid; 3], bits: u32) -> Vec<u16> {
+    pub fn fixed(&self, rgb: &[Grid<i16>; 3], bits: u32) -> Vec<u16> {
         let (height, width) = (rgb[0].height, rgb[0].width);
         let half = ENCODED.one() / 2;
         let (contrast, offset) = (WEIGHT.of(self.contrast), half + ENCODED.of(self.brightness));
-        let white = (1_i64 << bits) - 1;
+        let white = (1_i32 << bits) - 1;
         let mut data = vec![0; 3 * height * width];
         for (grid, plane) in rgb.iter().zip(data.chunks_exact_mut(height * width)) {
             use rayon::prelude::*;
             plane.par_chunks_exact_mut(width).enumerate().for_each(|(row, out)| {
                 for (out, v) in out.iter_mut().zip(grid.row(row)) {
-                    let v = shift_round((v - half) * contrast, WEIGHT.fraction) + offset;
-                    let v = i64::from(v.clamp(0, ENCODED.one()));
+                    let v = shift_round((i32::from(*v) - half) * contrast, WEIGHT.fraction) + offset;
+                    // At most 2^14 times 2^16.
+                    let v = v.clamp(0, ENCODED.one());
                     *out = ((v * white + (1 << (ENCODED.fraction - 1))) >> ENCODED.fraction) as u16;
                 }
             });

@@ -23,7 +23,7 @@ const CROSS: [(isize, isize); 4] = [(-2, 0), (0, -2), (0, 2), (2, 0)];
 
 impl PurpleFringe {
     /// Roots of the three colours.
-    pub fn fixed(&self, [red, green, blue]: [Grid; 3]) -> [Grid; 3] {
+    pub fn fixed(&self, [red, green, blue]: [Grid<i16>; 3]) -> [Grid<i16>; 3] {
         if self.strength == 0.0 {
             return [red, green, blue];
         }
@@ -43,11 +43,12 @@ impl PurpleFringe {
                 for c in 0..width {
                     let high = g[c].max(above[c]).max(left[c]).max(right[c]).max(below[c]);
                     let low = g[c].min(above[c]).min(left[c]).min(right[c]).min(below[c]);
-                    let edge = (4 * (high - low)).min(ROOT.one());
-                    let purple = (r[c].min(b[c]) - g[c] - threshold).max(0);
+                    let edge = (4 * (i32::from(high) - i32::from(low))).min(ROOT.one());
+                    let [r, g, b] = [r[c], g[c], b[c]].map(i32::from);
+                    let purple = (r.min(b) - g - threshold).max(0);
                     let share = (edge * strength) >> ROOT.fraction;
                     let cut = shift_round(purple * (share >> 1), 11);
-                    (to_red[c], to_blue[c]) = (ROOT.clamp(r[c] - cut), ROOT.clamp(b[c] - cut));
+                    (to_red[c], to_blue[c]) = (ROOT.short(r - cut), ROOT.short(b - cut));
                 }
             },
         );

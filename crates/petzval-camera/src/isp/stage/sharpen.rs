@@ -29,16 +29,16 @@ const REACH: usize = BORDER;
 
 /// The symmetric weighted mean of a row's neighbourhood along a step.
 #[inline(always)]
-fn blur(near: Around<'_>, (down, right): (isize, isize), weights: &[i32], out: &mut [i32]) {
-    out.iter_mut().zip(near.at(0, 0)).for_each(|(out, v)| *out = v * weights[0]);
+fn blur(near: Around<'_, i16>, (down, right): (isize, isize), weights: &[i32]) -> Vec<i32> {
+    let mut out: Vec<i32> = near.at(0, 0).iter().map(|v| i32::from(*v) * weights[0]).collect();
     for (k, weight) in weights.iter().enumerate().skip(1) {
         let (d, r) = (k as isize * down, k as isize * right);
-        let (a, b) = (near.at(-d, -r), near.at(d, r));
-        for c in 0..out.len() {
-            out[c] += (a[c] + b[c]) * weight;
+        for ((out, a), b) in out.iter_mut().zip(near.at(-d, -r)).zip(near.at(d, r)) {
+            *out += (i32::from(*a) + i32::from(*b)) * weight;
         }
     }
     out.iter_mut().for_each(|v| *v = shift_round(*v, WEIGHT.fraction));
+    out
 }
 
 impl Sharpen {
@@ -52,7 +52,7 @@ impl Sharpen {
     }
 
     /// Encoded values of the three colours.
-    pub fn fixed(&self, rgb: [Grid; 3]) -> [Grid; 3] {
+    pub fn fixed(&self, rgb: [Grid<i16>; 3]) -> [Grid<i16>; 3] {
         if self.amount == 0.0 {
             return rgb;
         }
@@ -64,14 +64,10 @@ impl Sharpen {
             width,
             #[inline(always)]
             |row, out| {
-                let width = out.len();
-                let (r, g, b) = (
-                    rgb[0].around(row, width).at(0, 0),
-                    rgb[1].around(row, width).at(0, 0),
-                    rgb[2].around(row, width).at(0, 0),
-                );
+                let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, out.len()).at(0, 0));
                 for c in 0..out.len() {
-                    out[c] = shift_round(r[c] + 2 * g[c] + b[c], 2);
+                    let [r, g, b] = [r[c], g[c], b[c]].map(i32::from);
+                    out[c] = ENCODED.short(shift_round(r + 2 * g + b, 2));
                 }
             },
         );
@@ -81,35 +77,28 @@ impl Sharpen {
             height,
             width,
             #[inline(always)]
-            |row, out| blur(luma.around(row, out.len()), (1, 0), weights, out),
+            |row, out| {
+                let blurred = blur(luma.around(row, out.len()), (1, 0), weights);
+                out.iter_mut().zip(blurred).for_each(|(out, v)| *out = ENCODED.short(v));
+            },
         );
         let (amount, coring) = (WEIGHT.of(self.amount), ENCODED.of(self.coring));
         let (over, under) = (ENCODED.of(self.over), ENCODED.of(self.under));
-        let detail = Grid::from_rows(
-            height,
-            width,
-            #[inline(always)]
-            |row, out| {
-                blur(down.around(row, out.len()), (0, 1), weights, out);
-                let y = &luma.row(row)[..out.len()];
-                for c in 0..out.len() {
-                    let d = y[c] - out[c];
-                    let cored = d - d.max(-coring).min(coring);
-                    out[c] = shift_round(cored * (amount >> 2), WEIGHT.fraction - 2).max(-under).min(over);
-                }
-            },
-        );
         Grid::several_from_rows(
             height,
             width,
             #[inline(always)]
             |row, outs| {
-                let d = detail.row(row);
+                let mut detail = blur(down.around(row, width), (0, 1), weights);
+                for (v, y) in detail.iter_mut().zip(luma.row(row)) {
+                    let d = i32::from(*y) - *v;
+                    let cored = d - d.max(-coring).min(coring);
+                    *v = shift_round(cored * (amount >> 2), WEIGHT.fraction - 2).max(-under).min(over);
+                }
                 for (grid, out) in rgb.iter().zip(outs) {
-                    out.iter_mut()
-                        .zip(grid.row(row))
-                        .zip(d)
-                        .for_each(|((out, v), d)| *out = ENCODED.clamp(v + d));
+                    for ((out, v), d) in out.iter_mut().zip(grid.row(row)).zip(&detail) {
+                        *out = ENCODED.short(i32::from(*v) + d);
+                    }
                 }
             },
         )

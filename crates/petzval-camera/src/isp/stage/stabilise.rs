@@ -8,7 +8,7 @@
 use burn::prelude::*;
 
 use crate::isp::NoiseProfile;
-use crate::isp::fixed::{LINEAR, OctaveTable, ROOT};
+use crate::isp::fixed::{LINEAR, OctaveTable, ROOT, scaled, shift_round};
 use crate::isp::tape_grid::Theta;
 
 petzval_base::parameters! {
@@ -34,7 +34,12 @@ pub struct Stable {
     whole_offset: i32,
     least: i32,
     least_root: i32,
+    /// Slope of the root at its least value, steps of [`ROOT`] per step of [`LINEAR`], [`TANGENT_BITS`] behind the point.
+    tangent: i32,
 }
+
+/// Bits behind the point of the slope of the root; it is at most 0.71, at the [least offset](LEAST_OFFSET).
+const TANGENT_BITS: u32 = 16;
 
 impl Stabilise {
     /// The transform of light of a noise profile after a gain.
@@ -43,6 +48,9 @@ impl Stabilise {
         let offset = (noise.read * gain * gain / shot + 0.375 * shot).max(LEAST_OFFSET);
         let one = f64::from(LINEAR.one());
         let whole_offset = LINEAR.of(offset);
+        // The root of c / 4 has the slope 1 / sqrt(c).
+        let steps = f64::from(ROOT.one()) / one;
+        let tangent = (steps / offset.sqrt() * f64::from(1 << TANGENT_BITS)).round() as i32;
         Stable {
             offset,
             sigma: 0.5 * shot.sqrt() * self.noise_scale,
@@ -51,6 +59,7 @@ impl Stabilise {
             whole_offset,
             least: whole_offset >> 2,
             least_root: ROOT.of((0.25 * offset).sqrt()),
+            tangent,
         }
     }
 }
@@ -60,12 +69,11 @@ impl Stable {
     #[inline(always)]
     pub fn root(&self, light: i32) -> i32 {
         let sum = (light + self.whole_offset).min(LINEAR.max);
-        if sum >= self.least {
-            return self.table.at(sum);
-        }
-        // The tangent: a step of light is 1 / (2 root) steps of the root, in other units.
-        let steps = i64::from(sum - self.least) << (2 * ROOT.fraction - LINEAR.fraction - 1);
-        ROOT.narrow(i64::from(self.least_root) + steps / i64::from(self.least_root.max(1)))
+        let above = self.table.at(sum);
+        // The tangent below.
+        let steps = shift_round(scaled((sum - self.least).min(0), self.tangent), TANGENT_BITS - 12);
+        let below = ROOT.clamp(self.least_root + steps);
+        if sum >= self.least { above } else { below }
     }
 
     /// Light, [`LINEAR`], of a root, [`ROOT`], of whose noise a share was averaged away; `bias` is [`Stable::bias`] of that share.

@@ -10,8 +10,11 @@
 //! which lifts the dark by `dark` stops and leaves white where it is (the shape of E. Reinhard et al., SIGGRAPH 2002).
 
 use burn::prelude::*;
+use rayon::prelude::*;
 
-use super::super::fixed::{GAIN, Grid, LINEAR, LOG2, OctaveTable, shift_round};
+use super::super::fixed::{
+    BLOCK, GAIN, Grid, LINEAR, LOG2, OctaveTable, between, by_blocks, packed, shift_round,
+};
 use super::super::mesh::{Axis, spread};
 use super::super::tape_grid::{Stencil, Theta, constant};
 
@@ -50,9 +53,10 @@ pub struct Registers {
     offset: Vec<i32>,
     rows: Axis,
     cols: Axis,
-    curve: Vec<i32>,
+    /// [`packed`] knots of the curve, [`LOG2`]; as many as a power of two, so that an index of fewer bits needs no check.
+    curve: [i32; 256],
     /// Powers of two of fractions, [`GAIN`] times 16.
-    power: Vec<i32>,
+    power: [i32; 128],
     detail: i32,
 }
 
@@ -63,7 +67,7 @@ impl ToneMap {
 
     /// The logarithm of a mosaic's local light, [`LOG2`]: of the tent-weighted mean of 3x3 pixels, in which each colour has the same
     /// share at every pixel of the array.
-    pub fn local_light(light: &Grid) -> Grid {
+    pub fn local_light(light: &Grid<i32>) -> Grid<i16> {
         let one = f64::from(LINEAR.one());
         let darkest = f64::from(DARKEST_LOG2).exp2();
         let table = OctaveTable::new(LINEAR.max, LOG2, |v| (v / one).max(darkest).log2());
@@ -76,34 +80,44 @@ impl ToneMap {
                 let [a, b, c] = [near.at(-1, -1), near.at(-1, 0), near.at(-1, 1)];
                 let [d, e, f] = [near.at(0, -1), near.at(0, 0), near.at(0, 1)];
                 let [g, h, i] = [near.at(1, -1), near.at(1, 0), near.at(1, 1)];
-                for k in 0..out.len() {
-                    let (above, here, below) =
-                        (a[k] + 2 * b[k] + c[k], d[k] + 2 * e[k] + f[k], g[k] + 2 * h[k] + i[k]);
-                    out[k] = table.at(LINEAR.clamp((above + 2 * here + below + 8) >> 4));
-                }
+                by_blocks(
+                    [out],
+                    #[inline(always)]
+                    |pixels, [block]| {
+                        let [a, b, c, d, e, f, g, h, i] =
+                            [a, b, c, d, e, f, g, h, i].map(|line| &line[pixels.clone()]);
+                        for k in 0..a.len().min(BLOCK) {
+                            let (above, here, below) =
+                                (a[k] + 2 * b[k] + c[k], d[k] + 2 * e[k] + f[k], g[k] + 2 * h[k] + i[k]);
+                            block[k] = table.at(LINEAR.clamp((above + 2 * here + below + 8) >> 4));
+                        }
+                    },
+                );
             },
         )
     }
 
     /// Splits the logarithm of local light into base and detail.
-    pub fn registers(&self, light: &Grid) -> Registers {
+    pub fn registers(&self, light: &Grid<i16>) -> Registers {
         let (rows, cols) = (Axis::cells(light.height, CELL), Axis::cells(light.width, CELL));
         let (m, n) = (rows.nodes(), cols.nodes());
         // Means of cells: of the logarithm, and of its square with 22 bits behind the point.
-        let (mut mean, mut square) = (vec![0_i64; m * n], vec![0_i64; m * n]);
-        for row in 0..m {
-            for col in 0..n {
-                let (mut sum, mut squares, mut count) = (0_i64, 0_i64, 0_i64);
-                for r in row * CELL..((row + 1) * CELL).min(light.height) {
-                    for v in &light.row(r)[col * CELL..((col + 1) * CELL).min(light.width)] {
-                        sum += i64::from(*v);
-                        squares += i64::from(v * v);
-                        count += 1;
-                    }
-                }
-                (mean[row * n + col], square[row * n + col]) = (sum / count, squares / count);
+        let cell = |row: usize, col: usize| {
+            let (rows, cols) = (
+                row * CELL..light.height.min((row + 1) * CELL),
+                col * CELL..light.width.min((col + 1) * CELL),
+            );
+            let count = (rows.len() * cols.len()) as i64;
+            let (mut sum, mut squares) = (0_i64, 0_i64);
+            for row in rows {
+                let line = &light.row(row)[cols.clone()];
+                sum += i64::from(line.iter().map(|v| i32::from(*v)).sum::<i32>());
+                squares += line.iter().map(|v| i64::from(i32::from(*v).pow(2))).sum::<i64>();
             }
-        }
+            (sum / count, squares / count)
+        };
+        let of_row = |row: usize| (0..n).map(|col| cell(row, col)).collect::<Vec<_>>();
+        let (mean, square): (Vec<i64>, Vec<i64>) = (0..m).into_par_iter().flat_map_iter(of_row).unzip();
         let weights = [m, n].map(|nodes| self.weights(nodes));
         let blur = |plane: &[i64]| blurred(plane, (m, n), &weights);
         let (mean, square) = (blur(&mean), blur(&square));
@@ -119,17 +133,18 @@ impl ToneMap {
             .collect();
         let offset: Vec<i64> = slope.iter().zip(&mean).map(|(a, m)| ((4096 - a) * m) >> 12).collect();
         let narrow = |plane: Vec<i64>| plane.into_iter().map(|v| v as i32).collect();
-        let knots = ((CURVE_STOPS.end - CURVE_STOPS.start) << KNOT_BITS) + 1;
-        let stops = |k: i32| f64::from(CURVE_STOPS.start) + f64::from(k) / f64::from(1 << KNOT_BITS);
+        let curve = |k: usize| {
+            let stops = f64::from(CURVE_STOPS.start) + k as f64 / f64::from(1 << KNOT_BITS);
+            LOG2.of(self.curve(stops))
+        };
+        let power = |k: usize| (f64::from(GAIN.one()) * (k as f64 / 64.0).exp2() * 16.0).round() as i32;
         Registers {
             slope: narrow(blur(&slope)),
             offset: narrow(blur(&offset)),
             rows,
             cols,
-            curve: (0..=knots).map(|k| LOG2.of(self.curve(stops(k)))).collect(),
-            power: (0..=64)
-                .map(|k| (f64::from(GAIN.one()) * (f64::from(k) / 64.0).exp2() * 16.0).round() as i32)
-                .collect(),
+            curve: std::array::from_fn(|k| packed(curve(k), curve(k + 1) - curve(k))),
+            power: std::array::from_fn(power),
             detail: ((self.detail - 1.0) * 4096.0).round() as i32,
         }
     }
@@ -235,14 +250,13 @@ impl Registers {
         let last = (CURVE_STOPS.end - CURVE_STOPS.start) << LOG2.fraction;
         let at = (base - start).clamp(0, last);
         const STEP: u32 = LOG2.fraction - KNOT_BITS;
-        let (knot, rest) = ((at >> STEP) as usize, at & ((1 << STEP) - 1));
-        let stops = self.curve[knot] + (((self.curve[knot + 1] - self.curve[knot]) * rest) >> STEP);
+        let stops = between(self.curve[(at >> STEP) as usize % 256], at & ((1 << STEP) - 1), STEP);
         let stops = stops + shift_round((l - base) * self.detail, 12);
         // 2^stops: the table holds the fraction, a shift the whole stops; gains end at 16.
         let stops = stops.clamp(-(12 << LOG2.fraction), (4 << LOG2.fraction) - 1);
         let (whole, fraction) = (stops >> LOG2.fraction, stops & (LOG2.one() - 1));
         const FINE: u32 = LOG2.fraction - 6;
-        let (knot, rest) = ((fraction >> FINE) as usize, fraction & ((1 << FINE) - 1));
+        let (knot, rest) = ((fraction >> FINE) as usize % 64, fraction & ((1 << FINE) - 1));
         let power = self.power[knot] + (((self.power[knot + 1] - self.power[knot]) * rest) >> FINE);
         GAIN.clamp(if whole >= 4 { GAIN.max } else { shift_round(power, (4 - whole) as u32) })
     }
