@@ -298,7 +298,7 @@ impl DesignLoop {
         };
         let setup = self.setup.clone();
         let further = |number: u64| training_shots(&setup, number);
-        let noise = self.noise();
+        let noise = self.noise(variant);
         let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
         let losses = self.blocks.get_mut(block).step(&batch, rule)?;
         self.took(variant, block, Step { block: block.name(), losses, learning_rate: rule.rate })
@@ -360,8 +360,8 @@ impl DesignLoop {
         self.blocks.begin_stage(|block| next.map_or(0, |stage| stage.task_steps_of(block)));
     }
 
-    fn noise(&self) -> Noise {
-        Noise { mode: self.setup.experiment.training.noise, seed: self.setup.experiment.seed }
+    fn noise(&self, variant: &Variant) -> Noise {
+        Noise { mode: variant.noise, seed: self.setup.experiment.seed }
     }
 
     /// The lens of a variant as it stands.

@@ -197,7 +197,8 @@ fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f64>) -> Vec<
 
 /// The parameters of a camera's hardware ISP that moved, before and after.
 fn isp_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
-    if setup.body.chip.is_none() {
+    // Values come back from their places with a rounding error: of an ISP that stays they are not compared.
+    if setup.body.chip.is_none() || setup.task_steps(variant, BlockName::Isp) == 0 {
         return Ok(Vec::new());
     }
     let mut blocks = setup.blocks(variant)?;

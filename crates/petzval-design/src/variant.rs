@@ -4,6 +4,8 @@
 
 use std::collections::BTreeMap;
 
+use petzval_camera::sensor::NoiseMode;
+
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepMethod, StepRule};
 
@@ -18,6 +20,8 @@ pub struct Variant {
     pub from: Option<String>,
     /// The description of the network from which its PSFs come while its lens moves for the task.
     pub optics_proxy: Option<String>,
+    /// How noise is sampled while it is made.
+    pub noise: NoiseMode,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.

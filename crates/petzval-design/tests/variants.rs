@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use petzval_camera::sensor::NoiseMode;
 use petzval_design::assets::Assets;
 use petzval_design::block::{BlockName, OpticsBlock};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
@@ -13,10 +14,12 @@ use petzval_design::psf_plan::PsfPlan;
 use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::variant::{LensGoal, LensSearch};
+use petzval_design::variant::{LensGoal, LensSearch, Stage};
 use petzval_learn::Device;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
+use petzval_optics::lens::Lens;
 use petzval_optics::merit::Merit;
+use petzval_optics::paraxial::first_order;
 use petzval_optics::solve::thin_equivalent;
 use petzval_optics::spot::mean_square_spot;
 
@@ -157,6 +160,8 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
         (variant("a", &format!("{SPOT}schedule.optics.steps = 3\n{NETWORK}")), "takes no schedule"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
+        (variant("a", &format!("noise = \"exact\"\n{JOINT}")), "no gradient to the lens"),
+        (variant("a", &format!("noise = \"loud\"\n{JOINT}")), "loud"),
     ] {
         let said = refused(&variants);
         assert!(said.contains(words), "{variants}: {said}");
@@ -309,4 +314,67 @@ fn an_extension_adds_a_stage_to_every_variant_that_trains_the_network() {
     let child = variant("child", &format!("from = \"unequal\"\n{NETWORK}"));
     let chain = Experiment::parse(&format!("{TINY}{}{child}", text[0])).unwrap();
     assert!(chain.extended_to(9).unwrap_err().0.contains("`child` starts from the finished `unequal`"));
+}
+
+#[test]
+fn a_camera_made_without_noise_is_scored_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let scored = |name: &str, text: &str| {
+        run(Experiment::parse(text).unwrap(), &folder.path().join(name)).rows.remove(0)
+    };
+    let own = scored("own", &format!("{TINY}{}", variant("a", &format!("noise = \"off\"\n{JOINT}"))));
+    // Training alone is without noise: as where the whole experiment trains so.
+    let joint = variant("a", JOINT);
+    let noisy = scored("noisy", &format!("{TINY}{joint}"));
+    let quiet = TINY.replace("[training]\n", "[training]\nnoise = \"off\"\n");
+    assert_eq!(scored("quiet", &format!("{quiet}{joint}")), own);
+    assert_ne!(noisy.scores, own.scores);
+    assert_eq!(noisy.rms_spot_by_field_um.len(), own.rms_spot_by_field_um.len());
+}
+
+#[test]
+fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let text = format!("{TINY}{}", variant("a", &format!("lens = \"box-centre\"\n{NETWORK}")));
+    let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
+    let (start, nominal) = (setup.start(&setup.variants[0]), setup.nominal());
+    let lens = &start.lens_file.lens;
+    for v in &start.lens_file.variables {
+        let (value, middle) = (v.number.read_stated(lens, v.surface), 0.5 * (v.min + v.max));
+        assert!((value - middle).abs() < 1e-9 * (v.max - v.min), "{v:?}: {value}");
+    }
+    let efl_mm = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
+    assert!((efl_mm(lens) - efl_mm(&nominal.lens_file.lens)).abs() < 1e-9);
+    // It is a lens that can be made, and is scored.
+    let folder = tempfile::tempdir().unwrap();
+    let row = run(Experiment::parse(&text).unwrap(), folder.path()).rows.remove(0);
+    assert!(row.rms_spot_um > 12.0 && !row.is_ceiling, "{}", row.rms_spot_um);
+}
+
+/// What the built-in controls leave out is left out, and nothing else.
+#[test]
+fn built_in_controls_take_the_steps_of_the_joint_design() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    for (name, last) in [
+        ("cooke-triplet-image-quality-controls", BlockName::Network),
+        ("cooke-triplet-image-quality-hardware-isp", BlockName::Isp),
+    ] {
+        let variants = assets.experiment(name).unwrap().variants();
+        let [.., sequential, joint] = &variants[..] else { panic!("two variants") };
+        assert_eq!((sequential.name.as_str(), joint.name.as_str()), ("sequential", "end-to-end"));
+        for block in BlockName::ALL {
+            assert_eq!(sequential.task_steps_of(block), joint.task_steps_of(block), "{name}: {block:?}");
+        }
+        // One block at a time: what is behind the lens, the lens, what is behind it.
+        let task = sequential.stages.iter().filter_map(|stage| match stage {
+            Stage::Task(moves) => Some(moves.keys().copied().collect::<Vec<_>>()),
+            Stage::Lens { .. } => None,
+        });
+        assert_eq!(task.collect::<Vec<_>>(), [vec![last], vec![BlockName::Optics], vec![last]]);
+        let before = |stages: &[Stage]| stages.iter().take_while(|s| matches!(s, Stage::Lens { .. })).count();
+        assert_eq!(before(&sequential.stages), before(&joint.stages));
+    }
+    let variants = assets.experiment("cooke-triplet-image-quality-controls").unwrap().variants();
+    let noise = |name: &str| variants.iter().find(|v| v.name == name).unwrap().noise;
+    assert_eq!((noise("noise-off"), noise("end-to-end")), (NoiseMode::Off, NoiseMode::Dequantised));
 }

@@ -372,6 +372,10 @@ name = "end-to-end"
 from = "nominal"
 [[variant.stage]]
 moves = ["optics", "isp"]
+[[variant]]
+name = "isp-frozen"
+[[variant.stage]]
+moves = ["optics"]
 "#;
     toml::to_string(&table).unwrap() + more
 }
@@ -392,6 +396,9 @@ fn a_run_with_a_hardware_isp_stands_on_its_own_and_is_scored_again() {
     assert_eq!([of(0, "isp_steps"), of(1, "isp_steps"), of(2, "isp_steps")], [4, 2, 8]);
     assert_eq!(of(1, "is_ceiling"), true);
     assert!(of(1, "restored_error_percent").as_f64() < of(0, "restored_error_percent").as_f64());
+    // A lens alone moves behind an ISP that stays.
+    assert!(of(3, "isp_steps").is_null() && of(3, "rms_spot_um") != of(0, "rms_spot_um"));
+    assert_eq!(read(&run.join("report.html")).matches("Parameters that moved").count(), 3);
     // Once more, from another folder.
     let again = run_ok(&run, &["evaluate", "."]);
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);

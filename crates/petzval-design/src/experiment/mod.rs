@@ -46,6 +46,14 @@ const MOST_CHANNELS: usize = 256;
 /// whose points of light are those of diffraction. It is the ceiling of what any lens of this f-number could reach.
 pub const PERFECT_LENS: &str = "perfect";
 
+/// The name of a variant's lens that has every variable of the experiment's lens in the middle of its bounds: what the bounds alone say.
+pub const BOX_CENTRE_LENS: &str = "box-centre";
+
+/// Whether a name stands for a lens that is made from the experiment's lens, and not for a file.
+pub fn is_derived_lens(name: &str) -> bool {
+    [PERFECT_LENS, BOX_CENTRE_LENS].contains(&name)
+}
+
 /// A joint design of lens and network, and the two controls it is compared with.
 ///
 /// Names of lenses and sensors are those of the built-in library, or paths of files.
@@ -175,9 +183,14 @@ impl Experiment {
             }
         }
         let moves_lens_for_task = |v: &Variant| v.task_steps_of(BlockName::Optics) > 0;
-        if self.training.noise == NoiseMode::Exact && self.variants().iter().any(moves_lens_for_task) {
-            let error =
-                FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
+        let has_no_gradient = |v: &Variant| v.noise == NoiseMode::Exact && moves_lens_for_task(v);
+        if let Some(i) = self.variants().iter().position(has_no_gradient) {
+            let place = i.to_string();
+            let key = match self.variant[i].noise {
+                Some(_) => ["variant", &place, "noise"].to_vec(),
+                None => vec!["training", "noise"],
+            };
+            let error = FileError::at_key(text, &key, "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
         if !self.development.demosaic.is_differentiable() && self.variants().iter().any(moves_lens_for_task) {

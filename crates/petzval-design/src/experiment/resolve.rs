@@ -12,6 +12,7 @@ impl Experiment {
             lens: self.origin(v).lens.clone().unwrap_or_else(|| self.lens.clone()),
             from: v.from.clone(),
             optics_proxy: v.optics_proxy.clone(),
+            noise: v.noise.unwrap_or(self.training.noise),
             starts_moved: self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };

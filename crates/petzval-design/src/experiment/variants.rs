@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
+use petzval_camera::sensor::NoiseMode;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,10 @@ pub struct VariantConfig {
     /// tracing. Lenses at rest and every score are traced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub optics_proxy: Option<String>,
+    /// How noise is sampled while it is made, where that differs from `training.noise`; `"off"` for a camera that knows no noise until it is
+    /// scored. Scores have exact noise in any case.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseMode>,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
@@ -111,6 +116,7 @@ pub fn standard_variants() -> Vec<VariantConfig> {
         lens: None,
         from: None,
         optics_proxy: None,
+        noise: None,
         stage,
     };
     let network = stage(Goal::Task, &[BlockName::Network]);

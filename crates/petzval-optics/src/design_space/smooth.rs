@@ -127,6 +127,11 @@ impl SmoothSpace {
         &self.start
     }
 
+    /// The coordinates of the lens whose every number lies in the middle of its bounds.
+    pub fn centre(&self) -> Vec<f64> {
+        vec![0.0; self.dimension()]
+    }
+
     /// The free coordinates of coordinates of the space under it, which lie within their bounds.
     pub fn free(&self, at: &[f64]) -> Vec<f64> {
         self.maps.iter().zip(at).map(|(map, at)| map.free(*at)).collect()
