@@ -28,7 +28,13 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
             hash.update(std::fs::read(&file).map_err(DesignError::io(&file))?);
         }
     }
-    for (list, photos) in [("training", setup.photos.training()), ("held out", setup.photos.held_out())] {
+    let photos = &setup.photos;
+    let lists = [
+        ("training", photos.training()),
+        ("validation", photos.validation()),
+        ("held out", photos.held_out()),
+    ];
+    for (list, photos) in lists {
         for photo in photos {
             hash.update(format!("{list}: {} {}x{}", photo.name, photo.image.height, photo.image.width));
             for value in &photo.image.data {

@@ -36,4 +36,5 @@ pub mod shots;
 pub mod spectral_light;
 pub mod start;
 pub mod study;
+pub mod validation;
 pub mod variant;

@@ -7,8 +7,8 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
-    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, NO_ISP, NetworkConfig,
-    OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
+    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, Keep, NO_ISP,
+    NetworkConfig, OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
@@ -94,6 +94,8 @@ pub struct Experiment {
     pub constraints: ConstraintConfig,
     /// How cameras are scored.
     pub scoring: ScoringConfig,
+    /// How training is validated, and when it stops.
+    pub validation: ValidationConfig,
     /// How often the run can be resumed from.
     pub checkpoint: CheckpointConfig,
     /// The cameras that are made and compared, in this order.
@@ -130,6 +132,7 @@ impl Default for Experiment {
             spot: SpotConfig::default(),
             constraints: ConstraintConfig::default(),
             scoring: ScoringConfig::default(),
+            validation: ValidationConfig::default(),
             checkpoint: CheckpointConfig::default(),
             variant: standard_variants(),
         }
@@ -174,6 +177,7 @@ impl Experiment {
             ("spot", self.spot.out_of_range()),
             ("constraints", self.constraints.out_of_range()),
             ("scoring", self.scoring.out_of_range()),
+            ("validation", self.validation.out_of_range()),
             ("checkpoint", self.checkpoint.out_of_range()),
         ];
         for (table, wrong) in tables {
@@ -208,6 +212,12 @@ impl Experiment {
         }
         if self.isp.is_used() {
             self.check_isp(text)?;
+        }
+        let waits =
+            [("patience", self.validation.patience > 0), ("keep", self.validation.keep == Keep::Best)];
+        if let Some((key, _)) = waits.into_iter().find(|(_, waits)| *waits && !self.validation.is_used()) {
+            let error = FileError::at_key(text, &["validation", key], "there are no validations");
+            return Err(error.hint("give validation.every the steps between two of them, such as 25"));
         }
         variants::check_variants(&self.variant, text)?;
         variants::check_blocks(&self.variant, self.isp.is_used(), text)?;

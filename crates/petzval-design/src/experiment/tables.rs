@@ -231,6 +231,44 @@ parameters! {
 }
 
 parameters! {
+    /// Validation: the loss, now and then in a stage, on windows of photographs that no block is trained on and no camera is scored on.
+    pub struct ValidationConfig {
+        /// Steps between two validations, of the network or the hardware ISP, or of a lens that moves alone; 0 for none.
+        every: usize = 0, "", 0..1e8, Log, "0 for none; 25 gives 16 in 400 steps";
+        /// Windows of a validation, the same each time with the same noise.
+        windows: usize = 16, "", 1..1e4, Log, "16 windows, or more for a steadier figure";
+        /// Validations in a row without a lower loss after which a stage ends; 0 for never.
+        patience: usize = 0, "", 0..1e6, Linear, "0 takes every step; 4 ends a stage that no longer gains";
+    } also {
+        /// Which numbers a stage ends with.
+        keep: Keep = Keep::Last;
+    }
+}
+
+/// Which numbers of its blocks a stage ends with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Keep {
+    /// Those of its last step.
+    #[default]
+    Last,
+    /// Those of the least loss in a validation.
+    Best,
+}
+
+impl ValidationConfig {
+    /// Whether there are validations.
+    pub fn is_used(&self) -> bool {
+        self.every > 0
+    }
+
+    /// Whether there is one once a block has taken so many of its steps in a stage: regularly, and at the end.
+    pub fn is_due(&self, taken: usize, steps: usize) -> bool {
+        self.is_used() && (taken.is_multiple_of(self.every) || taken == steps)
+    }
+}
+
+parameters! {
     /// How often a run can be resumed from.
     pub struct CheckpointConfig {
         /// Steps between checkpoints.

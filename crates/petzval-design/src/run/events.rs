@@ -18,7 +18,7 @@ pub struct Event {
     pub camera: String,
     /// Block that stepped: `optics`, `network`; the goal of a lens alone, `spot` or `restored`; or `score`.
     pub block: String,
-    /// Losses by name, before the step.
+    /// Losses by name, before the step; that of a validation, after it.
     pub losses: BTreeMap<String, f64>,
     /// Learning rate of the step.
     pub learning_rate: f64,

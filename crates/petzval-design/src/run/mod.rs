@@ -10,7 +10,9 @@ mod folder;
 mod metrics;
 mod record;
 
-pub use checkpoint::{Kept, latest_checkpoint, load_blocks, save_blocks, save_checkpoint};
+pub use checkpoint::{
+    Kept, latest_checkpoint, load_blocks, load_state, save_blocks, save_checkpoint, save_state,
+};
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
