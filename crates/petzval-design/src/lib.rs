@@ -22,6 +22,7 @@ pub mod glass_warnings;
 pub mod inputs;
 pub mod isp_proxy;
 mod lens_view;
+pub mod made_cameras;
 pub mod optics_proxy;
 pub mod pictures;
 pub mod plausible;

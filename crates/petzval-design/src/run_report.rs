@@ -16,14 +16,18 @@ use petzval_optics::psf::FieldPsf;
 use crate::block::BlockName;
 use crate::error::DesignError;
 use crate::lens_view;
-use crate::pictures::file_name;
+use crate::pictures::{file_name, spread_pictures};
 use crate::psf_plan::PsfPlan;
-use crate::run::{CameraMetrics, Event, Kept, Metrics, RunFolder, RunRecord, load_blocks, read_events};
+use crate::run::{
+    CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
+    read_events,
+};
 use crate::setup::Setup;
 use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
-    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, Score, TableRow,
+    CameraPicture, CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView, PsfView,
+    Report, Score, TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
@@ -100,6 +104,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
         study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
+        made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
         config_toml: match &record {
             Some(record) => record.config.to_toml()?,
@@ -165,6 +170,36 @@ fn notes(metrics: &Metrics) -> Vec<String> {
          Distortion is not rendered: each place gets the PSF of the field whose ideal image it is."
             .to_owned(),
     ]
+}
+
+/// The table of cameras as they are made.
+fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
+    let score = |figures: &MadeFigures| MadeScore {
+        drawn: figures.drawn,
+        mean: figures.mean.unwrap_or(f64::NAN),
+        of_90_percent: figures.of_90_percent.unwrap_or(f64::NAN),
+        share: figures.share,
+    };
+    let rows = made.rows.iter().map(|row| MadeCamera {
+        camera: row.camera.clone(),
+        failed: row.trials.iter().filter(|trial| trial.is_none()).count(),
+        scores: scores.iter().filter_map(|s| row.scores.get(&s.name)).map(score).collect(),
+    });
+    let focus = if made.is_refocused { ", focused again" } else { "" };
+    let left_out = match made.left_out {
+        0 => String::new(),
+        n => format!(
+            " {n} tolerances are left out, decentres and tilts among them: the camera would lose its symmetry, and the yield is an upper \
+             bound."
+        ),
+    };
+    let conditions = format!(
+        "{} cameras of each design with lenses made at random by their tolerances ({}){focus}, with the network or ISP that was designed for \
+         the lens as drawn. Means over {} held-out pictures, for the camera as drawn too, so that they differ from those above. The limit is \
+         the score of the first camera as drawn, unless another was given.{left_out}",
+        made.trials, made.tolerances, made.pictures
+    );
+    MadeCameras { conditions, limits: in_order(scores, &made.limits), rows: rows.collect() }
 }
 
 fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
@@ -283,7 +318,7 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
     // First every photograph in the corner and in the middle of the field, then the other places.
-    let mut order = shown_pictures(metrics.held_out_images, metrics.held_out_places);
+    let mut order = spread_pictures(metrics.held_out_images, metrics.held_out_places, MOST_PICTURES);
     order.retain(|index| *index < first.pictures.len());
     let field = |i: &usize| first.pictures[*i].relative_field;
     let outermost = order.iter().map(field).fold(0.0, f64::max);
@@ -319,14 +354,6 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
 /// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
 const MOST_PICTURES: usize = 27;
 
-/// Indices of the pictures that the page shows, which are ordered by photograph and then by place: spread evenly over the photographs,
-/// with the places in turn.
-fn shown_pictures(photographs: usize, places: usize) -> Vec<usize> {
-    let shown = (photographs * places).min(MOST_PICTURES);
-    let place = |i: usize| if places > shown { i * places / shown } else { i % places };
-    (0..shown).map(|i| i * photographs / shown * places + place(i)).collect()
-}
-
 fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     type Key = (String, String, String);
     let mut curves: BTreeMap<Key, Vec<(u64, f64)>> = BTreeMap::new();
@@ -360,26 +387,4 @@ fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
         other => other.to_string(),
     };
     Ok(values.into_iter().map(|(k, v)| (k, plain(v))).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::collections::BTreeSet;
-
-    #[test]
-    fn many_pictures_are_chosen_evenly_and_few_are_all_shown() {
-        assert_eq!(shown_pictures(3, 9), (0..27).collect::<Vec<_>>());
-        assert_eq!(shown_pictures(2, 1), [0, 1]);
-        for (photographs, places) in [(50, 9), (5, 9), (200, 1), (1, 100), (4, 9)] {
-            let shown = shown_pictures(photographs, places);
-            assert_eq!(shown.len(), (photographs * places).min(27));
-            let distinct =
-                |of: &dyn Fn(usize) -> usize| shown.iter().map(|i| of(*i)).collect::<BTreeSet<_>>().len();
-            assert_eq!(distinct(&|i| i), shown.len(), "each once");
-            assert_eq!(distinct(&|i| i / places), photographs.min(27), "every photograph, or as many as fit");
-            assert_eq!(distinct(&|i| i % places), places.min(27), "every place");
-            assert!(shown.iter().all(|i| *i < photographs * places));
-        }
-    }
 }
