@@ -184,7 +184,16 @@ fn loss_of(
 struct Step {
     block: &'static str,
     losses: BTreeMap<String, f64>,
+    /// By how much each free number of the block lowered the loss.
+    lowered: Vec<f64>,
     learning_rate: f64,
+}
+
+impl Step {
+    /// A step that is not down a gradient.
+    fn new(block: &'static str, losses: BTreeMap<String, f64>) -> Self {
+        Self { block, losses, lowered: Vec::new(), learning_rate: 0.0 }
+    }
 }
 
 impl DesignLoop {
@@ -268,7 +277,7 @@ impl DesignLoop {
                 }
                 (None, None) => self.finish_variant(variant, observer),
             };
-            let Step { block, losses, learning_rate } = step.map_err(|error| match error {
+            let Step { block, losses, lowered, learning_rate } = step.map_err(|error| match error {
                 // The lens had light when it started: it is the job that went astray, not the input.
                 DesignError::NoLight { field_deg } => DesignError::LostLight {
                     camera: variant.name.clone(),
@@ -283,6 +292,7 @@ impl DesignLoop {
                 camera: variant.name.clone(),
                 block: block.to_owned(),
                 losses,
+                lowered,
                 learning_rate,
                 seconds: started.elapsed().as_secs_f64(),
             };
@@ -335,15 +345,22 @@ impl DesignLoop {
         let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
         let offset: usize = later.map(at_end).sum();
         let shots = training_shots(&self.setup, (offset + before + taken) as u64)?;
-        let camera = self.camera(variant, moves)?;
+        let camera = match (block, moves[&block].error_share) {
+            (BlockName::Optics, share) if share > 0.0 => {
+                self.erring_camera(variant, share, before + taken)?
+            }
+            _ => self.camera(variant, moves)?,
+        };
         let objective = &self.objective;
         let loss = |frames: &Frames, shots: &[Shot]| loss_of(objective.as_ref(), &camera, frames, shots);
         let setup = self.setup.clone();
         let further = |number: u64| training_shots(&setup, number);
         let noise = self.noise(variant);
         let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
-        let losses = self.blocks.get_mut(block).step(&batch, rule)?;
-        let step = Step { block: block.name(), losses, learning_rate: rule.rate };
+        let moving = self.blocks.get_mut(block);
+        let losses = moving.step(&batch, rule)?;
+        let lowered = moving.lowered().to_vec();
+        let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
         let mut step = self.took(variant, block, step)?;
         // The block that counts the steps of the stage is the last.
         let is_clock = moves.keys().next_back() == Some(&block);
@@ -394,12 +411,13 @@ impl DesignLoop {
             let seconds = started.elapsed().as_secs_f64();
             started = Instant::now();
             let (camera, block) = (variant.name.clone(), goal.event().to_owned());
-            let event = Event { step, camera, block, losses, learning_rate: 0.0, seconds };
+            let event =
+                Event { step, camera, block, losses, lowered: Vec::new(), learning_rate: 0.0, seconds };
             observer.step(&event);
             log.write(&event)
         };
         let losses = self.blocks.optics.improve(goal, iterations, search, &mut watch)?;
-        self.took(variant, BlockName::Optics, Step { block: goal.event(), losses, learning_rate: 0.0 })
+        self.took(variant, BlockName::Optics, Step::new(goal.event(), losses))
     }
 
     /// Counts a step that a block took, and refuses one that led to what is no number.
@@ -476,6 +494,12 @@ impl DesignLoop {
         Ok(self.held(&camera))
     }
 
+    /// The camera of a variant for a lens step, with the random errors of a lens that was made.
+    fn erring_camera(&mut self, variant: &Variant, share: f64, step: usize) -> Result<Camera, DesignError> {
+        let lens = self.blocks.optics.err(share, self.setup.experiment.seed, step as u64)?;
+        Ok(self.held(&self.setup.moving_camera(variant, lens)?))
+    }
+
     /// A camera with ISP and network as they stand, held.
     fn held(&self, camera: &Camera) -> Camera {
         let camera = camera.with_network(self.blocks.network.held());
@@ -535,7 +559,7 @@ impl DesignLoop {
         self.position.finished.insert(variant.name.clone(), variant.stages.len());
         self.begin_next()?;
         let losses = metrics.scores.clone();
-        Ok(Step { block: "score", losses, learning_rate: 0.0 })
+        Ok(Step::new("score", losses))
     }
 
     /// Makes the next variant ready: from its lens with a new network, from the variant that it names, or, if the run was extended,

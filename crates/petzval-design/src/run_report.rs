@@ -5,7 +5,6 @@ use std::fs;
 use std::path::Path;
 
 use petzval_camera::isp::IspParameter;
-use petzval_files::lens_toml::parameter_name;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::glass::Catalog;
@@ -13,8 +12,10 @@ use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
+use crate::attribution::attribution;
 use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::lens_numbers::{full_name, unit_of};
 use crate::lens_view;
 use crate::pictures::{file_name, spread_pictures};
 use crate::psf_plan::PsfPlan;
@@ -79,6 +80,10 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
                 true => changes(&setup.start(variant).lens_file, &lens),
             },
             isp_changes: isp_changes(setup, variant, run)?,
+            attribution: attribution(
+                setup.start(variant),
+                events.iter().filter(|e| e.camera == variant.name),
+            ),
         });
     }
     let e = &setup.experiment;
@@ -256,7 +261,7 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     let mut all: Vec<Change> = variables
         .iter()
         .map(|v| Change {
-            parameter: name_of(before, v.surface, v.number),
+            parameter: full_name(before, v.surface, v.number),
             from: v.number.read_stated(before, v.surface),
             to: v.number.read_stated(after, v.surface),
             unit: unit_of(v.number),
@@ -274,7 +279,7 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
                 let [min, max] =
                     solved.and_then(|s| s.radius_mm).unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 all.push(Change {
-                    parameter: format!("{} (follows)", name_of(before, i, number)),
+                    parameter: format!("{} (follows)", full_name(before, i, number)),
                     from,
                     to,
                     unit: unit_of(number),
@@ -285,30 +290,6 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
         }
     }
     all
-}
-
-fn name_of(lens: &Lens, surface: usize, number: Number) -> String {
-    let label = &lens.surfaces[surface].label;
-    let label = if label.is_empty() { format!("surface {}", surface + 1) } else { label.clone() };
-    let what = match number {
-        Number::Curvature => "radius".to_owned(),
-        Number::Conic => "conic constant".to_owned(),
-        Number::Asphere(j) => format!("a{}", 2 * j + 2),
-        Number::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
-        Number::Thickness => "distance to the next surface".to_owned(),
-        _ => parameter_name(&lens.surfaces[surface], number),
-    };
-    format!("{label}: {what}")
-}
-
-fn unit_of(number: Number) -> String {
-    match number {
-        Number::Curvature | Number::Thickness | Number::SemiDiameter | Number::Decenter(_) => "mm".to_owned(),
-        Number::Conic | Number::Index | Number::Departure(_) | Number::Phase(_) => String::new(),
-        Number::Power => "1/mm".to_owned(),
-        Number::Tilt(_) => "deg".to_owned(),
-        Number::Asphere(j) => format!("mm^{}", -1 - 2 * j as i64),
-    }
 }
 
 fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {

@@ -98,6 +98,8 @@ pub struct Schedule {
     pub proximal: f64,
     /// How steps are found.
     pub method: StepMethod,
+    /// Standard deviation of the random errors of the lens in each of its steps, as a share of the range of each of its numbers.
+    pub error_share: f64,
 }
 
 impl Schedule {
@@ -186,6 +188,7 @@ mod tests {
             share,
             proximal: 0.0,
             method: StepMethod::Gradient,
+            error_share: 0.0,
         };
         let moves = [(BlockName::Optics, schedule(optics)), (BlockName::Network, schedule(network))];
         Stage::Task(moves.into_iter().filter(|(_, s)| s.steps > 0).collect())

@@ -449,3 +449,39 @@ fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_v
     let refused = Experiment::parse("[validation]\nkeep = \"best\"\n").unwrap_err().to_string();
     assert!(refused.contains("no validations"), "{refused}");
 }
+
+#[test]
+fn errors_of_a_lens_change_its_way_and_small_ones_hardly() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str, share: f64| {
+        let schedule = format!("schedule = {{ optics = {{ error_share = {share} }} }}\n");
+        let text = format!("{TINY}{}", variant("a", &format!("{JOINT}{schedule}")));
+        run(Experiment::parse(&text).unwrap(), &folder.path().join(name)).rows.remove(0)
+    };
+    let (drawn, robust, near) = (made("drawn", 0.0), made("robust", 0.01), made("near", 1e-7));
+    assert_eq!(made("again", 0.01), robust);
+    let off = |row: &CameraMetrics| (row.rms_spot_um / drawn.rms_spot_um - 1.0).abs();
+    assert!(off(&robust) > 0.02 && off(&near) < 1e-3 && near != drawn, "{} {}", off(&robust), off(&near));
+    assert!((drawn.efl_mm - robust.efl_mm).abs() < 1e-9);
+    let network = "[[variant.stage]]\nmoves = [\"network\"]\nschedule.network.error_share = 0.01\n";
+    let refused = Experiment::parse(&format!("{TINY}{}", variant("a", network))).unwrap_err().to_string();
+    assert!(refused.contains("has no errors"), "{refused}");
+}
+
+#[test]
+fn every_lens_step_says_what_each_coordinate_did_to_the_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    run(
+        Experiment::parse(&format!("{TINY}{}", variant("a", &format!("{SPOT}{JOINT}")))).unwrap(),
+        folder.path(),
+    );
+    let events = read_events(&folder.path().join("events.jsonl")).unwrap();
+    for event in &events {
+        let is_lens_step = event.block == "optics";
+        assert_eq!(event.lowered.len(), if is_lens_step { 19 } else { 0 }, "{event:?}");
+        // The first step of Adam is against the sign of every slope.
+        assert!(event.lowered.iter().all(|v| v.is_finite()));
+    }
+    let first = events.iter().find(|e| e.block == "optics").unwrap();
+    assert!(first.lowered.iter().all(|v| *v >= 0.0) && first.lowered.iter().any(|v| *v > 0.0), "{first:?}");
+}

@@ -196,6 +196,7 @@ fn camera(i: usize) -> CameraView {
         psfs,
         changes: if i > 0 { vec![change] } else { Vec::new() },
         isp_changes: Vec::new(),
+        attribution: Vec::new(),
     }
 }
 

@@ -187,6 +187,9 @@ parameters! {
         defocus_mm: f64 = 0.5, "mm", 1e-3..10, Log, "half-range around the paraxial focus";
         /// Weight of the lens's proximal term, per squared coordinate.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+        /// Standard deviation of random errors of the lens in each of its steps for the task, as a share of the range between the bounds of each
+        /// number; 0 for the lens as drawn.
+        error_share: f64 = 0.0, "", 0..0.1, Log, "0 for none; 0.002 of a range of 5 mm is 10 um";
     }
 }
 

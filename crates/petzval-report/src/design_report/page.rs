@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::attribution::{attribution, has_attribution};
 use super::change::change_table;
 use super::made::made_table;
 use super::picture::pictures;
@@ -30,6 +31,7 @@ pub(super) fn page(report: &Report) -> String {
         (section_of("Point-spread functions", has_psfs(report), || psf_table(report)))
         (section_of("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
         (section_of("Over the run", !report.losses.is_empty(), || over_the_run(report)))
+        (section_of("What lowered the loss", has_attribution(report), || attribution(report)))
         (how_it_was_made(report))
     };
     let command = html! {

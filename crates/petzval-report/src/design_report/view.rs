@@ -139,6 +139,19 @@ pub struct CameraView {
     pub changes: Vec<Change>,
     /// The parameters of its hardware ISP that moved.
     pub isp_changes: Vec<Change>,
+    /// What each coordinate of its lens did to the loss; empty for a lens that did not move for the task.
+    pub attribution: Vec<Attribution>,
+}
+
+/// What a coordinate of a lens did to the loss.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attribution {
+    /// Its surface, or the image plane.
+    pub surface: String,
+    /// Which number of it.
+    pub number: String,
+    /// By how much its changes lowered the loss to first order: the sum of `-dL/dx dx` over the steps of the lens.
+    pub lowered: f64,
 }
 
 /// Cameras as they are made: scores of random cameras whose lenses are off by their tolerances.
