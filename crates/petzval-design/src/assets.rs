@@ -11,7 +11,7 @@ use petzval_files::{Import, LensFile, decode, parse_lens, parse_seq, parse_zmx};
 use petzval_optics::glass::Catalog;
 
 use crate::error::DesignError;
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NO_ISP, PERFECT_LENS};
+use crate::experiment::{BUILT_IN_PHOTOS, Experiment, NO_ISP, is_derived_lens};
 use crate::glass_warnings::glass_warnings;
 use crate::run::{RunFolder, RunRecord, read_config};
 
@@ -208,7 +208,7 @@ impl Assets {
         let variants = experiment.variant.iter_mut().enumerate();
         let own = variants.flat_map(|(i, v)| {
             let at = |key: &str| vec!["variant".to_owned(), i.to_string(), key.to_owned()];
-            let lens = v.lens.as_mut().filter(|name| *name != PERFECT_LENS).map(|lens| (at("lens"), lens));
+            let lens = v.lens.as_mut().filter(|name| !is_derived_lens(name)).map(|lens| (at("lens"), lens));
             lens.into_iter().chain(v.optics_proxy.as_mut().map(|proxy| (at("optics_proxy"), proxy)))
         });
         let shared = [

@@ -10,8 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use petzval_camera::sensor::Noise;
+use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::objective::{Labels, Objective};
+use petzval_learn::objective::{Labels, NamedLoss, Objective};
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +26,8 @@ use crate::run::{
 };
 use crate::scoring::{Scorer, collect_metrics};
 use crate::setup::Setup;
-use crate::shots::training_shots;
+use crate::shots::{training_shots, validation_shots};
+use crate::validation::{Course, VALIDATION, Validations, validation_loss};
 use crate::variant::{LensGoal, LensSearch, Schedule, Stage, Variant};
 
 /// Someone who watches a run.
@@ -54,11 +56,16 @@ pub fn finished_camera(
     isp: &IspBlock,
     network: &NetworkBlock,
 ) -> Result<Camera, DesignError> {
-    let camera = setup.camera(lens, false)?.with_network(network.held());
-    Ok(match setup.body.chip.is_some() {
+    Ok(finished(&setup.camera(lens, false)?, isp, network))
+}
+
+/// A camera with the network, and the hardware ISP in whole numbers.
+fn finished(camera: &Camera, isp: &IspBlock, network: &NetworkBlock) -> Camera {
+    let camera = camera.with_network(network.held());
+    match camera.body().chip.is_some() {
         true => camera.with_chip(ChipValues::Exact(isp.values())),
         false => camera,
-    })
+    }
 }
 
 /// Where a run stands: what a checkpoint holds apart from its blocks.
@@ -76,6 +83,9 @@ struct Position {
     before: BTreeMap<BlockName, usize>,
     /// Stages that the finished cameras have behind them: fewer than their variants have if the run was extended since.
     finished: BTreeMap<String, usize>,
+    /// How the validations of this stage have gone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    validation: Option<Course>,
     /// Wall-clock seconds of the steps.
     seconds: f64,
 }
@@ -151,16 +161,39 @@ pub struct DesignLoop {
     position: Position,
     /// The camera of the lens as it stands, made anew only when the lens has moved.
     camera: Option<Camera>,
+    /// Windows of every validation, in batches.
+    validation_shots: Vec<Vec<Shot>>,
+    validations: Validations,
     log: EventLog,
 }
 
 const POSITION_FILE: &str = "position.json";
 
+/// The loss of frames that a camera took.
+fn loss_of(
+    objective: &dyn Objective,
+    camera: &Camera,
+    frames: &Frames,
+    shots: &[Shot],
+) -> Result<NamedLoss, DesignError> {
+    let labels = Labels { picture: camera.truths(shots)? };
+    Ok(objective.loss(frames, &labels)?)
+}
+
 /// What one step did.
 struct Step {
     block: &'static str,
     losses: BTreeMap<String, f64>,
+    /// By how much each free number of the block lowered the loss.
+    lowered: Vec<f64>,
     learning_rate: f64,
+}
+
+impl Step {
+    /// A step that is not down a gradient.
+    fn new(block: &'static str, losses: BTreeMap<String, f64>) -> Self {
+        Self { block, losses, lowered: Vec::new(), learning_rate: 0.0 }
+    }
 }
 
 impl DesignLoop {
@@ -184,13 +217,32 @@ impl DesignLoop {
             problem: "the experiment has no variants".to_owned(),
         })?;
         let mut blocks = setup.blocks(variant)?;
+        let mut validations = Validations::default();
         if let Some((_, folder)) = &checkpoint {
             load_blocks(folder, blocks.all_mut(), Kept::NumbersAndProgress)?;
+            let keep = setup.experiment.validation.keep;
+            validations = Validations::load(folder, position.validation, keep, &blocks)?;
         }
+        let validation_shots = match setup.experiment.validation.is_used() {
+            true => validation_shots(&setup)?,
+            false => Vec::new(),
+        };
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
         let objective = setup.objective()?;
-        Ok(Self { objective, scorer, blocks, position, camera: None, log, setup, run })
+        let camera = None;
+        Ok(Self {
+            objective,
+            scorer,
+            blocks,
+            position,
+            camera,
+            validation_shots,
+            validations,
+            log,
+            setup,
+            run,
+        })
     }
 
     /// Runs to the end, or until `stop` is set; then the step in work is finished and a checkpoint written.
@@ -211,19 +263,21 @@ impl DesignLoop {
             }
             let started = Instant::now();
             let stage = variant.stages.get(self.position.stage);
-            let turn = stage.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
+            let goes_on = !self.validations.have_run_out(setup.experiment.validation.patience);
+            let turn = stage.filter(|_| goes_on);
+            let turn = turn.and_then(|s| s.turn(&self.position.taken).map(|block| (s, block)));
             let step = match (stage, turn) {
                 (_, Some((Stage::Lens { goal, iterations, search }, _))) => {
                     self.improve_lens(variant, *goal, *iterations, *search, observer)
                 }
                 (_, Some((Stage::Task(moves), block))) => self.step(variant, moves, block),
                 (Some(stage), None) => {
-                    self.end_stage(variant, stage);
+                    self.end_stage(variant, stage)?;
                     continue;
                 }
                 (None, None) => self.finish_variant(variant, observer),
             };
-            let Step { block, losses, learning_rate } = step.map_err(|error| match error {
+            let Step { block, losses, lowered, learning_rate } = step.map_err(|error| match error {
                 // The lens had light when it started: it is the job that went astray, not the input.
                 DesignError::NoLight { field_deg } => DesignError::LostLight {
                     camera: variant.name.clone(),
@@ -238,6 +292,7 @@ impl DesignLoop {
                 camera: variant.name.clone(),
                 block: block.to_owned(),
                 losses,
+                lowered,
                 learning_rate,
                 seconds: started.elapsed().as_secs_f64(),
             };
@@ -290,18 +345,55 @@ impl DesignLoop {
         let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
         let offset: usize = later.map(at_end).sum();
         let shots = training_shots(&self.setup, (offset + before + taken) as u64)?;
-        let camera = self.camera(variant, moves)?;
-        let objective = &self.objective;
-        let loss = |frames: &petzval_camera::tape::Frames, shots: &[Shot]| {
-            let labels = Labels { picture: camera.truths(shots)? };
-            Ok(objective.loss(frames, &labels)?)
+        let camera = match (block, moves[&block].error_share) {
+            (BlockName::Optics, share) if share > 0.0 => {
+                self.erring_camera(variant, share, before + taken)?
+            }
+            _ => self.camera(variant, moves)?,
         };
+        let objective = &self.objective;
+        let loss = |frames: &Frames, shots: &[Shot]| loss_of(objective.as_ref(), &camera, frames, shots);
         let setup = self.setup.clone();
         let further = |number: u64| training_shots(&setup, number);
-        let noise = self.noise();
+        let noise = self.noise(variant);
         let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
-        let losses = self.blocks.get_mut(block).step(&batch, rule)?;
-        self.took(variant, block, Step { block: block.name(), losses, learning_rate: rule.rate })
+        let moving = self.blocks.get_mut(block);
+        let losses = moving.step(&batch, rule)?;
+        let lowered = moving.lowered().to_vec();
+        let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
+        let mut step = self.took(variant, block, step)?;
+        // The block that counts the steps of the stage is the last.
+        let is_clock = moves.keys().next_back() == Some(&block);
+        let validation = &self.setup.experiment.validation;
+        if is_clock && validation.is_due(taken + 1, moves[&block].steps) {
+            step.losses.insert(VALIDATION.to_owned(), self.validate(variant, moves)?);
+        }
+        Ok(step)
+    }
+
+    /// Validates the camera as it would be scored if it were finished now: with a lens at rest, and the hardware ISP in whole numbers. PSFs of a
+    /// lens on its way are coarser, so that losses before and after it comes to rest could not be compared. Returns the loss.
+    fn validate(
+        &mut self,
+        variant: &Variant,
+        moves: &BTreeMap<BlockName, Schedule>,
+    ) -> Result<f64, DesignError> {
+        let at_rest = match self.is_moving(moves) {
+            true => self.setup.camera(self.lens(variant)?, false)?,
+            false => self.camera(variant, moves)?,
+        };
+        let camera = finished(&at_rest, &self.blocks.isp, &self.blocks.network);
+        let noise = self.noise(variant);
+        let objective = &self.objective;
+        let loss = |frames: &Frames, shots: &[Shot]| loss_of(objective.as_ref(), &camera, frames, shots);
+        let loss = validation_loss(&camera, &self.validation_shots, &noise, &loss)?;
+        if !loss.is_finite() {
+            let (camera, step) = (variant.name.clone(), self.position.step + 1);
+            return Err(DesignError::Diverged { camera, block: VALIDATION, step, value: loss });
+        }
+        self.validations.add(loss, &self.blocks, self.setup.experiment.validation.keep)?;
+        self.position.validation = self.validations.course();
+        Ok(loss)
     }
 
     /// Improves the lens alone. Every iteration is an event; all of them are one step, which an interrupted run takes again.
@@ -319,12 +411,13 @@ impl DesignLoop {
             let seconds = started.elapsed().as_secs_f64();
             started = Instant::now();
             let (camera, block) = (variant.name.clone(), goal.event().to_owned());
-            let event = Event { step, camera, block, losses, learning_rate: 0.0, seconds };
+            let event =
+                Event { step, camera, block, losses, lowered: Vec::new(), learning_rate: 0.0, seconds };
             observer.step(&event);
             log.write(&event)
         };
         let losses = self.blocks.optics.improve(goal, iterations, search, &mut watch)?;
-        self.took(variant, BlockName::Optics, Step { block: goal.event(), losses, learning_rate: 0.0 })
+        self.took(variant, BlockName::Optics, Step::new(goal.event(), losses))
     }
 
     /// Counts a step that a block took, and refuses one that led to what is no number.
@@ -348,7 +441,9 @@ impl DesignLoop {
     }
 
     /// Goes on to the next stage of the variant.
-    fn end_stage(&mut self, variant: &Variant, stage: &Stage) {
+    fn end_stage(&mut self, variant: &Variant, stage: &Stage) -> Result<(), DesignError> {
+        self.validations.end(&mut self.blocks)?;
+        self.position.validation = None;
         for (block, taken) in std::mem::take(&mut self.position.taken) {
             if let Stage::Task(_) = stage {
                 *self.position.before.entry(block).or_default() += taken;
@@ -358,10 +453,11 @@ impl DesignLoop {
         self.camera = None;
         let next = variant.stages.get(self.position.stage);
         self.blocks.begin_stage(|block| next.map_or(0, |stage| stage.task_steps_of(block)));
+        Ok(())
     }
 
-    fn noise(&self) -> Noise {
-        Noise { mode: self.setup.experiment.training.noise, seed: self.setup.experiment.seed }
+    fn noise(&self, variant: &Variant) -> Noise {
+        Noise { mode: variant.noise, seed: self.setup.experiment.seed }
     }
 
     /// The lens of a variant as it stands.
@@ -373,16 +469,21 @@ impl DesignLoop {
         Ok(Lens { name: format!("{}, {}", file.lens.name, variant.name), ..self.blocks.optics.lens()? })
     }
 
+    /// Whether the lens has steps to come in a stage.
+    fn is_moving(&self, moves: &BTreeMap<BlockName, Schedule>) -> bool {
+        let moves_psfs = |(block, schedule): (&BlockName, &Schedule)| {
+            block.moves_psfs() && self.position.taken(*block) < schedule.steps
+        };
+        moves.iter().any(moves_psfs)
+    }
+
     /// The camera of a variant as it stands, with its network held.
     fn camera(
         &mut self,
         variant: &Variant,
         moves: &BTreeMap<BlockName, Schedule>,
     ) -> Result<Camera, DesignError> {
-        let moves_psfs = |(block, schedule): (&BlockName, &Schedule)| {
-            block.moves_psfs() && self.position.taken(*block) < schedule.steps
-        };
-        let is_moving = moves.iter().any(moves_psfs);
+        let is_moving = self.is_moving(moves);
         // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
         let camera = match self.camera.take() {
             Some(camera) => camera,
@@ -391,6 +492,12 @@ impl DesignLoop {
         };
         self.camera = Some(camera.clone());
         Ok(self.held(&camera))
+    }
+
+    /// The camera of a variant for a lens step, with the random errors of a lens that was made.
+    fn erring_camera(&mut self, variant: &Variant, share: f64, step: usize) -> Result<Camera, DesignError> {
+        let lens = self.blocks.optics.err(share, self.setup.experiment.seed, step as u64)?;
+        Ok(self.held(&self.setup.moving_camera(variant, lens)?))
     }
 
     /// A camera with ISP and network as they stand, held.
@@ -408,7 +515,8 @@ impl DesignLoop {
             let text = DesignError::json("the position of the run", &self.position)?;
             let path = folder.join(POSITION_FILE);
             write_file(&path, text.as_bytes())?;
-            save_blocks(folder, self.blocks.all(), Kept::NumbersAndProgress)
+            save_blocks(folder, self.blocks.all(), Kept::NumbersAndProgress)?;
+            self.validations.save(folder)
         })?;
         // A variant that has not begun adds nothing to the history of lenses.
         let p = &self.position;
@@ -451,7 +559,7 @@ impl DesignLoop {
         self.position.finished.insert(variant.name.clone(), variant.stages.len());
         self.begin_next()?;
         let losses = metrics.scores.clone();
-        Ok(Step { block: "score", losses, learning_rate: 0.0 })
+        Ok(Step::new("score", losses))
     }
 
     /// Makes the next variant ready: from its lens with a new network, from the variant that it names, or, if the run was extended,

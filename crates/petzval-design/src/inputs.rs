@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::{Experiment, PERFECT_LENS};
+use crate::experiment::{Experiment, is_derived_lens};
 use crate::optics_proxy::FILES;
 use crate::run::{RunFolder, RunRecord, write_file};
 use crate::setup::Setup;
@@ -28,7 +28,13 @@ fn fingerprint(setup: &Setup) -> Result<String, DesignError> {
             hash.update(std::fs::read(&file).map_err(DesignError::io(&file))?);
         }
     }
-    for (list, photos) in [("training", setup.photos.training()), ("held out", setup.photos.held_out())] {
+    let photos = &setup.photos;
+    let lists = [
+        ("training", photos.training()),
+        ("validation", photos.validation()),
+        ("held out", photos.held_out()),
+    ];
+    for (list, photos) in lists {
         for photo in photos {
             hash.update(format!("{list}: {} {}x{}", photo.name, photo.image.height, photo.image.width));
             for value in &photo.image.data {
@@ -60,7 +66,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         kept.isp.preset = "inputs/isp.toml".to_owned();
     }
     for variant in &mut kept.variant {
-        if let Some(name) = variant.lens.as_mut().filter(|name| *name != PERFECT_LENS) {
+        if let Some(name) = variant.lens.as_mut().filter(|name| !is_derived_lens(name)) {
             let file = format!("{}-lens.toml", variant.name);
             let lens = assets.import(name)?.file;
             write_file(&run.input(&file), write_lens(&lens).as_bytes())?;

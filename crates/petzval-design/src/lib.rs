@@ -11,6 +11,7 @@
 
 pub mod adam;
 pub mod assets;
+mod attribution;
 pub mod block;
 pub mod camera;
 pub mod comparison;
@@ -21,7 +22,9 @@ pub mod experiment;
 pub mod glass_warnings;
 pub mod inputs;
 pub mod isp_proxy;
+mod lens_numbers;
 mod lens_view;
+pub mod made_cameras;
 pub mod optics_proxy;
 pub mod pictures;
 pub mod plausible;
@@ -36,4 +39,5 @@ pub mod shots;
 pub mod spectral_light;
 pub mod start;
 pub mod study;
+pub mod validation;
 pub mod variant;

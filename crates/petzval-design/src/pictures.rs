@@ -1,4 +1,4 @@
-//! Held-out pictures of a run, kept as PNG files for the report.
+//! Held-out pictures of a run, kept as PNG files for the report, and which of them stand for all.
 
 use petzval_files::encoded_png_bytes;
 
@@ -26,4 +26,34 @@ pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result
         }
     }
     Ok(())
+}
+
+/// Indices of at most `most` pictures, which are ordered by photograph and then by place: spread evenly over the photographs, with the places
+/// in turn.
+pub fn spread_pictures(photographs: usize, places: usize, most: usize) -> Vec<usize> {
+    let shown = (photographs * places).min(most);
+    let place = |i: usize| if places > shown { i * places / shown } else { i % places };
+    (0..shown).map(|i| i * photographs / shown * places + place(i)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn many_pictures_are_chosen_evenly_and_few_are_all_shown() {
+        assert_eq!(spread_pictures(3, 9, 27), (0..27).collect::<Vec<_>>());
+        assert_eq!(spread_pictures(2, 1, 27), [0, 1]);
+        for (photographs, places) in [(50, 9), (5, 9), (200, 1), (1, 100), (4, 9)] {
+            let shown = spread_pictures(photographs, places, 27);
+            assert_eq!(shown.len(), (photographs * places).min(27));
+            let distinct =
+                |of: &dyn Fn(usize) -> usize| shown.iter().map(|i| of(*i)).collect::<BTreeSet<_>>().len();
+            assert_eq!(distinct(&|i| i), shown.len(), "each once");
+            assert_eq!(distinct(&|i| i / places), photographs.min(27), "every photograph, or as many as fit");
+            assert_eq!(distinct(&|i| i % places), places.min(27), "every place");
+            assert!(shown.iter().all(|i| *i < photographs * places));
+        }
+    }
 }

@@ -5,7 +5,6 @@ use std::fs;
 use std::path::Path;
 
 use petzval_camera::isp::IspParameter;
-use petzval_files::lens_toml::parameter_name;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
 use petzval_optics::glass::Catalog;
@@ -13,17 +12,23 @@ use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
+use crate::attribution::attribution;
 use crate::block::BlockName;
 use crate::error::DesignError;
+use crate::lens_numbers::{full_name, unit_of};
 use crate::lens_view;
-use crate::pictures::file_name;
+use crate::pictures::{file_name, spread_pictures};
 use crate::psf_plan::PsfPlan;
-use crate::run::{CameraMetrics, Event, Kept, Metrics, RunFolder, RunRecord, load_blocks, read_events};
+use crate::run::{
+    CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, load_blocks,
+    read_events,
+};
 use crate::setup::Setup;
 use crate::variant::{LensGoal, Variant};
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
-    CameraPicture, CameraView, Change, LossCurve, PictureView, PsfView, Report, Score, TableRow,
+    CameraPicture, CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, PictureView, PsfView,
+    Report, Score, TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
@@ -75,6 +80,10 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
                 true => changes(&setup.start(variant).lens_file, &lens),
             },
             isp_changes: isp_changes(setup, variant, run)?,
+            attribution: attribution(
+                setup.start(variant),
+                events.iter().filter(|e| e.camera == variant.name),
+            ),
         });
     }
     let e = &setup.experiment;
@@ -100,6 +109,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
         study: (metrics.seeds.len() == 1).then(|| setup.study.in_scores(&metrics.scores)),
+        made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
         config_toml: match &record {
             Some(record) => record.config.to_toml()?,
@@ -167,6 +177,36 @@ fn notes(metrics: &Metrics) -> Vec<String> {
     ]
 }
 
+/// The table of cameras as they are made.
+fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
+    let score = |figures: &MadeFigures| MadeScore {
+        drawn: figures.drawn,
+        mean: figures.mean.unwrap_or(f64::NAN),
+        of_90_percent: figures.of_90_percent.unwrap_or(f64::NAN),
+        share: figures.share,
+    };
+    let rows = made.rows.iter().map(|row| MadeCamera {
+        camera: row.camera.clone(),
+        failed: row.trials.iter().filter(|trial| trial.is_none()).count(),
+        scores: scores.iter().filter_map(|s| row.scores.get(&s.name)).map(score).collect(),
+    });
+    let focus = if made.is_refocused { ", focused again" } else { "" };
+    let left_out = match made.left_out {
+        0 => String::new(),
+        n => format!(
+            " {n} tolerances are left out, decentres and tilts among them: the camera would lose its symmetry, and the yield is an upper \
+             bound."
+        ),
+    };
+    let conditions = format!(
+        "{} cameras of each design with lenses made at random by their tolerances ({}){focus}, with the network or ISP that was designed for \
+         the lens as drawn. Means over {} held-out pictures, for the camera as drawn too, so that they differ from those above. The limit is \
+         the score of the first camera as drawn, unless another was given.{left_out}",
+        made.trials, made.tolerances, made.pictures
+    );
+    MadeCameras { conditions, limits: in_order(scores, &made.limits), rows: rows.collect() }
+}
+
 fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
     TableRow {
         camera: m.camera.clone(),
@@ -197,7 +237,8 @@ fn in_order(scores: &[ScoreDescription], values: &BTreeMap<String, f64>) -> Vec<
 
 /// The parameters of a camera's hardware ISP that moved, before and after.
 fn isp_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
-    if setup.body.chip.is_none() {
+    // Values come back from their places with a rounding error: of an ISP that stays they are not compared.
+    if setup.body.chip.is_none() || setup.task_steps(variant, BlockName::Isp) == 0 {
         return Ok(Vec::new());
     }
     let mut blocks = setup.blocks(variant)?;
@@ -220,7 +261,7 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     let mut all: Vec<Change> = variables
         .iter()
         .map(|v| Change {
-            parameter: name_of(before, v.surface, v.number),
+            parameter: full_name(before, v.surface, v.number),
             from: v.number.read_stated(before, v.surface),
             to: v.number.read_stated(after, v.surface),
             unit: unit_of(v.number),
@@ -238,7 +279,7 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
                 let [min, max] =
                     solved.and_then(|s| s.radius_mm).unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 all.push(Change {
-                    parameter: format!("{} (follows)", name_of(before, i, number)),
+                    parameter: format!("{} (follows)", full_name(before, i, number)),
                     from,
                     to,
                     unit: unit_of(number),
@@ -251,30 +292,6 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
     all
 }
 
-fn name_of(lens: &Lens, surface: usize, number: Number) -> String {
-    let label = &lens.surfaces[surface].label;
-    let label = if label.is_empty() { format!("surface {}", surface + 1) } else { label.clone() };
-    let what = match number {
-        Number::Curvature => "radius".to_owned(),
-        Number::Conic => "conic constant".to_owned(),
-        Number::Asphere(j) => format!("a{}", 2 * j + 2),
-        Number::Thickness if surface + 1 == lens.surfaces.len() => "distance to the image".to_owned(),
-        Number::Thickness => "distance to the next surface".to_owned(),
-        _ => parameter_name(&lens.surfaces[surface], number),
-    };
-    format!("{label}: {what}")
-}
-
-fn unit_of(number: Number) -> String {
-    match number {
-        Number::Curvature | Number::Thickness | Number::SemiDiameter | Number::Decenter(_) => "mm".to_owned(),
-        Number::Conic | Number::Index | Number::Departure(_) | Number::Phase(_) => String::new(),
-        Number::Power => "1/mm".to_owned(),
-        Number::Tilt(_) => "deg".to_owned(),
-        Number::Asphere(j) => format!("mm^{}", -1 - 2 * j as i64),
-    }
-}
-
 fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, DesignError> {
     let read = |file: String| {
         let path = run.picture(&file);
@@ -282,7 +299,7 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
     };
     let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
     // First every photograph in the corner and in the middle of the field, then the other places.
-    let mut order = shown_pictures(metrics.held_out_images, metrics.held_out_places);
+    let mut order = spread_pictures(metrics.held_out_images, metrics.held_out_places, MOST_PICTURES);
     order.retain(|index| *index < first.pictures.len());
     let field = |i: &usize| first.pictures[*i].relative_field;
     let outermost = order.iter().map(field).fold(0.0, f64::max);
@@ -318,14 +335,6 @@ fn pictures(run: &RunFolder, metrics: &Metrics) -> Result<Vec<PictureView>, Desi
 /// Most pictures that a page shows: all of three photographs at nine places. Each takes about 0.13 MB.
 const MOST_PICTURES: usize = 27;
 
-/// Indices of the pictures that the page shows, which are ordered by photograph and then by place: spread evenly over the photographs,
-/// with the places in turn.
-fn shown_pictures(photographs: usize, places: usize) -> Vec<usize> {
-    let shown = (photographs * places).min(MOST_PICTURES);
-    let place = |i: usize| if places > shown { i * places / shown } else { i % places };
-    (0..shown).map(|i| i * photographs / shown * places + place(i)).collect()
-}
-
 fn loss_curves(events: Vec<Event>) -> Vec<LossCurve> {
     type Key = (String, String, String);
     let mut curves: BTreeMap<Key, Vec<(u64, f64)>> = BTreeMap::new();
@@ -359,26 +368,4 @@ fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
         other => other.to_string(),
     };
     Ok(values.into_iter().map(|(k, v)| (k, plain(v))).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::collections::BTreeSet;
-
-    #[test]
-    fn many_pictures_are_chosen_evenly_and_few_are_all_shown() {
-        assert_eq!(shown_pictures(3, 9), (0..27).collect::<Vec<_>>());
-        assert_eq!(shown_pictures(2, 1), [0, 1]);
-        for (photographs, places) in [(50, 9), (5, 9), (200, 1), (1, 100), (4, 9)] {
-            let shown = shown_pictures(photographs, places);
-            assert_eq!(shown.len(), (photographs * places).min(27));
-            let distinct =
-                |of: &dyn Fn(usize) -> usize| shown.iter().map(|i| of(*i)).collect::<BTreeSet<_>>().len();
-            assert_eq!(distinct(&|i| i), shown.len(), "each once");
-            assert_eq!(distinct(&|i| i / places), photographs.min(27), "every photograph, or as many as fit");
-            assert_eq!(distinct(&|i| i % places), places.min(27), "every place");
-            assert!(shown.iter().all(|i| *i < photographs * places));
-        }
-    }
 }

@@ -78,9 +78,42 @@ impl Scorer {
         let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
             return Err(DesignError::NoLens);
         };
+        let pictures = self.pictures(camera, &|_| true)?;
+        let scored = pictures.iter().map(|p| p.score.clone()).collect();
+        let metrics = camera_metrics(&self.setup, name, lens, captured, scored)?;
+        let limit = self.setup.limit.mean_square(camera.psfs().bank())?;
+        let metrics = CameraMetrics {
+            psf_errors: camera.psf_errors(),
+            restored_error_percent: Some(percent(limit)),
+            ..metrics
+        };
+        Ok((metrics, pictures))
+    }
+
+    /// The mean of each score over those of the held-out pictures that are chosen by their number.
+    pub fn means(
+        &self,
+        camera: &Camera,
+        is_chosen: &dyn Fn(usize) -> bool,
+    ) -> Result<BTreeMap<String, f64>, DesignError> {
+        let pictures = self.pictures(camera, is_chosen)?;
+        let mean = |name: &str| {
+            let sum: f64 = pictures.iter().map(|picture| picture.score.scores[name]).sum();
+            sum / pictures.len() as f64
+        };
+        Ok(self.scores.iter().map(|score| (score.name().to_owned(), mean(score.name()))).collect())
+    }
+
+    /// Takes and scores those of the held-out pictures that are chosen by their number.
+    fn pictures(
+        &self,
+        camera: &Camera,
+        is_chosen: &dyn Fn(usize) -> bool,
+    ) -> Result<Vec<ScoredPicture>, DesignError> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut pictures = Vec::new();
-        for (photo, relative_field, shot) in held_out_shots(&self.setup, camera)? {
+        let shots = held_out_shots(&self.setup, camera)?.into_iter().enumerate();
+        for (_, (photo, relative_field, shot)) in shots.filter(|(number, _)| is_chosen(*number)) {
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
             let truth_tensor = camera.truths(&shots)?;
@@ -103,15 +136,7 @@ impl Scorer {
                 output: pair.finished,
             });
         }
-        let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        let metrics = camera_metrics(&self.setup, name, lens, captured, scored)?;
-        let limit = self.setup.limit.mean_square(camera.psfs().bank())?;
-        let metrics = CameraMetrics {
-            psf_errors: camera.psf_errors(),
-            restored_error_percent: Some(percent(limit)),
-            ..metrics
-        };
-        Ok((metrics, pictures))
+        Ok(pictures)
     }
 }
 

@@ -54,7 +54,7 @@ pub struct Setup {
     pub fixed_plan: PsfPlan,
     /// The error of the best linear restoration of raw frames.
     pub limit: Arc<LinearLimit>,
-    /// Training and held-out photographs.
+    /// Training and held-out photographs, and those of validations where there are any.
     pub photos: PhotoSet,
     /// Pictures of the folder that cannot be used, each with the reason.
     pub skipped_photos: Vec<(String, DatasetError)>,
@@ -77,6 +77,9 @@ impl Setup {
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
         let read = load_photos(&setup.experiment, assets, window)?;
         (setup.photos, setup.skipped_photos, setup.photo_notes) = (read.photos, read.skipped, read.notes);
+        if setup.experiment.validation.is_used() {
+            setup.photos = std::mem::take(&mut setup.photos).with_validation(VALIDATION_EVERY)?;
+        }
         setup.training_crops.check(setup.photos.training())?;
         setup.scoring_crops.check(setup.photos.held_out())?;
         Ok(setup)
@@ -311,6 +314,9 @@ struct Photos {
     skipped: Vec<(String, DatasetError)>,
     notes: Vec<(String, String)>,
 }
+
+/// Of every so many training pictures, one is kept for validation.
+const VALIDATION_EVERY: usize = 4;
 
 /// Every so many pictures of a user's folder, one is held out.
 const HELD_OUT_EVERY: usize = 4;

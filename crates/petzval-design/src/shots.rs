@@ -1,34 +1,57 @@
-//! What cameras take: windows of training pictures, and held-out photographs at fixed places.
+//! What cameras take: windows of training and validation pictures, and held-out photographs at fixed places.
 
 use petzval_camera::render::Placement;
-use petzval_learn::dataset::{dead_leaves, held_out_placements, training_crop};
+use petzval_learn::dataset::{NamedPhoto, dead_leaves, held_out_placements, training_crop};
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
 use crate::setup::Setup;
 
+/// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
+const FIRST_VALIDATION: u64 = 1 << 42;
+
 /// The training windows of a step: the same for every variant.
 pub fn training_shots(setup: &Setup, step: u64) -> Result<Vec<Shot>, DesignError> {
-    let batch = setup.experiment.training.batch;
-    let (crops, photos) = (&setup.training_crops, setup.photos.training());
-    (0..batch)
+    let training = &setup.experiment.training;
+    (0..training.batch as u32)
         .map(|item| {
-            let c = training_crop(crops, photos, setup.experiment.seed, step, item as u32)?;
-            let (window, frame) = (crops.window(), step * batch as u64 + item as u64);
-            let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);
-            let placement = Placement { row, col };
-            let kept = Some(crop_window(crops, c.sensor_row, c.sensor_column));
-            if is_generated(frame, setup.experiment.training.dead_leaves) {
-                let scene = dead_leaves(window, setup.experiment.seed, step, item as u32);
-                return Ok(Shot { scene, placement, kept, frame });
+            let shot = shot_of(setup, setup.photos.training(), step, item)?;
+            if !is_generated(shot.frame, training.dead_leaves) {
+                return Ok(shot);
             }
-            let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
-            if c.flip {
-                mirror(&mut scene.data, window);
-            }
-            Ok(Shot { scene, placement, kept, frame })
+            let scene = dead_leaves(setup.training_crops.window(), setup.experiment.seed, step, item);
+            Ok(Shot { scene, ..shot })
         })
         .collect()
+}
+
+/// The windows of every validation, in batches: photographs alone, as in scores.
+pub fn validation_shots(setup: &Setup) -> Result<Vec<Vec<Shot>>, DesignError> {
+    let (batch, windows) = (setup.experiment.training.batch, setup.experiment.validation.windows);
+    let shot = |i: usize| {
+        let (step, item) = (FIRST_VALIDATION + (i / batch) as u64, (i % batch) as u32);
+        shot_of(setup, setup.photos.validation(), step, item)
+    };
+    let starts = (0..windows).step_by(batch);
+    starts.map(|first| (first..windows.min(first + batch)).map(shot).collect()).collect()
+}
+
+/// Item `item` of step `step`: a random window of a photograph at a random place of the sensor.
+fn shot_of(setup: &Setup, photos: &[NamedPhoto], step: u64, item: u32) -> Result<Shot, DesignError> {
+    let crops = &setup.training_crops;
+    let c = training_crop(crops, photos, setup.experiment.seed, step, item)?;
+    let window = crops.window();
+    let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);
+    let mut scene = photos[c.photo].image.crop(c.row, c.column, window, window)?;
+    if c.flip {
+        mirror(&mut scene.data, window);
+    }
+    Ok(Shot {
+        scene,
+        placement: Placement { row, col },
+        kept: Some(crop_window(crops, c.sensor_row, c.sensor_column)),
+        frame: step * setup.experiment.training.batch as u64 + u64::from(item),
+    })
 }
 
 /// The held-out windows, every photograph at every place: name of the photograph, distance of the window from the axis over that of the

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use petzval_camera::linear_limit::LinearLimit;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
-use petzval_optics::design_space::{DesignSpace, EflSolve, Focus, SmoothSpace, Solves};
+use petzval_optics::design_space::{DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{Apertures, Goal, Problem};
@@ -15,7 +15,7 @@ use petzval_optics::solve::thin_equivalent;
 
 use crate::assets::Assets;
 use crate::error::DesignError;
-use crate::experiment::{Experiment, PERFECT_LENS};
+use crate::experiment::{BOX_CENTRE_LENS, Experiment, PERFECT_LENS};
 use crate::psf_plan::PsfPlan;
 use crate::requirements::Requirements;
 use crate::restored::RestoredError;
@@ -38,7 +38,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// Reads a lens, or makes the [`PERFECT_LENS`], and its design space.
+    /// Reads a lens, or makes the [`PERFECT_LENS`] or the [`BOX_CENTRE_LENS`], and its design space.
     pub fn new(
         name: &str,
         experiment: &Experiment,
@@ -57,21 +57,23 @@ impl Start {
                 }
                 LensFile::of(thin_equivalent(&lens))
             }
+            BOX_CENTRE_LENS => assets.lens(&experiment.lens)?,
             _ => assets.lens(name)?,
         };
         // Spots and pictures are scored in the same colours.
         let mut colours = experiment.psf.wavelengths_um.to_vec();
         colours.sort_by(f64::total_cmp);
         lens_file.lens.wavelengths_um = colours;
-        let space = DesignSpace::new(
-            lens_file.lens.clone(),
-            lens_file.variables.clone(),
-            lens_file.pickups.clone(),
-            Solves { efl: lens_file.efl_solve, length: lens_file.length_solve },
-            Focus::Paraxial { range_mm: experiment.optics.defocus_mm },
-        )
-        .and_then(SmoothSpace::new)
-        .map_err(|e| {
+        let focus = Focus::Paraxial { range_mm: experiment.optics.defocus_mm };
+        let space = space_of(&lens_file, focus).and_then(|space| {
+            if name != BOX_CENTRE_LENS {
+                return Ok(space);
+            }
+            let title = format!("{}, middle of its bounds", lens_file.lens.name);
+            lens_file.lens = Lens { name: title, ..space.lens_at(&space.centre())? };
+            space_of(&lens_file, focus)
+        });
+        let space = space.map_err(|e| {
             let hint = "correct the lens file, or optics.defocus_mm of the experiment for its image plane";
             DesignError::misfit(Path::new(name), &e, hint)
         })?;
@@ -139,6 +141,13 @@ impl Start {
             ..Problem::new(lens)
         }
     }
+}
+
+/// The design space of a lens file.
+fn space_of(file: &LensFile, focus: Focus) -> Result<SmoothSpace, DesignSpaceError> {
+    let solves = Solves { efl: file.efl_solve, length: file.length_solve };
+    let (lens, variables, pickups) = (file.lens.clone(), file.variables.clone(), file.pickups.clone());
+    SmoothSpace::new(DesignSpace::new(lens, variables, pickups, solves, focus)?)
 }
 
 /// Image radii that stand for equal areas of the sensor: the medians of `count` equal parts of its pixels, ordered by their

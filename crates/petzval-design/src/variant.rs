@@ -4,6 +4,8 @@
 
 use std::collections::BTreeMap;
 
+use petzval_camera::sensor::NoiseMode;
+
 use crate::adam::cosine_rate;
 use crate::block::{BlockName, StepMethod, StepRule};
 
@@ -18,6 +20,8 @@ pub struct Variant {
     pub from: Option<String>,
     /// The description of the network from which its PSFs come while its lens moves for the task.
     pub optics_proxy: Option<String>,
+    /// How noise is sampled while it is made.
+    pub noise: NoiseMode,
     /// Whether a variant of the chain from which it starts moves the lens.
     pub starts_moved: bool,
     /// What is done with it, in this order.
@@ -94,6 +98,8 @@ pub struct Schedule {
     pub proximal: f64,
     /// How steps are found.
     pub method: StepMethod,
+    /// Standard deviation of the random errors of the lens in each of its steps, as a share of the range of each of its numbers.
+    pub error_share: f64,
 }
 
 impl Schedule {
@@ -182,6 +188,7 @@ mod tests {
             share,
             proximal: 0.0,
             method: StepMethod::Gradient,
+            error_share: 0.0,
         };
         let moves = [(BlockName::Optics, schedule(optics)), (BlockName::Network, schedule(network))];
         Stage::Task(moves.into_iter().filter(|(_, s)| s.steps > 0).collect())

@@ -4,19 +4,24 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use petzval_camera::sensor::NoiseMode;
 use petzval_design::assets::Assets;
 use petzval_design::block::{BlockName, OpticsBlock};
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::experiment::Experiment;
 use petzval_design::inputs::keep_inputs;
 use petzval_design::psf_plan::PsfPlan;
-use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder};
+use petzval_design::run::{CameraMetrics, Event, Metrics, RunFolder, read_events};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::variant::{LensGoal, LensSearch};
+use petzval_design::shots::validation_shots;
+use petzval_design::variant::{LensGoal, LensSearch, Stage};
 use petzval_learn::Device;
+use petzval_learn::dataset::NamedPhoto;
 use petzval_learn::score::{Score, ScoreError, ScoredPair, standard_scores};
+use petzval_optics::lens::Lens;
 use petzval_optics::merit::Merit;
+use petzval_optics::paraxial::first_order;
 use petzval_optics::solve::thin_equivalent;
 use petzval_optics::spot::mean_square_spot;
 
@@ -157,6 +162,8 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
         (variant("a", "[[variant.stage]]\ngoal = \"spot\"\nmoves = [\"network\"]\n"), "lens alone"),
         (variant("a", &format!("{SPOT}schedule.optics.steps = 3\n{NETWORK}")), "takes no schedule"),
         (variant("a", "[[variant.stage]]\nmoves = [\"isp\"]\n"), "isp"),
+        (variant("a", &format!("noise = \"exact\"\n{JOINT}")), "no gradient to the lens"),
+        (variant("a", &format!("noise = \"loud\"\n{JOINT}")), "loud"),
     ] {
         let said = refused(&variants);
         assert!(said.contains(words), "{variants}: {said}");
@@ -309,4 +316,172 @@ fn an_extension_adds_a_stage_to_every_variant_that_trains_the_network() {
     let child = variant("child", &format!("from = \"unequal\"\n{NETWORK}"));
     let chain = Experiment::parse(&format!("{TINY}{}{child}", text[0])).unwrap();
     assert!(chain.extended_to(9).unwrap_err().0.contains("`child` starts from the finished `unequal`"));
+}
+
+#[test]
+fn a_camera_made_without_noise_is_scored_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let scored = |name: &str, text: &str| {
+        run(Experiment::parse(text).unwrap(), &folder.path().join(name)).rows.remove(0)
+    };
+    let own = scored("own", &format!("{TINY}{}", variant("a", &format!("noise = \"off\"\n{JOINT}"))));
+    // Training alone is without noise: as where the whole experiment trains so.
+    let joint = variant("a", JOINT);
+    let noisy = scored("noisy", &format!("{TINY}{joint}"));
+    let quiet = TINY.replace("[training]\n", "[training]\nnoise = \"off\"\n");
+    assert_eq!(scored("quiet", &format!("{quiet}{joint}")), own);
+    assert_ne!(noisy.scores, own.scores);
+    assert_eq!(noisy.rms_spot_by_field_um.len(), own.rms_spot_by_field_um.len());
+}
+
+#[test]
+fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let text = format!("{TINY}{}", variant("a", &format!("lens = \"box-centre\"\n{NETWORK}")));
+    let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
+    let (start, nominal) = (setup.start(&setup.variants[0]), setup.nominal());
+    let lens = &start.lens_file.lens;
+    for v in &start.lens_file.variables {
+        let (value, middle) = (v.number.read_stated(lens, v.surface), 0.5 * (v.min + v.max));
+        assert!((value - middle).abs() < 1e-9 * (v.max - v.min), "{v:?}: {value}");
+    }
+    let efl_mm = |lens: &Lens| first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
+    assert!((efl_mm(lens) - efl_mm(&nominal.lens_file.lens)).abs() < 1e-9);
+    // It is a lens that can be made, and is scored.
+    let folder = tempfile::tempdir().unwrap();
+    let row = run(Experiment::parse(&text).unwrap(), folder.path()).rows.remove(0);
+    assert!(row.rms_spot_um > 12.0 && !row.is_ceiling, "{}", row.rms_spot_um);
+}
+
+/// What the built-in controls leave out is left out, and nothing else.
+#[test]
+fn built_in_controls_take_the_steps_of_the_joint_design() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    for (name, last) in [
+        ("cooke-triplet-image-quality-controls", BlockName::Network),
+        ("cooke-triplet-image-quality-hardware-isp", BlockName::Isp),
+    ] {
+        let variants = assets.experiment(name).unwrap().variants();
+        let [.., sequential, joint] = &variants[..] else { panic!("two variants") };
+        assert_eq!((sequential.name.as_str(), joint.name.as_str()), ("sequential", "end-to-end"));
+        for block in BlockName::ALL {
+            assert_eq!(sequential.task_steps_of(block), joint.task_steps_of(block), "{name}: {block:?}");
+        }
+        // One block at a time: what is behind the lens, the lens, what is behind it.
+        let task = sequential.stages.iter().filter_map(|stage| match stage {
+            Stage::Task(moves) => Some(moves.keys().copied().collect::<Vec<_>>()),
+            Stage::Lens { .. } => None,
+        });
+        assert_eq!(task.collect::<Vec<_>>(), [vec![last], vec![BlockName::Optics], vec![last]]);
+        let before = |stages: &[Stage]| stages.iter().take_while(|s| matches!(s, Stage::Lens { .. })).count();
+        assert_eq!(before(&sequential.stages), before(&joint.stages));
+    }
+    let variants = assets.experiment("cooke-triplet-image-quality-controls").unwrap().variants();
+    let noise = |name: &str| variants.iter().find(|v| v.name == name).unwrap().noise;
+    assert_eq!((noise("noise-off"), noise("end-to-end")), (NoiseMode::Off, NoiseMode::Dequantised));
+}
+
+const VALIDATION: &str = "[validation]\nevery = 2\nwindows = 3\n";
+
+/// The validations of a run: step, camera, block and loss.
+fn validations(folder: &Path) -> Vec<(u64, String, String, f64)> {
+    let events = read_events(&folder.join("events.jsonl")).unwrap();
+    let of = |e: Event| Some((e.step, e.camera, e.block, *e.losses.get("validation")?));
+    events.into_iter().filter_map(of).collect()
+}
+
+#[test]
+fn a_stage_ends_with_the_numbers_of_its_best_validation() {
+    let folder = tempfile::tempdir().unwrap();
+    // A rate at which the network gets worse.
+    let wild = variant(
+        "a",
+        &format!(
+            "{NETWORK}schedule = {{ network = {{ learning_rate = 0.1, final_learning_rate = 1.0 }} }}\n"
+        ),
+    );
+    let made = |name: &str, more: &str| {
+        let root = folder.path().join(name);
+        let text = format!("{TINY}{}{more}{wild}", VALIDATION.replace("every = 2", "every = 1"));
+        let rows = run(Experiment::parse(&text).unwrap(), &root).rows;
+        let weights = std::fs::read(root.join("cameras/a/blocks/network/weights.bin")).unwrap();
+        (rows, weights, validations(&root))
+    };
+    let (last, last_weights, losses) = made("last", "");
+    let values: Vec<f64> = losses.iter().map(|v| v.3).collect();
+    assert_eq!(values.len(), 4);
+    let least = (0..4).min_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap();
+    assert!(least < 3, "the last step is the best: {values:?}");
+    let (best, best_weights, same) = made("best", "keep = \"best\"\n");
+    assert_eq!(same, losses);
+    assert!(best_weights != last_weights && best[0].scores != last[0].scores);
+    assert!(best[0].scores["psnr_db"] > last[0].scores["psnr_db"], "{best:?} {last:?}");
+
+    // Impatience ends the stage soon after, with the same camera.
+    let (early, early_weights, fewer) = made("early", "keep = \"best\"\npatience = 1\n");
+    assert_eq!(early_weights, best_weights);
+    assert_eq!(fewer, losses[..least + 2]);
+    assert_eq!(early[0].network_steps, least + 2);
+}
+
+#[test]
+fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_validated_at_rest() {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let setup = |text: &str| Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff());
+    let text = format!("{TINY}{VALIDATION}{}", variant("a", JOINT));
+    let (with, without) = (setup(&text).unwrap(), setup(TINY).unwrap());
+    let names = |photos: &[NamedPhoto]| photos.iter().map(|p| p.name.clone()).collect::<Vec<_>>();
+    let validation = names(with.photos.validation());
+    assert_eq!(validation.len(), 2);
+    assert!(validation.iter().all(|name| !names(with.photos.training()).contains(name)));
+    assert_eq!(names(with.photos.held_out()), names(without.photos.held_out()));
+    assert_eq!(with.photos.training().len() + 2, without.photos.training().len());
+    assert!(without.photos.validation().is_empty());
+    let batches = validation_shots(&with).unwrap();
+    assert_eq!(batches.iter().map(Vec::len).collect::<Vec<_>>(), [1, 1, 1]);
+
+    // Losses of a moving lens and of the same lens at rest are comparable: the network hardly changes them in a few steps.
+    let folder = tempfile::tempdir().unwrap();
+    run(Experiment::parse(&text).unwrap(), folder.path());
+    let found = validations(folder.path());
+    assert_eq!(found.iter().map(|v| v.2.as_str()).collect::<Vec<_>>(), ["network"; 2]);
+    assert!((found[0].3 / found[1].3 - 1.0).abs() < 0.1, "{found:?}");
+    let refused = Experiment::parse("[validation]\nkeep = \"best\"\n").unwrap_err().to_string();
+    assert!(refused.contains("no validations"), "{refused}");
+}
+
+#[test]
+fn errors_of_a_lens_change_its_way_and_small_ones_hardly() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str, share: f64| {
+        let schedule = format!("schedule = {{ optics = {{ error_share = {share} }} }}\n");
+        let text = format!("{TINY}{}", variant("a", &format!("{JOINT}{schedule}")));
+        run(Experiment::parse(&text).unwrap(), &folder.path().join(name)).rows.remove(0)
+    };
+    let (drawn, robust, near) = (made("drawn", 0.0), made("robust", 0.01), made("near", 1e-7));
+    assert_eq!(made("again", 0.01), robust);
+    let off = |row: &CameraMetrics| (row.rms_spot_um / drawn.rms_spot_um - 1.0).abs();
+    assert!(off(&robust) > 0.02 && off(&near) < 1e-3 && near != drawn, "{} {}", off(&robust), off(&near));
+    assert!((drawn.efl_mm - robust.efl_mm).abs() < 1e-9);
+    let network = "[[variant.stage]]\nmoves = [\"network\"]\nschedule.network.error_share = 0.01\n";
+    let refused = Experiment::parse(&format!("{TINY}{}", variant("a", network))).unwrap_err().to_string();
+    assert!(refused.contains("has no errors"), "{refused}");
+}
+
+#[test]
+fn every_lens_step_says_what_each_coordinate_did_to_the_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    run(
+        Experiment::parse(&format!("{TINY}{}", variant("a", &format!("{SPOT}{JOINT}")))).unwrap(),
+        folder.path(),
+    );
+    let events = read_events(&folder.path().join("events.jsonl")).unwrap();
+    for event in &events {
+        let is_lens_step = event.block == "optics";
+        assert_eq!(event.lowered.len(), if is_lens_step { 19 } else { 0 }, "{event:?}");
+        // The first step of Adam is against the sign of every slope.
+        assert!(event.lowered.iter().all(|v| v.is_finite()));
+    }
+    let first = events.iter().find(|e| e.block == "optics").unwrap();
+    assert!(first.lowered.iter().all(|v| *v >= 0.0) && first.lowered.iter().any(|v| *v > 0.0), "{first:?}");
 }

@@ -183,6 +183,9 @@ fn report_pictures(setup: &Setup, context: &Context) {
         context.note(format!("{what} pictures ({}): {}", names.len(), names.join(", ")));
     };
     list("training", training.iter().map(|photo| photo.name.as_str()).collect());
+    if !setup.photos.validation().is_empty() {
+        list("validation", setup.photos.validation().iter().map(|photo| photo.name.as_str()).collect());
+    }
     list("held-out", held_out.iter().map(|photo| photo.name.as_str()).collect());
     if let Some((_, reason)) = setup.skipped_photos.first() {
         let skipped = setup.skipped_photos.len();

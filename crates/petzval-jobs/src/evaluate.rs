@@ -1,19 +1,35 @@
-//! `evaluate`: the cameras of a finished run scored again, with exact optics.
+//! `evaluate`: the cameras of a finished run scored again, with exact optics, and cameras as they are made.
 
+use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 
 use petzval_design::block::Block;
+use petzval_design::camera::Camera;
 use petzval_design::design_loop::finished_camera;
+use petzval_design::error::DesignError;
 use petzval_design::inputs::check_inputs;
+use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::run::{CameraMetrics, Kept, Metrics, RunFolder, load_blocks};
 use petzval_design::run_report::{camera_lens, read_metrics};
+use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
+use petzval_files::ToleranceFile;
+use petzval_optics::lens::Lens;
+use petzval_optics::tolerance::Tolerances;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::design::scorer;
 use crate::error::JobError;
+use crate::lens::tolerance::read as read_tolerances;
 use crate::report::warn_of_changed_config;
+
+pub use crate::lens::tolerance::{Compensate, Grade};
+pub use petzval_design::run::MadeMetrics;
+
+/// Most cameras that are made of a design.
+const MOST_TRIALS: usize = 100_000;
 
 /// A finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +39,38 @@ pub struct Request {
     pub run: PathBuf,
     /// Where tensors live.
     pub device: String,
+    /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
+    #[serde(default)]
+    pub made: Option<Made>,
+}
+
+/// Cameras to be made at random from each design of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Made {
+    /// Their tolerances.
+    pub tolerances: LensTolerances,
+    /// How many of each design, 1 to 100000.
+    pub trials: usize,
+    /// Seed of their errors.
+    pub seed: u64,
+    /// Most held-out pictures on which each is scored, at least 1.
+    pub pictures: usize,
+    /// What is adjusted on every lens.
+    pub compensate: Compensate,
+    /// What a camera has to reach in the first score; that of the first camera as drawn if none is given, as in all other scores.
+    #[serde(default)]
+    pub limit: Option<f64>,
+}
+
+/// Where tolerances come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LensTolerances {
+    /// Good practice.
+    Grade(Grade),
+    /// A tolerance file, for the lenses of all designs.
+    File(PathBuf),
 }
 
 /// The figures, computed again.
@@ -32,10 +80,16 @@ pub struct Response {
     pub metrics: Metrics,
     /// Largest absolute difference between a score or a spot radius and that of the run.
     pub largest_difference_from_run: f64,
+    /// Figures of cameras as they are made, if the request asked for them.
+    pub made: Option<MadeMetrics>,
 }
 
-/// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is.
+/// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is, unless cameras are made
+/// from the designs: then `tolerance.json` is written, and the report with its figures.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    if let Some(made) = &request.made {
+        made.check()?;
+    }
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
     warn_of_changed_config(&folder, context)?;
@@ -53,11 +107,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut rows: Vec<CameraMetrics> = Vec::new();
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
-        let (mut isp, mut network) = (setup.isp(), setup.network()?);
-        let blocks: [&mut dyn Block; 2] = [&mut isp, &mut network];
-        load_blocks(&folder.camera(&row.camera), blocks, Kept::Numbers)?;
-        let lens = camera_lens(&folder, &row.camera)?.lens;
-        let camera = finished_camera(setup, lens, &isp, &network)?;
+        let camera = camera_of(setup, &folder, &row.camera)?;
         let found = scorer.score(&row.camera, &camera)?.0;
         rows.push(CameraMetrics {
             is_ceiling: row.is_ceiling,
@@ -72,5 +122,123 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         // `max` alone would drop a NaN.
         off.fold(worst, |worst, off| if worst.is_nan() || off.is_nan() { f64::NAN } else { worst.max(off) })
     });
-    Ok(Response { metrics: Metrics { rows, ..kept }, largest_difference_from_run: largest })
+    let metrics = Metrics { rows, ..kept };
+    let made =
+        request.made.as_ref().map(|made| make(made, &metrics, &scorer, &folder, context)).transpose()?;
+    Ok(Response { metrics, largest_difference_from_run: largest, made })
+}
+
+/// A camera of a run as it was finished.
+fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
+    let (mut isp, mut network) = (setup.isp(), setup.network()?);
+    let blocks: [&mut dyn Block; 2] = [&mut isp, &mut network];
+    load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
+    Ok(finished_camera(setup, camera_lens(folder, name)?.lens, &isp, &network)?)
+}
+
+/// Makes cameras from every design whose lens can be made, and writes their figures into the run's folder and its report.
+fn make(
+    made: &Made,
+    metrics: &Metrics,
+    scorer: &Scorer,
+    folder: &RunFolder,
+    context: &Context,
+) -> Result<MadeMetrics, JobError> {
+    let setup = scorer.setup();
+    let names: Vec<&String> =
+        metrics.rows.iter().filter(|row| !row.is_ceiling).map(|row| &row.camera).collect();
+    let total = (names.len() * made.trials) as u64;
+    let plan = TrialPlan { trials: made.trials, seed: made.seed, pictures: made.pictures };
+    let (mut limits, mut rows, mut left_out, mut done) = (BTreeMap::new(), Vec::new(), 0, 0);
+    for name in names {
+        let camera = camera_of(setup, folder, name)?;
+        let lens = camera.psfs().lens().ok_or(DesignError::NoLens)?;
+        let tolerances = made.of_lens(lens)?;
+        let (tolerances, others) = symmetric(tolerances, lens);
+        if tolerances.perturbations.is_empty() {
+            let message = "nothing is off: there is no tolerance with which the lens keeps its symmetry";
+            return Err(JobError::input(
+                message,
+                "name a grade, or radii, thicknesses or glasses in the file",
+            ));
+        }
+        left_out = others;
+        let mut tick = || {
+            done += 1;
+            context.progress(done, total, name);
+        };
+        let found =
+            made_cameras(scorer, &camera, &tolerances, &plan, &mut tick).map_err(|error| match error {
+                MadeError::Tolerance(error) => {
+                    JobError::input(format!("{name}: {error}"), "correct the tolerance file")
+                }
+                MadeError::Design(error) => error.into(),
+            })?;
+        if limits.is_empty() {
+            limits = found.drawn.clone();
+            let first = metrics.scores.first().zip(made.limit);
+            limits.extend(first.map(|(score, limit)| (score.name.clone(), limit)));
+        }
+        rows.push(found.row(name, &metrics.scores, &limits));
+    }
+    if left_out > 0 {
+        context.warning(format!(
+            "{left_out} of the tolerances are left out, decentres and tilts among them: with them a lens has no symmetry, and its pictures \
+             cannot be rendered; the yield is an upper bound"
+        ));
+    }
+    let found = MadeMetrics {
+        tolerances: made.tolerances.to_string(),
+        is_refocused: made.compensate == Compensate::Focus,
+        left_out,
+        seed: made.seed,
+        trials: made.trials,
+        pictures: made.pictures.min(metrics.held_out_images * metrics.held_out_places),
+        scores: metrics.scores.clone(),
+        limits,
+        rows,
+    };
+    found.write(folder)?;
+    crate::report::write(setup, folder)?;
+    Ok(found)
+}
+
+impl Made {
+    fn check(&self) -> Result<(), JobError> {
+        for (key, value, is_in_range, hint) in [
+            (
+                "trials",
+                self.trials,
+                (1..=MOST_TRIALS).contains(&self.trials),
+                "1 to 100000 cameras of each design",
+            ),
+            ("pictures", self.pictures, self.pictures > 0, "at least one held-out picture"),
+        ] {
+            if !is_in_range {
+                return Err(JobError::setting(key, value, "out of range", hint));
+            }
+        }
+        Ok(())
+    }
+
+    fn of_lens(&self, lens: &Lens) -> Result<Tolerances, JobError> {
+        let file = match &self.tolerances {
+            LensTolerances::Grade(grade) => {
+                ToleranceFile { grade: Some((*grade).into()), ..ToleranceFile::default() }
+            }
+            LensTolerances::File(path) => read_tolerances(path, lens)?,
+        };
+        Ok(file.tolerances(lens, self.compensate == Compensate::Focus))
+    }
+}
+
+impl fmt::Display for LensTolerances {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Grade(Grade::Commercial) => f.write_str("commercial grade"),
+            Self::Grade(Grade::Precision) => f.write_str("precision grade"),
+            Self::Grade(Grade::High) => f.write_str("high grade"),
+            Self::File(path) => write!(f, "{}", path.display()),
+        }
+    }
 }

@@ -555,25 +555,40 @@ fn radius_and_field_of_view() {
     assert_eq!(at(&lens, held + 0.019).0, 0.0);
 }
 
-/// Compares the derivatives of a spot by the free coordinates of a space with central differences; returns how many there are.
+/// Compares the derivatives of a spot by the free coordinates of a space with central differences, for the lens as drawn and for one with errors;
+/// returns how many there are.
 fn check_coordinates(space: &SmoothSpace) -> usize {
     let fields = [0.1];
     let x = space.start().to_vec();
-    let at = space.lens_at(&x).unwrap();
-    let (_, gradient) = mean_square_spot(&at, &fields).unwrap();
-    let analytic = space.pull_back(&x, &at, &gradient);
-    for i in 0..x.len() {
-        let value = |h: f64| {
-            let mut moved = x.clone();
-            moved[i] += h;
-            mean_square_spot(&space.lens_at(&moved).unwrap(), &fields).unwrap().0
-        };
-        let h = 1e-5;
-        let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
-        let relative = (analytic[i] - numeric).abs() / numeric.abs();
-        assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
+    let errors: Vec<f64> = space
+        .ranges()
+        .iter()
+        .zip([2e-3, -1e-3].into_iter().cycle())
+        .map(|(range, share)| share * range)
+        .collect();
+    for errors in [Vec::new(), errors] {
+        let at = space.lens_off(&x, &errors).unwrap();
+        let (_, gradient) = mean_square_spot(&at, &fields).unwrap();
+        let analytic = space.pull_back_off(&x, &errors, &at, &gradient);
+        for i in 0..x.len() {
+            let value = |h: f64| {
+                let mut moved = x.clone();
+                moved[i] += h;
+                mean_square_spot(&space.lens_off(&moved, &errors).unwrap(), &fields).unwrap().0
+            };
+            let h = 1e-5;
+            let numeric = (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h);
+            let relative = (analytic[i] - numeric).abs() / numeric.abs();
+            assert!(relative < 1e-6, "coordinate {i}: {} against {numeric}", analytic[i]);
+        }
     }
-    analytic.len()
+    assert_ne!(space.lens_off(&x, &errors_of_one(space)).unwrap(), space.lens_at(&x).unwrap());
+    x.len()
+}
+
+/// An error of the first coordinate alone.
+fn errors_of_one(space: &SmoothSpace) -> Vec<f64> {
+    vec![1e-3 * space.ranges()[0]]
 }
 
 /// A pickup and a length solve: what follows moves with what it follows, and back.

@@ -196,6 +196,7 @@ fn camera(i: usize) -> CameraView {
         psfs,
         changes: if i > 0 { vec![change] } else { Vec::new() },
         isp_changes: Vec::new(),
+        attribution: Vec::new(),
     }
 }
 
@@ -234,6 +235,7 @@ pub(crate) fn report() -> Report {
         has_isp: false,
         pictures_in_all: 2,
         study: None,
+        made: None,
         losses: vec![curve(0), curve(2)],
         config_toml: "seed = 1".into(),
         environment: vec![("threads".into(), "2".into())],

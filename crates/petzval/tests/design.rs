@@ -310,6 +310,58 @@ fn scoring_again_gives_the_same_figures_and_changes_nothing() {
 }
 
 #[test]
+fn cameras_are_made_with_tolerances_and_scored() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = tiny_run(folder.path(), "run", &[]);
+    let before = read(&run.join("metrics.json"));
+    let evaluate = |more: &[&str]| {
+        let args = [&["evaluate", "run", "--json", "--trials", "6", "--pictures", "2"], more].concat();
+        run_ok(folder.path(), &args).json()["made"].clone()
+    };
+    let made = evaluate(&["--tolerances", "commercial"]);
+    assert_eq!(read(&run.join("metrics.json")), before);
+    assert_eq!(read_json(&run.join("tolerance.json")), made);
+    assert_eq!(evaluate(&["--tolerances", "commercial"]), made);
+    assert!(made["left_out"].as_u64().unwrap() > 10 && made["is_refocused"] == true, "{made}");
+    let psnr =
+        |made: &Value, row: usize, key: &str| made["rows"][row]["scores"]["psnr_db"][key].as_f64().unwrap();
+    for (row, camera) in CAMERAS.iter().enumerate() {
+        assert_eq!(made["rows"][row]["camera"], *camera);
+        assert_eq!(made["rows"][row]["trials"].as_array().unwrap().len(), 6);
+        assert!(psnr(&made, row, "of_90_percent") <= psnr(&made, row, "mean"));
+        // Made cameras differ from the drawn one, but not by much.
+        let loss = psnr(&made, row, "drawn") - psnr(&made, row, "mean");
+        assert!(loss != 0.0 && loss.abs() < 3.0, "{camera}: {loss}");
+    }
+    // The limit is what the first camera reaches as drawn, or what is given for the first score.
+    assert_eq!(made["limits"]["psnr_db"].as_f64().unwrap(), psnr(&made, 0, "drawn"));
+    let given = evaluate(&["--tolerances", "commercial", "--limit", "0.01"]);
+    assert_eq!(given["limits"]["one_minus_lpips"], 0.01);
+    assert_eq!(given["rows"][2]["scores"]["one_minus_lpips"]["share"], 1.0);
+    let html = read(&run.join("report.html"));
+    assert!(html.contains("<h2>As made</h2>") && html.contains("commercial grade"));
+
+    // Errors that no camera notices leave the drawn one: the image plane stays where the design wants it.
+    std::fs::write(folder.path().join("exact.toml"), "[[tolerance]]\nsurface = 1\nthickness_mm = 1e-9\n")
+        .unwrap();
+    let exact = evaluate(&["--tolerances", "exact.toml"]);
+    assert_eq!(exact["left_out"], 0);
+    for row in 0..CAMERAS.len() {
+        let loss = psnr(&exact, row, "drawn") - psnr(&exact, row, "mean");
+        assert!(loss.abs() < 2e-3, "{}: {loss}", CAMERAS[row]);
+    }
+    // Without refocusing, errors of the focus cost more.
+    let file = "[[tolerance]]\nsurface = 7\nthickness_mm = 0.3\n";
+    std::fs::write(folder.path().join("focus.toml"), file).unwrap();
+    let blurred = evaluate(&["--tolerances", "focus.toml", "--no-refocus"]);
+    assert!(psnr(&blurred, 1, "drawn") - psnr(&blurred, 1, "mean") > 0.1, "{blurred}");
+    let refocused = evaluate(&["--tolerances", "focus.toml"]);
+    assert!((psnr(&refocused, 1, "drawn") - psnr(&refocused, 1, "mean")).abs() < 0.01, "{refocused}");
+    run_fails(folder.path(), &["evaluate", "run", "--trials", "3"], 2, &["--tolerances"]);
+    run_fails(folder.path(), &["evaluate", "run", "--tolerances", "none.toml"], 2, &["none.toml"]);
+}
+
+#[test]
 fn a_run_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     tiny_run(folder.path(), "run", &["--steps", "1"]);
@@ -372,6 +424,10 @@ name = "end-to-end"
 from = "nominal"
 [[variant.stage]]
 moves = ["optics", "isp"]
+[[variant]]
+name = "isp-frozen"
+[[variant.stage]]
+moves = ["optics"]
 "#;
     toml::to_string(&table).unwrap() + more
 }
@@ -392,6 +448,9 @@ fn a_run_with_a_hardware_isp_stands_on_its_own_and_is_scored_again() {
     assert_eq!([of(0, "isp_steps"), of(1, "isp_steps"), of(2, "isp_steps")], [4, 2, 8]);
     assert_eq!(of(1, "is_ceiling"), true);
     assert!(of(1, "restored_error_percent").as_f64() < of(0, "restored_error_percent").as_f64());
+    // A lens alone moves behind an ISP that stays.
+    assert!(of(3, "isp_steps").is_null() && of(3, "rms_spot_um") != of(0, "rms_spot_um"));
+    assert_eq!(read(&run.join("report.html")).matches("Parameters that moved").count(), 3);
     // Once more, from another folder.
     let again = run_ok(&run, &["evaluate", "."]);
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);

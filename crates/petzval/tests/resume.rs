@@ -31,6 +31,11 @@ fn timeless_events(run: &Path) -> Vec<Value> {
 /// Starts the tiny experiment and waits until it has taken `steps` steps.
 fn started(folder: &Path, steps: usize) -> (Child, PathBuf) {
     write_tiny(folder);
+    started_from(folder, steps)
+}
+
+/// Starts the experiment `tiny.toml` of a folder and waits until it has taken `steps` steps.
+fn started_from(folder: &Path, steps: usize) -> (Child, PathBuf) {
     let mut command = petzval(folder);
     command.args(["design", "tiny.toml", "--out", "run"]);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -274,4 +279,31 @@ fn an_extended_run_makes_the_cameras_of_its_longer_experiment() {
     run_fails(folder.path(), &["design", "--resume", "short"], 2, &needles);
     run_ok(folder.path(), &["design", "--resume", "short", "--extend-to", "6"]);
     assert_eq!(read(&short.join("metrics.json")), metrics);
+}
+
+/// A run that keeps the best numbers of its validations, killed between them, before a stage ends, and behind it.
+#[test]
+fn a_killed_run_with_validations_resumes_to_the_same_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |folder: &Path| {
+        let mut table: toml::Table = tiny_experiment().parse().unwrap();
+        let validation = "every = 1\nwindows = 2\npatience = 2\nkeep = \"best\"\n";
+        table.insert("validation".to_owned(), toml::Value::Table(validation.parse().unwrap()));
+        std::fs::write(folder.join("tiny.toml"), toml::to_string(&table).unwrap()).unwrap();
+    };
+    write(folder.path());
+    run_ok(folder.path(), &["design", "tiny.toml", "--out", "run"]);
+    let run = folder.path().join("run");
+    let (metrics, whole) = (read(&run.join("metrics.json")), timeless_events(&run));
+    assert_ne!(metrics, WHOLE.0);
+    for steps in [1, 2, 3, 4, 5, 8, 13, 16] {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path());
+        let (mut child, run) = started_from(folder.path(), steps);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        run_ok(folder.path(), &["design", "--resume", "run"]);
+        assert_eq!(read(&run.join("metrics.json")), metrics, "killed after {steps} steps");
+        assert_eq!(timeless_events(&run), whole, "killed after {steps} steps");
+    }
 }

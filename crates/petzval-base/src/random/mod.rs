@@ -37,6 +37,8 @@ pub enum Stage {
     Hot = 9,
     /// A point of a random search; its generation takes the place of the frame.
     Search = 10,
+    /// The errors of a lens that is designed to be made; the step takes the place of the frame.
+    LensError = 11,
 }
 
 /// The random numbers of one noise source in one frame.

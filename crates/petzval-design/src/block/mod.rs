@@ -124,6 +124,11 @@ pub trait Block {
     /// Takes one step down the gradient of the batch's loss. Returns the losses before the step, by name.
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError>;
 
+    /// By how much each free number lowered the batch's loss in the last step, to first order: `-dL/dx dx`. Empty for blocks that do not keep it.
+    fn lowered(&self) -> &[f64] {
+        &[]
+    }
+
     /// Whether the free numbers are finite, as far as the losses of a step do not show it.
     fn is_finite(&self) -> bool {
         true

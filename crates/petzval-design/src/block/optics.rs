@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use petzval_base::random::{Stage, Stream};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::lifted_normal_equations;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Search, SearchOptions, descend};
@@ -47,6 +48,10 @@ pub struct OpticsBlock {
     /// Free coordinates.
     x: Vec<f64>,
     progress: Progress,
+    /// How far the lens of the next step is off, see [`OpticsBlock::err`]; empty for the lens as drawn.
+    errors: Vec<f64>,
+    /// By how much each coordinate lowered the loss in the last step.
+    lowered: Vec<f64>,
 }
 
 /// How far a stage has come, beside the coordinates.
@@ -65,12 +70,28 @@ impl OpticsBlock {
     /// The lens from which a design starts.
     pub fn new(start: Arc<Start>, constraint_weight: f64) -> Self {
         let x = start.space.start().to_vec();
-        Self { start, constraint_weight, progress: Progress { anchor: x.clone(), ..Progress::default() }, x }
+        let progress = Progress { anchor: x.clone(), ..Progress::default() };
+        Self { start, constraint_weight, progress, x, errors: Vec::new(), lowered: Vec::new() }
     }
 
     /// The lens as it stands.
     pub fn lens(&self) -> Result<Lens, DesignError> {
         Ok(self.start.space.lens_at(&self.x)?)
+    }
+
+    /// Makes the lens of the next step be off as one that comes out of a workshop: the number of each coordinate by a normal random error of
+    /// this standard deviation, as a share of the range between its bounds. Returns that lens. The errors follow from the seed and the number
+    /// of the step alone.
+    pub fn err(&mut self, share: f64, seed: u64, step: u64) -> Result<Lens, DesignError> {
+        let stream = Stream::new(seed, step, Stage::LensError);
+        let error = |(i, range): (usize, f64)| share * range * stream.normals(i as u32)[0];
+        self.errors = self.start.space.ranges().into_iter().enumerate().map(error).collect();
+        self.lens_in_step()
+    }
+
+    /// The lens on which the next step is taken: as it stands, but for its errors.
+    fn lens_in_step(&self) -> Result<Lens, DesignError> {
+        Ok(self.start.space.lens_off(&self.x, &self.errors)?)
     }
 
     /// The free coordinates.
@@ -79,14 +100,16 @@ impl OpticsBlock {
     }
 
     /// Losses at the present coordinates, and the derivatives by them of the batch's loss plus the weighted penalty of the
-    /// requirements.
+    /// requirements. The camera of the batch has the lens as it stands, or that of [`OpticsBlock::err`].
     ///
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
     /// there by the adjoint of ray tracing, or through the network that takes its place.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
         let (losses, by_lens) = self.by_lens(batch)?;
         let gradient = match by_lens {
-            ByLens::Numbers(gradient) => self.start.space.pull_back(&self.x, &self.lens()?, &gradient),
+            ByLens::Numbers(gradient) => {
+                self.start.space.pull_back_off(&self.x, &self.errors, &self.lens_in_step()?, &gradient)
+            }
             ByLens::Coordinates(by) => by,
         };
         Ok((losses, gradient))
@@ -107,7 +130,7 @@ impl OpticsBlock {
         // What forms the PSFs takes over from them to the lens.
         let by_lens = batch.camera.psfs().pull_back(&by_values, &by_illumination, &by_radius)?;
 
-        let (lens, space) = (self.lens()?, &self.start.space);
+        let (lens, space) = (self.lens_in_step()?, &self.start.space);
         let (penalty_mm2, by_penalty) = self.start.requirements.penalty(&lens)?;
         let by_penalty = by_penalty.scaled(self.constraint_weight);
         losses.insert(PENALTY.to_owned(), penalty_mm2);
@@ -117,8 +140,8 @@ impl OpticsBlock {
                 ByLens::Numbers(gradient)
             }
             ByLens::Coordinates(by) => {
-                let penalties = space.pull_back(&self.x, &lens, &by_penalty);
-                let losses = space.pull_back_coordinates(&self.x, &by);
+                let penalties = space.pull_back_off(&self.x, &self.errors, &lens, &by_penalty);
+                let losses = space.pull_back_coordinates_off(&self.x, &self.errors, &by);
                 ByLens::Coordinates(
                     losses.iter().zip(penalties).map(|(loss, penalty)| loss + penalty).collect(),
                 )
@@ -188,8 +211,8 @@ impl OpticsBlock {
         let ByLens::Numbers(gradient) = by_lens else {
             return Err(DesignError::NoGradient("rays, which a network in place of tracing does not have"));
         };
-        let (lens, space) = (self.lens()?, &self.start.space);
-        let slopes = space.pull_back(&self.x, &lens, &gradient);
+        let (lens, space) = (self.lens_in_step()?, &self.start.space);
+        let slopes = space.pull_back_off(&self.x, &self.errors, &lens, &gradient);
         let value = losses.get(TOTAL).copied().unwrap_or(f64::NAN) + self.constraint_weight * losses[PENALTY];
         let numbers = space.space().numbers();
         let rays = self.start.spots(&lens);
@@ -203,7 +226,7 @@ impl OpticsBlock {
         let by_coordinates = space.space().map(&space.space().coordinates(&lens))?.slopes;
         let inner = gram.view((0, 0), (numbers.len() + 1, numbers.len() + 1));
         // How the coordinates of the space follow the free ones, each its own.
-        let stretch = space.pull_back_coordinates(&self.x, &vec![1.0; self.x.len()]);
+        let stretch = space.pull_back_coordinates_off(&self.x, &self.errors, &vec![1.0; self.x.len()]);
         let mut curvature = by_coordinates.transpose() * inner * &by_coordinates;
         for (row, a) in stretch.iter().enumerate() {
             for (column, b) in stretch.iter().enumerate() {
@@ -212,8 +235,10 @@ impl OpticsBlock {
         }
         // The squares of the residuals add up to the loss: half of its derivatives belong to the curvature.
         let half: Vec<f64> = slopes.iter().map(|s| 0.5 * s).collect();
+        let before = self.x.clone();
         self.progress.lifted.step(&mut self.x, &half, &curvature, rule.rate);
         self.pull_to_anchor(rule);
+        self.lowered = first_order_decrease(&slopes, &before, &self.x);
         Ok(losses)
     }
 
@@ -234,9 +259,16 @@ impl OpticsBlock {
             x[0] = f64::NAN;
             return;
         }
+        let before = x.clone();
         adam.step(x, gradient, rule.rate);
         self.pull_to_anchor(rule);
+        self.lowered = first_order_decrease(gradient, &before, &self.x);
     }
+}
+
+/// By how much a step lowered the loss to first order, by coordinate: `-dL/dx dx`.
+fn first_order_decrease(gradient: &[f64], before: &[f64], after: &[f64]) -> Vec<f64> {
+    gradient.iter().zip(before.iter().zip(after)).map(|(g, (before, after))| -g * (after - before)).collect()
 }
 
 /// The root of the mean square spot over the fields, the error after restoration if that is the goal, and the sum of squared violations of the
@@ -267,12 +299,22 @@ impl Block for OpticsBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
-        if rule.method == StepMethod::Levenberg {
-            return self.step_by_curvature(batch, rule);
-        }
-        let (losses, gradient) = self.gradient(batch)?;
-        self.descend(&gradient, rule);
+        self.lowered.clear();
+        let losses = match rule.method {
+            StepMethod::Levenberg => self.step_by_curvature(batch, rule)?,
+            _ => {
+                let (losses, gradient) = self.gradient(batch)?;
+                self.descend(&gradient, rule);
+                losses
+            }
+        };
+        // The next step begins with the lens as drawn.
+        self.errors.clear();
         Ok(losses)
+    }
+
+    fn lowered(&self) -> &[f64] {
+        &self.lowered
     }
 
     fn is_finite(&self) -> bool {

@@ -26,6 +26,7 @@ use petzval_camera::tape::{
 };
 use petzval_learn::dataset::CropPlan;
 use petzval_learn::network::{NetworkInput, PictureNetwork};
+use petzval_optics::lens::Lens;
 use serde::{Deserialize, Serialize};
 
 use crate::error::DesignError;
@@ -129,6 +130,14 @@ impl Camera {
     pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
         Ok(Self { body, psfs, border, kernels: Arc::default(), network: None, chip: None, psf_errors: None })
+    }
+
+    /// The same camera with another lens, whose PSFs are traced as those of this one; how exact they are is not known.
+    pub fn with_lens(&self, lens: Lens) -> Result<Self, DesignError> {
+        let plan = self.psfs.plan().ok_or(DesignError::NoLens)?.clone();
+        let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?;
+        let bare = Self::new(self.body.clone(), Arc::new(psfs))?;
+        Ok(Self { network: self.network.clone(), chip: self.chip.clone(), ..bare })
     }
 
     /// The same camera, whose PSFs are known to have these errors.

@@ -88,6 +88,14 @@ impl Psfs {
         }
     }
 
+    /// The plan by which they are traced; `None` where they are not.
+    pub fn plan(&self) -> Option<&PsfPlan> {
+        match &self.kind {
+            Kind::Traced { plan, .. } => Some(plan),
+            Kind::Proxy { .. } | Kind::Measured(_) => None,
+        }
+    }
+
     /// Least share of a PSF's light that its grid holds, over fields and colours; `None` where the PSFs are not traced.
     pub fn captured(&self) -> Option<f64> {
         match &self.kind {

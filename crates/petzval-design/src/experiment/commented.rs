@@ -5,12 +5,12 @@ use petzval_learn::loss::ImageLoss;
 
 use super::{
     CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
-    PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
+    PsfConfig, ScoringConfig, SpotConfig, TrainingConfig, ValidationConfig,
 };
 use crate::error::DesignError;
 
 /// The tables of numbers of an experiment, by name.
-pub(super) fn tables() -> [(&'static str, ParameterTable); 11] {
+pub(super) fn tables() -> [(&'static str, ParameterTable); 12] {
     [
         ("exposure", ExposureConfig::table()),
         ("psf", PsfConfig::table()),
@@ -22,6 +22,7 @@ pub(super) fn tables() -> [(&'static str, ParameterTable); 11] {
         ("spot", SpotConfig::table()),
         ("constraints", ConstraintConfig::table()),
         ("scoring", ScoringConfig::table()),
+        ("validation", ValidationConfig::table()),
         ("checkpoint", CheckpointConfig::table()),
     ]
 }

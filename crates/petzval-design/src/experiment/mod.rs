@@ -7,8 +7,8 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
-    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, NO_ISP, NetworkConfig,
-    OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig,
+    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, Keep, NO_ISP,
+    NetworkConfig, OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig, ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
@@ -45,6 +45,14 @@ const MOST_CHANNELS: usize = 256;
 /// The name of a variant's lens that has no aberrations: a thin lens of the focal length and the entrance pupil of the experiment's lens,
 /// whose points of light are those of diffraction. It is the ceiling of what any lens of this f-number could reach.
 pub const PERFECT_LENS: &str = "perfect";
+
+/// The name of a variant's lens that has every variable of the experiment's lens in the middle of its bounds: what the bounds alone say.
+pub const BOX_CENTRE_LENS: &str = "box-centre";
+
+/// Whether a name stands for a lens that is made from the experiment's lens, and not for a file.
+pub fn is_derived_lens(name: &str) -> bool {
+    [PERFECT_LENS, BOX_CENTRE_LENS].contains(&name)
+}
 
 /// A joint design of lens and network, and the two controls it is compared with.
 ///
@@ -86,6 +94,8 @@ pub struct Experiment {
     pub constraints: ConstraintConfig,
     /// How cameras are scored.
     pub scoring: ScoringConfig,
+    /// How training is validated, and when it stops.
+    pub validation: ValidationConfig,
     /// How often the run can be resumed from.
     pub checkpoint: CheckpointConfig,
     /// The cameras that are made and compared, in this order.
@@ -122,6 +132,7 @@ impl Default for Experiment {
             spot: SpotConfig::default(),
             constraints: ConstraintConfig::default(),
             scoring: ScoringConfig::default(),
+            validation: ValidationConfig::default(),
             checkpoint: CheckpointConfig::default(),
             variant: standard_variants(),
         }
@@ -166,6 +177,7 @@ impl Experiment {
             ("spot", self.spot.out_of_range()),
             ("constraints", self.constraints.out_of_range()),
             ("scoring", self.scoring.out_of_range()),
+            ("validation", self.validation.out_of_range()),
             ("checkpoint", self.checkpoint.out_of_range()),
         ];
         for (table, wrong) in tables {
@@ -175,9 +187,14 @@ impl Experiment {
             }
         }
         let moves_lens_for_task = |v: &Variant| v.task_steps_of(BlockName::Optics) > 0;
-        if self.training.noise == NoiseMode::Exact && self.variants().iter().any(moves_lens_for_task) {
-            let error =
-                FileError::at_key(text, &["training", "noise"], "exact noise has no gradient to the lens");
+        let has_no_gradient = |v: &Variant| v.noise == NoiseMode::Exact && moves_lens_for_task(v);
+        if let Some(i) = self.variants().iter().position(has_no_gradient) {
+            let place = i.to_string();
+            let key = match self.variant[i].noise {
+                Some(_) => ["variant", &place, "noise"].to_vec(),
+                None => vec!["training", "noise"],
+            };
+            let error = FileError::at_key(text, &key, "exact noise has no gradient to the lens");
             return Err(error.hint("write \"dequantised\", or 0 for optics.steps"));
         }
         if !self.development.demosaic.is_differentiable() && self.variants().iter().any(moves_lens_for_task) {
@@ -195,6 +212,12 @@ impl Experiment {
         }
         if self.isp.is_used() {
             self.check_isp(text)?;
+        }
+        let waits =
+            [("patience", self.validation.patience > 0), ("keep", self.validation.keep == Keep::Best)];
+        if let Some((key, _)) = waits.into_iter().find(|(_, waits)| *waits && !self.validation.is_used()) {
+            let error = FileError::at_key(text, &["validation", key], "there are no validations");
+            return Err(error.hint("give validation.every the steps between two of them, such as 25"));
         }
         variants::check_variants(&self.variant, text)?;
         variants::check_blocks(&self.variant, self.isp.is_used(), text)?;

@@ -12,6 +12,7 @@ impl Experiment {
             lens: self.origin(v).lens.clone().unwrap_or_else(|| self.lens.clone()),
             from: v.from.clone(),
             optics_proxy: v.optics_proxy.clone(),
+            noise: v.noise.unwrap_or(self.training.noise),
             starts_moved: self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };
@@ -52,6 +53,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             share: o.moving_share,
             proximal: o.proximal,
             method: StepMethod::Gradient,
+            error_share: o.error_share,
         },
         BlockName::Isp => Schedule {
             steps: i.steps,
@@ -60,6 +62,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             share: 1.0,
             proximal: i.proximal,
             method: StepMethod::Gradient,
+            error_share: 0.0,
         },
         BlockName::Network => Schedule {
             steps: t.steps,
@@ -68,6 +71,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             share: 1.0,
             proximal: t.proximal,
             method: StepMethod::Gradient,
+            error_share: 0.0,
         },
     };
     let moves = config.moves.iter().map(|block| {
@@ -80,6 +84,7 @@ fn stage(experiment: &Experiment, config: &StageConfig) -> Stage {
             share: own.share.unwrap_or(all.share),
             proximal: own.proximal.unwrap_or(all.proximal),
             method: own.method.unwrap_or(all.method),
+            error_share: own.error_share.unwrap_or(all.error_share),
         };
         (*block, schedule)
     });

@@ -187,6 +187,9 @@ parameters! {
         defocus_mm: f64 = 0.5, "mm", 1e-3..10, Log, "half-range around the paraxial focus";
         /// Weight of the lens's proximal term, per squared coordinate.
         proximal: f64 = 0.0, "", 0..1e6, Log, "0 leaves the proximal term out";
+        /// Standard deviation of random errors of the lens in each of its steps for the task, as a share of the range between the bounds of each
+        /// number; 0 for the lens as drawn.
+        error_share: f64 = 0.0, "", 0..0.1, Log, "0 for none; 0.002 of a range of 5 mm is 10 um";
     }
 }
 
@@ -227,6 +230,44 @@ parameters! {
     } also {
         /// Names of the scores: one_minus_lpips, psnr_db, ssim.
         scores: Vec<String> = ["one_minus_lpips", "psnr_db", "ssim"].map(str::to_owned).to_vec();
+    }
+}
+
+parameters! {
+    /// Validation: the loss, now and then in a stage, on windows of photographs that no block is trained on and no camera is scored on.
+    pub struct ValidationConfig {
+        /// Steps between two validations, of the network or the hardware ISP, or of a lens that moves alone; 0 for none.
+        every: usize = 0, "", 0..1e8, Log, "0 for none; 25 gives 16 in 400 steps";
+        /// Windows of a validation, the same each time with the same noise.
+        windows: usize = 16, "", 1..1e4, Log, "16 windows, or more for a steadier figure";
+        /// Validations in a row without a lower loss after which a stage ends; 0 for never.
+        patience: usize = 0, "", 0..1e6, Linear, "0 takes every step; 4 ends a stage that no longer gains";
+    } also {
+        /// Which numbers a stage ends with.
+        keep: Keep = Keep::Last;
+    }
+}
+
+/// Which numbers of its blocks a stage ends with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Keep {
+    /// Those of its last step.
+    #[default]
+    Last,
+    /// Those of the least loss in a validation.
+    Best,
+}
+
+impl ValidationConfig {
+    /// Whether there are validations.
+    pub fn is_used(&self) -> bool {
+        self.every > 0
+    }
+
+    /// Whether there is one once a block has taken so many of its steps in a stage: regularly, and at the end.
+    pub fn is_due(&self, taken: usize, steps: usize) -> bool {
+        self.is_used() && (taken.is_multiple_of(self.every) || taken == steps)
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use petzval_base::FileError;
 use petzval_base::parameter::Parameters;
+use petzval_camera::sensor::NoiseMode;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,10 @@ pub struct VariantConfig {
     /// tracing. Lenses at rest and every score are traced.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub optics_proxy: Option<String>,
+    /// How noise is sampled while it is made, where that differs from `training.noise`; `"off"` for a camera that knows no noise until it is
+    /// scored. Scores have exact noise in any case.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseMode>,
     /// What is done with it, in this order.
     #[schemars(length(min = 1))]
     pub stage: Vec<StageConfig>,
@@ -99,6 +104,10 @@ pub struct ScheduleConfig {
     /// How steps are found; a hardware ISP can do without a gradient, and a lens with curvatures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<StepMethod>,
+    /// Standard deviation of the random errors of the lens in each of its steps, as a share of the range of each of its numbers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 0.1))]
+    pub error_share: Option<f64>,
 }
 
 /// The comparison that makes a gain a gain: the lens of the file, fixed; the same lens optimised for its spot alone, then
@@ -111,6 +120,7 @@ pub fn standard_variants() -> Vec<VariantConfig> {
         lens: None,
         from: None,
         optics_proxy: None,
+        noise: None,
         stage,
     };
     let network = stage(Goal::Task, &[BlockName::Network]);
@@ -256,6 +266,11 @@ fn check_stage(stage: &StageConfig) -> Result<(), (Vec<&'static str>, String, St
                 .to_owned();
             return Err((vec!["schedule", name, "method"], message, hint));
         }
+        if schedule.error_share.is_some() && *block != BlockName::Optics {
+            let message = format!("`{name}` is not made in a workshop, and has no errors");
+            let hint = "give error_share to the lens alone".to_owned();
+            return Err((vec!["schedule", name, "error_share"], message, hint));
+        }
         if let Some((key, message)) = schedule.out_of_range() {
             let hint = "leave it out for the experiment's own value".to_owned();
             return Err((vec!["schedule", name, key], message, hint));
@@ -273,6 +288,7 @@ impl ScheduleConfig {
             ("final_learning_rate", self.final_learning_rate, "final_learning_rate"),
             ("share", self.share, "moving_share"),
             ("proximal", self.proximal, "proximal"),
+            ("error_share", self.error_share, "error_share"),
         ];
         let ranges = OpticsConfig::table();
         numbers.into_iter().find_map(|(key, value, of_table)| {

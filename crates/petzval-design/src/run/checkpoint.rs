@@ -63,15 +63,11 @@ pub fn save_blocks<'b>(
     kept: Kept,
 ) -> Result<(), DesignError> {
     for block in blocks.into_iter().filter(|block| block.free_numbers() > 0) {
-        let folder = block_folder(folder, block.name());
-        fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         let mut parts = block.save_numbers()?;
         if kept == Kept::NumbersAndProgress {
             parts.extend(block.save_progress()?);
         }
-        for (part, bytes) in parts {
-            write_file(&folder.join(part), &bytes)?;
-        }
+        save_state(folder, block.name(), &parts)?;
     }
     Ok(())
 }
@@ -83,20 +79,34 @@ pub fn load_blocks<'b>(
     kept: Kept,
 ) -> Result<(), DesignError> {
     for block in blocks.into_iter().filter(|block| block.free_numbers() > 0) {
-        let folder = block_folder(folder, block.name());
-        let mut state = BlockState::new();
-        for entry in fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
-            let path = entry.map_err(DesignError::io(&folder))?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            state.insert(name, fs::read(&path).map_err(DesignError::io(&path))?);
-        }
+        let state = load_state(folder, block.name())?;
         let loaded = block.load_numbers(&state).and_then(|()| match kept {
             Kept::Numbers => Ok(()),
             Kept::NumbersAndProgress => block.load_progress(&state),
         });
-        loaded.map_err(|problem| DesignError::Run { path: folder, problem })?;
+        let path = block_folder(folder, block.name());
+        loaded.map_err(|problem| DesignError::Run { path, problem })?;
     }
     Ok(())
+}
+
+/// Writes a state of a block into a folder: `blocks/NAME/PART`.
+pub fn save_state(folder: &Path, block: BlockName, state: &BlockState) -> Result<(), DesignError> {
+    let folder = block_folder(folder, block);
+    fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
+    state.iter().try_for_each(|(part, bytes)| write_file(&folder.join(part), bytes))
+}
+
+/// Reads what [`save_state`] wrote.
+pub fn load_state(folder: &Path, block: BlockName) -> Result<BlockState, DesignError> {
+    let folder = block_folder(folder, block);
+    let mut state = BlockState::new();
+    for entry in fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
+        let path = entry.map_err(DesignError::io(&folder))?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        state.insert(name, fs::read(&path).map_err(DesignError::io(&path))?);
+    }
+    Ok(state)
 }
 
 /// What is kept of a block.

@@ -18,8 +18,11 @@ pub struct Event {
     pub camera: String,
     /// Block that stepped: `optics`, `network`; the goal of a lens alone, `spot` or `restored`; or `score`.
     pub block: String,
-    /// Losses by name, before the step.
+    /// Losses by name, before the step; that of a validation, after it.
     pub losses: BTreeMap<String, f64>,
+    /// Of a lens step for the task: by how much each coordinate lowered the batch's loss to first order, `-dL/dx dx`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lowered: Vec<f64>,
     /// Learning rate of the step.
     pub learning_rate: f64,
     /// Wall-clock seconds of the step.

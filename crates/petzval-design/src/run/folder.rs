@@ -116,6 +116,11 @@ impl RunFolder {
         self.root.join("metrics.json")
     }
 
+    /// Figures of cameras as they are made.
+    pub fn tolerance(&self) -> PathBuf {
+        self.root.join("tolerance.json")
+    }
+
     /// The report.
     pub fn report(&self) -> PathBuf {
         self.root.join("report.html")

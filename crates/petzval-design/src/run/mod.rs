@@ -2,16 +2,21 @@
 //!
 //! `config.toml` (resolved, re-runnable), `run.json` (what the run was begun with, and when), `environment.json`, `inputs/`, `events.jsonl` (one line a step),
 //! `checkpoints/step-N/`, `lens/step-N.toml`, `cameras/<name>/` (lens and network of each finished
-//! camera), `pictures/` (held-out pictures), `metrics.json`, `report.html`.
+//! camera), `pictures/` (held-out pictures), `metrics.json`, `tolerance.json` (scores of cameras as
+//! made, if the run was evaluated with tolerances), `report.html`.
 
 mod checkpoint;
 mod events;
 mod folder;
+mod made;
 mod metrics;
 mod record;
 
-pub use checkpoint::{Kept, latest_checkpoint, load_blocks, save_blocks, save_checkpoint};
+pub use checkpoint::{
+    Kept, latest_checkpoint, load_blocks, load_state, save_blocks, save_checkpoint, save_state,
+};
 pub use events::{Event, EventLog, read_events};
 pub use folder::{RunFolder, write_file};
+pub use made::{MadeFigures, MadeMetrics, MadeRow};
 pub use metrics::{CameraMetrics, Metrics, PictureScore};
 pub use record::{Finish, RunRecord, VERSION, changed_config, extend_run, forget_most_memory, read_config};

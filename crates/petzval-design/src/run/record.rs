@@ -136,7 +136,7 @@ pub fn changed_config(record: &RunRecord, run: &RunFolder) -> Result<Option<File
 ///
 /// The record is written last. Where this is cut short, `config.toml` differs from the record; the same extension then completes it.
 pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Result<(), DesignError> {
-    for stale in [run.metrics(), run.report()] {
+    for stale in [run.metrics(), run.tolerance(), run.report()] {
         if stale.exists() {
             std::fs::remove_file(&stale).map_err(DesignError::io(&stale))?;
         }

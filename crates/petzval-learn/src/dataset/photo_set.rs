@@ -37,10 +37,11 @@ pub struct PhotoSplit {
     pub held_out: Vec<String>,
 }
 
-/// Training and held-out pictures, with no picture in both.
+/// Training, validation and held-out pictures, with no picture in two of the lists.
 #[derive(Clone, Debug, Default)]
 pub struct PhotoSet {
     training: Vec<NamedPhoto>,
+    validation: Vec<NamedPhoto>,
     held_out: Vec<NamedPhoto>,
 }
 
@@ -69,12 +70,32 @@ impl PhotoSet {
                 });
             }
         }
-        Ok(Self { training, held_out })
+        Ok(Self { training, validation: Vec::new(), held_out })
+    }
+
+    /// The same with every `every`-th training picture, or the last of fewer, kept for validation in place of training. Fails if none would be
+    /// left for training.
+    pub fn with_validation(self, every: usize) -> Result<Self, DatasetError> {
+        let every = every.min(self.training.len());
+        let (mut training, mut validation) = (Vec::new(), self.validation);
+        for (i, photo) in self.training.into_iter().enumerate() {
+            let list = if (i + 1).is_multiple_of(every) { &mut validation } else { &mut training };
+            list.push(photo);
+        }
+        match training.is_empty() {
+            true => Err(DatasetError::EmptyList { list: "training" }),
+            false => Ok(Self { training, validation, held_out: self.held_out }),
+        }
     }
 
     /// The training pictures, in the order of the split.
     pub fn training(&self) -> &[NamedPhoto] {
         &self.training
+    }
+
+    /// The pictures of validations; none unless [`PhotoSet::with_validation`] kept some.
+    pub fn validation(&self) -> &[NamedPhoto] {
+        &self.validation
     }
 
     /// The held-out pictures, in the order of the split.

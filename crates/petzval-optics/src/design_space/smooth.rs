@@ -34,13 +34,13 @@ impl SmoothMap {
         Self { min, max, is_reciprocal: false }
     }
 
-    /// The coordinate of the design space at x.
-    fn value(&self, x: f64) -> f64 {
+    /// The coordinate of the design space at x, with its number off by an error, in the unit of the bounds.
+    fn value(&self, x: f64, error: f64) -> f64 {
         let Self { min, max, .. } = *self;
         if !(max - min).is_finite() {
-            return x;
+            return x + error;
         }
-        let value = 0.5 * (min + max) + 0.5 * (max - min) * x.sin();
+        let value = 0.5 * (min + max) + 0.5 * (max - min) * x.sin() + error;
         if self.is_reciprocal { 1.0 / value } else { value }
     }
 
@@ -127,6 +127,11 @@ impl SmoothSpace {
         &self.start
     }
 
+    /// The coordinates of the lens whose every number lies in the middle of its bounds.
+    pub fn centre(&self) -> Vec<f64> {
+        vec![0.0; self.dimension()]
+    }
+
     /// The free coordinates of coordinates of the space under it, which lie within their bounds.
     pub fn free(&self, at: &[f64]) -> Vec<f64> {
         self.maps.iter().zip(at).map(|(map, at)| map.free(*at)).collect()
@@ -138,20 +143,49 @@ impl SmoothSpace {
         self.maps.iter().zip(x).map(|(map, x)| map.off_bounds(*x)).collect()
     }
 
+    /// How far apart the bounds of each coordinate's number lie, in the unit in which they are given; 0 for one without bounds.
+    pub fn ranges(&self) -> Vec<f64> {
+        let range =
+            |map: &SmoothMap| Some(map.max - map.min).filter(|range| range.is_finite()).unwrap_or(0.0);
+        self.maps.iter().map(range).collect()
+    }
+
     /// The lens at free coordinates.
     pub fn lens_at(&self, x: &[f64]) -> Result<Lens, DesignSpaceError> {
-        let at: Vec<f64> = self.maps.iter().zip(x).map(|(map, x)| map.value(*x)).collect();
-        self.space.lens_at(&at)
+        self.lens_off(x, &[])
+    }
+
+    /// The lens at free coordinates as it comes out of a workshop: the number of each coordinate is off by an error, in the unit of its bounds,
+    /// which it may pass. Coordinates behind the last error are exact. Pickups and solves follow, as a lens that is focused.
+    pub fn lens_off(&self, x: &[f64], errors: &[f64]) -> Result<Lens, DesignSpaceError> {
+        self.space.lens_at(&self.coordinates_off(x, errors))
     }
 
     /// Derivatives by the free coordinates, from those by the numbers of `lens`, which is the lens at `x`.
     pub fn pull_back(&self, x: &[f64], lens: &Lens, gradient: &LensGradient) -> Vec<f64> {
-        self.pull_back_coordinates(x, &self.space.pull_back(lens, gradient))
+        self.pull_back_off(x, &[], lens, gradient)
+    }
+
+    /// [`SmoothSpace::pull_back`] from a lens with errors, of [`SmoothSpace::lens_off`]: the errors stay when the coordinates change.
+    pub fn pull_back_off(&self, x: &[f64], errors: &[f64], lens: &Lens, gradient: &LensGradient) -> Vec<f64> {
+        self.pull_back_coordinates_off(x, errors, &self.space.pull_back(lens, gradient))
     }
 
     /// Derivatives by the free coordinates, from those by the coordinates of the space under it.
     pub fn pull_back_coordinates(&self, x: &[f64], by: &[f64]) -> Vec<f64> {
-        let maps = self.maps.iter().zip(x).zip(by);
-        maps.map(|((map, x), by)| map.pull_back(*x, map.value(*x), *by)).collect()
+        self.pull_back_coordinates_off(x, &[], by)
+    }
+
+    /// [`SmoothSpace::pull_back_coordinates`] from a lens with errors.
+    pub fn pull_back_coordinates_off(&self, x: &[f64], errors: &[f64], by: &[f64]) -> Vec<f64> {
+        let at = self.coordinates_off(x, errors);
+        let maps = self.maps.iter().zip(x).zip(at.iter().zip(by));
+        maps.map(|((map, x), (at, by))| map.pull_back(*x, *at, *by)).collect()
+    }
+
+    /// The coordinates of the space under it.
+    fn coordinates_off(&self, x: &[f64], errors: &[f64]) -> Vec<f64> {
+        let errors = errors.iter().copied().chain(std::iter::repeat(0.0));
+        self.maps.iter().zip(x).zip(errors).map(|((map, x), error)| map.value(*x, error)).collect()
     }
 }

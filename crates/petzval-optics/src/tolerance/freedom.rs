@@ -64,6 +64,11 @@ impl Quantity {
         matches!(self, Self::DecenterX | Self::DecenterY | Self::TiltX | Self::TiltY | Self::Shift)
     }
 
+    /// Whether a rotationally symmetric lens keeps its symmetry.
+    pub fn keeps_symmetry(self) -> bool {
+        !matches!(self, Self::DecenterX | Self::DecenterY | Self::TiltX | Self::TiltY)
+    }
+
     /// A change that is small against what matters, and large against rounding, in its unit.
     pub(super) fn step(self) -> f64 {
         match self {

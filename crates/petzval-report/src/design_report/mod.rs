@@ -3,7 +3,9 @@
 //! The input is plain data and the output is text: nothing here traces a lens or reads a file, a clock or the network.
 //! The page contains everything it shows, so that it can be mailed, archived and printed.
 
+mod attribution;
 mod change;
+mod made;
 mod page;
 mod picture;
 mod prescription;
@@ -15,8 +17,8 @@ mod view;
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
 pub use view::{
-    CameraPicture, CameraView, Change, FieldPoint, LossCurve, PictureView, PsfView, Report, Score,
-    SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,
+    Attribution, CameraPicture, CameraView, Change, FieldPoint, LossCurve, MadeCamera, MadeCameras,
+    MadeScore, PictureView, PsfView, Report, Score, SeedDifference, SeedStudy, Spread, SurfaceView, TableRow,
 };
 
 /// The result in sentences, as the page has it. Empty if there are no cameras to compare.

@@ -2,7 +2,9 @@
 
 use maud::{Markup, html};
 
+use super::attribution::{attribution, has_attribution};
 use super::change::change_table;
+use super::made::made_table;
 use super::picture::pictures;
 use super::prescription::{first_order_line, prescription};
 use super::psf_table::psf_table;
@@ -23,11 +25,13 @@ pub(super) fn page(report: &Report) -> String {
     let main = html! {
         (result(report))
         (section_of("Pictures", !report.pictures.is_empty(), || pictures(report)))
+        (section_of("As made", report.made.is_some(), || made_table(report)))
         (section_of("Lenses", !report.cameras.is_empty(), || lenses(report)))
         (section_of("Image signal processor", report.cameras.iter().any(|c| !c.isp_changes.is_empty()), || isps(report)))
         (section_of("Point-spread functions", has_psfs(report), || psf_table(report)))
         (section_of("Over the field", !report.cameras.is_empty(), || over_the_field(report)))
         (section_of("Over the run", !report.losses.is_empty(), || over_the_run(report)))
+        (section_of("What lowered the loss", has_attribution(report), || attribution(report)))
         (how_it_was_made(report))
     };
     let command = html! {

@@ -36,6 +36,8 @@ pub struct Report {
     pub has_isp: bool,
     /// A study of several seeds, to judge the differences of this run, which has one.
     pub study: Option<SeedStudy>,
+    /// Cameras as they are made, if the run was evaluated with tolerances.
+    pub made: Option<MadeCameras>,
     /// Losses over the run; curves of the same block and label share a chart.
     pub losses: Vec<LossCurve>,
     /// The resolved configuration, as it can be run again.
@@ -137,6 +139,54 @@ pub struct CameraView {
     pub changes: Vec<Change>,
     /// The parameters of its hardware ISP that moved.
     pub isp_changes: Vec<Change>,
+    /// What each coordinate of its lens did to the loss; empty for a lens that did not move for the task.
+    pub attribution: Vec<Attribution>,
+}
+
+/// What a coordinate of a lens did to the loss.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attribution {
+    /// Its surface, or the image plane.
+    pub surface: String,
+    /// Which number of it.
+    pub number: String,
+    /// By how much its changes lowered the loss to first order: the sum of `-dL/dx dx` over the steps of the lens.
+    pub lowered: f64,
+}
+
+/// Cameras as they are made: scores of random cameras whose lenses are off by their tolerances.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MadeCameras {
+    /// How they were made and scored, in a sentence or two.
+    pub conditions: String,
+    /// The limit of each score of [`Report::scores`].
+    pub limits: Vec<f64>,
+    /// Each camera.
+    pub rows: Vec<MadeCamera>,
+}
+
+/// Random cameras of one design.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MadeCamera {
+    /// Name, as in [`TableRow::camera`].
+    pub camera: String,
+    /// How many of them have no image.
+    pub failed: usize,
+    /// In each score.
+    pub scores: Vec<MadeScore>,
+}
+
+/// A score of random cameras of one design.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MadeScore {
+    /// That of the camera as drawn.
+    pub drawn: f64,
+    /// Mean.
+    pub mean: f64,
+    /// What nine in ten reach.
+    pub of_90_percent: f64,
+    /// Share that reaches the limit, 0..1.
+    pub share: f64,
 }
 
 /// A surface as a line of a prescription.

@@ -19,7 +19,7 @@ mod steps;
 mod text;
 
 pub(crate) use axis::{Axis, round_up, span};
-pub use bars::{Bar, BarChart, bars_svg};
+pub use bars::{Bar, BarChart, BarKey, bars_svg};
 pub use chart::{Chart, Series, chart_svg};
 pub(crate) use frame::{Frame, Names};
 pub(crate) use key::{Key, KeyLine};

@@ -1,9 +1,9 @@
-//! `petzval evaluate`: score the cameras of a run again, with exact optics.
+//! `petzval evaluate`: score the cameras of a run again, with exact optics, and cameras as they are made.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::evaluate;
+use petzval::jobs::evaluate::{self, Compensate, Grade, LensTolerances, Made, MadeMetrics};
 use serde_json::json;
 
 use super::failure::Failure;
@@ -12,11 +12,31 @@ use super::terminal::{Terminal, print_json};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
-/// Nothing in the run folder is changed. The last line gives the largest difference from the run's own figures.
+/// The last line gives the largest difference from the run's own figures. Nothing in the run folder is changed, except with --tolerances:
+/// then cameras are made at random from each design, with lenses off by their tolerances and focused again, and scored with the network or ISP
+/// of the design. Their figures go into tolerance.json and into the report of the run.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
     run: PathBuf,
+    /// Make cameras at random: a tolerance file, or a grade: default (precision), commercial, precision or high
+    #[arg(long, value_name = "FILE|GRADE")]
+    tolerances: Option<PathBuf>,
+    /// Cameras of each design
+    #[arg(long, value_name = "N", default_value_t = 30, requires = "tolerances")]
+    trials: usize,
+    /// Seed of their errors
+    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "tolerances")]
+    seed: u64,
+    /// Most held-out pictures on which each is scored, spread over photographs and places
+    #[arg(long, value_name = "N", default_value_t = 6, requires = "tolerances")]
+    pictures: usize,
+    /// Leave the image plane where the tolerances put it
+    #[arg(long, requires = "tolerances")]
+    no_refocus: bool,
+    /// What a camera has to reach in the first score [default: what the first camera reaches as drawn]
+    #[arg(long, value_name = "SCORE", requires = "tolerances")]
+    limit: Option<f64>,
     /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = "cpu")]
     device: String,
@@ -27,13 +47,63 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
-    let request = evaluate::Request { run: args.run, device: args.device };
-    let evaluate::Response { metrics, largest_difference_from_run: largest } =
+    let made = args.tolerances.map(|tolerances| Made {
+        tolerances: source(tolerances),
+        trials: args.trials,
+        seed: args.seed,
+        pictures: args.pictures,
+        compensate: if args.no_refocus { Compensate::None } else { Compensate::Focus },
+        limit: args.limit,
+    });
+    let request = evaluate::Request { run: args.run, device: args.device, made };
+    let evaluate::Response { metrics, largest_difference_from_run: largest, made } =
         evaluate::run(&request, &terminal.context())?;
     if args.json {
-        return print_json(&json!({ "metrics": metrics, "largest_difference_from_run": largest }));
+        let mut all = json!({ "metrics": metrics, "largest_difference_from_run": largest });
+        if let Some(made) = made {
+            all["made"] = json!(made);
+        }
+        return print_json(&all);
     }
     score_table::print(&metrics);
     println!("largest difference from the run's own figures: {largest:.3e}");
+    if let Some(made) = made {
+        print_made(&made);
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A grade by its name, or a file.
+fn source(name: PathBuf) -> LensTolerances {
+    match name.to_str() {
+        Some("commercial") => LensTolerances::Grade(Grade::Commercial),
+        Some("default" | "precision") => LensTolerances::Grade(Grade::Precision),
+        Some("high") => LensTolerances::Grade(Grade::High),
+        _ => LensTolerances::File(name),
+    }
+}
+
+/// Prints what tolerances leave of the scores.
+fn print_made(made: &MadeMetrics) {
+    println!(
+        "\n{:<16} {:<12} {:>9} {:>9} {:>11} {:>9} {:>10}",
+        "as made", "score", "as drawn", "mean", "90 % reach", "limit", "reach it %"
+    );
+    for row in &made.rows {
+        for score in &made.scores {
+            let (figures, d) = (&row.scores[&score.name], score.decimals);
+            let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+            println!(
+                "{:<16} {:<12} {:>9.d$} {:>9.d$} {:>11.d$} {:>9.d$} {:>10.0}",
+                row.camera,
+                score.heading(),
+                figures.drawn,
+                or_nan(figures.mean),
+                or_nan(figures.of_90_percent),
+                made.limits[&score.name],
+                100.0 * figures.share
+            );
+        }
+    }
+    println!("{} cameras of each design, {} held-out pictures each", made.trials, made.pictures);
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use petzval_files::{LensFile, write_lens, write_tolerances};
 use petzval_optics::merit::Better;
 use petzval_optics::tolerance::MonteCarlo;
-use petzval_report::plot::{Bar, BarChart, Chart, Series, bars_svg, chart_svg};
+use petzval_report::plot::{Bar, BarChart, BarKey, Chart, Series, bars_svg, chart_svg};
 
 use super::findings::Findings;
 use super::report::Report;
@@ -160,13 +160,13 @@ fn bars(findings: &Findings) -> BarChart {
                 three_digits(p.tolerance),
                 p.freedom.quantity.unit()
             ),
-            values: [loss(row.at_minus), loss(row.at_plus)],
+            values: vec![loss(row.at_minus), loss(row.at_plus)],
         }
     };
     BarChart {
         alt: format!("What each tolerance costs of the {}", findings.study.merit().name()),
         axis: axis(findings, "loss of "),
-        names: ["at minus the tolerance".into(), "at plus".into()],
+        keys: vec![BarKey::nth(0, "at minus the tolerance"), BarKey::nth(1, "at plus")],
         bars: rows.iter().take(BARS).map(bar).collect(),
     }
 }

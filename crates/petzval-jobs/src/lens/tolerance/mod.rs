@@ -174,7 +174,7 @@ impl Request {
     }
 }
 
-fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> {
+pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "--tolerances takes a TOML file"))?;
     Ok(parse_tolerances(&text, lens).map_err(DesignError::input(path))?)

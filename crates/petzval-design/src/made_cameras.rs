@@ -1,0 +1,145 @@
+//! Cameras as they are made: the lens of a finished camera off by its tolerances and focused again, scored with the network or the ISP that was
+//! designed for the lens as drawn.
+
+use std::collections::BTreeMap;
+
+use petzval_learn::score::ScoreDescription;
+use petzval_optics::lens::Lens;
+use petzval_optics::merit::{Better, RmsSpot};
+use petzval_optics::tolerance::{Freedom, MonteCarlo, Study, ToleranceError, Tolerances, Trial};
+
+use crate::camera::Camera;
+use crate::error::DesignError;
+use crate::pictures::spread_pictures;
+use crate::run::{MadeFigures, MadeRow};
+use crate::scoring::Scorer;
+
+/// How many cameras are made of a design, and what they are scored on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrialPlan {
+    /// Cameras.
+    pub trials: usize,
+    /// Seed of their errors.
+    pub seed: u64,
+    /// Most held-out pictures on which each is scored.
+    pub pictures: usize,
+}
+
+/// Scores of cameras that were made from one design, and of the design.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MadeCameras {
+    /// Those of the camera as drawn.
+    pub drawn: BTreeMap<String, f64>,
+    /// Those of each camera; none for one without an image.
+    pub trials: Vec<Option<BTreeMap<String, f64>>>,
+}
+
+/// Why cameras cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum MadeError {
+    /// The lens does not have these tolerances.
+    #[error(transparent)]
+    Tolerance(#[from] ToleranceError),
+    /// The camera cannot be scored.
+    #[error(transparent)]
+    Design(#[from] DesignError),
+}
+
+/// The tolerances with which a lens keeps its symmetry, and how many others there are. A camera knows its PSFs by their distance from the axis,
+/// so that decentres and tilts cannot be rendered. Of compensators only the image plane stays.
+pub fn symmetric(tolerances: Tolerances, lens: &Lens) -> (Tolerances, usize) {
+    let Tolerances { mut perturbations, mut compensators } = tolerances;
+    let all = perturbations.len() + compensators.len();
+    perturbations.retain(|p| p.freedom.quantity.keeps_symmetry());
+    compensators.retain(|(freedom, _)| *freedom == Freedom::focus(lens));
+    let left_out = all - perturbations.len() - compensators.len();
+    (Tolerances { perturbations, compensators }, left_out)
+}
+
+/// Makes cameras from a finished one and scores them; `tick` is called after each. All cameras see the same pictures with the same noise.
+///
+/// Where the image plane is a compensator, it is set where the spots are least and then moved as far from there as in the lens as drawn: a
+/// design may want its image plane elsewhere.
+pub fn made_cameras(
+    scorer: &Scorer,
+    drawn: &Camera,
+    tolerances: &Tolerances,
+    plan: &TrialPlan,
+    tick: &mut dyn FnMut(),
+) -> Result<MadeCameras, MadeError> {
+    let lens = drawn.psfs().lens().ok_or(DesignError::NoLens)?;
+    let merit = RmsSpot::new(lens);
+    let study = Study::new(lens, tolerances, &merit)?;
+    let from_least_spots_mm = study.nominal().compensators.first().copied().unwrap_or(0.0);
+
+    let experiment = &scorer.setup().experiment;
+    let places = experiment.scoring.places_per_side.pow(2);
+    let chosen = spread_pictures(scorer.setup().photos.held_out().len(), places, plan.pictures);
+    let score = |camera: &Camera| scorer.means(camera, &|number| chosen.contains(&number));
+
+    let mut trials = Vec::with_capacity(plan.trials);
+    for number in 0..plan.trials as u64 {
+        let made = study.make(&study.draw(plan.seed, number));
+        let lens = made.map(|made| {
+            let image_mm = made.lens.image_distance_mm() - from_least_spots_mm;
+            made.lens.with_image_distance(image_mm)
+        });
+        // A lens that brings no light to some part of the sensor is a failed camera.
+        let camera = lens.and_then(|lens| drawn.with_lens(lens).ok());
+        trials.push(camera.map(|camera| score(&camera)).transpose()?);
+        tick();
+    }
+    Ok(MadeCameras { drawn: score(drawn)?, trials })
+}
+
+impl MadeCameras {
+    /// The figures of each score against its limit.
+    pub fn row(self, camera: &str, scores: &[ScoreDescription], limits: &BTreeMap<String, f64>) -> MadeRow {
+        let figures = |score: &ScoreDescription| {
+            let trial = |trial: &Option<BTreeMap<String, f64>>| Trial {
+                value: trial.as_ref().map(|scores| scores[&score.name]),
+                compensators: Vec::new(),
+            };
+            let better = if score.higher_is_better { Better::Higher } else { Better::Lower };
+            let made = MonteCarlo { seed: 0, trials: self.trials.iter().map(trial).collect(), better };
+            let figures = MadeFigures {
+                drawn: self.drawn[&score.name],
+                mean: Some(made.mean_and_deviation().0).filter(|mean| mean.is_finite()),
+                of_90_percent: made.percentile(90.0),
+                share: made.yield_at(limits[&score.name]),
+            };
+            (score.name.clone(), figures)
+        };
+        MadeRow {
+            camera: camera.to_owned(),
+            scores: scores.iter().map(figures).collect(),
+            trials: self.trials,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_those_of_the_scores_and_a_failed_camera_reaches_nothing() {
+        let scores = |value: f64| BTreeMap::from([("ssim".to_owned(), value)]);
+        let made: Vec<_> = (1..=10).map(|i| Some(scores(0.1 * f64::from(i)))).chain([None]).collect();
+        let made = MadeCameras { drawn: scores(0.95), trials: made };
+        let ssim = ScoreDescription {
+            name: "ssim".into(),
+            title: "SSIM".into(),
+            unit: String::new(),
+            definition: String::new(),
+            decimals: 4,
+            higher_is_better: true,
+        };
+        let row = made.row("a", &[ssim], &scores(0.75));
+        let MadeFigures { drawn, mean, of_90_percent, share } = row.scores["ssim"];
+        assert!((drawn - 0.95).abs() < 1e-15 && (mean.unwrap() - 0.55).abs() < 1e-12);
+        // Ten of eleven have an image, and nine in ten reach the least of these; three reach 0.75.
+        assert!((of_90_percent.unwrap() - 0.1).abs() < 1e-12, "{of_90_percent:?}");
+        assert!((share - 3.0 / 11.0).abs() < 1e-12);
+    }
+}
