@@ -3,6 +3,7 @@
 mod auto_balance;
 mod auto_exposure;
 mod demosaic;
+mod dewarp_map;
 mod error;
 mod fixed;
 mod hardware;
@@ -24,6 +25,7 @@ mod tests;
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
 pub use auto_exposure::{ExposureOptions, auto_exposure_ev};
 pub use demosaic::Demosaic;
+pub use dewarp_map::DewarpMap;
 pub use error::IspError;
 pub use hardware::{HardwareIsp, Watch};
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
