@@ -74,6 +74,49 @@ fn raw_frames_become_pictures_and_a_strip() {
 }
 
 #[test]
+fn a_developed_chart_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    // A sensor of fewer, larger pixels.
+    let sensor = read(&data("sensors/imx249-fitted.toml"));
+    let sensor = sensor.replace("height = 1200", "height = 400").replace("width = 1920", "width = 560");
+    std::fs::write(folder.path().join("small.toml"), sensor).unwrap();
+    let chart = |out: &str, more: &[&str]| {
+        let args = ["isp", "chart", "--sensor", "small.toml", "--out", out, "--json"];
+        run_ok(folder.path(), &[&args[..], more].concat()).json()
+    };
+    let plain = chart("plain", &[]);
+    let figures = &plain["figures"];
+    let number = |of: &serde_json::Value| of.as_f64().unwrap_or_else(|| panic!("{of}"));
+    assert_eq!(read_json(&folder.path().join("plain/chart.json")), plain);
+    // The matrix was fitted to these patches; what is left are its own errors.
+    let error = number(&figures["as_developed"]["mean_delta_e_2000"]);
+    assert!(error > 0.5 && error < 4.0, "{error}");
+    assert!((number(&figures["normalised"]["factor"]) - 1.0).abs() < 0.05);
+    let edges = figures["edges"].as_array().unwrap();
+    assert_eq!((figures["patches"].as_array().unwrap().len(), edges.len()), (24, 11));
+    let sharp = |figures: &serde_json::Value| number(&figures["edges"][0]["mtf50_per_px"]);
+    assert!((0.1..0.6).contains(&sharp(figures)), "{}", sharp(figures));
+    for edge in edges {
+        assert!(edge["failures"].as_array().unwrap().is_empty(), "{edge}");
+    }
+    let noise =
+        |figures: &serde_json::Value, patch: usize| number(&figures["patches"][patch]["noise"]["snr_db"]);
+    assert!(noise(figures, 18) > noise(figures, 23) + 5.0);
+    // Less light is noisier, sharpening is sharper, and the table shows it.
+    let dark = chart("dark", &["--gain", "8"]);
+    assert!(noise(&dark["figures"], 20) < noise(figures, 20) - 5.0);
+    let sharper = chart("sharper", &["--set", "sharpen.amount=2"]);
+    assert!(sharp(&sharper["figures"]) > sharp(figures) + 0.02);
+    let page = read(&folder.path().join("plain/chart.html"));
+    assert!(page.contains("moderate red") && page.contains("MTF50") && !page.contains("http://localhost"));
+    let args = ["isp", "chart", "--sensor", "small.toml", "--no-noise", "--out", "table"];
+    let table = run_ok(folder.path(), &args).stdout;
+    for words in ["dE00", "neutral 6.5", "4.1:1", "table/chart.html"] {
+        assert!(table.contains(words), "{table}");
+    }
+}
+
+#[test]
 fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     write_raws(&folder.path().join("raws"));

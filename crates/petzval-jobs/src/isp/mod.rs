@@ -1,5 +1,6 @@
 //! `isp`: image signal processors, ours and those of others.
 
+pub mod chart;
 pub mod develop;
 pub mod external;
 mod frame;
