@@ -11,6 +11,7 @@ mod input;
 mod interface;
 mod interpolation;
 mod linear;
+mod merge;
 mod mesh;
 mod noise_level;
 mod settings;
@@ -21,6 +22,7 @@ mod statistics;
 mod tape_grid;
 #[cfg(test)]
 mod tests;
+mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
 pub use auto_exposure::{ExposureOptions, auto_exposure_ev};
@@ -35,6 +37,7 @@ pub use interface::{
 pub use interpolation::{Domain, Interpolation};
 pub(crate) use linear::highest_light;
 pub use linear::{LinearIsp, SHADING_FLOOR};
+pub use merge::{MergeOptions, merge_exposures};
 pub use noise_level::stabilised_noise;
 pub(crate) use noise_level::{Electrons, MEAN_LIGHT, NATURAL_POWER};
 pub use settings::{GainKnot, IspPreset, IspSettings};
@@ -43,3 +46,4 @@ pub use stabilise::Stabiliser;
 pub use stage::output::{BT601, BT709, ycbcr};
 pub use stage::shading::Shading;
 pub use statistics::{BINS, Statistics, ZONES, Zone};
+pub use ycbcr_output::{Chroma, Range, Standard, YcbcrFormat, YcbcrPicture};

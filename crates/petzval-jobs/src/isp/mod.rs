@@ -8,5 +8,5 @@ mod named;
 pub mod show;
 pub mod tune;
 
-pub use frame::FrameOptions;
+pub use frame::{FrameOptions, Merge};
 pub use named::{NEUTRAL, NamedIsp, isp_by_name};
