@@ -22,6 +22,7 @@ pub mod seq;
 pub mod spectral_file;
 mod tolerance_toml;
 mod toml_number;
+mod ycbcr_file;
 pub mod zmx;
 
 pub use agf::parse_agf;
@@ -42,4 +43,5 @@ pub use rii::parse_rii;
 pub use sensor::parse_sensor;
 pub use seq::{parse_seq, write_seq};
 pub use tolerance_toml::{ToleranceFile, parse_tolerances, write_tolerances};
+pub use ycbcr_file::{y4m_bytes, yuv_bytes};
 pub use zmx::{parse_zmx, write_zmx};

@@ -10,11 +10,13 @@
 //! | [`psf_calibration_sheet`] | measured PSFs beside simulated ones |
 //! | [`comparison`] | several runs |
 //! | [`isp_strip`] | the stages of an ISP |
+//! | [`chart_sheet`] | a developed test chart: colours, noise, sharpness |
 //! | [`optics_proxy_sheet`] | PSFs of a network beside exact ones |
 //! | [`mod@psf_sheet`] | PSFs as a picture |
 //! | [`layout`] | a lens to scale |
 //! | [`plot`] | curves and bars over axes |
 
+pub mod chart_sheet;
 pub mod comparison;
 pub mod design_report;
 pub mod isp_strip;
@@ -28,6 +30,7 @@ pub mod plot;
 mod png;
 pub mod psf_calibration_sheet;
 pub mod psf_sheet;
+mod rgb_picture;
 #[cfg(test)]
 mod sample;
 pub mod sensor_sheet;

@@ -74,6 +74,116 @@ fn raw_frames_become_pictures_and_a_strip() {
 }
 
 #[test]
+fn pictures_are_written_as_luma_and_colour_differences() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    let develop = |more: &[&'static str]| {
+        let args = [&["isp", "develop", "raws/left.tiff", "--out", "out", "--format"], more].concat();
+        run_ok(folder.path(), &args).stdout
+    };
+    assert_eq!(develop(&["y4m"]), "out/left.y4m\n");
+    let y4m = std::fs::read(folder.path().join("out/left.y4m")).unwrap();
+    let head = b"YUV4MPEG2 W48 H32 F25:1 XCOLORRANGE=LIMITED C420mpeg2\nFRAME\n";
+    assert!(y4m.starts_with(head));
+    let luma = &y4m[head.len()..][..48 * 32];
+    assert_eq!(y4m.len(), head.len() + 48 * 32 * 3 / 2);
+    // The luma of BT.709 of the PNG, in 16 to 235.
+    assert_eq!(develop(&["png"]), "out/left.png\n");
+    let png = image::open(folder.path().join("out/left.png")).unwrap().into_rgb8();
+    for (pixel, y) in png.pixels().zip(luma) {
+        let [r, g, b] = pixel.0.map(f64::from);
+        let wanted = 16.0 + 219.0 / 255.0 * (0.2126 * r + 0.7152 * g + 0.0722 * b);
+        assert!((f64::from(*y) - wanted).abs() < 1.1, "{y} {wanted}");
+    }
+    // Bare planes of 10 bits: two bytes for each value.
+    let more = ["yuv", "--bits", "10", "--chroma", "422", "--luma", "bt601", "--range", "full"];
+    assert_eq!(develop(&more), "out/left.yuv\n");
+    assert_eq!(std::fs::metadata(folder.path().join("out/left.yuv")).unwrap().len(), 48 * 32 * 2 * 2);
+    let refused = ["isp", "develop", "raws/left.tiff", "--out", "out", "--format", "y4m", "--bits", "16"];
+    run_fails(folder.path(), &refused, 2, &["--bits 16", "8 or 10"]);
+}
+
+/// Simulates the coffee cup at one exposure; white saturates the sensor at about 23,000 electrons.
+fn expose(folder: &Path, name: &str, white_e: &str, time_s: &str) -> String {
+    let args = ["simulate", "coffee.png", "--size", "120x160", "--white-e", white_e, "--time-s", time_s];
+    std::fs::copy(data("photos/coffee.png"), folder.join("coffee.png")).unwrap();
+    run_ok(folder, &[&args[..], &["--no-distortion", "--out", name]].concat());
+    format!("{name}/coffee-raw.tiff")
+}
+
+#[test]
+fn exposures_are_merged_before_they_are_developed() {
+    let folder = tempfile::tempdir().unwrap();
+    // The longer exposure saturates in three quarters of the range of the picture, the shorter one nowhere.
+    let long = expose(folder.path(), "long", "64000", "0.02");
+    let short = expose(folder.path(), "short", "16000", "0.005");
+    let develop = |out: &'static str, more: &[&str]| {
+        run_ok(folder.path(), &[&["isp", "develop", "--out", out], more].concat()).stdout
+    };
+    // White of the shorter exposure, in digital numbers of each frame: 119 + 0.14 e.
+    let merged = [long.as_str(), short.as_str(), "--merge", "--white-dn", "9080"];
+    assert_eq!(develop("merged", &merged), "merged/coffee-raw.png\n");
+    develop("single", &[&short, "--white-dn", "2360"]);
+    let open = |out: &str| {
+        image::open(folder.path().join(out).join("coffee-raw.png")).unwrap().into_rgb8().into_raw()
+    };
+    let (both, one) = (open("merged"), open("single"));
+    let mean = |v: &[u8]| v.iter().map(|v| f64::from(*v)).sum::<f64>() / v.len() as f64;
+    // The same picture, with less noise.
+    assert!((mean(&both) - mean(&one)).abs() < 2.0, "{} {}", mean(&both), mean(&one));
+    assert!(both.iter().any(|v| *v > 200));
+    // Exposures can be given, and have to belong to the frames.
+    let given = [&merged[..], &["--exposures", "4,1"]].concat();
+    develop("given", &given);
+    assert_eq!(open("given"), both);
+    let refused = [&["isp", "develop", "--out", "no"], &merged[..], &["--exposures", "4,2,1"]].concat();
+    run_fails(folder.path(), &refused, 2, &["number of exposures", "one for each frame"]);
+}
+
+#[test]
+fn a_developed_chart_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    // A sensor of fewer, larger pixels.
+    let sensor = read(&data("sensors/imx249-fitted.toml"));
+    let sensor = sensor.replace("height = 1200", "height = 400").replace("width = 1920", "width = 560");
+    std::fs::write(folder.path().join("small.toml"), sensor).unwrap();
+    let chart = |out: &str, more: &[&str]| {
+        let args = ["isp", "chart", "--sensor", "small.toml", "--out", out, "--json"];
+        run_ok(folder.path(), &[&args[..], more].concat()).json()
+    };
+    let plain = chart("plain", &[]);
+    let figures = &plain["figures"];
+    let number = |of: &serde_json::Value| of.as_f64().unwrap_or_else(|| panic!("{of}"));
+    assert_eq!(read_json(&folder.path().join("plain/chart.json")), plain);
+    // The matrix was fitted to these patches; what is left are its own errors.
+    let error = number(&figures["as_developed"]["mean_delta_e_2000"]);
+    assert!(error > 0.5 && error < 4.0, "{error}");
+    assert!((number(&figures["normalised"]["factor"]) - 1.0).abs() < 0.05);
+    let edges = figures["edges"].as_array().unwrap();
+    assert_eq!((figures["patches"].as_array().unwrap().len(), edges.len()), (24, 11));
+    let sharp = |figures: &serde_json::Value| number(&figures["edges"][0]["mtf50_per_px"]);
+    assert!((0.1..0.6).contains(&sharp(figures)), "{}", sharp(figures));
+    for edge in edges {
+        assert!(edge["failures"].as_array().unwrap().is_empty(), "{edge}");
+    }
+    let noise =
+        |figures: &serde_json::Value, patch: usize| number(&figures["patches"][patch]["noise"]["snr_db"]);
+    assert!(noise(figures, 18) > noise(figures, 23) + 5.0);
+    // Less light is noisier, sharpening is sharper, and the table shows it.
+    let dark = chart("dark", &["--gain", "8"]);
+    assert!(noise(&dark["figures"], 20) < noise(figures, 20) - 5.0);
+    let sharper = chart("sharper", &["--set", "sharpen.amount=2"]);
+    assert!(sharp(&sharper["figures"]) > sharp(figures) + 0.02);
+    let page = read(&folder.path().join("plain/chart.html"));
+    assert!(page.contains("moderate red") && page.contains("MTF50") && !page.contains("http://localhost"));
+    let args = ["isp", "chart", "--sensor", "small.toml", "--no-noise", "--out", "table"];
+    let table = run_ok(folder.path(), &args).stdout;
+    for words in ["dE00", "neutral 6.5", "4.1:1", "table/chart.html"] {
+        assert!(table.contains(words), "{table}");
+    }
+}
+
+#[test]
 fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     write_raws(&folder.path().join("raws"));

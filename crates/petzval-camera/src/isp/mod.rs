@@ -3,6 +3,7 @@
 mod auto_balance;
 mod auto_exposure;
 mod demosaic;
+mod dewarp_map;
 mod error;
 mod fixed;
 mod hardware;
@@ -10,6 +11,7 @@ mod input;
 mod interface;
 mod interpolation;
 mod linear;
+mod merge;
 mod mesh;
 mod noise_level;
 mod settings;
@@ -20,10 +22,12 @@ mod statistics;
 mod tape_grid;
 #[cfg(test)]
 mod tests;
+mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
 pub use auto_exposure::{ExposureOptions, auto_exposure_ev};
 pub use demosaic::Demosaic;
+pub use dewarp_map::DewarpMap;
 pub use error::IspError;
 pub use hardware::{HardwareIsp, Watch};
 pub use input::{Companding, FrameData, Mesh, NoiseProfile, RawInput};
@@ -33,6 +37,7 @@ pub use interface::{
 pub use interpolation::{Domain, Interpolation};
 pub(crate) use linear::highest_light;
 pub use linear::{LinearIsp, SHADING_FLOOR};
+pub use merge::{MergeOptions, merge_exposures};
 pub use noise_level::stabilised_noise;
 pub(crate) use noise_level::{Electrons, MEAN_LIGHT, NATURAL_POWER};
 pub use settings::{GainKnot, IspPreset, IspSettings};
@@ -41,3 +46,4 @@ pub use stabilise::Stabiliser;
 pub use stage::output::{BT601, BT709, ycbcr};
 pub use stage::shading::Shading;
 pub use statistics::{BINS, Statistics, ZONES, Zone};
+pub use ycbcr_output::{Chroma, Range, Standard, YcbcrFormat, YcbcrPicture};

@@ -1,7 +1,7 @@
 //! The colour matrix from camera RGB to display RGB, fitted to a ColorChecker.
 
 use super::bands::{band_mean, ends};
-use super::colour::{Matrix3, apply, bradford, delta_e_1976, lab, product};
+use super::colour::{Matrix3, apply, bradford, delta_e_1976, lab};
 use super::colour_checker::{ChartData, colour_checker};
 use super::electrons::{ElectronsError, band_weights};
 use super::illuminant::Illuminant;
@@ -62,12 +62,10 @@ pub fn fit_colour_matrix(
         [0, 1, 2].map(|c| seen[c] / of_white[c])
     };
     // Pair camera RGB and target colour of every patch.
-    let (d65, from_srgb, srgb) = d65_white();
-    let adapt = bradford(xyz_of_reflectance(&even, &light.power), d65);
-    let to_srgb = product(&srgb, &adapt);
+    let (d65, from_srgb, to_srgb) = d65_white();
     let patches: Vec<([f64; 3], [f64; 3])> = colour_checker(ChartData::Ohta)
         .iter()
-        .map(|(_, reflectance)| (camera(reflectance), xyz_of_reflectance(reflectance, &light.power)))
+        .map(|(_, reflectance)| (camera(reflectance), seen_under(reflectance, light)))
         .collect();
 
     // With m3 = 1 - m1 - m2 a row has two unknowns: t - c3 = m1 (c1 - c3) + m2 (c2 - c3).
@@ -97,12 +95,18 @@ pub fn fit_colour_matrix(
         .iter()
         .map(|(camera, xyz)| {
             let shown = apply(&from_srgb, apply(&matrix, *camera));
-            delta_e_1976(lab(shown, d65), lab(apply(&adapt, *xyz), d65))
+            delta_e_1976(lab(shown, d65), lab(*xyz, d65))
         })
         .collect();
     let mean_delta_e = differences.iter().sum::<f64>() / differences.len() as f64;
     let worst_delta_e = differences.iter().copied().fold(0.0, f64::max);
     Ok(Some(ColourMatrix { matrix, mean_delta_e, worst_delta_e }))
+}
+
+/// XYZ, relative to D65, of the colour that a reflectance has under a light to an eye that is adapted to it (Bradford transform).
+pub fn seen_under(reflectance: &Spectrum, light: &Illuminant) -> [f64; 3] {
+    let white = xyz_of_reflectance(&reference_white(), &light.power);
+    apply(&bradford(white, d65_white().0), xyz_of_reflectance(reflectance, &light.power))
 }
 
 /// Reflectance 1 over the visible range.

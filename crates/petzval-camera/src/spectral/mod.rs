@@ -18,20 +18,22 @@ mod illuminant;
 mod image;
 mod observer;
 mod photons;
+mod reflectance_scene;
 mod scene;
 mod spectral_scene;
 mod spectrum;
 mod table;
+mod test_chart;
 mod three_band;
 mod upsampling;
 
 pub use bands::{band_mean, bands_within, even_bands};
 pub use colour::{
-    Matrix3, SRGB_PRIMARIES, apply, bradford, delta_e_1976, inverse, lab, product, srgb_from_xyz,
-    xyz_from_srgb,
+    Matrix3, SRGB_PRIMARIES, apply, bradford, delta_e_1976, delta_e_2000, inverse, lab, product,
+    srgb_from_xyz, xyz_from_srgb, xyz_of_lab,
 };
 pub use colour_checker::{CHART_COLUMNS, CHART_ROWS, ChartData, colour_checker};
-pub use colour_matrix::{ColourMatrix, fit_colour_matrix};
+pub use colour_matrix::{ColourMatrix, fit_colour_matrix, seen_under};
 pub use electrons::{ColourElectrons, ElectronsError, band_weights, share_outside, white_range_um};
 pub use illuminant::{
     Illuminant, IlluminantError, blackbody, daylight, daylight_chromaticity, illuminant_names,
@@ -39,10 +41,12 @@ pub use illuminant::{
 pub use image::{SpectralImage, SpectralImageError};
 pub use observer::{LUMENS_PER_WATT, chromaticity, cie1931, luminous, xyz, xyz_of_reflectance};
 pub use photons::{LIGHT_M_PER_S, OpticsError, PLANCK_J_S, PixelOptics};
-pub use scene::{ReflectanceScene, SceneKind};
+pub use reflectance_scene::ReflectanceScene;
+pub use scene::SceneKind;
 pub use spectral_scene::SpectralScene;
 pub use spectrum::{Spectrum, SpectrumError, integral};
 pub use table::SpectrumTable;
+pub use test_chart::{EdgeContrast, EdgeTarget, TestChart};
 pub use three_band::ThreeBand;
 pub use upsampling::{
     basis_bands, d65_white, reflectance_of_srgb, srgb_basis, srgb_of_reflectance, upsample,

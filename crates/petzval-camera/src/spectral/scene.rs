@@ -1,12 +1,11 @@
-//! Built-in scenes of measured reflectances: a ColorChecker, a flat field, a slanted edge, a Siemens star.
+//! Built-in scenes of measured reflectances: a ColorChecker, a flat field, a slanted edge, a Siemens star, a test chart.
 
 use rayon::prelude::*;
 
-use super::bands::{band_mean, ends};
 use super::colour_checker::{CHART_COLUMNS, CHART_ROWS, ChartData, colour_checker};
-use super::illuminant::Illuminant;
-use super::image::SpectralImage;
+use super::reflectance_scene::{ReflectanceScene, SUPERSAMPLING};
 use super::spectrum::Spectrum;
+use super::test_chart::TestChart;
 
 /// A built-in scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,31 +18,19 @@ pub enum SceneKind {
     SlantedEdge,
     /// A star of 36 pairs of black and white sectors.
     SiemensStar,
+    /// The patches of the ColorChecker and slanted edges over the field: a [`TestChart`].
+    TestChart,
 }
 
 /// Inclination of the slanted edge, degrees from the vertical.
 const EDGE_DEG: f64 = 5.0;
 /// Pairs of sectors of the Siemens star.
 const STAR_CYCLES: f64 = 36.0;
-/// Sample points along a pixel's side, for pixels that an edge crosses.
-const SUPERSAMPLING: usize = 8;
-
-/// A scene of matt surfaces: at every pixel a mixture of two materials.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReflectanceScene {
-    /// Rows.
-    pub height: usize,
-    /// Columns.
-    pub width: usize,
-    /// Reflectances, 0..1.
-    pub materials: Vec<Spectrum>,
-    /// Per pixel the two materials, and the share of the second, 0..1.
-    pub pixels: Vec<(u8, u8, f32)>,
-}
 
 impl SceneKind {
     /// All scenes.
-    pub const ALL: [Self; 4] = [Self::ColourChecker, Self::Flat, Self::SlantedEdge, Self::SiemensStar];
+    pub const ALL: [Self; 5] =
+        [Self::ColourChecker, Self::Flat, Self::SlantedEdge, Self::SiemensStar, Self::TestChart];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -52,6 +39,7 @@ impl SceneKind {
             Self::Flat => "flat",
             Self::SlantedEdge => "slanted-edge",
             Self::SiemensStar => "siemens-star",
+            Self::TestChart => "test-chart",
         }
     }
 
@@ -67,6 +55,7 @@ impl SceneKind {
         let (h, w) = (height as f64, width as f64);
         match self {
             Self::ColourChecker => chart(height, width),
+            Self::TestChart => TestChart { height, width }.draw(),
             Self::Flat => {
                 let even = Spectrum::new(vec![0.3, 1.1], vec![1.0, 1.0]).into_iter().collect();
                 ReflectanceScene { height, width, materials: even, pixels: vec![(0, 0, 0.0); height * width] }
@@ -138,37 +127,10 @@ fn two_tone(
     ReflectanceScene { height, width, materials: materials.to_vec(), pixels }
 }
 
-impl ReflectanceScene {
-    /// The scene under `light` with an illuminance of `lux`: radiance `E(l) rho(l) / pi` in the bands `band_um` (um, ascending,
-    /// at least two). Each band holds the mean over its hat function.
-    pub fn under(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> SpectralImage {
-        let radiance = self.radiance(light, lux, band_um);
-        let data = (0..band_um.len()).flat_map(|band| self.plane(&radiance, band)).collect();
-        SpectralImage { wavelength_um: band_um.to_vec(), height: self.height, width: self.width, data }
-    }
-
-    /// Radiance of each material in each band, W m-2 sr-1 nm-1, `[material][band]`. Outside the measured wavelengths of a
-    /// material its reflectance keeps the value at the end of the range.
-    pub fn radiance(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> Vec<Vec<f64>> {
-        let white = light.white_radiance(lux);
-        let range = ends(band_um);
-        self.materials
-            .iter()
-            .map(|reflectance| band_mean(&[&white, &reflectance.held(range)], band_um))
-            .collect()
-    }
-
-    /// Radiance of every pixel in one band, row by row. `radiance` comes from [`radiance`](Self::radiance).
-    pub fn plane(&self, radiance: &[Vec<f64>], band: usize) -> Vec<f32> {
-        let of: Vec<f32> = radiance.iter().map(|material| material[band] as f32).collect();
-        let mixed = |(a, b, share): &(u8, u8, f32)| (1.0 - share) * of[*a as usize] + share * of[*b as usize];
-        self.pixels.par_iter().map(mixed).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::bands::even_bands;
+    use super::super::illuminant::Illuminant;
     use super::*;
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::illuminant::Illuminant;
 use super::image::SpectralImage;
-use super::scene::ReflectanceScene;
+use super::reflectance_scene::ReflectanceScene;
 use super::upsampling::{basis_bands, print_plane};
 use crate::image::{CHANNELS, LinearImage};
 

@@ -5,21 +5,26 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use petzval_base::write_whole;
-use petzval_camera::isp::{IspParameter, RgbPicture};
+pub use petzval_camera::isp::{Chroma, Range, Standard};
+use petzval_camera::isp::{IspParameter, RawInput, RgbPicture, YcbcrFormat};
 use petzval_design::error::DesignError;
 use petzval_files::isp_file::picture_png_bytes;
+use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use serde::{Deserialize, Serialize};
 
-use super::frame::{FrameOptions, read_frame};
+use super::frame::{FrameOptions, Merge, read_frame, read_merged};
 use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
 
+/// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.
+const BITS_OF_YCBCR: u32 = 16;
+
 /// Raw frames to develop.
 ///
-/// For each `NAME.*` the folder `out` gets `NAME.png` and, with `strip`, `NAME-strip.html`: the picture after every stage, with the
-/// parameters of the stage.
+/// For each `NAME.*` the folder `out` gets `NAME.png`, or `NAME.y4m` or `NAME.yuv`, and, with `strip`, `NAME-strip.html`: the picture after
+/// every stage, with the parameters of the stage. Frames that are merged give one picture, named by the first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
@@ -31,12 +36,43 @@ pub struct Request {
     pub set: Vec<String>,
     /// What the raw files leave open.
     pub frame: FrameOptions,
-    /// Bits of the pictures, 8 or 16.
+    /// Merge the frames, exposures of one scene, into one.
+    #[serde(default)]
+    pub merge: Option<Merge>,
+    /// Bits of the pictures, 8 or 16; of luma and colour differences, 8 or 10.
     pub bits: u32,
+    /// Luma and colour differences in place of a PNG.
+    #[serde(default)]
+    pub ycbcr: Option<YcbcrFile>,
     /// Whether to write the page of all stages.
     pub strip: bool,
     /// Folder for the pictures.
     pub out: PathBuf,
+}
+
+/// A file of luma and colour differences.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct YcbcrFile {
+    /// The kind of file.
+    pub container: Container,
+    /// The standard of luma.
+    pub standard: Standard,
+    /// The codes between black and white.
+    pub range: Range,
+    /// How many colour differences there are.
+    pub chroma: Chroma,
+}
+
+/// What holds the planes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Container {
+    /// Y4M (YUV4MPEG2).
+    #[default]
+    Y4m,
+    /// Nothing: the planes one after the other.
+    Yuv,
 }
 
 /// What was written.
@@ -65,30 +101,33 @@ pub struct Developed {
 
 /// Develops every frame. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
-    if !matches!(request.bits, 8 | 16) {
-        return Err(JobError::setting("bits", request.bits, "out of range", "give 8 or 16"));
+    match (request.ycbcr, request.bits) {
+        (None, 8 | 16) | (Some(_), 8 | 10) => {}
+        (None, bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 16")),
+        (Some(_), bits) => return Err(JobError::setting("bits", bits, "out of range", "give 8 or 10")),
     }
     let mut named = isp_by_name(&request.isp, &context.assets)?;
     named.set(&request.set)?;
-    named.set_bits(request.bits);
-    let names = distinct_stems(&request.raws)?;
+    named.set_bits(if request.ycbcr.is_some() { BITS_OF_YCBCR } else { request.bits });
+    let shots = shots(request)?;
     let quiet = context.silent();
-    for raw in &request.raws {
-        read_frame(raw, &request.frame, &quiet)?;
+    for (_, raws) in &shots {
+        read(request, raws, &quiet)?;
     }
     make_folder(&request.out)?;
 
     let mut pictures = Vec::new();
-    for (i, (raw, name)) in request.raws.iter().zip(&names).enumerate() {
-        context.progress(i as u64, request.raws.len() as u64, name);
-        let frame = read_frame(raw, &request.frame, context)?;
+    for (i, (name, raws)) in shots.iter().enumerate() {
+        context.progress(i as u64, shots.len() as u64, name);
+        let raw = &raws[0];
+        let frame = read(request, raws, context)?;
         let values = named.values(frame.about.gain_ev)?;
         let start = Instant::now();
         let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
         let seconds = start.elapsed().as_secs_f64();
-        let path = request.out.join(format!("{name}.png"));
-        let png = picture_png_bytes(&picture, request.bits).map_err(JobError::failed)?;
-        write(&path, &png)?;
+        let (extension, bytes) = encoded(request, &picture)?;
+        let path = request.out.join(format!("{name}.{extension}"));
+        write(&path, &bytes)?;
         let strip = match request.strip {
             true => {
                 let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
@@ -102,6 +141,38 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         pictures.push(Developed { raw: raw.clone(), picture: path, strip, height, width, seconds });
     }
     Ok(Response { pictures })
+}
+
+/// A frame, of one raw file or merged.
+fn read(request: &Request, raws: &[PathBuf], context: &Context) -> Result<RawInput, JobError> {
+    match &request.merge {
+        Some(merge) => read_merged(raws, merge, &request.frame, context),
+        None => read_frame(&raws[0], &request.frame, context),
+    }
+}
+
+/// Names of the pictures, and the raw files of each.
+fn shots(request: &Request) -> Result<Vec<(String, Vec<PathBuf>)>, JobError> {
+    match (&request.merge, request.raws.first()) {
+        (Some(_), Some(first)) => Ok(vec![(stem(first), request.raws.clone())]),
+        _ => Ok(distinct_stems(&request.raws)?
+            .into_iter()
+            .zip(request.raws.iter().map(|raw| vec![raw.clone()]))
+            .collect()),
+    }
+}
+
+/// The ending and the bytes of a picture's file.
+fn encoded(request: &Request, picture: &RgbPicture) -> Result<(&'static str, Vec<u8>), JobError> {
+    let Some(YcbcrFile { container, standard, range, chroma }) = request.ycbcr else {
+        return Ok(("png", picture_png_bytes(picture, request.bits).map_err(JobError::failed)?));
+    };
+    let format = YcbcrFormat { standard, range, chroma, bits: request.bits };
+    let planes = picture.to_ycbcr(format).map_err(|e| JobError::failed(e.to_string()))?;
+    Ok(match container {
+        Container::Y4m => ("y4m", y4m_bytes(&planes).map_err(|e| JobError::failed(e.to_string()))?),
+        Container::Yuv => ("yuv", yuv_bytes(&planes)),
+    })
 }
 
 /// The page of all stages. A stage without a picture of its own counts to the next one that has one.
@@ -134,6 +205,10 @@ fn strip(raw: &Path, named: &NamedIsp, values: &[f64], steps: &[(String, RgbPict
     }
 }
 
+fn stem(raw: &Path) -> String {
+    raw.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Names of the files without their endings, each of which names a picture.
 fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
     if raws.is_empty() {
@@ -142,7 +217,7 @@ fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
     let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
     let mut names = Vec::new();
     for raw in raws {
-        let name = raw.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = stem(raw);
         if let Some(first) = seen.insert(name.clone(), raw) {
             let message =
                 format!("{} and {} would give the same picture {name}.png", first.display(), raw.display());

@@ -1,9 +1,10 @@
 //! Raw files as an ISP takes them: the frame, with the calibration that sidecar and sensor give.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use petzval_camera::isp::{BalanceOptions, ExposureOptions};
-use petzval_camera::isp::{FrameData, NoiseProfile, RawInput, Statistics, auto_balance, auto_exposure_ev};
+use petzval_camera::isp::{FrameData, MergeOptions, NoiseProfile, RawInput, Statistics};
+use petzval_camera::isp::{auto_balance, auto_exposure_ev, merge_exposures};
 use petzval_camera::sensor::{Colour, Exposure, SensorModel};
 use petzval_design::assets::Assets;
 use petzval_files::raw_file::{RawInfo, load_raw};
@@ -30,12 +31,66 @@ pub struct FrameOptions {
 /// Noise of a frame whose sensor is unknown: 10,000 electrons of white, 4 electrons of read noise.
 const UNKNOWN_NOISE: NoiseProfile = NoiseProfile { shot: 1e-4, read: 1.6e-7 };
 
+/// Several raw files as one frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Merge {
+    /// Relative exposures, products of time and gain, one for each file; none takes them from the sidecars.
+    pub exposures: Option<Vec<f64>>,
+    /// Leave out the check for motion.
+    pub no_motion_check: bool,
+}
+
 /// Reads a raw file.
 pub(super) fn read_frame(
     path: &Path,
     options: &FrameOptions,
     context: &Context,
 ) -> Result<RawInput, JobError> {
+    let (mut frame, _) = read_exposure(path, options, context)?;
+    estimate(&mut frame, options).map_err(about_frame(path))?;
+    Ok(frame)
+}
+
+/// Reads raw files of one scene at several exposures, and merges them.
+pub(super) fn read_merged(
+    paths: &[PathBuf],
+    merge: &Merge,
+    options: &FrameOptions,
+    context: &Context,
+) -> Result<RawInput, JobError> {
+    let mut frames = Vec::new();
+    let mut known = Vec::new();
+    for path in paths {
+        let (frame, exposure) = read_exposure(path, options, context)?;
+        frames.push(frame);
+        known.extend(exposure);
+    }
+    let exposures = match &merge.exposures {
+        Some(exposures) => exposures.clone(),
+        None if known.len() == paths.len() => known,
+        None => {
+            let message = "a raw file without `exposure_s`: its exposure is unknown";
+            let hint = "give the relative exposures of all files, such as --exposures 16,4,1";
+            return Err(JobError::setting("exposures", "", message, hint));
+        }
+    };
+    let merged = match merge.no_motion_check {
+        true => MergeOptions { motion_sigmas: None },
+        false => MergeOptions::default(),
+    };
+    let first = paths.first().map_or(Path::new(""), PathBuf::as_path);
+    let mut frame = merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
+    estimate(&mut frame, options).map_err(about_frame(first))?;
+    Ok(frame)
+}
+
+/// Reads a raw file, with the product of time and gain if its exposure time is known.
+fn read_exposure(
+    path: &Path,
+    options: &FrameOptions,
+    context: &Context,
+) -> Result<(RawInput, Option<f64>), JobError> {
     let raw = load_raw(path)?;
     let info = &raw.info;
     let missing = |key: &str| {
@@ -90,7 +145,8 @@ pub(super) fn read_frame(
             warp: None,
         },
     };
-    let mut frame = RawInput {
+    let exposure = info.exposure_s.map(|time_s| time_s * info.linear_gain.unwrap_or(1.0));
+    let frame = RawInput {
         height: raw.height,
         width: raw.width,
         dn: raw.dn.iter().map(|v| u32::from(*v)).collect(),
@@ -98,8 +154,7 @@ pub(super) fn read_frame(
         cfa,
         about,
     };
-    estimate(&mut frame, options).map_err(about_frame(path))?;
-    Ok(frame)
+    Ok((frame, exposure))
 }
 
 /// Changes the calibration of a frame to the light that its statistics suggest.

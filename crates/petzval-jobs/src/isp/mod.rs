@@ -1,5 +1,6 @@
 //! `isp`: image signal processors, ours and those of others.
 
+pub mod chart;
 pub mod develop;
 pub mod external;
 mod frame;
@@ -7,5 +8,5 @@ mod named;
 pub mod show;
 pub mod tune;
 
-pub use frame::FrameOptions;
+pub use frame::{FrameOptions, Merge};
 pub use named::{NEUTRAL, NamedIsp, isp_by_name};

@@ -41,7 +41,7 @@ enum Kind {
 /// The ISP of a name: [`NEUTRAL`], a preset of `data/isp/`, or the path of a preset, of settings, or of the description of an external
 /// ISP or of a proxy.
 pub fn isp_by_name(name: &str, assets: &Assets) -> Result<NamedIsp, JobError> {
-    if name == NEUTRAL && !Path::new(name).exists() {
+    if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::built_in(IspPreset::default()));
     }
     let source = assets.text("ISP", "isp", name)?;

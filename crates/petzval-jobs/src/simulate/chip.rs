@@ -21,17 +21,27 @@ pub fn png(
     isp: &NamedIsp,
     rig: &Rig,
     sensor: &SensorModel,
-    raw: &Raw,
-    illumination: &LinearImage,
+    taken: (&Raw, &LinearImage),
     colour_matrix: Option<Matrix3>,
 ) -> Result<Vec<u8>, JobError> {
+    let frame = frame(rig, sensor, taken, colour_matrix)?;
+    let values = isp.values(frame.about.gain_ev)?;
+    let picture = isp.isp().develop(&frame, &values).map_err(DesignError::from)?;
+    picture_png_bytes(&picture, CHIP_BITS).map_err(JobError::failed)
+}
+
+/// A raw frame, taken where the lens leaves `illumination`, as the image signal processor receives it.
+pub fn frame(
+    rig: &Rig,
+    sensor: &SensorModel,
+    (raw, illumination): (&Raw, &LinearImage),
+    colour_matrix: Option<Matrix3>,
+) -> Result<RawInput, JobError> {
     let mut frame = RawInput::from_raw(raw, sensor).map_err(DesignError::from)?;
     frame.about.shading = Some(Mesh::of_picture(illumination, MESH, MESH));
     frame.about.warp = rig.distortion.as_ref().map(|map| warp(map, &rig.geometry, &rig.window));
     frame.about.colour_matrix = colour_matrix;
-    let values = isp.values(frame.about.gain_ev)?;
-    let picture = isp.isp().develop(&frame, &values).map_err(DesignError::from)?;
-    picture_png_bytes(&picture, CHIP_BITS).map_err(JobError::failed)
+    Ok(frame)
 }
 
 /// How far from each node the light lies that belongs there without distortion, in rows and columns of pixels.

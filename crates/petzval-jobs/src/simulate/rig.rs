@@ -36,7 +36,7 @@ const MOST_PIXELS: usize = 200_000_000;
 const LEAST_CAPTURED: f64 = 0.98;
 
 /// Most samples of a scene along a side of a pixel.
-pub const MOST_SAMPLES: usize = 8;
+const MOST_SAMPLES: usize = 8;
 
 /// Bits of the pictures of an image signal processor.
 pub const CHIP_BITS: u32 = 8;
@@ -195,6 +195,32 @@ impl Rig {
         };
         Ok(Shot { scene, placement: self.window.placement, kept: None, frame })
     }
+}
+
+/// Refuses numbers outside their ranges.
+pub fn check_numbers(request: &Request) -> Result<(), JobError> {
+    for (key, value, max) in [
+        ("white_e", request.white_e, 1e7),
+        ("time_s", Some(request.time_s), 1e4),
+        ("gain", Some(request.gain), 1e3),
+    ] {
+        if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= max)) {
+            let message = format!("not between 0 and {max}");
+            return Err(JobError::setting(key, value, message, "a positive number"));
+        }
+    }
+    if let Some(noise) = request.restore.and_then(|restore| restore.noise)
+        && !(noise > 0.0 && noise <= 10.0)
+    {
+        let hint = "0.003 suits 16,000 electrons of white; more for less light";
+        return Err(JobError::setting("restore", noise, "not above 0 and at most 10", hint));
+    }
+    if !(1..=MOST_SAMPLES).contains(&request.samples) {
+        let message = format!("not between 1 and {MOST_SAMPLES}");
+        let hint = "with 4, a pixel collects the light of 4 x 4 samples of the scene";
+        return Err(JobError::setting("samples", request.samples, message, hint));
+    }
+    Ok(())
 }
 
 /// The pixels that are read: all, or those of --size in the middle.

@@ -63,6 +63,11 @@ impl Taken {
         Ok(Self { raw, developed, illumination: LinearImage { channels: 3, height, width, data } })
     }
 
+    /// The raw frame, and the relative illumination of its pixels.
+    pub fn for_chip(&self) -> (&Raw, &LinearImage) {
+        (&self.raw, &self.illumination)
+    }
+
     /// A frame of light that lies on the pixels already.
     pub fn of_light(
         request: &Request,
@@ -92,7 +97,7 @@ pub fn write_shot(
     let formats = (request.raw_format, request.picture_format);
     let picture = (&taken.developed, display_white);
     let colour_matrix = camera.body().isp.colour_matrix;
-    let by_chip = |isp| chip::png(isp, rig, sensor, &taken.raw, &taken.illumination, colour_matrix);
+    let by_chip = |isp| chip::png(isp, rig, sensor, taken.for_chip(), colour_matrix);
     let by_chip = rig.chip.as_ref().map(by_chip).transpose()?;
     let mut facts =
         output::write(formats, &request.out, name, &taken.raw, sensor, picture, by_chip.as_deref())?;

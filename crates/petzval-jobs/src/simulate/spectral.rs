@@ -6,17 +6,20 @@ mod light;
 use std::path::Path;
 
 use petzval_camera::image::LinearImage;
-use petzval_camera::isp::LinearIsp;
-use petzval_camera::spectral::{ColourElectrons, SceneKind, SpectralScene};
+use petzval_camera::isp::{LinearIsp, RawInput};
+use petzval_camera::spectral::{ColourElectrons, Illuminant, ReflectanceScene, SceneKind, SpectralScene};
+use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
 use petzval_design::spectral_light::{Bands, render_spectral};
 use petzval_files::spectral_file::load_spectral;
 
 use self::conditions::Conditions;
 use self::light::Light;
+use super::chip;
+use super::highlights::default_white_e;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
-use super::rig::Rig;
+use super::rig::{Rig, check_numbers};
 use super::shot::{Taken, photograph, placed, write_shot};
 use crate::context::Context;
 use crate::error::{JobError, make_folder};
@@ -56,20 +59,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
             own.warn(&conditions, &rig, Some(path), context);
         }
         let name = result_name(path);
-        let electrons = match &opened {
-            Opened::Bands(scene) => over_bands(request, &rig, &conditions, light, scene, &name, context),
-            // The matrix is the integral over the spectrum, only the PSFs are those of three wavelengths.
-            Opened::ThreeBands(photo) => (rig.light(photo).map_err(DesignError::from))
-                .map(|on_pixels| ColourElectrons::of_rgb(&on_pixels, &light.white)),
-        }
-        .map_err(|error| named(path, error))?;
-        let white_e = light.white.white_e();
-        let matrix = light.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
-        // The sensor balanced for this light, and the matrix fitted to it.
-        let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..rig.isp };
-        let camera = rig.camera(request, light.sensor.clone(), white_e as f32, isp)?;
-        let on_pixels = electrons.as_light(&light.sensor, white_e, rig.window.placement);
-        let taken = Taken::of_light(request, &rig, &camera, &on_pixels, frame as u64)?;
+        let frame = frame as u64;
+        let electrons = electrons(request, &rig, &conditions, light, &opened, &name, context)
+            .map_err(|error| named(path, error))?;
+        let (camera, taken) = take(request, &rig, light, &electrons, frame)?;
         let (mut facts, warning) = write_shot(request, &rig, &camera, &name, &taken)?;
         warning.into_iter().for_each(|warning| context.warning(warning));
         facts.extend(light.facts(request, &conditions));
@@ -81,6 +74,86 @@ pub fn run(request: &Request, context: &Context) -> Result<Vec<Facts>, JobError>
         }
     }
     Ok(written)
+}
+
+/// The electrons of what was opened.
+fn electrons(
+    request: &Request,
+    rig: &Rig,
+    conditions: &Conditions,
+    light: &Light,
+    opened: &Opened,
+    name: &str,
+    context: &Context,
+) -> Result<ColourElectrons, DesignError> {
+    match opened {
+        Opened::Bands(scene) => over_bands(request, rig, conditions, light, scene, name, context),
+        // The matrix is the integral over the spectrum, only the PSFs are those of three wavelengths.
+        Opened::ThreeBands(photo) => Ok(ColourElectrons::of_rgb(&rig.light(photo)?, &light.white)),
+    }
+}
+
+/// A frame of these electrons, by a camera that is balanced for the light.
+fn take(
+    request: &Request,
+    rig: &Rig,
+    light: &Light,
+    electrons: &ColourElectrons,
+    frame: u64,
+) -> Result<(Camera, Taken), DesignError> {
+    let white_e = light.white.white_e();
+    let matrix = light.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
+    // The sensor balanced for this light, and the matrix fitted to it.
+    let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..rig.isp };
+    let camera = rig.camera(request, light.sensor.clone(), white_e as f32, isp)?;
+    let on_pixels = electrons.as_light(&light.sensor, white_e, rig.window.placement);
+    let taken = Taken::of_light(request, rig, &camera, &on_pixels, frame)?;
+    Ok((camera, taken))
+}
+
+/// A scene of reflectances as the image signal processor of a request receives it.
+pub struct SceneFrame {
+    /// The frame.
+    pub frame: RawInput,
+    /// The light on the scene.
+    pub illuminant: Illuminant,
+    /// Illuminance of the scene, lux.
+    pub lux: f64,
+    /// Photoelectrons of white in a green pixel on the axis.
+    pub white_e: f64,
+}
+
+/// Takes the scene that `draw` makes for a sensor of so many rows and columns, of one sample a pixel, without writing anything. Without
+/// `white_e` and an illuminance, white is as bright as in photographs by default.
+pub fn scene_frame(
+    request: &Request,
+    draw: impl FnOnce(usize, usize) -> ReflectanceScene,
+    context: &Context,
+) -> Result<SceneFrame, JobError> {
+    check_numbers(request)?;
+    let mut rig = Rig::new(request, context)?;
+    let mut conditions = Conditions::new(request, &mut rig, context)?;
+    let mut light = Light::over_all(request, &conditions, &rig)?;
+    let white_e = match (request.white_e, request.spectral.illuminance_lux) {
+        (Some(white_e), _) => Some(white_e),
+        (None, Some(_)) => None,
+        (None, None) => Some(default_white_e(request, &light.sensor)?),
+    };
+    if let Some(white_e) = white_e {
+        // Electrons are proportional to the illuminance.
+        conditions.lux *= f64::from(white_e) / light.white.white_e();
+        light = Light::over_all(request, &conditions, &rig)?;
+    }
+    light.warn(&conditions, &rig, None, context);
+    let (illuminant, lux) = (&conditions.illuminant, conditions.lux);
+    let scene = draw(rig.sensor.height * rig.samples, rig.sensor.width * rig.samples);
+    let opened = Opened::Bands(SpectralScene::surfaces(scene, illuminant, lux, &light.band_um));
+    let electrons = electrons(request, &rig, &conditions, &light, &opened, "chart", context)?;
+    let (camera, taken) = take(request, &rig, &light, &electrons, 0)?;
+    let body = camera.body();
+    let frame = chip::frame(&rig, &body.sensor, taken.for_chip(), body.isp.colour_matrix)?;
+    let white_e = light.white.white_e();
+    Ok(SceneFrame { frame, illuminant: conditions.illuminant, lux, white_e })
 }
 
 /// Options that fit neither a run over the spectrum nor each other.

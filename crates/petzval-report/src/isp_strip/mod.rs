@@ -1,12 +1,13 @@
 //! The strip of an ISP: the picture after every stage, with the parameters that made it, on one self-contained page.
 
+use image::RgbImage;
 use image::imageops::{FilterType, crop_imm, resize};
-use image::{Rgb, RgbImage};
 use maud::{Markup, html};
 
 use crate::page::{Page, caption, section};
 use crate::plot::plain;
 use crate::png;
+use crate::rgb_picture::{rgb_picture, shrunk};
 use crate::table::{Column, Row, Table};
 
 /// A frame and what each stage made of it.
@@ -80,8 +81,8 @@ pub fn page(strip: &Strip) -> String {
 }
 
 fn stage(step: &StripStep) -> Markup {
-    let picture = picture(step);
-    let (whole, part) = (whole(&picture), centre(&picture));
+    let picture = rgb_picture(&step.encoded, step.height, step.width);
+    let (whole, part) = (shrunk(&picture, WIDTH), centre(&picture));
     let alt = format!("after {}", plain(&step.stage));
     let rows = step.parameters.iter().map(|p| {
         let value = if p.is_default {
@@ -100,27 +101,6 @@ fn stage(step: &StripStep) -> Markup {
         }
         @if !step.parameters.is_empty() { (Table::new(columns).rows(rows).html()) }
     }
-}
-
-/// The picture with 8 bits; missing values are black.
-fn picture(step: &StripStep) -> RgbImage {
-    let pixels = step.height * step.width;
-    let value = |c: usize, i: usize| {
-        let value = step.encoded.get(c * pixels + i).copied().unwrap_or(0.0);
-        (value.clamp(0.0, 1.0) * 255.0).round() as u8
-    };
-    RgbImage::from_fn(step.width as u32, step.height as u32, |col, row| {
-        let i = row as usize * step.width + col as usize;
-        Rgb([0, 1, 2].map(|c| value(c, i)))
-    })
-}
-
-fn whole(picture: &RgbImage) -> RgbImage {
-    let (width, height) = picture.dimensions();
-    if width <= WIDTH {
-        return picture.clone();
-    }
-    resize(picture, WIDTH, (height * WIDTH / width).max(1), FilterType::Triangle)
 }
 
 fn centre(picture: &RgbImage) -> RgbImage {
@@ -171,7 +151,10 @@ mod tests {
         }
         assert_eq!(page.matches("<img").count(), 4);
         assert!(!page.contains("<strong>1</strong>"));
-        let picture = picture(&strip.steps[0]);
-        assert_eq!((whole(&picture).dimensions(), centre(&picture).dimensions()), ((720, 14), (240, 60)));
+        let picture = rgb_picture(&strip.steps[0].encoded, 20, 1000);
+        assert_eq!(
+            (shrunk(&picture, WIDTH).dimensions(), centre(&picture).dimensions()),
+            ((720, 14), (240, 60))
+        );
     }
 }

@@ -1,5 +1,6 @@
-//! `petzval isp`: shows image signal processors, develops raw frames, tunes parameters.
+//! `petzval isp`: shows image signal processors, develops raw frames, measures what they make of a test chart, tunes parameters.
 
+mod chart;
 mod develop;
 pub(crate) mod inputs;
 mod show;
@@ -19,6 +20,8 @@ pub enum IspVerb {
     Show(show::Args),
     #[command(about = "Develop raw frames to pictures")]
     Develop(develop::Args),
+    #[command(about = "Measure colours, noise and sharpness of a developed test chart")]
+    Chart(chart::Args),
     #[command(about = "Find the parameters that bring developed frames nearest to references")]
     Tune(tune::Args),
 }
@@ -28,6 +31,7 @@ pub fn run(verb: IspVerb, terminal: &Terminal) -> Result<ExitCode, Failure> {
     match verb {
         IspVerb::Show(args) => show::run(args, terminal),
         IspVerb::Develop(args) => develop::run(args, terminal),
+        IspVerb::Chart(args) => chart::run(args, terminal),
         IspVerb::Tune(args) => tune::run(args, terminal),
     }
 }

@@ -84,7 +84,7 @@ struct SpectralArgs {
 /// white; brighter highlights are kept. What a file says about its colours and is not obeyed, such as an ICC profile, is reported.
 ///
 /// Spectral images (.npy, .exr with a channel per band, .tif with a sidecar), the built-in scenes (scene:colorchecker, scene:flat,
-/// scene:slanted-edge, scene:siemens-star) and photographs with any of the options "Over the spectrum" are simulated over
+/// scene:slanted-edge, scene:siemens-star, scene:test-chart) and photographs with any of the options "Over the spectrum" are simulated over
 /// the spectrum: every band through its own PSF, photons in SI units, electrons by the sensor's quantum efficiency.
 ///
 /// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a

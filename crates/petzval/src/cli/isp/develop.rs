@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use petzval::jobs::isp::develop;
+use clap::ValueEnum;
+use petzval::jobs::isp::Merge;
+use petzval::jobs::isp::develop::{self, Chroma, Container, Range, Standard, YcbcrFile};
 
 use super::inputs::{FrameArgs, IspArgs};
 use crate::cli::failure::Failure;
@@ -13,6 +15,8 @@ use crate::cli::terminal::{Terminal, print_json};
 ///
 /// A frame is a raw file with its sidecar, as `petzval simulate` and `petzval raw convert` write them. The sidecar gives bits, mosaic and
 /// levels; the sensor, which it names or --sensor does, gives noise and the answer to white light.
+///
+/// With --merge the frames are exposures of one scene. They are merged into one linear frame of up to 24 bits, which becomes one picture.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Raw frames
@@ -25,9 +29,20 @@ pub struct Args {
     set: Vec<String>,
     #[command(flatten)]
     frame: FrameArgs,
-    /// Bits of the pictures: 8 or 16
+    /// Merge the frames, which show one scene at different exposures, into one before development
+    #[arg(long)]
+    merge: bool,
+    /// Relative exposures of the frames to merge, time by gain [default: those of the sidecars]
+    #[arg(long, value_name = "E,E,...", value_delimiter = ',', requires = "merge")]
+    exposures: Option<Vec<f64>>,
+    /// Merge without looking for motion
+    #[arg(long, requires = "merge")]
+    no_motion_check: bool,
+    /// Bits of the pictures: 8 or 16, of y4m and yuv 8 or 10
     #[arg(long, default_value_t = 8)]
     bits: u32,
+    #[command(flatten)]
+    file: FileArgs,
     /// Write NAME-strip.html: the picture after every stage, with the parameters of the stage
     #[arg(long)]
     strip: bool,
@@ -39,6 +54,87 @@ pub struct Args {
     json: bool,
 }
 
+/// The file of a picture.
+#[derive(Debug, clap::Args)]
+struct FileArgs {
+    /// Format of the pictures
+    #[arg(long, value_enum, default_value = "png")]
+    format: Format,
+    /// Standard of luma in y4m and yuv
+    #[arg(long, value_enum, default_value = "bt709")]
+    luma: Luma,
+    /// Codes between black and white in y4m and yuv: 16 to 235, or all
+    #[arg(long, value_enum, default_value = "limited")]
+    range: Codes,
+    /// Colour differences in y4m and yuv: 4:2:0, 4:2:2 or 4:4:4
+    #[arg(long, value_enum, default_value = "420")]
+    chroma: Subsampling,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    /// sRGB
+    Png,
+    /// Luma and colour differences in a Y4M file
+    Y4m,
+    /// Their planes one after the other
+    Yuv,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Luma {
+    /// ITU-R BT.601
+    Bt601,
+    /// ITU-R BT.709
+    Bt709,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Codes {
+    /// All
+    Full,
+    /// 16 to 235, and 16 to 240 for colour differences, of 8 bits
+    Limited,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Subsampling {
+    /// One for two by two pixels
+    #[value(name = "420")]
+    HalfBoth,
+    /// One for two pixels of a row
+    #[value(name = "422")]
+    HalfWidth,
+    /// One for each pixel
+    #[value(name = "444")]
+    Every,
+}
+
+impl FileArgs {
+    /// As jobs take it; none is a PNG.
+    fn ycbcr(&self) -> Option<YcbcrFile> {
+        let container = match self.format {
+            Format::Png => return None,
+            Format::Y4m => Container::Y4m,
+            Format::Yuv => Container::Yuv,
+        };
+        let standard = match self.luma {
+            Luma::Bt601 => Standard::Bt601,
+            Luma::Bt709 => Standard::Bt709,
+        };
+        let range = match self.range {
+            Codes::Full => Range::Full,
+            Codes::Limited => Range::Limited,
+        };
+        let chroma = match self.chroma {
+            Subsampling::HalfBoth => Chroma::HalfBoth,
+            Subsampling::HalfWidth => Chroma::HalfWidth,
+            Subsampling::Every => Chroma::Every,
+        };
+        Some(YcbcrFile { container, standard, range, chroma })
+    }
+}
+
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
     let request = develop::Request {
@@ -46,7 +142,11 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
         isp: args.isp.name(),
         set: args.set,
         frame: args.frame.options(),
+        merge: args
+            .merge
+            .then_some(Merge { exposures: args.exposures, no_motion_check: args.no_motion_check }),
         bits: args.bits,
+        ycbcr: args.file.ycbcr(),
         strip: args.strip,
         out: args.out,
     };

@@ -1,0 +1,171 @@
+//! `isp chart`: the test chart through a lens onto a sensor, developed by an ISP, and measured.
+
+use std::path::{Path, PathBuf};
+
+use petzval_base::write_whole;
+use petzval_camera::isp::{DewarpMap, IspParameter, RgbPicture};
+use petzval_camera::spectral::{ChartData, TestChart, colour_checker, seen_under};
+use petzval_design::error::DesignError;
+use petzval_files::isp_file::picture_png_bytes;
+use petzval_lab::chart::{ChartFigures, measure};
+use petzval_report::chart_sheet::{ChartSheet, page};
+use serde::{Deserialize, Serialize};
+
+use super::named::isp_by_name;
+use crate::context::Context;
+use crate::error::{JobError, make_folder};
+use crate::simulate;
+use crate::simulate::spectral::scene_frame;
+
+/// Bits of the picture: its noise is measured, and that of rounding to 8 bits is not the ISP's.
+const BITS: u32 = 16;
+
+/// Quantum efficiency where the sensor has none and none is named.
+const DEFAULT_QE: &str = "imx219";
+
+/// A camera and an ISP to measure. What is left out has the default of the command.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Name of a preset, or a file of settings or of the description of an external ISP.
+    pub isp: String,
+    /// Further values, each `stage.key=value`.
+    pub set: Vec<String>,
+    /// The camera and its exposure. Images, formats and the other developments of a simulation are not used.
+    pub camera: simulate::Request,
+    /// Folder for the results.
+    pub out: PathBuf,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            isp: super::NEUTRAL.to_owned(),
+            set: Vec::new(),
+            camera: simulate::Request::default(),
+            out: PathBuf::from("."),
+        }
+    }
+}
+
+/// What was measured, and the files that hold it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// Name of the ISP, as it was asked for.
+    pub isp: String,
+    /// Lens.
+    pub lens: String,
+    /// Sensor.
+    pub sensor: String,
+    /// Quantum efficiency in place of the sensor's own.
+    pub qe: Option<String>,
+    /// Light on the chart.
+    pub illuminant: String,
+    /// Illuminance of the chart, lux.
+    pub illuminance_lux: f64,
+    /// Photoelectrons of white in a green pixel on the axis.
+    pub white_e: f64,
+    /// Linear analogue gain.
+    pub gain: f32,
+    /// Rows of the picture.
+    pub height: usize,
+    /// Columns of the picture.
+    pub width: usize,
+    /// The figures.
+    pub figures: ChartFigures,
+    /// The developed picture.
+    pub picture: PathBuf,
+    /// The page with patches and curves.
+    pub page: PathBuf,
+}
+
+/// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
+pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+    let mut isp = isp_by_name(&request.isp, &context.assets)?;
+    isp.set(&request.set)?;
+    isp.set_bits(BITS);
+    let sensor = context.assets.sensor(&request.camera.sensor)?;
+    if !sensor.cfa.is_bayer() {
+        let message = format!("{}: the ISP needs a Bayer array, not {}", request.camera.sensor, sensor.cfa);
+        return Err(JobError::input(message, "name another sensor"));
+    }
+    let mut camera = request.camera.clone();
+    if sensor.quantum_efficiency.is_none() && camera.spectral.qe.is_none() {
+        context.note(format!("{}: no quantum efficiency: that of {DEFAULT_QE} is taken", camera.sensor));
+        camera.spectral.qe = Some(DEFAULT_QE.to_owned());
+    }
+    // The chart has the size of the sensor; what the lens sees beyond repeats its gray edge.
+    camera.place = simulate::Place::Centre;
+    let taken = scene_frame(&camera, |height, width| TestChart { height, width }.draw(), context)?;
+    let frame = &taken.frame;
+
+    let values = isp.values(frame.about.gain_ev)?;
+    let picture = isp.isp().develop(frame, &values).map_err(DesignError::from)?;
+
+    // An ISP that keeps some of the distortion shows the chart where the lens brings it.
+    let chart = TestChart { height: frame.height, width: frame.width };
+    let size = (frame.height, frame.width);
+    let (mesh, strength) = (frame.about.warp.as_ref(), dewarp_strength(&isp.parameters, &values));
+    let (lens, dewarp) = (DewarpMap::new(mesh, 1.0, size), DewarpMap::new(mesh, strength, size));
+    let place = |at: [f64; 2]| dewarp.picture_from_raw(lens.raw_from_picture(at)).unwrap_or(at);
+    let wanted: Vec<[f64; 3]> = colour_checker(ChartData::Ohta)
+        .iter()
+        .map(|(_, reflectance)| seen_under(reflectance, &taken.illuminant))
+        .collect();
+    let figures = measure(&picture, &chart, &wanted, place);
+
+    make_folder(&request.out)?;
+    let path = |name: &str| request.out.join(name);
+    let response = Response {
+        isp: request.isp.clone(),
+        lens: camera.lens,
+        sensor: camera.sensor,
+        qe: camera.spectral.qe,
+        illuminant: taken.illuminant.name.clone(),
+        illuminance_lux: taken.lux,
+        white_e: taken.white_e,
+        gain: camera.gain,
+        height: picture.height,
+        width: picture.width,
+        figures,
+        picture: path("chart.png"),
+        page: path("chart.html"),
+    };
+    write(&response.picture, &picture_png_bytes(&picture, BITS).map_err(JobError::failed)?)?;
+    write(&response.page, page(&sheet(&response, &picture)).as_bytes())?;
+    let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
+    write(&path("chart.json"), json.as_bytes())?;
+    Ok(response)
+}
+
+/// The share of the distortion that an ISP undoes; all of it unless it has a parameter that says otherwise.
+fn dewarp_strength(parameters: &[IspParameter], values: &[f64]) -> f64 {
+    let found = parameters.iter().zip(values).find(|(p, _)| p.name == "dewarp.strength");
+    found.map_or(1.0, |(_, value)| *value)
+}
+
+/// The page of a measurement.
+fn sheet<'a>(response: &'a Response, picture: &RgbPicture) -> ChartSheet<'a> {
+    let names = colour_checker(ChartData::Ohta).iter().map(|(name, _)| name.as_str()).collect();
+    let facts = vec![
+        ("lens", response.lens.clone()),
+        ("sensor", response.sensor.clone()),
+        ("light", format!("{}, {:.0} lux", response.illuminant, response.illuminance_lux)),
+        ("electrons of white", format!("{:.0}", response.white_e)),
+        ("gain", response.gain.to_string()),
+    ];
+    let RgbPicture { height, width, .. } = *picture;
+    ChartSheet {
+        isp: response.isp.clone(),
+        facts,
+        names,
+        figures: &response.figures,
+        height,
+        width,
+        encoded: picture.encoded(),
+    }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
+    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
+}

@@ -1,0 +1,138 @@
+//! `petzval isp chart`: colours, noise and sharpness of a developed test chart.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use petzval::jobs::isp::chart::{self, Response};
+use petzval::jobs::simulate;
+
+use super::inputs::IspArgs;
+use crate::cli::failure::Failure;
+use crate::cli::terminal::{Terminal, print_json};
+
+/// Take a test chart through a lens onto a sensor, develop it with an ISP, and measure the picture.
+///
+/// The chart has the 24 patches of a ColorChecker and slanted edges of three contrasts over the field (scene:test-chart). Measured are the
+/// colour differences CIEDE2000, the noise of every patch, and the response at the edges after ISO 12233.
+///
+/// Files: chart.json, all figures; chart.png, the picture, 16 bit; chart.html, a page with patches and curves.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    isp: IspArgs,
+    /// Change a parameter; may be repeated
+    #[arg(long, value_name = "STAGE.KEY=VALUE")]
+    set: Vec<String>,
+    /// Lens file, or a built-in name
+    #[arg(long, default_value = "cooke-triplet-nominal")]
+    lens: String,
+    /// Sensor file, or a built-in name
+    #[arg(long, default_value = "imx249-fitted")]
+    sensor: String,
+    /// Quantum efficiency curves in place of the sensor's own, as `petzval simulate` takes them [default: imx219 where the sensor has none]
+    #[arg(long, value_name = "CURVES")]
+    qe: Option<String>,
+    /// Light on the chart: D65, A, FL11, LED-B3, ..., daylight:KELVIN, blackbody:KELVIN, or a CSV file [default: D65]
+    #[arg(long, value_name = "LIGHT")]
+    illuminant: Option<String>,
+    /// Illuminance of the chart, lux [default: the value that gives --white-e]
+    #[arg(long, value_name = "LUX", conflicts_with = "white_e")]
+    illuminance_lux: Option<f64>,
+    /// Photoelectrons of white in a green pixel on the axis [default: 70 % of the number at which white saturates the first colour at
+    /// this gain]
+    #[arg(long, value_name = "E")]
+    white_e: Option<f32>,
+    /// Linear analogue gain
+    #[arg(long, default_value_t = 1.0)]
+    gain: f32,
+    /// Exposure time, s
+    #[arg(long, default_value_t = 0.005, value_name = "S")]
+    time_s: f32,
+    /// Samples of the chart along a side of a pixel, 1 to 8
+    #[arg(long, default_value_t = 1, value_name = "K")]
+    samples: usize,
+    /// Leave out the distortion of the lens
+    #[arg(long)]
+    no_distortion: bool,
+    /// Leave out all noise
+    #[arg(long)]
+    no_noise: bool,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Print the figures as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args, terminal: &Terminal) -> Result<ExitCode, Failure> {
+    let spectral = simulate::Spectral {
+        illuminant: args.illuminant,
+        illuminance_lux: args.illuminance_lux,
+        qe: args.qe,
+        ..simulate::Spectral::default()
+    };
+    let camera = simulate::Request {
+        lens: args.lens,
+        sensor: args.sensor,
+        white_e: args.white_e,
+        gain: args.gain,
+        time_s: args.time_s,
+        samples: args.samples,
+        no_distortion: args.no_distortion,
+        no_noise: args.no_noise,
+        seed: args.seed,
+        spectral,
+        ..simulate::Request::default()
+    };
+    let request = chart::Request { isp: args.isp.name(), set: args.set, camera, out: args.out };
+    let response = chart::run(&request, &terminal.context())?;
+    if args.json {
+        return print_json(&response);
+    }
+    print!("{}", table(&response));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The gray patches of the ColorChecker.
+const GRAYS: [(usize, &str); 6] = [
+    (18, "white"),
+    (19, "neutral 8"),
+    (20, "neutral 6.5"),
+    (21, "neutral 5"),
+    (22, "neutral 3.5"),
+    (23, "black"),
+];
+
+/// Colours, noise of the grays, and sharpness.
+fn table(response: &Response) -> String {
+    let figures = &response.figures;
+    let mut text =
+        format!("{}, white of {:.0} electrons at gain {}\n\n", response.isp, response.white_e, response.gain);
+    text += "dE00                    mean     max\n";
+    for (name, of) in [("as developed", figures.as_developed), ("lightness normalised", figures.normalised)] {
+        text += &format!("{name:<20}  {:>6.2}  {:>6.2}\n", of.mean_delta_e_2000, of.max_delta_e_2000);
+    }
+    text += "\nnoise           SNR dB  luma/255  chroma/255\n";
+    for (i, name) in GRAYS {
+        let noise = &figures.patches[i].noise;
+        let chroma = 255.0 * noise.cb.hypot(noise.cr);
+        let snr = noise.snr_db.map_or("-".to_owned(), |v| format!("{v:.1}"));
+        text += &format!("{name:<14}  {snr:>6}  {:>8.2}  {chroma:>10.2}\n", 255.0 * noise.luma);
+    }
+    text += "\nedge at field   contrast   MTF50/px   overshoot %\n";
+    for edge in &figures.edges {
+        let mtf50 = edge.mtf50_per_px.map_or("-".to_owned(), |v| format!("{v:.3}"));
+        text += &format!(
+            "{:<14.2}  {:>8}  {mtf50:>9}  {:>12.1}\n",
+            edge.field,
+            edge.contrast,
+            100.0 * edge.overshoot
+        );
+    }
+    text + &format!("\n{}\n", response.page.display())
+}
