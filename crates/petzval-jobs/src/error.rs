@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{FileError, write_whole};
 use petzval_design::error::DesignError;
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
@@ -112,6 +112,11 @@ impl From<RawFileError> for JobError {
 /// The text of a file that an error names, to show the line; `None` if it cannot be read.
 pub fn text_of_file(path: &Path) -> Option<String> {
     std::fs::read(path).ok().map(|bytes| decode(&bytes).into_owned())
+}
+
+/// Writes a file wholly or not at all.
+pub(crate) fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), JobError> {
+    Ok(write_whole(path, contents.as_ref()).map_err(DesignError::io(path))?)
 }
 
 /// Makes the folder for results, with its parents. A name at which none can be made is a mistake of the request.

@@ -114,7 +114,7 @@ pub trait Pixel: Copy + Default + Send + Sync + 'static {
 type Spare<T> = LocalKey<RefCell<Vec<Vec<T>>>>;
 
 /// Three colours side by side; the fourth number fills up.
-pub type Colours = [i16; 4];
+pub type ColourPixel = [i16; 4];
 
 macro_rules! pixels {
     ($($pixel:ty: $spare:ident),*) => {$(
@@ -129,13 +129,13 @@ macro_rules! pixels {
     )*};
 }
 
-pixels!(i16: SPARE_16, i32: SPARE_32, Colours: SPARE_COLOURS);
+pixels!(i16: SPARE_16, i32: SPARE_32, ColourPixel: SPARE_COLOUR_PIXELS);
 
 /// Gives the memory of this thread's unused grids back.
 pub fn release_spare_memory() {
     i16::spare().take();
     i32::spare().take();
-    Colours::spare().take();
+    ColourPixel::spare().take();
 }
 
 /// Pixels that are computed on the stack before they are written; see [`by_blocks`].

@@ -117,20 +117,10 @@ impl HardwareIsp {
         // The values that are demosaiced: the root of light, or, for comparison, light itself.
         let roots = Roots { stable: &stable, domain: set.domain };
         let mosaic = if set.tone_map.is_off() {
-            Grid::from_rows(
-                height,
-                width,
+            rooted(
+                &light,
                 #[inline(always)]
-                |row, out| {
-                    let light = light.row(row);
-                    by_blocks(
-                        [out],
-                        #[inline(always)]
-                        |pixels, [block]| {
-                            block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = roots.root(*v));
-                        },
-                    );
-                },
+                |light| roots.root(light),
             )
         } else {
             let local = ToneMap::local_light(&light);
@@ -223,9 +213,18 @@ fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable
             }
         },
     );
+    rooted(
+        &light,
+        #[inline(always)]
+        |light| stable.root(light),
+    )
+}
+
+/// What is made of every pixel's light by `root`.
+fn rooted(light: &Grid<i32>, root: impl Fn(i32) -> i32 + Sync) -> Grid<i16> {
     Grid::from_rows(
-        frame.height,
-        frame.width,
+        light.height,
+        light.width,
         #[inline(always)]
         |row, out| {
             let light = light.row(row);
@@ -233,7 +232,7 @@ fn expand_and_root(frame: &RawInput, levels: &Levels, gain: i32, stable: &Stable
                 [out],
                 #[inline(always)]
                 |pixels, [block]| {
-                    block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = stable.root(*v));
+                    block.iter_mut().zip(&light[pixels]).for_each(|(out, v)| *out = root(*v));
                 },
             );
         },

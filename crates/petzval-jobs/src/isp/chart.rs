@@ -1,8 +1,7 @@
 //! `isp chart`: the test chart through a lens onto a sensor, developed by an ISP, and measured.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use petzval_base::write_whole;
 use petzval_camera::isp::{DewarpMap, IspParameter, RgbPicture};
 use petzval_camera::spectral::{ChartData, TestChart, colour_checker, seen_under};
 use petzval_design::error::DesignError;
@@ -13,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::named::isp_by_name;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, make_folder, write_file};
 use crate::simulate;
 use crate::simulate::spectral::scene_frame;
 
@@ -131,10 +130,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         picture: path("chart.png"),
         page: path("chart.html"),
     };
-    write(&response.picture, &picture_png_bytes(&picture, BITS).map_err(JobError::failed)?)?;
-    write(&response.page, page(&sheet(&response, &picture)).as_bytes())?;
+    write_file(&response.picture, &picture_png_bytes(&picture, BITS).map_err(JobError::failed)?)?;
+    write_file(&response.page, page(&sheet(&response, &picture)).as_bytes())?;
     let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
-    write(&path("chart.json"), json.as_bytes())?;
+    write_file(&path("chart.json"), json.as_bytes())?;
     Ok(response)
 }
 
@@ -164,8 +163,4 @@ fn sheet<'a>(response: &'a Response, picture: &RgbPicture) -> ChartSheet<'a> {
         width,
         encoded: picture.encoded(),
     }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
-    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
 }

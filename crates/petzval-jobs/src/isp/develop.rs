@@ -4,10 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use petzval_base::write_whole;
 pub use petzval_camera::isp::{Chroma, Range, Standard};
 use petzval_camera::isp::{IspParameter, RawInput, RgbPicture, YcbcrFormat};
-use petzval_design::error::DesignError;
 use petzval_files::isp_file::picture_png_bytes;
 use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
@@ -16,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::frame::{FrameOptions, Merge, read_frame, read_merged};
 use super::named::{NamedIsp, about_frame, isp_by_name};
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, make_folder, write_file};
 
 /// Bits of the picture that luma and colour differences are computed from, so that they are rounded once.
 const BITS_OF_YCBCR: u32 = 16;
@@ -127,12 +125,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         let seconds = start.elapsed().as_secs_f64();
         let (extension, bytes) = encoded(request, &picture)?;
         let path = request.out.join(format!("{name}.{extension}"));
-        write(&path, &bytes)?;
+        write_file(&path, &bytes)?;
         let strip = match request.strip {
             true => {
                 let steps = named.develop_steps(&frame, &values).map_err(about_frame(raw))?;
                 let strip_path = request.out.join(format!("{name}-strip.html"));
-                write(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
+                write_file(&strip_path, page(&strip(raw, &named, &values, &steps)).as_bytes())?;
                 Some(strip_path)
             }
             false => None,
@@ -226,8 +224,4 @@ fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
         names.push(name);
     }
     Ok(names)
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
-    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
 }

@@ -8,9 +8,8 @@ use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused};
-use super::write;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, make_folder, write_file};
 
 pub use petzval_optics::analysis::Analysis;
 
@@ -123,7 +122,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
     for picture in &wanted {
         let path = folder.join(format!("{}.svg", picture.name));
-        write(&path, picture.svg(&analysis))?;
+        write_file(&path, picture.svg(&analysis))?;
         files.push(path);
     }
     let mut page_file = None;
@@ -131,13 +130,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         // A page that is written without pictures beside it shows all of them.
         let shown = if wanted.is_empty() { PICTURES.iter().collect() } else { wanted };
         let path = folder.join("analysis.html");
-        write(&path, page(&analysis, shown))?;
+        write_file(&path, page(&analysis, shown))?;
         files.push(path.clone());
         page_file = Some(path);
     }
     if request.is_wanted(DATA) {
         let path = folder.join("analysis.json");
-        write(&path, data)?;
+        write_file(&path, data)?;
         files.push(path);
     }
     Ok(Response { folder, files, page: page_file, analysis })

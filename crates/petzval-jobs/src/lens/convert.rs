@@ -8,9 +8,8 @@ use petzval_files::{Export, Loss, write_lens, write_seq, write_zmx};
 use petzval_optics::paraxial::first_order;
 use serde::{Deserialize, Serialize};
 
-use super::write;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, write_file};
 use crate::finite::finite;
 
 /// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
@@ -54,7 +53,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         }
     };
     let export = export.map_err(|error| not_writable(&request.to, &error))?;
-    write(&request.to, encoded(&request.to, &export.text))?;
+    write_file(&request.to, encoded(&request.to, &export.text))?;
     let lens = import.file.lens;
     Ok(Response {
         efl_mm: finite(first_order(&lens.at_wavelength(lens.reference_um)).efl_mm),

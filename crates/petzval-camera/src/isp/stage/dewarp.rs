@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use burn::prelude::*;
 
-use super::super::fixed::{Colours, ENCODED, Grid, shift_round};
+use super::super::fixed::{ColourPixel, ENCODED, Grid, shift_round};
 use super::super::mesh::{Axis, spread};
 use super::super::tape_grid::{Theta, constant};
 use crate::isp::Mesh;
@@ -64,7 +64,7 @@ impl Dewarp {
             height,
             width,
             #[inline(always)]
-            |row, out: &mut [Colours]| {
+            |row, out: &mut [ColourPixel]| {
                 let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, out.len()).at(0, 0));
                 for c in 0..out.len() {
                     out[c] = [r[c], g[c], b[c], 0];

@@ -11,8 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
-use crate::lens::write;
+use crate::error::{JobError, json, make_folder, write_file};
 
 /// The lens of the last step.
 const BEST: &str = "best.toml";
@@ -222,7 +221,7 @@ impl History {
     }
 
     fn write(&self, name: &str, text: &str) -> Result<(), JobError> {
-        write(&self.root.join(name), text)
+        write_file(&self.root.join(name), text)
     }
 }
 

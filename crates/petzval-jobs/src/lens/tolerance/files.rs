@@ -10,8 +10,7 @@ use petzval_report::plot::{Bar, BarChart, BarKey, Chart, Series, bars_svg, chart
 
 use super::findings::Findings;
 use super::report::Report;
-use crate::error::{JobError, json};
-use crate::lens::write;
+use crate::error::{JobError, json, write_file};
 
 /// Bars of the picture.
 const BARS: usize = 20;
@@ -28,7 +27,7 @@ pub(super) fn write_all(
     let mut files = Vec::new();
     let mut add = |name: &str, text: String| {
         files.push(out.join(name));
-        write(&out.join(name), text)
+        write_file(&out.join(name), text)
     };
     add("tolerance.json", json(&sorted)?)?;
     add("tolerances.toml", write_tolerances(findings.study.tolerances()))?;
