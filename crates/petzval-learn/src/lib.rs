@@ -5,6 +5,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`network`] | the network that improves the picture |
+//! | [`detection`] | networks that find objects |
 //! | [`loss`] | losses: the distance between a picture and the photograph |
 //! | [`objective`] | what a camera is optimised for: a named loss of what it took |
 //! | [`proxy_isp`] | a network in place of an image signal processor |
@@ -15,6 +16,7 @@
 //! return tensors on the device on which they were made. Files are read only by [`dataset::load_folder`].
 
 pub mod dataset;
+pub mod detection;
 pub mod loss;
 pub mod network;
 pub mod objective;

@@ -82,7 +82,8 @@ impl ImageLoss {
     }
 }
 
-fn read_back(value: &Tensor<1>) -> Result<f32, LossError> {
+/// Reads one value back from the device.
+pub(crate) fn read_back(value: &Tensor<1>) -> Result<f32, LossError> {
     let values = read_values(value.clone())?;
     values.first().copied().ok_or_else(|| LossError::ReadBack("no value".to_string()))
 }

@@ -13,7 +13,7 @@
 mod any;
 mod conv;
 mod conv_kernel;
-mod cpu_op;
+pub(crate) mod cpu_op;
 mod depthwise;
 mod error;
 mod input;
@@ -40,6 +40,7 @@ pub use optics_proxy::{OpticsProxy, OpticsProxyConfig, PROXY_GRID, PredictedPsfs
 pub use pointwise::{gated_pointwise, normalized_pointwise, pointwise};
 pub use restoration::RestorationNetwork;
 pub use unet::{UNet, UNetConfig};
+pub(crate) use weights::Initializer;
 
 use burn::prelude::*;
 

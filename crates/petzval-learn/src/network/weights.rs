@@ -39,10 +39,16 @@ impl Initializer {
 
     /// All zeros.
     pub fn zeros<const D: usize>(&mut self, shape: [usize; D]) -> Param<Tensor<D>> {
-        self.parameter(vec![0.0; shape.iter().product()], shape)
+        self.constant(shape, 0.0)
     }
 
-    fn parameter<const D: usize>(&mut self, values: Vec<f32>, shape: [usize; D]) -> Param<Tensor<D>> {
+    /// All the same.
+    pub fn constant<const D: usize>(&mut self, shape: [usize; D], value: f32) -> Param<Tensor<D>> {
+        self.parameter(vec![value; shape.iter().product()], shape)
+    }
+
+    /// These values, row-major.
+    pub fn parameter<const D: usize>(&mut self, values: Vec<f32>, shape: [usize; D]) -> Param<Tensor<D>> {
         // Derive the parameter's number from the seed by one round of splitmix64. Optimisers store their state under this
         // number; a random number would make two equal runs write different checkpoints.
         self.count += 1;

@@ -1,0 +1,98 @@
+//! Every kind of detector that an experiment may name, as one module.
+
+use burn::module::Module;
+use burn::prelude::*;
+use safetensors::SafeTensors;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::parameters::Parameters;
+use super::{BackboneKind, Detection, Detector, FasterRcnn, FasterRcnnConfig, Fcos, FcosConfig, Truth};
+use crate::loss::LossError;
+use crate::network::NetworkError;
+use crate::objective::NamedLoss;
+
+/// A kind of detector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DetectorKind {
+    /// Two stages: proposals, then boxes.
+    #[default]
+    FasterRcnn,
+    /// One stage without anchors.
+    Fcos,
+}
+
+/// A detector of one of the kinds.
+#[derive(Module, Debug)]
+pub enum AnyDetector {
+    /// See [`FasterRcnn`].
+    FasterRcnn(FasterRcnn),
+    /// See [`Fcos`].
+    Fcos(Fcos),
+}
+
+impl DetectorKind {
+    /// A detector for a number of classes, with weights drawn from `seed` alone. A small backbone comes with small layers behind it, the
+    /// others with those of torchvision.
+    pub fn init(
+        self,
+        backbone: BackboneKind,
+        classes: usize,
+        seed: u64,
+        device: &Device,
+    ) -> Result<AnyDetector, NetworkError> {
+        Ok(match self {
+            Self::FasterRcnn => {
+                AnyDetector::FasterRcnn(FasterRcnn::new(two_stages(backbone, classes), seed, device)?)
+            }
+            Self::Fcos => {
+                let config = match backbone {
+                    BackboneKind::Small => FcosConfig::small(classes),
+                    _ => FcosConfig { backbone, channels: 256, depth: 4, ..FcosConfig::small(classes) },
+                };
+                AnyDetector::Fcos(Fcos::new(config, seed, device)?)
+            }
+        })
+    }
+}
+
+fn two_stages(backbone: BackboneKind, classes: usize) -> FasterRcnnConfig {
+    match backbone {
+        BackboneKind::Small => FasterRcnnConfig::small(classes),
+        _ => FasterRcnnConfig::torchvision(backbone, classes),
+    }
+}
+
+impl AnyDetector {
+    /// A Faster R-CNN with the weights of a safetensors file that holds them under the names of torchvision. Fails on a weight that is
+    /// missing, of another shape or not finite, and names it.
+    pub fn from_torchvision(
+        backbone: BackboneKind,
+        classes: usize,
+        bytes: &[u8],
+        device: &Device,
+    ) -> Result<Self, NetworkError> {
+        let file = SafeTensors::deserialize(bytes)
+            .map_err(|error| NetworkError::BadWeights(format!("not a safetensors file: {error}")))?;
+        let from = Parameters::read(&file, 1, device);
+        Ok(Self::FasterRcnn(FasterRcnn::with(two_stages(backbone, classes), &from)?))
+    }
+
+    fn of_kind(&self) -> &dyn Detector {
+        match self {
+            Self::FasterRcnn(detector) => detector,
+            Self::Fcos(detector) => detector,
+        }
+    }
+}
+
+impl Detector for AnyDetector {
+    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError> {
+        self.of_kind().loss(pictures, truths, seed)
+    }
+
+    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+        self.of_kind().detect(pictures)
+    }
+}

@@ -1,0 +1,104 @@
+//! Detectors: where in a picture which objects are.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `boxes`, `box_coder`, `anchors`, `levels` | boxes, and boxes relative to others |
+//! | `matcher`, `sampler` | which box a loss is computed of, and against which object |
+//! | `nms` | of boxes around the same object, the best |
+//! | `roi_align` | features of a box, with their gradient |
+//! | `backbone`, `pyramid` | pictures to features |
+//! | `proposals`, `box_head`, `faster_rcnn` | the two stages of Faster R-CNN |
+//! | `fcos` | a detector of one stage, without anchors |
+//!
+//! Names and defaults are torchvision's (0.29), whose trained weights can be read.
+
+mod anchors;
+mod any;
+mod backbone;
+mod box_coder;
+mod box_head;
+mod boxes;
+mod faster_rcnn;
+mod fcos;
+mod layers;
+mod levels;
+mod loss;
+mod matcher;
+mod nms;
+mod parameters;
+mod proposals;
+mod pyramid;
+mod roi_align;
+mod sampler;
+
+#[cfg(test)]
+mod reference;
+
+pub use any::{AnyDetector, DetectorKind};
+pub use backbone::BackboneKind;
+pub use boxes::BBox;
+pub use faster_rcnn::{FasterRcnn, FasterRcnnConfig};
+pub use fcos::{Fcos, FcosConfig};
+pub use matcher::Match;
+
+use burn::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::loss::LossError;
+use crate::objective::NamedLoss;
+
+/// An object that is to be found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Object {
+    /// Its box, pixels of the picture.
+    pub bbox: BBox,
+    /// Its class, from 0.
+    pub class: usize,
+}
+
+/// What is known of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Truth {
+    /// The objects that are to be found.
+    pub objects: Vec<Object>,
+    /// Regions in which it does not matter what is found: objects that are too small, too hidden, or of a kind that is not asked for.
+    pub ignored: Vec<BBox>,
+}
+
+/// An object that was found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Detection {
+    /// Its box, pixels of the picture.
+    pub bbox: BBox,
+    /// Its class, from 0.
+    pub class: usize,
+    /// How sure the detector is, 0..1.
+    pub score: f32,
+}
+
+/// A network that finds objects.
+pub trait Detector {
+    /// The loss of pictures `[batch, 3, height, width]`, sRGB-encoded, 0..1, one truth each. Its graph leads to the weights and to the
+    /// pictures. `seed` decides of which boxes it is computed.
+    fn loss(&self, pictures: Tensor<4>, truths: &[Truth], seed: u64) -> Result<NamedLoss, LossError>;
+
+    /// What is found in each picture, best first.
+    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError>;
+}
+
+/// Mean and standard deviation of the pictures on which backbones of torchvision were trained (R, G, B).
+const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+
+/// Pictures with the mean and the spread that backbones expect.
+fn normalized(pictures: Tensor<4>) -> Tensor<4> {
+    let device = pictures.device();
+    let by_channel = |v: [f32; 3]| parameters::tensor(v.to_vec(), [1, 3, 1, 1], &device);
+    (pictures - by_channel(MEAN)) * by_channel(DEVIATION.map(|d| 1.0 / d))
+}
+
+/// Values of a tensor.
+fn host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, LossError> {
+    let values = tensor.detach().into_data().try_to_vec::<f32>();
+    values.map_err(|error| LossError::ReadBack(format!("{error:?}")))
+}
