@@ -12,7 +12,7 @@ use super::circles;
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
 const ORDER: [&[&str]; 8] = [
     &["petzval-base"],
-    &["petzval-optics", "petzval-camera"],
+    &["petzval-optics", "petzval-camera", "petzval-street"],
     &["petzval-files"],
     &["petzval-lab", "petzval-learn"],
     &["petzval-report"],

@@ -1,0 +1,80 @@
+//! Writes PNG pictures of streets, with and without boxes, to a folder:
+//! `cargo run --release -p petzval-street --example gallery -- FOLDER [STREETS] [FOCAL_MM] [FIRST_SEQUENCE]`.
+
+use std::path::Path;
+use std::time::Instant;
+
+use petzval_street::{Light, ObjectKind, Projection, Seen, Street, StreetSettings, Window};
+
+const ROWS: usize = 1200;
+const COLUMNS: usize = 1920;
+const PIXEL_UM: f64 = 5.86;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let folder = arguments.first().ok_or("the first argument is the folder of the pictures")?;
+    let number = |place: usize, default: f64| arguments.get(place).map_or(Ok(default), |text| text.parse());
+    let (streets, focal_mm, first) = (number(1, 2.0)? as u64, number(2, 25.0)?, number(3, 0.0)? as u64);
+    std::fs::create_dir_all(folder)?;
+    let projection = Projection::rectilinear(focal_mm * 1000.0 / PIXEL_UM, 1400.0, ROWS, COLUMNS)?;
+    let window = Window { row: 0, col: 0, height: ROWS, width: COLUMNS };
+    for (name, light) in [("day", Light::Day), ("dusk", Light::Dusk), ("night", Light::Night)] {
+        for sequence in first..first + streets {
+            let settings = StreetSettings { moment: 3, ..StreetSettings::new(sequence, light) };
+            let street = Street::new(&settings);
+            let start = Instant::now();
+            let seen = street.see(&projection, &street.pose(), window, 2)?;
+            let seconds = start.elapsed().as_secs_f64();
+            let labelled = seen.objects.iter().filter(|object| worth_a_box(object)).count();
+            println!("{name} {sequence}: {seconds:.2} s, {labelled} objects");
+            let path = |kind: &str| Path::new(folder).join(format!("{name}-{sequence}-{focal_mm}mm{kind}.png"));
+            let mut picture = developed(&seen);
+            picture.save(path(""))?;
+            draw_boxes(&mut picture, &seen);
+            picture.save(path("-boxes"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a detector should find an object: of the three tasks, visible, larger than 12 pixels.
+fn worth_a_box(object: &petzval_street::SeenObject) -> bool {
+    let kind = matches!(object.kind, ObjectKind::Pedestrian | ObjectKind::Vehicle | ObjectKind::TrafficLight);
+    kind && object.visible_share > 0.25
+        && object.visible.is_some_and(|[x1, y1, x2, y2]| (x2 - x1).max(y2 - y1) > 12.0)
+}
+
+/// Exposes for the mean of the logarithm, compresses highlights, and encodes as sRGB.
+fn developed(seen: &Seen) -> image::RgbImage {
+    let area = seen.height * seen.width;
+    let logs: f64 = seen.planes[area..2 * area].iter().map(|l| f64::from(l.max(1e-4)).ln()).sum();
+    let gain = 0.18 / (logs / area as f64).exp() as f32;
+    image::RgbImage::from_fn(seen.width as u32, seen.height as u32, |x, y| {
+        let place = y as usize * seen.width + x as usize;
+        image::Rgb([0, 1, 2].map(|channel| {
+            let light = gain * seen.planes[channel * area + place];
+            let shown = light * (1.0 + light / 16.0) / (1.0 + light);
+            let encoded = if shown < 0.0031308 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
+            (255.0 * encoded.clamp(0.0, 1.0)).round() as u8
+        }))
+    })
+}
+
+fn draw_boxes(picture: &mut image::RgbImage, seen: &Seen) {
+    for object in seen.objects.iter().filter(|object| object.visible_share > 0.25) {
+        let colour = image::Rgb(match object.kind {
+            ObjectKind::Pedestrian => [255, 220, 0],
+            ObjectKind::Vehicle => [0, 200, 255],
+            ObjectKind::TrafficLight => [0, 255, 80],
+            ObjectKind::PedestrianLight | ObjectKind::TurnedLight => [255, 0, 255],
+        });
+        let [x1, y1, x2, y2] = object.whole.map(|edge| edge.round() as i64);
+        let mut dot = |x: i64, y: i64| {
+            if x >= 0 && y >= 0 && x < i64::from(picture.width()) && y < i64::from(picture.height()) {
+                picture.put_pixel(x as u32, y as u32, colour);
+            }
+        };
+        (x1..=x2).for_each(|x| [y1, y2].into_iter().for_each(|y| dot(x, y)));
+        (y1..=y2).for_each(|y| [x1, x2].into_iter().for_each(|x| dot(x, y)));
+    }
+}

@@ -1,0 +1,176 @@
+//! What a camera sees: a picture in linear light and the objects in it.
+
+use std::collections::BTreeMap;
+
+use crate::error::StreetError;
+use crate::light::LampState;
+use crate::object::{Object, ObjectKind};
+use crate::pose::Pose;
+use crate::projection::Projection;
+use crate::street::Street;
+use crate::vector::Frame;
+
+/// A picture of a window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Luminance in cd/m^2 of each colour channel, shape `[3, height, width]`, red first. A gray surface has equal channels in
+    /// white light. Finite and not negative.
+    pub planes: Vec<f32>,
+    /// The objects whose outline reaches into the window, hidden or not, in the order of their `id`.
+    pub objects: Vec<SeenObject>,
+}
+
+/// An object in a picture. Boxes are `[x1, y1, x2, y2]` in sensor pixels: pixel (row, col) covers `col..col + 1`, `row..row + 1`.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct SeenObject {
+    /// What it is.
+    pub kind: ObjectKind,
+    /// Its number, the same at every moment of a sequence.
+    pub id: u64,
+    /// The box of all of it, as if nothing hid it and the window had no end.
+    pub whole: [f64; 4],
+    /// The box of its visible samples in the window; `None` if none is visible.
+    pub visible: Option<[f64; 4]>,
+    /// Share 0..1 of its samples in the window that nothing hides.
+    pub visible_share: f64,
+    /// Share 0..1 of the area of `whole` that lies in the window.
+    pub inside_share: f64,
+    /// Distance of its middle from the camera, m.
+    pub distance_m: f64,
+    /// What a light shows; `None` for other objects.
+    pub lamp: Option<LampState>,
+}
+
+/// An object near enough to be seen, before anything is drawn: it may be hidden.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct NearObject {
+    /// What it is.
+    pub kind: ObjectKind,
+    /// Its number, the same at every moment of a sequence.
+    pub id: u64,
+    /// The box of all of it in sensor pixels, not clipped to the sensor.
+    pub whole: [f64; 4],
+    /// Distance of its middle from the camera, m.
+    pub distance_m: f64,
+    /// What a light shows; `None` for other objects.
+    pub lamp: Option<LampState>,
+}
+
+/// Objects with more of their outline than this beside or behind the camera have no box.
+const LEAST_COSINE: f64 = 0.1;
+
+impl Object {
+    /// The box of its outline in sensor pixels; `None` if part of it is beside or behind the camera.
+    pub(crate) fn whole_box(&self, projection: &Projection, camera: &Frame) -> Option<[f64; 4]> {
+        let inverse = camera.inverse();
+        let mut whole = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        for part in &self.parts {
+            for p in part.outline(camera.origin) {
+                let ([x, y], cosine) = projection.pixel(inverse.point(p));
+                if cosine < LEAST_COSINE {
+                    return None;
+                }
+                whole = [whole[0].min(x), whole[1].min(y), whole[2].max(x), whole[3].max(y)];
+            }
+        }
+        Some(whole)
+    }
+}
+
+/// The common area of two boxes.
+pub(crate) fn overlap(a: [f64; 4], b: [f64; 4]) -> f64 {
+    (a[2].min(b[2]) - a[0].max(b[0])).max(0.0) * (a[3].min(b[3]) - a[1].max(b[1])).max(0.0)
+}
+
+impl Street {
+    /// The labelled objects whose boxes reach into the sensor, hidden or not, without drawing anything. A caller chooses windows
+    /// by it. The order is that of their `id`.
+    pub fn objects_near(&self, projection: &Projection, pose: &Pose) -> Result<Vec<NearObject>, StreetError> {
+        pose.check()?;
+        let camera = pose.frame();
+        let sensor = [0.0, 0.0, projection.columns() as f64, projection.rows() as f64];
+        let widest = projection.widest_rad();
+        let near = |object: &Object| {
+            let kind = object.kind?;
+            let to = camera.inverse().point(object.centre);
+            let distance_m = to.length();
+            // Most objects are beside the field: compare angles before projecting outlines.
+            let angle = to.x.hypot(to.y).atan2(to.z) - (object.radius / distance_m).min(1.0).asin();
+            if angle > widest {
+                return None;
+            }
+            let whole = object.whole_box(projection, &camera)?;
+            let seen = NearObject { kind, id: object.id, whole, distance_m, lamp: object.lamp };
+            (overlap(whole, sensor) > 0.0).then_some(seen)
+        };
+        let mut all: Vec<NearObject> = self.objects.iter().filter_map(near).collect();
+        all.sort_by_key(|object| object.id);
+        Ok(all)
+    }
+}
+
+/// Counts of an object's samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tally {
+    /// Samples that meet the object, hidden or not.
+    pub all: u32,
+    pub visible: u32,
+    pub extent: [f64; 4],
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self { all: 0, visible: 0, extent: [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY] }
+    }
+}
+
+impl Tally {
+    /// Counts a visible sample whose cell of the pixel is `cell`.
+    pub fn show(&mut self, cell: [f64; 4]) {
+        self.visible += 1;
+        self.all += 1;
+        let e = &mut self.extent;
+        *e = [e[0].min(cell[0]), e[1].min(cell[1]), e[2].max(cell[2]), e[3].max(cell[3])];
+    }
+
+    /// Adds the counts of another tile.
+    pub fn join(&mut self, other: &Self) {
+        self.all += other.all;
+        self.visible += other.visible;
+        let (a, b) = (self.extent, other.extent);
+        self.extent = [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
+    }
+}
+
+/// The objects in a window from the counts of their samples.
+pub(crate) fn seen_objects(
+    street: &Street,
+    projection: &Projection,
+    camera: &Frame,
+    window: [f64; 4],
+    tallies: &BTreeMap<u32, Tally>,
+) -> Vec<SeenObject> {
+    let seen = |(&i, tally): (&u32, &Tally)| {
+        let object = &street.objects[i as usize];
+        let whole = object.whole_box(projection, camera)?;
+        let area = (whole[2] - whole[0]) * (whole[3] - whole[1]);
+        let share = f64::from(tally.visible) / f64::from(tally.all.max(1));
+        Some(SeenObject {
+            kind: object.kind?,
+            id: object.id,
+            whole,
+            visible: (tally.visible > 0).then_some(tally.extent),
+            visible_share: share,
+            inside_share: (overlap(whole, window) / area.max(1e-12)).min(1.0),
+            distance_m: (object.centre - camera.origin).length(),
+            lamp: object.lamp,
+        })
+    };
+    let mut all: Vec<SeenObject> = tallies.iter().filter_map(seen).collect();
+    all.sort_by_key(|object| object.id);
+    all
+}
