@@ -48,7 +48,9 @@ fn worth_a_box(object: &petzval_street::SeenObject) -> bool {
 fn developed(seen: &Seen) -> image::RgbImage {
     let area = seen.height * seen.width;
     let logs: f64 = seen.planes[area..2 * area].iter().map(|l| f64::from(l.max(1e-4)).ln()).sum();
-    let gain = 0.18 / (logs / area as f64).exp() as f32;
+    // A dark picture is shown darker than a bright one.
+    let mean = (logs / area as f64).exp() as f32;
+    let gain = 0.18 / mean * (mean / 1000.0).powf(0.08);
     image::RgbImage::from_fn(seen.width as u32, seen.height as u32, |x, y| {
         let place = y as usize * seen.width + x as usize;
         image::Rgb([0, 1, 2].map(|channel| {

@@ -182,6 +182,13 @@ impl Object {
 }
 
 impl Part {
+    /// Whether a ray passes through a gap where it crosses a ball: at `world`, which is `q` in the ball's own coordinates, along
+    /// `d` in them.
+    #[inline]
+    pub fn gap(&self, world: Vec3, q: Vec3, d: Vec3) -> bool {
+        self.material.gap(world, q.dot(d).abs() / d.length())
+    }
+
     /// Points in the world whose convex hull is the part as seen from `eye`, or lies within a thousandth of it.
     pub fn outline(&self, eye: Vec3) -> Vec<Vec3> {
         const STEPS: usize = 64;

@@ -81,7 +81,6 @@ struct Layout {
     pavement_m: f64,
     /// Which crossings have traffic lights.
     signals: Vec<bool>,
-    speed_m_s: f64,
     own_lane: usize,
     time_s: f64,
     camera_z: f64,
@@ -172,7 +171,6 @@ fn lay_out(rng: &mut ChaCha8Rng, settings: &StreetSettings) -> (Road, Layout) {
         parking,
         pavement_m: rng.random_range(2.2..5.0),
         signals,
-        speed_m_s,
         own_lane: rng.random_range(0..lanes),
         time_s,
         camera_z: (speed_m_s * time_s).min(FARTHEST_CAMERA),
@@ -246,7 +244,7 @@ impl Filler<'_> {
         let beam = object.frame.direction(vec3(0.0, -0.05, 1.0)).unit();
         let position = object.frame.point(vec3(0.0, 0.65, half + 0.1));
         if self.add(object, 0.5) && driving && light == Light::Night {
-            self.plan.lights.push(PointLight { position, beam, intensity_cd: [6000.0; 3], power: 40 });
+            self.plan.lights.push(PointLight { position, beam, intensity_cd: [6000.0; 3], power: 40, dipped: true });
         }
     }
 
@@ -433,7 +431,7 @@ impl Filler<'_> {
     fn walkers(&mut self) {
         let layout = self.layout;
         let rng = &mut self.stream(Purpose::Layout, 90);
-        let mean = 42.0 * layout.busy * if self.settings.light == Light::Night { 0.7 } else { 1.0 };
+        let mean = 60.0 * layout.busy * if self.settings.light == Light::Night { 0.7 } else { 1.0 };
         let count = Poisson::new(mean).expect("the mean is positive").sample(rng) as u64;
         for index in 0..count {
             let rng = &mut self.stream(Purpose::Walker, index);
@@ -498,7 +496,7 @@ impl Filler<'_> {
                 z += spacing;
                 index += 1;
             }
-            let trees = rng.random_bool(0.55);
+            let trees = rng.random_bool(0.5);
             let gap: f64 = rng.random_range(7.0..18.0);
             let mut z = START + rng.random_range(0.0..gap);
             for index in 0..60 {
@@ -539,7 +537,7 @@ impl Filler<'_> {
             let [x, _, z] = self.plan.pose.position_m;
             let position = vec3(x, 0.65, z) + frame.z * 1.5;
             let beam = (vec3(frame.z.x, 0.0, frame.z.z).unit() + vec3(0.0, -0.04, 0.0)).unit();
-            self.plan.lights.push(PointLight { position, beam, intensity_cd: scaled([1.0, 1.0, 0.95], 9000.0), power: 24 });
+            self.plan.lights.push(PointLight { position, beam, intensity_cd: scaled([1.0, 1.0, 0.95], 7000.0), power: 32, dipped: true });
         }
     }
 

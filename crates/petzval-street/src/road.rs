@@ -150,10 +150,13 @@ impl Road {
         let track = (f64::from(value2(0.05 * z, 1.0, self.seed)) + 0.62 * across).rem_euclid(1.0) - 0.5;
         tone *= 1.0 - 0.14 * (1.0 - (4.0 * track.abs()).min(1.0)) as f32;
         // Cracks, sealed with tar.
-        if footprint_m < 0.05 {
-            let (_, edge) = cells2(0.3 * p.x + 0.3 * f64::from(value2(1.3 * p.x, 1.3 * z, 5)), 0.14 * z, self.seed ^ 11);
-            if edge < 0.012 && value2(0.12 * p.x, 0.1 * z, self.seed ^ 12) > 0.55 {
-                tone *= 0.45;
+        let cracked = smooth(0.5, 0.7, value2(0.12 * p.x, 0.07 * z, self.seed ^ 12));
+        if footprint_m < 0.05 && cracked > 0.0 {
+            let wander = 0.35 * f64::from(fractal2(1.1 * p.x, 1.1 * z, 3, self.seed ^ 10));
+            let (_, edge) = cells2(0.42 * p.x + wander, 0.3 * z + wander, self.seed ^ 11);
+            let width = 0.02 * value2(3.0 * p.x, 3.0 * z, self.seed ^ 17);
+            if edge < width * cracked {
+                tone *= 0.6;
             }
         }
         let mut albedo = scaled(self.asphalt, tone);

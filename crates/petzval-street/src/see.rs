@@ -276,7 +276,7 @@ fn part_entry(part: &Part, eye: Vec3, ray: Vec3) -> Option<(f64, u32)> {
     }
     let (o, d) = (part.inverse.point(eye), part.inverse.direction(ray));
     if part.material.has_gaps() {
-        let solid = |t: &f64| !part.material.gap(eye + ray * *t);
+        let solid = |t: &f64| !part.gap(eye + ray * *t, o + d * *t, d);
         return part.shape.crossings(o, d).into_iter().flatten().find(solid).map(|t| (t, 0));
     }
     part.shape.enter(o, d)

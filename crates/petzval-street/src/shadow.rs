@@ -115,7 +115,7 @@ impl SunGrid {
             }
             let (o, d) = (part.inverse.point(p), part.inverse.direction(self.sun));
             if part.material.has_gaps() {
-                return part.shape.crossings(o, d).into_iter().flatten().any(|t| !part.material.gap(p + self.sun * t));
+                return part.shape.crossings(o, d).into_iter().flatten().any(|t| !part.gap(p + self.sun * t, o + d * t, d));
             }
             part.shape.enter(o, d).is_some()
         })

@@ -196,6 +196,7 @@ impl LampStyle {
             beam: vec3(0.0, -1.0, 0.0),
             intensity_cd: scaled(self.tint, intensity),
             power: 1,
+            dipped: false,
         });
         (object, light)
     }

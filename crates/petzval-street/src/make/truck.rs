@@ -48,6 +48,7 @@ pub(crate) fn truck(
         skirt_m: 0.55,
         seams_m: [half - 1.3, half - 0.2, half - 2.5],
         dirt_m: 1.4,
+        lamps: None,
         seed: rng.random(),
     };
     let mut b = Builder::at(place, yaw);
