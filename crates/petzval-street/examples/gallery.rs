@@ -27,7 +27,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let seconds = start.elapsed().as_secs_f64();
             let labelled = seen.objects.iter().filter(|object| worth_a_box(object)).count();
             println!("{name} {sequence}: {seconds:.2} s, {labelled} objects");
-            let path = |kind: &str| Path::new(folder).join(format!("{name}-{sequence}-{focal_mm}mm{kind}.png"));
+            let path =
+                |kind: &str| Path::new(folder).join(format!("{name}-{sequence}-{focal_mm}mm{kind}.png"));
             let mut picture = developed(&seen);
             picture.save(path(""))?;
             draw_boxes(&mut picture, &seen);
@@ -56,7 +57,8 @@ fn developed(seen: &Seen) -> image::RgbImage {
         image::Rgb([0, 1, 2].map(|channel| {
             let light = gain * seen.planes[channel * area + place];
             let shown = light * (1.0 + light / 16.0) / (1.0 + light);
-            let encoded = if shown < 0.0031308 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
+            let encoded =
+                if shown < 0.0031308 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
             (255.0 * encoded.clamp(0.0, 1.0)).round() as u8
         }))
     })

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::colour::{Rgb, from_hue};
+use crate::colour::{Rgb, from_hue, scaled};
 use crate::families::Drawer;
 use crate::material::Material;
 use crate::object::{Builder, Object};
@@ -34,7 +34,8 @@ fn leaf_colour(rng: &mut ChaCha8Rng) -> Rgb {
 pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u64) -> Object {
     let growth = drawer.draw(rng, "tree", &GROWTHS);
     let mut b = Builder::at(place, rng.random_range(0.0..6.0));
-    let bark = Material::Bark { albedo: [0.13, 0.11, 0.09].map(|c: f32| c * rng.random_range(0.6..1.4)), seed: rng.random() };
+    let bark =
+        Material::Bark { albedo: scaled([0.13, 0.11, 0.09], rng.random_range(0.6..1.4)), seed: rng.random() };
     let height: f64 = rng.random_range(5.5..12.0);
     // Street trees are pruned so that people and trucks pass below.
     let trunk: f64 = match growth {
@@ -48,7 +49,7 @@ pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u
     let leaves = Material::Leaves {
         albedo: leaf_colour(rng),
         density: rng.random_range(0.5..0.7),
-        size_m: rng.random_range(0.09..0.2),
+        size_m: rng.random_range(0.06..0.14),
         seed: rng.random(),
     };
     let crown = 0.5 * (height - trunk);
@@ -62,20 +63,35 @@ pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u
         let (out, up, size) = match growth {
             Growth::Round => {
                 let level = r(-0.85, 0.85);
-                (0.75 * crown * (1.0 - level * level).sqrt() * r(0.5, 1.0), middle + crown * level, crown * r(0.3, 0.48))
+                (
+                    0.75 * crown * (1.0 - level * level).sqrt() * r(0.5, 1.0),
+                    middle + crown * level,
+                    crown * r(0.3, 0.48),
+                )
             }
-            Growth::Spreading => (1.15 * crown * r(0.1, 1.0), middle + crown * r(-0.4, 0.6), crown * r(0.3, 0.5)),
+            Growth::Spreading => {
+                (1.15 * crown * r(0.1, 1.0), middle + crown * r(-0.4, 0.6), crown * r(0.3, 0.5))
+            }
             Growth::Column => (0.2 * crown * r(0.2, 1.0), trunk + 2.0 * crown * share, crown * r(0.22, 0.32)),
             Growth::Conifer => {
                 let narrow = 1.08 - share;
-                (0.3 * crown * narrow * r(0.3, 1.0), trunk + 1.9 * crown * share, 0.42 * crown * narrow * r(0.8, 1.2))
+                (
+                    0.3 * crown * narrow * r(0.3, 1.0),
+                    trunk + 1.9 * crown * share,
+                    0.42 * crown * narrow * r(0.8, 1.2),
+                )
             }
         };
         let (sin, cos) = turn.sin_cos();
         let at = [out * cos, up, out * sin];
         b.ball(at, [size * r(0.85, 1.15), size * r(0.6, 0.95), size * r(0.85, 1.15)], leaves.clone());
         if matches!(growth, Growth::Round | Growth::Spreading) && i % 3 == 0 {
-            b.cone(vec3(0.0, 0.9 * trunk, 0.0), vec3(at[0], at[1], at[2]), [0.4 * thick, 0.15 * thick], bark.clone());
+            b.cone(
+                vec3(0.0, 0.9 * trunk, 0.0),
+                vec3(at[0], at[1], at[2]),
+                [0.4 * thick, 0.15 * thick],
+                bark.clone(),
+            );
         }
     }
     b.finish(id, None).on_ground([thick, thick], 0.6, 0.5)
@@ -84,8 +100,12 @@ pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u
 /// A hedge or bush.
 pub(crate) fn bush(rng: &mut ChaCha8Rng, place: Vec3, id: u64) -> Object {
     let mut b = Builder::at(place, rng.random_range(0.0..3.0));
-    let leaves =
-        Material::Leaves { albedo: leaf_colour(rng), density: 0.75, size_m: rng.random_range(0.06..0.14), seed: rng.random() };
+    let leaves = Material::Leaves {
+        albedo: leaf_colour(rng),
+        density: 0.75,
+        size_m: rng.random_range(0.06..0.14),
+        seed: rng.random(),
+    };
     for i in 0..3 {
         let size = rng.random_range(0.4..0.8);
         let at = [0.7 * f64::from(i) - 0.7, 0.7 * size, rng.random_range(-0.2..0.2)];
