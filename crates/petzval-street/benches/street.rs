@@ -11,7 +11,8 @@ fn street(criterion: &mut Criterion) {
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     let mut group = criterion.benchmark_group("street");
     for light in [Light::Day, Light::Dusk, Light::Night] {
-        let streets: Vec<Street> = (0..8).map(|sequence| Street::new(&StreetSettings::new(sequence, light))).collect();
+        let streets: Vec<Street> =
+            (0..8).map(|sequence| Street::new(&StreetSettings::new(sequence, light))).collect();
         group.bench_function(format!("window 224 x 224, 3 x 3 samples, one thread, {light:?}"), |bench| {
             let mut turn = 0;
             bench.iter(|| {
@@ -34,7 +35,9 @@ fn street(criterion: &mut Criterion) {
             Street::new(&StreetSettings::new(sequence, Light::Day))
         });
     });
-    group.bench_function("objects near", |bench| bench.iter(|| street.objects_near(&projection, &street.pose())));
+    group.bench_function("objects near", |bench| {
+        bench.iter(|| street.objects_near(&projection, &street.pose()))
+    });
     group.finish();
 }
 

@@ -27,7 +27,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let seconds = start.elapsed().as_secs_f64();
             let labelled = seen.objects.iter().filter(|object| worth_a_box(object)).count();
             println!("{name} {sequence}: {seconds:.2} s, {labelled} objects");
-            let path = |kind: &str| Path::new(folder).join(format!("{name}-{sequence}-{focal_mm}mm{kind}.png"));
+            let path =
+                |kind: &str| Path::new(folder).join(format!("{name}-{sequence}-{focal_mm}mm{kind}.png"));
             let mut picture = developed(&seen);
             picture.save(path(""))?;
             draw_boxes(&mut picture, &seen);
@@ -48,13 +49,16 @@ fn worth_a_box(object: &petzval_street::SeenObject) -> bool {
 fn developed(seen: &Seen) -> image::RgbImage {
     let area = seen.height * seen.width;
     let logs: f64 = seen.planes[area..2 * area].iter().map(|l| f64::from(l.max(1e-4)).ln()).sum();
-    let gain = 0.18 / (logs / area as f64).exp() as f32;
+    // A dark picture is shown darker than a bright one.
+    let mean = (logs / area as f64).exp() as f32;
+    let gain = 0.18 / mean * (mean / 1000.0).powf(0.08);
     image::RgbImage::from_fn(seen.width as u32, seen.height as u32, |x, y| {
         let place = y as usize * seen.width + x as usize;
         image::Rgb([0, 1, 2].map(|channel| {
             let light = gain * seen.planes[channel * area + place];
             let shown = light * (1.0 + light / 16.0) / (1.0 + light);
-            let encoded = if shown < 0.0031308 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
+            let encoded =
+                if shown < 0.0031308 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };
             (255.0 * encoded.clamp(0.0, 1.0)).round() as u8
         }))
     })

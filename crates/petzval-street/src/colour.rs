@@ -44,9 +44,9 @@ pub(crate) fn from_hue(hue: f32, saturation: f32, value: f32) -> Rgb {
 pub(crate) fn surface_colour(rng: &mut ChaCha8Rng) -> Rgb {
     let value = 0.03 + 0.72 * rng.random::<f32>().powf(1.7);
     let saturation = match rng.random_range(0..10) {
-        0..=4 => 0.25 * rng.random::<f32>(),
-        5..=7 => rng.random_range(0.25..0.6),
-        _ => rng.random_range(0.6..0.95),
+        0..=5 => 0.2 * rng.random::<f32>(),
+        6..=8 => rng.random_range(0.2..0.5),
+        _ => rng.random_range(0.5..0.9),
     };
     from_hue(rng.random(), saturation, value)
 }

@@ -19,7 +19,8 @@ impl ContactGrid {
         for (i, object) in objects.iter().enumerate() {
             let Some(footprint) = object.footprint else { continue };
             let [half_x, half_z] = footprint.half_m;
-            let along = half_x * object.frame.x.z.abs() + half_z * object.frame.z.z.abs() + 4.0 * footprint.reach_m;
+            let along =
+                half_x * object.frame.x.z.abs() + half_z * object.frame.z.z.abs() + 4.0 * footprint.reach_m;
             let z = object.frame.origin.z - FIRST_M;
             let last = CELLS as f64 - 1.0;
             let cell = |z: f64| (z / CELL_M).clamp(0.0, last) as usize;
@@ -38,7 +39,8 @@ impl ContactGrid {
         for &i in list {
             let object = &objects[i as usize];
             let Some(footprint) = object.footprint else { continue };
-            let beyond = (p - object.frame.origin).length() - footprint.half_m[0].max(footprint.half_m[1]) * 1.5;
+            let beyond =
+                (p - object.frame.origin).length() - footprint.half_m[0].max(footprint.half_m[1]) * 1.5;
             if beyond < 4.0 * footprint.reach_m {
                 open *= 1.0 - footprint.darkness * (-object.ground_distance(p) / footprint.reach_m).exp();
             }

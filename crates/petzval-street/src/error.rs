@@ -15,7 +15,9 @@ pub enum StreetError {
         width: usize,
     },
     /// A window so far from the sensor that its pixels have no place.
-    #[error("the window starts at row {row}, column {column} (hint: both must lie within 1,000,000 of the sensor)")]
+    #[error(
+        "the window starts at row {row}, column {column} (hint: both must lie within 1,000,000 of the sensor)"
+    )]
     FarWindow {
         /// First row of the window.
         row: i64,

@@ -147,12 +147,18 @@ impl Facade {
         if dy < 0.0 || dx < 0.0 || arched {
             // The surround: a sill below, a lintel above.
             let tone = if up < sill { 1.15 } else { 0.8 };
-            return Surface { albedo: scaled(blend(self.colours[0], self.frame, 0.4), tone), gloss: 0.0, emission: [0.0; 3] };
+            return Surface {
+                albedo: scaled(blend(self.colours[0], self.frame, 0.4), tone),
+                gloss: 0.0,
+                emission: [0.0; 3],
+            };
         }
         let bar = match self.windows {
             Windows::Paired | Windows::Upright => from_middle.abs() < 0.6 * frame,
             Windows::Wide => (from_middle.abs() - half / 3.0).abs() < 0.5 * frame,
-            Windows::Arched => from_middle.abs() < 0.5 * frame || (up - sill - 0.65 * height).abs() < 0.5 * frame,
+            Windows::Arched => {
+                from_middle.abs() < 0.5 * frame || (up - sill - 0.65 * height).abs() < 0.5 * frame
+            }
             _ => false,
         };
         if dx < frame || dy < frame || bar {
@@ -161,7 +167,8 @@ impl Facade {
         let key = cell(bay as i32, floor as i32, self.seed);
         // The window lies back in the wall: its upper edge is in shade.
         let shade = if sill + height - up < 0.18 { 0.45 } else { 1.0 };
-        let curtain = from_middle.abs() > half * f64::from(0.4 + key) || up > sill + height * f64::from(0.55 + 0.6 * key);
+        let curtain = from_middle.abs() > half * f64::from(0.4 + key)
+            || up > sill + height * f64::from(0.55 + 0.6 * key);
         let behind = if curtain { [0.30, 0.28, 0.25] } else { [0.025; 3] };
         let lit = cell(bay as i32 + 77, floor as i32, self.seed) < self.lit_share;
         let emission = if lit {
@@ -190,7 +197,11 @@ impl Facade {
         if within < 0.35 || (!door && up < 0.45) {
             return self.wall(across, up, place);
         }
-        if within < 0.35 + frame || (within - 3.1).abs() < frame || within > 4.3 - frame || (door && up < 0.15) {
+        if within < 0.35 + frame
+            || (within - 3.1).abs() < frame
+            || within > 4.3 - frame
+            || (door && up < 0.15)
+        {
             return plain(self.frame);
         }
         let goods = self.texture.at(1.7 * across, 2.0 * up, place.footprint_m);

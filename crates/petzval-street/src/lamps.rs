@@ -22,11 +22,16 @@ impl LampGrid {
             let z = FIRST_M + STRETCH_M * (i as f64 + 0.5);
             // Weigh a lamp by what it gives to surfaces that face it near the ground.
             let weight = |light: &PointLight| {
-                let p = vec3(light.position.x * 0.7, 0.8, z.clamp(light.position.z - 40.0, light.position.z + 40.0));
+                let p = vec3(
+                    light.position.x * 0.7,
+                    0.8,
+                    z.clamp(light.position.z - 40.0, light.position.z + 40.0),
+                );
                 let [_, green, _] = light.illuminance_lx(p, (light.position - p).unit());
                 green / (1.0 + 0.1 * (z - p.z).abs() as f32)
             };
-            let mut lit: Vec<(f32, PointLight)> = lights.iter().map(|l| (weight(l), *l)).filter(|(w, _)| *w > 0.01).collect();
+            let mut lit: Vec<(f32, PointLight)> =
+                lights.iter().map(|l| (weight(l), *l)).filter(|(w, _)| *w > 0.01).collect();
             lit.sort_by(|a, b| b.0.total_cmp(&a.0));
             lit.into_iter().take(MOST).map(|(_, light)| light).collect()
         };

@@ -79,6 +79,8 @@ pub(crate) struct PointLight {
     pub intensity_cd: Rgb,
     /// The intensity falls with the angle from the beam as its cosine to this power.
     pub power: i32,
+    /// Whether the beam is cut off above the lamp, as that of a dipped head lamp is.
+    pub dipped: bool,
 }
 
 impl PointLight {
@@ -94,7 +96,12 @@ impl PointLight {
         if incidence <= 0.0 || along <= 0.0 {
             return [0.0; 3];
         }
-        scaled(self.intensity_cd, (along.powi(self.power) * incidence / square) as f32)
+        // Above its cut-off a dipped lamp keeps a few percent; the edge is a quarter of a degree wide on each side.
+        let kept = match self.dipped {
+            true => 0.03 + 0.97 * ((to.y * inverse + 0.004) / 0.008).clamp(0.0, 1.0),
+            false => 1.0,
+        };
+        scaled(self.intensity_cd, (along.powi(self.power) * incidence * kept / square) as f32)
     }
 }
 
@@ -123,6 +130,7 @@ mod tests {
             beam: down,
             intensity_cd: [1000.0; 3],
             power: 2,
+            dipped: false,
         };
         let [below, ..] = lamp.illuminance_lx(vec3(0.0, 0.0, 0.0), -down);
         let [near, ..] = lamp.illuminance_lx(vec3(0.0, 5.0, 0.0), -down);

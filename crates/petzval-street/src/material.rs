@@ -20,8 +20,6 @@ pub(crate) enum Material {
     Paint(Paint),
     /// The upper body of a vehicle: panes between painted pillars.
     Cabin { paint: Paint, pillar_m: f64, middle_pillar_m: Option<f64>, inside: f32 },
-    /// Dark glass.
-    Glass,
     /// A tyre around a rim, seen along the axis of a cylinder.
     Wheel { rim: Rgb, rim_share: f64, spokes: u32 },
     /// A lamp: its luminance when lit (cd/m^2), its reflectance, and which part of its face shines.
@@ -48,7 +46,58 @@ pub(crate) struct Paint {
     pub seams_m: [f64; 3],
     /// Height of the dirt, m.
     pub dirt_m: f64,
+    pub lamps: Option<CarLamps>,
     pub seed: u32,
+}
+
+/// Lamps that lie flush in the body of a car.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CarLamps {
+    /// Half the length of the car, m.
+    pub half_m: f64,
+    /// Head and tail lamps: `[inner, outer]` edge from the middle and `[lower, upper]` edge, m.
+    pub head: [f64; 4],
+    pub tail: [f64; 4],
+    /// How far the outer end of the head lamps is raised, m.
+    pub raised_m: f64,
+    /// Luminance when lit, cd/m^2.
+    pub head_lit: Rgb,
+    pub tail_lit: Rgb,
+}
+
+impl CarLamps {
+    /// The lamp at a place of the body.
+    fn surface(&self, place: &Place<'_>, seed: u32) -> Option<Surface> {
+        let p = place.object;
+        let front = p.z > 0.0;
+        if p.z.abs() < self.half_m - 0.42 || place.normal.y > 0.9 {
+            return None;
+        }
+        let [inner, outer, low, high] = if front { self.head } else { self.tail };
+        let across = (p.x.abs() - inner) / (outer - inner);
+        let raised = if front { self.raised_m * across } else { 0.0 };
+        let up = (p.y - raised - low) / (high - low);
+        // The inner end of a head lamp is pointed.
+        let point = if front { 0.5 * (1.0 - across / 0.6).max(0.0) } else { 0.0 };
+        if !(0.0..1.0).contains(&across) || up < point || up > 1.0 - 0.3 * point {
+            return None;
+        }
+        let facets = value2(38.0 * p.x, 50.0 * p.y, seed);
+        if !front {
+            // One part of a tail lamp is clear, the others red; the red ones shine.
+            let clear = up < 0.3 && high - low > 0.12;
+            let dark = if clear { [0.4, 0.3, 0.28] } else { scaled([0.25, 0.012, 0.01], 0.6 + 0.8 * facets) };
+            let share = if clear { 0.02 } else { 0.7 + 0.6 * facets };
+            return Some(Surface { albedo: dark, gloss: 0.06, emission: scaled(self.tail_lit, share) });
+        }
+        // The beam leaves through one or two small openings.
+        let (x, y) = ((across - 0.58) * (outer - inner), (up - 0.5) * (high - low));
+        let core = x.hypot(y) < 0.36 * (high - low);
+        let along = (-place.ray.z).max(0.0) as f32;
+        let beam = (along.powi(24) + 0.004) * if core { 1.0 } else { 0.015 };
+        let dark = if core { [0.5; 3] } else { scaled([0.3, 0.31, 0.33], 0.25 + 1.1 * facets) };
+        Some(Surface { albedo: dark, gloss: 0.07, emission: scaled(self.head_lit, beam) })
+    }
 }
 
 /// Which part of a lamp's face shines.
@@ -125,15 +174,17 @@ impl Place<'_> {
 }
 
 impl Material {
-    /// Whether a ray passes through a gap at a point in the world.
+    /// Whether a ray passes through a gap at a point in the world. `facing` is the cosine between the ray and the surface, 0..1:
+    /// towards the rim of a crown its leaves thin out, so that no outline is smooth.
     #[inline]
-    pub fn gap(&self, world: Vec3) -> bool {
+    pub fn gap(&self, world: Vec3, facing: f64) -> bool {
         match self {
             Self::Leaves { density, size_m, seed, .. } => {
                 let p = world * (1.0 / size_m);
-                let clump = value3(0.28 * p.x, 0.28 * p.y, 0.28 * p.z, *seed);
+                let clump = value3(0.19 * p.x, 0.19 * p.y, 0.19 * p.z, *seed);
                 let leaf = value3(p.x, p.y, p.z, seed ^ 9);
-                0.55 * clump + 0.45 * leaf > 0.25 + 0.5 * density
+                let thin = smooth(0.0, 0.75, facing as f32);
+                0.4 * clump + 0.6 * leaf > (0.25 + 0.5 * density) * (0.5 + 0.5 * thin)
             }
             _ => false,
         }
@@ -172,7 +223,6 @@ impl Material {
             Self::Cabin { paint, pillar_m, middle_pillar_m, inside } => {
                 cabin(place, paint, *pillar_m, *middle_pillar_m, *inside)
             }
-            Self::Glass => Surface { gloss: 0.06, ..rough([0.02; 3]) },
             Self::Wheel { rim, rim_share, spokes } => wheel(place, *rim, *rim_share, *spokes),
             Self::Lamp { lit, dark, face } => lamp(place, *lit, *dark, *face),
             Self::Leaves { albedo, seed, size_m, .. } => {
@@ -193,6 +243,9 @@ impl Material {
 impl Paint {
     fn surface(&self, place: &Place<'_>) -> Surface {
         let p = place.object;
+        if let Some(lamp) = self.lamps.and_then(|lamps| lamps.surface(place, self.seed)) {
+            return lamp;
+        }
         let seam = place.normal.x.abs() > 0.7
             && p.y < 1.2
             && self.seams_m.iter().any(|z| (p.z - z).abs() < 0.012 + 0.3 * place.footprint_m);

@@ -104,8 +104,12 @@ impl Builder {
     /// A box turned about the x axis: `tip` radians lift its front.
     pub fn tipped_block(&mut self, [x, y, z]: [f64; 3], half: [f64; 3], tip: f64, material: Material) {
         let (sin, cos) = tip.sin_cos();
-        let frame =
-            Frame { origin: vec3(x, y, z), x: vec3(1.0, 0.0, 0.0), y: vec3(0.0, cos, -sin), z: vec3(0.0, sin, cos) };
+        let frame = Frame {
+            origin: vec3(x, y, z),
+            x: vec3(1.0, 0.0, 0.0),
+            y: vec3(0.0, cos, -sin),
+            z: vec3(0.0, sin, cos),
+        };
         self.add(Shape::Cube, frame.scaled(half[0], half[1], half[2]), material);
     }
 
@@ -182,6 +186,13 @@ impl Object {
 }
 
 impl Part {
+    /// Whether a ray passes through a gap where it crosses a ball: at `world`, which is `q` in the ball's own coordinates, along
+    /// `d` in them.
+    #[inline]
+    pub fn gap(&self, world: Vec3, q: Vec3, d: Vec3) -> bool {
+        self.material.gap(world, q.dot(d).abs() / d.length())
+    }
+
     /// Points in the world whose convex hull is the part as seen from `eye`, or lies within a thousandth of it.
     pub fn outline(&self, eye: Vec3) -> Vec<Vec3> {
         const STEPS: usize = 64;
@@ -204,12 +215,13 @@ impl Part {
             Shape::Cube => self.shape.hull(),
             Shape::Cone { top } => {
                 let rims = [(-1.0, 1.0), (1.0, *top)];
-                let rim = |(y, r): (f64, f64)| circle.clone().map(move |(sin, cos)| vec3(r * cos, y, r * sin));
+                let rim =
+                    |(y, r): (f64, f64)| circle.clone().map(move |(sin, cos)| vec3(r * cos, y, r * sin));
                 rims.into_iter().flat_map(rim).collect()
             }
-            Shape::RoundCone { low, high, height } => touched(Vec3::default(), *low)
-                .chain(touched(vec3(0.0, *height, 0.0), *high))
-                .collect(),
+            Shape::RoundCone { low, high, height } => {
+                touched(Vec3::default(), *low).chain(touched(vec3(0.0, *height, 0.0), *high)).collect()
+            }
             Shape::Convex(convex) => convex.corners.clone(),
         };
         points.into_iter().map(|p| self.frame.point(p)).collect()

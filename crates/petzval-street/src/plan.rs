@@ -8,7 +8,7 @@ use rand_distr::{Distribution, Exp, Normal, Poisson};
 
 use crate::colour::scaled;
 use crate::families::Drawer;
-use crate::light::{Light, LampState, PointLight};
+use crate::light::{LampState, Light, PointLight};
 use crate::make::furniture::{self, LampStyle};
 use crate::make::signal::{self, Style};
 use crate::make::vehicle::Lamps;
@@ -51,7 +51,9 @@ pub(crate) enum Purpose {
 /// The random stream of one object of a street.
 pub(crate) fn stream(sequence: u64, purpose: Purpose, index: u64) -> ChaCha8Rng {
     // The finaliser of MurmurHash3 (Appleby) separates streams whose numbers differ in few bits.
-    let mut h = sequence ^ (purpose as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let mut h = sequence
+        ^ (purpose as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        ^ index.wrapping_mul(0xd1b5_4a32_d192_ed03);
     for factor in [0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53] {
         h = (h ^ h >> 33).wrapping_mul(factor);
     }
@@ -81,7 +83,6 @@ struct Layout {
     pavement_m: f64,
     /// Which crossings have traffic lights.
     signals: Vec<bool>,
-    speed_m_s: f64,
     own_lane: usize,
     time_s: f64,
     camera_z: f64,
@@ -101,6 +102,11 @@ pub(crate) fn plan(settings: &StreetSettings, drawer: &mut Drawer) -> Plan {
     filler.walkers();
     filler.furniture(rng);
     filler.houses(rng);
+    // A crown right in front of the camera would show nothing but itself.
+    let [x, y, z] = plan.pose.position_m;
+    let eye = vec3(x, y, z);
+    let crown = |object: &Object| object.parts.iter().any(|part| part.material.has_gaps());
+    plan.objects.retain(|object| !crown(object) || (object.centre - eye).length() > object.radius + 4.0);
     plan
 }
 
@@ -121,7 +127,8 @@ fn lay_out(rng: &mut ChaCha8Rng, settings: &StreetSettings) -> (Road, Layout) {
         crossings.push(Crossing { z, half_m: half });
         z += rng.random_range(45.0..110.0);
     }
-    let signals = crossings.iter().enumerate().map(|(i, _)| rng.random_bool(if i == 0 { 0.85 } else { 0.7 })).collect();
+    let signals =
+        crossings.iter().enumerate().map(|(i, _)| rng.random_bool(if i == 0 { 0.85 } else { 0.7 })).collect();
     let (mut zebras, mut stops) = (Vec::new(), Vec::new());
     for crossing in &crossings {
         let edge = crossing.half_m;
@@ -134,7 +141,11 @@ fn lay_out(rng: &mut ChaCha8Rng, settings: &StreetSettings) -> (Road, Layout) {
         stops.push([crossing.z + edge + 5.0, -to, -from]);
     }
     let dashed = [rng.random_range(1.5..4.0), rng.random_range(2.0..6.0)];
-    let mut lines = vec![LaneLine { x: 0.0, width_m: 0.13, dash_m: if rng.random_bool(0.7) { dashed } else { [1.0, 0.0] } }];
+    let mut lines = vec![LaneLine {
+        x: 0.0,
+        width_m: 0.13,
+        dash_m: if rng.random_bool(0.7) { dashed } else { [1.0, 0.0] },
+    }];
     for x in [-1.0, 1.0] {
         for lane in 1..lanes {
             lines.push(LaneLine { x: x * lane as f64 * lane_m, width_m: 0.12, dash_m: dashed });
@@ -172,7 +183,6 @@ fn lay_out(rng: &mut ChaCha8Rng, settings: &StreetSettings) -> (Road, Layout) {
         parking,
         pavement_m: rng.random_range(2.2..5.0),
         signals,
-        speed_m_s,
         own_lane: rng.random_range(0..lanes),
         time_s,
         camera_z: (speed_m_s * time_s).min(FARTHEST_CAMERA),
@@ -222,8 +232,15 @@ impl Filler<'_> {
     fn add(&mut self, object: Object, gap_m: f64) -> bool {
         let [x, _, z] = self.plan.pose.position_m;
         let eye = vec3(x, 0.0, z);
-        let near = object.ground_distance(eye) < if object.kind == Some(ObjectKind::Vehicle) { 1.2 } else { 2.5 };
-        if near || self.plan.objects.iter().any(|o| o.kind == Some(ObjectKind::Vehicle) && o.collides(&object, gap_m)) {
+        let near =
+            object.ground_distance(eye) < if object.kind == Some(ObjectKind::Vehicle) { 1.2 } else { 4.5 };
+        if near
+            || self
+                .plan
+                .objects
+                .iter()
+                .any(|o| o.kind == Some(ObjectKind::Vehicle) && o.collides(&object, gap_m))
+        {
             return false;
         }
         self.plan.objects.push(object);
@@ -234,7 +251,7 @@ impl Filler<'_> {
     fn vehicle(&mut self, purpose: Purpose, index: u64, place: Vec3, yaw: f64, driving: bool) {
         let rng = &mut self.stream(purpose, index);
         let light = self.settings.light;
-        let lamps = Lamps::draw(rng, light, driving);
+        let lamps = Lamps::draw(rng, light, driving, self.settings.lamp_colours.red);
         let number = id(purpose, index);
         let object = if rng.random_bool(0.12) {
             truck::truck(rng, self.drawer, place, yaw, lamps, number)
@@ -246,7 +263,13 @@ impl Filler<'_> {
         let beam = object.frame.direction(vec3(0.0, -0.05, 1.0)).unit();
         let position = object.frame.point(vec3(0.0, 0.65, half + 0.1));
         if self.add(object, 0.5) && driving && light == Light::Night {
-            self.plan.lights.push(PointLight { position, beam, intensity_cd: [6000.0; 3], power: 40 });
+            self.plan.lights.push(PointLight {
+                position,
+                beam,
+                intensity_cd: [6000.0; 3],
+                power: 40,
+                dipped: true,
+            });
         }
     }
 
@@ -314,7 +337,8 @@ impl Filler<'_> {
             let mut z = START + rng.random_range(0.0..6.0);
             for index in 0..80u64 {
                 z += rng.random_range(5.1..6.6);
-                let (taken, turned, sway) = (rng.random_bool(full), rng.random_bool(0.1), rng.random_range(-0.15..0.15));
+                let (taken, turned, sway) =
+                    (rng.random_bool(full), rng.random_bool(0.1), rng.random_range(-0.15..0.15));
                 if z > END - 8.0 {
                     break;
                 }
@@ -363,7 +387,9 @@ impl Filler<'_> {
             let hang = |this: &mut Self, x: f64, y: f64, z: f64, style: Style, state, number: [u64; 2]| {
                 let foot = this.plan.road.place(x, y, z - 0.26);
                 let kind = ObjectKind::TrafficLight;
-                this.plan.objects.push(signal::housing(&style, foot, facing, state, &colours, kind, number[0]));
+                this.plan
+                    .objects
+                    .push(signal::housing(&style, foot, facing, state, &colours, kind, number[0]));
                 this.plan.objects.extend(signal::backboard(&style, foot, facing, number[1]));
             };
             let height = rng.random_range(2.3..3.3);
@@ -388,7 +414,8 @@ impl Filler<'_> {
                 if rng.random_bool(0.45) {
                     // A light for people on foot at the same pole.
                     let walk = rng.random_bool(0.5);
-                    let turn = rng.random_range(-0.3..0.3) + if rng.random_bool(0.6) { PI } else { x.signum() * FRAC_PI_2 };
+                    let turn = rng.random_range(-0.3..0.3)
+                        + if rng.random_bool(0.6) { PI } else { x.signum() * FRAC_PI_2 };
                     let foot = self.plan.road.place(x + 0.24, height - 0.75, z - 0.1);
                     let light = signal::pedestrian_light(rng, foot, turn, &colours, walk, next());
                     self.plan.objects.push(light);
@@ -424,7 +451,15 @@ impl Filler<'_> {
                     let yaw = yaw + rng.random_range(-0.2..0.2);
                     let kind = ObjectKind::TurnedLight;
                     let other = self.state(2 * i + 1);
-                    self.plan.objects.push(signal::housing(&style, place, yaw, other, &colours, kind, next()));
+                    self.plan.objects.push(signal::housing(
+                        &style,
+                        place,
+                        yaw,
+                        other,
+                        &colours,
+                        kind,
+                        next(),
+                    ));
                 }
             }
         }
@@ -433,7 +468,7 @@ impl Filler<'_> {
     fn walkers(&mut self) {
         let layout = self.layout;
         let rng = &mut self.stream(Purpose::Layout, 90);
-        let mean = 42.0 * layout.busy * if self.settings.light == Light::Night { 0.7 } else { 1.0 };
+        let mean = 60.0 * layout.busy * if self.settings.light == Light::Night { 0.7 } else { 1.0 };
         let count = Poisson::new(mean).expect("the mean is positive").sample(rng) as u64;
         for index in 0..count {
             let rng = &mut self.stream(Purpose::Walker, index);
@@ -470,7 +505,8 @@ impl Filler<'_> {
             let yaw = self.plan.road.heading(z) + heading + rng.random_range(-0.25..0.25);
             let stride = if stands { 0.0 } else { rng.random_range(0.3..0.55) };
             let phase = rng.random::<f64>() + speed * layout.time_s / 1.4;
-            let object = person::person(rng, self.drawer, place, yaw, [phase, stride], id(Purpose::Walker, index));
+            let object =
+                person::person(rng, self.drawer, place, yaw, [phase, stride], id(Purpose::Walker, index));
             self.add(object, 0.15);
         }
     }
@@ -491,14 +527,15 @@ impl Filler<'_> {
                     let stream = &mut self.stream(Purpose::Lamp, 1000 * row + index);
                     let foot = self.plan.road.place(x * (half + 0.45), 0.0, z);
                     let yaw = inward(x, self.plan.road.heading(z));
-                    let (object, lamp) = style.place(stream, foot, yaw, id(Purpose::Lamp, 1000 * row + index));
+                    let (object, lamp) =
+                        style.place(stream, foot, yaw, id(Purpose::Lamp, 1000 * row + index));
                     self.plan.objects.push(object);
                     self.plan.lights.extend(lamp);
                 }
                 z += spacing;
                 index += 1;
             }
-            let trees = rng.random_bool(0.55);
+            let trees = rng.random_bool(0.5);
             let gap: f64 = rng.random_range(7.0..18.0);
             let mut z = START + rng.random_range(0.0..gap);
             for index in 0..60 {
@@ -508,7 +545,12 @@ impl Filler<'_> {
                 }
                 let stream = &mut self.stream(Purpose::Tree, 1000 * row + index);
                 let foot = self.plan.road.place(x * (half + 0.95), 0.0, z);
-                self.plan.objects.push(tree::tree(stream, self.drawer, foot, id(Purpose::Tree, 1000 * row + index)));
+                self.plan.objects.push(tree::tree(
+                    stream,
+                    self.drawer,
+                    foot,
+                    id(Purpose::Tree, 1000 * row + index),
+                ));
             }
         }
         for index in 0..rng.random_range(16..48u64) {
@@ -518,7 +560,8 @@ impl Filler<'_> {
             if self.near_crossing(z, 1.0) {
                 continue;
             }
-            let across = x * (half + if rng.random_bool(0.5) { 0.6 } else { rng.random_range(0.5..layout.pavement_m) });
+            let across = x
+                * (half + if rng.random_bool(0.5) { 0.6 } else { rng.random_range(0.5..layout.pavement_m) });
             let place = self.plan.road.place(across, kerb, z);
             let yaw = rng.random_range(0.0..PI);
             let object = furniture::thing(rng, self.drawer, place, yaw, id(Purpose::Thing, index));
@@ -539,7 +582,13 @@ impl Filler<'_> {
             let [x, _, z] = self.plan.pose.position_m;
             let position = vec3(x, 0.65, z) + frame.z * 1.5;
             let beam = (vec3(frame.z.x, 0.0, frame.z.z).unit() + vec3(0.0, -0.04, 0.0)).unit();
-            self.plan.lights.push(PointLight { position, beam, intensity_cd: scaled([1.0, 1.0, 0.95], 9000.0), power: 24 });
+            self.plan.lights.push(PointLight {
+                position,
+                beam,
+                intensity_cd: scaled([1.0, 1.0, 0.95], 4500.0),
+                power: 36,
+                dipped: true,
+            });
         }
     }
 
@@ -555,7 +604,12 @@ impl Filler<'_> {
                 index += 1;
                 let rng = &mut self.stream(Purpose::House, number);
                 let width: f64 = rng.random_range(8.0..21.0);
-                let crossing = self.plan.road.crossings.iter().find(|c| z < c.z + c.half_m + 2.5 && z + width > c.z - c.half_m - 2.5);
+                let crossing = self
+                    .plan
+                    .road
+                    .crossings
+                    .iter()
+                    .find(|c| z < c.z + c.half_m + 2.5 && z + width > c.z - c.half_m - 2.5);
                 if let Some(crossing) = crossing {
                     // Fill up to the corner if there is room for a house, and go on behind the crossing.
                     let room = crossing.z - crossing.half_m - 2.5 - z;
@@ -571,10 +625,19 @@ impl Filler<'_> {
                     for k in 0..4 {
                         let at = z + width * (0.2 + 0.2 * f64::from(k));
                         let place = self.plan.road.place(x * (line + rng.random_range(0.6..3.0)), 0.0, at);
-                        self.plan.objects.push(tree::bush(rng, place, id(Purpose::Tree, 5000 + 10 * number + k as u64)));
+                        self.plan.objects.push(tree::bush(
+                            rng,
+                            place,
+                            id(Purpose::Tree, 5000 + 10 * number + k as u64),
+                        ));
                     }
                     let place = self.plan.road.place(x * (line + 4.0), 0.0, z + 0.5 * width);
-                    self.plan.objects.push(tree::tree(rng, self.drawer, place, id(Purpose::Tree, 5009 + 10 * number)));
+                    self.plan.objects.push(tree::tree(
+                        rng,
+                        self.drawer,
+                        place,
+                        id(Purpose::Tree, 5009 + 10 * number),
+                    ));
                 } else {
                     self.front(rng, number, x, z, [width, line], storeys, light);
                 }
@@ -589,7 +652,15 @@ impl Filler<'_> {
                 let size = [rng.random_range(14.0..24.0), rng.random_range(9.0..26.0), 12.0];
                 let place = self.plan.road.place(x * back, 0.0, z);
                 let yaw = -x * FRAC_PI_2 + self.plan.road.heading(z);
-                self.plan.objects.push(house::house(rng, self.drawer, light, place, yaw, size, id(Purpose::BackRow, number)));
+                self.plan.objects.push(house::house(
+                    rng,
+                    self.drawer,
+                    light,
+                    place,
+                    yaw,
+                    size,
+                    id(Purpose::BackRow, number),
+                ));
             }
         }
         // Houses close the street at its end.
@@ -597,18 +668,43 @@ impl Filler<'_> {
             let rng = &mut self.stream(Purpose::BackRow, 900 + k);
             let size = [rng.random_range(16.0..24.0), rng.random_range(9.0..22.0), 12.0];
             let place = self.plan.road.place(19.0 * (k as f64 - 2.0), 0.0, END + 4.0);
-            self.plan.objects.push(house::house(rng, self.drawer, light, place, PI, size, id(Purpose::BackRow, 900 + k)));
+            self.plan.objects.push(house::house(
+                rng,
+                self.drawer,
+                light,
+                place,
+                PI,
+                size,
+                id(Purpose::BackRow, 900 + k),
+            ));
         }
     }
 
     /// A house in the front row, from `z` on.
-    fn front(&mut self, rng: &mut ChaCha8Rng, number: u64, x: f64, z: f64, [width, line]: [f64; 2], storeys: f64, light: Light) {
+    fn front(
+        &mut self,
+        rng: &mut ChaCha8Rng,
+        number: u64,
+        x: f64,
+        z: f64,
+        [width, line]: [f64; 2],
+        storeys: f64,
+        light: Light,
+    ) {
         let middle = z + 0.5 * width;
         let height = 3.1 * (storeys + rng.random_range(-1.2..1.6)).max(1.3);
         let setback = if rng.random_bool(0.25) { rng.random_range(0.0..3.0) } else { 0.0 };
         let place = self.plan.road.place(x * (line + setback), 0.0, middle);
         let yaw = -x * FRAC_PI_2 + self.plan.road.heading(middle);
-        let object = house::house(rng, self.drawer, light, place, yaw, [width, height, 11.0], id(Purpose::House, number));
+        let object = house::house(
+            rng,
+            self.drawer,
+            light,
+            place,
+            yaw,
+            [width, height, 11.0],
+            id(Purpose::House, number),
+        );
         self.plan.objects.push(object);
     }
 }

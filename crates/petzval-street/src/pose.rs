@@ -30,8 +30,14 @@ impl Pose {
     /// An error if a number is not finite.
     pub(crate) fn check(&self) -> Result<(), StreetError> {
         let [x, y, z] = self.position_m;
-        let numbers =
-            [("x", x), ("y", y), ("z", z), ("yaw", self.yaw_rad), ("pitch", self.pitch_rad), ("roll", self.roll_rad)];
+        let numbers = [
+            ("x", x),
+            ("y", y),
+            ("z", z),
+            ("yaw", self.yaw_rad),
+            ("pitch", self.pitch_rad),
+            ("roll", self.roll_rad),
+        ];
         match numbers.into_iter().find(|(_, value)| !value.is_finite()) {
             Some((name, value)) => Err(StreetError::Pose { name, value }),
             None => Ok(()),

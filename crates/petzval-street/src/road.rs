@@ -139,7 +139,11 @@ impl Road {
         let z = p.z;
         let coarse = fractal2(0.23 * p.x, 0.11 * z, 4, self.seed);
         let grain_seen = (0.05 / footprint_m.max(1e-6)).min(1.0) as f32;
-        let grain = 1.0 + (value2(34.0 * p.x, 34.0 * z, self.seed ^ 1) + value2(71.0 * p.x, 71.0 * z, self.seed ^ 2) - 1.0) * 0.5 * grain_seen;
+        let grain = 1.0
+            + (value2(34.0 * p.x, 34.0 * z, self.seed ^ 1) + value2(71.0 * p.x, 71.0 * z, self.seed ^ 2)
+                - 1.0)
+                * 0.5
+                * grain_seen;
         let mut tone = (0.62 + 0.76 * coarse) * grain;
         // Repaired patches have straight edges and another tone.
         let patch = ((0.21 * across + 0.13 * (0.1 * z).sin()).floor() as i32, (z / 11.0).floor() as i32);
@@ -150,10 +154,13 @@ impl Road {
         let track = (f64::from(value2(0.05 * z, 1.0, self.seed)) + 0.62 * across).rem_euclid(1.0) - 0.5;
         tone *= 1.0 - 0.14 * (1.0 - (4.0 * track.abs()).min(1.0)) as f32;
         // Cracks, sealed with tar.
-        if footprint_m < 0.05 {
-            let (_, edge) = cells2(0.3 * p.x + 0.3 * f64::from(value2(1.3 * p.x, 1.3 * z, 5)), 0.14 * z, self.seed ^ 11);
-            if edge < 0.012 && value2(0.12 * p.x, 0.1 * z, self.seed ^ 12) > 0.55 {
-                tone *= 0.45;
+        let cracked = smooth(0.5, 0.7, value2(0.12 * p.x, 0.07 * z, self.seed ^ 12));
+        if footprint_m < 0.05 && cracked > 0.0 {
+            let wander = 0.35 * f64::from(fractal2(1.1 * p.x, 1.1 * z, 3, self.seed ^ 10));
+            let (_, edge) = cells2(0.42 * p.x + wander, 0.3 * z + wander, self.seed ^ 11);
+            let width = 0.02 * value2(3.0 * p.x, 3.0 * z, self.seed ^ 17);
+            if edge < width * cracked {
+                tone *= 0.6;
             }
         }
         let mut albedo = scaled(self.asphalt, tone);
@@ -171,7 +178,12 @@ impl Road {
         let share = if self.painted(across, z) { worn } else { 0.0 };
         let albedo = blend(albedo, scaled(self.paint, 0.8 + 0.2 * grain), share);
         // Water fills the hollows first.
-        let wet = self.wet * smooth(0.75 - 0.6 * self.wet, 0.95 - 0.6 * self.wet, fractal2(0.4 * p.x, 0.3 * z, 3, self.seed ^ 16));
+        let wet = self.wet
+            * smooth(
+                0.75 - 0.6 * self.wet,
+                0.95 - 0.6 * self.wet,
+                fractal2(0.4 * p.x, 0.3 * z, 3, self.seed ^ 16),
+            );
         Surface { albedo: scaled(albedo, 1.0 - 0.45 * wet), gloss: 0.004 + 0.03 * wet, emission: [0.0; 3] }
     }
 
@@ -181,11 +193,11 @@ impl Road {
         if across.abs() > self.half_m {
             return false;
         }
-        let stops = self.stops.iter().any(|&[at, from, to]| (z - at).abs() < 0.22 && across > from && across < to);
-        let zebra = self
-            .zebras
-            .iter()
-            .any(|&[from, to]| z > from && z < to && across.abs() < self.half_m - 0.3 && across.rem_euclid(1.0) < 0.5);
+        let stops =
+            self.stops.iter().any(|&[at, from, to]| (z - at).abs() < 0.22 && across > from && across < to);
+        let zebra = self.zebras.iter().any(|&[from, to]| {
+            z > from && z < to && across.abs() < self.half_m - 0.3 && across.rem_euclid(1.0) < 0.5
+        });
         let lines = self.lines.iter().any(|line| {
             let [dash, gap] = line.dash_m;
             (across - line.x).abs() < 0.5 * line.width_m && z.rem_euclid(dash + gap) < dash

@@ -82,17 +82,25 @@ impl Street {
         let camera = pose.frame();
         let centre = [0.5 * projection.columns() as f64, 0.5 * projection.rows() as f64];
         let neighbour = projection.direction(centre[0] + 1.0, centre[1]);
-        let view =
-            View { street: self, projection, camera, window, samples: samples_per_side, pixel_rad: neighbour.x.atan2(neighbour.z) };
+        let view = View {
+            street: self,
+            projection,
+            camera,
+            window,
+            samples: samples_per_side,
+            pixel_rad: neighbour.x.atan2(neighbour.z),
+        };
         let shown = view.shown();
 
         // Blocks of tiles in parallel; each pixel belongs to one tile.
         let side = TILE * BLOCK;
-        let range = |first: i64, count: usize| first.div_euclid(side)..=(first + count as i64 - 1).div_euclid(side);
+        let range =
+            |first: i64, count: usize| first.div_euclid(side)..=(first + count as i64 - 1).div_euclid(side);
         let blocks: Vec<(i64, i64)> = range(window.row, window.height)
             .flat_map(|row| range(window.col, window.width).map(move |col| (row * side, col * side)))
             .collect();
-        let tiles: Vec<Tile> = blocks.par_iter().flat_map_iter(|&(row, col)| view.block(row, col, &shown)).collect();
+        let tiles: Vec<Tile> =
+            blocks.par_iter().flat_map_iter(|&(row, col)| view.block(row, col, &shown)).collect();
 
         let area = window.height * window.width;
         let mut planes = vec![0f32; 3 * area];
@@ -230,7 +238,8 @@ impl View<'_> {
     /// The cell of a pixel's `i`th sample, `[x1, y1, x2, y2]` in sensor pixels.
     fn cell(&self, row: i64, col: i64, i: usize) -> [f64; 4] {
         let step = 1.0 / self.samples as f64;
-        let (x, y) = (col as f64 + step * (i % self.samples) as f64, row as f64 + step * (i / self.samples) as f64);
+        let (x, y) =
+            (col as f64 + step * (i % self.samples) as f64, row as f64 + step * (i / self.samples) as f64);
         [x, y, x + step, y + step]
     }
 
@@ -276,14 +285,21 @@ fn part_entry(part: &Part, eye: Vec3, ray: Vec3) -> Option<(f64, u32)> {
     }
     let (o, d) = (part.inverse.point(eye), part.inverse.direction(ray));
     if part.material.has_gaps() {
-        let solid = |t: &f64| !part.material.gap(eye + ray * *t);
+        let solid = |t: &f64| !part.gap(eye + ray * *t, o + d * *t, d);
         return part.shape.crossings(o, d).into_iter().flatten().find(solid).map(|t| (t, 0));
     }
     part.shape.enter(o, d)
 }
 
 /// Counts a sample for the objects that it meets, hidden or not.
-fn tally(objects: &[Object], labelled: &mut [(u32, Tally, Vec<Shown>)], eye: Vec3, ray: Vec3, hit: Hit, cell: [f64; 4]) {
+fn tally(
+    objects: &[Object],
+    labelled: &mut [(u32, Tally, Vec<Shown>)],
+    eye: Vec3,
+    ray: Vec3,
+    hit: Hit,
+    cell: [f64; 4],
+) {
     let (first, distance) = match hit {
         Hit::Sky => return,
         Hit::Ground { distance, .. } => (None, distance),

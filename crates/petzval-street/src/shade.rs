@@ -35,13 +35,14 @@ impl Street {
             }
             Hit::Part { distance, object, part, face } => {
                 let p = eye + ray * distance;
-                let own = Some((object, part));
+                let own = (object, part);
                 let object = &self.objects[object as usize];
                 let part = &object.parts[part as usize];
                 let q = part.inverse.point(p);
                 let normal = part.inverse.normal(part.shape.normal(q, face));
                 // A ray that leaves a crown through its far side sees the back of its leaves.
-                let normal = if normal.dot(ray) > 0.0 { -normal } else { normal };
+                let inside = normal.dot(ray) > 0.0;
+                let normal = if inside { -normal } else { normal };
                 let place = Place {
                     shape: &part.shape,
                     face,
@@ -61,9 +62,12 @@ impl Street {
                 };
                 // Near the ground, and inside crowns, less of the sky is open.
                 let open = match &part.material {
+                    Material::Leaves { .. } if inside => 0.35,
                     Material::Leaves { .. } => 0.55 + 0.45 * (0.5 + 0.5 * normal.y as f32),
                     _ => 0.6 + 0.4 * (p.y as f32 / 0.7).clamp(0.0, 1.0),
                 };
+                // A convex part casts no shadow on itself, but a crown has an inside.
+                let own = (!part.material.has_gaps()).then_some(own);
                 let light = self.lit(p, ray, normal, shading, surface, open, own);
                 self.sky.through_haze(light, distance)
             }

@@ -43,7 +43,8 @@ impl SunGrid {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for (o, object) in objects.iter().enumerate() {
             for (p, part) in object.parts.iter().enumerate() {
-                let (mut least, mut most, mut top) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], f64::NEG_INFINITY);
+                let (mut least, mut most, mut top) =
+                    ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], f64::NEG_INFINITY);
                 for corner in part.shape.hull() {
                     let q = part.frame.point(corner);
                     for (axis, along) in [u.dot(q), v.dot(q)].into_iter().enumerate() {
@@ -56,7 +57,11 @@ impl SunGrid {
                     low[axis] = low[axis].min(least[axis]);
                     high[axis] = high[axis].max(most[axis]);
                 }
-                extents.push((least, most, Entry { object: o as u32, part: p as u32, top: top as f32 + 0.01 }));
+                extents.push((
+                    least,
+                    most,
+                    Entry { object: o as u32, part: p as u32, top: top as f32 + 0.01 },
+                ));
             }
         }
         if extents.is_empty() {
@@ -98,7 +103,9 @@ impl SunGrid {
             let at = (along - self.first[axis]) / CELL_M;
             (at >= 0.0 && at < self.size[axis] as f64).then_some(at as usize)
         };
-        let (Some(column), Some(row)) = (cell(self.u.dot(p), 0), cell(self.v.dot(p), 1)) else { return false };
+        let (Some(column), Some(row)) = (cell(self.u.dot(p), 0), cell(self.v.dot(p), 1)) else {
+            return false;
+        };
         let place = row * self.size[0] + column;
         let range = self.starts[place] as usize..self.starts[place + 1] as usize;
         let height = self.sun.dot(p) as f32;
@@ -115,7 +122,12 @@ impl SunGrid {
             }
             let (o, d) = (part.inverse.point(p), part.inverse.direction(self.sun));
             if part.material.has_gaps() {
-                return part.shape.crossings(o, d).into_iter().flatten().any(|t| !part.material.gap(p + self.sun * t));
+                return part
+                    .shape
+                    .crossings(o, d)
+                    .into_iter()
+                    .flatten()
+                    .any(|t| !part.gap(p + self.sun * t, o + d * t, d));
             }
             part.shape.enter(o, d).is_some()
         })

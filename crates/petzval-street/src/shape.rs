@@ -111,7 +111,9 @@ impl Shape {
         let corners = |low: Vec3, high: Vec3| {
             let pick = |bit: usize, a: f64, b: f64| if bit == 0 { a } else { b };
             (0..8)
-                .map(|i| vec3(pick(i & 1, low.x, high.x), pick(i & 2, low.y, high.y), pick(i & 4, low.z, high.z)))
+                .map(|i| {
+                    vec3(pick(i & 1, low.x, high.x), pick(i & 2, low.y, high.y), pick(i & 4, low.z, high.z))
+                })
                 .collect()
         };
         match self {
@@ -177,8 +179,11 @@ fn cone(o: Vec3, d: Vec3, top: f64) -> Option<(f64, u32)> {
             best = Some((t, face));
         }
     };
-    let lateral =
-        roots(d.x * d.x + d.z * d.z - rd * rd, o.x * d.x + o.z * d.z - ro * rd, o.x * o.x + o.z * o.z - ro * ro);
+    let lateral = roots(
+        d.x * d.x + d.z * d.z - rd * rd,
+        o.x * d.x + o.z * d.z - ro * rd,
+        o.x * o.x + o.z * o.z - ro * ro,
+    );
     for t in lateral.into_iter().flatten() {
         if (o.y + t * d.y).abs() <= 1.0 {
             offer(t, 0);
@@ -223,8 +228,11 @@ fn round_cone(o: Vec3, d: Vec3, low: f64, high: f64, height: f64) -> Option<(f64
     let (y0, y1) = (low * sin, height + high * sin);
     let r0 = low * cos;
     let (ro, rd) = (r0 - tan * (o.y - y0), -tan * d.y);
-    let lateral =
-        roots(d.x * d.x + d.z * d.z - rd * rd, o.x * d.x + o.z * d.z - ro * rd, o.x * o.x + o.z * o.z - ro * ro);
+    let lateral = roots(
+        d.x * d.x + d.z * d.z - rd * rd,
+        o.x * d.x + o.z * d.z - ro * rd,
+        o.x * o.x + o.z * o.z - ro * ro,
+    );
     for t in lateral.into_iter().flatten() {
         let y = o.y + t * d.y;
         if y >= y0 && y <= y1 {
@@ -308,7 +316,10 @@ mod tests {
                 match (shape.enter(o, d), first) {
                     (Some((t, face)), Some(first)) => {
                         assert!((t - first).abs() < 2e-2 && t <= first + 1e-3, "{s} {i}: {t} {first}");
-                        assert!(shape.normal(o + d * t, face).dot(d) <= 1e-9, "{s} {i}: the normal looks away");
+                        assert!(
+                            shape.normal(o + d * t, face).dot(d) <= 1e-9,
+                            "{s} {i}: the normal looks away"
+                        );
                         hits += 1;
                     }
                     (None, None) => {}

@@ -72,7 +72,10 @@ impl Sky {
             Light::Day => ([0.55 * mean[0], 0.8 * mean[1], 1.2 * mean[2]], scaled(mean, 1.3)),
             Light::Dusk => {
                 let glow = rng.random_range(0.0..1.0f32);
-                ([0.6 * mean[0], 0.75 * mean[1], mean[2]], [1.5 + glow, 1.5, 1.4 - 0.6 * glow].map(|c| c * mean[1]))
+                (
+                    [0.6 * mean[0], 0.75 * mean[1], mean[2]],
+                    [1.5 + glow, 1.5, 1.4 - 0.6 * glow].map(|c| c * mean[1]),
+                )
             }
             Light::Night => (scaled(mean, 0.6), scaled(mean, 1.6)),
         };
@@ -88,9 +91,23 @@ impl Sky {
             _ => scaled(level, 0.1),
         };
         let street = plus(scaled(level, 0.18 * std::f32::consts::FRAC_1_PI), scaled(scattered_lx, 0.15));
-        let haze_m = 10f64.powf(rng.random_range(2.9..3.9));
+        let haze_m = 10f64.powf(rng.random_range(3.0..4.2));
         let (seed, cloud_size) = (rng.random(), rng.random_range(0.6..2.0));
-        Self { light, sun, sun_lx, sky_lx, scattered_lx, cover, cloud, zenith, horizon, street, haze_m, seed, cloud_size }
+        Self {
+            light,
+            sun,
+            sun_lx,
+            sky_lx,
+            scattered_lx,
+            cover,
+            cloud,
+            zenith,
+            horizon,
+            street,
+            haze_m,
+            seed,
+            cloud_size,
+        }
     }
 
     /// Luminance of the sky in a direction above the horizon, cd/m^2.

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::colour::{Rgb, blend, surface_colour};
 use crate::families::Drawer;
-use crate::noise::{cells2, fractal2, leaves2, unit, hash, value2};
+use crate::noise::{cells2, fractal2, hash, leaves2, unit, value2};
 
 /// How a pattern is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +87,9 @@ impl Texture {
                 step(tone - 0.7) * smooth(0.1, 0.3, edge)
             }
             Pattern::Halves => step(v as f32 - 0.5 + 0.1 * value2(2.0 * u, 0.0, seed)),
-            Pattern::Brushed => 0.5 * (fractal2(6.0 * u, 0.7 * v, 2, seed) + fractal2(0.5 * u, 0.2 * v, 2, seed + 1)),
+            Pattern::Brushed => {
+                0.5 * (fractal2(6.0 * u, 0.7 * v, 2, seed) + fractal2(0.5 * u, 0.2 * v, 2, seed + 1))
+            }
         };
         // Far away the pattern melts into its mean.
         let resolved = (0.7 / (footprint_m * self.frequency).max(1e-9)).min(1.0) as f32;

@@ -93,14 +93,17 @@ pub(crate) fn sign(rng: &mut ChaCha8Rng, place: Vec3, yaw: f64, id: u64) -> Obje
         let (ground, figure) = (strong[rng.random_range(0..5)], strong[rng.random_range(0..5)]);
         let white = [0.7; 3];
         let colours = if rng.random_bool(0.5) { (white, figure) } else { (ground, white) };
-        let material = Material::Sign { ground: colours.0, figure: colours.1, kind: rng.random_range(0..1000) };
+        let material =
+            Material::Sign { ground: colours.0, figure: colours.1, kind: rng.random_range(0..1000) };
         match rng.random_range(0..4) {
             0 | 1 => b.cone(vec3(0.0, up, -0.01), vec3(0.0, up, 0.01), [size, size], material),
             2 => b.block([0.0, up, 0.0], [size, size, 0.01], material),
             _ => {
                 // Three discs on a dark board look like a signal and are none.
                 b.block([0.0, up, 0.0], [0.17, 0.45, 0.02], plain([0.03; 3]));
-                for (i, colour) in [[0.5, 0.02, 0.02], [0.6, 0.42, 0.02], [0.02, 0.3, 0.12]].into_iter().enumerate() {
+                for (i, colour) in
+                    [[0.5, 0.02, 0.02], [0.6, 0.42, 0.02], [0.02, 0.3, 0.12]].into_iter().enumerate()
+                {
                     let y = up + 0.28 - 0.28 * i as f64;
                     b.cone(vec3(0.0, y, 0.0), vec3(0.0, y, 0.03), [0.1, 0.1], plain(colour));
                 }
@@ -142,7 +145,11 @@ impl LampStyle {
         let on = light == Light::Night || (light == Light::Dusk && rng.random_bool(0.5));
         Self {
             mast,
-            height: if mast == Mast::Lantern { rng.random_range(3.8..5.0) } else { rng.random_range(6.0..9.5) },
+            height: if mast == Mast::Lantern {
+                rng.random_range(3.8..5.0)
+            } else {
+                rng.random_range(6.0..9.5)
+            },
             arm: rng.random_range(0.8..2.2),
             tint: [1.05 + 0.5 * warm, 1.0 - 0.04 * warm, 0.95 - 0.65 * warm],
             below_lx: if on { 10f32.powf(rng.random_range(0.75..1.45)) } else { 0.0 },
@@ -151,7 +158,13 @@ impl LampStyle {
     }
 
     /// One street lamp whose arm reaches along `yaw`, and the light that it gives. Some are broken.
-    pub fn place(&self, rng: &mut ChaCha8Rng, place: Vec3, yaw: f64, id: u64) -> (Object, Option<PointLight>) {
+    pub fn place(
+        &self,
+        rng: &mut ChaCha8Rng,
+        place: Vec3,
+        yaw: f64,
+        id: u64,
+    ) -> (Object, Option<PointLight>) {
         let mut b = Builder::at(place, yaw);
         let metal = Material::Plain { albedo: [self.metal; 3], gloss: 0.02 };
         let pieces = 5;
@@ -196,6 +209,7 @@ impl LampStyle {
             beam: vec3(0.0, -1.0, 0.0),
             intensity_cd: scaled(self.tint, intensity),
             power: 1,
+            dipped: false,
         });
         (object, light)
     }

@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::vehicle::plain;
-use crate::colour::{scaled, surface_colour};
+use crate::colour::{from_hue, scaled, surface_colour};
 use crate::facade::Facade;
 use crate::families::Drawer;
 use crate::light::Light;
@@ -29,15 +29,26 @@ pub(crate) fn house(
     let facade = Arc::new(Facade::draw(rng, drawer, light, height_m));
     let (half, deep) = (0.5 * width_m, 0.5 * depth_m);
     b.block([0.0, 0.5 * height_m, -deep], [half, 0.5 * height_m, deep], Material::Facade(facade));
-    let trim = plain(scaled(surface_colour(rng), 0.8));
+    let trim = plain(from_hue(
+        rng.random_range(0.02..0.16),
+        rng.random_range(0.0..0.25),
+        rng.random_range(0.08..0.5),
+    ));
     if rng.random_bool(0.6) {
         // A cornice along the edge of the roof.
-        b.block([0.0, height_m, -deep], [half + 0.12, rng.random_range(0.12..0.3), deep + 0.25], trim.clone());
+        b.block(
+            [0.0, height_m, -deep],
+            [half + 0.12, rng.random_range(0.12..0.3), deep + 0.25],
+            trim.clone(),
+        );
     }
     if rng.random_bool(0.45) {
         // A pitched roof.
         let rise = rng.random_range(1.5..4.0);
-        let tiles = Material::Textured(Texture { contrast: 0.3, ..Texture::draw(rng, drawer, 0.4) });
+        let tone = rng.random_range(0.08..0.3);
+        let tile = from_hue(rng.random_range(0.01..0.08), rng.random_range(0.0..0.6), tone);
+        let colours = [tile, scaled(tile, 0.6)];
+        let tiles = Material::Textured(Texture { contrast: 0.5, colours, ..Texture::draw(rng, drawer, 0.4) });
         let ridge = vec3(0.0, height_m + rise, -deep);
         b.convex(
             &[
@@ -49,7 +60,11 @@ pub(crate) fn house(
             ],
             tiles,
         );
-        b.block([half * rng.random_range(-0.7..0.7), height_m + rise, -0.8 * deep], [0.3, 0.7, 0.4], trim.clone());
+        b.block(
+            [half * rng.random_range(-0.7..0.7), height_m + rise, -0.8 * deep],
+            [0.3, 0.7, 0.4],
+            trim.clone(),
+        );
     }
     if rng.random_bool(0.3) {
         // Balconies.
@@ -71,7 +86,12 @@ pub(crate) fn house(
         let kind = rng.random_range(0..1000);
         let sign = Material::Sign { ground: surface_colour(rng), figure: surface_colour(rng), kind };
         let x = half * rng.random_range(-0.9..0.9);
-        b.turned_block([x, rng.random_range(2.7..4.2), 0.5], [0.4, 0.3, 0.05], std::f64::consts::FRAC_PI_2, sign);
+        b.turned_block(
+            [x, rng.random_range(2.7..4.2), 0.5],
+            [0.4, 0.3, 0.05],
+            std::f64::consts::FRAC_PI_2,
+            sign,
+        );
     }
     b.finish(id, None).on_ground([half, 0.3], 0.45, 0.6)
 }

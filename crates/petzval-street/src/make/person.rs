@@ -46,7 +46,7 @@ pub(crate) fn person(
     let child = rng.random_bool(0.14);
     let height: f64 = if child { rng.random_range(1.1..1.5) } else { rng.random_range(1.52..1.95) };
     let girth = rng.random_range(0.86..1.28) * height / 1.72;
-    let head = if child { 0.112 } else { 0.072 * height };
+    let head = if child { 0.106 } else { 0.067 * height };
     let skin = skin_colour(rng);
     let mut cloth = |size: f64| {
         let mut texture = Texture::draw(rng, drawer, size);
@@ -79,9 +79,27 @@ pub(crate) fn person(
         let bare_shin = matches!(outfit, Outfit::Shorts | Outfit::Skirt | Outfit::Dress);
         let bare_thigh = matches!(outfit, Outfit::Skirt | Outfit::Dress);
         let (thick, loose) = if bare_shin { (0.05, 0.036) } else { (0.058, 0.05) };
-        b.limb(top, knee, [0.085 * girth, (thick + 0.008) * girth], 1.0, if bare_thigh { bare.clone() } else { lower.clone() });
-        b.limb(knee, ankle, [thick * girth, loose * girth], 1.0, if bare_shin { bare.clone() } else { lower.clone() });
-        b.limb(ankle - vec3(0.0, 0.012, 0.02), vec3(toe.x, toe.y.max(0.032), toe.z), [0.042, 0.031], 1.0, shoe.clone());
+        b.limb(
+            top,
+            knee,
+            [0.085 * girth, (thick + 0.008) * girth],
+            1.0,
+            if bare_thigh { bare.clone() } else { lower.clone() },
+        );
+        b.limb(
+            knee,
+            ankle,
+            [thick * girth, loose * girth],
+            1.0,
+            if bare_shin { bare.clone() } else { lower.clone() },
+        );
+        b.limb(
+            ankle - vec3(0.0, 0.012, 0.02),
+            vec3(toe.x, toe.y.max(0.032), toe.z),
+            [0.042, 0.031],
+            1.0,
+            shoe.clone(),
+        );
     }
 
     // Trunk: flatter than wide.
@@ -92,18 +110,28 @@ pub(crate) fn person(
         b.cone(vec3(0.0, to * height, 0.0), vec3(0.0, from * height, 0.0), radius, material);
     };
     match outfit {
-        Outfit::Coat => hem(&mut b, 0.62, rng.random_range(0.28..0.42), [1.9 * wide, 1.35 * wide], upper.clone()),
+        Outfit::Coat => {
+            hem(&mut b, 0.62, rng.random_range(0.28..0.42), [1.9 * wide, 1.35 * wide], upper.clone())
+        }
         Outfit::Parka => {
             b.ball([0.0, 0.63 * height, 0.0], [1.75 * wide, 0.15 * height, 1.35 * wide], upper.clone());
             b.ball([0.0, shoulder - 0.02, -0.05], [1.0 * wide, 0.7 * wide, 0.9 * wide], upper.clone());
         }
-        Outfit::Skirt => hem(&mut b, 0.60, rng.random_range(0.27..0.42), [2.1 * wide, 1.2 * wide], lower.clone()),
-        Outfit::Dress => hem(&mut b, 0.62, rng.random_range(0.2..0.36), [2.2 * wide, 1.15 * wide], upper.clone()),
+        Outfit::Skirt => {
+            hem(&mut b, 0.60, rng.random_range(0.27..0.42), [2.1 * wide, 1.2 * wide], lower.clone())
+        }
+        Outfit::Dress => {
+            hem(&mut b, 0.62, rng.random_range(0.2..0.36), [2.2 * wide, 1.15 * wide], upper.clone())
+        }
         Outfit::Trousers | Outfit::Shorts => {}
     }
 
     // Arms swing against the legs; some carry a telephone or push hands into pockets.
-    let sleeve = if outfit == Outfit::Shorts || (outfit == Outfit::Dress && rng.random_bool(0.5)) { bare.clone() } else { upper.clone() };
+    let sleeve = if outfit == Outfit::Shorts || (outfit == Outfit::Dress && rng.random_bool(0.5)) {
+        bare.clone()
+    } else {
+        upper.clone()
+    };
     let raised = rng.random_bool(0.15);
     for (side, sign) in [(-1.0, -1.0), (1.0, 1.0)] {
         let swing = 0.8 * sign * swing;
@@ -118,22 +146,50 @@ pub(crate) fn person(
 
     // Neck, head, hair or hat.
     let middle = height - head;
-    b.limb(vec3(0.0, shoulder - 0.05, lean), vec3(0.0, middle - 0.3 * head, 1.3 * lean), [0.058 * girth, 0.05 * girth], 1.0, bare.clone());
+    b.limb(
+        vec3(0.0, shoulder - 0.05, lean),
+        vec3(0.0, middle - 0.3 * head, 1.3 * lean),
+        [0.058 * girth, 0.05 * girth],
+        1.0,
+        bare.clone(),
+    );
     b.ball([0.0, middle, 0.02 + lean], [0.74 * head, head, 0.84 * head], bare);
     let hair = Material::Plain { albedo: hair_colour(rng), gloss: 0.01 };
     match rng.random_range(0..10) {
-        0..=5 => b.ball([0.0, middle + 0.16 * head, lean], [0.81 * head, 0.88 * head, 0.86 * head], hair),
+        0..=5 => b.ball(
+            [0.0, middle + 0.15 * head, lean - 0.12 * head],
+            [0.82 * head, 0.92 * head, 0.86 * head],
+            hair,
+        ),
         6 | 7 => {
-            b.ball([0.0, middle + 0.14 * head, lean], [0.83 * head, 0.9 * head, 0.88 * head], hair.clone());
-            b.limb(vec3(0.0, middle, lean - 0.05), vec3(0.0, middle - 1.9 * head, lean - 0.1), [0.68 * head, 0.4 * head], 0.6, hair);
+            b.ball(
+                [0.0, middle + 0.13 * head, lean - 0.14 * head],
+                [0.84 * head, 0.93 * head, 0.88 * head],
+                hair.clone(),
+            );
+            b.limb(
+                vec3(0.0, middle, lean - 0.05),
+                vec3(0.0, middle - 1.9 * head, lean - 0.1),
+                [0.68 * head, 0.4 * head],
+                0.6,
+                hair,
+            );
         }
-        8 => b.ball([0.0, middle + 0.32 * head, lean], [0.86 * head, 0.78 * head, 0.95 * head], upper.clone()),
+        8 => {
+            b.ball([0.0, middle + 0.32 * head, lean], [0.86 * head, 0.78 * head, 0.95 * head], upper.clone())
+        }
         _ => {}
     }
     match rng.random_range(0..10) {
         0 | 1 => {
             let bag = Material::Plain { albedo: surface_colour(rng), gloss: 0.01 };
-            b.limb(vec3(0.0, hip + 0.08, -1.3 * wide), vec3(0.0, shoulder - 0.12, -1.3 * wide), [0.13 * girth, 0.12 * girth], 0.7, bag);
+            b.limb(
+                vec3(0.0, hip + 0.08, -1.3 * wide),
+                vec3(0.0, shoulder - 0.12, -1.3 * wide),
+                [0.13 * girth, 0.12 * girth],
+                0.7,
+                bag,
+            );
         }
         2 | 3 => {
             let bag = Material::Plain { albedo: surface_colour(rng), gloss: 0.01 };

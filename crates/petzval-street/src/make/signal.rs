@@ -72,7 +72,7 @@ impl Style {
 }
 
 /// Reflectances of the dark lamps from top to bottom.
-const DARK: [Rgb; 3] = [[0.06, 0.008, 0.008], [0.06, 0.035, 0.005], [0.008, 0.04, 0.03]];
+const DARK: [Rgb; 3] = [[0.022, 0.006, 0.006], [0.022, 0.015, 0.006], [0.006, 0.016, 0.014]];
 
 /// The housing of a traffic light. `foot` is the middle of its lower edge; its lamps face along `yaw`.
 pub(crate) fn housing(

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::vehicle::{HEAD_WHITE, Lamps, RED_GLASS, TAIL_RED, paint_colour, plain};
+use super::vehicle::{HEAD_WHITE, Lamps, RED_GLASS, paint_colour, plain};
 use crate::colour::{Rgb, scaled};
 use crate::families::Drawer;
 use crate::material::{LampFace, Material, Paint};
@@ -48,6 +48,7 @@ pub(crate) fn truck(
         skirt_m: 0.55,
         seams_m: [half - 1.3, half - 0.2, half - 2.5],
         dirt_m: 1.4,
+        lamps: None,
         seed: rng.random(),
     };
     let mut b = Builder::at(place, yaw);
@@ -83,11 +84,19 @@ pub(crate) fn truck(
         for i in 1..(length / 1.6) as usize {
             let z = half - 1.6 * i as f64;
             for x in [-1.0, 1.0] {
-                b.block([x * (side - 0.015), 0.5 * (sill + height) - 0.1, z], [0.02, 0.5 * (height - sill) - 0.1, 0.05], plain([0.03; 3]));
+                b.block(
+                    [x * (side - 0.015), 0.5 * (sill + height) - 0.1, z],
+                    [0.02, 0.5 * (height - sill) - 0.1, 0.05],
+                    plain([0.03; 3]),
+                );
             }
         }
     }
-    let load = if rng.random_bool(0.5) { plain([rng.random_range(0.3..0.7); 3]) } else { Material::Textured(Texture::draw(rng, drawer, 0.8)) };
+    let load = if rng.random_bool(0.5) {
+        plain([rng.random_range(0.3..0.7); 3])
+    } else {
+        Material::Textured(Texture::draw(rng, drawer, 0.8))
+    };
     let bed = 0.5 * (cab_end - 0.15 - half);
     let bed_half = 0.5 * (cab_end - 0.15 + half);
     match build {
@@ -101,7 +110,11 @@ pub(crate) fn truck(
             b.block([0.0, 1.3 + 0.5 * pile, bed], [0.85 * side, 0.5 * pile, 0.8 * bed_half], load);
         }
         Build::Bus | Build::Coach => {
-            let board = Material::Sign { ground: [0.02; 3], figure: [0.5, 0.35, 0.02], kind: 4 + 6 * rng.random_range(0..99u32) };
+            let board = Material::Sign {
+                ground: [0.02; 3],
+                figure: [0.5, 0.35, 0.02],
+                kind: 4 + 6 * rng.random_range(0..99u32),
+            };
             b.block([0.0, height - 0.32, half - lean * 0.5], [0.7, 0.13, 0.06], board);
         }
     }
@@ -117,12 +130,17 @@ pub(crate) fn truck(
         for z in axles {
             let at = |out: f64| vec3(x * out, 0.48, z);
             b.cone(at(side - 0.35), at(side + 0.006), [0.56, 0.56], plain([0.012; 3]));
-            b.cone(at(side - 0.3), at(side + 0.012), [0.48, 0.48], Material::Wheel { rim: [0.25; 3], rim_share: 0.55, spokes: 8 });
+            b.cone(
+                at(side - 0.3),
+                at(side + 0.012),
+                [0.48, 0.48],
+                Material::Wheel { rim: [0.25; 3], rim_share: 0.55, spokes: 8 },
+            );
         }
         let lit = |colour: Rgb, luminance: f32| scaled(colour, luminance);
         let head = Material::Lamp { lit: lit(HEAD_WHITE, lamps.head), dark: [0.5; 3], face: LampFace::Beam };
         b.ball([x * (side - 0.32), 0.78, half - 0.04], [0.16, 0.09, 0.07], head);
-        let tail = Material::Lamp { lit: lit(TAIL_RED, lamps.tail), dark: RED_GLASS, face: LampFace::Full };
+        let tail = Material::Lamp { lit: lit(lamps.red, lamps.tail), dark: RED_GLASS, face: LampFace::Full };
         b.block([x * (side - 0.22), 0.85, -half], [0.14, 0.08, 0.025], tail);
         b.block([x * (side + 0.14), sill + 0.5, half - 0.15], [0.09, 0.18, 0.05], plain([0.03; 3]));
     }

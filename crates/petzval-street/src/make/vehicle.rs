@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::colour::{Rgb, from_hue, scaled};
 use crate::families::Drawer;
 use crate::light::Light;
-use crate::material::{LampFace, Material, Paint};
+use crate::material::{CarLamps, Material, Paint};
 use crate::object::{Builder, Object, ObjectKind};
 use crate::vector::{Vec3, vec3};
 
@@ -40,14 +40,16 @@ pub(crate) struct Lamps {
     /// Luminance of a head lamp along its beam, of a tail lamp and of a brake lamp, cd/m^2.
     pub head: f32,
     pub tail: f32,
+    /// Channels of the tail lamps at unit luminance.
+    pub red: Rgb,
 }
 
 impl Lamps {
     /// The lamps of a vehicle that is driving or parked.
-    pub fn draw(rng: &mut ChaCha8Rng, light: Light, driving: bool) -> Self {
+    pub fn draw(rng: &mut ChaCha8Rng, light: Light, driving: bool, red: Rgb) -> Self {
         let braking = driving && rng.random_bool(0.35);
         if !driving {
-            return Self { head: 0.0, tail: 0.0 };
+            return Self { head: 0.0, tail: 0.0, red };
         }
         let head = match light {
             Light::Day if rng.random_bool(0.5) => 10f32.powf(rng.random_range(4.0..4.8)),
@@ -59,7 +61,7 @@ impl Lamps {
             (Light::Day, false) => 0.0,
             _ => rng.random_range(500.0..900.0),
         };
-        Self { head, tail }
+        Self { head, tail, red }
     }
 }
 
@@ -77,8 +79,6 @@ pub(crate) fn paint_colour(rng: &mut ChaCha8Rng) -> Rgb {
 }
 
 pub(crate) const RED_GLASS: Rgb = [0.22, 0.015, 0.012];
-const CLEAR_GLASS: Rgb = [0.55, 0.56, 0.58];
-pub(crate) const TAIL_RED: Rgb = [4.2, 0.16, 0.03];
 pub(crate) const HEAD_WHITE: Rgb = [1.0, 1.0, 0.96];
 
 /// The sizes of a car, m. Places along the car are measured from its middle, forward positive.
@@ -171,6 +171,7 @@ pub(crate) fn car(
         skirt_m: rng.random_range(0.26..0.5),
         seams_m: [foot - 0.25, pillar, rear_foot.max(-half + 0.9) + 0.1],
         dirt_m: rng.random_range(0.1..0.8),
+        lamps: Some(car_lamps(rng, &s, side, body, lamps)),
         seed: rng.random(),
     };
     let mut b = Builder::at(place, yaw);
@@ -208,15 +209,23 @@ pub(crate) fn car(
     );
     if body == Body::Pickup {
         // The bed behind the cabin is an open box; from outside its rim shows.
-        b.block([0.0, s.belt + 0.01, 0.5 * (rear_foot - half)], [side - 0.14, 0.03, 0.5 * (rear_foot + half) - 0.12], plain([0.02; 3]));
+        b.block(
+            [0.0, s.belt + 0.01, 0.5 * (rear_foot - half)],
+            [side - 0.14, 0.03, 0.5 * (rear_foot + half) - 0.12],
+            plain([0.02; 3]),
+        );
     }
     if body == Body::Suv && rng.random_bool(0.5) {
         for x in [-1.0, 1.0] {
-            b.block([x * (high - 0.06), top + 0.03, 0.5 * (roof_front + roof_end)], [0.02, 0.02, 0.7], plain([0.05; 3]));
+            b.block(
+                [x * (high - 0.06), top + 0.03, 0.5 * (roof_front + roof_end)],
+                [0.02, 0.02, 0.7],
+                plain([0.05; 3]),
+            );
         }
     }
     wheels(rng, &mut b, &s, side);
-    details(rng, &mut b, &s, side, lamps, albedo);
+    details(rng, &mut b, &s, side, albedo);
     b.finish(id, Some(ObjectKind::Vehicle)).on_ground([side, half], 0.93, 0.25)
 }
 
@@ -300,32 +309,51 @@ fn wheels(rng: &mut ChaCha8Rng, b: &mut Builder, s: &Sizes, side: f64) {
     }
 }
 
-/// Lamps, plates, grille and mirrors.
-fn details(rng: &mut ChaCha8Rng, b: &mut Builder, s: &Sizes, side: f64, lamps: Lamps, albedo: Rgb) {
-    let half = 0.5 * s.length;
-    let (height, width) = (rng.random_range(0.05..0.09), rng.random_range(0.11..0.2));
-    let head_up = 0.80 * s.bonnet;
-    let tail_up = s.boot * rng.random_range(0.76..0.86);
-    let tail_tall = if rng.random_bool(0.3) { 0.2 } else { rng.random_range(0.06..0.11) };
-    let lit = |colour: Rgb, luminance: f32| scaled(colour, luminance);
-    for x in [-1.0, 1.0] {
-        let head = Material::Lamp { lit: lit(HEAD_WHITE, lamps.head), dark: CLEAR_GLASS, face: LampFace::Beam };
-        b.ball([x * (side - 0.10 - width), head_up, half - 0.10], [width, height, 0.11], head);
-        let tail = Material::Lamp { lit: lit(TAIL_RED, lamps.tail), dark: RED_GLASS, face: LampFace::Full };
-        b.ball([x * (side - 0.06 - width), tail_up, 0.10 - half], [width, tail_tall, 0.115], tail);
-        let door = albedo;
-        b.ball([x * (side + 0.07), s.belt + 0.07, s.cabin[0] - 0.35], [0.10, 0.075, 0.06], plain(door));
+/// Where the lamps lie in the body, and how they burn.
+fn car_lamps(rng: &mut ChaCha8Rng, s: &Sizes, side: f64, body: Body, lamps: Lamps) -> CarLamps {
+    let mut r = |low: f64, high: f64| rng.random_range(low..high);
+    let head =
+        [side - r(0.38, 0.58), side - r(0.02, 0.08), s.bonnet * r(0.66, 0.74), s.bonnet * r(0.84, 0.94)];
+    let (wide, tall) = match body {
+        // Tall narrow lamps beside the tailgate, or wide low ones.
+        Body::Hatchback | Body::Estate | Body::Van | Body::Pickup => (r(0.12, 0.24), r(0.22, 0.4)),
+        _ => (r(0.25, 0.5), r(0.1, 0.18)),
+    };
+    let foot = s.boot * r(0.62, 0.76);
+    CarLamps {
+        half_m: 0.5 * s.length,
+        head,
+        tail: [side - 0.03 - wide, side - r(0.0, 0.03), foot, foot + tall],
+        raised_m: r(0.0, 0.07),
+        head_lit: scaled(HEAD_WHITE, lamps.head),
+        tail_lit: scaled(lamps.red, lamps.tail),
     }
-    let plate = |seed: u32| Material::Sign { ground: [0.7, 0.7, 0.66], figure: [0.03; 3], kind: 4 + 6 * seed };
+}
+
+/// Plates, grille and mirrors.
+fn details(rng: &mut ChaCha8Rng, b: &mut Builder, s: &Sizes, side: f64, albedo: Rgb) {
+    let half = 0.5 * s.length;
+    let mirror = if rng.random_bool(0.4) { [0.02; 3] } else { albedo };
+    for x in [-1.0, 1.0] {
+        b.ball([x * (side + 0.07), s.belt + 0.07, s.cabin[0] - 0.35], [0.10, 0.075, 0.06], plain(mirror));
+    }
+    let tail_up = 0.8 * s.boot;
+    let plate =
+        |seed: u32| Material::Sign { ground: [0.7, 0.7, 0.66], figure: [0.03; 3], kind: 4 + 6 * seed };
     let seed = rng.random_range(0..1000);
     b.block([0.0, 0.48 * s.bonnet, half - 0.005], [0.26, 0.055, 0.015], plate(seed));
     let rear = if rng.random_bool(0.5) { 0.45 } else { 0.72 } * s.boot;
     b.block([0.0, rear, 0.0 - half], [0.26, 0.055, 0.018], plate(seed));
     let grille = rng.random_range(0.05..0.13);
-    b.block([0.0, 0.72 * s.bonnet, half - 0.045], [side * rng.random_range(0.3..0.55), grille, 0.05], plain([0.02; 3]));
+    b.block(
+        [0.0, 0.72 * s.bonnet, half - 0.045],
+        [side * rng.random_range(0.3..0.55), grille, 0.05],
+        plain([0.02; 3]),
+    );
     b.block([0.0, 0.36, half - 0.04], [0.6 * side, 0.07, 0.03], plain([0.015; 3]));
     if rng.random_bool(0.4) {
-        // A bright strip across the boot.
-        b.block([0.0, tail_up, 0.02 - half], [0.5 * side, 0.018, 0.025], plain([0.4; 3]));
+        // A strip of trim across the boot.
+        let tone = if rng.random_bool(0.5) { 0.4 } else { 0.03 };
+        b.block([0.0, tail_up, 0.02 - half], [0.5 * side, 0.018, 0.025], plain([tone; 3]));
     }
 }
