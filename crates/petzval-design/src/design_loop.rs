@@ -12,7 +12,7 @@ use std::time::Instant;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_files::{LensFile, write_lens};
-use petzval_learn::objective::{Labels, NamedLoss, Objective};
+use petzval_learn::objective::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use petzval_optics::lens::{Lens, validate};
 use serde::{Deserialize, Serialize};
 
@@ -161,8 +161,6 @@ pub struct DesignLoop {
     position: Position,
     /// The camera of the lens as it stands, made anew only when the lens has moved.
     camera: Option<Camera>,
-    /// Windows of every validation, in batches.
-    validation_shots: Vec<Vec<Shot>>,
     validations: Validations,
     log: EventLog,
 }
@@ -176,8 +174,13 @@ fn loss_of(
     frames: &Frames,
     shots: &[Shot],
 ) -> Result<NamedLoss, DesignError> {
-    let labels = Labels { picture: camera.truths(shots)? };
-    Ok(objective.loss(frames, &labels)?)
+    let labels = match objective.labels() {
+        LabelKind::Pictures => Labels::Pictures(camera.truths(shots)?),
+        LabelKind::Objects => Labels::Objects(shots.iter().map(|shot| shot.truth.clone()).collect()),
+    };
+    // The same batch draws the same, whichever block moves.
+    let seed = shots.first().map_or(0, |shot| shot.frame);
+    Ok(objective.loss(&Taken { frames, detector: camera.detector(), seed }, &labels)?)
 }
 
 /// What one step did.
@@ -223,26 +226,11 @@ impl DesignLoop {
             let keep = setup.experiment.validation.keep;
             validations = Validations::load(folder, position.validation, keep, &blocks)?;
         }
-        let validation_shots = match setup.experiment.validation.is_used() {
-            true => validation_shots(&setup)?,
-            false => Vec::new(),
-        };
         // Later events go only now that the checkpoint is known to be good.
         let log = EventLog::resume(&run.events(), position.step)?;
         let objective = setup.objective()?;
         let camera = None;
-        Ok(Self {
-            objective,
-            scorer,
-            blocks,
-            position,
-            camera,
-            validation_shots,
-            validations,
-            log,
-            setup,
-            run,
-        })
+        Ok(Self { objective, scorer, blocks, position, camera, validations, log, setup, run })
     }
 
     /// Runs to the end, or until `stop` is set; then the step in work is finished and a checkpoint written.
@@ -344,17 +332,19 @@ impl DesignLoop {
         let later = BlockName::ALL.into_iter().filter(|other| *other > block);
         let at_end = |other| self.position.before(other) + moves.get(&other).map_or(0, |s| s.steps);
         let offset: usize = later.map(at_end).sum();
-        let shots = training_shots(&self.setup, (offset + before + taken) as u64)?;
         let camera = match (block, moves[&block].error_share) {
             (BlockName::Optics, share) if share > 0.0 => {
                 self.erring_camera(variant, share, before + taken)?
             }
             _ => self.camera(variant, moves)?,
         };
+        let shots = training_shots(&self.setup, &camera, (offset + before + taken) as u64)?;
         let objective = &self.objective;
-        let loss = |frames: &Frames, shots: &[Shot]| loss_of(objective.as_ref(), &camera, frames, shots);
+        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
+            loss_of(objective.as_ref(), camera, frames, shots)
+        };
         let setup = self.setup.clone();
-        let further = |number: u64| training_shots(&setup, number);
+        let further = |number: u64| training_shots(&setup, &camera, number);
         let noise = self.noise(variant);
         let batch = Batch { camera: &camera, shots: &shots, noise, loss: &loss, further: &further };
         let moving = self.blocks.get_mut(block);
@@ -385,8 +375,11 @@ impl DesignLoop {
         let camera = finished(&at_rest, &self.blocks.isp, &self.blocks.network);
         let noise = self.noise(variant);
         let objective = &self.objective;
-        let loss = |frames: &Frames, shots: &[Shot]| loss_of(objective.as_ref(), &camera, frames, shots);
-        let loss = validation_loss(&camera, &self.validation_shots, &noise, &loss)?;
+        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
+            loss_of(objective.as_ref(), camera, frames, shots)
+        };
+        let shots = validation_shots(&self.setup, &camera)?;
+        let loss = validation_loss(&camera, &shots, &noise, &loss)?;
         if !loss.is_finite() {
             let (camera, step) = (variant.name.clone(), self.position.step + 1);
             return Err(DesignError::Diverged { camera, block: VALIDATION, step, value: loss });
@@ -576,7 +569,10 @@ impl DesignLoop {
         self.blocks = setup.blocks(next)?;
         let own = (stage > 0).then_some(&next.name);
         if let Some(from) = own.or(next.from.as_ref()) {
-            load_blocks(&self.run.camera(from), self.blocks.all_mut(), Kept::Numbers)?;
+            let keeps_lens = stage > 0 || next.keeps_lens;
+            let taken = self.blocks.all_mut().into_iter();
+            let taken = taken.filter(|block| keeps_lens || block.name() != BlockName::Optics);
+            load_blocks(&self.run.camera(from), taken, Kept::Numbers)?;
             // It sees other windows than those that it was trained on.
             self.position.before = setup.task_steps_before(next);
             for (done, block) in

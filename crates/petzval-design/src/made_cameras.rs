@@ -72,9 +72,8 @@ pub fn made_cameras(
     let study = Study::new(lens, tolerances, &merit)?;
     let from_least_spots_mm = study.nominal().compensators.first().copied().unwrap_or(0.0);
 
-    let experiment = &scorer.setup().experiment;
-    let places = experiment.scoring.places_per_side.pow(2);
-    let chosen = spread_pictures(scorer.setup().photos.held_out().len(), places, plan.pictures);
+    let [photographs, places] = scorer.setup().held_out_pictures();
+    let chosen = spread_pictures(photographs, places, plan.pictures);
     let score = |camera: &Camera| scorer.means(camera, &|number| chosen.contains(&number));
 
     let mut trials = Vec::with_capacity(plan.trials);

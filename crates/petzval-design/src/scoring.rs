@@ -7,12 +7,17 @@ use burn::prelude::*;
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::srgb_encode_op;
-use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
+use petzval_learn::loss::LossError;
+use petzval_learn::score::detection::Picture;
+use petzval_learn::score::{
+    ObjectScore, Score, ScoreDescription, ScoredPair, judged, object_scores, standard_scores,
+};
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
+use crate::boxes::{with_detections, with_truth};
 use crate::camera::{Camera, to_host};
 use crate::error::DesignError;
 use crate::restored::percent;
@@ -31,32 +36,43 @@ pub struct ScoredPicture {
     pub truth: LinearImage,
     /// The developed raw frame, before the network.
     pub developed: LinearImage,
-    /// The network's picture.
+    /// The network's picture; where objects are found, with their boxes.
     pub output: LinearImage,
+    /// The objects of the window and what was found, in pixels of the sensor, where objects are looked for.
+    pub objects: Option<Picture>,
 }
 
 /// Scores cameras by what an experiment names.
 pub struct Scorer {
     setup: Arc<Setup>,
-    scores: Vec<Box<dyn Score>>,
+    judge: Judge,
+}
+
+/// What judges a camera.
+enum Judge {
+    /// Each finished picture by itself; the score of a camera is the mean.
+    Pictures(Vec<Box<dyn Score>>),
+    /// What its detector finds in all of them.
+    Objects(Vec<ObjectScore>),
 }
 
 impl Scorer {
-    /// The scores of `known` that `scoring.scores` names, in that order.
-    pub fn new(setup: Arc<Setup>, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
-        let mut known: Vec<Option<Box<dyn Score>>> = known.into_iter().map(Some).collect();
-        let mut scores = Vec::new();
-        for name in &setup.experiment.scoring.scores {
-            let is_it = |s: &&mut Option<Box<dyn Score>>| s.as_ref().is_some_and(|s| s.name() == name);
-            match known.iter_mut().find(is_it).and_then(Option::take) {
-                Some(score) => scores.push(score),
-                None => {
-                    let names: Vec<&str> = known.iter().flatten().map(|s| s.name()).collect();
-                    return Err(DesignError::UnknownScore { name: name.clone(), known: names.join(", ") });
-                }
-            }
+    /// The scores that `scoring.scores` names, in that order.
+    pub fn new(setup: Arc<Setup>) -> Result<Self, DesignError> {
+        let experiment = &setup.experiment;
+        if !experiment.task.finds_objects() {
+            let known = standard_scores(&setup.lpips()?);
+            return Self::of_pictures(setup, known);
         }
-        Ok(Self { setup, scores })
+        let known = object_scores(experiment.task.classes());
+        let judge = Judge::Objects(named(&experiment.scoring.scores, known, |score| &score.about.name)?);
+        Ok(Self { setup, judge })
+    }
+
+    /// The scores of `known`, each of one picture, that `scoring.scores` names, in that order.
+    pub fn of_pictures(setup: Arc<Setup>, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
+        let judge = Judge::Pictures(named(&setup.experiment.scoring.scores, known, |score| score.name())?);
+        Ok(Self { setup, judge })
     }
 
     /// The experiment whose cameras are scored.
@@ -66,7 +82,12 @@ impl Scorer {
 
     /// The scores that are computed.
     pub fn scores(&self) -> Vec<ScoreDescription> {
-        self.scores.iter().map(|score| ScoreDescription::of(score.as_ref())).collect()
+        match &self.judge {
+            Judge::Pictures(scores) => {
+                scores.iter().map(|score| ScoreDescription::of(score.as_ref())).collect()
+            }
+            Judge::Objects(scores) => scores.iter().map(|score| score.about.clone()).collect(),
+        }
     }
 
     /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs.
@@ -80,7 +101,8 @@ impl Scorer {
         };
         let pictures = self.pictures(camera, &|_| true)?;
         let scored = pictures.iter().map(|p| p.score.clone()).collect();
-        let metrics = camera_metrics(&self.setup, name, lens, captured, scored)?;
+        let scores = self.over_all(&pictures);
+        let metrics = camera_metrics(&self.setup, name, lens, captured, scores, scored)?;
         let limit = self.setup.limit.mean_square(camera.psfs().bank())?;
         let metrics = CameraMetrics {
             psf_errors: camera.psf_errors(),
@@ -90,18 +112,34 @@ impl Scorer {
         Ok((metrics, pictures))
     }
 
-    /// The mean of each score over those of the held-out pictures that are chosen by their number.
+    /// Each score over those of the held-out pictures that are chosen by their number.
     pub fn means(
         &self,
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
     ) -> Result<BTreeMap<String, f64>, DesignError> {
-        let pictures = self.pictures(camera, is_chosen)?;
-        let mean = |name: &str| {
-            let sum: f64 = pictures.iter().map(|picture| picture.score.scores[name]).sum();
-            sum / pictures.len() as f64
-        };
-        Ok(self.scores.iter().map(|score| (score.name().to_owned(), mean(score.name()))).collect())
+        Ok(self.over_all(&self.pictures(camera, is_chosen)?))
+    }
+
+    /// The scores of a camera from its pictures. Where there is nothing to find, the score is 0.
+    fn over_all(&self, pictures: &[ScoredPicture]) -> BTreeMap<String, f64> {
+        match &self.judge {
+            Judge::Pictures(scores) => {
+                let mean = |name: &str| {
+                    let sum: f64 = pictures.iter().map(|picture| picture.score.scores[name]).sum();
+                    sum / pictures.len() as f64
+                };
+                scores.iter().map(|score| (score.name().to_owned(), mean(score.name()))).collect()
+            }
+            Judge::Objects(scores) => {
+                let windows: Vec<Picture> = pictures.iter().filter_map(|p| p.objects.clone()).collect();
+                let classes = self.setup.experiment.task.classes().len();
+                let value = |score: &ObjectScore| {
+                    score.of(&windows, classes, self.setup.field(), None).unwrap_or(0.0)
+                };
+                scores.iter().map(|score| (score.about.name.clone(), value(score))).collect()
+            }
+        }
     }
 
     /// Takes and scores those of the held-out pictures that are chosen by their number.
@@ -114,30 +152,68 @@ impl Scorer {
         let mut pictures = Vec::new();
         let shots = held_out_shots(&self.setup, camera)?.into_iter().enumerate();
         for (_, (photo, relative_field, shot)) in shots.filter(|(number, _)| is_chosen(*number)) {
+            let at = camera.kept(&shot).placement;
             let shots = [shot];
             let frames = camera.take(&shots, &noise)?;
-            let truth_tensor = camera.truths(&shots)?;
             // As a stored picture would be.
-            let finished_tensor = frames.finished.clamp(0.0, 1.0);
-            let pair = ScoredPair {
-                truth: host_image(truth_tensor.clone())?,
-                finished: host_image(finished_tensor.clone())?,
-                finished_tensor,
-                truth_tensor,
-            };
-            let mut scores = BTreeMap::new();
-            for score in &self.scores {
-                scores.insert(score.name().to_owned(), score.of(&pair)?);
-            }
-            pictures.push(ScoredPicture {
-                score: PictureScore { photo, relative_field, scores },
-                developed: host_image(srgb_encode_op(frames.developed))?,
-                truth: pair.truth,
-                output: pair.finished,
+            let finished = frames.finished.clone().clamp(0.0, 1.0);
+            let developed = host_image(srgb_encode_op(frames.developed))?;
+            pictures.push(match &self.judge {
+                Judge::Pictures(scores) => {
+                    let truth_tensor = camera.truths(&shots)?;
+                    let pair = ScoredPair {
+                        truth: host_image(truth_tensor.clone())?,
+                        finished: host_image(finished.clone())?,
+                        finished_tensor: finished,
+                        truth_tensor,
+                    };
+                    let mut values = BTreeMap::new();
+                    for score in scores {
+                        values.insert(score.name().to_owned(), score.of(&pair)?);
+                    }
+                    ScoredPicture {
+                        score: PictureScore { photo, relative_field, scores: values },
+                        developed,
+                        truth: pair.truth,
+                        output: pair.finished,
+                        objects: None,
+                    }
+                }
+                Judge::Objects(_) => {
+                    let detector = camera.detector().ok_or(LossError::NoDetector)?;
+                    let found = detector.detect(finished.clone())?.swap_remove(0);
+                    let truth = &shots[0].truth;
+                    let mut scene = camera.scenes(&shots)?.swap_remove(0);
+                    scene.data = scene.to_srgb();
+                    ScoredPicture {
+                        score: PictureScore { photo, relative_field, scores: BTreeMap::new() },
+                        developed,
+                        truth: with_truth(&scene, truth),
+                        output: with_detections(&host_image(finished)?, truth, &found),
+                        objects: Some(judged(truth, &found, [at.row, at.col])),
+                    }
+                }
             });
         }
         Ok(pictures)
     }
+}
+
+/// Those of the known scores that are named, in that order.
+fn named<S>(names: &[String], known: Vec<S>, name_of: impl Fn(&S) -> &str) -> Result<Vec<S>, DesignError> {
+    let mut known: Vec<Option<S>> = known.into_iter().map(Some).collect();
+    let mut scores = Vec::new();
+    for name in names {
+        let is_it = |s: &&mut Option<S>| s.as_ref().is_some_and(|s| name_of(s) == name);
+        match known.iter_mut().find(is_it).and_then(Option::take) {
+            Some(score) => scores.push(score),
+            None => {
+                let known: Vec<&str> = known.iter().flatten().map(&name_of).collect();
+                return Err(DesignError::UnknownScore { name: name.clone(), known: known.join(", ") });
+            }
+        }
+    }
+    Ok(scores)
 }
 
 fn host_image(tensor: Tensor<4>) -> Result<LinearImage, DesignError> {
@@ -150,6 +226,7 @@ fn camera_metrics(
     name: &str,
     lens: &Lens,
     psf_captured: f64,
+    scores: BTreeMap<String, f64>,
     pictures: Vec<PictureScore>,
 ) -> Result<CameraMetrics, DesignError> {
     let reference = lens.at_wavelength(lens.reference_um);
@@ -170,13 +247,11 @@ fn camera_metrics(
                 .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
         })
         .collect::<Result<_, _>>()?;
-    let names = pictures.first().map(|p| p.scores.keys().cloned().collect::<Vec<_>>()).unwrap_or_default();
-    let mean = |name: &String| pictures.iter().map(|p| p.scores[name]).sum::<f64>() / pictures.len() as f64;
     Ok(CameraMetrics {
         camera: name.to_owned(),
         is_ceiling: false,
         restored_error_percent: None,
-        scores: names.into_iter().map(|name| (name.clone(), mean(&name))).collect(),
+        scores,
         rms_spot_um: rms_spot_by_field_um.iter().sum::<f64>() / rms_spot_by_field_um.len() as f64,
         efl_mm: order.efl_mm,
         f_number: order.f_number,
@@ -206,8 +281,8 @@ pub fn collect_metrics(
         })
         .collect::<Result<_, _>>()?;
     Ok(Metrics {
-        held_out_images: setup.photos.held_out().len(),
-        held_out_places: setup.experiment.scoring.places_per_side.pow(2),
+        held_out_images: setup.held_out_pictures()[0],
+        held_out_places: setup.held_out_pictures()[1],
         rows,
         seeds: vec![setup.experiment.seed],
         scores,

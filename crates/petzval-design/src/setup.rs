@@ -15,7 +15,9 @@ use petzval_files::isp_file::{IspFile, parse_isp_file};
 use petzval_files::load_image_bytes;
 use petzval_learn::dataset::{CropPlan, DatasetError, Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
 use petzval_learn::loss::Lpips;
-use petzval_learn::objective::{ImageQuality, Objective};
+use petzval_learn::network::Network;
+use petzval_learn::objective::{FindObjects, ImageQuality, Objective};
+use petzval_learn::score::Field;
 use petzval_optics::lens::Lens;
 use serde::Deserialize;
 
@@ -24,11 +26,12 @@ use crate::block::{BlockName, Blocks, ImitationPlan, IspBlock, NetworkBlock, Opt
 use crate::camera::{Body, Camera, PsfErrors, PsfSource, Psfs};
 use crate::error::DesignError;
 use crate::experiment::{
-    BUILT_IN_PHOTOS, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, TaskKind, places_of,
+    BUILT_IN_PHOTOS, DetectorConfig, Experiment, NetworkConfig, OF_THE_WHOLE_FRAME, TaskKind, places_of,
 };
 use crate::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::psf_plan::PsfPlan;
 use crate::start::Start;
+use crate::streets::Streets;
 use crate::study::Study;
 use crate::variant::Variant;
 
@@ -56,6 +59,8 @@ pub struct Setup {
     pub limit: Arc<LinearLimit>,
     /// Training and held-out photographs, and those of validations where there are any.
     pub photos: PhotoSet,
+    /// The streets in which objects are to be found, in place of photographs.
+    pub streets: Option<Streets>,
     /// Pictures of the folder that cannot be used, each with the reason.
     pub skipped_photos: Vec<(String, DatasetError)>,
     /// What picture files say that was not obeyed, such as a colour profile, each with the name of the picture.
@@ -74,6 +79,10 @@ impl Setup {
     /// Resolves an experiment against the built-in library and the file system.
     pub fn new(experiment: Experiment, assets: &Assets, device: Device) -> Result<Self, DesignError> {
         let mut setup = Self::without_photos(experiment, assets, device)?;
+        if setup.experiment.task.finds_objects() {
+            setup.streets = Some(Streets::new(&setup));
+            return Ok(setup);
+        }
         let window = setup.training_crops.window().max(setup.scoring_crops.window());
         let read = load_photos(&setup.experiment, assets, window)?;
         (setup.photos, setup.skipped_photos, setup.photo_notes) = (read.photos, read.skipped, read.notes);
@@ -154,6 +163,7 @@ impl Setup {
             fixed_plan,
             limit,
             photos: PhotoSet::default(),
+            streets: None,
             skipped_photos: Vec::new(),
             photo_notes: Vec::new(),
             training_crops,
@@ -207,7 +217,23 @@ impl Setup {
             TaskKind::ImageQuality => {
                 Box::new(ImageQuality::new(self.experiment.loss.clone(), self.lpips()?)?)
             }
+            TaskKind::PedestrianVehicle | TaskKind::TrafficLight => Box::new(FindObjects),
         })
+    }
+
+    /// Held-out pictures, and places of the sensor at which each of them is scored.
+    pub fn held_out_pictures(&self) -> [usize; 2] {
+        match self.streets {
+            Some(_) => [self.experiment.street.held_out, 1],
+            None => [self.photos.held_out().len(), self.experiment.scoring.places_per_side.pow(2)],
+        }
+    }
+
+    /// The sensor, as scores of objects by their place need it.
+    pub fn field(&self) -> Field {
+        let SensorModel { height, width, .. } = self.body.sensor;
+        let axis = [0.5 * width as f64, 0.5 * height as f64];
+        Field { axis, corner_px: axis[0].hypot(axis[1]) }
     }
 
     /// The perceptual loss.
@@ -217,8 +243,15 @@ impl Setup {
 
     /// An untrained network: the same bits for every variant of a run.
     pub fn network(&self) -> Result<NetworkBlock, DesignError> {
-        let NetworkConfig { kind, base_channels, levels } = self.experiment.network;
-        Ok(NetworkBlock::new(kind.init(base_channels, levels, self.experiment.seed, &self.body.device)?))
+        let (experiment, device) = (&self.experiment, &self.body.device);
+        if experiment.task.finds_objects() {
+            let DetectorConfig { kind, backbone } = experiment.detector;
+            let classes = experiment.task.classes().len();
+            let detector = kind.init(backbone, classes, experiment.seed, device)?;
+            return Ok(NetworkBlock::new(Network::Detector(detector)));
+        }
+        let NetworkConfig { kind, base_channels, levels } = experiment.network;
+        Ok(NetworkBlock::new(kind.init(base_channels, levels, experiment.seed, device)?))
     }
 
     /// The parameters of the hardware ISP at the start, of which those that the experiment names may move.

@@ -2,17 +2,25 @@
 
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{NamedPhoto, dead_leaves, held_out_placements, training_crop};
+use petzval_learn::detection::Truth;
 
 use crate::camera::{Camera, Shot, crop_window};
 use crate::error::DesignError;
 use crate::setup::Setup;
+use crate::streets::List;
 
 /// The number of the first validation window: beyond those of all steps, and of all that blocks learn besides.
 const FIRST_VALIDATION: u64 = 1 << 42;
 
-/// The training windows of a step: the same for every variant.
-pub fn training_shots(setup: &Setup, step: u64) -> Result<Vec<Shot>, DesignError> {
+/// The training windows of a step: the same for every variant, but that streets are seen through the chief rays of the camera's lens.
+pub fn training_shots(setup: &Setup, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
     let training = &setup.experiment.training;
+    if let Some(streets) = &setup.streets {
+        let first = step * training.batch as u64;
+        return (first..first + training.batch as u64)
+            .map(|item| streets.training_shot(camera, item))
+            .collect();
+    }
     (0..training.batch as u32)
         .map(|item| {
             let shot = shot_of(setup, setup.photos.training(), step, item)?;
@@ -26,9 +34,12 @@ pub fn training_shots(setup: &Setup, step: u64) -> Result<Vec<Shot>, DesignError
 }
 
 /// The windows of every validation, in batches: photographs alone, as in scores.
-pub fn validation_shots(setup: &Setup) -> Result<Vec<Vec<Shot>>, DesignError> {
+pub fn validation_shots(setup: &Setup, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
     let (batch, windows) = (setup.experiment.training.batch, setup.experiment.validation.windows);
     let shot = |i: usize| {
+        if let Some(streets) = &setup.streets {
+            return streets.shot(camera, List::Validation, i as u64);
+        }
         let (step, item) = (FIRST_VALIDATION + (i / batch) as u64, (i % batch) as u32);
         shot_of(setup, setup.photos.validation(), step, item)
     };
@@ -51,12 +62,20 @@ fn shot_of(setup: &Setup, photos: &[NamedPhoto], step: u64, item: u32) -> Result
         placement: Placement { row, col },
         kept: Some(crop_window(crops, c.sensor_row, c.sensor_column)),
         frame: step * setup.experiment.training.batch as u64 + u64::from(item),
+        truth: Truth::default(),
     })
 }
 
-/// The held-out windows, every photograph at every place: name of the photograph, distance of the window from the axis over that of the
-/// sensor's corner, and the shot.
+/// The held-out windows, every photograph at every place, or each of a street of its own: name of the photograph or street, distance of the
+/// window from the axis over that of the sensor's corner, and the shot.
 pub fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64, Shot)>, DesignError> {
+    if let Some(streets) = &setup.streets {
+        let shot = |i: usize| {
+            let shot = streets.shot(camera, List::HeldOut, i as u64)?;
+            Ok((format!("street {}", i + 1), relative_field(setup, camera, &shot), shot))
+        };
+        return (0..setup.experiment.street.held_out).map(shot).collect();
+    }
     let places = held_out_placements(&setup.scoring_crops, setup.experiment.scoring.places_per_side)?;
     let crops = &setup.scoring_crops;
     let mut shots = Vec::new();
@@ -73,14 +92,18 @@ pub fn held_out_shots(setup: &Setup, camera: &Camera) -> Result<Vec<(String, f64
             let scene = photo.image.crop(from_row, from_column, window, window)?;
             let kept = crop_window(crops, place.sensor_row, place.sensor_column);
             let frame = shots.len() as u64;
-            let half = crops.crop / 2;
-            let middle =
-                camera.body().geometry.radius_mm(kept.placement.row + half, kept.placement.col + half);
-            let shot = Shot { scene, placement, kept: Some(kept), frame };
-            shots.push((photo.name.clone(), middle / setup.corner_mm(), shot));
+            let shot = Shot { scene, placement, kept: Some(kept), frame, truth: Truth::default() };
+            shots.push((photo.name.clone(), relative_field(setup, camera, &shot), shot));
         }
     }
     Ok(shots)
+}
+
+/// Distance of the middle of a shot's window from the axis, over that of the sensor's corner.
+fn relative_field(setup: &Setup, camera: &Camera, shot: &Shot) -> f64 {
+    let kept = camera.kept(shot);
+    let middle = [kept.placement.row + kept.height / 2, kept.placement.col + kept.width / 2];
+    camera.body().geometry.radius_mm(middle[0], middle[1]) / setup.corner_mm()
 }
 
 /// Whether a window of a run is a generated picture: evenly spread over the windows, so that their share is met at any time.

@@ -28,7 +28,7 @@ pub fn validation_loss(
     let (mut sum, mut windows) = (0.0, 0);
     for shots in batches {
         let frames = camera.take(shots, noise)?;
-        let total = to_host(loss(&frames, shots)?.total)?;
+        let total = to_host(loss(camera, &frames, shots)?.total)?;
         sum += f64::from(total[0]) * shots.len() as f64;
         windows += shots.len();
     }

@@ -16,8 +16,10 @@ pub struct Variant {
     pub name: String,
     /// Name of the lens from which it starts.
     pub lens: String,
-    /// The variant whose finished lens and network it starts from.
+    /// The variant whose finished lens, ISP and network it starts from.
     pub from: Option<String>,
+    /// Whether it starts from that variant's lens as well, and not from one of its own.
+    pub keeps_lens: bool,
     /// The description of the network from which its PSFs come while its lens moves for the task.
     pub optics_proxy: Option<String>,
     /// How noise is sampled while it is made.

@@ -58,7 +58,7 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     let camera = setup.camera(start.lens_file.lens.clone(), true).unwrap();
     let isp = setup.isp();
     let held = camera.with_chip(isp.held(&camera.body().device));
-    let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
+    let loss = loss_of;
     let batch =
         Batch { camera: &held, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
     let (losses, by_place) = isp.gradient(&batch).unwrap();
@@ -123,7 +123,7 @@ fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     let shots = training_shots(&setup, 0).unwrap();
     let lens = setup.nominal().lens_file.lens.clone();
     let camera = setup.camera(lens, true).unwrap();
-    let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
+    let loss = loss_of;
     let mut isp = setup.isp();
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
     let smooth = |isp: &IspBlock| value(&camera.with_chip(isp.held(&camera.body().device)), &shots);
@@ -156,7 +156,7 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
     let setup = setup("vary = [\"luma_denoise\", \"sharpen\"]\n").unwrap();
     let shots = training_shots(&setup, 0).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let loss = |frames: &Frames, shots: &[Shot]| loss_of(&camera, frames, shots);
+    let loss = loss_of;
     let batch =
         || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
@@ -190,7 +190,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
         let value = f64::from(to_host(total.clone()).unwrap()[0]);
         NamedLoss { total, parts: vec![("total", value)] }
     };
-    let loss = |frames: &Frames, _: &[Shot]| Ok(darkness(frames));
+    let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(darkness(frames));
     let further = |number: u64| training_shots(&setup, number);
     let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &further };
     let on_chip = |isp: &IspBlock| {

@@ -16,8 +16,9 @@ use petzval_design::experiment::DevelopmentConfig;
 use petzval_design::psf_plan::PsfPlan;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
+use petzval_learn::detection::Truth;
 use petzval_learn::network::NetworkKind;
-use petzval_learn::objective::{Labels, NamedLoss, Objective};
+use petzval_learn::objective::{Labels, NamedLoss, Objective, Taken};
 
 fn setup() -> Setup {
     setup_with(false)
@@ -61,6 +62,7 @@ fn shots(setup: &Setup) -> Vec<Shot> {
             placement: Placement { row: *row, col: *col },
             kept: None,
             frame: i as u64,
+            truth: Truth::default(),
         })
         .collect()
 }
@@ -80,7 +82,9 @@ fn camera(setup: &Setup, x: &[f64]) -> Camera {
 fn loss(setup: &Setup, objective: &dyn Objective, x: &[f64], shots: &[Shot]) -> f64 {
     let camera = camera(setup, x);
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Off, seed: 1 }).unwrap();
-    let parts = objective.loss(&frames, &Labels { picture: camera.truths(shots).unwrap() }).unwrap().parts;
+    let labels = Labels::Pictures(camera.truths(shots).unwrap());
+    let taken = Taken { frames: &frames, detector: None, seed: 0 };
+    let parts = objective.loss(&taken, &labels).unwrap().parts;
     parts.iter().find(|(name, _)| *name == "total").unwrap().1
 }
 
@@ -89,8 +93,9 @@ fn gradient_at_start(setup: &Setup, shots: &[Shot], noise: Noise) -> (f64, Vec<f
     let objective = setup.objective().unwrap();
     let start = setup.starts[&setup.experiment.lens].clone();
     let camera = camera(setup, start.space.start());
-    let loss = |frames: &Frames, shots: &[Shot]| {
-        Ok(objective.loss(frames, &Labels { picture: camera.truths(shots)? })?)
+    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
+        let taken = Taken { frames, detector: None, seed: 0 };
+        Ok(objective.loss(&taken, &Labels::Pictures(camera.truths(shots)?))?)
     };
     let batch = Batch { camera: &camera, shots, noise, loss: &loss, further: &|_| Ok(Vec::new()) };
     let block = OpticsBlock::new(start, setup.experiment.constraints.weight);
@@ -167,7 +172,7 @@ fn smooth_gradient(setup: &Setup, tolerance: f64) {
     let start = setup.starts[&setup.experiment.lens].clone();
     let x = start.space.start().to_vec();
     let from = camera(setup, &x);
-    let loss = |frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
+    let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(smooth_loss(frames));
     let batch =
         Batch { camera: &from, shots: &shots, noise: noise(), loss: &loss, further: &|_| Ok(Vec::new()) };
     // The penalty of the requirements has its own test.
@@ -211,7 +216,7 @@ fn steps_by_the_lifted_curvature_lower_the_loss_and_continue_with_the_same_bits(
         |block: &OpticsBlock| setup.camera(block.lens().unwrap(), true).unwrap().with_network(network.held());
     let step = |block: &mut OpticsBlock, method: StepMethod, rate: f64| {
         let camera = camera_of(block);
-        let loss = |frames: &Frames, shots: &[Shot]| Ok(squared(frames, &camera, shots));
+        let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| Ok(squared(frames, camera, shots));
         let further = |_| Ok(Vec::new());
         let batch = Batch { camera: &camera, shots: &shots, noise: noise(), loss: &loss, further: &further };
         block.step(&batch, StepRule { method, rate, proximal: 0.0 }).unwrap()

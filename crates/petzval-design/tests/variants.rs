@@ -105,7 +105,7 @@ fn run(experiment: Experiment, folder: &Path) -> Metrics {
     let setup = Arc::new(setup);
     let mut scores = standard_scores(&setup.lpips().unwrap());
     scores.push(Box::new(MeanAbsoluteError));
-    let design = DesignLoop::new(folder, Scorer::new(setup, scores).unwrap()).unwrap();
+    let design = DesignLoop::new(folder, Scorer::of_pictures(setup, scores).unwrap()).unwrap();
     match design.run(&mut Silent, &AtomicBool::new(false)).unwrap() {
         Ending::Finished(metrics) => *metrics,
         Ending::Stopped(step) => panic!("stopped at {step}"),
@@ -176,7 +176,7 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
     let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let scores = standard_scores(&setup.lpips().unwrap());
-    let error = Scorer::new(Arc::new(setup), scores).err().unwrap();
+    let error = Scorer::of_pictures(Arc::new(setup), scores).err().unwrap();
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
 }
 

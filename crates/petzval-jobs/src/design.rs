@@ -13,7 +13,7 @@ use petzval_design::run::{
 };
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_learn::score::{ScoreDescription, standard_scores};
+use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
@@ -240,8 +240,7 @@ fn resumed(resume: &Resume, folder: &RunFolder) -> Result<(RunRecord, Experiment
 
 /// What scores the cameras of an experiment.
 pub(crate) fn scorer(setup: Setup) -> Result<Scorer, JobError> {
-    let scores = standard_scores(&setup.lpips()?);
-    Ok(Scorer::new(Arc::new(setup), scores)?)
+    Ok(Scorer::new(Arc::new(setup))?)
 }
 
 /// The experiment of a new run, complete: every default and every change is in it.

@@ -102,7 +102,7 @@ impl IspBlock {
         for point in &points {
             let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
             let frames = camera.take(batch.shots, &batch.noise)?;
-            let losses = named(&(batch.loss)(&frames, batch.shots)?);
+            let losses = named(&(batch.loss)(&camera, &frames, batch.shots)?);
             let away: f64 = point.iter().zip(&self.progress.anchor).map(|(p, a)| (p - a).powi(2)).sum();
             values.push(losses["total"] + 0.5 * rule.proximal * away);
             for (name, value) in losses {
@@ -172,7 +172,7 @@ impl IspBlock {
         let values = self.tensor(&batch.camera.body().device).require_grad();
         let camera = batch.camera.with_chip(self.on_tape(values.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
-        let loss = (batch.loss)(&frames, batch.shots)?;
+        let loss = (batch.loss)(&camera, &frames, batch.shots)?;
         let losses = named(&loss);
         let gradients = backward(loss);
         let by =

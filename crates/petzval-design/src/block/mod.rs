@@ -90,7 +90,8 @@ pub struct StepRule {
 }
 
 /// The loss of what a camera took, as the objective of the stage defines it.
-pub type LossOf<'a> = dyn Fn(&petzval_camera::tape::Frames, &[Shot]) -> Result<NamedLoss, DesignError> + 'a;
+pub type LossOf<'a> =
+    dyn Fn(&Camera, &petzval_camera::tape::Frames, &[Shot]) -> Result<NamedLoss, DesignError> + 'a;
 
 /// Training windows by number.
 pub type Further<'a> = dyn Fn(u64) -> Result<Vec<Shot>, DesignError> + 'a;

@@ -53,7 +53,7 @@ impl Block for NetworkBlock {
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
         let camera = batch.camera.with_network(Rc::new(self.network.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
-        let loss = (batch.loss)(&frames, batch.shots)?;
+        let loss = (batch.loss)(&camera, &frames, batch.shots)?;
         let losses = named(&loss);
         // A loss that is no number must not reach the weights; the caller ends the run.
         if losses.values().all(|v| v.is_finite()) {

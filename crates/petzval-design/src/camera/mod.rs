@@ -25,6 +25,7 @@ use petzval_camera::tape::{
     srgb_encode_op,
 };
 use petzval_learn::dataset::CropPlan;
+use petzval_learn::detection::{Detector, Truth};
 use petzval_learn::network::{NetworkInput, PictureNetwork};
 use petzval_optics::lens::Lens;
 use serde::{Deserialize, Serialize};
@@ -49,6 +50,8 @@ pub struct Shot {
     pub kept: Option<Window>,
     /// Number of the frame; it keys the noise.
     pub frame: u64,
+    /// What is to be found in the window that is kept, in its pixels; nothing where pictures alone count.
+    pub truth: Truth,
 }
 
 /// Everything of a camera except its optics and its network.
@@ -161,6 +164,11 @@ impl Camera {
     /// The same camera with a network behind the development.
     pub fn with_network(&self, network: Rc<dyn PictureNetwork>) -> Self {
         Self { network: Some(network), ..self.clone() }
+    }
+
+    /// What looks for objects in its finished pictures, if its network does.
+    pub fn detector(&self) -> Option<&dyn Detector> {
+        self.network.as_ref().and_then(|network| network.detector())
     }
 
     /// The same camera with other values of its hardware ISP.
@@ -400,7 +408,7 @@ impl Camera {
     }
 
     /// The window of which a shot's frames are kept.
-    fn kept(&self, shot: &Shot) -> Window {
+    pub fn kept(&self, shot: &Shot) -> Window {
         let [height, width] = self.exposed(std::slice::from_ref(shot));
         shot.kept.unwrap_or(Window { placement: shot.placement, height, width })
     }

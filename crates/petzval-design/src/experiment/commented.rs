@@ -5,17 +5,18 @@ use petzval_learn::loss::ImageLoss;
 
 use super::{
     CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
-    PsfConfig, ScoringConfig, SpotConfig, TrainingConfig, ValidationConfig,
+    PsfConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig, ValidationConfig,
 };
 use crate::error::DesignError;
 
 /// The tables of numbers of an experiment, by name.
-pub(super) fn tables() -> [(&'static str, ParameterTable); 12] {
+pub(super) fn tables() -> [(&'static str, ParameterTable); 13] {
     [
         ("exposure", ExposureConfig::table()),
         ("psf", PsfConfig::table()),
         ("isp", IspConfig::table()),
         ("network", NetworkConfig::table()),
+        ("street", StreetConfig::table()),
         ("training", TrainingConfig::table()),
         ("loss", ImageLoss::table()),
         ("optics", OpticsConfig::table()),

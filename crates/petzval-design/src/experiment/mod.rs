@@ -7,8 +7,9 @@ mod variants;
 
 pub use commented::{commented_toml, reference_markdown};
 pub use tables::{
-    CheckpointConfig, ConstraintConfig, DevelopmentConfig, ExposureConfig, IspConfig, Keep, NO_ISP,
-    NetworkConfig, OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, TrainingConfig, ValidationConfig,
+    CheckpointConfig, ConstraintConfig, DetectorConfig, DevelopmentConfig, ExposureConfig, IspConfig, Keep,
+    NO_ISP, NetworkConfig, OpticsConfig, PsfConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig,
+    ValidationConfig,
 };
 pub(crate) use tables::{OF_THE_WHOLE_FRAME, places_of};
 pub use variants::{Goal, ScheduleConfig, StageConfig, VariantConfig, standard_variants};
@@ -80,8 +81,12 @@ pub struct Experiment {
     pub development: DevelopmentConfig,
     /// A hardware ISP in place of development and network.
     pub isp: IspConfig,
-    /// The network.
+    /// The network that makes pictures for people.
     pub network: NetworkConfig,
+    /// The detector, where objects are to be found; it takes the network's place.
+    pub detector: DetectorConfig,
+    /// The streets in which objects are to be found.
+    pub street: StreetConfig,
     /// How the network is trained.
     pub training: TrainingConfig,
     /// What a picture's loss is made of.
@@ -109,6 +114,26 @@ pub struct Experiment {
 pub enum TaskKind {
     /// A picture for people to look at, made by a network from the developed raw frame.
     ImageQuality,
+    /// People and vehicles in a street, found by a detector in the developed picture.
+    PedestrianVehicle,
+    /// Traffic lights in a street, with what they show.
+    TrafficLight,
+}
+
+impl TaskKind {
+    /// The classes of objects that are to be found, in the detector's order; none where a picture is what counts.
+    pub fn classes(self) -> &'static [&'static str] {
+        match self {
+            Self::ImageQuality => &[],
+            Self::PedestrianVehicle => &["pedestrian", "vehicle"],
+            Self::TrafficLight => &["red", "yellow", "green", "off"],
+        }
+    }
+
+    /// Whether a detector looks for objects in place of a person who looks at pictures.
+    pub fn finds_objects(self) -> bool {
+        !self.classes().is_empty()
+    }
 }
 
 impl Default for Experiment {
@@ -126,6 +151,8 @@ impl Default for Experiment {
             development: DevelopmentConfig::default(),
             isp: IspConfig::default(),
             network: NetworkConfig::default(),
+            detector: DetectorConfig::default(),
+            street: StreetConfig::default(),
             training: TrainingConfig::default(),
             loss: ImageLoss::default(),
             optics: OpticsConfig::default(),
@@ -171,6 +198,7 @@ impl Experiment {
             ("psf", self.psf.out_of_range()),
             ("isp", self.isp.out_of_range()),
             ("network", self.network.out_of_range()),
+            ("street", self.street.out_of_range()),
             ("training", self.training.out_of_range()),
             ("loss", self.loss.out_of_range()),
             ("optics", self.optics.out_of_range()),
@@ -205,7 +233,10 @@ impl Experiment {
             );
             return Err(error.hint("write \"menon\", \"malvar\" or \"bilinear\", or 0 for optics.steps"));
         }
-        if self.network.kind == NetworkKind::Restoration && !self.development.restore {
+        if self.task == TaskKind::ImageQuality
+            && self.network.kind == NetworkKind::Restoration
+            && !self.development.restore
+        {
             let error =
                 FileError::at_key(text, &["network", "kind"], "this network needs a restored picture");
             return Err(error.hint("write true for development.restore, or \"u-net\""));
@@ -220,7 +251,7 @@ impl Experiment {
             return Err(error.hint("give validation.every the steps between two of them, such as 25"));
         }
         variants::check_variants(&self.variant, text)?;
-        variants::check_blocks(&self.variant, self.isp.is_used(), text)?;
+        variants::check_blocks(&self.variant, &self.blocks(), text)?;
         if self.loss.l1_weight + self.loss.lpips_weight <= 0.0 {
             let error = FileError::at_key(text, &["loss", "l1_weight"], "all weights of the loss are zero");
             return Err(error.hint("give at least one part a positive weight"));
@@ -275,22 +306,38 @@ impl Experiment {
         Ok(())
     }
 
-    /// The block behind the lens: the network, or the hardware ISP in its place.
+    /// The blocks that a camera of the experiment has: a hardware ISP takes the place of a network for pictures, but stands before a detector.
+    pub fn blocks(&self) -> Vec<BlockName> {
+        let has = |block: &BlockName| match block {
+            BlockName::Optics => true,
+            BlockName::Isp => self.isp.is_used(),
+            BlockName::Network => self.task.finds_objects() || !self.isp.is_used(),
+        };
+        BlockName::ALL.into_iter().filter(has).collect()
+    }
+
+    /// The last block of the camera: the network, or the hardware ISP in its place.
     pub fn last_block(&self) -> BlockName {
-        if self.isp.is_used() { BlockName::Isp } else { BlockName::Network }
+        if self.blocks().contains(&BlockName::Network) { BlockName::Network } else { BlockName::Isp }
     }
 
     /// Sets the steps of the network, or of the hardware ISP, in every stage that has no number of its own, and changes all other steps in
     /// proportion, rounded up.
     pub fn scale_steps(&mut self, steps: usize) {
-        let is_isp = self.isp.is_used();
-        let last = if is_isp { &mut self.isp.steps } else { &mut self.training.steps };
+        let (is_isp, last_block) = (self.isp.is_used(), self.last_block());
+        let last = match last_block {
+            BlockName::Isp => &mut self.isp.steps,
+            _ => &mut self.training.steps,
+        };
         let share = steps as f64 / (*last).max(1) as f64;
         *last = steps;
         let scaled = |steps: usize| (steps as f64 * share).ceil() as usize;
         self.optics.steps = scaled(self.optics.steps);
         if is_isp {
             self.isp.proxy_warm_up = scaled(self.isp.proxy_warm_up);
+            if last_block != BlockName::Isp {
+                self.isp.steps = scaled(self.isp.steps);
+            }
         }
         let stages = self.variant.iter_mut().flat_map(|v| &mut v.stage);
         let own = stages.flat_map(|stage| stage.schedule.values_mut());

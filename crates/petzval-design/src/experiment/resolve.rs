@@ -9,19 +9,20 @@ impl Experiment {
     pub fn variants(&self) -> Vec<Variant> {
         let resolve = |v: &VariantConfig| Variant {
             name: v.name.clone(),
-            lens: self.origin(v).lens.clone().unwrap_or_else(|| self.lens.clone()),
+            lens: self.lens_of(v).unwrap_or_else(|| self.lens.clone()),
+            keeps_lens: v.lens.is_none(),
             from: v.from.clone(),
             optics_proxy: v.optics_proxy.clone(),
             noise: v.noise.unwrap_or(self.training.noise),
-            starts_moved: self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
+            starts_moved: v.lens.is_none() && self.parent(v).is_some_and(|parent| self.moves_lens(parent)),
             stages: v.stage.iter().map(|s| stage(self, s)).collect(),
         };
         self.variant.iter().map(resolve).collect()
     }
 
-    /// The variant at the beginning of the chain of `from`, whose lens all variants of the chain have.
-    fn origin<'v>(&'v self, variant: &'v VariantConfig) -> &'v VariantConfig {
-        self.parent(variant).map_or(variant, |parent| self.origin(parent))
+    /// The lens that a variant names, or the nearest one in the chain of `from`.
+    fn lens_of(&self, variant: &VariantConfig) -> Option<String> {
+        variant.lens.clone().or_else(|| self.parent(variant).and_then(|parent| self.lens_of(parent)))
     }
 
     /// The variant from which another starts: one earlier in the file, so that every chain ends.
@@ -33,7 +34,7 @@ impl Experiment {
     /// Whether a variant, or one of the chain from which it starts, moves the lens.
     fn moves_lens(&self, variant: &VariantConfig) -> bool {
         variant.stage.iter().any(|s| stage(self, s).steps_of(BlockName::Optics) > 0)
-            || self.parent(variant).is_some_and(|parent| self.moves_lens(parent))
+            || variant.lens.is_none() && self.parent(variant).is_some_and(|parent| self.moves_lens(parent))
     }
 }
 

@@ -3,11 +3,13 @@
 use petzval_base::parameters;
 use petzval_camera::isp::{Demosaic, Domain, Interpolation, IspParameter, IspSettings};
 use petzval_camera::sensor::{Exposure, NoiseMode};
+use petzval_learn::detection::{BackboneKind, DetectorKind};
 use petzval_learn::network::NetworkKind;
 use petzval_optics::constraint::Constraint;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::Limits;
 use petzval_optics::psf::PsfKind;
+use petzval_street::{Families, Light};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -63,6 +65,44 @@ parameters! {
     } also {
         /// A U-Net that sees the picture alone, or one behind a restoration that is trained with it.
         kind: NetworkKind = NetworkKind::Restoration;
+    }
+}
+
+/// What looks for objects in the finished pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct DetectorConfig {
+    /// Two stages, or one.
+    pub kind: DetectorKind,
+    /// What turns pictures into features.
+    pub backbone: BackboneKind,
+}
+
+parameters! {
+    /// The streets in which objects are to be found: made by seed, seen through the chief rays of each lens.
+    pub struct StreetConfig {
+        /// Training windows, each a place of a street of its own; steps take them in turn, half of the time mirrored.
+        windows: usize = 384, "", 1..1e6, Log, "a few hundred on a CPU";
+        /// Windows in streets that nothing is trained on, in which cameras are scored.
+        held_out: usize = 96, "", 1..1e6, Log, "96 for a figure, 400 for a claim";
+        /// Samples along a side of a pixel.
+        samples: usize = 2, "", 1..16, Linear, "2 to 4";
+        /// Luminance that gives `exposure.white_e` at the longest exposure; in brighter streets the automatic exposure takes less, until the
+        /// geometric mean of the luminance is 18 % of white.
+        white_cd_m2: f64 = 3.0, "cd/m^2", 1e-4..1e7, Log, "a lit road at night has 1, a white wall in sunshine 20000";
+        /// Share of the windows that are placed on an object; the others lie anywhere.
+        on_objects: f64 = 0.9, "", 0..1, Linear, "0.9";
+        /// Least longer side of an object that counts; smaller ones are neither asked for nor held against the detector.
+        least_side_px: f64 = 14.0, "pixels", 1..1e4, Log, "14 pixels";
+        /// Least share of an object that must be seen for it to count.
+        least_visible: f64 = 0.5, "", 0..1, Linear, "0.5";
+    } also {
+        /// Time of day.
+        light: Light = Light::Day;
+        /// Families of shapes and textures in training.
+        families: Families = Families::All;
+        /// Families of shapes and textures in scores.
+        held_out_families: Families = Families::All;
     }
 }
 

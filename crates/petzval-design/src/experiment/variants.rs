@@ -19,10 +19,10 @@ pub struct VariantConfig {
     /// Its name in tables and folders: letters, digits, `-` and `_`.
     #[schemars(regex(pattern = r"^[A-Za-z0-9_-]+$"))]
     pub name: String,
-    /// The lens from which it starts; the experiment's if none is named.
+    /// The lens from which it starts; the experiment's if none is named. Beside `from`, the lens alone is its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<String>,
-    /// The variant, earlier in the file, whose finished lens and network it starts from.
+    /// The variant, earlier in the file, whose finished lens, ISP and network it starts from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
     /// The description of a [network](crate::optics_proxy) from which its PSFs come while its lens moves for the task, in place of exact
@@ -154,18 +154,21 @@ pub(super) fn check_variants(variants: &[VariantConfig], text: &str) -> Result<(
     Ok(())
 }
 
-/// Refuses stages that move a network behind a hardware ISP, or an ISP that is not there.
-pub(super) fn check_blocks(variants: &[VariantConfig], has_isp: bool, text: &str) -> Result<(), FileError> {
-    let (unused, hint) = match has_isp {
-        true => (
-            BlockName::Network,
-            "a hardware ISP has no network behind it: write \"isp\", or isp.preset = \"none\"",
-        ),
-        false => (BlockName::Isp, "name a preset for isp.preset, or write \"network\""),
-    };
+/// Refuses stages that move a block which the camera does not have, such as an ISP where none is named.
+pub(super) fn check_blocks(
+    variants: &[VariantConfig],
+    blocks: &[BlockName],
+    text: &str,
+) -> Result<(), FileError> {
     for (i, variant) in variants.iter().enumerate() {
         for (k, stage) in variant.stage.iter().enumerate() {
-            if stage.moves.contains(&unused) {
+            if let Some(unused) = stage.moves.iter().find(|block| !blocks.contains(block)) {
+                let hint = match unused {
+                    BlockName::Network => {
+                        "a hardware ISP has no network for pictures behind it: write \"isp\", or isp.preset = \"none\""
+                    }
+                    _ => "name a preset for isp.preset, or write \"network\"",
+                };
                 let message =
                     format!("variant `{}`: the camera has no block `{}`", variant.name, unused.name());
                 let path = ["variant", &i.to_string(), "stage", &k.to_string(), "moves"];
@@ -207,10 +210,6 @@ fn check_origin(
                 false => format!("earlier variants: {}", names.join(", ")),
             };
             return Err(("from", message, hint));
-        }
-        if variant.lens.is_some() {
-            let message = format!("`{name}` starts from a lens and from a variant");
-            return Err(("from", message, "leave out `lens` or `from`".to_owned()));
         }
     }
     let moves_for_task = |s: &StageConfig| s.goal == Goal::Task && s.moves.contains(&BlockName::Optics);

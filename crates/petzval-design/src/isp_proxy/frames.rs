@@ -63,7 +63,7 @@ impl FrameSource {
         let mut random = ChaCha8Rng::seed_from_u64(self.setup.experiment.seed ^ OWN);
         random.set_stream(step);
         let camera = &self.cameras[random.random_range(0..self.cameras.len())];
-        take(camera, &training_shots(&self.setup, step)?, self.setup.experiment.seed)
+        take(camera, &training_shots(&self.setup, camera, step)?, self.setup.experiment.seed)
     }
 
     /// Frames of photographs that training never sees: each at every place of the experiment's scoring, by one camera after the other.

@@ -20,6 +20,7 @@ use petzval_lab::psf_calibration::PsfCalibrationError;
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
 use petzval_lab::psf_calibration::psf_file::{AXES_FILE, load_psfs};
 use petzval_learn::Device;
+use petzval_learn::detection::Truth;
 use petzval_optics::lens::Lens;
 
 use super::highlights::capacity_e;
@@ -193,7 +194,7 @@ impl Rig {
             Some(distortion) => distortion.project(&self.geometry, picture, &self.window, self.border)?,
             None => self.window.scene(picture, self.border),
         };
-        Ok(Shot { scene, placement: self.window.placement, kept: None, frame })
+        Ok(Shot { scene, placement: self.window.placement, kept: None, frame, truth: Truth::default() })
     }
 }
 

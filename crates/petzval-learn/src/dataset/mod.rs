@@ -7,8 +7,10 @@ mod crop;
 mod dead_leaves;
 mod error;
 mod photo_set;
+mod street_window;
 
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;
 pub use photo_set::{Folder, NamedPhoto, PhotoSet, PhotoSplit, load_folder};
+pub use street_window::{List, StreetPlan, StreetView, StreetWindow, Wanted};

@@ -8,10 +8,10 @@ use super::backbone::{Backbone, BackboneKind};
 use super::box_head::{BoxHead, BoxHeadConfig};
 use super::levels::LevelOfBox;
 use super::parameters::Parameters;
-use super::proposals::{ProposalConfig, ProposalNetwork};
+use super::proposals::{ProposalConfig, ProposalNetwork, Proposed};
 use super::pyramid::Pyramid;
 use super::roi_align::RoiAlign;
-use super::{Detection, Detector, Truth, normalized};
+use super::{BBox, Detection, Detector, Truth, normalized};
 use crate::loss::LossError;
 use crate::network::NetworkError;
 use crate::objective::NamedLoss;
@@ -119,6 +119,30 @@ impl FasterRcnn {
     }
 }
 
+impl FasterRcnn {
+    /// The losses of both stages, the second of these proposals.
+    fn loss_on(
+        &self,
+        proposals: &[Vec<BBox>],
+        maps: &[Tensor<4>],
+        seen: &Proposed,
+        truths: &[Truth],
+        picture: [usize; 2],
+        seed: u64,
+    ) -> Result<NamedLoss, LossError> {
+        let [objectness, proposed] = self.proposals.losses(seen, truths, seed);
+        // The two stages draw from different streams.
+        let own = seed ^ 0x5bd1_e995_9d1b_873f;
+        let [class, bbox] = self.boxes.losses(for_boxes(maps), proposals, truths, picture, own);
+        NamedLoss::sum(vec![
+            ("objectness", objectness),
+            ("proposal_box", proposed),
+            ("class", class),
+            ("box", bbox),
+        ])
+    }
+}
+
 /// Levels of the pyramid that the second stage looks at: all but the additional one.
 fn for_boxes(maps: &[Tensor<4>]) -> &[Tensor<4>] {
     &maps[..maps.len() - 1]
@@ -130,16 +154,7 @@ impl Detector for FasterRcnn {
         let maps = self.maps(pictures);
         let seen = self.proposals.look(&maps, [height, width]);
         let proposals = self.proposals.proposals(&seen, [height, width], true)?;
-        let [objectness, proposed] = self.proposals.losses(&seen, truths, seed);
-        // The two stages draw from different streams.
-        let own = seed ^ 0x5bd1_e995_9d1b_873f;
-        let [class, bbox] = self.boxes.losses(for_boxes(&maps), &proposals, truths, [height, width], own);
-        NamedLoss::sum(vec![
-            ("objectness", objectness),
-            ("proposal_box", proposed),
-            ("class", class),
-            ("box", bbox),
-        ])
+        self.loss_on(&proposals, &maps, &seen, truths, [height, width], seed)
     }
 
     fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
@@ -148,5 +163,50 @@ impl Detector for FasterRcnn {
         let seen = self.proposals.look(&maps, [height, width]);
         let proposals = self.proposals.proposals(&seen, [height, width], false)?;
         self.boxes.detect(for_boxes(&maps), &proposals, [height, width])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::TensorData;
+
+    use super::*;
+    use crate::detection::Object;
+
+    /// Which boxes are proposed and sampled changes in steps; between them the loss has this gradient.
+    #[test]
+    fn the_loss_of_fixed_proposals_has_its_gradient_by_the_picture() {
+        let device = Device::flex().autodiff();
+        let detector = FasterRcnn::new(FasterRcnnConfig::small(2), 3, &device).unwrap();
+        let side = 64;
+        let values: Vec<f32> =
+            (0..2 * 3 * side * side).map(|i| 0.5 + 0.4 * (0.37 * i as f32).sin()).collect();
+        let object = |x: f32, class| Object { bbox: BBox::new(x, 10.0, x + 20.0, 40.0), class };
+        let truths = [vec![object(5.0, 0), object(30.0, 1)], vec![object(20.0, 1)]]
+            .map(|objects| Truth { objects, ignored: Vec::new() });
+        let run = |values: &[f32], fixed: Option<&Vec<Vec<BBox>>>| {
+            let data = TensorData::new(values.to_vec(), [2, 3, side, side]);
+            let leaf = Tensor::<4>::from_data(data, &device).require_grad();
+            let maps = detector.maps(leaf.clone());
+            let seen = detector.proposals.look(&maps, [side; 2]);
+            let proposals = match fixed {
+                Some(fixed) => fixed.clone(),
+                None => detector.proposals.proposals(&seen, [side; 2], true).unwrap(),
+            };
+            let loss = detector.loss_on(&proposals, &maps, &seen, &truths, [side; 2], 7).unwrap();
+            let total = loss.parts.last().unwrap().1;
+            let gradient =
+                leaf.grad(&loss.total.backward()).unwrap().into_data().try_to_vec::<f32>().unwrap();
+            (total, gradient, proposals)
+        };
+        let (_, gradient, proposals) = run(&values, None);
+        let square: f64 = gradient.iter().map(|g| f64::from(*g).powi(2)).sum();
+        let step = 0.3 / square.sqrt();
+        let moved = |sign: f64| -> Vec<f32> {
+            values.iter().zip(&gradient).map(|(v, g)| v + (sign * step * f64::from(*g)) as f32).collect()
+        };
+        let loss = |sign: f64| run(&moved(sign), Some(&proposals)).0;
+        let difference = (loss(1.0) - loss(-1.0)) / (2.0 * step);
+        assert!((difference / square - 1.0).abs() < 0.03, "{difference} {square}");
     }
 }

@@ -48,6 +48,12 @@ pub enum LossError {
         /// The value.
         value: f32,
     },
+    /// An objective was given labels of another kind than it compares with.
+    #[error("the labels are not of the kind that this objective compares with")]
+    OtherLabels,
+    /// Objects are to be found, and nothing looks at the pictures.
+    #[error("objects are to be found, and the camera has no detector")]
+    NoDetector,
     /// The loss values could not be read back from the device.
     #[error("the loss could not be read back from the device: {0}")]
     ReadBack(String),

@@ -4,6 +4,8 @@ use burn::{module::Module, prelude::*};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::detection::{AnyDetector, Detector};
+
 use super::{NetworkError, NetworkInput, PictureNetwork, RestorationNetwork, UNet, UNetConfig, weights};
 
 /// A kind of network.
@@ -25,6 +27,8 @@ pub enum Network {
     UNet(UNet),
     /// See [`RestorationNetwork`].
     Restoration(RestorationNetwork),
+    /// A detector, which leaves the picture as it is.
+    Detector(AnyDetector),
 }
 
 impl NetworkKind {
@@ -49,10 +53,12 @@ impl NetworkKind {
 }
 
 impl Network {
-    fn of_kind(&self) -> &dyn PictureNetwork {
+    /// The network that changes pictures, if it is one.
+    fn of_kind(&self) -> Option<&dyn PictureNetwork> {
         match self {
-            Self::UNet(network) => network,
-            Self::Restoration(network) => network,
+            Self::UNet(network) => Some(network),
+            Self::Restoration(network) => Some(network),
+            Self::Detector(_) => None,
         }
     }
 
@@ -69,11 +75,18 @@ impl Network {
 
 impl PictureNetwork for Network {
     fn finish(&self, input: &NetworkInput) -> Tensor<4> {
-        self.of_kind().finish(input)
+        self.of_kind().map_or_else(|| input.picture(), |network| network.finish(input))
     }
 
     fn curves(&self) -> Option<Tensor<2>> {
-        self.of_kind().curves()
+        self.of_kind()?.curves()
+    }
+
+    fn detector(&self) -> Option<&dyn Detector> {
+        match self {
+            Self::Detector(detector) => Some(detector),
+            _ => None,
+        }
     }
 }
 

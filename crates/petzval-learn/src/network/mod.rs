@@ -44,6 +44,8 @@ pub(crate) use weights::Initializer;
 
 use burn::prelude::*;
 
+use crate::detection::Detector;
+
 /// A network behind the development.
 pub trait PictureNetwork {
     /// The finished pictures `[batch, 3, height, width]`, sRGB-encoded.
@@ -51,6 +53,11 @@ pub trait PictureNetwork {
 
     /// The curves `[3, KNOTS]` of the [restoration](petzval_camera::render::Wiener::curves) in front of it, if they are trained with it.
     fn curves(&self) -> Option<Tensor<2>> {
+        None
+    }
+
+    /// The detector that looks at the finished pictures, if the network is one.
+    fn detector(&self) -> Option<&dyn Detector> {
         None
     }
 }

@@ -1,8 +1,6 @@
 //! A picture for people to look at: pixel differences and LPIPS against the photograph.
 
-use petzval_camera::tape::Frames;
-
-use super::{Labels, NamedLoss, Objective};
+use super::{LabelKind, Labels, NamedLoss, Objective, Taken};
 use crate::loss::{ImageLoss, LossError, Lpips};
 
 /// `l1_weight * mean |finished - truth| + lpips_weight * LPIPS(finished, truth)`, see [`ImageLoss`].
@@ -20,9 +18,14 @@ impl ImageQuality {
 }
 
 impl Objective for ImageQuality {
-    fn loss(&self, frames: &Frames, labels: &Labels) -> Result<NamedLoss, LossError> {
-        let target = self.loss.target(&self.lpips, labels.picture.clone())?;
-        let parts = self.loss.evaluate(&self.lpips, frames.finished.clone(), &target)?;
+    fn labels(&self) -> LabelKind {
+        LabelKind::Pictures
+    }
+
+    fn loss(&self, taken: &Taken, labels: &Labels) -> Result<NamedLoss, LossError> {
+        let Labels::Pictures(pictures) = labels else { return Err(LossError::OtherLabels) };
+        let target = self.loss.target(&self.lpips, pictures.clone())?;
+        let parts = self.loss.evaluate(&self.lpips, taken.frames.finished.clone(), &target)?;
         let mut named = Vec::new();
         let mut total = 0.0;
         for (name, weight, value) in

@@ -3,11 +3,14 @@
 //! A new score touches two files: its own, and the list in `standard.rs`. Runs, tables and reports show whatever
 //! scores an experiment names in `scoring.scores`.
 
+pub mod detection;
 mod lpips;
+mod objects;
 mod psnr;
 mod ssim;
 mod standard;
 
+pub use objects::{Field, ObjectScore, judged, object_scores};
 pub use standard::standard_scores;
 
 use burn::prelude::*;

@@ -1,0 +1,86 @@
+//! Boxes of objects drawn into pictures, for people to look at.
+
+use petzval_camera::image::LinearImage;
+use petzval_learn::detection::{BBox, Detection, Truth};
+
+/// Colours of boxes, sRGB-encoded: objects, right detections, detections of the wrong class, false alarms, regions that are not judged.
+const OBJECT: [f32; 3] = [0.1, 0.9, 1.0];
+const RIGHT: [f32; 3] = [0.2, 0.95, 0.2];
+const OTHER_CLASS: [f32; 3] = [1.0, 0.75, 0.1];
+const FALSE_ALARM: [f32; 3] = [1.0, 0.2, 0.2];
+const UNJUDGED: [f32; 3] = [0.6, 0.6, 0.6];
+
+/// Detections below this score are not drawn.
+const LEAST_SCORE: f32 = 0.5;
+
+/// Overlap from which a detection is of an object.
+const OVERLAP: f32 = 0.5;
+
+/// A picture with the boxes of its objects, and of regions that are not judged in gray.
+pub fn with_truth(picture: &LinearImage, truth: &Truth) -> LinearImage {
+    let mut drawn = picture.clone();
+    truth.ignored.iter().for_each(|bbox| outline(&mut drawn, bbox, UNJUDGED));
+    truth.objects.iter().for_each(|object| outline(&mut drawn, &object.bbox, OBJECT));
+    drawn
+}
+
+/// A picture with the sure detections: green where an object of the class is, yellow where one of another class is, red where none is.
+pub fn with_detections(picture: &LinearImage, truth: &Truth, found: &[Detection]) -> LinearImage {
+    let mut drawn = picture.clone();
+    for detection in found.iter().filter(|d| d.score >= LEAST_SCORE).rev() {
+        let near = || truth.objects.iter().filter(|o| o.bbox.iou(&detection.bbox) >= OVERLAP);
+        let colour = match near().next() {
+            None => FALSE_ALARM,
+            Some(_) if near().any(|object| object.class == detection.class) => RIGHT,
+            Some(_) => OTHER_CLASS,
+        };
+        outline(&mut drawn, &detection.bbox, colour);
+    }
+    drawn
+}
+
+/// Draws the outline of a box, one pixel wide.
+fn outline(picture: &mut LinearImage, bbox: &BBox, colour: [f32; 3]) {
+    let (height, width) = (picture.height, picture.width);
+    let within = |v: f32, size: usize| (v.round().max(0.0) as usize).min(size.saturating_sub(1));
+    let (left, right) = (within(bbox.x1, width), within(bbox.x2 - 1.0, width));
+    let (top, bottom) = (within(bbox.y1, height), within(bbox.y2 - 1.0, height));
+    let mut paint = |row: usize, column: usize| {
+        for (channel, value) in colour.iter().enumerate() {
+            picture.data[(channel * height + row) * width + column] = *value;
+        }
+    };
+    for column in left..=right {
+        paint(top, column);
+        paint(bottom, column);
+    }
+    for row in top..=bottom {
+        paint(row, left);
+        paint(row, right);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_learn::detection::Object;
+
+    use super::*;
+
+    #[test]
+    fn detections_have_the_colour_of_what_they_are() {
+        let picture = LinearImage::zeros(3, 20, 30);
+        let at = |x1: f32| BBox::new(x1, 5.0, x1 + 6.0, 15.0);
+        let truth = Truth {
+            objects: vec![Object { bbox: at(1.0), class: 0 }, Object { bbox: at(10.0), class: 1 }],
+            ignored: Vec::new(),
+        };
+        let found = |x1: f32, class, score| Detection { bbox: at(x1), class, score };
+        let found = [found(1.0, 0, 0.9), found(10.0, 0, 0.9), found(20.0, 1, 0.9), found(24.0, 1, 0.1)];
+        let drawn = with_detections(&picture, &truth, &found);
+        let colour = |column: usize| [0, 1, 2].map(|c| drawn.data[(c * 20 + 10) * 30 + column]);
+        assert_eq!([colour(1), colour(10), colour(20)], [RIGHT, OTHER_CLASS, FALSE_ALARM]);
+        assert_eq!([colour(3), colour(29)], [[0.0; 3]; 2]);
+        // Boxes beyond the picture are drawn as far as they go.
+        with_truth(&picture, &Truth { objects: vec![], ignored: vec![BBox::new(-50.0, -9.0, 90.0, 99.0)] });
+    }
+}
