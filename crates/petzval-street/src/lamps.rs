@@ -9,7 +9,7 @@ const STRETCH_M: f64 = 8.0;
 const FIRST_M: f64 = -40.0;
 const STRETCHES: usize = 60;
 /// Lamps that light a stretch.
-const MOST: usize = 8;
+const MOST: usize = 6;
 
 /// The strongest lamps of each stretch of the street.
 pub(crate) struct LampGrid {
@@ -52,11 +52,13 @@ impl LampGrid {
     pub fn glints(&self, p: Vec3, direction: Vec3, power: i32) -> Rgb {
         let peak = (power + 1) as f32 / std::f32::consts::TAU;
         self.at(p).iter().fold([0.0; 3], |sum, light| {
-            let to = (light.position - p).unit();
-            let cos = to.dot(direction);
-            if cos < 0.8 {
+            let to = light.position - p;
+            let along = to.dot(direction);
+            if along < 0.0 || along * along < 0.7 * to.dot(to) {
                 return sum;
             }
+            let to = to.unit();
+            let cos = to.dot(direction);
             let square_on = light.illuminance_lx(p, to);
             plus(sum, square_on.map(|e| e * peak * cos.powi(power) as f32))
         })

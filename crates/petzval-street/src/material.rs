@@ -143,18 +143,20 @@ pub(crate) struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Distance in metres from the nearest edge of the face of a polyhedron, and the normal beyond that edge.
-    fn edge(&self) -> (f64, Vec3) {
-        let Shape::Convex(convex) = self.shape else { return (f64::INFINITY, self.normal) };
-        let mut nearest = (f64::INFINITY, self.normal);
+    /// Distance in metres from the nearest edge of the face of a polyhedron, and the normal beyond that edge; `limit_m` and the
+    /// face's own normal if no edge is nearer than that.
+    fn edge(&self, limit_m: f64) -> (f64, Vec3) {
+        let mut nearest = (limit_m, self.normal);
+        let Shape::Convex(convex) = self.shape else { return nearest };
         let own = convex.planes[self.face as usize].0;
         for (i, (n, d)) in convex.planes.iter().enumerate() {
-            if i == self.face as usize {
+            // The distance square to the other plane is at most that along the face.
+            let gap = d - n.dot(self.own);
+            if i == self.face as usize || gap >= nearest.0 {
                 continue;
             }
-            // The distance along the face, not square to the other plane.
             let cos = own.dot(*n);
-            let distance = (d - n.dot(self.own)) / (1.0 - cos * cos).sqrt().max(0.05);
+            let distance = gap / (1.0 - cos * cos).sqrt().max(0.05);
             if distance < nearest.0 {
                 nearest = (distance, *n);
             }
@@ -164,7 +166,7 @@ impl Place<'_> {
 
     /// The normal with edges of a polyhedron rounded by `radius_m`.
     pub fn rounded_normal(&self, radius_m: f64) -> Vec3 {
-        let (distance, other) = self.edge();
+        let (distance, other) = self.edge(radius_m);
         if distance >= radius_m {
             return self.normal;
         }
@@ -269,7 +271,7 @@ fn cabin(place: &Place<'_>, paint: &Paint, pillar_m: f64, middle: Option<f64>, i
     let side = place.normal.x.abs() > 0.7;
     let steep = place.normal.y < 0.86 && place.normal.y > -0.5;
     let pillar = side && middle.is_some_and(|z| (p.z - z).abs() < 0.6 * pillar_m);
-    if !steep || pillar || place.edge().0 < pillar_m {
+    if !steep || pillar || place.edge(pillar_m).0 < pillar_m {
         return paint.surface(place);
     }
     // Seats and people show dimly behind the pane; their place shifts with the direction of sight.

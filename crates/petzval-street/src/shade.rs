@@ -116,7 +116,10 @@ impl Street {
             let most = (15.0 * surface.gloss).min(1.0);
             let mirror = surface.gloss + (most - surface.gloss) * grazing;
             let reflected = ray + normal * (2.0 * cos);
-            light = plus(light, scaled(sky.reflection(reflected, p), mirror * open));
+            // A faint reflection is not worth its price.
+            if mirror > 0.012 {
+                light = plus(light, scaled(sky.reflection(reflected, p), mirror * open));
+            }
             if surface.gloss > 0.03 && sunlit {
                 // The image of the sun, spread by the unevenness of the surface.
                 let near = sky.sun.dot(reflected).max(0.0) as f32;

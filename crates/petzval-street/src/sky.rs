@@ -131,7 +131,8 @@ impl Sky {
 
     /// What a reflection in a direction shows, cd/m^2: the sky above a ragged skyline, the street below it.
     pub fn reflection(&self, d: Vec3, at: Vec3) -> Rgb {
-        let turn = d.x.atan2(d.z) * 2.2;
+        // A cheap stand-in for the azimuth that rises around the compass.
+        let turn = 2.2 * d.x / (d.x.abs() + d.z.abs() + 1e-9) + 3.0 * f64::from(u8::from(d.z < 0.0));
         let skyline = 0.18 + 0.22 * f64::from(fractal2(turn + 0.01 * at.z, 0.3 * at.x, 2, self.seed ^ 77));
         let above = smooth(-0.03, 0.03, (d.y - skyline) as f32);
         let mottle = 0.5 + fractal2(5.0 * turn + 0.3 * at.z, 6.0 * d.y, 2, self.seed ^ 78);
