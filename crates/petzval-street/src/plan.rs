@@ -269,6 +269,7 @@ impl Filler<'_> {
                 intensity_cd: [6000.0; 3],
                 power: 40,
                 dipped: true,
+                reach_m: 55.0,
             });
         }
     }
@@ -588,6 +589,7 @@ impl Filler<'_> {
                 intensity_cd: scaled([1.0, 1.0, 0.95], 4500.0),
                 power: 36,
                 dipped: true,
+                reach_m: 75.0,
             });
         }
     }

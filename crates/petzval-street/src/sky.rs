@@ -125,7 +125,7 @@ impl Sky {
         let density = fractal2(d.x * scale, d.z * scale, 5, self.seed);
         let threshold = 0.78 - 0.55 * self.cover;
         let cover = smooth(threshold - 0.12, threshold + 0.12, density);
-        let shade = 0.75 + 0.5 * fractal2(1.7 * d.x * scale + 9.0, 1.7 * d.z * scale, 3, self.seed ^ 5);
+        let shade = 0.5 + fractal2(1.7 * d.x * scale + 9.0, 1.7 * d.z * scale, 3, self.seed ^ 5);
         blend(sky, scaled(self.cloud, shade), 0.92 * cover)
     }
 
