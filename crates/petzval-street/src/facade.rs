@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::colour::{Rgb, blend, from_hue, scaled, surface_colour};
 use crate::families::Drawer;
 use crate::light::Light;
-use crate::material::{Place, Surface};
 use crate::noise::{cell, fractal2, value2};
+use crate::surface::{Place, Surface};
 use crate::texture::Texture;
 
 /// What a wall is built of.

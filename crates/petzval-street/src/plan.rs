@@ -16,7 +16,7 @@ use crate::make::{house, person, tree, truck, vehicle};
 use crate::object::{Object, ObjectKind};
 use crate::pose::Pose;
 use crate::road::{Crossing, LaneLine, Road};
-use crate::street::StreetSettings;
+use crate::settings::StreetSettings;
 use crate::vector::{Vec3, vec3};
 
 /// Seconds between two moments.

@@ -2,9 +2,10 @@
 
 use crate::colour::{Rgb, plus, scaled, times};
 use crate::light::Light;
-use crate::material::{Material, Place, Surface, leaf_normal};
+use crate::material::{Material, leaf_normal};
 use crate::road::GroundFace;
 use crate::street::Street;
+use crate::surface::{Place, Surface};
 use crate::vector::Vec3;
 
 /// What a ray meets first.
