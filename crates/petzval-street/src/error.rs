@@ -1,12 +1,15 @@
 //! What can be wrong with a call.
 
+/// Largest side of a window, pixels.
+pub(crate) const LARGEST_SIDE: usize = 16_384;
+
 /// A wrong argument: its name, its value, and a hint.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StreetError {
     /// A window without pixels, or too large to hold.
     #[error(
         "a window of {height} rows and {width} columns (hint: both must lie between 1 and {})",
-        crate::window::LARGEST_SIDE
+        LARGEST_SIDE
     )]
     Window {
         /// Rows of the window.

@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::colour::{Rgb, blend, from_hue, scaled, surface_colour};
 use crate::families::Drawer;
 use crate::light::Light;
-use crate::material::{Place, Surface};
 use crate::noise::{cell, fractal2, value2};
+use crate::surface::{Place, Surface};
 use crate::texture::Texture;
 
 /// What a wall is built of.
@@ -95,7 +95,7 @@ impl Facade {
         let (lit_share, lit_cd_m2, shop_cd_m2) = match light {
             Light::Day => (0.06, 120.0, rng.random_range(50.0..600.0)),
             Light::Dusk => (0.3, rng.random_range(5.0..40.0), rng.random_range(20.0..300.0)),
-            Light::Night => (0.25, rng.random_range(1.0..15.0), rng.random_range(3.0..120.0)),
+            Light::Night => (0.25, rng.random_range(0.5..8.0), rng.random_range(2.0..40.0)),
         };
         let dark_shop = rng.random_bool(0.4);
         Self {

@@ -2,16 +2,13 @@
 
 use crate::colour::{Rgb, plus};
 use crate::light::PointLight;
-use crate::vector::{Vec3, vec3};
+use crate::vector::Vec3;
 
 /// Length of a stretch, m.
 const STRETCH_M: f64 = 8.0;
 const FIRST_M: f64 = -40.0;
 const STRETCHES: usize = 60;
-/// Lamps that light a stretch.
-const MOST: usize = 8;
-
-/// The strongest lamps of each stretch of the street.
+/// The lamps whose light reaches each stretch of the street.
 pub(crate) struct LampGrid {
     stretches: Vec<Vec<PointLight>>,
 }
@@ -19,21 +16,17 @@ pub(crate) struct LampGrid {
 impl LampGrid {
     pub fn new(lights: &[PointLight]) -> Self {
         let stretch = |i: usize| {
-            let z = FIRST_M + STRETCH_M * (i as f64 + 0.5);
-            // Weigh a lamp by what it gives to surfaces that face it near the ground.
-            let weight = |light: &PointLight| {
-                let p = vec3(
-                    light.position.x * 0.7,
-                    0.8,
-                    z.clamp(light.position.z - 40.0, light.position.z + 40.0),
-                );
-                let [_, green, _] = light.illuminance_lx(p, (light.position - p).unit());
-                green / (1.0 + 0.1 * (z - p.z).abs() as f32)
+            let (from, to) = (FIRST_M + STRETCH_M * i as f64, FIRST_M + STRETCH_M * (i + 1) as f64);
+            let reaches = |light: &&PointLight| {
+                let (z, reach) = (light.position.z, light.reach_m);
+                // A narrow beam lights nothing behind it.
+                let (behind, ahead) =
+                    (light.power > 8 && light.beam.z > 0.0, light.power > 8 && light.beam.z < 0.0);
+                let low = if behind { z } else { z - reach };
+                let high = if ahead { z } else { z + reach };
+                low < to && high > from
             };
-            let mut lit: Vec<(f32, PointLight)> =
-                lights.iter().map(|l| (weight(l), *l)).filter(|(w, _)| *w > 0.01).collect();
-            lit.sort_by(|a, b| b.0.total_cmp(&a.0));
-            lit.into_iter().take(MOST).map(|(_, light)| light).collect()
+            lights.iter().filter(reaches).copied().collect()
         };
         Self { stretches: if lights.is_empty() { Vec::new() } else { (0..STRETCHES).map(stretch).collect() } }
     }
@@ -52,13 +45,34 @@ impl LampGrid {
     pub fn glints(&self, p: Vec3, direction: Vec3, power: i32) -> Rgb {
         let peak = (power + 1) as f32 / std::f32::consts::TAU;
         self.at(p).iter().fold([0.0; 3], |sum, light| {
-            let to = (light.position - p).unit();
-            let cos = to.dot(direction);
-            if cos < 0.8 {
+            let to = light.position - p;
+            let along = to.dot(direction);
+            if along < 0.0 || along * along < 0.7 * to.dot(to) {
                 return sum;
             }
+            let to = to.unit();
+            let cos = to.dot(direction);
             let square_on = light.illuminance_lx(p, to);
             plus(sum, square_on.map(|e| e * peak * cos.powi(power) as f32))
+        })
+    }
+
+    /// What a wet road shows of the lamps in a direction. Ripples spread the image of a lamp far up and down but little to the
+    /// sides, so it is a streak: a lobe of widths 0.03 rad across and 0.25 rad up and down.
+    pub fn streaks(&self, p: Vec3, direction: Vec3) -> Rgb {
+        let (across_rad, up_rad) = (0.03, 0.25);
+        let peak = 1.0 / (std::f64::consts::PI * across_rad * up_rad);
+        self.at(p).iter().fold([0.0; 3], |sum, light| {
+            let to = (light.position - p).unit();
+            let level = (to.x.hypot(to.z) * direction.x.hypot(direction.z)).max(1e-6);
+            let across = (to.x * direction.z - to.z * direction.x) / level / across_rad;
+            let up = (to.y - direction.y) / up_rad;
+            let spread = across * across + up * up;
+            if spread > 9.0 || to.x * direction.x + to.z * direction.z < 0.0 {
+                return sum;
+            }
+            let lobe = (peak * (-spread).exp()) as f32;
+            plus(sum, light.illuminance_lx(p, to).map(|e| e * lobe))
         })
     }
 }

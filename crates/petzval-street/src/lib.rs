@@ -9,7 +9,7 @@
 //! |---|---|
 //! | `plan`, `make/` | what stands where, by seed and moment; generators of objects in families of shapes |
 //! | `shape`, `object` | convex solids, and objects put together from them |
-//! | `material`, `texture`, `facade`, `road` | reflectance, gloss and light of surfaces |
+//! | `surface`, `material`, `texture`, `facade`, `road` | reflectance, gloss and light of surfaces |
 //! | `sky`, `light`, `lamps`, `shadow`, `contact` | what lights them |
 //! | `projection`, `pose`, `window` | the camera |
 //! | `see`, `shade`, `seen` | the picture, and what is in it |
@@ -42,11 +42,13 @@ mod projection;
 mod road;
 mod see;
 mod seen;
+mod settings;
 mod shade;
 mod shadow;
 mod shape;
 mod sky;
 mod street;
+mod surface;
 mod texture;
 mod vector;
 mod window;
@@ -58,5 +60,6 @@ pub use object::ObjectKind;
 pub use pose::Pose;
 pub use projection::Projection;
 pub use seen::{NearObject, Seen, SeenObject};
-pub use street::{Street, StreetSettings};
+pub use settings::StreetSettings;
+pub use street::Street;
 pub use window::Window;

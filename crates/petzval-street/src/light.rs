@@ -81,6 +81,8 @@ pub(crate) struct PointLight {
     pub power: i32,
     /// Whether the beam is cut off above the lamp, as that of a dipped head lamp is.
     pub dipped: bool,
+    /// Where its light has faded to nothing, m; this keeps the lists of lamps short without an edge.
+    pub reach_m: f64,
 }
 
 impl PointLight {
@@ -90,6 +92,10 @@ impl PointLight {
         let to = self.position - point;
         // A lamp is no point: its size of 0.2 m bounds the illuminance close to it.
         let square = to.dot(to) + 0.04;
+        let faded = 1.0 - square / (self.reach_m * self.reach_m);
+        if faded <= 0.0 {
+            return [0.0; 3];
+        }
         let inverse = 1.0 / square.sqrt();
         let incidence = normal.dot(to) * inverse;
         let along = -self.beam.dot(to) * inverse;
@@ -101,7 +107,7 @@ impl PointLight {
             true => 0.03 + 0.97 * ((to.y * inverse + 0.004) / 0.008).clamp(0.0, 1.0),
             false => 1.0,
         };
-        scaled(self.intensity_cd, (along.powi(self.power) * incidence * kept / square) as f32)
+        scaled(self.intensity_cd, (along.powi(self.power) * incidence * kept * faded * faded / square) as f32)
     }
 }
 
@@ -131,6 +137,7 @@ mod tests {
             intensity_cd: [1000.0; 3],
             power: 2,
             dipped: false,
+            reach_m: 1000.0,
         };
         let [below, ..] = lamp.illuminance_lx(vec3(0.0, 0.0, 0.0), -down);
         let [near, ..] = lamp.illuminance_lx(vec3(0.0, 5.0, 0.0), -down);

@@ -6,6 +6,7 @@ use crate::colour::{Rgb, blend, scaled};
 use crate::facade::Facade;
 use crate::noise::{fractal2, hash, unit, value2, value3};
 use crate::shape::Shape;
+use crate::surface::{Place, Surface};
 use crate::texture::{Texture, smooth};
 use crate::vector::{Vec3, vec3};
 
@@ -113,66 +114,6 @@ pub(crate) enum LampFace {
     Beam,
 }
 
-/// A surface at a place.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Surface {
-    /// Diffuse reflectance.
-    pub albedo: Rgb,
-    /// Mirror reflectance at square incidence.
-    pub gloss: f32,
-    /// Light of its own, cd/m^2.
-    pub emission: Rgb,
-}
-
-/// A place on a part.
-pub(crate) struct Place<'a> {
-    pub shape: &'a Shape,
-    pub face: u32,
-    /// In the shape's own coordinates.
-    pub own: Vec3,
-    /// In the object's coordinates, m.
-    pub object: Vec3,
-    /// Unit normal in the object's coordinates.
-    pub normal: Vec3,
-    /// In the world, m.
-    pub world: Vec3,
-    /// Unit direction in which the camera's ray travels, in the object's coordinates.
-    pub ray: Vec3,
-    /// Width of a pixel at this distance, m.
-    pub footprint_m: f64,
-}
-
-impl Place<'_> {
-    /// Distance in metres from the nearest edge of the face of a polyhedron, and the normal beyond that edge.
-    fn edge(&self) -> (f64, Vec3) {
-        let Shape::Convex(convex) = self.shape else { return (f64::INFINITY, self.normal) };
-        let mut nearest = (f64::INFINITY, self.normal);
-        let own = convex.planes[self.face as usize].0;
-        for (i, (n, d)) in convex.planes.iter().enumerate() {
-            if i == self.face as usize {
-                continue;
-            }
-            // The distance along the face, not square to the other plane.
-            let cos = own.dot(*n);
-            let distance = (d - n.dot(self.own)) / (1.0 - cos * cos).sqrt().max(0.05);
-            if distance < nearest.0 {
-                nearest = (distance, *n);
-            }
-        }
-        nearest
-    }
-
-    /// The normal with edges of a polyhedron rounded by `radius_m`.
-    pub fn rounded_normal(&self, radius_m: f64) -> Vec3 {
-        let (distance, other) = self.edge();
-        if distance >= radius_m {
-            return self.normal;
-        }
-        let share = 0.5 * (1.0 - distance / radius_m);
-        (self.normal * (1.0 - share) + other * share).unit()
-    }
-}
-
 impl Material {
     /// Whether a ray passes through a gap at a point in the world. `facing` is the cosine between the ray and the surface, 0..1:
     /// towards the rim of a crown its leaves thin out, so that no outline is smooth.
@@ -269,7 +210,7 @@ fn cabin(place: &Place<'_>, paint: &Paint, pillar_m: f64, middle: Option<f64>, i
     let side = place.normal.x.abs() > 0.7;
     let steep = place.normal.y < 0.86 && place.normal.y > -0.5;
     let pillar = side && middle.is_some_and(|z| (p.z - z).abs() < 0.6 * pillar_m);
-    if !steep || pillar || place.edge().0 < pillar_m {
+    if !steep || pillar || place.edge(pillar_m).0 < pillar_m {
         return paint.surface(place);
     }
     // Seats and people show dimly behind the pane; their place shifts with the direction of sight.

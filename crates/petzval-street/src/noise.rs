@@ -31,11 +31,18 @@ fn fade(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// The largest whole number that is not above `x`; a conversion is faster than the library's function.
+#[inline(always)]
+pub(crate) fn floor(x: f64) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero - i32::from(f64::from(toward_zero) > x)
+}
+
 /// Lattice cell and place in it.
 #[inline(always)]
 fn split(x: f64) -> (i32, f32) {
-    let floor = x.floor();
-    (floor as i32, (x - floor) as f32)
+    let cell = floor(x);
+    (cell, (x - f64::from(cell)) as f32)
 }
 
 /// Smooth noise on a plane; features of size one.
@@ -82,7 +89,7 @@ pub(crate) fn leaves2(x: f64, y: f64, seed: u32) -> f32 {
     for layer in 0..3u32 {
         let scale = [1.0, 1.7, 0.8][layer as usize];
         let (px, py) = (x * scale + 0.37 * layer as f64, y * scale);
-        let (cx, cy) = (px.floor() as i32, py.floor() as i32);
+        let (cx, cy) = (floor(px), floor(py));
         let mut best: Option<u32> = None;
         for dy in -1..=1 {
             for dx in -1..=1 {
@@ -105,7 +112,7 @@ pub(crate) fn leaves2(x: f64, y: f64, seed: u32) -> f32 {
 
 /// Cells of random shape: the number 0..1 of the nearest seed point, and how far the second nearest is beyond it.
 pub(crate) fn cells2(x: f64, y: f64, seed: u32) -> (f32, f32) {
-    let (cx, cy) = (x.floor() as i32, y.floor() as i32);
+    let (cx, cy) = (floor(x), floor(y));
     let (mut first, mut second, mut id) = (9.0f64, 9.0f64, 0);
     for dy in -1..=1 {
         for dx in -1..=1 {

@@ -1,8 +1,8 @@
 //! The ground: carriageway, marks, kerbs and pavements, along a street that may bend.
 
 use crate::colour::{Rgb, blend, scaled};
-use crate::material::Surface;
 use crate::noise::{cell, cells2, fractal2, value2};
+use crate::surface::Surface;
 use crate::texture::smooth;
 use crate::vector::{Vec3, vec3};
 

@@ -32,11 +32,29 @@ struct Shown {
     /// `[x1, y1, x2, y2]`, pixels.
     bounds: [f64; 4],
     near: f64,
+    /// From the eye to its middle, m, and the radius of the sphere around it.
+    to: Vec3,
+    radius: f64,
+    /// The eye in the part's own coordinates.
+    eye: Vec3,
     object: u32,
     part: u32,
+    /// Its place among the labelled objects of a tile.
+    slot: u32,
 }
 
+/// The slot of a part that belongs to no labelled object.
+const NO_SLOT: u32 = u32::MAX;
+
 impl Shown {
+    /// Whether a ray passes within `margin_m` of the sphere around the part.
+    #[inline(always)]
+    fn near_ray(&self, ray: Vec3, margin_m: f64) -> bool {
+        let along = self.to.dot(ray);
+        let reach = self.radius + margin_m;
+        self.to.dot(self.to) - along * along <= reach * reach
+    }
+
     fn reaches(&self, area: [f64; 4]) -> bool {
         let b = self.bounds;
         b[0] < area[2] && b[2] > area[0] && b[1] < area[3] && b[3] > area[1]
@@ -141,9 +159,17 @@ impl View<'_> {
                 continue;
             }
             for (p, part) in object.parts.iter().enumerate() {
-                let near = (part.centre - self.camera.origin).length() - part.radius;
-                let bounds = self.bounds(part, widest);
-                let entry = Shown { bounds, near, object: o as u32, part: p as u32 };
+                let to = part.centre - self.camera.origin;
+                let entry = Shown {
+                    bounds: self.bounds(part, widest),
+                    near: to.length() - part.radius,
+                    to,
+                    radius: part.radius,
+                    eye: part.inverse.point(self.camera.origin),
+                    object: o as u32,
+                    part: p as u32,
+                    slot: NO_SLOT,
+                };
                 if entry.reaches(area) && !beside(part.centre, part.radius) {
                     shown.push(entry);
                 }
@@ -172,7 +198,7 @@ impl View<'_> {
         }
         // Distortion bends the edges between the corners outward by a share of their length.
         let spread = part.radius / to.length();
-        let margin = 1.5 + (b[2] - b[0] + b[3] - b[1]) * (0.01 + 0.15 * spread);
+        let margin = 1.5 + (b[2] - b[0] + b[3] - b[1]) * (0.005 + 0.08 * spread);
         [b[0] - margin, b[1] - margin, b[2] + margin, b[3] + margin]
     }
 
@@ -188,13 +214,13 @@ impl View<'_> {
             let area = [col as f64, row as f64, (col + TILE) as f64, (row + TILE) as f64];
             list.clear();
             list.extend(near.iter().filter(|entry| entry.reaches(area)));
-            tiles.extend(self.tile(row, col, &list));
+            tiles.extend(self.tile(row, col, &mut list));
         }
         tiles
     }
 
     /// The pixels of a tile inside the window; `None` if there are none.
-    fn tile(&self, row: i64, col: i64, list: &[Shown]) -> Option<Tile> {
+    fn tile(&self, row: i64, col: i64, list: &mut [Shown]) -> Option<Tile> {
         let w = self.window;
         let (first_row, last_row) = (row.max(w.row), (row + TILE).min(w.row + w.height as i64));
         let (first_col, last_col) = (col.max(w.col), (col + TILE).min(w.col + w.width as i64));
@@ -203,24 +229,31 @@ impl View<'_> {
         }
         let n = self.samples;
         let objects = &self.street.objects;
-        // The labelled objects of this tile, with the parts that may show in it.
-        let mut labelled: Vec<(u32, Tally, Vec<Shown>)> = Vec::new();
-        for entry in list.iter().filter(|entry| objects[entry.object as usize].kind.is_some()) {
-            match labelled.iter_mut().find(|(object, ..)| *object == entry.object) {
-                Some((.., parts)) => parts.push(*entry),
-                None => labelled.push((entry.object, Tally::default(), vec![*entry])),
-            }
+        let mut labelled = Labelled::default();
+        for entry in list.iter_mut() {
+            entry.slot = labelled.slot(objects, entry.object);
         }
         let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
+        let mut close: Vec<Shown> = Vec::new();
         for row in first_row..last_row {
             for col in first_col..last_col {
+                // All samples of a pixel lie within a pixel of its middle.
+                let middle = self.projection.direction(col as f64 + 0.5, row as f64 + 0.5);
+                let middle = self.camera.direction(middle);
+                let margin = 1.5 * self.pixel_rad;
+                close.clear();
+                let pixel = [col as f64, row as f64, col as f64 + 1.0, row as f64 + 1.0];
+                close.extend(list.iter().filter(|entry| {
+                    let far = entry.near.max(0.0) + 2.0 * entry.radius;
+                    entry.reaches(pixel) && entry.near_ray(middle, margin * far)
+                }));
                 let mut sum = [0.0; 3];
                 for i in 0..n * n {
                     let cell = self.cell(row, col, i);
                     let ray = self.ray(row, col, i, cell);
-                    let hit = self.first_hit(ray, list);
+                    let hit = self.first_hit(ray, &close);
                     sum = plus(sum, self.street.light_of(self.camera.origin, ray, hit, self.pixel_rad));
-                    tally(objects, &mut labelled, self.camera.origin, ray, hit, cell);
+                    labelled.count(objects, &close, self.camera.origin, ray, hit, cell);
                 }
                 let share = 1.0 / (n * n) as f32;
                 pixels.push(sum.map(|channel| channel * share));
@@ -231,7 +264,7 @@ impl View<'_> {
             column: (first_col - w.col) as usize,
             width: (last_col - first_col) as usize,
             pixels,
-            tallies: labelled.into_iter().filter(|(_, t, _)| t.all > 0).map(|(o, t, _)| (o, t)).collect(),
+            tallies: labelled.tallies.into_iter().filter(|(_, tally)| tally.all > 0).collect(),
         })
     }
 
@@ -264,7 +297,8 @@ impl View<'_> {
                 break;
             }
             let part = &self.street.objects[entry.object as usize].parts[entry.part as usize];
-            if let Some((distance, face)) = part_entry(part, eye, ray)
+            if entry.near_ray(ray, 0.0)
+                && let Some((distance, face)) = part_entry(part, entry.eye, eye, ray)
                 && distance < best
             {
                 best = distance;
@@ -275,15 +309,10 @@ impl View<'_> {
     }
 }
 
-/// Where a ray enters a part, and the face.
+/// Where a ray enters a part, and the face. `own_eye` is the eye in the part's own coordinates.
 #[inline]
-fn part_entry(part: &Part, eye: Vec3, ray: Vec3) -> Option<(f64, u32)> {
-    let to = part.centre - eye;
-    let along = to.dot(ray);
-    if to.dot(to) - along * along > part.radius * part.radius {
-        return None;
-    }
-    let (o, d) = (part.inverse.point(eye), part.inverse.direction(ray));
+fn part_entry(part: &Part, own_eye: Vec3, eye: Vec3, ray: Vec3) -> Option<(f64, u32)> {
+    let (o, d) = (own_eye, part.inverse.direction(ray));
     if part.material.has_gaps() {
         let solid = |t: &f64| !part.gap(eye + ray * *t, o + d * *t, d);
         return part.shape.crossings(o, d).into_iter().flatten().find(solid).map(|t| (t, 0));
@@ -291,30 +320,54 @@ fn part_entry(part: &Part, eye: Vec3, ray: Vec3) -> Option<(f64, u32)> {
     part.shape.enter(o, d)
 }
 
-/// Counts a sample for the objects that it meets, hidden or not.
-fn tally(
-    objects: &[Object],
-    labelled: &mut [(u32, Tally, Vec<Shown>)],
-    eye: Vec3,
-    ray: Vec3,
-    hit: Hit,
-    cell: [f64; 4],
-) {
-    let (first, distance) = match hit {
-        Hit::Sky => return,
-        Hit::Ground { distance, .. } => (None, distance),
-        Hit::Part { distance, object, .. } => (Some(object), distance),
-    };
-    for (object, tally, parts) in labelled {
-        if first == Some(*object) {
-            tally.show(cell);
-            continue;
+/// The labelled objects of a tile and the counts of their samples.
+#[derive(Default)]
+struct Labelled {
+    tallies: Vec<(u32, Tally)>,
+    /// The last sample that met each object.
+    met: Vec<u32>,
+    sample: u32,
+}
+
+impl Labelled {
+    /// The slot of an object, which is added if it is labelled and new.
+    fn slot(&mut self, objects: &[Object], object: u32) -> u32 {
+        if objects[object as usize].kind.is_none() {
+            return NO_SLOT;
         }
-        // A hidden sample has the object behind what the ray meets first.
-        let meets = parts.iter().any(|entry| {
-            let part = &objects[entry.object as usize].parts[entry.part as usize];
-            entry.near + 2.0 * part.radius > distance && part_entry(part, eye, ray).is_some()
-        });
-        tally.all += u32::from(meets);
+        let place = self.tallies.iter().position(|(known, _)| *known == object);
+        place.unwrap_or_else(|| {
+            self.tallies.push((object, Tally::default()));
+            self.met.push(0);
+            self.met.len() - 1
+        }) as u32
+    }
+
+    /// Counts a sample for the objects that it meets, hidden or not. `close` lists the parts near its pixel.
+    fn count(&mut self, objects: &[Object], close: &[Shown], eye: Vec3, ray: Vec3, hit: Hit, cell: [f64; 4]) {
+        let (first, distance) = match hit {
+            Hit::Sky => return,
+            Hit::Ground { distance, .. } => (None, distance),
+            Hit::Part { distance, object, .. } => (Some(object), distance),
+        };
+        self.sample += 1;
+        for entry in close.iter().filter(|entry| entry.slot != NO_SLOT) {
+            let slot = entry.slot as usize;
+            if self.met[slot] == self.sample {
+                continue;
+            }
+            let tally = &mut self.tallies[slot].1;
+            if first == Some(entry.object) {
+                tally.show(cell);
+                self.met[slot] = self.sample;
+            } else if entry.near + 2.0 * entry.radius > distance && entry.near_ray(ray, 0.0) {
+                // A hidden sample has the object behind what the ray meets first.
+                let part = &objects[entry.object as usize].parts[entry.part as usize];
+                if part_entry(part, entry.eye, eye, ray).is_some() {
+                    tally.all += 1;
+                    self.met[slot] = self.sample;
+                }
+            }
+        }
     }
 }

@@ -2,9 +2,10 @@
 
 use crate::colour::{Rgb, plus, scaled, times};
 use crate::light::Light;
-use crate::material::{Material, Place, Surface, leaf_normal};
+use crate::material::{Material, leaf_normal};
 use crate::road::GroundFace;
 use crate::street::Street;
+use crate::surface::{Place, Surface};
 use crate::vector::Vec3;
 
 /// What a ray meets first.
@@ -116,13 +117,19 @@ impl Street {
             let most = (15.0 * surface.gloss).min(1.0);
             let mirror = surface.gloss + (most - surface.gloss) * grazing;
             let reflected = ray + normal * (2.0 * cos);
-            light = plus(light, scaled(sky.reflection(reflected, p), mirror * open));
+            // A faint reflection is not worth its price.
+            if mirror > 0.012 {
+                light = plus(light, scaled(sky.reflection(reflected, p), mirror * open));
+            }
             if surface.gloss > 0.03 && sunlit {
                 // The image of the sun, spread by the unevenness of the surface.
                 let near = sky.sun.dot(reflected).max(0.0) as f32;
                 light = plus(light, scaled(sky.sun_lx, mirror * 64.0 * near.powi(400)));
             }
-            if after_dark && surface.gloss > 0.008 {
+            // Only the road has no part: its image of a lamp is a streak.
+            if after_dark && own.is_none() && geometric.y > 0.9 {
+                light = plus(light, scaled(self.lamps.streaks(p, reflected), 0.12 * mirror));
+            } else if after_dark && surface.gloss > 0.008 {
                 light = plus(light, scaled(self.lamps.glints(p, reflected, 60), mirror));
             }
         }

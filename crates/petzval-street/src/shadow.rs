@@ -14,6 +14,9 @@ struct Entry {
     part: u32,
     /// How far towards the sun it reaches, m.
     top: f32,
+    /// Place of its middle square to the sun, m, and the radius of the sphere around it.
+    middle: [f32; 2],
+    radius: f32,
 }
 
 /// The parts that rays towards the sun meet.
@@ -60,7 +63,13 @@ impl SunGrid {
                 extents.push((
                     least,
                     most,
-                    Entry { object: o as u32, part: p as u32, top: top as f32 + 0.01 },
+                    Entry {
+                        object: o as u32,
+                        part: p as u32,
+                        top: top as f32 + 0.01,
+                        middle: [u.dot(part.centre) as f32, v.dot(part.centre) as f32],
+                        radius: part.radius as f32 + 0.01,
+                    },
                 ));
             }
         }
@@ -86,7 +95,7 @@ impl SunGrid {
             starts[i] += starts[i - 1];
         }
         let mut next = starts.clone();
-        let mut entries = vec![Entry { object: 0, part: 0, top: 0.0 }; starts[starts.len() - 1] as usize];
+        let mut entries = vec![extents[0].2; starts[starts.len() - 1] as usize];
         for (least, most, entry) in &extents {
             for cell in cells(least, most) {
                 entries[next[cell] as usize] = *entry;
@@ -103,7 +112,8 @@ impl SunGrid {
             let at = (along - self.first[axis]) / CELL_M;
             (at >= 0.0 && at < self.size[axis] as f64).then_some(at as usize)
         };
-        let (Some(column), Some(row)) = (cell(self.u.dot(p), 0), cell(self.v.dot(p), 1)) else {
+        let (u, v) = (self.u.dot(p), self.v.dot(p));
+        let (Some(column), Some(row)) = (cell(u, 0), cell(v, 1)) else {
             return false;
         };
         let place = row * self.size[0] + column;
@@ -113,13 +123,12 @@ impl SunGrid {
             if entry.top <= height || own == Some((entry.object, entry.part)) {
                 return false;
             }
-            let part = &objects[entry.object as usize].parts[entry.part as usize];
             // Most parts of a cell miss the ray: compare with the sphere around first.
-            let to = part.centre - p;
-            let along = to.dot(self.sun);
-            if to.dot(to) - along * along > part.radius * part.radius {
+            let (du, dv) = (entry.middle[0] - u as f32, entry.middle[1] - v as f32);
+            if du * du + dv * dv > entry.radius * entry.radius {
                 return false;
             }
+            let part = &objects[entry.object as usize].parts[entry.part as usize];
             let (o, d) = (part.inverse.point(p), part.inverse.direction(self.sun));
             if part.material.has_gaps() {
                 return part

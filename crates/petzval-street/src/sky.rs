@@ -125,13 +125,14 @@ impl Sky {
         let density = fractal2(d.x * scale, d.z * scale, 5, self.seed);
         let threshold = 0.78 - 0.55 * self.cover;
         let cover = smooth(threshold - 0.12, threshold + 0.12, density);
-        let shade = 0.75 + 0.5 * fractal2(1.7 * d.x * scale + 9.0, 1.7 * d.z * scale, 3, self.seed ^ 5);
+        let shade = 0.5 + fractal2(1.7 * d.x * scale + 9.0, 1.7 * d.z * scale, 3, self.seed ^ 5);
         blend(sky, scaled(self.cloud, shade), 0.92 * cover)
     }
 
     /// What a reflection in a direction shows, cd/m^2: the sky above a ragged skyline, the street below it.
     pub fn reflection(&self, d: Vec3, at: Vec3) -> Rgb {
-        let turn = d.x.atan2(d.z) * 2.2;
+        // A cheap stand-in for the azimuth that rises around the compass.
+        let turn = 2.2 * d.x / (d.x.abs() + d.z.abs() + 1e-9) + 3.0 * f64::from(u8::from(d.z < 0.0));
         let skyline = 0.18 + 0.22 * f64::from(fractal2(turn + 0.01 * at.z, 0.3 * at.x, 2, self.seed ^ 77));
         let above = smooth(-0.03, 0.03, (d.y - skyline) as f32);
         let mottle = 0.5 + fractal2(5.0 * turn + 0.3 * at.z, 6.0 * d.y, 2, self.seed ^ 78);

@@ -3,37 +3,15 @@
 use std::collections::BTreeSet;
 
 use crate::contact::ContactGrid;
-use crate::families::{Drawer, Families};
+use crate::families::Drawer;
 use crate::lamps::LampGrid;
-use crate::light::{LampColours, Light};
 use crate::object::Object;
 use crate::plan::{Plan, Purpose, plan, stream};
 use crate::pose::Pose;
 use crate::road::Road;
+use crate::settings::StreetSettings;
 use crate::shadow::SunGrid;
 use crate::sky::Sky;
-
-/// Which street, when, and in which light.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct StreetSettings {
-    /// The seed. Streets of different sequences have nothing in common, so data are split by it.
-    pub sequence: u64,
-    /// Seconds since the sequence began: people walk, cars drive, the camera drives forward up to 130 m.
-    pub moment: u32,
-    /// The time of day.
-    pub light: Light,
-    /// Which families of shapes and textures it is made of.
-    pub families: Families,
-    /// The colours of signal lamps in the camera's channels.
-    pub lamp_colours: LampColours,
-}
-
-impl StreetSettings {
-    /// The first moment of a sequence, of all families, with the default lamp colours.
-    pub fn new(sequence: u64, light: Light) -> Self {
-        Self { sequence, moment: 0, light, families: Families::All, lamp_colours: LampColours::default() }
-    }
-}
 
 /// A street at a moment: everything that a camera can see of it.
 pub struct Street {

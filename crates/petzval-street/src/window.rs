@@ -1,9 +1,6 @@
 //! A rectangle of sensor pixels.
 
-use crate::error::StreetError;
-
-/// Largest side of a window, pixels.
-pub(crate) const LARGEST_SIDE: usize = 16_384;
+use crate::error::{LARGEST_SIDE, StreetError};
 
 /// Farthest first row or column of a window, pixels.
 const FARTHEST: i64 = 1_000_000;

@@ -52,7 +52,7 @@ fn a_window_shows_the_bits_of_the_whole_picture_on_any_number_of_threads() {
 #[test]
 fn the_box_of_an_object_that_nothing_hides_is_the_extent_of_its_samples() {
     let mut counts = [0; 3];
-    for sequence in 0..24 {
+    for sequence in 0..16 {
         let lens = if sequence % 2 == 0 { lens(FOCAL_PX) } else { barrel() };
         let street = street(sequence, Light::Day);
         for object in street.objects_near(&lens, &street.pose()).expect("a valid pose") {
@@ -60,7 +60,7 @@ fn the_box_of_an_object_that_nothing_hides_is_the_extent_of_its_samples() {
             // Of each sequence, the objects of moderate size inside the sensor.
             let inside = x1 > 4.0 && y1 > 4.0 && x2 < COLUMNS as f64 - 4.0 && y2 < ROWS as f64 - 4.0;
             let size = (x2 - x1).max(y2 - y1);
-            if !inside || !(16.0..260.0).contains(&size) {
+            if !inside || !(16.0..240.0).contains(&size) {
                 continue;
             }
             let window = Window {
@@ -69,7 +69,12 @@ fn the_box_of_an_object_that_nothing_hides_is_the_extent_of_its_samples() {
                 height: (y2 - y1) as usize + 6,
                 width: (x2 - x1) as usize + 6,
             };
-            let seen = street.see(&lens, &street.pose(), window, 3).expect("a valid window");
+            // A coarse look first: most objects are partly hidden.
+            let see = |samples| street.see(&lens, &street.pose(), window, samples).expect("a valid window");
+            if !see(1).objects.iter().any(|o| o.id == object.id && o.visible_share == 1.0) {
+                continue;
+            }
+            let seen = see(3);
             let Some(own) = seen.objects.iter().find(|o| o.id == object.id) else { continue };
             assert_eq!(own.whole, object.whole);
             assert!((own.inside_share - 1.0).abs() < 1e-9);
@@ -126,7 +131,12 @@ fn twice_the_focal_length_doubles_every_box() {
     let near = |focal: f64| street.objects_near(&lens(focal), &pose).expect("a valid pose");
     let (short, long) = (near(1500.0), near(3000.0));
     assert!(short.len() > long.len() && long.len() > 3, "{} {}", short.len(), long.len());
-    for object in &long {
+    // Beyond the corner of the sensor the table of the lens ends.
+    let inside = |whole: [f64; 4]| {
+        whole[0] > 0.0 && whole[1] > 0.0 && whole[2] < COLUMNS as f64 && whole[3] < ROWS as f64
+    };
+    assert!(long.iter().filter(|object| inside(object.whole)).count() >= 3);
+    for object in long.iter().filter(|object| inside(object.whole)) {
         let other = short.iter().find(|o| o.id == object.id).expect("a shorter lens sees all of it");
         for i in 0..2 {
             let ratio = (object.whole[i + 2] - object.whole[i]) / (other.whole[i + 2] - other.whole[i]);

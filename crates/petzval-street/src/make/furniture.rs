@@ -210,6 +210,7 @@ impl LampStyle {
             intensity_cd: scaled(self.tint, intensity),
             power: 1,
             dipped: false,
+            reach_m: 48.0,
         });
         (object, light)
     }

@@ -57,24 +57,26 @@ pub(crate) fn person(
     let bare = Material::Plain { albedo: skin, gloss: 0.01 };
     let shoe = Material::Plain { albedo: scaled(surface_colour(rng), 0.5), gloss: 0.02 };
 
-    let mut b = Builder::at(place, yaw);
     let hip = 0.515 * height;
     let shoulder = (height - 2.0 * head) * rng.random_range(0.94..0.965);
     let swing = stride * (2.0 * PI * phase).sin();
     let lean = 0.03 * stride;
     let wide = 0.105 * girth;
 
-    // Legs: the thigh swings, and the knee of the leg that comes forward bends.
-    for (side, sign) in [(-1.0, 1.0), (1.0, -1.0)] {
-        let swing = sign * swing;
-        let lifting = (sign * (2.0 * PI * phase).cos()).max(0.0) * stride;
+    // The thigh swings, and the knee of the leg that comes forward bends: hip, knee and ankle of the legs.
+    let leg = |side: f64| {
+        let swing = -side * swing;
+        let lifting = (-side * (2.0 * PI * phase).cos()).max(0.0) * stride;
         let top = vec3(side * 0.085 * girth, hip, 0.0);
-        let (thigh, shin) = (0.245 * height, 0.235 * height);
-        let knee = top + vec3(0.0, -swing.cos(), swing.sin()) * thigh;
+        let knee = top + vec3(0.0, -swing.cos(), swing.sin()) * (0.245 * height);
         let angle = swing - 0.15 * stride - 1.1 * lifting;
-        let ankle = knee + vec3(0.0, -angle.cos(), angle.sin()) * shin;
-        // The foot never goes below the ground.
-        let ankle = vec3(ankle.x, ankle.y.max(0.055), ankle.z);
+        [top, knee, knee + vec3(0.0, -angle.cos(), angle.sin()) * (0.235 * height)]
+    };
+    let legs = [leg(-1.0), leg(1.0)];
+    // The body sinks until the lower foot, or the wide end of a trouser leg, stands on the ground.
+    let sole = legs[0][2].y.min(legs[1][2].y) - f64::max(0.054, 0.05 * girth);
+    let mut b = Builder::at(place - vec3(0.0, sole, 0.0), yaw);
+    for (side, [top, knee, ankle]) in [-1.0, 1.0].into_iter().zip(legs) {
         let toe = ankle + vec3(side * 0.02, -0.02, 0.095 * height);
         let bare_shin = matches!(outfit, Outfit::Shorts | Outfit::Skirt | Outfit::Dress);
         let bare_thigh = matches!(outfit, Outfit::Skirt | Outfit::Dress);
@@ -93,13 +95,7 @@ pub(crate) fn person(
             1.0,
             if bare_shin { bare.clone() } else { lower.clone() },
         );
-        b.limb(
-            ankle - vec3(0.0, 0.012, 0.02),
-            vec3(toe.x, toe.y.max(0.032), toe.z),
-            [0.042, 0.031],
-            1.0,
-            shoe.clone(),
-        );
+        b.limb(ankle - vec3(0.0, 0.012, 0.02), toe, [0.042, 0.031], 1.0, shoe.clone());
     }
 
     // Trunk: flatter than wide.

@@ -128,11 +128,11 @@ pub(crate) fn truck(
             axles.push(2.8 - half);
         }
         for z in axles {
-            let at = |out: f64| vec3(x * out, 0.48, z);
-            b.cone(at(side - 0.35), at(side + 0.006), [0.56, 0.56], plain([0.012; 3]));
+            let at = |out: f64, up: f64| vec3(x * out, 0.48 + up, z);
+            b.cone(at(side - 0.35, 0.06), at(side + 0.006, 0.06), [0.52, 0.52], plain([0.012; 3]));
             b.cone(
-                at(side - 0.3),
-                at(side + 0.012),
+                at(side - 0.3, 0.0),
+                at(side + 0.012, 0.0),
                 [0.48, 0.48],
                 Material::Wheel { rim: [0.25; 3], rim_share: 0.55, spokes: 8 },
             );

@@ -299,12 +299,12 @@ fn wheels(rng: &mut ChaCha8Rng, b: &mut Builder, s: &Sizes, side: f64) {
     let base = 0.5 * s.length - rng.random_range(0.72..0.88) * (s.length / 4.4);
     for x in [-1.0, 1.0] {
         for z in [-base, base * rng.random_range(0.98..1.03)] {
-            let at = |out: f64| vec3(x * out, s.wheel, z);
+            let at = |out: f64, up: f64| vec3(x * out, s.wheel + up, z);
             let wheel = Material::Wheel { rim, rim_share: 0.66, spokes };
-            // The arch is a dark disc that the tyre stands out of.
-            let arch = s.wheel + 0.055;
-            b.cone(at(side - 0.28), at(side - 0.004), [arch, arch], plain([0.012; 3]));
-            b.cone(at(side - 0.22), at(side + 0.006), [s.wheel, s.wheel], wheel);
+            // The arch is a dark disc that the tyre stands out of; it ends above the ground.
+            let arch = s.wheel + 0.02;
+            b.cone(at(side - 0.28, 0.04), at(side - 0.004, 0.04), [arch, arch], plain([0.012; 3]));
+            b.cone(at(side - 0.22, 0.0), at(side + 0.006, 0.0), [s.wheel, s.wheel], wheel);
         }
     }
 }

@@ -1,0 +1,26 @@
+//! Which street to build.
+
+use crate::families::Families;
+use crate::light::{LampColours, Light};
+
+/// Which street, when, and in which light.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct StreetSettings {
+    /// The seed. Streets of different sequences have nothing in common, so data are split by it.
+    pub sequence: u64,
+    /// Seconds since the sequence began: people walk, cars drive, the camera drives forward up to 130 m.
+    pub moment: u32,
+    /// The time of day.
+    pub light: Light,
+    /// Which families of shapes and textures it is made of.
+    pub families: Families,
+    /// The colours of signal lamps in the camera's channels.
+    pub lamp_colours: LampColours,
+}
+
+impl StreetSettings {
+    /// The first moment of a sequence, of all families, with the default lamp colours.
+    pub fn new(sequence: u64, light: Light) -> Self {
+        Self { sequence, moment: 0, light, families: Families::All, lamp_colours: LampColours::default() }
+    }
+}
