@@ -163,7 +163,7 @@ fn comparison(runs: &[Finished], paper: &[PaperTable]) -> Comparison {
         row.scores.get(&score.name).copied().unwrap_or(f64::NAN)
     };
     let baseline = rows.iter().find(|row| !row.is_ceiling);
-    let ceiling = rows.iter().find(|row| row.is_ceiling);
+    let ceiling = rows.iter().rfind(|row| row.is_ceiling);
     let cameras = rows.iter().map(|row| {
         let seen = of(&row.camera);
         let gap_closed = |score: &ScoreDescription| {

@@ -339,6 +339,11 @@ impl DesignLoop {
             _ => self.camera(variant, moves)?,
         };
         let shots = training_shots(&self.setup, &camera, (offset + before + taken) as u64)?;
+        // Nothing in front of the last block needs a gradient: it learns from the pictures that will be scored.
+        let camera = match block == BlockName::Network && camera.body().chip.is_some() {
+            true => camera.with_chip(ChipValues::Exact(self.blocks.isp.values())),
+            false => camera,
+        };
         let objective = &self.objective;
         let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| {
             loss_of(objective.as_ref(), camera, frames, shots)

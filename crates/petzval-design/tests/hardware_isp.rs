@@ -53,9 +53,9 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
     // Malvar's method chooses no direction pixel by pixel, which differences would step across.
     let vary = "vary = [\"luma_denoise\", \"chroma_denoise\", \"sharpen\", \"gamma\"]\n";
     let setup = setup_of("automotive", vary).unwrap();
-    let shots = training_shots(&setup, 3).unwrap();
     let start = setup.nominal();
     let camera = setup.camera(start.lens_file.lens.clone(), true).unwrap();
+    let shots = training_shots(&setup, &camera, 3).unwrap();
     let isp = setup.isp();
     let held = camera.with_chip(isp.held(&camera.body().device));
     let loss = loss_of;
@@ -120,9 +120,9 @@ fn the_gradient_by_parameters_and_lens_is_that_of_differences() {
 #[test]
 fn steps_by_the_smooth_form_improve_the_pictures_of_the_chip() {
     let setup = setup("").unwrap();
-    let shots = training_shots(&setup, 0).unwrap();
     let lens = setup.nominal().lens_file.lens.clone();
     let camera = setup.camera(lens, true).unwrap();
+    let shots = training_shots(&setup, &camera, 0).unwrap();
     let loss = loss_of;
     let mut isp = setup.isp();
     let on_chip = |isp: &IspBlock| value(&camera.with_chip(ChipValues::Exact(isp.values())), &shots);
@@ -154,8 +154,8 @@ fn rule(method: StepMethod) -> StepRule {
 #[test]
 fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_same_bits() {
     let setup = setup("vary = [\"luma_denoise\", \"sharpen\"]\n").unwrap();
-    let shots = training_shots(&setup, 0).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    let shots = training_shots(&setup, &camera, 0).unwrap();
     let loss = loss_of;
     let batch =
         || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &|_| Ok(Vec::new()) };
@@ -182,8 +182,8 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
     let isp =
         "vary = [\"gain.stops\", \"gamma.exponent\"]\nproxy_warm_up = 25\nproxy_steps = 4\nsteps = 20\n";
     let setup = setup(isp).unwrap();
-    let shots = training_shots(&setup, 0).unwrap();
     let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    let shots = training_shots(&setup, &camera, 0).unwrap();
     // The darker the better, so that both parameters have somewhere to go.
     let darkness = |frames: &Frames| {
         let total = frames.finished.clone().powi_scalar(2).mean();
@@ -191,7 +191,7 @@ fn a_network_that_imitates_the_chip_leads_it_and_the_lens_and_continues_with_the
         NamedLoss { total, parts: vec![("total", value)] }
     };
     let loss = |_: &Camera, frames: &Frames, _: &[Shot]| Ok(darkness(frames));
-    let further = |number: u64| training_shots(&setup, number);
+    let further = |number: u64| training_shots(&setup, &camera, number);
     let batch = || Batch { camera: &camera, shots: &shots, noise: QUIET, loss: &loss, further: &further };
     let on_chip = |isp: &IspBlock| {
         let camera = camera.with_chip(ChipValues::Exact(isp.values()));
@@ -250,7 +250,7 @@ fn a_scored_camera_develops_in_whole_numbers_and_its_truth_is_the_preset_on_perf
     let lens = setup.nominal().lens_file.lens.clone();
     let (isp, network) = (setup.isp(), setup.network().unwrap());
     let camera = finished_camera(&setup, lens, &isp, &network).unwrap();
-    let shot = Shot { kept: None, ..training_shots(&setup, 0).unwrap().remove(0) };
+    let shot = Shot { kept: None, ..training_shots(&setup, &camera, 0).unwrap().remove(0) };
     let shots = [Shot { placement: Placement { row: 300, col: 501 }, ..shot }];
     let finished = to_host(camera.take(&shots, &QUIET).unwrap().finished).unwrap();
     // Numbers of 16 bits.

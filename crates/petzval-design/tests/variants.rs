@@ -437,7 +437,8 @@ fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_v
     assert_eq!(names(with.photos.held_out()), names(without.photos.held_out()));
     assert_eq!(with.photos.training().len() + 2, without.photos.training().len());
     assert!(without.photos.validation().is_empty());
-    let batches = validation_shots(&with).unwrap();
+    let camera = with.camera(with.nominal().lens_file.lens.clone(), true).unwrap();
+    let batches = validation_shots(&with, &camera).unwrap();
     assert_eq!(batches.iter().map(Vec::len).collect::<Vec<_>>(), [1, 1, 1]);
 
     // Losses of a moving lens and of the same lens at rest are comparable: the network hardly changes them in a few steps.

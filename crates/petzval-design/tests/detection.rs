@@ -1,0 +1,198 @@
+//! Cameras that look for objects: streets seen through their lenses, the gradient of a detector's loss by the lens, and a run from its start to
+//! its scores.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use petzval_base::statistics::median;
+use petzval_camera::image::LinearImage;
+use petzval_camera::render::Placement;
+use petzval_camera::sensor::{Noise, NoiseMode};
+use petzval_camera::tape::Frames;
+use petzval_design::assets::Assets;
+use petzval_design::block::{Batch, OpticsBlock};
+use petzval_design::camera::{Camera, PsfSource, Shot};
+use petzval_design::design_loop::{DesignLoop, Ending, Observer};
+use petzval_design::error::DesignError;
+use petzval_design::experiment::Experiment;
+use petzval_design::inputs::keep_inputs;
+use petzval_design::psf_plan::PsfPlan;
+use petzval_design::run::{CameraMetrics, Event, RunFolder};
+use petzval_design::scoring::Scorer;
+use petzval_design::setup::Setup;
+use petzval_design::shots::{held_out_shots, training_shots};
+use petzval_learn::Device;
+use petzval_learn::detection::{BBox, Object, Truth};
+use petzval_learn::objective::{Labels, NamedLoss, Taken};
+
+/// An experiment that runs in seconds.
+const TINY: &str = r#"
+name = "tiny"
+task = "pedestrian-vehicle"
+[psf]
+fields = 3
+grid = 64
+patches = [2, 2]
+pupil_cells = 16
+scoring_pupil_cells = 16
+scoring_pupil_error = 2.0
+[street]
+windows = 4
+held_out = 4
+samples = 1
+[training]
+steps = 4
+batch = 2
+crop = 96
+[optics]
+steps = 3
+[scoring]
+crop = 96
+scores = ["ap50", "ap50_vehicle", "ap50_edge"]
+"#;
+
+fn setup(more: &str) -> Setup {
+    setup_of(&format!("{TINY}{more}"))
+}
+
+fn setup_of(text: &str) -> Setup {
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let experiment = Experiment::parse(text).unwrap();
+    Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
+}
+
+struct Silent;
+
+impl Observer for Silent {
+    fn start(&mut self, _: u64, _: u64) {}
+    fn step(&mut self, _: &Event) {}
+    fn camera(&mut self, _: &CameraMetrics) {}
+}
+
+#[test]
+fn windows_are_seen_through_the_chief_rays_of_the_lens() {
+    let setup = setup("[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"network\"]\n");
+    let lens = setup.nominal().lens_file.lens.clone();
+    let camera = setup.camera(lens.clone(), true).unwrap();
+    let shots = training_shots(&setup, &camera, 0).unwrap();
+    let boxes = |shots: &[Shot]| shots.iter().map(|s| s.truth.objects.len()).sum::<usize>();
+    // The same step gives the same windows; other steps give others.
+    let again = training_shots(&setup, &camera, 0).unwrap();
+    assert!(shots.iter().zip(&again).all(|(a, b)| a.scene == b.scene && a.truth == b.truth));
+    let all: Vec<Shot> = (0..6).flat_map(|step| training_shots(&setup, &camera, step).unwrap()).collect();
+    assert!(boxes(&all) > 3 && all.iter().any(|shot| shot.scene != shots[0].scene));
+    for shot in &all {
+        assert!(shot.scene.data.iter().all(|v| v.is_finite() && *v >= 0.0));
+        let inside = |v: f32| (0.0..=96.0).contains(&v);
+        let corners = shot.truth.objects.iter().flat_map(|o| [o.bbox.x1, o.bbox.y1, o.bbox.x2, o.bbox.y2]);
+        assert!(corners.into_iter().all(inside));
+    }
+    // A lens that moves the image by a hundredth of a pixel is trained on the same windows, but scored on its own.
+    let nearly = lens.with_image_distance(lens.image_distance_mm() + 1e-4);
+    let nearly = setup.camera(nearly, true).unwrap();
+    let kept = training_shots(&setup, &nearly, 0).unwrap();
+    assert!(shots.iter().zip(&kept).all(|(a, b)| a.scene == b.scene));
+    let [own, others] = [&camera, &nearly].map(|camera| held_out_shots(&setup, camera).unwrap());
+    assert!(own.iter().zip(&others).any(|(a, b)| a.2.scene != b.2.scene));
+    // A lens of a longer focal length sees other windows.
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let long = assets.import("cooke-triplet-image-quality-software-isp").unwrap().file.lens;
+    let long = training_shots(&setup, &setup.camera(long, true).unwrap(), 0).unwrap();
+    assert!(shots.iter().zip(&long).all(|(a, b)| a.scene != b.scene));
+}
+
+#[test]
+fn a_run_trains_a_detector_behind_a_moving_lens_and_scores_what_it_finds() {
+    let more = "[isp]\npreset = \"real-time\"\nvary = [\"sharpen\"]\nsteps = 2\n\
+        [[variant]]\nname = \"trained\"\n[[variant.stage]]\nmoves = [\"network\"]\n\
+        [[variant]]\nname = \"end-to-end\"\nfrom = \"trained\"\nlens = \"cooke-triplet-spot\"\n\
+        [[variant.stage]]\nmoves = [\"optics\", \"isp\", \"network\"]\n";
+    let setup = setup(more);
+    let assets = Assets::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("run")).unwrap();
+    keep_inputs(&setup, &assets, &run).unwrap();
+    let spot = setup.starts["cooke-triplet-spot"].lens_file.lens.clone();
+    let design = DesignLoop::new(run.clone(), Scorer::new(Arc::new(setup)).unwrap()).unwrap();
+    let Ending::Finished(metrics) = design.run(&mut Silent, &AtomicBool::new(false)).unwrap() else {
+        panic!("nothing stops it");
+    };
+    assert_eq!((metrics.held_out_images, metrics.held_out_places), (4, 1));
+    for row in &metrics.rows {
+        assert!(
+            ["ap50", "ap50_vehicle", "ap50_edge"].iter().all(|name| (0.0..=1.0).contains(&row.scores[*name]))
+        );
+        assert_eq!(row.pictures.len(), 4);
+    }
+    let [trained, joint] = &metrics.rows[..] else { panic!("two cameras") };
+    // The second takes over the detector of the first, and starts from a lens of its own.
+    assert_eq!((trained.network_steps, joint.network_steps, joint.isp_steps), (4, 8, 2));
+    let lens = petzval_design::run_report::camera_lens(&run, "end-to-end").unwrap().lens;
+    let moved = lens.surfaces.iter().zip(&spot.surfaces).any(|(a, b)| a.shape != b.shape);
+    let away = (joint.efl_mm - trained.efl_mm).abs() / trained.efl_mm;
+    assert!(moved && away < 0.02, "{away}");
+    for state in ["00-truth.png", "00-end-to-end-output.png"] {
+        assert!(run.picture(state).is_file(), "{state}");
+    }
+}
+
+#[test]
+fn a_detectors_loss_has_its_gradient_by_the_lens() {
+    let more = "[development]\ndemosaic = \"bilinear\"\ndomain = \"linear\"\nrestore = false\n\
+        [detector]\nkind = \"fcos\"\n\
+        [[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
+    let text = TINY.replace("fields = 3", "fields = 5").replace("pupil_cells = 16", "pupil_cells = 32");
+    let setup = setup_of(&format!("{text}{more}"));
+    let nominal = setup.starts[&setup.experiment.lens].clone();
+    let lens_at = |x: &[f64]| nominal.space.lens_at(x).unwrap();
+    let x = nominal.space.start().to_vec();
+    // The gradient is that at fixed fields.
+    let fields = setup.moving_plan.field_angles(&lens_at(&x)).unwrap();
+    let network = setup.network().unwrap().held();
+    let camera = |x: &[f64]| -> Camera {
+        let plan = PsfPlan { held_fields_rad: Some(fields.clone()), ..setup.moving_plan.clone() };
+        let psfs = PsfSource::Traced { lens: Box::new(lens_at(x)), plan }.psfs().unwrap();
+        Camera::new(setup.body.clone(), Arc::new(psfs)).unwrap().with_network(network.clone())
+    };
+    let objective = setup.objective().unwrap();
+    let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| -> Result<NamedLoss, DesignError> {
+        let labels = Labels::Objects(shots.iter().map(|shot| shot.truth.clone()).collect());
+        let taken = Taken { frames, detector: camera.detector(), seed: 3 };
+        Ok(objective.loss(&taken, &labels)?)
+    };
+    let here = camera(&x);
+    // Waves that reach every frequency the pixels can hold, far off the axis, with objects by decree.
+    let side = setup.training_crops.window();
+    let wave = |i: usize| {
+        let (x, y) = ((i % side) as f32, (i / side % side) as f32);
+        0.4 + 0.19 * ((0.5 * x + 0.2 * y).sin() + (0.13 * x - 0.9 * y).cos())
+    };
+    let data: Vec<f32> = (0..3 * side * side).map(wave).collect();
+    let objects = [(10.0, 20.0, 40.0, 80.0, 0), (50.0, 30.0, 90.0, 60.0, 1)];
+    let objects = objects.map(|(x1, y1, x2, y2, class)| Object { bbox: BBox::new(x1, y1, x2, y2), class });
+    let shot = |row: usize, col: usize| Shot {
+        scene: LinearImage { channels: 3, height: side, width: side, data: data.clone() },
+        placement: Placement { row, col },
+        kept: None,
+        frame: 0,
+        truth: Truth { objects: objects.to_vec(), ignored: Vec::new() },
+    };
+    let shots = [shot(100, 200), shot(1000, 1700)];
+    let noise = Noise { mode: NoiseMode::Off, seed: 1 };
+    let batch = Batch { camera: &here, shots: &shots, noise, loss: &loss, further: &|_| Ok(Vec::new()) };
+    let block = OpticsBlock::new(nominal.clone(), 0.0);
+    let (_, by_x) = block.gradient(&batch).unwrap();
+    let norm = by_x.iter().map(|g| g * g).sum::<f64>().sqrt();
+    assert!(norm > 0.0);
+    let value = |step: f64| {
+        let moved: Vec<f64> = x.iter().zip(&by_x).map(|(x, g)| x + step * g / norm).collect();
+        let camera = camera(&moved);
+        let frames = camera.take(&shots, &noise).unwrap();
+        loss(&camera, &frames, &shots).unwrap().parts.last().unwrap().1
+    };
+    // Rectifiers, and the interpolation between fields, have kinks: differences approach the gradient from above as steps shorten, until the
+    // rounding of f32 scatters them.
+    let difference = median([2e-5, 5e-5, 1e-4].map(|h| (value(h) - value(-h)) / (2.0 * h)));
+    assert!((difference / norm - 1.0).abs() < 0.02, "{norm} {difference}");
+}
