@@ -63,12 +63,18 @@ impl LampGrid {
         let (across_rad, up_rad) = (0.03, 0.25);
         let peak = 1.0 / (std::f64::consts::PI * across_rad * up_rad);
         self.at(p).iter().fold([0.0; 3], |sum, light| {
-            let to = (light.position - p).unit();
+            let to = light.position - p;
+            let ahead = to.x * direction.x + to.z * direction.z;
+            let beside = to.x * direction.z - to.z * direction.x;
+            if ahead <= 0.0 || beside.abs() > 3.0 * across_rad * ahead {
+                return sum;
+            }
+            let to = to.unit();
             let level = (to.x.hypot(to.z) * direction.x.hypot(direction.z)).max(1e-6);
             let across = (to.x * direction.z - to.z * direction.x) / level / across_rad;
             let up = (to.y - direction.y) / up_rad;
             let spread = across * across + up * up;
-            if spread > 9.0 || to.x * direction.x + to.z * direction.z < 0.0 {
+            if spread > 9.0 {
                 return sum;
             }
             let lobe = (peak * (-spread).exp()) as f32;

@@ -96,12 +96,14 @@ impl PointLight {
         if faded <= 0.0 {
             return [0.0; 3];
         }
-        let inverse = 1.0 / square.sqrt();
-        let incidence = normal.dot(to) * inverse;
-        let along = -self.beam.dot(to) * inverse;
-        if incidence <= 0.0 || along <= 0.0 {
+        // Most lamps of a list give nothing: find out before the root.
+        let (facing, ahead) = (normal.dot(to), -self.beam.dot(to));
+        let narrow = self.power > 8 && ahead * ahead < 0.75 * square;
+        if facing <= 0.0 || ahead <= 0.0 || narrow {
             return [0.0; 3];
         }
+        let inverse = 1.0 / square.sqrt();
+        let (incidence, along) = (facing * inverse, ahead * inverse);
         // Above its cut-off a dipped lamp keeps a few percent; the edge is a quarter of a degree wide on each side.
         let kept = match self.dipped {
             true => 0.03 + 0.97 * ((to.y * inverse + 0.004) / 0.008).clamp(0.0, 1.0),

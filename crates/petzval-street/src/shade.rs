@@ -127,7 +127,7 @@ impl Street {
                 light = plus(light, scaled(sky.sun_lx, mirror * 64.0 * near.powi(400)));
             }
             // Only the road has no part: its image of a lamp is a streak.
-            if after_dark && own.is_none() && geometric.y > 0.9 {
+            if after_dark && own.is_none() && geometric.y > 0.9 && surface.gloss > 0.006 {
                 light = plus(light, scaled(self.lamps.streaks(p, reflected), 0.12 * mirror));
             } else if after_dark && surface.gloss > 0.008 {
                 light = plus(light, scaled(self.lamps.glints(p, reflected, 60), mirror));
